@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from iswarm_mj.utils.constraints import PER_WORLD, Above, Within, check, validate
 from iswarm_mj.utils.errors import ConfigError
-from iswarm_mj.utils.obstacles import checked
+from iswarm_mj.utils.obstacles import FIELDS, OF_BOX, check_boxes, checked
 from iswarm_mj.utils.walls import corners_of, half_planes, outline_of
 
 
@@ -34,6 +34,9 @@ class ArenaConfig:
     """Largest radius of a solder ball (section 3.2.2) [m]."""
     obstacles: tuple[tuple[float, float, float, float, float], ...] = ()
     """Boxes that stop robots and light, five numbers each: x, y, half edges along their own x and y [rd], yaw [deg]."""
+    boxes: tuple[tuple[float, float, float, float, float, float, float], ...] = ()
+    """Boxes that robots push, and that stop light: as obstacles where they start, then mass [kg], friction with the
+    floor. A drive pushes with at most 0.24 uN: a box of 1e-6 kg (weight 9.8 uN) and friction 0.02 takes one robot."""
 
     def __post_init__(self):
         validate(self, "arena")
@@ -43,7 +46,10 @@ class ArenaConfig:
             raise ConfigError("arena.size", self.size, "left out with `arena.outline`")
         object.__setattr__(self, "size", width)
         check("arena.outline", self.outline, "at least 10 rd and at most 1000 rd wide", 10 <= width <= 1000)
-        object.__setattr__(self, "obstacles", checked(self.obstacles, self.walls, self.dump_size / 2))
+        for name, fields, units in (("obstacles", FIELDS, "rd, deg"), ("boxes", OF_BOX, "rd, deg, kg")):
+            rows = checked(f"arena.{name}", fields, units, getattr(self, name), self.walls, self.dump_size / 2)
+            object.__setattr__(self, name, rows)
+        check_boxes(self.boxes, self.obstacles)
         half, edge = self.inradius, self.dust_area_size / 2
         offset, least = self.dust_area_offset, self.dump_size / 2 + edge
         check("arena.dump_size", self.dump_size, "at most half of `arena.size`", self.dump_size <= half)
@@ -65,6 +71,11 @@ class ArenaConfig:
     def walls(self) -> Float[np.ndarray, "W 3"]:
         """Half planes of the walls: outward normal x and y, and distance from the centre [rd]."""
         return half_planes(self.corners)
+
+    @property
+    def standing(self) -> tuple[tuple[float, ...], ...]:
+        """Obstacles, and boxes where they start: where no robot can."""
+        return (*self.obstacles, *self.boxes)
 
     @property
     def inradius(self) -> float:

@@ -34,7 +34,7 @@ def scene(n_robots=4, n_balls=2):
 def arrays(n_steps=3, n_robots=4, n_balls=2):
     """Arrays of a trajectory: robots anywhere, balls that lie, nobody who hears anything."""
     rng = np.random.default_rng(1)
-    sizes = {"T": n_steps, "N": n_robots, "K": n_balls, "S": 4}
+    sizes = {"T": n_steps, "N": n_robots, "K": n_balls, "M": 0, "S": 4}
     shapes = {
         name: [sizes[axis] if axis in sizes else int(axis) for axis in f.type.dim_str.split()]
         for name, f in ARRAYS.items()

@@ -28,13 +28,14 @@ def make_scene(n_robots=40, n_balls=12):
         memory_names=("dust_vector", "dust_known", "dump_vector", "dump_known", "dust_hop", "dump_hop"),
         memory_units=("m", "", "m", "", "", ""),
         memory_sizes=(2, 1, 2, 1, 1, 1),
+        boxes=np.array([[2e-3, 1e-3, 1e-5, 0.01]]),
     )
 
 
 def make_frames(scene, n_frames=50, seed=0):
     """Random walks; robots carry a ball now and then, hear each other, and learn and forget where dust and dump are."""
     rng, (n, k) = np.random.default_rng(seed), (len(scene.is_scout), len(scene.ball_radius))
-    sizes, steps = {"T": n_frames, "N": n, "K": k, "S": 4}, np.arange(n_frames)[:, None]
+    sizes, steps = {"T": n_frames, "N": n, "K": k, "S": 4, "M": len(scene.boxes)}, np.arange(n_frames)[:, None]
     shapes = {
         name: [sizes[axis] if axis in sizes else int(axis) for axis in f.type.dim_str.split()]
         for name, f in ARRAYS.items()

@@ -16,9 +16,13 @@ ARGUMENTS = {
         *("--task", f"{EXAMPLES}/explore.py:Coverage", "--strategy", f"{EXAMPLES}/explore.py:Explore"),
         *("--maze", f"{EXAMPLES}/maze.png", "--arena.dump-size=1"),
     ),
+    "boxes": (
+        *("--task", f"{EXAMPLES}/boxes.py:Push", "--strategy", f"{EXAMPLES}/boxes.py:Sweep"),
+        *("--arena.boxes", "0", "8", "1", "1", "0", "1e-5", "0.005"),
+    ),
     "clusters": ("--task", f"{EXAMPLES}/clusters.py:Clusters", "--strategy", f"{EXAMPLES}/clusters.py:Cluster", *FLAGS),
 }
-AT_END = {"contest": {}, "failures": {"failed": 4}, "clusters": {}, "explore": {}}
+AT_END = {"contest": {}, "failures": {"failed": 4}, "clusters": {}, "explore": {}, "boxes": {}}
 """Metrics that are certain."""
 
 

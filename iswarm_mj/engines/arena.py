@@ -9,21 +9,23 @@ import mujoco
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.robot_file import models_directory, read_robot, robot_spec, without_visual
-from iswarm_mj.utils.obstacles import numbers
+from iswarm_mj.engines.robot_file import JOINTS, models_directory, read_robot, robot_spec, without_visual
+from iswarm_mj.utils.obstacles import Box, mean_distance, numbers
 from iswarm_mj.utils.robot import Robot
-from iswarm_mj.utils.units import RD, mm_from_m, mm_from_rd
+from iswarm_mj.utils.units import RD, mg_from_kg, mm_from_m, mm_from_rd
 from iswarm_mj.utils.walls import in_mm
 
 
 class ArenaModel(NamedTuple):
-    """A compiled arena, and where its N robots and K balls are in MuJoCo's arrays. Units: mm, mg, s."""
+    """A compiled arena, and where its N robots, M boxes and K balls are in MuJoCo's arrays. Units: mm, mg, s."""
 
     model: mujoco.MjModel
+    n_robots: int
+    """N; after the robots come M boxes."""
     hull: np.ndarray
-    """(N,) geom ids of the robots' hulls."""
+    """(N + M,) geom ids of their hulls."""
     body: np.ndarray
-    """(N,) body ids of the robots."""
+    """(N + M,) body ids."""
     walls: np.ndarray
     """(W,) geom ids of the walls."""
     planes: np.ndarray
@@ -33,7 +35,7 @@ class ArenaModel(NamedTuple):
     obstacles: np.ndarray
     """(M,) geom ids of the obstacles."""
     qpos: np.ndarray
-    """(N, 3) addresses of x, y, yaw in qpos, and in qvel."""
+    """(N + M, 3) addresses of x, y, yaw in qpos, and in qvel."""
     mocap: np.ndarray
     """(K,) mocap ids of the balls."""
     servo_gain: np.ndarray
@@ -55,7 +57,7 @@ def arena_spec(
     """Compose the arena.
 
     Args:
-        config: sizes of arena, dump and dust areas.
+        config: sizes of arena, dump and dust areas; boxes, named box0/ and so on.
         n_robots: number of robots, named robot0/ and so on.
         ball_radius: (K,) radii of the balls [m], named ball0/ and so on.
         visual: keep the robots' visible parts; without them the physics is the same and faster.
@@ -67,7 +69,7 @@ def arena_spec(
     _lay_out(spec, config)
     spec.option.timestep = config.drive.timestep / refinement
     spec.copy_during_attach = True
-    spec.memory = 16 * 2**20 + n_robots * 200 * 2**10
+    spec.memory = 16 * 2**20 + (n_robots + len(config.arena.boxes)) * 200 * 2**10
     robot = robot_spec(robot_file)
     if not visual:
         for unused in without_visual(robot).sites:
@@ -79,6 +81,8 @@ def arena_spec(
     looks = _share_materials(robot, spec)
     for i in range(n_robots):
         _attach(robot.body("robot"), spec, f"robot{i}/", looks)
+    for k, box in enumerate(config.arena.boxes):
+        _add_box(spec, f"box{k}/", box, robot.geom("hull"))
     ball = mujoco.MjSpec.from_file(str(directory / "ball.xml"))
     ball.option.timestep = spec.option.timestep
     looks = _share_materials(ball, spec)
@@ -102,12 +106,14 @@ def compile_arena(
     if tune is not None:
         tune(spec)
     model = spec.compile()
-    robots = [f"robot{i}/" for i in range(n_robots)]
-    qpos = [[model.joint(r + j).qposadr[0] for j in ("x", "y", "yaw")] for r in robots]
+    bodies = [*(f"robot{i}/" for i in range(n_robots)), *(f"box{k}/" for k in range(len(config.arena.boxes)))]
+    qpos = [[model.joint(r + j).qposadr[0] for j in ("x", "y", "yaw")] for r in bodies]
+    hull = np.array([model.geom(r + "hull").id for r in bodies])
     return ArenaModel(
         model=model,
-        hull=np.array([model.geom(r + "hull").id for r in robots]),
-        body=np.array([model.body(r + "robot").id for r in robots]),
+        n_robots=n_robots,
+        hull=hull,
+        body=model.geom_bodyid[hull],
         walls=np.array([model.geom(f"wall{k}").id for k in range(len(config.arena.walls))]),
         planes=in_mm(config.arena.walls),
         extent=mm_from_rd(config.arena.size) / 2,
@@ -156,6 +162,40 @@ def _add_obstacles(spec: mujoco.MjSpec, boxes: np.ndarray) -> None:
     for k, (x, y, c, s, half_x, half_y) in enumerate(boxes):
         for name, like in ((f"obstacle{k}", "wall"), (f"block{k}", "panel")):
             _add(spec, like, name, [x, y, height], _turn(s, c), type=box, size=[half_x, half_y, height])
+
+
+_BOX = [0.54, 0.43, 0.31, 1.0]
+"""Colour of boxes."""
+
+
+def _add_box(spec: mujoco.MjSpec, prefix: str, box: Box, hull: mujoco.MjsGeom) -> None:
+    """Add a box that robots push: on their joints, with the contacts and the height of their hulls, without a drive.
+
+    The floor's friction is that of joints, and of tendons that slide along the diagonals: together they let go at the
+    weight times the coefficient along the axes and the diagonals, at up to 8 % more in between, whatever else pushes.
+    About the vertical axis it is that of a box whose weight is spread evenly. What one sees is another geom.
+    """
+    _, _, half_x, half_y, _, mass, friction = box
+    (a, b), (slide, hinge) = mm_from_rd(np.array([half_x, half_y])), JOINTS[1:]
+    grip, soft = (
+        friction * mg_from_kg(mass) * -spec.option.gravity[2],
+        {"solref_friction": [2 * spec.option.timestep, 1]},
+    )
+    soft["solimp_friction"] = [mujoco.mjMAXIMP, mujoco.mjMAXIMP, 1.0, 0.5, 1.0]
+    each = grip / (1.0 + math.sqrt(2.0))
+    body = spec.worldbody.add_body(name=prefix + "box", pos=[0.0, 0.0, hull.size[2]])
+    for name, kind, axis in (("x", slide, [1, 0, 0]), ("y", slide, [0, 1, 0]), ("yaw", hinge, [0, 0, 1])):
+        most = each if kind == slide else grip * mean_distance(a, b)
+        body.add_joint(name=prefix + name, type=kind, axis=axis, frictionloss=most, **soft)
+    for name, left in (("left", 1.0), ("right", -1.0)):
+        tendon = spec.add_tendon(name=prefix + name, frictionloss=each, **soft)
+        tendon.wrap_joint(prefix + "x", math.sqrt(0.5))
+        tendon.wrap_joint(prefix + "y", left * math.sqrt(0.5))
+    names = ("contype", "conaffinity", "condim", "group", "solref", "solimp", "solmix", "priority", "margin", "gap")
+    same = {name: getattr(hull, name) for name in names}
+    shape = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": [a, b, hull.size[2]]}
+    body.add_geom(name=prefix + "hull", mass=mg_from_kg(mass), **shape, **same)
+    body.add_geom(name=prefix + "block", mass=0.0, contype=0, conaffinity=0, group=2, rgba=_BOX, **shape)
 
 
 def _add(spec: mujoco.MjSpec, like: str, name: str, pos: list[float], quat: list[float], **own: Any) -> None:

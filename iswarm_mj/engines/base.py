@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
+import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.sensors.links import Links
@@ -67,7 +68,7 @@ def find_lost(
 
 
 class FreeBodies(NamedTuple):
-    """Mechanical state of N robots, in one world or in several, all of which is here."""
+    """Mechanical state of N robots, and of boxes after them, in one world or in several, all of which is here."""
 
     poses: Float[Array, "*B N 3"]
     """x, y [mm] and yaw [rad], which is not wrapped."""
@@ -77,13 +78,28 @@ class FreeBodies(NamedTuple):
     """The others touch and hide nothing."""
 
 
+def with_still(
+    poses: Float[Array, "B N 3"], is_present: Bool[Array, "B N"], boxes: Float[np.ndarray, "M 3"]
+) -> tuple[Float[Array, "B NM 3"], Bool[Array, "B NM"]]:
+    """Return robots with boxes after them, which are all present."""
+    xp, shape = array_module(poses), (len(poses), len(boxes))
+    there = xp.broadcast_to(xp.asarray(boxes, poses.dtype), (*shape, 3))
+    return xp.concatenate([poses, there], axis=1), xp.concatenate([is_present, xp.ones(shape, bool)], axis=1)
+
+
 Take = Callable[[Any, Array, int, Array, Array], tuple[Any, Array, Array]]
-"""Takes the physics steps of a phase: bodies, set points of the servos (*B, N, 3) [mm/s, mm/s, rad/s], number of steps,
-worlds that take them (*B,), pairs in contact so far -> bodies, pairs in contact, bits of `FaultKind` (*B,)."""
+"""Takes the physics steps of a phase: bodies, set points of their drives (*B, N, 3) [mm/s, mm/s, rad/s], number of
+steps, worlds that take them (*B,), pairs in contact so far -> bodies, pairs in contact, bits of `FaultKind` (*B,)."""
 
 
 def take_phases(
-    bodies: Any, phases: Sequence[Phase], is_running: Bool[Array, "*B"], walls: Array, robot: Robot, take: Take
+    bodies: Any,
+    phases: Sequence[Phase],
+    is_running: Bool[Array, "*B"],
+    walls: Array,
+    robot: Robot,
+    n_robots: int,
+    take: Take,
 ) -> Motion:
     """`Engine.move` by the steps of one phase after the other; a fault ends those of its world.
 
@@ -93,13 +109,16 @@ def take_phases(
         is_running: which worlds move.
         walls: see `utils.walls.half_planes` [mm].
         robot: its geometry.
+        n_robots: N; bodies beyond them have no drives.
         take: takes the steps of a phase.
     """
-    xp, n_robots = array_module(bodies.poses), bodies.is_present.shape[-1]
+    xp, n_boxes = array_module(bodies.poses), bodies.is_present.shape[-1] - n_robots
     moved, fault = bodies, xp.zeros(is_running.shape, xp.int32)
     touching = xp.zeros((*is_running.shape, robot.most_partners, n_robots), xp.int32)
     for phase in phases:
-        targets, runs = phase.velocity(moved.poses), is_running & (fault == 0)
+        targets, runs = phase.velocity(moved.poses[..., :n_robots, :]), is_running & (fault == 0)
+        if n_boxes:
+            targets = xp.concatenate([targets, xp.zeros_like(targets, shape=(*is_running.shape, n_boxes, 3))], axis=-2)
         moved, touching, failure = take(moved, targets, phase.n_substeps, runs, touching)
         fault = fault | failure
     return concluded(bodies, moved, touching, fault, is_running, walls)
@@ -168,6 +187,21 @@ class StatefulEngine(Engine[Bodies], Protocol[Bodies]):
     def replace(self, bodies: Bodies, worlds: Int[Array, "W"], poses: Float[Array, "W N 3"]) -> Bodies:
         """Return bodies of which the robots of some worlds rest elsewhere, as if they had always been there."""
         ...
+
+
+@runtime_checkable
+class PushingEngine(Engine[Bodies], Protocol[Bodies]):
+    """An engine with boxes (`ArenaConfig.boxes`) that robots push; `place` puts them where they start."""
+
+    def boxes(self, bodies: Bodies) -> Float[Array, "*B M 3"]:
+        """Return x, y [mm] and yaw [rad] of the boxes; yaw is not wrapped."""
+        ...
+
+
+def boxes_of(engine: Engine, bodies: Any) -> Float[Array, "*B M 3"] | None:
+    """Return x, y [mm] and yaw [rad] of the boxes; None where there are none."""
+    boxes = engine.boxes(bodies) if isinstance(engine, PushingEngine) else None
+    return boxes if boxes is not None and boxes.shape[-2] else None
 
 
 Mapping = Literal["batch", "vmap", "in turn"]

@@ -49,6 +49,8 @@ class EngineSettings(ABC):
 
     name: ClassVar[str]
     """Of the engine, as `--engine` takes it."""
+    has_boxes: ClassVar[bool] = False
+    """The engine is a `PushingEngine`: it simulates `ArenaConfig.boxes`."""
 
     def __post_init__(self):
         validate(self)

@@ -26,6 +26,7 @@ from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
 
@@ -56,9 +57,14 @@ class Intent(NamedTuple):
     """Left in the capacitors [J]; None where there are none."""
 
 
+_ARRAYS = "params", "poses", "worlds"
+_STATIC = "config", "given", "robot", "robot_file", "steps", "payload", "senses"
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=_ARRAYS, meta_fields=_STATIC)
 @dataclass(frozen=True)
 class Core:
-    """An environment but for its engine.
+    """An environment but for its engine: a pytree of the arrays in which environments of the same programs may differ.
 
     Attributes:
         config: what control steps are compiled for.
@@ -70,8 +76,7 @@ class Core:
         worlds: likewise, states without bodies.
         steps: of an episode at most.
         payload: what messages carry.
-        observations: see `observations.rows`.
-        actions: see `actions.rows`.
+        senses: what the task lets robots sense beside balls and dump, by name, and how many numbers of each.
     """
 
     config: SwarmConfig
@@ -83,8 +88,17 @@ class Core:
     worlds: WorldState
     steps: int
     payload: Payload
-    observations: list[Row]
-    actions: list[Row]
+    senses: tuple[tuple[str, tuple[Quantity, int]], ...]
+
+    @property
+    def observations(self) -> list[Row]:
+        """See `observations.rows`."""
+        return observations.rows(self.given, self.robot, self.payload, dict(self.senses))
+
+    @property
+    def actions(self) -> list[Row]:
+        """See `actions.rows`."""
+        return actions.rows(self.given, self.payload)
 
     def begin(self, key: Array) -> tuple[Episode, Float[Array, "N 3"]]:
         """Return an episode that begins, and where its robots stand."""
@@ -122,6 +136,7 @@ class Core:
         intent: Intent,
         motion: Motion,
         poses: Float[Array, "N 3"],
+        boxes: Float[Array, "M 3"] | None,
         sight: Sight,
     ) -> State:
         """Return the state after a step, but for its bodies.
@@ -132,6 +147,7 @@ class Core:
             intent: of the robots.
             motion: of the robots.
             poses: after it.
+            boxes: likewise, where there are some.
             sight: what robots then receive.
         """
         ran, before = ~is_new, data.world.swarm._replace(energy=intent.energy)
@@ -139,7 +155,7 @@ class Core:
         moved = after_motion(data.world, motion, intent.is_refused, intent.is_blocked, data.step, ran)
         step = data.step + ran.astype(jnp.int32)
         params, keys = with_conditions(self.params._replace(key=data.key), before), step_keys(data.key, step)
-        inputs = StepInputs(poses, sight, step, jnp.ones((), bool))
+        inputs = StepInputs(poses, sight, step, jnp.ones((), bool), boxes)
         seen = perceive(self.config, self.robot, params, before, inputs, keys, intent.said, before.is_alive)
         progress = params.task.progress(seen.swarm.task)
         world = after_task(params, moved._replace(swarm=seen.swarm), progress, data.step, ran)

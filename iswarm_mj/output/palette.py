@@ -5,7 +5,7 @@ SKY, PINK, PALE_GREEN, PALE_ORANGE = "#56b4e9", "#cc79a7", "#88ccbb", "#e8b0a0"
 RED, DARK, GREY, PALE = "#cc0000", "#333333", "#9aa0a8", "#cdd2da"
 EMPTY, LOADED, SCOUT = ORANGE, BLUE, GREEN
 """Robots by their states."""
-FLOOR, WALL, DUMP, DUST = "#e2e2de", "#787c82", "#facd32", "#cdc3af"
+FLOOR, WALL, DUMP, DUST, BOX = "#e2e2de", "#787c82", "#facd32", "#cdc3af", "#8a6d4f"
 """The arena and what lies in it."""
 
 Rgb = tuple[int, int, int]

@@ -80,6 +80,7 @@ def read_trajectory(path: Path) -> dict[str, np.ndarray]:
     for name in sorted(_NEEDED | own):
         if name not in arrays:
             raise UserError(f"{path} is not the {TRAJECTORY} of a run, for it has no array `{name}`; {REMEDY}.")
+    arrays.setdefault("box_pose", np.zeros((*arrays["pose"].shape[:1], 0, 3), np.float32))  # earlier ones had no boxes
     _check_shapes(path, arrays)
     return arrays
 

@@ -33,8 +33,9 @@ def render(directory: Path, step: int | None, shot: Shot, out: Path) -> int:
     check("step", step, f"a step of the run, 0 to {last}", 0 <= step <= last)
     make_output_directory(out.parent, given=out)
     with Stage(run.config, frames, shot, run.robot_file) as stage:
-        pose, is_loaded, balls = (frames[name][step] for name in ("pose", "is_loaded", "ball_position"))
-        pixels = stage.show(pose, is_loaded, balls, areas_of(frames, step))
+        names = ("pose", "is_loaded", "ball_position", "box_pose")
+        pose, is_loaded, balls, boxes = (frames[name][step] for name in names)
+        pixels = stage.show(pose, is_loaded, balls, boxes, areas_of(frames, step))
     with atomic_write(out) as part:
         Image.fromarray(pixels).save(part)
     return step

@@ -9,6 +9,7 @@ from iswarm_mj.output.schema import ARRAYS, BALLS, LINKS, ROBOTS, Column, Frames
 
 FRONTS, BALL_MARKERS, TRAILS, COUNTS = "world/robots/front", "world/balls/marker", "world/trails", "series/states"
 ARROWS, AREAS, MEMORY, SHARES, METRICS = "world/memory", "world/arena", "memory", "series/known", "series/task"
+BOXES = "world/boxes"
 UNITS = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", float(np.rad2deg(np.float32(1))))}
 """SI units, what they become in recordings, and the factor."""
 VALUE = "Scalars:scalars"
@@ -78,6 +79,9 @@ NAMES = (
     *_shown(BALLS),
     Name(BALL_MARKERS, "Points3D:positions", "mm", "above the ball and the robots"),
     Name(BALL_MARKERS, "Points3D:class_ids", "", "as of the ball"),
+    Name(BOXES, "Boxes3D:centers", "mm", "one a box that robots push, by its number"),
+    Name(BOXES, "Boxes3D:half_sizes", "mm", "of the box"),
+    Name(BOXES, "Boxes3D:quaternions", "", "x, y, z, w"),
     Name(LINKS, "LineStrips3D:strips", "mm", "from receiver to sender, one a link"),
     Name(LINKS, "LineStrips3D:class_ids", "", "21 heard, 20 damaged message"),
     Name(LINKS, "receiver", "", "number of the robot that receives"),

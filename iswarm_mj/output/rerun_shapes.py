@@ -47,6 +47,7 @@ def shapes(scene: Scene, frames: Frames, before: Float[np.ndarray, "_ N 3"]) -> 
     centres = history[len(before) :]
     yield from _robots(scene, frames, centres)
     yield from _balls(scene, frames)
+    yield from _boxes(scene, frames)
     yield _links(frames, centres)
     yield _trails(frames.is_loaded, history, len(before))
     yield from _memory(scene, frames, centres)
@@ -84,6 +85,20 @@ def _balls(scene: Scene, frames: Frames) -> Iterator[Shape]:
     points = rr.Points3D.from_fields(positions=positions, class_ids=kinds)
     yield Shape(BALLS, points, n_balls, shown_values(BALLS, frames))
     yield Shape(names.BALL_MARKERS, rr.Points3D.from_fields(positions=above, class_ids=kinds), n_balls)
+
+
+def _boxes(scene: Scene, frames: Frames) -> Iterator[Shape]:
+    """Boxes that robots push, if there are any."""
+    if not len(scene.boxes):
+        return
+    x, y, half_x, half_y, yaw = geometry.boxes(scene, frames).reshape(-1, 5).T
+    zero, high = np.zeros_like(x), np.full(len(x), scene.robot_size[2] * geometry.MILLIMETRES / 2)
+    shown = rr.Boxes3D.from_fields(
+        centers=np.column_stack([x, y, high]),
+        half_sizes=np.column_stack([half_x, half_y, high]),
+        quaternions=np.column_stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)]),
+    )
+    yield Shape(names.BOXES, shown, len(scene.boxes))
 
 
 def _links(frames: Frames, centres: Float[np.ndarray, "T N 3"]) -> Shape:

@@ -98,6 +98,8 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, rr.AsComponents]]:
     for name, colour, shape in zip(scene.area_names, scene.area_colours, scene.area_shapes, strict=True):
         kind = rr.Cylinders3D if shape == "disc" else rr.Boxes3D
         yield f"{AREAS}/{name}", kind.from_fields(colors=colour, fill_mode="solid")
+    if len(scene.boxes):
+        yield rerun_names.BOXES, rr.Boxes3D.from_fields(colors=rgb(palette.BOX), fill_mode="solid")
     ids = [str(number) for number in range(max(len(scene.is_scout), len(scene.ball_radius)))]
     robots, balls = ids[: len(scene.is_scout)], ids[: len(scene.ball_radius)]
     radii, points = np.asarray(scene.ball_radius) * MILLIMETRES, rr.Radius.ui_points

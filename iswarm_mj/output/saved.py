@@ -27,9 +27,9 @@ class SavedRun:
 
     The tables are of Arrow: `run.robots["x"].to_numpy()` is an array, `run.robots.filter(pc.field("step") == 100)` a
     part, with `pc` for `pyarrow.compute`, and `run.robots.to_pandas()` a frame where pandas is installed. The metadata
-    of a column state its `unit` and its `description`. Rows go by world, step, then robot, ball or receiver and side;
-    positions and memories are those after the step, messages, commands and links those of the step. What a robot does
-    not know, say or do is null.
+    of a column state its `unit` and its `description`. Rows go by world, step, then robot, ball, box or receiver and
+    side; positions and memories are those after the step, messages, commands and links those of the step. What a robot
+    does not know, say or do is null.
     """
 
     path: Path
@@ -95,6 +95,11 @@ class SavedRun:
     def balls(self) -> pa.Table:
         """Balls by world and step: position, radius, state and holder."""
         return self._table("balls")
+
+    @cached_property
+    def boxes(self) -> pa.Table:
+        """Boxes that robots push, by world and step: position."""
+        return self._table("boxes")
 
     @cached_property
     def links(self) -> pa.Table:

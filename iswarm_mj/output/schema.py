@@ -117,12 +117,13 @@ def _ball_state(seen: Observed) -> Int[np.ndarray, "T K"]:
 
 @dataclass(frozen=True)
 class Frames:
-    """T consecutive frames of one world with N robots, of S photodiode sectors, and K balls. SI units throughout.
+    """T consecutive frames of one world with N robots, of S photodiode sectors, K balls and M boxes. SI units
+    throughout.
 
     A quantity that a trajectory of an earlier version lacks raises `NotRecorded`.
 
     Frame 0 is the start; frame t is the state after control step t. The axes of a quantity decide its table: T `steps`,
-    T N `robots`, T K `balls`, T N S `links`.
+    T N `robots`, T K `balls`, T M `boxes`, T N S `links`.
     """
 
     step: Int[np.ndarray, "T"] = quantity("record.step")
@@ -162,6 +163,12 @@ class Frames:
         Column("holder", "", "the robot that holds it", lambda arrays: arrays["ball_state"] == HELD, shown=BALLS),
     )
     """Where no robot holds the ball, the last one that did."""
+    box_pose: Float[np.ndarray, "T M 3"] = quantity(
+        lambda seen: np.zeros((len(seen.record.poses), 0, 3)) if seen.record.boxes is None else seen.record.boxes,
+        Column("x", "m", _PLACE),
+        Column("y", "m", _PLACE),
+        Column("yaw", "rad", "after the step, anticlockwise from the x axis, not wrapped"),
+    )
     link_sender: Int32[np.ndarray, "T N S"] = quantity(
         "record.links.sender", Column("sender", "", "number of the robot that sends", shown=LINKS)
     )

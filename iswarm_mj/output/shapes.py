@@ -62,6 +62,13 @@ def arena_boxes(scene: Scene) -> Iterator[Boxes]:
             yield boxes
 
 
+def boxes(scene: Scene, frames: Frames) -> Float[np.ndarray, "T M 5"]:
+    """Return x, y, half edges [mm] and yaw [rad] of the boxes that robots push."""
+    pose, half = frames.box_pose, np.asarray(scene.boxes)[:, :2] * MILLIMETRES
+    half = np.broadcast_to(half, (*pose.shape[:2], 2))
+    return np.concatenate([pose[..., :2] * MILLIMETRES, half, pose[..., 2:]], axis=-1)
+
+
 def centres(scene: Scene, pose: Float[np.ndarray, "T N 3"]) -> Float[np.ndarray, "T N 3"]:
     """Return the centres of the robots."""
     found = np.full(pose.shape, scene.robot_size[2] * MILLIMETRES / 2, np.float32)

@@ -123,20 +123,23 @@ class Stage:
         pose: Float[np.ndarray, "N 3"],
         is_loaded: Bool[np.ndarray, "N"],
         balls: Float[np.ndarray, "K 3"],
+        boxes: Float[np.ndarray, "M 3"],
         areas: Arrays | None = None,
     ) -> UInt8[np.ndarray, "height width 3"]:
-        """Pixels of robots, balls and areas of the task.
+        """Pixels of robots, balls, boxes and areas of the task.
 
         Args:
             pose: x [m], y [m], yaw [rad].
             is_loaded: whether each robot carries a ball.
             balls: their centres [m].
+            boxes: as the robots.
             areas: of the task after the step, see `trajectory.areas_of`; those that it lacks are not drawn.
         """
         import mujoco
 
         model, data = self._arena.model, self._data
-        data.qpos[self._arena.qpos] = np.column_stack([mm_from_m(pose[:, :2].astype(float)), pose[:, 2]])
+        bodies = np.concatenate([pose, boxes]).astype(float)
+        data.qpos[self._arena.qpos] = np.column_stack([mm_from_m(bodies[:, :2]), bodies[:, 2]])
         data.mocap_pos[self._arena.mocap] = mm_from_m(balls)
         loaded_too = self._scene._replace(ball_radius=np.zeros(1))  # robots may be loaded where there are no balls
         colours = {place: np.array(colour) / 255 for place, _, colour in shown_classes(loaded_too)}

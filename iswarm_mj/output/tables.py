@@ -1,4 +1,4 @@
-"""Tidy tables of a recorded world: one row a robot, ball, link or control step, units in the metadata of columns."""
+"""Tidy tables of a recorded world: one row a robot, ball, box, link or control step, with the units of columns."""
 
 from collections.abc import Callable, Iterable, Iterator
 from operator import itemgetter
@@ -20,6 +20,7 @@ Columns = list[tuple[Column, Get]]
 _ROWS = {
     "robots": ("pose", {"N": Column("robot", "", "its number")}),
     "balls": ("ball_position", {"K": Column("ball", "", "its number")}),
+    "boxes": ("box_pose", {"M": Column("box", "", "its number")}),
     "links": (
         "link_valid",
         {

@@ -70,6 +70,8 @@ class Scene(NamedTuple):
     metric_descriptions: tuple[str, ...] = ()
     obstacles: Float[np.ndarray, "O 5"] = np.zeros((0, 5))
     """Boxes in the arena: x, y, half edges [m], yaw [rad]."""
+    boxes: Float[np.ndarray, "M 4"] = np.zeros((0, 4))
+    """Half edges [m], mass [kg] and friction of the boxes that robots push."""
     corners: Float[np.ndarray, "C 2"] = np.zeros((0, 2))
     """Of the arena, anticlockwise [m]; none: of the square."""
     team_names: tuple[str, ...] = ()

@@ -93,13 +93,12 @@ def _pictures(stage: Stage, frames: Arrays, film: Film, last: int, bar: Progress
     metrics = frames["scene_metric_names"].tolist()
     for number in range(last * film.frames_per_step + 1):
         step, part = divmod(number, film.frames_per_step)
-        pose, balls = (
-            interpolated(frames[name], step, part / film.frames_per_step) for name in ("pose", "ball_position")
-        )
+        moving = frames["pose"], frames["ball_position"], frames["box_pose"]
+        pose, balls, boxes = (interpolated(values, step, part / film.frames_per_step) for values in moving)
         delivered = f"{frames['delivered'][step]} of {balls.shape[0]} balls delivered"
         counts = [f"{name} {frames[METRIC + name][step]:.3g}" for name in metrics] or [delivered]
         yield _captioned(
-            stage.show(pose, frames["is_loaded"][step], balls, areas_of(frames, step)),
+            stage.show(pose, frames["is_loaded"][step], balls, boxes, areas_of(frames, step)),
             [film.title, f"step {step}", *counts],
         )
         bar.update()

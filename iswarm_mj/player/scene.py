@@ -29,6 +29,8 @@ class Moment(NamedTuple):
     yaw: Float[np.ndarray, "N"]
     ball: Float[np.ndarray, "K 3"]
     ball_colour: UInt8[np.ndarray, "K 3"]
+    boxes: Float[np.ndarray, "M 5"]
+    """x, y, half edges and yaw [rad] of the boxes that robots push."""
     areas: dict[str, Float[np.ndarray, "A 3"]]
     """x, y and half the width, or the radius, of the task's areas by their names."""
 
@@ -44,7 +46,15 @@ def moment(scene: Scene, before: Frames, after: Frames, share: float) -> Moment:
     ball[held, 2] += 1.2 * scene.robot_size[2] * shapes.MILLIMETRES
     colours = np.array([colour for *_, colour in BALL_CLASSES], np.uint8)
     areas = {name: after.task[AREA + name][0] * shapes.MILLIMETRES for name in scene.area_names}
-    return Moment(centre, pose[0, :, 2], ball.astype(np.float32), colours[after.ball_state[0]], areas)
+    first, then = (shapes.boxes(scene, frames)[0] for frames in (before, after))
+    return Moment(
+        centre,
+        pose[0, :, 2],
+        ball.astype(np.float32),
+        colours[after.ball_state[0]],
+        first + share * (then - first),
+        areas,
+    )
 
 
 def links(scene: Scene, frames: Frames, centre: Float[np.ndarray, "N 3"]) -> tuple[np.ndarray, Bool[np.ndarray, "L"]]:

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.output import shapes
 from iswarm_mj.output.memory import vectors
-from iswarm_mj.output.palette import GREEN, PINK, SKY, WALL, YELLOW, rgb
+from iswarm_mj.output.palette import BOX, GREEN, PINK, SKY, WALL, YELLOW, rgb
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.player import scene as arrays
@@ -68,6 +68,9 @@ class SwarmView:
             "fronts": self._batch("fronts", front, n, (255, 255, 255)),
         }
         self._balls = self._batch("balls", trimesh.creation.icosphere(1, 0.25 * length), k, (0, 0, 0)) if k else None
+        self._boxes = (
+            self._batch("boxes", trimesh.creation.box((2, 2, height)), 0, rgb(BOX)) if len(scene.boxes) else None
+        )
         self._areas = {
             name: self._batch(f"areas/{name}", _flat(shape), 0, colour)
             for name, shape, colour in zip(scene.area_names, scene.area_shapes, scene.area_colours, strict=True)
@@ -140,6 +143,8 @@ class SwarmView:
             node.batched_positions, node.batched_wxyzs = self._rounded(now.centre), self._rounded(turns)
         if self._balls is not None:
             self._balls.batched_positions = self._rounded(now.ball)
+        if self._boxes is not None:
+            _lay(self._boxes, now.boxes, self._height / 2)
         if not self.is_coarse or share in (0, 1):
             self._draw_lines(past, now)
         if self._ring.visible != (self.selected is not None):

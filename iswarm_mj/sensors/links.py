@@ -109,7 +109,7 @@ def find_links(
     optics: OpticsConfig,
     reaches: LedHit,
     sends: Bool[np.ndarray, "B N"] | Float[np.ndarray, "B N"] | None = None,
-    boxes: Float[np.ndarray, "M 6"] | None = None,
+    boxes: Float[np.ndarray, "B M 6"] | None = None,
 ) -> Links:
     """Links of all robots: for each side the nearest senders in sight, of equally near ones that of lowest index first.
 
@@ -119,7 +119,7 @@ def find_links(
         optics: range, cones and mode; and of how many senders, see `Links`.
         reaches: casts rays; not called if `optics.line_of_sight` is off.
         sends: which robots send light, or the power of their LEDs from 0 to 1, by default all; others still block it.
-        boxes: obstacles, see `utils.obstacles.numbers`.
+        boxes: obstacles and boxes in each world, see `utils.obstacles.numbers`.
     """
     n_worlds, n_robots = poses.shape[:2]
     farthest = mm_from_rd(optics.communication_radius) + 2 * robot.optical_offset  # of a candidate
@@ -129,7 +129,7 @@ def find_links(
     found = find_candidates(flat, around, robot, optics, sending)
     clear = np.ones(len(found.slot), bool)
     if optics.line_of_sight:
-        boxes = np.zeros((0, 6)) if boxes is None else boxes
+        boxes = np.zeros((n_worlds, 0, 6)) if boxes is None else boxes
         clear = _by_rays(flat, around, found, robot, n_robots, reaches, optics.n_senders, boxes)
     pick, rank = _first(clear, found.slot, optics.n_senders)
     shape = (n_worlds, n_robots, len(robot.sides), optics.n_senders)

@@ -78,10 +78,10 @@ def judge(
         around: pairs of robots near each other, complete up to `circles.behind` beyond the longest path's distance.
         circles: around each robot.
         enough: number of clear paths of a slot.
-        boxes: (M, 6) obstacles, see `utils.obstacles.numbers` [mm].
+        boxes: (B, M, 6) obstacles and boxes in each world, see `utils.obstacles.numbers` [mm].
     """
     verdict = np.zeros(len(paths.slot), np.int8)
-    last, n_clear = -1, 0
+    last, n_clear, n_robots = -1, 0, len(poses) // len(boxes)
     for k in range(len(paths.slot)):
         if paths.slot[k] != last:
             last, n_clear = paths.slot[k], 0
@@ -89,7 +89,7 @@ def judge(
             continue
         receiver, x0, y0 = paths.receiver[k], paths.origin[k, 0], paths.origin[k, 1]
         x, y = paths.target[k, 0] - x0, paths.target[k, 1] - y0
-        if meets_boxes(x0, y0, x, y, boxes):
+        if meets_boxes(x0, y0, x, y, boxes[receiver // n_robots]):
             continue
         length = max(np.sqrt(x * x + y * y), 1e-9)
         x, y = x / length, y / length

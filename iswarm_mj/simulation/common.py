@@ -8,11 +8,10 @@ from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.strategy.rules import NON_STRATEGY_FIELDS
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.obstacles import Obstacle
 
 _PARTS: dict[str, Any] = {f.name: f.type for f in fields(SwarmConfig)}
 _SHARED = {
-    "arena": {"size", "outline", "n_dust", "obstacles"},
+    "arena": {"size", "outline", "n_dust", "obstacles", "boxes"},
     "gripper": {
         *("release_gap", "tool_reach", "resolution", "bench", "bench_capacity", "tool_error"),
         *("grasp_time", "release_time"),
@@ -41,8 +40,8 @@ class Common(NamedTuple):
     """Of the arena [rd]."""
     n_dust: int
     """Balls."""
-    obstacles: tuple[Obstacle, ...]
-    """Boxes in the arena."""
+    standing: tuple[tuple[float, ...], ...]
+    """Obstacles and boxes in the arena."""
 
 
 def common(config: SwarmConfig) -> Common:
@@ -53,9 +52,7 @@ def common(config: SwarmConfig) -> Common:
         for part, mine in vars(config).items()
         if part != "arena"
     }
-    return Common(
-        SwarmConfig(ArenaConfig(), **parts), config.arena.corners, config.arena.n_dust, config.arena.obstacles
-    )
+    return Common(SwarmConfig(ArenaConfig(), **parts), config.arena.corners, config.arena.n_dust, config.arena.standing)
 
 
 def program_config(config: SwarmConfig, task: Task, on_host: bool) -> SwarmConfig:

@@ -11,7 +11,7 @@ import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.base import CompiledEngine
+from iswarm_mj.engines.base import CompiledEngine, boxes_of
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.decide import decide, decide_worlds
 from iswarm_mj.simulation.perceive import StepInputs
@@ -131,7 +131,7 @@ class CompiledLoop:
         alive = state.swarm.is_alive
         sight = sense(state.bodies, alive, running)
         policy = partial(decide_worlds, config, engine.robot)
-        begin = StepInputs(state.bodies.poses, sight, jnp.int32(7), running)
+        begin = StepInputs(engine.poses(state.bodies), sight, jnp.int32(7), running, boxes_of(engine, state.bodies))
         command = policy(params, state.swarm, begin).command
 
         def move(bodies, command, running):

@@ -35,6 +35,8 @@ class StepInputs(NamedTuple):
     """Number of the control step, from 0."""
     is_running: Bool[Array, "*B"]
     """Whether the world takes this step."""
+    boxes: Float[Array, "*B M 3"] | None = None
+    """x, y [mm] and yaw [rad] of the boxes; None where there are none."""
 
 
 class Spoken(NamedTuple):
@@ -119,6 +121,7 @@ def perceive(
         voltage,
         None if releases is None else releases & swarm.is_alive & ~is_empty,
         notices=misses >= params.conditions.error_in_sensing,
+        boxes=jnp.zeros((0, 3)) if begin.boxes is None else begin.boxes,
     )
     task, sensed = params.task.advance(swarm.task, inputs, keys.task)
     is_alive = swarm.is_alive

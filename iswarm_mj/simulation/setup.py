@@ -112,6 +112,8 @@ def set_up(
     check_kind("robot_file", robot_file, (Path, str, NoneType))
     file = None if robot_file is None else Path(robot_file).absolute()
     robot = read_robot(file)
+    known = config.arena.boxes == () or engine.has_boxes
+    check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)
     check_memory(engine, settings.n_worlds, settings.capacity or settings.n_robots)
     worlds = worlds_of_seed(worlds, settings) if isinstance(worlds, Genome) else worlds
     are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
@@ -127,5 +129,5 @@ def set_up(
     check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
     starts = starts_of(config, task, robot, worlds)
     program = program_config(config, task, engine.on_host)
-    job = job_of(task, program, robot, starts, settings.capacity or largest)
+    job = job_of(task, program, robot, starts, settings.capacity or largest, len(config.arena.boxes))
     return Setup(config, program, settings, engine, robot, file, task, job, goal, worlds, starts)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.base import Engine, Motion, Phase, Sight
+from iswarm_mj.engines.base import Engine, Motion, Phase, PushingEngine, Sight
 from iswarm_mj.simulation.decide import Decision, decide_packed
 from iswarm_mj.simulation.packed import is_key, pack, unpacked
 from iswarm_mj.simulation.perceive import StepInputs
@@ -73,7 +73,8 @@ class Share:
 
     def _decide(self, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
         with self._watch("policy"):
-            begin = begin._replace(poses=begin.poses.astype(np.float32))
+            poses, boxes = jax.tree.map(lambda a: a.astype(np.float32), (begin.poses, begin.boxes))
+            begin = begin._replace(poses=poses, boxes=boxes)
             decision = decide_packed(self._config, self.engine.robot, self._packed_params, swarm, begin)
             needed = decision.command, decision.is_refused, decision.is_blocked, decision.progress
             command, is_refused, is_blocked, progress = jax.tree.map(np.asarray, needed)
@@ -97,8 +98,9 @@ class TimedEngine:
 
     def __init__(self, engine: Engine, watch: Stopwatch):
         self._engine, self._watch = engine, watch
-        self.place, self.poses = engine.place, engine.poses
-        self.robot = engine.robot
+        self.place, self.poses, self.robot = engine.place, engine.poses, engine.robot
+        if isinstance(engine, PushingEngine):
+            self.boxes = engine.boxes
 
     def sense(self, bodies: Any, emits: Array, is_running: Array) -> Sight:
         """See `Engine.sense`."""

@@ -15,6 +15,7 @@ from iswarm_mj.simulation.state import StepRecord, WorldState
 from iswarm_mj.simulation.worlds import first_memories, first_state, world_params
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robot
 
@@ -34,7 +35,8 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Loop
     params = world_params(config, setup.worlds, strategy, setup.job.task, setup.target, capacity)
     first = first_memories(strategy, params.key, capacity)
     poses, state = first_state(config, setup.starts, setup.task, setup.robot, capacity, first)
-    start = start_record(state, poses, settings.record_worlds, setup.robot)
+    boxes = np.tile(poses_of(config.arena.boxes), (len(poses), 1, 1)) if config.arena.boxes else None
+    start = start_record(state, poses, settings.record_worlds, setup.robot, boxes)
     if setup.engine.on_host:
         n_threads = getattr(setup.engine, "threads", 0)
         return HostLoop(setup.host_engine(), program, params, (poses, state), n_threads, watch), start
@@ -44,7 +46,9 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Loop
     return CompiledLoop(engine, program, params, state, getattr(setup.engine, "chunk", 1), devices), start
 
 
-def start_record(state: WorldState, poses: np.ndarray, recorded: Sequence[int], robot: Robot) -> StepRecord:
+def start_record(
+    state: WorldState, poses: np.ndarray, recorded: Sequence[int], robot: Robot, boxes: np.ndarray | None
+) -> StepRecord:
     """Record of the start of W worlds (1, W, ...), in which nobody has heard anybody.
 
     Args:
@@ -52,6 +56,7 @@ def start_record(state: WorldState, poses: np.ndarray, recorded: Sequence[int], 
         poses: (B, N, 3) x, y [mm] and yaw [rad].
         recorded: W worlds.
         robot: its geometry.
+        boxes: (B, M, 3) likewise; None where there are none.
     """
     rows = list(recorded)
     swarm: Any = jax.tree.map(lambda a: np.asarray(a)[rows], state.swarm)
@@ -71,5 +76,6 @@ def start_record(state: WorldState, poses: np.ndarray, recorded: Sequence[int], 
         collisions=zero,
         speed=zero.astype(float),
         is_running=zero == 0,
+        boxes=None if boxes is None else boxes[rows],
     )
     return jax.tree.map(lambda a: a[None], record)

@@ -27,15 +27,15 @@ def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robot, arena:
         name: of the poses, for the message.
         poses: x, y [mm] and yaw [rad].
         robot: its hull.
-        arena: walls and obstacles.
+        arena: walls, obstacles and boxes.
     """
     yaw, edges = poses[:, 2], np.array(robot.half_edges[:2]) - _TOLERANCE / 2
     hulls = np.column_stack([poses[:, :2], np.cos(yaw), np.sin(yaw), np.broadcast_to(edges, (len(poses), 2))])
     outside = np.asarray(beyond(corners(hulls), in_mm(arena.walls))).max(axis=1) > 0
     _refuse(name, "robot", poses, outside, f"such that robots stand {_within(arena)}")
-    for box in numbers(arena.obstacles, RD):
+    for box in numbers(arena.standing, RD):
         inside = overlap(hulls, np.broadcast_to(box, hulls.shape))
-        _refuse(name, "robot", poses, inside, "such that no robot stands in an obstacle")
+        _refuse(name, "robot", poses, inside, "such that no robot stands in an obstacle or a box")
     pairs = cKDTree(poses[:, :2]).query_pairs(2 * robot.circumradius, output_type="ndarray")
     for pair in pairs[overlap(hulls[pairs[:, 0]], hulls[pairs[:, 1]])][:1].tolist():
         found = " and ".join(f"{number} at {poses[number, :2].round(3).tolist()}" for number in pair)

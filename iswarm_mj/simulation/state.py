@@ -111,3 +111,5 @@ class StepRecord(NamedTuple):
     """Mean distance that the robots moved in this step, per second [mm/s]."""
     is_running: Bool[Array, "*T"]
     """The world took this step; false once it is finished or faulty."""
+    boxes: Float[Array, "*T M 3"] | None = None
+    """x, y [mm] and yaw [rad] of the boxes after the step; None where there are none."""

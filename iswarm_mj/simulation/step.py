@@ -6,7 +6,7 @@ from typing import NamedTuple
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.base import Engine, Motion
+from iswarm_mj.engines.base import Engine, Motion, boxes_of
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.decide import Decision
 from iswarm_mj.simulation.perceive import StepInputs
@@ -50,7 +50,7 @@ def control_step(
     emits = is_emitting(config, swarm.is_alive, swarm.energy)
     emits = emits if swarm.led_power is None else emits * swarm.led_power
     sight = engine.sense(state.bodies, emits, is_running)
-    begin = StepInputs(engine.poses(state.bodies), sight, step, is_running)
+    begin = StepInputs(engine.poses(state.bodies), sight, step, is_running, boxes_of(engine, state.bodies))
     decision = stepper.decide(params, swarm, begin)
     moves = is_running & ~decision.is_refused.any(axis=-1)
     motion = engine.move(state.bodies, drive_phases(config.drive, decision.command), moves)
@@ -144,6 +144,7 @@ def record(
         collisions=state.collisions,
         speed=mean_step(begin.poses, poses, params.is_present) / stepper.config.drive.control_period,
         is_running=is_running,
+        boxes=boxes_of(stepper.engine, state.bodies),
     )
 
 

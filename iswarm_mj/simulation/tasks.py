@@ -29,7 +29,9 @@ class Job(NamedTuple):
     """Shapes and types of what robots sense of it beside balls and dump."""
 
 
-def job_of(given: Any, config: SwarmConfig, robot: Robot, starts: Sequence[Start], capacity: int) -> Job:
+def job_of(
+    given: Any, config: SwarmConfig, robot: Robot, starts: Sequence[Start], capacity: int, n_boxes: int = 0
+) -> Job:
     """Return a task that was checked, for B worlds.
 
     Args:
@@ -38,12 +40,13 @@ def job_of(given: Any, config: SwarmConfig, robot: Robot, starts: Sequence[Start
         robot: its geometry.
         starts: of B worlds.
         capacity: places for robots.
+        n_boxes: that they push.
 
     Raises:
         UserError: see `tasks.signatures.check_task`.
     """
     task = as_task(given)
-    sensed = check_task(task, config, robot, starts[0].task, capacity)
+    sensed = check_task(task, config, robot, starts[0].task, capacity, n_boxes)
     return Job(of_worlds(task, len(starts)), sensed)
 
 

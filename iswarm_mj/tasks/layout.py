@@ -19,10 +19,10 @@ from iswarm_mj.utils.walls import beyond, in_mm
 def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
     """Centres (C, 2) of the cells of this width [rd] outside the dump [mm], read-only; 2376 in the paper's arena.
 
-    A robot in a cell touches neither a wall nor an obstacle at any heading.
+    A robot in a cell touches neither a wall nor an obstacle or a box at any heading.
 
     Raises:
-        ConfigError: obstacles leave no cell.
+        ConfigError: obstacles and boxes leave no cell.
     """
     low, high = np.min(arena.corners, axis=0), np.max(arena.corners, axis=0)
     counts, middle = ((high - low) / cell).astype(int), (low + high) / 2 * RD
@@ -31,10 +31,14 @@ def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
     cells = np.column_stack([x, y])[np.maximum(abs(x), abs(y)) > arena.dump_size / 2 * RD]
     if arena.outline:
         cells = cells[beyond(cells, in_mm(arena.walls)) <= -cell * RD / 2 + 1e-9]
-    if arena.obstacles:
-        cells = cells[distances(cells, numbers(arena.obstacles, RD)) >= cell * RD / 2]
+    if arena.standing:
+        cells = cells[distances(cells, numbers(arena.standing, RD)) >= cell * RD / 2]
         if not len(cells):
-            raise ConfigError("arena.obstacles", arena.obstacles, "such that a cell is left on which a robot can start")
+            raise ConfigError(
+                "arena.boxes" if arena.boxes else "arena.obstacles",
+                arena.standing,
+                "such that a cell is left on which a robot can start",
+            )
     cells.flags.writeable = False  # all callers share it
     return cells
 
@@ -81,11 +85,13 @@ def place_balls(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
     k = arena.n_dust
     offset = rng.uniform(-0.5, 0.5, (k, 2)) * arena.dust_area_size
     offset[:, 0] += np.where(np.arange(k) < k // 2, -1, 1) * arena.dust_area_offset
-    if hit := [box for box in arena.obstacles if (distances(offset, numbers([box])) == 0).any()]:
+    if hit := [box for box in arena.standing if (distances(offset, numbers([box])) == 0).any()]:
         size, far = arena.dust_area_size, arena.dust_area_offset
         where = f"squares of {size:g} rd about ({far:g}, 0) and ({-far:g}, 0) rd, where balls lie"
         given = " ".join(f"{value:g}" for value in hit[0])
-        raise ConfigError("arena.obstacles", given, f"outside the dust areas, {where}")
+        raise ConfigError(
+            "arena.obstacles" if hit[0] in arena.obstacles else "arena.boxes", given, f"outside the dust areas, {where}"
+        )
     return offset * RD
 
 

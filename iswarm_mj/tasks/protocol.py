@@ -65,6 +65,8 @@ class TaskInputs(NamedTuple):
     """The 32 bits that each robot sent in the step (`Payload.unpack`); only in `Task.reward`."""
     notices: Bool[Array, "N"] | bool = True
     """Robots that sense the dust and the dump that they are at, see `StrategyConfig.error_in_sensing`."""
+    boxes: Float[Array, "M 3"] = np.zeros((0, 3))
+    """x, y [mm] and yaw [rad] of the boxes of `ArenaConfig.boxes`."""
 
 
 class Sensed(NamedTuple):

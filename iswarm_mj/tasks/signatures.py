@@ -78,7 +78,9 @@ def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
         raise UserError(f"{name} must return finite poses (N, 3) of the {n_robots} robots first (got {got})")
 
 
-def check_task(task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robots: int) -> dict[str, Any]:
+def check_task(
+    task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robots: int, n_boxes: int = 0
+) -> dict[str, Any]:
     """Check the shapes and types of what a task's methods return, and return those of what robots sense beside.
 
     Args:
@@ -87,30 +89,36 @@ def check_task(task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robot
         robot: its geometry.
         state: of the task at the start of a world.
         n_robots: N.
+        n_boxes: that they push.
 
     Raises:
         UserError: a method returns something else, raises an exception or cannot be compiled.
     """
     leaves, structure = jax.tree.flatten(jax.eval_shape(lambda *given: given, task, state))
-    return _check_shapes(structure, tuple(leaves), config, robot, n_robots)
+    return _check_shapes(structure, tuple(leaves), config, robot, n_robots, n_boxes)
 
 
 @lru_cache(maxsize=64)  # tracing takes some tenths of a second
 def _check_shapes(
-    structure: Any, leaves: tuple[jax.ShapeDtypeStruct, ...], config: SwarmConfig, robot: Robot, n_robots: int
+    structure: Any,
+    leaves: tuple[jax.ShapeDtypeStruct, ...],
+    config: SwarmConfig,
+    robot: Robot,
+    n_robots: int,
+    n_boxes: int,
 ) -> dict[str, Any]:
     task, state = jax.tree.unflatten(structure, leaves)
     name, here = type(task).__name__, (n_robots,)
     flags, floats = jax.ShapeDtypeStruct(here, jnp.bool_), jax.ShapeDtypeStruct(here, jnp.float32)
     plane = jax.ShapeDtypeStruct((n_robots, 2), jnp.float32)
     poses, team = jax.ShapeDtypeStruct((n_robots, 3), jnp.float32), jax.ShapeDtypeStruct(here, jnp.int32)
-    world = (poses, flags, flags, flags, team)
+    world, boxes = (poses, flags, flags, flags, team), jax.ShapeDtypeStruct((n_boxes, 3), jnp.float32)
     conditions = Conditions(*map(jnp.asarray, conditions_of(config)))
     whole = jax.ShapeDtypeStruct((), jnp.int32)
 
     def shapes(method: str, *arguments: Any) -> Any:
-        def call(own: Any, world: Any, conditions: Any, *given: Any) -> Any:
-            inputs = TaskInputs(*world, conditions=conditions, config=config, robot=robot)
+        def call(own: Any, world: Any, boxes: Any, conditions: Any, *given: Any) -> Any:
+            inputs = TaskInputs(*world, conditions=conditions, config=config, robot=robot, boxes=boxes)
             match method:
                 case "advance":
                     given = (given[0], inputs, given[1])
@@ -121,7 +129,7 @@ def _check_shapes(
             return getattr(own, method)(*given)
 
         with user_code(f"{name}.{method}"):
-            return jax.eval_shape(call, task, world, conditions, *arguments)
+            return jax.eval_shape(call, task, world, boxes, conditions, *arguments)
 
     before = state
     returned = shapes("advance", before, jax.random.key(0))

@@ -26,6 +26,11 @@ def mm_from_rd(length: Any) -> Any:
     return length * RD
 
 
+def mg_from_kg(mass: Any) -> Any:
+    """Mass in arena units [mg] from one in kilograms."""
+    return mass * 1e6
+
+
 def mm_from_m(length: Any) -> Any:
     """Length in arena units [mm] from one in metres."""
     return length / MM

@@ -11,7 +11,7 @@ from helpers_robots import HALF, ROBOTS, Side, around, robot_file, robot_xml
 import iswarm_mj.engines.robot_file as robot_file_module
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
-from iswarm_mj.engines.planar.plane import read_plane
+from iswarm_mj.engines.planar.plane import read_kinds, read_plane
 from iswarm_mj.engines.robot_file import models_directory, read_robot
 from iswarm_mj.tasks.layout import cell_of, free_cells, place_robots
 from iswarm_mj.utils.errors import UserError
@@ -229,7 +229,7 @@ def test_the_planar_engine_refuses_flat_robots(tmp_path, height, runs):
     text = text.replace('pos="0.9 0.0 -0.445"', f'pos="0.9 0 {0.055 - height / 2}"')
     arena = compile_arena(SwarmConfig(), 1, np.zeros(0), robot_file=written(tmp_path, text))
     if runs:
-        assert read_plane(arena).half_y == 0.8
+        assert read_kinds(arena)[0].half_y == 0.8
     else:
         with pytest.raises(UserError, match=r"at least 0\.7 mm high"):
             read_plane(arena)

@@ -196,7 +196,7 @@ def test_a_whole_run_of_such_robots(file):
 
 @pytest.fixture(scope="module")
 def scene(file):
-    return RecordedWorld(run_of(CONFIG, n_robots=N, steps=1, robot_file=file), 0).scene
+    return RecordedWorld.of(run_of(CONFIG, n_robots=N, steps=1, robot_file=file), 0).scene
 
 
 class TestOutput:
@@ -236,7 +236,7 @@ for path, half_edges in {robots}:
     scene = Scene(size, ~all_robots, np.zeros(0), 0.03, boxes[0], boxes, 1.0, all_robots, "{{}}", 0, 4)
     frames = dict(pose=pose[None], **scene.arrays())
     with Stage(config, frames, Shot("above", (600, 600), 1.0), robot_file=path) as stage:
-        pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3))).astype(int)
+        pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3)), np.zeros((0, 3))).astype(int)
     red, green, blue = np.moveaxis(pixels, -1, 0)
     print(((blue > 90) & (red < 0.38 * blue) & (green > 0.55 * blue)).sum())
 """

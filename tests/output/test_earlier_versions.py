@@ -42,7 +42,7 @@ def read(run, tables):
     return {name: getattr(run, name) for name in tables}
 
 
-@pytest.mark.parametrize("name", [name for name in ARRAYS if name not in ("step", "pose")])
+@pytest.mark.parametrize("name", [name for name in ARRAYS if name not in ("step", "pose", "box_pose")])
 def test_other_columns_are_there(without, name):
     tables = [table for table in TABLES if table != LEFT_OUT.get(name)]
     whole, run = (read(iswarm_mj.load(without(*names)), tables) for names in ((), (name,)))
@@ -69,6 +69,10 @@ def test_constants_that_were_added_have_their_defaults(without):
     names = [SCENE + name for name in Scene._field_defaults if not name.startswith("memory")]
     scene = iswarm_mj.load(without(*names)).scene
     assert (scene.metric_names, scene.area_names, scene.obstacles.shape) == ((), (), (0, 5))
+
+
+def test_earlier_runs_have_no_boxes(without):
+    assert iswarm_mj.load(without("box_pose")).boxes.num_rows == 0
 
 
 def test_commands_refuse_what_they_need(without, capfd):

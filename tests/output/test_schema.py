@@ -1,5 +1,6 @@
 """Each quantity of the schema is in trajectories, tables, recordings and the documentation, with its unit."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +16,15 @@ from iswarm_mj.output.trajectory import RECORDING, TRAJECTORY
 from iswarm_mj.workflows.clean import clean
 
 DOCS = Path(__file__).parents[2] / "docs" / "files.md"
-TABLE = {("T", "N"): "robots", ("T", "K"): "balls", ("T", "N", "S"): "links", ("T",): "steps"}
+TABLE = {("T", "N"): "robots", ("T", "K"): "balls", ("T", "M"): "boxes", ("T", "N", "S"): "links", ("T",): "steps"}
 
 
 @pytest.fixture(scope="module")
 def done(small, tmp_path_factory):
     """Arrays, tables and recording of a run."""
     out = tmp_path_factory.mktemp("run")
-    run = run_of(small, steps=12)
+    box = 0.0, 4.0, 0.5, 0.7, 10.0, 1e-5, 0.01
+    run = run_of(replace(small, arena=replace(small.arena, boxes=(box,))), steps=12)
     clean(run, out)
     return np.load(out / TRAJECTORY), iswarm_mj.load(out), read(out / RECORDING)
 

@@ -38,7 +38,7 @@ def by_geometry(poses, optics=OPTICS):
 
 def by_rays(poses, optics=OPTICS):
     everyone = np.ones(poses.shape[:2], bool)
-    return sense(scene_at(poses, optics), poses, everyone, everyone).links
+    return sense(scene_at(poses, optics), poses, np.zeros((len(poses), 0, 3)), everyone, everyone).links
 
 
 both_sights = pytest.mark.parametrize("sight", [by_geometry, by_rays])

@@ -10,11 +10,12 @@ from mujoco.batch import Batch, SimulationError
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases
+from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases, with_still
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
+from iswarm_mj.utils.obstacles import poses_of
 
 JAM = 4000
 """Contact points above which conjugate gradients solve for a world's contact forces: Newton's method, several times
@@ -27,9 +28,9 @@ _PARKED = -1000.0  # height of the robots that are absent [mm]
 class Bodies(NamedTuple):
     """Mechanical state of B worlds as seen from Python; velocities stay inside MuJoCo."""
 
-    poses: Float[np.ndarray, "B P 3"]
-    """x, y [mm] and yaw [rad]; zero for places beyond the model's robots."""
-    is_present: Bool[np.ndarray, "B P"]
+    poses: Float[np.ndarray, "B PM 3"]
+    """x, y [mm] and yaw [rad] of robots, zero for places beyond those of the model, and then of boxes."""
+    is_present: Bool[np.ndarray, "B PM"]
     """The others touch and hide nothing."""
     n_contacts: Int[np.ndarray, "B"]
     """Contact points in the last physics step, which choose the solver of the next ones."""
@@ -42,13 +43,15 @@ class MujocoEngine:
         """Allocate the worlds.
 
         Args:
-            config: arena and optics.
+            config: arena with its boxes, and optics.
             arena: compiled; its N robots are the largest number that a world has.
             n_worlds: B.
             n_threads: threads, 0 for one a core.
             capacity: P, number of robots of the arrays that pass in and out; at least N.
         """
-        self._arena, self._capacity, self._n_robots = arena, capacity, len(arena.hull)
+        self._arena, self._capacity, self._n_robots = arena, capacity, arena.n_robots
+        self._boxes = poses_of(config.arena.boxes)
+        self._there = np.r_[: arena.n_robots, capacity : capacity + len(self._boxes)]  # of the places, those of bodies
         self._batch = Batch(arena.model, n_worlds, n_threads, persistent=True)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._force = self._batch.bind("qfrc_applied")
@@ -66,18 +69,21 @@ class MujocoEngine:
             self._height = self._batch.expand("body_pos")[..., 2]
         if self._height is not None:
             depth = _PARKED - 10.0 * np.arange(self._n_robots)
-            standing = self._arena.model.body_pos[self._arena.body, 2]
-            self._height[:, self._arena.body] = np.where(self._is_present, standing, depth)
+            standing = self._arena.model.body_pos[self._robots(self._arena.body), 2]
+            self._height[:, self._robots(self._arena.body)] = np.where(self._is_present, standing, depth)
         self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._qpos[:, self._arena.qpos] = poses[:, : self._n_robots]
+        start, there = with_still(np.asarray(poses)[:, : self._n_robots], self._is_present, self._boxes)
+        self._qpos[:, self._arena.qpos] = start
         self._batch.forward()
-        present = self._padded(self._is_present)
-        return Bodies(self._padded(self._qpos[:, self._arena.qpos]), present, np.zeros(len(poses), int))
+        return Bodies(
+            self._padded(self._qpos[:, self._arena.qpos]), self._padded(np.asarray(there)), np.zeros(len(poses), int)
+        )
 
     def replace(self, bodies: Bodies, worlds: Int[np.ndarray, "W"], poses: Float[np.ndarray, "W P 3"]) -> Bodies:
         """Return bodies of which the robots of some worlds rest elsewhere, as if they had always been there."""
         self._batch.reset(ids=worlds, stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._qpos[np.ix_(worlds, self._arena.qpos.ravel())] = poses[:, : self._n_robots].reshape(len(worlds), -1)
+        start, _ = with_still(poses[:, : self._n_robots], self._is_present[worlds], self._boxes)
+        self._qpos[np.ix_(worlds, self._arena.qpos.ravel())] = start.reshape(len(worlds), -1)
         self._batch.forward(ids=worlds)
         n_contacts = bodies.n_contacts.copy()
         n_contacts[worlds] = 0
@@ -85,7 +91,11 @@ class MujocoEngine:
 
     def poses(self, bodies: Bodies) -> Float[np.ndarray, "B P 3"]:
         """See `Engine.poses`."""
-        return bodies.poses
+        return bodies.poses[:, : self._capacity]
+
+    def boxes(self, bodies: Bodies) -> Float[np.ndarray, "B M 3"]:
+        """See `PushingEngine.boxes`."""
+        return bodies.poses[:, self._capacity :]
 
     def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
@@ -93,19 +103,21 @@ class MujocoEngine:
         sight = sense(
             self._scene,
             bodies.poses[:, :n],
+            self.boxes(bodies),
             np.asarray(emits)[:, :n],
             np.asarray(self._is_present & np.asarray(is_running)[:, None]),
         )
         if self._capacity == n:
             return sight
-        return Sight(type(sight.links)(*map(self._padded, sight.links)), self._padded(sight.sees_wall))
+        return Sight(type(sight.links)(*map(self._of_robots, sight.links)), self._of_robots(sight.sees_wall))
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
-        motion = take_phases(bodies, phases, is_running, self._scene.walls, self.robot, self._take_steps)
+        walls, n_robots = self._scene.walls, self._capacity
+        motion = take_phases(bodies, phases, is_running, walls, self.robot, n_robots, self._take_steps)
         failed = np.flatnonzero(motion.fault)
         if len(failed):
-            poses = motion.bodies.poses[failed, : self._n_robots]
+            poses = motion.bodies.poses[np.ix_(failed, self._there)]
             self._qpos[np.ix_(failed, self._arena.qpos.ravel())] = poses.reshape(len(failed), -1)
             self._qvel[failed] = 0.0
         return motion
@@ -114,7 +126,7 @@ class MujocoEngine:
         self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[Bodies, Array, Array]:
         """See `Take`."""
-        self._force[:, self._arena.qpos] = self._arena.servo_gain * targets[:, : self._n_robots]
+        self._force[:, self._robots(self._arena.qpos)] = self._arena.servo_gain * targets[:, : self._n_robots]
         worlds, n_contacts, fault = np.flatnonzero(runs), bodies.n_contacts.copy(), np.zeros(len(runs), np.int32)
         fault[self._step(n_substeps, worlds, n_contacts[worlds] > JAM)] = FaultKind.SOLVER_FAILED
         for world in worlds.tolist():
@@ -148,11 +160,19 @@ class MujocoEngine:
         fits = rank < len(touching)
         touching[rank[fits], robot[fits]] = partner[fits]
 
-    def _padded(self, given: Shaped[Array, "B N ..."]) -> Shaped[np.ndarray, "B P ..."]:
-        """Values of robots with zeros, or false, for the places beyond them."""
-        values = np.asarray(given)
-        if self._capacity == values.shape[1]:
+    def _robots(self, values: Shaped[np.ndarray, "NM ..."]) -> Shaped[np.ndarray, "N ..."]:
+        """Those of robots."""
+        return values[: self._n_robots]
+
+    def _padded(self, values: Shaped[np.ndarray, "B NM ..."]) -> Shaped[np.ndarray, "B PM ..."]:
+        """Values of robots and boxes, with zeros, or false, for the places between them."""
+        if self._capacity == self._n_robots:
             return values
-        filled = np.zeros((len(values), self._capacity, *values.shape[2:]), values.dtype)
-        filled[:, : values.shape[1]] = values
+        filled = np.zeros((len(values), self._capacity + len(self._boxes), *values.shape[2:]), values.dtype)
+        filled[:, self._there] = values
         return filled
+
+    def _of_robots(self, given: Shaped[Array, "B N ..."]) -> Shaped[np.ndarray, "B P ..."]:
+        """Values of robots, with zeros, or false, for the places beyond them."""
+        values = np.asarray(given)
+        return np.pad(values, [(0, 0), (0, self._capacity - self._n_robots), *[(0, 0)] * (values.ndim - 2)])

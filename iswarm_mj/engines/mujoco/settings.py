@@ -18,6 +18,7 @@ class MujocoSettings(EngineSettings):
     """MuJoCo in C, on CPUs."""
 
     name: ClassVar[str] = "mujoco"
+    has_boxes: ClassVar[bool] = True
 
     threads: Annotated[int, Within(0, 1024)] = 0
     """Threads for the physics, 0 for one per core; the results do not depend on it."""

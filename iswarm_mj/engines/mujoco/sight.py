@@ -24,16 +24,22 @@ class Scene:
 
     def __init__(self, config: SwarmConfig, arena: ArenaModel, batch: Batch):
         self.config, self.robot, self._body, self._batch = config, arena.robot, arena.body, batch
-        n = len(arena.hull)
+        n = arena.n_robots
         self.object_of = np.full(arena.model.ngeom + 1, 2 * n + 1)
-        """Robot that a geom is, or a number from N on for a wall or an obstacle; the last entry stands for no hit."""
-        self.object_of[arena.hull] = np.arange(n)
-        solid = np.concatenate([arena.walls, arena.obstacles])
+        """Robot that a geom is, or a number from N on for what is none; the last entry stands for no hit."""
+        self.object_of[arena.hull[:n]] = np.arange(n)
+        solid = np.concatenate([arena.walls, arena.obstacles, arena.hull[n:]])
         self.object_of[solid] = n + np.arange(len(solid))
-        self.boxes = numbers(config.arena.obstacles, RD)
-        """(M, 6) of the obstacles."""
+        self._fixed, self._size = numbers(config.arena.obstacles, RD), numbers(config.arena.boxes, RD)[:, 4:]
         self.walls = arena.planes
         """(W, 3) see `utils.walls.half_planes` [mm]."""
+
+    def solid(self, boxes: Float[np.ndarray, "B M 3"]) -> Float[np.ndarray, "B OM 6"]:
+        """Return obstacles and boxes at these poses, see `utils.obstacles.numbers` [mm]."""
+        n_worlds, yaw = len(boxes), boxes[..., 2:]
+        size = np.broadcast_to(self._size, (n_worlds, *self._size.shape))
+        there = np.concatenate([boxes[..., :2], np.cos(yaw), np.sin(yaw), size], axis=-1)
+        return np.concatenate([np.broadcast_to(self._fixed, (n_worlds, *self._fixed.shape)), there], axis=1)
 
     def cast_rays(
         self,
@@ -52,7 +58,7 @@ class Scene:
 
         Returns:
             Share of the vector's length at the first hit, infinite for none; and what is hit: the index
-            of a robot, or a number from N on for a wall or an obstacle.
+            of a robot, or a number from N on for a wall, an obstacle or a box.
         """
         count = np.bincount(world, minlength=self._batch.nsim)
         ids = np.flatnonzero(count)
@@ -87,27 +93,33 @@ class Scene:
 
 
 def sense(
-    scene: Scene, poses: Float[np.ndarray, "B N 3"], emits: np.ndarray, is_present: Bool[np.ndarray, "B N"]
+    scene: Scene,
+    poses: Float[np.ndarray, "B N 3"],
+    boxes: Float[np.ndarray, "B M 3"],
+    emits: np.ndarray,
+    is_present: Bool[np.ndarray, "B N"],
 ) -> Sight:
     """Light of a control step.
 
     Args:
         scene: what rays meet.
-        poses: x, y [mm] and yaw [rad].
+        poses: x, y [mm] and yaw [rad] of the robots.
+        boxes: likewise.
         emits: (B, N) which robots send light, or the power of their LEDs; the others still stand in the way.
         is_present: the others do not take part.
     """
     if not is_present.all():
         away = _FAR * (1 + np.arange(poses.shape[1]))
         poses = np.where(is_present[..., None], poses, away[:, None])
-    links = find_links(poses, scene.robot, scene.config.optics, scene.reaches, emits * is_present, scene.boxes)
-    return Sight(links, find_walls(scene, poses, is_present))
+    solid = scene.solid(boxes)
+    links = find_links(poses, scene.robot, scene.config.optics, scene.reaches, emits * is_present, solid)
+    return Sight(links, find_walls(scene, poses, is_present, solid))
 
 
 def find_walls(
-    scene: Scene, poses: Float[np.ndarray, "B N 3"], is_present: Bool[np.ndarray, "B N"]
+    scene: Scene, poses: Float[np.ndarray, "B N 3"], is_present: Bool[np.ndarray, "B N"], solid: np.ndarray
 ) -> Bool[np.ndarray, "B N S"]:
-    """Whether a wall or an obstacle is the first thing on the axis of each LED, within range.
+    """Whether a wall, or one of what else is `solid`, is the first thing on the axis of each LED, within range.
 
     A LED that a robot presses slightly into a wall sees it too.
     """
@@ -115,19 +127,19 @@ def find_walls(
     sees = np.zeros((*poses.shape[:2], len(scene.robot.sides)), bool)
     reach = scene.robot.circumradius + length
     may_see = beyond(poses[..., :2], scene.walls) + reach > 0
-    if len(scene.boxes):
-        may_see |= distances(poses[..., :2].reshape(-1, 2), scene.boxes).reshape(may_see.shape) < reach
+    if solid.size:
+        may_see |= distances(poses[..., :2], solid) < reach
     world, robot = np.nonzero(may_see & is_present)
     leds = np.asarray(led_positions(poses[world, robot], scene.robot))
     outward = np.asarray(led_axes(poses[world, robot], scene.robot)) * length
     asked = beyond(leds + outward, scene.walls) > 0
-    if len(scene.boxes):  # rays tell
+    if solid.size:  # rays tell
         asked[:] = True
     near, _ = np.nonzero(asked)
     share, hit = scene.cast_rays(world[near], leds[asked], outward[asked], robot[near])
     found = beyond(leds, scene.walls) > 0
-    if len(scene.boxes):
-        found |= distances(leds.reshape(-1, 2), scene.boxes).reshape(found.shape) == 0
+    if solid.size:
+        found |= distances(leds, solid[world]) == 0
     found[asked] |= (share <= 1.0) & (hit >= poses.shape[1])
     sees[world, robot] = found
     return sees

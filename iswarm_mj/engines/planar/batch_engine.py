@@ -1,27 +1,28 @@
 """The planar engine for NVIDIA GPUs: Warp's kernels inside a program compiled by JAX, all worlds at once."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
+import numpy as np
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight, take_phases
+from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight, take_phases, with_still
 from iswarm_mj.engines.planar.gpu import physics, sight, surroundings
 from iswarm_mj.engines.planar.gpu.cells import n_cells
 from iswarm_mj.engines.planar.gpu.functions import jax_kernel, words_of
 from iswarm_mj.engines.planar.gpu.memory import shared_bytes
 from iswarm_mj.engines.planar.in_sight import search_radius
 from iswarm_mj.engines.planar.physics import SKIN
-from iswarm_mj.engines.planar.plane import FINEST, Plane, read_plane, solids_of
+from iswarm_mj.engines.planar.plane import FINEST, FIXED, Kind, Plane, read_kinds, read_plane, solids_of, with_boxes
 from iswarm_mj.engines.planar.reception import Light, points_of, read_light
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.robot import Robot
 
 ROBOTS_PER_WARP = 70
@@ -34,18 +35,22 @@ class PlanarBatchEngine:
     """`CompiledEngine` of B worlds at once.
 
     Attributes:
-        plane: robots and arena.
+        plane: the arena.
+        kinds: of the robots and of each box, see `plane.read_kinds`.
         light: optics.
         robot: geometry.
         on_gpu: for NVIDIA GPUs; on a CPU worlds are computed one after the other.
         solids: walls and obstacles, see `plane.solids_of` [mm].
+        start: x, y [mm] and yaw [rad] at which boxes start.
     """
 
     plane: Plane = field(metadata={"static": True})
+    kinds: tuple[Kind, ...] = field(metadata={"static": True})
     light: Light = field(metadata={"static": True})
     robot: Robot = field(metadata={"static": True})
     on_gpu: bool = field(metadata={"static": True})
     solids: tuple[tuple[float, ...], ...] = field(metadata={"static": True})
+    start: tuple[tuple[float, ...], ...] = field(metadata={"static": True})
 
     def mapping(self, platform: str) -> Mapping:
         """See `CompiledEngine.mapping`."""
@@ -53,36 +58,45 @@ class PlanarBatchEngine:
 
     def place(self, poses: Float[Array, "B N 3"], is_present: Bool[Array, "B N"]) -> FreeBodies:
         """See `Engine.place`."""
-        return FreeBodies(jnp.asarray(poses, jnp.float32), jnp.zeros(poses.shape, jnp.float32), jnp.asarray(is_present))
+        start = np.reshape(self.start, (-1, 3))
+        poses, is_present = with_still(jnp.asarray(poses, jnp.float32), jnp.asarray(is_present), start)
+        return FreeBodies(poses, jnp.zeros_like(poses), is_present)
 
     def poses(self, bodies: FreeBodies) -> Float[Array, "B N 3"]:
         """See `Engine.poses`."""
-        return bodies.poses
+        return bodies.poses[:, : self._n_robots(bodies)]
+
+    def boxes(self, bodies: FreeBodies) -> Float[Array, "B M 3"]:
+        """See `PushingEngine.boxes`."""
+        return bodies.poses[:, self._n_robots(bodies) :]
+
+    def _n_robots(self, bodies: FreeBodies) -> int:
+        return bodies.poses.shape[1] - len(self.start)
 
     def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
-        n_worlds, n_robots = bodies.is_present.shape
-        is_present = bodies.is_present & is_running[:, None]
+        n_worlds, n_robots = len(bodies.poses), self._n_robots(bodies)
+        is_present = bodies.is_present[:, :n_robots] & is_running[:, None]
         n_threads, radius = self._threads(n_robots), search_radius(self.light, self.plane)
         plane, light = words_of(self.plane), words_of(self.light)
         emits = jnp.asarray(emits, jnp.float32)
         points = jnp.asarray(points_of(self.robot), jnp.float32)
         grid = n_cells(self.plane.edge, radius, n_robots)
         place, end, robot, _ = self._kernel(surroundings.sort_robots, n_threads, 4)(
-            bodies.poses,
+            self.poses(bodies),
             is_present,
             plane,
             launch_dims=n_worlds * n_threads,
             output_dims=surroundings.cell_places(n_worlds, n_robots, grid, n_threads),
         )
-        n_sides = len(self.robot.sides)
+        n_sides, solids = len(self.robot.sides), with_boxes(self._solids(), self.boxes(bodies), self.kinds)
         near = self._kernel(surroundings.look_around, None, 3)(
             *(place, end, robot, emits, is_present, plane, light, points, radius),
             launch_dims=(n_worlds, n_robots),
-            output_dims=surroundings.near_places(n_worlds, n_robots, radius, self.plane),
+            output_dims=surroundings.near_places(n_worlds, n_robots, radius, self.kinds[0]),
         )
         *links, sees_wall = self._kernel(sight.find_light, None, 6)(
-            *(place, robot, is_present, plane, light, points, self._solids(), *near),
+            *(place, robot, is_present, plane, self._table(n_robots), light, points, solids, *near),
             launch_dims=(n_worlds, n_robots, n_sides),
             output_dims=sight.light_places(n_worlds, n_robots, n_sides, self.light.n_senders),
         )
@@ -92,21 +106,19 @@ class PlanarBatchEngine:
 
     def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
-        return take_phases(
-            bodies, phases, is_running, self._solids()[: self.plane.n_walls, :3], self.robot, self._take_steps
-        )
+        walls, n_robots = self._solids()[: self.plane.n_walls, :3], self._n_robots(bodies)
+        return take_phases(bodies, phases, is_running, walls, self.robot, n_robots, self._take_steps)
 
     def _take_steps(
         self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[FreeBodies, Array, Array]:
         """See `Take`."""
-        n_worlds, n_robots = bodies.is_present.shape
-        radius = 2 * math.hypot(self.plane.half_x, self.plane.half_y) + SKIN
-        n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, radius, n_robots)
-        n_boxes = len(self.solids) - self.plane.n_walls
-        sizes = physics.places(touching.shape, self.plane.n_walls, n_boxes, grid, n_threads)
+        (n_worlds, n_bodies), n_robots, n_walls = bodies.is_present.shape, self._n_robots(bodies), self.plane.n_walls
+        n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, 2 * self.plane.radius + SKIN, n_robots)
+        rooms = physics.rooms(n_robots, n_bodies - n_robots, n_walls, len(self.solids) - n_walls)
+        sizes = physics.places(touching.shape, n_bodies, grid, n_threads, rooms)
         touching, poses, velocity, failure, *_ = self._kernel(
-            physics.take_steps_in(shared_bytes(n_robots)), n_threads, len(sizes), "touching"
+            physics.take_steps_in(shared_bytes(n_bodies)), n_threads, len(sizes), "touching"
         )(
             bodies.poses,
             bodies.velocity,
@@ -114,10 +126,11 @@ class PlanarBatchEngine:
             bodies.is_present,
             runs,
             words_of(self.plane),
+            self._table(n_robots),
             self._solids(),
             n_substeps * self.plane.refinement,
             grid,
-            *physics.rooms(n_robots, self.plane.n_walls, n_boxes),
+            *rooms,
             touching,
             launch_dims=n_worlds * n_threads,
             output_dims=sizes,
@@ -127,6 +140,11 @@ class PlanarBatchEngine:
     def _kernel(self, function: Callable, n_threads: int | None, n_outputs: int, *in_out: str) -> Any:
         """A kernel as a function of JAX's arrays; `in_out` names arguments that are changed in place."""
         return jax_kernel(function, self.on_gpu, n_threads, n_outputs, *in_out)
+
+    def _table(self, n_robots: int) -> Int[np.ndarray, "W"]:
+        """Kinds of N robots, of the boxes and of what is fixed, in words."""
+        robot, *boxes = self.kinds
+        return words_of(*[robot] * n_robots, *boxes, FIXED)
 
     def _solids(self) -> Float[Array, "WM 6"]:
         """Walls and obstacles as an array."""
@@ -142,7 +160,7 @@ def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str, tolerance
 
     Args:
         arena: compiled; any number of its robots stands for all.
-        config: optics and obstacles.
+        config: optics, obstacles and boxes.
         platform: of the devices, as JAX calls it.
         tolerance: see `read_plane`.
 
@@ -150,5 +168,6 @@ def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str, tolerance
         UserError: the model has features that this engine does not simulate.
     """
     solids = tuple(map(tuple, solids_of(arena, config.arena.obstacles).tolist()))
-    light = read_light(arena.robot, config.optics)
-    return PlanarBatchEngine(read_plane(arena, tolerance), light, arena.robot, platform != "cpu", solids)
+    start = tuple(map(tuple, poses_of(config.arena.boxes).tolist()))
+    light, kinds = read_light(arena.robot, config.optics), read_kinds(arena)
+    return PlanarBatchEngine(read_plane(arena, tolerance), kinds, light, arena.robot, platform != "cpu", solids, start)

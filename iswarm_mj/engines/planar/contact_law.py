@@ -37,8 +37,6 @@ class ContactLaw(NamedTuple):
     """Share of the width at which the impedance's curvature changes its sign."""
     power: float
     """Of the impedance's polynomials."""
-    inverse_weight: float
-    """Sum of both bodies' translational `invweight0`, MuJoCo's estimate of J M^-1 J^T [1/mg]."""
 
 
 @register_jitable
@@ -62,6 +60,10 @@ def regularisation(impedance: float, inverse_weight: float) -> float:
     """R = (1 - d) / d times the estimate of J M^-1 J^T [1/mg], of one row in place of the two at both rims.
 
     Each of the two rows would have R; together they yield like one with R / 2.
+
+    Args:
+        impedance: d.
+        inverse_weight: sum of both bodies' translational `invweight0`, MuJoCo's estimate [1/mg].
     """
     return max(_MIN_VALUE, (1.0 - impedance) / impedance * inverse_weight) / 2.0
 
@@ -119,9 +121,10 @@ def velocity_change(
     arm2: float,
     lever1: float,
     lever2: float,
-    mass: float,
-    inertia: float,
-    radius: float,
+    mass1: float,
+    swing1: float,
+    mass2: float,
+    swing2: float,
 ) -> float:
     """By how much two impulses at most change the velocity of a point of either body [mm/s].
 
@@ -134,9 +137,11 @@ def velocity_change(
         arm2: likewise of the second row.
         lever1: of the first row, at the second body [mm].
         lever2: likewise of the second row.
-        mass: inverse, of a body that moves [1/mg].
-        inertia: likewise [1/(mg mm^2)].
-        radius: largest distance of a body's points from its centre [mm].
+        mass1: inverse mass of the first body [1/mg].
+        swing1: its inverse inertia times its radius [1/(mg mm)].
+        mass2: inverse mass of the second body.
+        swing2: likewise.
     """
-    twist = max(abs(arm1 * d1 + arm2 * d2), abs(lever1 * d1 + lever2 * d2))
-    return mass * abs(d1 + d2) + inertia * radius * twist
+    push = abs(d1 + d2)
+    first = mass1 * push + swing1 * abs(arm1 * d1 + arm2 * d2)
+    return max(first, mass2 * push + swing2 * abs(lever1 * d1 + lever2 * d2))

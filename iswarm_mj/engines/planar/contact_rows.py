@@ -5,12 +5,13 @@ w1; arm and lever are the vector products of the point's position, seen from the
 normal n. H = J M^-1 J^T + R.
 """
 
+import math
 from typing import NamedTuple
 
 from iswarm_mj.engines.planar.contact_geometry import rectangle_contact, separation, wall_contact
 from iswarm_mj.engines.planar.contact_law import ContactLaw, impedance, offset, regularisation, two_impulses
 from iswarm_mj.engines.planar.kinds import Place, Table, Velocity, shared
-from iswarm_mj.engines.planar.plane import Plane
+from iswarm_mj.engines.planar.plane import Kind
 
 
 class Touch(NamedTuple):
@@ -54,41 +55,39 @@ def gap_to_wall(p: Place, wall: int, solids: Table) -> float:
 
 
 @shared
-def meets_wall(p: Place, wall: int, solids: Table, plane: Plane) -> bool:
-    """Whether a robot reaches beyond a wall."""
+def meets_wall(p: Place, wall: int, solids: Table, kind: Kind) -> bool:
+    """Whether a body reaches beyond a wall."""
     gap = gap_to_wall(p, wall, solids)
-    if gap >= plane.radius:
+    if gap >= kind.radius:
         return False
     nx, ny = solids[wall, 0], solids[wall, 1]
-    return gap < plane.half_x * abs(p[2] * nx + p[3] * ny) + plane.half_y * abs(p[2] * ny - p[3] * nx)
+    return gap < kind.half_x * abs(p[2] * nx + p[3] * ny) + kind.half_y * abs(p[2] * ny - p[3] * nx)
 
 
 @shared
-def overlaps(p: Place, hx: float, hy: float, radius: float, q: Place, plane: Plane) -> bool:
-    """Whether a robot at q overlaps a rectangle at p with half edges (hx, hy), `radius` that of its circumcircle."""
+def overlaps(p: Place, hx: float, hy: float, radius: float, q: Place, kind: Kind) -> bool:
+    """Whether a body at q overlaps a rectangle at p with half edges (hx, hy), `radius` that of its circumcircle."""
     dx, dy = q[0] - p[0], q[1] - p[1]
-    if dx * dx + dy * dy >= (radius + plane.radius) * (radius + plane.radius):
+    if dx * dx + dy * dy >= (radius + kind.radius) * (radius + kind.radius):
         return False
-    gap, _ = separation(dx, dy, p[2], p[3], q[2], q[3], hx, hy, plane.half_x, plane.half_y)
+    gap, _ = separation(dx, dy, p[2], p[3], q[2], q[3], hx, hy, kind.half_x, kind.half_y)
     return gap < 0.0
 
 
 @shared
-def touch_wall(p: Place, wall: int, solids: Table, plane: Plane) -> Touch:
-    """How a robot touches a wall."""
+def touch_wall(p: Place, wall: int, solids: Table, kind: Kind) -> Touch:
+    """How a body touches a wall."""
     nx, ny = -solids[wall, 0], -solids[wall, 1]
     gap = gap_to_wall(p, wall, solids)
-    x1, y1, d1, x2, y2, d2 = wall_contact(gap, nx, ny, p[2], p[3], plane.half_x, plane.half_y)
+    x1, y1, d1, x2, y2, d2 = wall_contact(gap, nx, ny, p[2], p[3], kind.half_x, kind.half_y)
     return Touch(nx, ny, 0.0, 0.0, x1 * ny - y1 * nx, x2 * ny - y2 * nx, d1, d2)
 
 
 @shared
-def touch_box(p: Place, hx: float, hy: float, is_fixed: bool, q: Place, plane: Plane) -> Touch:
-    """How a robot at q touches another one, or an obstacle that is fixed, at p with half edges (hx, hy)."""
+def touch_box(p: Place, hx: float, hy: float, is_fixed: bool, q: Place, kind: Kind) -> Touch:
+    """How a body at q touches another one, or an obstacle that is fixed, at p with half edges (hx, hy)."""
     dx, dy = q[0] - p[0], q[1] - p[1]
-    nx, ny, x1, y1, d1, x2, y2, d2 = rectangle_contact(
-        dx, dy, p[2], p[3], q[2], q[3], hx, hy, plane.half_x, plane.half_y
-    )
+    nx, ny, x1, y1, d1, x2, y2, d2 = rectangle_contact(dx, dy, p[2], p[3], q[2], q[3], hx, hy, kind.half_x, kind.half_y)
     arm1, arm2 = x1 * ny - y1 * nx, x2 * ny - y2 * nx
     if is_fixed:
         arm1, arm2 = 0.0, 0.0
@@ -96,7 +95,7 @@ def touch_box(p: Place, hx: float, hy: float, is_fixed: bool, q: Place, plane: P
 
 
 @shared
-def rows_of(touch: Touch, v1: Velocity, v2: Velocity, law: ContactLaw, timestep: float) -> Rows:
+def rows_of(touch: Touch, v1: Velocity, v2: Velocity, law: ContactLaw, inverse_weight: float, timestep: float) -> Rows:
     """Rows of a contact.
 
     Args:
@@ -104,6 +103,7 @@ def rows_of(touch: Touch, v1: Velocity, v2: Velocity, law: ContactLaw, timestep:
         v1: velocity of the first body before the step.
         v2: of the second one.
         law: of the contact.
+        inverse_weight: see `regularisation` [1/mg].
         timestep: [s].
     """
     along = touch.nx * (v2[0] - v1[0]) + touch.ny * (v2[1] - v1[1])
@@ -118,7 +118,7 @@ def rows_of(touch: Touch, v1: Velocity, v2: Velocity, law: ContactLaw, timestep:
         if distance < 0.0:
             depth = max(depth, -distance)
             d = impedance(distance, law)
-            softness = regularisation(d, law.inverse_weight)
+            softness = regularisation(d, inverse_weight)
             shift = offset(d, distance, along + lever * v2[2] - arm * v1[2], law, timestep)
             if n_rows == 0:
                 arm1, lever1, offset1, softness1 = arm, lever, shift, softness
@@ -126,6 +126,44 @@ def rows_of(touch: Touch, v1: Velocity, v2: Velocity, law: ContactLaw, timestep:
                 arm2, lever2, offset2, softness2 = arm, lever, shift, softness
             n_rows += 1
     return Rows(n_rows, touch.nx, touch.ny, arm1, arm2, lever1, lever2, offset1, offset2, softness1, softness2, depth)
+
+
+_DIAGONAL, _EDGE = math.sqrt(0.5), math.sqrt(2.0) - 1.0
+CREEP = 1e-4
+"""Share of its free velocity with which a body creeps that MuJoCo's friction of a joint holds: (1 - d) / d of the
+largest impedance d. In the plane four such rows share the load, which halves it."""
+
+
+@shared
+def held(kind: Kind, v: Velocity, x: float, y: float, turn: float) -> tuple[float, float, float]:
+    """Impulses of the floor's friction on a body that stop it, as far as friction can [mg mm/s, mg mm^2/s].
+
+    Those in the plane lie in a regular octagon, see `engines.arena`: if more would be needed, at its nearest point.
+
+    Args:
+        kind: of the body.
+        v: its velocity with these impulses so far.
+        x: impulse along x so far.
+        y: along y.
+        turn: about the vertical axis.
+    """
+    yields = 1.0 + 0.5 * CREEP
+    ahead, left = (x - v[0] / kind.inverse_mass) / yields, (y - v[1] / kind.inverse_mass) / yields
+    a, b, grip = abs(ahead), abs(left), float(kind.grip)
+    slant = _DIAGONAL * (a + b)
+    if max(a, b) <= slant and slant > grip:
+        aside = min(max(_DIAGONAL * (b - a), -_EDGE * grip), _EDGE * grip)
+        a, b = _DIAGONAL * (grip - aside), _DIAGONAL * (grip + aside)
+    elif a > grip and a > slant:
+        a, b = grip, min(b, _EDGE * grip)
+    elif b > grip and b > slant:
+        a, b = min(a, _EDGE * grip), grip
+    if ahead < 0.0:
+        a = -a
+    if left < 0.0:
+        b = -b
+    turned = (turn - v[2] / kind.inverse_inertia) / (1.0 + CREEP)
+    return a, b, min(max(turned, -kind.twist), kind.twist)
 
 
 @shared

@@ -10,13 +10,14 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases
+from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases, with_still
 from iswarm_mj.engines.planar.physics import Bodies, take_steps
-from iswarm_mj.engines.planar.plane import FINEST, read_plane, solids_of
+from iswarm_mj.engines.planar.plane import FINEST, read_kinds, read_plane, solids_of, table_of, with_boxes
 from iswarm_mj.engines.planar.reception import points_of, read_light
 from iswarm_mj.engines.planar.sight import empty_sight, sense
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.obstacles import poses_of
 
 _SHARES = 4  # of the worlds for each thread, so that none waits long for another
 
@@ -33,7 +34,7 @@ class PlanarEngine:
         """Read the model.
 
         Args:
-            config: optics and obstacles.
+            config: optics, obstacles and boxes.
             arena: compiled; any number of its robots stands for all.
             n_threads: threads, 0 for one a core.
             tolerance: see `read_plane`.
@@ -41,29 +42,37 @@ class PlanarEngine:
         Raises:
             UserError: the model has features that this engine does not simulate.
         """
-        self.plane, self.robot = read_plane(arena, tolerance), arena.robot
+        self.plane, self.kinds, self.robot = read_plane(arena, tolerance), read_kinds(arena), arena.robot
         self._light, self._points = read_light(arena.robot, config.optics), points_of(arena.robot)
-        self._solids = solids_of(arena, config.arena.obstacles)
+        self._solids, self._boxes = solids_of(arena, config.arena.obstacles), poses_of(config.arena.boxes)
         self._n_threads = n_threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
 
     def place(self, poses: Float[Array, "B N 3"], is_present: Bool[Array, "B N"]) -> Bodies:
         """See `Engine.place`."""
-        poses = np.array(poses, float)
-        return Bodies(poses, np.zeros_like(poses), np.array(is_present, bool), np.zeros(len(poses)))
+        there = with_still(np.asarray(poses, float), np.asarray(is_present, bool), self._boxes)
+        poses, is_present = map(np.array, there)
+        return Bodies(poses, np.zeros_like(poses), is_present, np.zeros(len(poses)))
 
     def poses(self, bodies: Bodies) -> Float[np.ndarray, "B N 3"]:
         """See `Engine.poses`."""
-        return bodies.poses
+        return bodies.poses[:, : self._n_robots(bodies)]
+
+    def boxes(self, bodies: Bodies) -> Float[np.ndarray, "B M 3"]:
+        """See `PushingEngine.boxes`."""
+        return bodies.poses[:, self._n_robots(bodies) :]
+
+    def _n_robots(self, bodies: Bodies) -> int:
+        return bodies.poses.shape[1] - len(self._boxes)
 
     def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
-        n_worlds, n_robots = bodies.is_present.shape
+        n_worlds, n_robots = len(bodies.poses), self._n_robots(bodies)
         sight = empty_sight(n_worlds, n_robots, len(self.robot.sides), self._light.n_senders)
         worlds, emits = np.flatnonzero(is_running), np.array(emits, float)  # a copy: JAX's arrays are of another type
-        self._spread(
-            sense, worlds, bodies.poses, emits, bodies.is_present, sight, self._light, self._points, self._solids
-        )
+        solids = with_boxes(self._solids, self.boxes(bodies), self.kinds)
+        lit = emits, bodies.is_present, sight, self._light, self._points
+        self._spread(sense, worlds, bodies.poses, *lit, solids, table_of(self.kinds, n_robots))
         if self._light.n_senders > 1:
             return sight
         return sight._replace(links=Links(*(values[..., 0] for values in sight.links)))
@@ -71,9 +80,8 @@ class PlanarEngine:
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
         bodies = bodies._replace(overlap=np.zeros(len(is_running)))
-        return take_phases(
-            bodies, phases, is_running, self._solids[: self.plane.n_walls, :3], self.robot, self._take_steps
-        )
+        walls, n_robots = self._solids[: self.plane.n_walls, :3], self._n_robots(bodies)
+        return take_phases(bodies, phases, is_running, walls, self.robot, n_robots, self._take_steps)
 
     def _take_steps(
         self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
@@ -81,7 +89,8 @@ class PlanarEngine:
         """See `Take`."""
         new, failure = Bodies(*(part.copy() for part in bodies)), np.zeros(len(runs), np.int32)
         arguments = n_substeps * self.plane.refinement, new, np.ascontiguousarray(targets, float), touching
-        self._spread(take_steps, np.flatnonzero(runs), *arguments, failure, self._solids)
+        kinds = table_of(self.kinds, self._n_robots(bodies))
+        self._spread(take_steps, np.flatnonzero(runs), *arguments, failure, self._solids, kinds)
         return new, touching, failure
 
     def _spread(self, function: Callable[..., None], worlds: Int[np.ndarray, "W"], *arguments: Any) -> None:

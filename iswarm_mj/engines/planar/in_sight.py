@@ -1,16 +1,16 @@
 """Which sender a side hears and whether it sees a wall, in closed form: the rules for one side of a robot. Units: mm.
 
-Each side hears the senders of least effective distance that no third robot and no obstacle hides; of equal ones that of
-lowest index comes first. Links do not end at walls: the arena is convex, and what little of a robot is pressed into a
-wall stays visible. A wall or an obstacle is in sight where it is the first thing on the axis of a LED; one that a robot
-presses slightly into it sees it too.
+Each side hears the senders of least effective distance that no third robot, obstacle or box hides; of equal ones that
+of lowest index comes first. Links do not end at walls: the arena is convex, and what little of a robot is pressed into
+a wall stays visible. A wall, an obstacle or a box is in sight where it is the first thing on the axis of a LED; one
+that a robot presses slightly into it sees it too.
 """
 
 import math
 from typing import NamedTuple
 
 from iswarm_mj.engines.planar.contact_rows import gap_to_wall
-from iswarm_mj.engines.planar.kinds import Codes, Place, Places, Table, place_of, shared
+from iswarm_mj.engines.planar.kinds import Codes, Kinds, Place, Places, Table, place_of, shared
 from iswarm_mj.engines.planar.plane import Plane
 from iswarm_mj.engines.planar.ray_geometry import is_crossed, meets_line, meets_rectangle
 from iswarm_mj.engines.planar.reception import Light, receive
@@ -35,6 +35,8 @@ class View(NamedTuple):
     """Number of robots at the beginning of its column among which are all whose light arrives."""
     n_near: int
     """Number of robots near it."""
+    kinds: Kinds
+    """Of all robots."""
 
 
 @shared
@@ -82,7 +84,7 @@ def next_in_sight(
         light: optics.
         points: see `reception.points_of`.
         plane: robots and walls.
-        solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
+        solids: (W + M, 6) walls, obstacles and boxes, see `plane.with_boxes`.
 
     Returns:
         Effective distance and code; a code of -1 if there is none.
@@ -105,7 +107,7 @@ def next_in_sight(
 
 @shared
 def is_clear(view: View, side: int, code: int, light: Light, points: Table, plane: Plane, solids: Table) -> bool:
-    """Whether neither a third robot nor an obstacle blocks the light that a side receives; arguments as above."""
+    """Whether no third robot, obstacle or box blocks the light that a side receives; arguments as above."""
     sender, clear = code >> 6, bool(True)
     p, q = place_of(view.places, view.i), place_of(view.places, sender)
     x, y = turned(p, points, points.shape[0] // 5 + side)
@@ -120,7 +122,8 @@ def is_clear(view: View, side: int, code: int, light: Light, points: Table, plan
         is_third = view.near[k, view.column] >> 6 != sender
         # Only if its circumcircle is in the way.
         if is_third and abs(across) <= spare and behind <= spare and behind >= -squared - spare:
-            clear = clear and not is_crossed(ox, oy, vx, vy, third[2], third[3], plane.half_x, plane.half_y)
+            kind = view.kinds[view.near[k, view.column] >> 6]
+            clear = clear and not is_crossed(ox, oy, vx, vy, third[2], third[3], kind.half_x, kind.half_y)
     for m in range(plane.n_walls, solids.shape[0]):
         ox, oy = p[0] + x - solids[m, 0], p[1] + y - solids[m, 1]
         clear = clear and not is_crossed(ox, oy, vx, vy, solids[m, 2], solids[m, 3], solids[m, 4], solids[m, 5])
@@ -141,7 +144,7 @@ def link_to(view: View, code: int, light: Light, points: Table) -> tuple[float, 
 
 @shared
 def sees_wall(view: View, side: int, light: Light, points: Table, plane: Plane, solids: Table) -> bool:
-    """Whether a wall or an obstacle is the first thing on the axis of a side's LED."""
+    """Whether a wall, an obstacle or a box is the first thing on the axis of a side's LED."""
     p, reach = place_of(view.places, view.i), light.wall_reach
     within = reach + plane.radius
     is_near = bool(False)
@@ -168,9 +171,9 @@ def sees_wall(view: View, side: int, light: Light, points: Table, plane: Plane, 
     sees = share <= 1.0
     if share > 0.0 and share <= 1.0:
         for k in range(view.n_near):
-            q = place_of(view.places, view.near[k, view.column] >> 6)
+            q, kind = place_of(view.places, view.near[k, view.column] >> 6), view.kinds[view.near[k, view.column] >> 6]
             ox, oy = x - (q[0] - p[0]), y - (q[1] - p[1])
-            sees = sees and meets_rectangle(ox, oy, vx, vy, q[2], q[3], plane.half_x, plane.half_y) >= share
+            sees = sees and meets_rectangle(ox, oy, vx, vy, q[2], q[3], kind.half_x, kind.half_y) >= share
     return sees
 
 

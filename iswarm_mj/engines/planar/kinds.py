@@ -22,6 +22,8 @@ Places = Annotated[np.ndarray, "N 4"]
 """One `Place` of each robot."""
 Table = Annotated[np.ndarray, "float K M"]
 Codes = Annotated[np.ndarray, "int K M"]
+Kinds = Annotated[np.ndarray, "kinds N"]
+"""One `plane.Kind` of each body."""
 
 
 @shared

@@ -9,7 +9,7 @@ from iswarm_mj.engines.planar.compiled import cached, compiled
 from iswarm_mj.engines.planar.contacts import CONTACT, find_contacts
 from iswarm_mj.engines.planar.near_pairs import near_pairs, set_places
 from iswarm_mj.engines.planar.plane import Plane
-from iswarm_mj.engines.planar.solver import begin_as, solve
+from iswarm_mj.engines.planar.solver import begin_as, rub, solve
 from iswarm_mj.utils.errors import FaultKind
 
 SKIN = 1.5
@@ -20,16 +20,16 @@ _FAILED = int(FaultKind.SOLVER_FAILED)
 
 
 class Bodies(NamedTuple):
-    """Mechanical state of B worlds with N robots."""
+    """Mechanical state of B worlds with N robots and M boxes, in this order."""
 
     poses: np.ndarray
-    """(B, N, 3) x, y [mm] and yaw [rad]."""
+    """(B, N + M, 3) x, y [mm] and yaw [rad]."""
     velocities: np.ndarray
-    """(B, N, 3) [mm/s, mm/s, rad/s]."""
+    """(B, N + M, 3) [mm/s, mm/s, rad/s]."""
     is_present: np.ndarray
-    """(B, N) bool; the others stay where they are, and touch and hide nothing."""
+    """(B, N + M) bool; the others stay where they are, and touch and hide nothing."""
     overlap: np.ndarray
-    """(B,) deepest overlap of robots with each other and with walls since the latest control step began [mm]."""
+    """(B,) deepest overlap of bodies with each other and with walls since the latest control step began [mm]."""
 
 
 @cached
@@ -41,6 +41,7 @@ def take_steps(
     touching: np.ndarray,
     failure: np.ndarray,
     solids: np.ndarray,
+    kinds: np.ndarray,
     plane: Plane,
 ) -> None:
     """Take physics steps of some of B worlds in place.
@@ -49,11 +50,12 @@ def take_steps(
         worlds: indices of these worlds.
         n_substeps: number of physics steps.
         bodies: state, changed.
-        targets: (B, N, 3) set points of the servos [mm/s, mm/s, rad/s].
+        targets: (B, N + M, 3) set points of the servos [mm/s, mm/s, rad/s].
         touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are added.
         failure: (B,) output, bits of `FaultKind`; where the contact solver fails, that ends the steps of the world.
-        solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
-        plane: robots and arena.
+        solids: (W + O, 6) walls and obstacles, see `plane.solids_of`.
+        kinds: (N + M + 1,) see `plane.table_of`.
+        plane: the arena.
     """
     for world in worlds:
         failure[world] = _take_steps(
@@ -67,35 +69,49 @@ def take_steps(
             targets[world],
             touching[world],
             solids,
+            kinds,
             plane,
         )
 
 
 @compiled
 def _take_steps(
-    n_substeps: int, bodies: Bodies, targets: np.ndarray, touching: np.ndarray, solids: np.ndarray, plane: Plane
+    n_substeps: int,
+    bodies: Bodies,
+    targets: np.ndarray,
+    touching: np.ndarray,
+    solids: np.ndarray,
+    kinds: np.ndarray,
+    plane: Plane,
 ) -> int:
     """As `take_steps`, of one world, without an axis of worlds; return bits of `FaultKind`."""
-    n_robots = len(bodies.poses)
-    velocities = np.zeros((n_robots + 1, 3))  # the last row is that of the walls
+    n_bodies, n_robots = len(bodies.poses), touching.shape[1]
+    velocities = np.zeros((n_bodies + 1, 3))  # the last row is that of the walls
     _copy(bodies.velocities, velocities)
-    places = np.empty((n_robots, 4))
+    rubs, places = np.zeros((n_bodies, 3)), np.empty((n_bodies, 4))
     set_places(bodies.poses, places)
     pairs, contacts, solved = np.empty((0, 2), np.int64), np.empty(0, CONTACT), np.empty(0, CONTACT)
     moved = np.inf
     for _ in range(n_substeps):
         if 2.0 * moved > SKIN:
-            pairs, moved = near_pairs(places, bodies.is_present, 2.0 * plane.radius + SKIN, plane.edge), 0.0
-            contacts = np.empty(len(pairs) + len(solids) * n_robots, CONTACT)
-        n_contacts = find_contacts(pairs, places, velocities, bodies.is_present, plane, solids, contacts)
+            pairs, moved = near_pairs(places[:n_robots], bodies.is_present, 2.0 * plane.radius + SKIN, plane.edge), 0.0
+            contacts = np.empty(len(pairs) + (len(solids) + n_bodies - n_robots) * n_bodies, CONTACT)
+        n_contacts = find_contacts(
+            pairs, n_robots, places, velocities, bodies.is_present, kinds, plane, solids, contacts
+        )
         found = contacts[:n_contacts]
         for contact in found:
             bodies.overlap[0] = max(bodies.overlap[0], contact.depth)
-        for i in range(n_robots):
-            for k in range(3):
-                velocities[i, k] += plane.servo[k] * (targets[i, k] - velocities[i, k])
-        begin_as(solved, found, velocities, plane)
-        if not solve(found, velocities, plane):
+        for i in range(n_bodies):
+            kind = kinds[i]
+            velocities[i, 0] += kind.drive_x * (targets[i, 0] - velocities[i, 0])
+            velocities[i, 1] += kind.drive_y * (targets[i, 1] - velocities[i, 1])
+            velocities[i, 2] += kind.drive_yaw * (targets[i, 2] - velocities[i, 2])
+        rubs[:] = 0.0
+        for box in range(n_robots, n_bodies):
+            rub(box, velocities, rubs, kinds)
+        begin_as(solved, found, velocities, rubs, kinds)
+        if not solve(found, velocities, rubs, kinds, plane):
             return _FAILED
         solved = found.copy()
         moved += _integrate(bodies, places, velocities, plane.timestep)

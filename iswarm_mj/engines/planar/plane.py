@@ -1,7 +1,8 @@
-"""What the robots of a model have in common, read from MuJoCo's model as plain numbers."""
+"""The kinds of bodies of a model, and what they have in common, read from MuJoCo's model as plain numbers."""
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import mujoco
@@ -11,6 +12,7 @@ from jaxtyping import Float
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.requirements import check_model
+from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.obstacles import Obstacle, numbers
 from iswarm_mj.utils.units import RD
 
@@ -23,11 +25,11 @@ FINEST = 2e-5
 floats reach a fifth of it."""
 
 
-class Plane(NamedTuple):
-    """Robots that slide and turn in the plane between walls. Units: mm, mg, s."""
+class Kind(NamedTuple):
+    """What a body is: its hull, its mass, how it is driven, how it rubs on the floor. Units: mm, mg, s."""
 
     half_x: float
-    """Half the length of a robot's hull."""
+    """Half the length of its hull."""
     half_y: float
     """Half its width."""
     radius: float
@@ -35,8 +37,27 @@ class Plane(NamedTuple):
     inverse_mass: float
     inverse_inertia: float
     """About the vertical axis [1/(mg mm^2)]."""
-    servo: tuple[float, float, float]
-    """Share of the difference to its set point by which the servo of x, y or yaw changes a velocity in a step."""
+    inverse_weight: float
+    """Its translational `invweight0`, MuJoCo's estimate of J M^-1 J^T [1/mg]."""
+    drive_x: float
+    """Share of the difference to its set point by which its drive changes a velocity in a step; 0 without a drive."""
+    drive_y: float
+    drive_yaw: float
+    grip: float
+    """Largest impulse of the floor's friction in a step [mg mm/s], see `contact_rows.held`; 0 without friction."""
+    twist: float
+    """Its largest moment of momentum [mg mm^2/s]."""
+
+
+FIXED = Kind(*[0.0] * len(Kind._fields))
+"""Walls, obstacles and floor, as one body."""
+
+
+class Plane(NamedTuple):
+    """What bodies that slide and turn in the plane between walls have in common. Units: mm, mg, s."""
+
+    radius: float
+    """Of the circumcircle of a robot."""
     edge: float
     """Half the edge of the square around the walls, whose cells robots are sorted into."""
     n_walls: int
@@ -46,6 +67,7 @@ class Plane(NamedTuple):
     refinement: int
     """Its time steps in a physics step of the drive's configuration."""
     between_robots: ContactLaw
+    """Of robots and boxes with each other."""
     at_walls: ContactLaw
     tolerance: float = FINEST
     """Largest change of a velocity by a contact in the last sweep of the contact solver [mm/s]."""
@@ -54,7 +76,7 @@ class Plane(NamedTuple):
 
 
 def read_plane(arena: ArenaModel, tolerance: float = FINEST) -> Plane:
-    """Read what moves the robots of a compiled arena and keeps them apart.
+    """Read what keeps the bodies of a compiled arena apart.
 
     Args:
         arena: compiled; any number of its robots stands for all.
@@ -64,25 +86,54 @@ def read_plane(arena: ArenaModel, tolerance: float = FINEST) -> Plane:
         UserError: the model has features that this engine does not simulate.
     """
     check_model(arena)
-    model, body, hull = arena.model, arena.body[0], arena.hull[0]
-    inertia, h = model.dof_M0[arena.qpos[0]], model.opt.timestep
-    weight = float(model.body_invweight0[body, 0])
-    gain_x, gain_y, gain_yaw = (arena.servo_gain * h / inertia).tolist()
-    half_x, half_y, _ = model.geom_size[hull].tolist()
+    model, hull = arena.model, arena.hull[0]
     return Plane(
-        half_x=half_x,
-        half_y=half_y,
-        radius=math.sqrt(half_x * half_x + half_y * half_y),
-        inverse_mass=float(1 / inertia[0]),
-        inverse_inertia=float(1 / inertia[2]),
-        servo=(gain_x, gain_y, gain_yaw),
+        radius=arena.robot.circumradius,
         edge=float(arena.extent),
         n_walls=len(arena.walls),
-        timestep=float(h),
+        timestep=float(model.opt.timestep),
         refinement=arena.refinement,
-        between_robots=_law(model, hull, hull, 2 * weight),
-        at_walls=_law(model, hull, arena.walls[0], weight),
+        between_robots=_law(model, hull, hull),
+        at_walls=_law(model, hull, arena.walls[0]),
         tolerance=max(tolerance, FINEST),
+    )
+
+
+def read_kinds(arena: ArenaModel) -> tuple[Kind, ...]:
+    """Read the kinds of a compiled arena: that of its robots, and of each box."""
+    bodies = [0, *range(arena.n_robots, len(arena.hull))]
+    return tuple(_kind(arena, body, has_drive=body == 0) for body in bodies)
+
+
+@lru_cache(maxsize=16)  # each step needs it
+def table_of(kinds: tuple[Kind, ...], n_robots: int) -> np.ndarray:
+    """Return the kinds of N robots, of the boxes and of all that is fixed, as records (N + M + 1,), which nobody changes."""
+    robot, *boxes = kinds
+    return np.array([*[tuple(robot)] * n_robots, *map(tuple, boxes), tuple(FIXED)], KIND)
+
+
+KIND = np.dtype([(name, np.float64) for name in Kind._fields])
+
+
+def _kind(arena: ArenaModel, body: int, has_drive: bool) -> Kind:
+    """Kind of a robot or a box."""
+    model, dofs, h = arena.model, arena.qpos[body], arena.model.opt.timestep
+    inertia, (half_x, half_y, _) = model.dof_M0[dofs], model.geom_size[arena.hull[body]].tolist()
+    radius = math.sqrt(half_x * half_x + half_y * half_y)
+    drive = (arena.servo_gain * h / inertia).tolist() if has_drive else (0.0, 0.0, 0.0)
+    along, _, about = (model.dof_frictionloss[dofs] * h).tolist()
+    return Kind(
+        half_x=half_x,
+        half_y=half_y,
+        radius=radius,
+        inverse_mass=float(1 / inertia[0]),
+        inverse_inertia=float(1 / inertia[2]),
+        inverse_weight=float(model.body_invweight0[arena.body[body], 0]),
+        drive_x=drive[0],
+        drive_y=drive[1],
+        drive_yaw=drive[2],
+        grip=along * (1.0 + math.sqrt(2.0)),
+        twist=about,
     )
 
 
@@ -91,7 +142,18 @@ def solids_of(arena: ArenaModel, obstacles: Sequence[Obstacle]) -> Float[np.ndar
     return np.vstack([np.pad(arena.planes, ((0, 0), (0, 3))), numbers(obstacles, RD)])
 
 
-def _law(model: mujoco.MjModel, first: int, second: int, inverse_weight: float) -> ContactLaw:
+def with_boxes(solids: Array, poses: Float[Array, "B M 3"], kinds: Sequence[Kind]) -> Float[Array, "B WOM 6"]:
+    """Return what light meets beside robots in B worlds: walls and obstacles (W + O, 6), and boxes at these poses."""
+    xp, n_worlds = array_module(poses), len(poses)
+    if len(kinds) == 1:
+        return xp.tile(solids, (n_worlds, 1, 1))
+    halves = xp.asarray([kind[:2] for kind in kinds[1:]], poses.dtype).reshape(-1, 2)
+    yaw, halves = poses[..., 2:], xp.broadcast_to(halves, (n_worlds, *halves.shape))
+    boxes = xp.concatenate([poses[..., :2], xp.cos(yaw), xp.sin(yaw), halves], axis=-1)
+    return xp.concatenate([xp.broadcast_to(solids, (n_worlds, *solids.shape)), boxes], axis=1)
+
+
+def _law(model: mujoco.MjModel, first: int, second: int) -> ContactLaw:
     """Law of the contacts of two geoms whose solver parameters MuJoCo mixes by `solmix`."""
     solmix = model.geom_solmix[[first, second]]
     share = solmix[0] / solmix.sum() if solmix.sum() > 0 else 0.5
@@ -107,5 +169,4 @@ def _law(model: mujoco.MjModel, first: int, second: int, inverse_weight: float) 
         width=float(max(0.0, solimp[2])),
         midpoint=midpoint,
         power=float(max(1.0, solimp[4])),
-        inverse_weight=inverse_weight,
     )

@@ -42,9 +42,9 @@ def _options(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
 
 
 def _robots(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
-    model = arena.model
-    dofs = model.dof_M0[arena.qpos]
-    yield "the centre of mass on the robots' axis", not model.body_ipos[arena.body, :2].any()
+    model, n = arena.model, arena.n_robots
+    dofs = model.dof_M0[arena.qpos[:n]]
+    yield "the centre of mass on the robots' axis", not model.body_ipos[arena.body[:n], :2].any()
     yield (
         f"robots at least {MIN_HEIGHT} mm high, since they overlap by up to that, and MuJoCo lifts lower ones then",
         bool((2 * model.geom_size[arena.hull, 2] >= MIN_HEIGHT).all()),
@@ -53,9 +53,10 @@ def _robots(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
 
 
 def _contacts(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
-    model, hulls, solid = arena.model, arena.hull, np.concatenate([arena.hull, arena.walls, arena.obstacles])
+    model, hulls, n = arena.model, arena.hull, arena.n_robots
+    solid = np.concatenate([hulls, arena.walls, arena.obstacles])
     collides = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
-    yield "contacts of hulls, walls and obstacles alone", set(collides) == set(solid)
+    yield "contacts of hulls, boxes, walls and obstacles alone", set(collides) == set(solid)
     types, affinities = model.geom_contype[solid], model.geom_conaffinity[solid]
     meet = (types[:, None] & affinities) | (affinities[:, None] & types)
     yield "hulls that collide with each other and with walls", bool(meet[: len(hulls)].all())
@@ -63,7 +64,7 @@ def _contacts(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
     yield "contacts without margin and gap", not (model.geom_margin[solid].any() or model.geom_gap[solid].any())
     yield "contacts without adhesion", not model.geom_adhesion[solid].any()
     yield "a positive solref, time constant and damping ratio", bool((model.geom_solref[solid] > 0).all())
-    for same in (hulls, arena.walls):
+    for same in (hulls[:n], arena.walls):
         for name in ("size", "solref", "solimp", "solmix", "priority"):
             values = getattr(model, f"geom_{name}")[same]
             yield f"the same {name} for all hulls and for all walls", bool((values == values[0]).all())

@@ -21,6 +21,7 @@ class PlanarSettings(EngineSettings):
     """MuJoCo's contacts of boxes, solved in the plane: faster on CPUs, many times so on NVIDIA GPUs."""
 
     name: ClassVar[str] = "planar"
+    has_boxes: ClassVar[bool] = True
 
     threads: Annotated[int, Within(0, 1024), Needs("impl", ("numba",))] = 0
     """Threads of `numba`, 0 for one per core; the results do not depend on it."""

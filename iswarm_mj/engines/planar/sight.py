@@ -35,44 +35,46 @@ def sense(
     light: Light,
     points: np.ndarray,
     solids: np.ndarray,
+    kinds: np.ndarray,
     plane: Plane,
 ) -> None:
     """Find the light in some of B worlds, see `in_sight`.
 
     Args:
         worlds: indices of these worlds.
-        poses: (B, N, 3) x, y [mm] and yaw [rad].
+        poses: (B, N + M, 3) x, y [mm] and yaw [rad] of robots and boxes.
         emits: (B, N) power of the LEDs, from 0 to 1; dark robots still block light.
-        is_present: (B, N) bool; the others neither send nor receive nor block light.
+        is_present: (B, N + M) bool; the others neither send nor receive nor block light.
         sight: of all worlds, the output.
         light: optics.
         points: (5 S, 2) see `reception.points_of`.
-        solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
-        plane: robots and walls.
+        solids: (B, W + M, 6) walls, obstacles and boxes, see `plane.with_boxes`.
+        kinds: (N,) of the robots.
+        plane: the arena.
     """
-    n_robots = poses.shape[1]
+    n_robots = emits.shape[1]
     places = np.empty((n_robots, 4))
     near, effective = np.empty((n_robots, 1), np.int64), np.empty((n_robots, 1))
     within, links = search_radius(light, plane), sight.links
     for world in worlds:
-        set_places(poses[world], places)
-        cells = fill_cells(places, is_present[world], within, plane.edge)
+        set_places(poses[world, :n_robots], places)
+        cells, own = fill_cells(places, is_present[world], within, plane.edge), solids[world]
         for i in range(n_robots):
             if not is_present[world, i]:
                 continue
-            view = View(places, near, effective, i, 0, 0, 0)
+            view = View(places, near, effective, i, 0, 0, 0, kinds)
             n_heard, n_near = _look_around(view, cells, within, emits[world], light, points, plane)
-            view = View(places, near, effective, i, 0, n_heard, n_near)
+            view = View(places, near, effective, i, 0, n_heard, n_near, kinds)
             for side in range(links.sender.shape[2]):
                 distance, code = -1.0, -1
                 for rank in range(light.n_senders):
-                    distance, code = next_in_sight(view, side, distance, code, light, points, plane, solids)
+                    distance, code = next_in_sight(view, side, distance, code, light, points, plane, own)
                     if code < 0:
                         break
                     here = world, i, side, rank
                     links.sender[here], links.valid[here], links.led[here] = code >> 6, True, code & 7
                     links.measured_bearing[here], links.true_distance[here] = link_to(view, code, light, points)
-                sight.sees_wall[world, i, side] = sees_wall(view, side, light, points, plane, solids)
+                sight.sees_wall[world, i, side] = sees_wall(view, side, light, points, plane, own)
 
 
 @inlined

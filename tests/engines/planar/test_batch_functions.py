@@ -30,7 +30,7 @@ def heading(rng):
 
 def law(rng):
     power = rng.choice([1.0, 2.0, 3.0])
-    return rng.uniform(10, 40), rng.uniform(5, 20), 0.6, 0.97, 0.3, 0.3, power, rng.uniform(0.05, 0.2)
+    return rng.uniform(10, 40), rng.uniform(5, 20), 0.6, 0.97, 0.3, 0.3, power
 
 
 def matrix(rng):
@@ -67,7 +67,7 @@ ARGUMENTS = {
     "regularisation": lambda rng: (rng.uniform(0.5, 0.99), rng.uniform(0.05, 0.2)),
     "offset": lambda rng: (rng.uniform(0.5, 0.99), rng.uniform(-0.4, 0), rng.uniform(-2, 2), *law(rng), 0.01),
     "two_impulses": two_rows,
-    "velocity_change": lambda rng: tuple(rng.uniform(-2, 2, 9)),
+    "velocity_change": lambda rng: tuple(rng.uniform(-2, 2, 10)),
     "meets_rectangle": ray,
     "_between_sides": lambda rng: (rng.uniform(-3, 3), rng.integers(-2, 3) / 2, 1.4),
     "meets_line": lambda rng: (*rng.uniform(-11, 11, 2), *rng.uniform(-8, 8, 2), *heading(rng), 10.0),

@@ -11,13 +11,13 @@ from helpers_planar import both_engines, moved, placed, rounded
 
 from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.gpu.functions import words_of
-from iswarm_mj.engines.planar.plane import Plane
+from iswarm_mj.engines.planar.plane import Kind, Plane
 from iswarm_mj.engines.planar.reception import Light
 from iswarm_mj.utils.units import RD
 
 CODE = """
 import warp as wp
-from iswarm_mj.engines.planar.gpu.functions import light_in, plane_in
+from iswarm_mj.engines.planar.gpu.functions import kinds_in, light_in, plane_in
 
 @wp.kernel(enable_backward=False)
 def of_plane(words: wp.array(dtype=int), out: wp.array(dtype=float)):
@@ -26,14 +26,20 @@ def of_plane(words: wp.array(dtype=int), out: wp.array(dtype=float)):
     {plane}
 
 @wp.kernel(enable_backward=False)
+def of_kinds(words: wp.array(dtype=int), out: wp.array(dtype=float)):
+    at = kinds_in(words, 2)
+    p = at[1]
+    {kinds}
+
+@wp.kernel(enable_backward=False)
 def of_light(words: wp.array(dtype=int), out: wp.array(dtype=float)):
     at = light_in(words)
     p = at[0]
     {light}
 """
 LAWS = "between_robots", "at_walls"
-PLAIN = [name for name in Plane._fields if name not in ("servo", *LAWS)]
-OF_PLANE = [*PLAIN, *(f"servo[{k}]" for k in range(3)), *(f"{law}.{n}" for law in LAWS for n in ContactLaw._fields)]
+PLAIN = [name for name in Plane._fields if name not in LAWS]
+OF_PLANE = [*PLAIN, *(f"{law}.{n}" for law in LAWS for n in ContactLaw._fields)]
 
 
 def stored(names):
@@ -43,7 +49,7 @@ def stored(names):
 @pytest.fixture(scope="module")
 def kernels(tmp_path_factory):
     path = tmp_path_factory.mktemp("kernels") / "kernels_of_parameters.py"
-    path.write_text(CODE.format(plane=stored(OF_PLANE), light=stored(Light._fields)))
+    path.write_text(CODE.format(plane=stored(OF_PLANE), kinds=stored(Kind._fields), light=stored(Light._fields)))
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -61,13 +67,18 @@ def on_cpu(values, dtype):
 
 
 def test_a_plane_is_read_by_name(kernels):
-    plane = distinct(Plane, 1)._replace(
-        servo=(101.0, 102.0, 103.0), between_robots=distinct(ContactLaw, 201), at_walls=distinct(ContactLaw, 301)
-    )
+    plane = distinct(Plane, 1)._replace(between_robots=distinct(ContactLaw, 201), at_walls=distinct(ContactLaw, 301))
     out = wp.zeros(len(OF_PLANE), dtype=float, device="cpu")
     wp.launch(kernels.of_plane, 1, [on_cpu(words_of(plane), int)], [out], device="cpu")
-    expected = [*(getattr(plane, name) for name in PLAIN), *plane.servo, *plane.between_robots, *plane.at_walls]
+    expected = [*(getattr(plane, name) for name in PLAIN), *plane.between_robots, *plane.at_walls]
     np.testing.assert_array_equal(out.numpy(), expected)
+
+
+def test_kinds_are_read_by_name(kernels):
+    out = wp.zeros(len(Kind._fields), dtype=float, device="cpu")
+    words = words_of(distinct(Kind, 1), distinct(Kind, 101))
+    wp.launch(kernels.of_kinds, 1, [on_cpu(words, int)], [out], device="cpu")
+    np.testing.assert_array_equal(out.numpy(), distinct(Kind, 101))
 
 
 @pytest.mark.parametrize("flags", [(True, False, False), (False, True, False), (False, False, True)])

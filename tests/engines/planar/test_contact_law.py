@@ -9,7 +9,7 @@ import pytest
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.planar.contact_law import impedance, offset, regularisation, two_impulses
-from iswarm_mj.engines.planar.plane import read_plane
+from iswarm_mj.engines.planar.plane import read_kinds, read_plane
 
 SOFTNESS = {
     "as the robots'": ([0.2, 1.0], [0.99, 0.99, 0.01, 0.5, 2.0]),
@@ -30,7 +30,7 @@ def test_rows_are_those_of_mujoco(solref, solimp, overlap):
                 geom.solref, geom.solimp = solref, solimp
 
     arena = compile_arena(SwarmConfig(), 2, np.zeros(0), tune=tune)
-    plane, model = read_plane(arena), arena.model
+    plane, model, weight = read_plane(arena), arena.model, read_kinds(arena)[0].inverse_weight
     data = mujoco.MjData(model)
     data.qpos[arena.qpos] = [(plane.edge - 1 + overlap, 0, 0), (plane.edge - 3 + 2 * overlap, 0.3, 0)]
     data.qvel[arena.qpos] = [(0.8, 0.1, 0.4), (1.3, -0.2, -0.3)]
@@ -39,10 +39,13 @@ def test_rows_are_those_of_mujoco(solref, solimp, overlap):
     velocity = np.zeros(data.nefc)
     mujoco.mj_mulJacVec(model, data, velocity, data.qvel)
     for contact in data.contact:
-        row, law = contact.efc_address, plane.at_walls if contact.geom[0] in arena.walls else plane.between_robots
+        is_at_wall = contact.geom[0] in arena.walls
+        row, law = contact.efc_address, plane.at_walls if is_at_wall else plane.between_robots
         d, distance = impedance(contact.dist, law), contact.dist
         np.testing.assert_allclose(d, data.efc_KBIP[row, 2], rtol=1e-12)
-        np.testing.assert_allclose(regularisation(d, law.inverse_weight), data.efc_R[row] / 2, rtol=1e-9)
+        np.testing.assert_allclose(
+            regularisation(d, weight if is_at_wall else 2 * weight), data.efc_R[row] / 2, rtol=1e-9
+        )
         shift = offset(d, distance, velocity[row], law, plane.timestep)
         np.testing.assert_allclose(shift, -(velocity[row] + plane.timestep * data.efc_aref[row]), rtol=1e-9, atol=1e-12)
 

@@ -8,7 +8,7 @@ import pytest
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
-from iswarm_mj.engines.planar.plane import read_plane
+from iswarm_mj.engines.planar.plane import read_kinds, read_plane
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -23,16 +23,15 @@ def arena_with(change=None, n_robots=2):
 
 
 def test_numbers_are_those_of_the_robot():
-    plane = read_plane(arena_with())
-    assert plane[:5] == pytest.approx((1, 1, math.sqrt(2), 0.1, 0.15))
-    assert plane.servo == pytest.approx((1, 1, 1))
-    assert (plane.edge, plane.timestep) == pytest.approx((24.5 * RD, 0.1))
-    assert plane.between_robots.inverse_weight == 2 * plane.at_walls.inverse_weight == pytest.approx(2 / 15)
+    plane, kinds = read_plane(arena_with()), read_kinds(arena_with())
+    assert kinds == (pytest.approx((1, 1, math.sqrt(2), 0.1, 0.15, 1 / 15, 1, 1, 1, 0, 0)),)
+    assert (plane.radius, plane.edge, plane.timestep) == pytest.approx((math.sqrt(2), 24.5 * RD, 0.1))
 
 
 def test_one_robot_stands_for_all():
-    one, five = (np.hstack(read_plane(arena_with(n_robots=n))) for n in (1, 5))
-    np.testing.assert_allclose(one, five, rtol=1e-12)
+    for read in (read_plane, read_kinds):
+        one, five = (np.hstack(read(arena_with(n_robots=n))) for n in (1, 5))
+        np.testing.assert_allclose(one, five, rtol=1e-12)
 
 
 def set_option(name, value):
@@ -71,7 +70,7 @@ REFUSED = {
     "sleep to be disabled": set_option("enableflags", mujoco.mjtEnableBit.mjENBL_SLEEP),
     "centre of mass": set_array("body_ipos", 0.1, lambda arena: arena.body[1]),
     "one mass": set_array("dof_M0", 20.0, joint),
-    "hulls, walls and obstacles alone": set_array("geom_contype", 1, lambda arena: arena.model.geom("floor").id),
+    "hulls, boxes, walls and obstacles alone": set_array("geom_contype", 1, lambda arena: arena.model.geom("floor").id),
     "collide with each other": set_array("geom_contype", 0, hull),
     "planes": set_array("geom_type", mujoco.mjtGeom.mjGEOM_BOX, lambda arena: arena.walls[2]),
     "walls where": set_array("geom_pos", 3.0, lambda arena: arena.walls[2]),

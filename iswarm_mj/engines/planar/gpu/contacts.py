@@ -31,22 +31,30 @@ def find_contacts(w: World, lane: int):
     if lane == 0:
         w.count[N_CONTACTS] = 0
     barrier()
-    plane, n_robots = w.plane[0], w.place.shape[0]
+    n_walls, n_bodies = w.plane[0].n_walls, w.place.shape[0]
     for k in range(lane, wp.min(w.count[N_NEAR], w.near.shape[0]), wp.block_dim()):
-        p, q = w.place[w.near[k][0]], w.place[w.near[k][1]]
-        if _overlaps(p, plane.half_x, plane.half_y, plane.radius, q, plane):
-            _append(w, w.near[k])
-    for i in range(lane, n_robots, wp.block_dim()):
+        _meet(w, w.near[k])
+    for i in range(lane, n_bodies, wp.block_dim()):
         if w.is_present[i]:
-            here = w.place[i]
-            for wall in range(plane.n_walls):
-                if _meets_wall(here, wall, w.solids, plane):
-                    _append(w, wp.vec2i(n_robots + wall, i))
-            for m in range(plane.n_walls, w.solids.shape[0]):
+            here, kind = w.place[i], w.kinds[i]
+            for wall in range(n_walls):
+                if _meets_wall(here, wall, w.solids, kind):
+                    _append(w, wp.vec2i(n_bodies + wall, i))
+            for m in range(n_walls, w.solids.shape[0]):
                 hx, hy = w.solids[m, 4], w.solids[m, 5]
-                if _overlaps(_box(w, m), hx, hy, wp.sqrt(hx * hx + hy * hy), here, plane):
-                    _append(w, wp.vec2i(n_robots + m, i))
+                if _overlaps(_box(w, m), hx, hy, wp.sqrt(hx * hx + hy * hy), here, kind):
+                    _append(w, wp.vec2i(n_bodies + m, i))
+            for box in range(wp.max(w.n_robots, i + 1), n_bodies):
+                _meet(w, wp.vec2i(box, i))
     barrier()
+
+
+@wp.func
+def _meet(w: World, pair: wp.vec2i):
+    """List a pair of bodies if they touch."""
+    first = w.kinds[pair[0]]
+    if _overlaps(w.place[pair[0]], first.half_x, first.half_y, first.radius, w.place[pair[1]], w.kinds[pair[1]]):
+        _append(w, pair)
 
 
 @wp.func
@@ -81,18 +89,20 @@ def _box(w: World, m: int) -> wp.vec4:
 @wp.func
 def _set_contact(w: World, k: int):
     """Compute the rows of contact k."""
-    bodies, n_robots, plane = bodies_of(w, k), w.place.shape[0], w.plane[0]
+    bodies, n_bodies, plane = bodies_of(w, k), w.place.shape[0], w.plane[0]
     first, second = bodies[0], bodies[1]
-    q, touch = w.place[second], _Touch()
-    law = wp.where(first < n_robots, plane.between_robots, plane.at_walls)
-    if first < n_robots:
-        touch = _touch_box(w.place[first], plane.half_x, plane.half_y, False, q, plane)
-    elif first < n_robots + plane.n_walls:
-        touch = _touch_wall(q, first - n_robots, w.solids, plane)
+    at = wp.min(first, n_bodies)
+    q, touch, one, other = w.place[second], _Touch(), w.kinds[at], w.kinds[second]
+    law = wp.where(first < n_bodies, plane.between_robots, plane.at_walls)
+    if first < n_bodies:
+        touch = _touch_box(w.place[first], one.half_x, one.half_y, False, q, other)
+    elif first < n_bodies + plane.n_walls:
+        touch = _touch_wall(q, first - n_bodies, w.solids, other)
     else:
-        m = first - n_robots
-        touch = _touch_box(_box(w, m), w.solids[m, 4], w.solids[m, 5], True, q, plane)
-    found = _rows_of(touch, w.velocity[wp.min(first, n_robots)], w.velocity[second], law, plane.timestep)
+        m = first - n_bodies
+        touch = _touch_box(_box(w, m), w.solids[m, 4], w.solids[m, 5], True, q, other)
+    weight = one.inverse_weight + other.inverse_weight
+    found = _rows_of(touch, w.velocity[at], w.velocity[second], law, weight, plane.timestep)
     numbers = numbers_of(w, k)
     numbers[NX] = found.nx
     numbers[NY] = found.ny

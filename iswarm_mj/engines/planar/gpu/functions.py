@@ -9,6 +9,7 @@ import functools
 import os
 import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
@@ -25,14 +26,20 @@ from iswarm_mj.engines.planar import (
     ray_geometry,
     reception,
 )
+from iswarm_mj.engines.planar.compiled import version_of
 
 
 def _start() -> None:
-    """Start Warp; its kernels are kept in its cache or, where nothing can be written there, until this process ends."""
+    """Start Warp; its kernels are kept in its cache or, where nothing can be written there, until this process ends.
+
+    Warp 1.18 would go on with a kernel whose structs were edited, so that each state of the sources has its own place.
+    """
     wp.config.log_level = wp.LOG_WARNING  # standard output is reserved for results
     try:
         wp.init()
-        is_writable = os.access(wp.config.kernel_cache_dir, os.W_OK)
+        own = Path(wp.config.kernel_cache_dir) / f"iswarm_mj-{version_of('**/*.py')}"
+        own.mkdir(parents=True, exist_ok=True)
+        wp.config.kernel_cache_dir, is_writable = str(own), os.access(own, os.W_OK)
     except OSError:
         is_writable = False
     if not is_writable:
@@ -114,14 +121,15 @@ geometry = in_warp(contact_geometry)
 rays = in_warp(ray_geometry)
 light = in_warp(reception)
 arena = in_warp(plane)
+_KINDS[kinds.Kinds] = wp.array(dtype=arena.Kind)
 rows = in_warp(contact_rows)
 view = in_warp(in_sight)
-ContactLaw, Light, Plane, View = law.ContactLaw, light.Light, arena.Plane, view.View
+ContactLaw, Kind, Light, Plane, View = law.ContactLaw, arena.Kind, light.Light, arena.Plane, view.View
 
 
-def words_of(parameters: tuple) -> np.ndarray:
-    """Numbers of a named tuple as they lie in its struct, in words of 32 bits, which kernels of JAX take."""
-    return np.array([tuple(parameters)], _KINDS[type(parameters)].numpy_dtype()).view(np.int32)
+def words_of(*parameters: tuple) -> np.ndarray:
+    """Numbers of named tuples as they lie in their structs, in words of 32 bits, which kernels of JAX take."""
+    return np.array(list(map(tuple, parameters)), _KINDS[type(parameters[0])].numpy_dtype()).view(np.int32)
 
 
 @wp.func
@@ -134,6 +142,12 @@ def plane_in(words: wp.array(dtype=int)):
 def light_in(words: wp.array(dtype=int)):
     """(1,) likewise, of the light."""
     return wp.array(ptr=words.ptr, shape=(1,), dtype=Light)
+
+
+@wp.func
+def kinds_in(words: wp.array(dtype=int), n: int):
+    """(n,) likewise, the kinds of bodies."""
+    return wp.array(ptr=words.ptr, shape=(n,), dtype=Kind)
 
 
 @functools.cache

@@ -44,11 +44,11 @@ def _aligned(size: int) -> int:
 
 @wp.func
 def lay_out(m: Memory, n: int, n_cells: int, n_lanes: int, room_near: int, room_contacts: int, edge: float) -> World:
-    """Arrays of a world in the memory of its block, all but `is_present`.
+    """Arrays of a world in the memory of its block, all but what kernels are given.
 
     Args:
         m: the memory.
-        n: number of robots.
+        n: number of bodies.
         n_cells: cells along an edge of the arena.
         n_lanes: threads of the block.
         room_near: places for pairs of robots near each other.
@@ -85,7 +85,11 @@ def lay_out(m: Memory, n: int, n_cells: int, n_lanes: int, room_near: int, room_
     at += _aligned(4 * n_lanes + 4)
     w.cells.end = wp.array(ptr=_at(m, at, 4 * n_cells * n_cells), shape=(n_cells, n_cells), dtype=int)
     w.cells.edge = edge
-    w.others = m.own + wp.uint64(at + _aligned(4 * n_cells * n_cells))
+    at += _aligned(4 * n_cells * n_cells)
+    w.rubs = wp.array(ptr=_at(m, at, 16 * n), shape=(n,), dtype=wp.vec4)
+    at += 16 * n
+    w.rubbed = wp.array(ptr=_at(m, at, 16 * n), shape=(n,), dtype=wp.vec4)
+    w.others = m.own + wp.uint64(at + 16 * n)
     return w
 
 
@@ -120,5 +124,5 @@ def shared_bytes(n_robots: int) -> int:
 
 def own_bytes(n_robots: int, n_cells: int, n_threads: int, room_near: int, room_contacts: int) -> int:
     """Size of the whole layout."""
-    robots, lists = 68 * n_robots + 4 * n_threads, 8 * room_near + (12 + RECORD_BYTES) * room_contacts
+    robots, lists = 100 * n_robots + 4 * n_threads, 8 * room_near + (12 + RECORD_BYTES) * room_contacts
     return robots + lists + 4 * n_cells**2 + 512

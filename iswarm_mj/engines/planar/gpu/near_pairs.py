@@ -17,13 +17,13 @@ def find_near_pairs(w: World, radius: float, lane: int):
         w.count[N_NEAR] = 0
     fill(w.cells, w.place, w.is_present, lane)
     for i in range(lane, w.place.shape[0], wp.block_dim()):
-        if w.is_present[i]:
+        if w.is_present[i] and i < w.n_robots:
             p = w.place[i]
             for up in range(-1, 2):
                 span = around(p, w.cells, up)
                 for at in range(span[0], span[1]):
                     j = w.cells.robot[at]
-                    if j > i:
+                    if j > i and j < w.n_robots:
                         dx, dy = w.place[j][0] - p[0], w.place[j][1] - p[1]
                         if dx * dx + dy * dy < radius * radius:
                             _append(w, wp.vec2i(i, j))

@@ -8,17 +8,17 @@ import warp as wp
 
 from iswarm_mj.engines.planar import physics
 from iswarm_mj.engines.planar.gpu.block import barrier
-from iswarm_mj.engines.planar.gpu.colours import colour_contacts
+from iswarm_mj.engines.planar.gpu.colours import MAX_COLOURS, colour_contacts
 from iswarm_mj.engines.planar.gpu.contacts import find_contacts, n_contacts, set_contacts
-from iswarm_mj.engines.planar.gpu.functions import plane_in
+from iswarm_mj.engines.planar.gpu.functions import kinds_in, plane_in
 from iswarm_mj.engines.planar.gpu.memory import Memory, lay_out, own_bytes, shared_memory
 from iswarm_mj.engines.planar.gpu.near_pairs import find_near_pairs
 from iswarm_mj.engines.planar.gpu.records import N_ROWS, bodies_of, numbers_of
-from iswarm_mj.engines.planar.gpu.solver import solve
+from iswarm_mj.engines.planar.gpu.solver import rub, solve
 from iswarm_mj.engines.planar.gpu.world import FAILURE, World, heading
 
 _SKIN = wp.constant(physics.SKIN)
-_BOXES_AT_ONCE = 4  # obstacles that all robots of a world touch on average, at most
+_BOXES_AT_ONCE = 4  # obstacles that all bodies of a world touch on average, at most
 
 
 @functools.cache
@@ -33,6 +33,7 @@ def take_steps_in(n_shared: int) -> Callable:
         is_present: wp.array2d(dtype=wp.bool),
         runs: wp.array(dtype=wp.bool),
         plane_words: wp.array(dtype=int),
+        kind_words: wp.array(dtype=int),
         solids: wp.array2d(dtype=float),
         n_substeps: int,
         n_cells: int,
@@ -47,25 +48,26 @@ def take_steps_in(n_shared: int) -> Callable:
         """Take physics steps of B worlds, one block each.
 
         Args:
-            poses: (B, N) x, y [mm] and yaw [rad].
-            velocities: (B, N) [mm/s, mm/s, rad/s].
-            targets: (B, N) set points of the servos, likewise.
-            is_present: (B, N) the others stay where they are, and touch nothing.
+            poses: (B, N + M) x, y [mm] and yaw [rad] of robots and boxes.
+            velocities: (B, N + M) [mm/s, mm/s, rad/s].
+            targets: (B, N + M) set points of the drives, likewise.
+            is_present: (B, N + M) the others stay where they are, and touch nothing.
             runs: (B,) the other worlds stay as they are.
             plane_words: see `functions.words_of`.
+            kind_words: likewise, (N + M + 1,) of `plane.table_of`.
             solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
             n_substeps: number of physics steps.
             n_cells: cells along an edge of the arena.
             room_near: places for pairs of robots near each other.
             room_contacts: places for contacts.
             touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are added.
-            new_poses: (B, N) output.
-            new_velocities: (B, N) output.
+            new_poses: (B, N + M) output.
+            new_velocities: (B, N + M) output.
             failure: (B,) output, bits of `FaultKind`.
             own: (B, M) memory of the blocks.
         """
         world, lane = wp.tid() // wp.block_dim(), wp.tid() % wp.block_dim()
-        plane_at, n_robots = plane_in(plane_words), poses.shape[1]
+        plane_at, n_bodies = plane_in(plane_words), poses.shape[1]
         plane = plane_at[0]
         m = Memory()
         m.own = own[world].ptr
@@ -73,12 +75,14 @@ def take_steps_in(n_shared: int) -> Callable:
         m.shared = shared()
         if m.shared == wp.uint64(0):
             m.shared = m.own
-        w = lay_out(m, n_robots, n_cells, wp.block_dim(), room_near, room_contacts, plane.edge)
+        w = lay_out(m, n_bodies, n_cells, wp.block_dim(), room_near, room_contacts, plane.edge)
         w.is_present = is_present[world]
         w.plane = plane_at
+        w.kinds = kinds_in(kind_words, n_bodies + 1)
+        w.n_robots = touching.shape[2]
         w.solids = solids
         if not runs[world]:
-            for i in range(lane, n_robots, wp.block_dim()):
+            for i in range(lane, n_bodies, wp.block_dim()):
                 new_poses[world, i] = poses[world, i]
                 new_velocities[world, i] = velocities[world, i]
             if lane == 0:
@@ -93,10 +97,15 @@ def take_steps_in(n_shared: int) -> Callable:
             find_contacts(w, lane)
             colour_contacts(w, lane)
             set_contacts(w, lane)
-            for i in range(lane, n_robots, wp.block_dim()):
-                old = _velocity(w, i)
-                v = old + wp.cw_mul(plane.servo, targets[world, i] - old)
+            for i in range(lane, n_bodies, wp.block_dim()):
+                old, kind = _velocity(w, i), w.kinds[i]
+                share = wp.vec3(kind.drive_x, kind.drive_y, kind.drive_yaw)
+                v = old + wp.cw_mul(share, targets[world, i] - old)
                 w.velocity[i] = wp.vec4(v[0], v[1], v[2], 0.0)
+                if kind.grip > 0.0:
+                    w.rubs[i] = wp.vec4()
+                    w.velocity[i] = rub(w, i, kind, w.velocity[i])
+                    w.rubbed[i] = w.rubs[i]
                 w.before[i] = w.velocity[i]
             barrier()
             solve(w, lane)
@@ -106,7 +115,7 @@ def take_steps_in(n_shared: int) -> Callable:
             if step == n_substeps - 1:
                 _mark(w, touching[world], lane)
             barrier()
-        for i in range(lane, n_robots, wp.block_dim()):
+        for i in range(lane, n_bodies, wp.block_dim()):
             new_poses[world, i] = wp.vec3(w.place[i][0], w.place[i][1], w.yaw[i])
             new_velocities[world, i] = _velocity(w, i)
         if lane == 0:
@@ -118,8 +127,8 @@ def take_steps_in(n_shared: int) -> Callable:
 @wp.func
 def _begin(w: World, poses: wp.array(dtype=wp.vec3), velocities: wp.array(dtype=wp.vec3), lane: int):
     """Copy the state into the world's own memory."""
-    n_robots = poses.shape[0]
-    for i in range(lane, n_robots, wp.block_dim()):
+    n_bodies = poses.shape[0]
+    for i in range(lane, n_bodies, wp.block_dim()):
         p = poses[i]
         h = heading(p[2])
         w.place[i] = wp.vec4(p[0], p[1], h[0], h[1])
@@ -127,8 +136,8 @@ def _begin(w: World, poses: wp.array(dtype=wp.vec3), velocities: wp.array(dtype=
         v = velocities[i]
         w.velocity[i] = wp.vec4(v[0], v[1], v[2], 0.0)
     if lane == 0:
-        w.velocity[n_robots] = wp.vec4(0.0, 0.0, 0.0, 0.0)
-        w.before[n_robots] = wp.vec4(0.0, 0.0, 0.0, 0.0)
+        w.velocity[n_bodies] = wp.vec4(0.0, 0.0, 0.0, 0.0)
+        w.before[n_bodies] = wp.vec4(0.0, 0.0, 0.0, 0.0)
         w.count[FAILURE] = 0
         w.farthest[0] = 0.0
     barrier()
@@ -165,7 +174,7 @@ def _mark(w: World, touching: wp.array2d(dtype=int), lane: int):
     """Add the pairs of robots in contact, the same way in any order: the lesser of two partners moves on."""
     for c in range(lane, n_contacts(w), wp.block_dim()):
         bodies, numbers = bodies_of(w, c), numbers_of(w, c)
-        if bodies[0] < w.place.shape[0] and numbers[N_ROWS] > 0.0:
+        if bodies[0] < touching.shape[1] and numbers[N_ROWS] > 0.0:
             partner, k = int(bodies[1]), int(0)
             while partner > 0 and k < touching.shape[0]:
                 found = wp.atomic_max(touching, k, bodies[0], partner)
@@ -173,16 +182,18 @@ def _mark(w: World, touching: wp.array2d(dtype=int), lane: int):
                 k += 1
 
 
-def rooms(n_robots: int, n_walls: int, n_boxes: int) -> tuple[int, int]:
-    """Places for near pairs and for contacts: for all that there are, or for more a robot than any crowd has."""
+def rooms(n_robots: int, n_boxes: int, n_walls: int, n_obstacles: int) -> tuple[int, int]:
+    """Places for near pairs and for contacts: for all that there are, or for more a body than any crowd has."""
     pairs = n_robots * (n_robots - 1) // 2
-    fixed = (n_walls + min(n_boxes, _BOXES_AT_ONCE)) * n_robots
-    return max(1, min(pairs, 24 * n_robots)), max(1, min(pairs, 8 * n_robots)) + fixed
+    fixed = (n_walls + min(n_obstacles, _BOXES_AT_ONCE)) * (n_robots + n_boxes)
+    return max(1, min(pairs, 24 * n_robots)), max(1, min(pairs, 8 * n_robots)) + fixed + MAX_COLOURS * n_boxes
 
 
-def places(touching: tuple[int, ...], n_walls: int, n_boxes: int, n_cells: int, n_threads: int) -> dict[str, Any]:
-    """Sizes of the outputs of `take_steps`, from that of the partners (B, K, N)."""
-    n_worlds, _, n_robots = touching
-    n_bytes, robots = own_bytes(n_robots, n_cells, n_threads, *rooms(n_robots, n_walls, n_boxes)), (n_worlds, n_robots)
-    sizes = {"touching": touching, "new_poses": robots, "new_velocities": robots}
+def places(
+    touching: tuple[int, ...], n_bodies: int, n_cells: int, n_threads: int, rooms: tuple[int, int]
+) -> dict[str, Any]:
+    """Sizes of the outputs of `take_steps`, from that of the partners (B, K, N), and with these `rooms`."""
+    n_worlds, bodies = touching[0], (touching[0], n_bodies)
+    n_bytes = own_bytes(n_bodies, n_cells, n_threads, *rooms)
+    sizes = {"touching": touching, "new_poses": bodies, "new_velocities": bodies}
     return sizes | {"failure": n_worlds, "own": (n_worlds, -(-n_bytes // 16))}

@@ -4,7 +4,7 @@ from typing import Any
 
 import warp as wp
 
-from iswarm_mj.engines.planar.gpu.functions import View, light_in, plane_in, view
+from iswarm_mj.engines.planar.gpu.functions import View, kinds_in, light_in, plane_in, view
 
 _next_in_sight, _link_to, _sees_wall = view.next_in_sight, view.link_to, view.sees_wall
 
@@ -14,9 +14,10 @@ def find_light(
     robot: wp.array2d(dtype=int),
     is_present: wp.array2d(dtype=wp.bool),
     plane_words: wp.array(dtype=int),
+    kind_words: wp.array(dtype=int),
     light_words: wp.array(dtype=int),
     points: wp.array2d(dtype=float),
-    solids: wp.array2d(dtype=float),
+    solids: wp.array3d(dtype=float),
     n_near: wp.array2d(dtype=int),
     near: wp.array3d(dtype=int),
     effective: wp.array3d(dtype=float),
@@ -34,9 +35,10 @@ def find_light(
         robot: (B, N) likewise.
         is_present: (B, N) the others neither send nor receive nor block light.
         plane_words: see `functions.words_of`.
+        kind_words: likewise, (N,) of the robots.
         light_words: likewise.
         points: (5 S, 2) see `reception.points_of`.
-        solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
+        solids: (B, W + M, 6) walls, obstacles and boxes, see `plane.with_boxes`.
         n_near: (B, N) of `surroundings.look_around`.
         near: (B, M, N) likewise.
         effective: (B, M, N) likewise.
@@ -51,11 +53,12 @@ def find_light(
     i, n = robot[world, slot], n_near[world, slot]
     plane_at, light_at = plane_in(plane_words), light_in(light_words)
     plane, light = plane_at[0], light_at[0]
-    around = View(place[world], near[world], effective[world], i, slot, n, n)
+    kinds = kinds_in(kind_words, place.shape[1])
+    around = View(place[world], near[world], effective[world], i, slot, n, n, kinds)
     reach, code = float(-1.0), int(-1)
     for rank in range(light.n_senders):
         if rank == 0 or code >= 0:
-            reach, code = _next_in_sight(around, side, reach, code, light, points, plane, solids)
+            reach, code = _next_in_sight(around, side, reach, code, light, points, plane, solids[world])
         direction, apart = float(0.0), float(0.0)
         if code >= 0:
             direction, apart = _link_to(around, code, light, points)
@@ -66,7 +69,7 @@ def find_light(
         distance[world, i, side, rank] = apart
     sees_wall[world, i, side] = False
     if is_present[world, i]:
-        sees_wall[world, i, side] = _sees_wall(around, side, light, points, plane, solids)
+        sees_wall[world, i, side] = _sees_wall(around, side, light, points, plane, solids[world])
 
 
 def light_places(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from iswarm_mj.engines.planar import solver
 from iswarm_mj.engines.planar.gpu.block import NO_SUM, barrier_of, sum_if_any, threads_for
 from iswarm_mj.engines.planar.gpu.colours import begin_of
 from iswarm_mj.engines.planar.gpu.contacts import n_contacts
-from iswarm_mj.engines.planar.gpu.functions import Plane, law, rows
+from iswarm_mj.engines.planar.gpu.functions import Kind, law, rows
 from iswarm_mj.engines.planar.gpu.records import (
     ARM,
     BEFORE,
@@ -29,6 +29,7 @@ from iswarm_mj.utils.errors import FaultKind
 _MOST_MOMENTUM = wp.constant(solver.MOST_MOMENTUM)
 _FAILED = wp.constant(int(FaultKind.SOLVER_FAILED))
 _velocity_change, _matrix, _relaxed, _Rows = law.velocity_change, rows.matrix, rows.relaxed, rows.Rows
+_held = rows.held
 
 
 @wp.func
@@ -43,7 +44,7 @@ def solve(w: World, lane: int):
     if lane >= n_lanes:
         return
     sweep, downhill, momentum, is_changing = int(0), int(0), float(0.0), bool(True)
-    smallest = plane.tolerance / plane.inverse_mass
+    smallest = plane.tolerance / w.kinds[0].inverse_mass
     unit = 1000.0 / (smallest * smallest)
     while is_changing and sweep < plane.max_sweeps:
         sweep += 1
@@ -52,7 +53,7 @@ def solve(w: World, lane: int):
             end = w.end[colour]
             k = begin + lane
             while k < end:
-                found = _relax(w, k, float(sweep), momentum, plane)
+                found = _relax(w, k, float(sweep), momentum)
                 change = wp.max(change, found[0])
                 uphill += wp.int64(wp.clamp(found[1] * unit, -1.0e12, 1.0e12))
                 k += n_lanes
@@ -69,7 +70,7 @@ def solve(w: World, lane: int):
 
 
 @wp.func
-def _relax(w: World, k: int, sweep: float, momentum: float, plane: Plane) -> wp.vec2:
+def _relax(w: World, k: int, sweep: float, momentum: float) -> wp.vec2:
     """Solve the rows of contact k while all others stay.
 
     First its impulses move on by a share of what they changed in the sweep before, and so do the velocities of its
@@ -80,10 +81,12 @@ def _relax(w: World, k: int, sweep: float, momentum: float, plane: Plane) -> wp.
     Returns:
         By how much a velocity changes at most [mm/s], and how far the momentum before led uphill.
     """
-    bodies, c, n_robots = bodies_of(w, k), numbers_of(w, k), w.place.shape[0]
+    bodies, c, n_bodies = bodies_of(w, k), numbers_of(w, k), w.place.shape[0]
     first = bodies[0]
     second = bodies[1]
-    at = wp.min(first, n_robots)
+    at = wp.min(first, n_bodies)
+    one = w.kinds[at]
+    other = w.kinds[second]
     end_v1 = w.velocity[at]
     end_v2 = w.velocity[second]
     before_v1 = w.before[at]
@@ -103,9 +106,7 @@ def _relax(w: World, k: int, sweep: float, momentum: float, plane: Plane) -> wp.
     before1 = c[BEFORE]
     before2 = c[BEFORE + 1]
     n_rows = c[N_ROWS]
-    is_robot = first < n_robots
-    m1, i1 = wp.where(is_robot, plane.inverse_mass, 0.0), wp.where(is_robot, plane.inverse_inertia, 0.0)
-    m2, i2 = plane.inverse_mass, plane.inverse_inertia
+    m1, i1, m2, i2 = one.inverse_mass, one.inverse_inertia, other.inverse_mass, other.inverse_inertia
     moves1, moves2 = end_v1[3] != sweep, end_v2[3] != sweep  # it is the body's first contact in this sweep
     v1 = end_v1 + wp.where(moves1, momentum, 0.0) * (end_v1 - before_v1)
     v2 = end_v2 + wp.where(moves2, momentum, 0.0) * (end_v2 - before_v2)
@@ -117,16 +118,44 @@ def _relax(w: World, k: int, sweep: float, momentum: float, plane: Plane) -> wp.
     d1, d2 = q1 - p1, q2 - p2
     push, twist1, twist2 = d1 + d2, arm1 * d1 + arm2 * d2, lever1 * d1 + lever2 * d2
     push2, push1 = m2 * push, m1 * push
-    w.velocity[second] = wp.vec4(v2[0] + nx * push2, v2[1] + ny * push2, v2[2] + i2 * twist2, sweep)
+    new2 = wp.vec4(v2[0] + nx * push2, v2[1] + ny * push2, v2[2] + i2 * twist2, sweep)
     if moves2:
         w.before[second] = end_v2
-    if is_robot:
-        w.velocity[first] = wp.vec4(v1[0] - nx * push1, v1[1] - ny * push1, v1[2] - i1 * twist1, sweep)
+    if other.grip > 0.0:
+        if moves2:
+            _move_on(w, second, momentum)
+        new2 = rub(w, second, other, new2)
+    w.velocity[second] = new2
+    if first < n_bodies:
+        new1 = wp.vec4(v1[0] - nx * push1, v1[1] - ny * push1, v1[2] - i1 * twist1, sweep)
         if moves1:
             w.before[first] = end_v1
+        if one.grip > 0.0:
+            if moves1:
+                _move_on(w, first, momentum)
+            new1 = rub(w, first, one, new1)
+        w.velocity[first] = new1
     c[BEFORE] = end1
     c[BEFORE + 1] = end2
     c[IMPULSE] = q1
     c[IMPULSE + 1] = q2
-    change = _velocity_change(d1, d2, arm1, arm2, lever1, lever2, m2, i2, plane.radius)
+    change = _velocity_change(d1, d2, arm1, arm2, lever1, lever2, m1, i1 * one.radius, m2, i2 * other.radius)
     return wp.vec2(change, -d1 * (q1 - end1) - d2 * (q2 - end2))
+
+
+@wp.func
+def _move_on(w: World, i: int, momentum: float):
+    """Let the friction of a body move on as its velocity does."""
+    now = w.rubs[i]
+    w.rubs[i] = now + momentum * (now - w.rubbed[i])
+    w.rubbed[i] = now
+
+
+@wp.func
+def rub(w: World, i: int, kind: Kind, v: wp.vec4) -> wp.vec4:
+    """Let the floor's friction stop a body as far as it can; return its velocity, of which `v` is that before."""
+    old = w.rubs[i]
+    x, y, turn = _held(kind, v, old[0], old[1], old[2])
+    w.rubs[i] = wp.vec4(x, y, turn, 0.0)
+    m = kind.inverse_mass
+    return v + wp.vec4(m * (x - old[0]), m * (y - old[1]), kind.inverse_inertia * (turn - old[2]), 0.0)

@@ -9,7 +9,7 @@ from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.cells import Cells, around, fill
 from iswarm_mj.engines.planar.gpu.functions import light_in, plane_in, view
 from iswarm_mj.engines.planar.gpu.world import heading
-from iswarm_mj.engines.planar.plane import Plane
+from iswarm_mj.engines.planar.plane import Kind
 
 _hear = view.hear
 
@@ -26,7 +26,7 @@ def sort_robots(
     """Sort the robots of B worlds into cells, one block each.
 
     Args:
-        poses: (B, N) x, y [mm] and yaw [rad].
+        poses: (B, N) x, y [mm] and yaw [rad] of the robots.
         is_present: (B, N) the others are in no cell.
         plane_words: see `functions.words_of`.
         place: (B, N) output, x, y [mm], cosine and sine of the yaw.
@@ -107,8 +107,8 @@ def cell_places(n_worlds: int, n_robots: int, n_cells: int, n_threads: int) -> d
     return {"place": robots, "end": (n_worlds, n_cells, n_cells), "robot": robots, "total": (n_worlds, n_threads + 1)}
 
 
-def near_places(n_worlds: int, n_robots: int, within: float, plane: Plane) -> dict[str, Any]:
+def near_places(n_worlds: int, n_robots: int, within: float, kind: Kind) -> dict[str, Any]:
     """Sizes of the outputs of `look_around`: for all robots, or for twice as many as find room `within` a distance."""
-    fitting = math.pi * (within + plane.radius) ** 2 / (4 * plane.half_x * plane.half_y)
+    fitting = math.pi * (within + kind.radius) ** 2 / (4 * kind.half_x * kind.half_y)
     pairs = n_worlds, max(1, min(n_robots - 1, math.ceil(2 * fitting))), n_robots
     return {"n_near": (n_worlds, n_robots), "near": pairs, "effective": pairs}

@@ -3,12 +3,15 @@
 import warp as wp
 
 from iswarm_mj.engines.planar.gpu.cells import Cells
-from iswarm_mj.engines.planar.gpu.functions import Plane
+from iswarm_mj.engines.planar.gpu.functions import Kind, Plane
 
 
 @wp.struct
 class World:
-    """State of N robots, and lists with a limited number of places."""
+    """State of N bodies, robots and then boxes, and lists with a limited number of places."""
+
+    n_robots: int
+    """The others are boxes."""
 
     place: wp.array(dtype=wp.vec4)
     """(N,) x, y [mm], cosine and sine of the yaw."""
@@ -21,6 +24,11 @@ class World:
     """(N + 1,) likewise, as the sweep before ended."""
     is_present: wp.array(dtype=wp.bool)
     """(N,)"""
+    rubs: wp.array(dtype=wp.vec4)
+    """(N,) impulses of the floor's friction so far; as the sweep before ended, they are in `rubbed`."""
+    rubbed: wp.array(dtype=wp.vec4)
+    kinds: wp.array(dtype=Kind)
+    """(N + 1,) see `plane.table_of`."""
     plane: wp.array(dtype=Plane)
     """(1,) see `functions.plane_in`."""
     solids: wp.array2d(dtype=float)

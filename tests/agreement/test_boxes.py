@@ -1,0 +1,186 @@
+"""Boxes that robots push: laws in closed form, and agreement of MuJoCo in C with both planar engines. Units: mm, s."""
+
+import math
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+
+from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.base import Phase
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.simulation.step import drive_phases
+from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.layout import place_robots
+from iswarm_mj.utils.units import RD
+
+ARENA = ArenaConfig(size=15, dump_size=3, dust_area_size=2, dust_area_offset=5.5, n_dust=2)
+BOXES = (
+    (4.0, 3.0, 1.0, 0.6, 30.0, 4e-6, 0.005),
+    (-4.0, -3.0, 0.7, 0.7, 45.0, 8e-6, 0.01),
+    (0.0, 5.0, 2.4 / RD / 2, 1.6 / RD / 2, 0.0, 5e-6, 0.003),
+    (-5.0, 4.0, 1.2, 0.3, 10.0, 1e-5, 0.002),
+    (3.0, -4.0, 0.6, 0.6, 0.0, 3e-5, 0.5),
+)
+N, GRAVITY, DRIVE = 40, 9810.0, 10.0 / 0.1
+"""Drive: force of a robot per speed [mg/s]."""
+
+
+def engines_of(*boxes, n_robots=1, n_worlds=1, warp=False):
+    """MuJoCo in C and the planar engine, by numba or by Warp, in an arena with these boxes."""
+    config = SwarmConfig(replace(ARENA, boxes=boxes))
+    mujoco = MujocoEngine(config, compile_arena(config, n_robots, np.zeros(0)), n_worlds, 1, n_robots)
+    one = compile_arena(config, 1, np.zeros(0))
+    if not warp:
+        return mujoco, PlanarEngine(config, one, 1)
+    from iswarm_mj.engines.planar.batch_engine import read_engine
+
+    return mujoco, read_engine(one, config, jax.default_backend())
+
+
+def pushed(engine, robots, velocity, n_steps=40):
+    """Robots (N, 3) and boxes (M, 3) after each of some steps in which drives want this velocity."""
+    bodies, running = engine.place(np.array([robots], float), np.ones((1, len(robots)), bool)), np.ones(1, bool)
+    found, targets = [], np.broadcast_to(np.asarray(velocity, float), (1, len(robots), 3))
+    for _ in range(n_steps):
+        motion = engine.move(bodies, [Phase(1, lambda _: targets)], running)
+        assert not np.asarray(motion.fault).any() and not np.asarray(motion.touching).any()
+        bodies = motion.bodies
+        found.append([np.array(engine.poses(bodies)[0]), np.array(engine.boxes(bodies)[0])])
+    return [np.array(each) for each in zip(*found, strict=True)]
+
+
+def at_start(engine, bodies, poses, velocities):
+    """Put robots and boxes at poses (B, N + M, 3) with these velocities."""
+    if isinstance(engine, MujocoEngine):
+        engine._qpos[:, engine._arena.qpos], engine._qvel[:, engine._arena.qpos] = poses, velocities
+        engine._batch.forward()
+        return bodies._replace(poses=np.array(poses))
+    name = "velocities" if hasattr(bodies, "velocities") else "velocity"
+    dtype = np.asarray(bodies.poses).dtype
+    return bodies._replace(**{"poses": np.asarray(poses, dtype), name: np.asarray(velocities, dtype)})
+
+
+@pytest.mark.parametrize("angle", [0.0, 45.0, 90.0, 157.5])
+def test_friction_stops_a_sliding_box(angle):
+    """After v^2 / (2 mu g), in steps of h; midway between axis and diagonal friction is 1 / cos(22.5 deg) as much."""
+    friction, speed, h = 0.002, 20.0, 0.1
+    slower = friction * GRAVITY * h / (1.0 if angle % 45 == 0 else math.cos(math.pi / 8))  # in a step
+    n = int(speed / slower)
+    expected = h * (n * speed - slower * n * (n + 1) / 2)
+    assert expected == pytest.approx(speed**2 * h / (2 * slower) - speed * h / 2, rel=0.02)
+    along = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
+    for engine in engines_of((3.0, 3.0, 0.5, 0.5, 0.0, 1e-5, friction)):
+        bodies = engine.place(np.zeros((1, 1, 3)), np.ones((1, 1), bool))
+        start = np.array([[[-9.0, -9.0, 0.0], [0.0, 0.0, 0.0]]])
+        bodies = at_start(engine, bodies, start, [[[0, 0, 0], [*(speed * along), 0]]])
+        for _ in range(20):
+            bodies = engine.move(bodies, [Phase(1, np.zeros_like)], np.ones(1, bool)).bodies
+        way = engine.boxes(bodies)[0, 0, :2]
+        np.testing.assert_allclose(way, expected * along, atol=0.002)
+
+
+@pytest.mark.parametrize("engine", engines_of((3.0, 0.0, 0.5, 0.5, 0.0, 1e-5, 0.0)), ids=["mujoco", "planar"])
+def test_a_push_without_friction_keeps_momentum(engine):
+    """A robot whose drive is off and a resting box of its mass; what one loses the other gains."""
+    arena = replace(ARENA, boxes=((3.0, 0.0, 0.5, 0.5, 0.0, 2e-5, 0.0),))
+    config = SwarmConfig(arena)
+
+    def without_drive(spec):
+        for joint in spec.joints:
+            joint.damping[0] = 0.0
+
+    whole = compile_arena(config, 1, np.zeros(0), tune=without_drive)
+    made = MujocoEngine(config, whole, 1, 1, 1) if isinstance(engine, MujocoEngine) else PlanarEngine(config, whole, 1)
+    bodies = made.place(np.zeros((1, 1, 3)), np.ones((1, 1), bool))
+    start = np.array([[[0.0, 0.0, 0.0], [3.0, 0.2, 0.0]]])
+    bodies = at_start(made, bodies, start, [[[6.0, 0, 0], [0, 0, 0]]])
+    for _ in range(5):
+        before = bodies.poses.copy()
+        bodies = made.move(bodies, [Phase(1, np.zeros_like)], np.ones(1, bool)).bodies
+    velocity = (bodies.poses - before)[0] / 0.1
+    assert velocity[1, 0] > 1.0
+    np.testing.assert_allclose(10 * velocity[0, :2] + 20 * velocity[1, :2], [60.0, 0.0], atol=1e-6)
+    spin = 10 * velocity[0, 2] * 2 / 3 + 20 * velocity[1, 2] * RD**2 / 6
+    about = [mass * (x * v - y * u) for mass, (x, y, _), (u, v, _) in zip((10, 20), before[0], velocity, strict=True)]
+    np.testing.assert_allclose(spin + sum(about), 0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("turned", [0.0, 45.0])
+def test_what_a_drive_can_push_and_what_not(turned):
+    """A drive gives m v / h at most: 23.6 mg mm/s a step; a box at 45 degrees is pushed at its corner."""
+    speed = 0.5 * RD / 0.6
+    limit = DRIVE * speed / GRAVITY  # of friction times mass [mg]
+    for share, moves in ((0.98, True), (1.02, False)):
+        box = (3.0, 0.0, 0.5, 0.5, turned, 1e-5, share * limit / 10.0)
+        at = 3 * RD - RD / 2 * (math.sqrt(2) if turned else 1) - 1.0
+        for engine in engines_of(box):
+            robots, boxes = pushed(engine, [[at, 0, 0]], [speed, 0, 0])
+            way = boxes[-1, 0] - [3 * RD, 0, math.radians(turned)]
+            np.testing.assert_allclose(way[1:], 0, atol=1e-6)
+            steady = (boxes[-1, 0, 0] - boxes[-2, 0, 0]) / 0.1
+            assert steady == pytest.approx((1 - share) * speed if moves else 0.0, abs=0.003)
+            assert abs(robots[-1, 0, 0] - at) < 1.0 if not moves else robots[-1, 0, 0] > at
+
+
+@pytest.mark.parametrize("impl", ["numba", "warp"])
+def test_steps_agree(impl):
+    """In a crowd that pushes: poses and contacts after each of 20 control steps that begin alike."""
+    if impl == "warp":
+        pytest.importorskip("warp")
+    both, rng = engines_of(*BOXES, n_robots=N, n_worlds=3, warp=impl == "warp"), np.random.default_rng(1)
+    robots = np.stack([place_robots(replace(ARENA, boxes=BOXES), N, rng) for _ in range(3)])
+    present, running = np.ones((3, N), bool), np.ones(3, bool)
+    mujoco, planar = (engine.place(robots, present) for engine in both)
+    start, off = np.array(mujoco.poses[0, N:]), []
+    for _ in range(20):
+        command = Command(rng.uniform(-0.3, 0.3, (3, N)), np.full((3, N), 1.4))
+        phases = drive_phases(SwarmConfig().drive, command)
+        one, other = (e.move(b, phases, running) for e, b in zip(both, (mujoco, planar), strict=True))
+        assert not np.asarray(one.fault).any() and not np.asarray(other.fault).any()
+        off.append(np.abs(one.bodies.poses - np.asarray(other.bodies.poses)).max(axis=-1))
+        velocities = both[0]._qvel[:, both[0]._arena.qpos].copy()
+        mujoco, planar = one.bodies, at_start(both[1], other.bodies, one.bodies.poses, velocities)
+    off, moved = np.array(off), np.hypot(*(mujoco.poses[:, N:] - start)[..., :2].T)
+    assert (moved.max(axis=1) > 1.0).sum() >= 3 and moved[4].max() < 0.01  # the rough box stays
+    assert np.mean(off < 0.02) >= 0.99 and (impl == "warp" or off.max() < 0.02)
+
+
+def test_light_agrees():
+    """Boxes that were moved hide senders, and are seen as walls are."""
+    both, rng = engines_of(*BOXES, n_robots=N, n_worlds=3), np.random.default_rng(5)
+    free = PlanarEngine(SwarmConfig(ARENA), compile_arena(SwarmConfig(ARENA), 1, np.zeros(0)), 1)
+    present, running, n_hidden, n_seen = np.ones((3, N), bool), np.ones(3, bool), 0, 0
+    for _ in range(4):
+        robots = np.stack([place_robots(replace(ARENA, boxes=BOXES), N, rng) for _ in range(3)])
+        sights = []
+        for engine in both:
+            bodies = engine.place(robots, present)
+            poses = bodies.poses.copy()
+            poses[:, N:] += np.array([[0.3], [-0.4], [0.2]])[:, None] * [1, 1, 0.5]
+            bodies = at_start(engine, bodies, poses, np.zeros_like(poses))
+            sights.append(engine.sense(bodies, present, running))
+        mine, yours = sights
+        plain = free.sense(free.place(robots, present), present, running)
+        np.testing.assert_array_equal(mine.links.valid, yours.links.valid)
+        np.testing.assert_array_equal(mine.links.sender * mine.links.valid, yours.links.sender * mine.links.valid)
+        np.testing.assert_array_equal(mine.sees_wall, yours.sees_wall)
+        n_hidden += (plain.links.valid & ~mine.links.valid).sum()
+        n_seen += (mine.sees_wall & ~plain.sees_wall).sum()
+    assert n_hidden > 10 and n_seen > 10
+
+
+def test_a_shadow_by_hand():
+    """A box between two robots hides them from each other until it is pushed away."""
+    for engine in engines_of((0.0, 3.0, 0.5, 0.5, 0.0, 1e-5, 0.1), n_robots=2):
+        y, present = 3 * RD, np.ones((1, 2), bool)
+        robots = np.array([[[-4.0, y, 0.0], [4.0, y, math.pi]]])
+        bodies = engine.place(robots, present)
+        sight = engine.sense(bodies, present, np.ones(1, bool))
+        assert not sight.links.valid.any() and sight.sees_wall[0, :, 0].all()
+        away = np.concatenate([robots, [[[0.0, y - 3.0, 0.0]]]], axis=1)
+        sight = engine.sense(at_start(engine, bodies, away, np.zeros_like(away)), present, np.ones(1, bool))
+        assert sight.links.valid[0, :, 0].all() and not sight.sees_wall[0, :, 0].any()
