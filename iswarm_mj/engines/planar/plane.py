@@ -107,7 +107,7 @@ def read_kinds(arena: ArenaModel) -> tuple[Kind, ...]:
 
 @lru_cache(maxsize=16)  # each step needs it
 def table_of(kinds: tuple[Kind, ...], n_robots: int) -> np.ndarray:
-    """Return the kinds of N robots, of the boxes and of all that is fixed, as records (N + M + 1,), which nobody changes."""
+    """Return the kinds of N robots, of the boxes and of all that is fixed, records (N + M + 1,); nobody changes it."""
     robot, *boxes = kinds
     return np.array([*[tuple(robot)] * n_robots, *map(tuple, boxes), tuple(FIXED)], KIND)
 
