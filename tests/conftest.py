@@ -61,6 +61,7 @@ CHECKED = [
 """Modules whose annotations, shapes included, are checked at every call; none that numba compiles."""
 install_import_hook(CHECKED, "helpers_types.check")
 
+import helpers_draws
 from helpers_small import SMALL
 from helpers_types import begin_test
 from hypothesis import settings
@@ -68,6 +69,7 @@ from hypothesis import settings
 from iswarm_mj.utils.jax_setup import configure_jax
 
 configure_jax()
+helpers_draws.use_loops()
 gc.freeze()
 gc.set_threshold(50_000, 20, 20)  # as `iswarm` does
 settings.register_profile("repeatable", derandomize=True)  # the same examples each time
@@ -93,7 +95,7 @@ def pytest_configure(config):
         os.environ.setdefault("XLA_FLAGS", " ".join(QUICK))
 
 
-MOST_MEMORY = 1.5e9
+MOST_MEMORY = max(1.5e9, psutil.virtual_memory().total / 8)
 """Of a process, with compiled programs that files of tests share, from which on they go [bytes]."""
 REGROWTH = 0.5e9
 """Since the system gets little back when they go, by how much it grows until they go again [bytes]."""

@@ -39,12 +39,12 @@ def replicated(n, seed=0, **options):
     return [{"replicate": number, **row} for number in range(n) for row in search_rows(seed=[seed, number], **options)]
 
 
-def grasp_rows(grasp=25.0, release=42.0, slope=0.0, repeats=10):
-    """Made-up trials: 5 radii, 3 humidities."""
+def grasp_rows(grasp=25.0, release=42.0, slope=0.0, repeats=10, noise=1.0, dry=-0.4):
+    """Made-up trials: 5 radii, 4 humidities; voltages change by `dry` per % RH below 10."""
     rng = np.random.default_rng(0)
     rows = []
     for radius in np.linspace(15e-6, 25e-6, 5):
-        for rh in (10.0, 30.0, 50.0):
+        for rh in (10.0, 30.0, 50.0, 5.0):
             for repeat in range(repeats):
                 common = {
                     "radius": float(radius),
@@ -57,15 +57,17 @@ def grasp_rows(grasp=25.0, release=42.0, slope=0.0, repeats=10):
                     "flight_time": None,
                     "landing_speed": None,
                     "landed": None,
+                    "transport": None,
+                    "off_target": None,
                     "quasi_static_voltage": 25.0,
                     "faulty": False,
                     "engine": "mujoco",
                     "impl": "c",
                     "step_voltage": 0.25,
                 }
-                wet = (rh - 10) / 8
-                lift = grasp + wet + slope * (radius * 1e6 - 20) + rng.normal(0, 1)
-                drop = release + wet + rng.normal(0, 1)
+                wet = (rh - 10) / 8 if rh > 10 else (rh - 10) * dry
+                lift = grasp + wet + slope * (radius * 1e6 - 20) + noise * rng.normal()
+                drop = release + wet + noise * rng.normal()
                 rows += [
                     {**common, "experiment": "no_contact", "gap": 1e-6, "voltage": None, "limit_voltage": 50.0},
                     {**common, "experiment": "grasp", "gap": 0.0, "voltage": float(lift), "limit_voltage": 80.0},
@@ -76,6 +78,8 @@ def grasp_rows(grasp=25.0, release=42.0, slope=0.0, repeats=10):
                         "voltage": float(drop),
                         "limit_voltage": 80.0,
                         "landed": True,
+                        "transport": 50e-6,
+                        "off_target": 0.1e-6,
                     },
                 ]
     return rows

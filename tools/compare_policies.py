@@ -1,88 +1,105 @@
-"""The learned strategy against the paper's, in the same fresh worlds, on the planar engine.
+"""The learned strategy against the paper's, in worlds that no training saw, on the planar engine.
 
-    python tools/compare_policies.py --seeds 24 --steps 400
-    python tools/compare_policies.py --paper --robots 283 --steps 800 --only neural
+    python tools/compare_policies.py
+    python tools/compare_policies.py --robots 190 --only type1 neural
+    python tools/compare_policies.py --only neural no-messages no-vectors no-flag no-memory
 
-Rows: the paper's type 1, the network, the network that says nothing (the weights of its signals are 0), and the
-untrained network with which training began. Columns: means over worlds with 95 % bootstrap intervals; how many worlds
-were clean. The arena is that of the training, unless --paper or --size and the others say otherwise.
+A row per strategy: worlds in which all balls were delivered; control steps until then, those of the other worlds
+counted as --steps, and collisions: medians with 95 % intervals by order statistics; balls delivered on average.
+`knows-all` is the network with robots that are told where dump and nearest ball are; the rows without something are
+the network with its shipped weights, or with --weights.
 """
 
 import argparse
-from dataclasses import replace
+import sys
 from pathlib import Path
 
-import jax
 import numpy as np
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.engines.arena import read_robot
+sys.path.append(str(Path(__file__).parent))
+import neural_without as without
+
+from iswarm_mj.arena_config import ArenaConfig
+from iswarm_mj.config import DriveConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.experiments.analysis.statistics import difference, interval
+from iswarm_mj.experiments.analysis.statistics import interval
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.strategy.network import load_weights
-from iswarm_mj.strategy.neural import SHAPE, SHIPPED, SIGNALS, untrained
-from iswarm_mj.workflows.rollout import rollout
+from iswarm_mj.strategy.neural import Neural, untrained
 
-FRESH = 2**31
-"""Seed of the first world; trainings have others, unless they were given such."""
+FRESH = 2**31 + 1
+"""Seed of the worlds; trainings have others, unless they are given such."""
 
 
-def silent(weights):
-    """Weights with those of the signals 0."""
-    split = (SHAPE.inputs + 1) * SHAPE.hidden
-    outputs = weights[split:].reshape(-1, SHAPE.outputs).copy()
-    outputs[:, -len(SIGNALS) :] = 0
-    return np.concatenate([weights[:split], outputs.ravel()])
+class Untrained(Neural):
+    """The network with which training begins."""
+
+    def for_world(self, config, robot, n_robots):
+        return untrained(config, robot)
+
+
+NETWORKS = {
+    "neural": Neural,
+    "untrained": Untrained,
+    "knows-all": without.KnowsAll,
+    "no-messages": without.NoMessages,
+    "no-vectors": without.NoVectors,
+    "no-flag": without.NoFlag,
+    "no-memory": without.NoMemory,
+}
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seeds", type=int, default=24)
-    parser.add_argument("--steps", type=int, default=400)
-    parser.add_argument("--robots", type=int, default=30)
-    parser.add_argument("--size", type=float, default=20.0)
-    parser.add_argument("--dust-area-size", type=float, default=5.0)
-    parser.add_argument("--dust-area-offset", type=float, default=6.5)
-    parser.add_argument("--n-dust", type=int, default=36)
-    parser.add_argument("--paper", action="store_true", help="the paper's arena")
-    parser.add_argument(
-        "--refinement", type=int, default=PlanarSettings.refinement, help="of the engine's physics steps"
-    )
-    parser.add_argument("--only", nargs="+", help="rows beside type 1")
-    parser.add_argument("--weights", type=Path, default=SHIPPED)
+    parser.add_argument("--worlds", type=int, default=48)
+    parser.add_argument("--steps", type=int, default=800)
+    parser.add_argument("--robots", type=int, default=280)
+    parser.add_argument("--size", type=float, default=49.0, help="edge of the arena [rd]")
+    parser.add_argument("--failed", type=float, default=0.0, help="share of robots that are dead from the start")
+    parser.add_argument("--noise", type=float, default=1.0, help="times the errors of distances and messages")
+    parser.add_argument("--turn-error", type=float, default=0.0, help="standard deviation of executed turns [deg]")
+    parser.add_argument("--robot", type=Path, help="MJCF file of other robots")
+    parser.add_argument("--weights", type=Path, help="of the networks but `untrained`")
+    parser.add_argument("--only", nargs="+", default=["type1", "type2", "evolved", "untrained", "neural", "knows-all"])
     parser.add_argument("--threads", type=int, default=0)
     args = parser.parse_args()
-    own = {name: getattr(args, name) for name in ("size", "dust_area_size", "dust_area_offset", "n_dust")}
-    config = SwarmConfig() if args.paper else SwarmConfig(ArenaConfig(**own))
-    keys = jax.random.split(jax.random.key(FRESH), args.seeds)
-    network = untrained(config, read_robot(), load_weights(args.weights))
-    strategies = {
-        "type 1": PRESETS["type1"],
-        "neural": network,
-        "neural, silent": replace(network, weights=jax.numpy.asarray(silent(np.asarray(network.weights)))),
-        "untrained": untrained(config, read_robot()),
-    }
-    strategies = {name: one for name, one in strategies.items() if args.only is None or name in ("type 1", *args.only)}
-    engine, found = PlanarSettings(args.threads, args.refinement), {}
-    print("| | delivered | picked up | collisions | clean worlds | steps until clean |\n|---|---|---|---|---|---|")
-    for name, strategy in strategies.items():
-        result = rollout(config, strategy, keys, n_robots=args.robots, steps=args.steps, engine=engine, every=25)
-        found[name] = result.delivered.astype(float)
-        cells = [told(values) for values in (result.delivered, result.picked, result.collisions)]
-        when = result.finished_at[result.is_finished]
-        median = f"{np.median(when):.0f}" if len(when) else "-"
-        clean = f"{result.is_finished.sum()} of {args.seeds}"
-        print(f"| {name} | {' | '.join(cells)} | {clean} | {median} |" + " faults!" * bool(result.faults), flush=True)
-    for name in [name for name in found if name.startswith("neural")]:
-        value, low, high = difference(found[name], found["type 1"], np.mean)
-        print(f"delivered, {name} minus type 1: {value:.1f} ({low:.1f} to {high:.1f})")
-    print("\nSteps until clean: medians of the worlds that were.")
+    light = OpticsConfig(
+        error_distance_measure=0.1 * args.noise,
+        error_in_communication=0.1 * args.noise,
+        p_communication_break=0.1 * args.noise,
+    )
+    config = SwarmConfig(ArenaConfig(size=args.size), DriveConfig(error_turn=args.turn_error), light)
+    settings = RunSettings(
+        args.robots, args.steps, FRESH, n_worlds=args.worlds, failed_fraction=args.failed, record_worlds=()
+    )
+    print("| | clean worlds | steps until clean | collisions | delivered |\n|---|---|---|---|---|")
+    for name in args.only:
+        strategy = None if name in PRESETS else NETWORKS[name](args.weights)
+        run = Run(
+            config,
+            PRESETS.get(name),
+            settings,
+            PlanarSettings(args.threads),
+            strategy=strategy,
+            task=without.Told() if name == "knows-all" else None,
+            robot_file=args.robot,
+        )
+        while not run.is_over:
+            run.advance()
+        found = [run.measures(world) for world in range(args.worlds)]
+        clean = sum(one.finished_at is not None for one in found)
+        steps = told([one.finished_at or args.steps for one in found])
+        collisions = told([one.collisions for one in found])
+        delivered = np.mean([one.delivered for one in found])
+        faults = " faults!" * bool(run.faults)
+        print(f"| {name} | {clean} of {args.worlds} | {steps} | {collisions} | {delivered:.1f} |{faults}", flush=True)
 
 
 def told(values):
-    estimate, low, high = interval(values.astype(float))
-    return f"{estimate:.1f} ({low:.1f} to {high:.1f})"
+    """The median of values with its interval."""
+    estimate, low, high = interval(np.array(values, float), np.median)
+    return f"{estimate:.0f} ({low:.0f} to {high:.0f})"
 
 
 if __name__ == "__main__":

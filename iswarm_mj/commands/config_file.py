@@ -1,6 +1,5 @@
 """Files of `--config`: TOML whose keys are flags, or the result.json of an earlier run."""
 
-import difflib
 import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -9,7 +8,7 @@ from typing import Any
 
 from iswarm_mj.commands.flags import SETTINGS, flag, names
 from iswarm_mj.engines.registry import IDENTITY
-from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.errors import UserError, closest, shown
 from iswarm_mj.utils.files import read_json, read_text
 
 _SETTINGS = {"n_robots": "robots", "n_worlds": "worlds", "steps": "steps", "seed": "seed", "stop_at": "stop_at"}
@@ -68,8 +67,8 @@ class ConfigFile:
         flags = {flag(name).removeprefix("--").replace("-", "_"): default for name, default in known.items()}
         unknown = [name for name in self.values if name not in flags]
         if unknown and not self.is_result:
-            similar = difflib.get_close_matches(unknown[0], flags, 1)
-            hint = f"; perhaps you meant {similar[0]}" if similar else ""
+            similar = closest(unknown[0], flags)
+            hint = f"; perhaps you meant {similar}" if similar else ""
             raise UserError(
                 f"--config {self.path} names {shown(', '.join(unknown))}, which iswarm {command} does not know"
                 f"{hint}; `iswarm {command} --help-all` lists the flags, which are the keys"

@@ -1,6 +1,5 @@
 """Simulator of the I-SWARM micro-robot swarm; `iswarm --version` prints the version."""
 
-import difflib
 import io
 import os
 import sys
@@ -24,7 +23,7 @@ from iswarm_mj.commands.recorded import Inspect, Picture, Replay, Video
 from iswarm_mj.commands.report import Report, Reproduce
 from iswarm_mj.commands.sweep import Sweep
 from iswarm_mj.commands.train import Train
-from iswarm_mj.utils.errors import SimulationFault, UserError, printable, shown
+from iswarm_mj.utils.errors import SimulationFault, UserError, closest, printable, shown
 from iswarm_mj.utils.interruption import code_of_signal, handle_signals, leave
 
 COMMANDS: dict[str, type] = {
@@ -45,7 +44,7 @@ def parse(arguments: Sequence[str]) -> Any:
 
     Raises:
         UserError: there is no such command, or a value is not allowed.
-        SystemExit: help or the version was printed, or tyro has explained why it cannot read the arguments.
+        SystemExit: help or the version was printed.
     """
     name, *rest = arguments or [""]
     if name == "sweep":  # which knows some flags, and hands on the others
@@ -59,7 +58,8 @@ def parse(arguments: Sequence[str]) -> Any:
     if name.startswith("-"):  # help, or the completion of a shell
         cli = tyro.extras.subcommand_cli_from_dict
         return explained(cli, COMMANDS, prog="iswarm", description=__doc__, args=arguments)
-    similar = "".join(f"; perhaps you meant {match}" for match in difflib.get_close_matches(name, COMMANDS, n=1))
+    match = closest(name, COMMANDS)
+    similar = f"; perhaps you meant {match}" if match else ""
     fact = f"{shown(name)!r} is not a command{similar}" if name else "no command was given"
     raise UserError(f"{fact}. Commands: {', '.join(COMMANDS)}; `iswarm --help` describes them.")
 

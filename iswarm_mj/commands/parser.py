@@ -1,12 +1,12 @@
 """What arguments of a command say: its flags, those of an engine, a strategy and a task, of a file, of a reading."""
 
-import sys
 from argparse import ArgumentParser
 from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stderr
 from dataclasses import MISSING, fields, is_dataclass
 from io import StringIO
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -21,12 +21,10 @@ from iswarm_mj.engines.registry import check_settings, find_engine
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.constraints import check_kind
-from iswarm_mj.utils.errors import UserError, printable
+from iswarm_mj.utils.errors import UserError, closest
 
 HELP = {"-h", "--help"}
 HELP_ALL = {"--help-all", "--help_all"}
-_MOST_LINES = 24
-"""Of tyro's explanation of an error, which repeats arguments."""
 
 
 def parse(name: str, cls: type, given: Sequence[str]) -> Any:
@@ -39,7 +37,7 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
 
     Raises:
         UserError: a value is not allowed, a file cannot be read, or a flag is given twice.
-        SystemExit: help was printed, or tyro has explained why it cannot read the arguments.
+        SystemExit: help was printed.
     """
     known: dict[str, Any] = {}
     try:
@@ -84,11 +82,11 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
 
 
 def explained(cli: Callable[..., Any], *arguments: Any, **settings: Any) -> Any:
-    """Return what one of tyro's parsers does; what it says of mistakes is short, and harmless on a terminal.
+    """Return what one of tyro's parsers does.
 
     Raises:
-        UserError: a completion is asked for a shell that there is none for.
-        SystemExit: help was printed, or an error explained.
+        UserError: it cannot read the arguments, or a completion is asked for a shell that there is none for.
+        SystemExit: help was printed.
     """
     said = StringIO()
     try:
@@ -98,10 +96,24 @@ def explained(cli: Callable[..., Any], *arguments: Any, **settings: Any) -> Any:
         if "Shell should be" not in str(error):
             raise
         raise UserError(f"there are completions for the shells bash, zsh, tcsh and fish ({error})") from None
-    finally:
-        lines = [printable(line) for line in said.getvalue().splitlines()]
-        more = ["..."] * (len(lines) > _MOST_LINES)
-        print("\n".join([*lines[:_MOST_LINES], *more]), file=sys.stderr, end="\n" if lines else "")
+    except SystemExit:
+        if text := said.getvalue():
+            raise UserError(_sentence(text, settings["prog"])) from None
+        raise  # after help
+
+
+def _sentence(text: str, command: str) -> str:
+    """What tyro says of a mistake in a box: its first paragraph, of several possible types the last one's error."""
+    lines = [line.strip("│╭╮╰╯─ ") for line in text.splitlines()][1:]
+    first, *more = [" ".join(part) for is_text, part in groupby(lines, bool) if is_text]
+    fact = first.removeprefix("Error parsing ").rstrip(".")
+    if more and more[0].startswith("Got errors:"):
+        fact = f"{fact.partition(':')[0]}: {more[0].rpartition('>: ')[2]}"
+    offered = [line.split()[0].rstrip(",") for line in lines if line.startswith("--")]
+    if first.startswith("Unrecognized") and offered:
+        given = first.partition(": ")[2].split(", ")[0]
+        return f"{fact}; perhaps you meant {closest(given, offered) or offered[0]}"
+    return f"{fact}; `{command} --help-all` explains the flags"
 
 
 def _words(word: str, arguments: Sequence[str]) -> list[str]:

@@ -111,13 +111,23 @@ class Reproduce(ManyRunsOptions):
     @property
     def _plans(self) -> Any:
         """Settings of all parts; the quick ones are just enough for each step to be taken."""
+        from iswarm_mj.experiments.analysis.bench_statements import TRANSPORT
         from iswarm_mj.experiments.report.reproduce import Plans
         from iswarm_mj.experiments.runner.experiment import Plan
         from iswarm_mj.experiments.runner.search_settings import Search
+        from iswarm_mj.gripper.bench.contacts import Contacts
+        from iswarm_mj.gripper.bench.protocol import Protocol
         from iswarm_mj.workflows.grasp_settings import GraspSettings
 
         search, repeats = Search(config=self.config, seed=self.seed, replicates=self.replicates), self.trials
         if self.quick:
             search, repeats = replace(search, generations=3, population=4, steps=60, replicates=2), 1
-        trials = GraspSettings(repeats=repeats, seed=self.seed)
+        trials = GraspSettings(
+            ("15e-6:25e-6:6",),
+            (5.0, 10.0, 30.0, 50.0),
+            repeats=repeats,
+            seed=self.seed,
+            protocol=Protocol(transport=TRANSPORT),
+            contacts=Contacts(rolling=50e-9),
+        )
         return Plans(Plan(self.config, seed=self.seed, quick=self.quick), search, trials, self.execution)

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
@@ -170,9 +171,10 @@ def _number(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
         return None
 
     def read(words: list[str]) -> Any:
-        if not words[0].isascii() or "_" in words[0]:
-            raise ValueError(f"{words[0]!r} is no {'whole ' * (kind is int)}number")
-        return kind(words[0])
+        with suppress(ValueError):
+            if words[0].isascii() and "_" not in words[0]:
+                return kind(words[0])
+        raise ValueError(f"{words[0]!r} is no {'whole ' * (kind is int)}number")
 
     def fits(value: Any) -> bool:
         return isinstance(value, int if kind is int else int | float) and not isinstance(value, bool)

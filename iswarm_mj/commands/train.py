@@ -27,19 +27,24 @@ class Train(TrainingPlan, ConfigOptions):
     resume: bool = False
     """Resume the training in --out with the same settings, or start it if there is none."""
 
+    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
+    """What the robots are to do, cleaning by default; see `run`."""
+    robot: Path | None = None
+    """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and photodiodes."""
     own: Any = None
     """The strategy with the values of its flags, where one is named."""
+    own_task: Any = None
+    """The task with the values of its flags, where one is named."""
 
     def run(self) -> None:
         """Run the command."""
         from iswarm_mj.experiments.runner.training import Training, train
         from iswarm_mj.strategy.neural import Neural
         from iswarm_mj.tasks.cleaning import CLEANING
-        from iswarm_mj.tasks.layout import check_robots
 
         strategy = Neural() if self.own is None else self.own
-        check_robots(self.config.arena, self.robots)
+        task = CLEANING if self.own_task is None else self.own_task
         plan = {f.name: getattr(self, f.name) for f in fields(TrainingPlan)}
         training = Training(**plan, config=self.config)
         engine = self.engine_settings.for_batches()
-        train(training, strategy, self.out, engine, task=CLEANING, resume=self.resume)
+        train(training, strategy, self.out, engine, task=task, robot_file=self.robot, resume=self.resume)

@@ -26,6 +26,7 @@ from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robot
 
@@ -56,9 +57,14 @@ class Intent(NamedTuple):
     """Left in the capacitors [J]; None where there are none."""
 
 
+_ARRAYS = "params", "poses", "worlds"
+_STATIC = "config", "given", "robot", "robot_file", "steps", "payload", "senses"
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=_ARRAYS, meta_fields=_STATIC)
 @dataclass(frozen=True)
 class Core:
-    """An environment but for its engine.
+    """An environment but for its engine: a pytree of the arrays in which environments of the same programs may differ.
 
     Attributes:
         config: what control steps are compiled for.
@@ -70,8 +76,7 @@ class Core:
         worlds: likewise, states without bodies.
         steps: of an episode at most.
         payload: what messages carry.
-        observations: see `observations.rows`.
-        actions: see `actions.rows`.
+        senses: what the task lets robots sense beside balls and dump, by name, and how many numbers of each.
     """
 
     config: SwarmConfig
@@ -83,8 +88,17 @@ class Core:
     worlds: WorldState
     steps: int
     payload: Payload
-    observations: list[Row]
-    actions: list[Row]
+    senses: tuple[tuple[str, tuple[Quantity, int]], ...]
+
+    @property
+    def observations(self) -> list[Row]:
+        """See `observations.rows`."""
+        return observations.rows(self.given, self.robot, self.payload, dict(self.senses))
+
+    @property
+    def actions(self) -> list[Row]:
+        """See `actions.rows`."""
+        return actions.rows(self.given, self.payload)
 
     def begin(self, key: Array) -> tuple[Episode, Float[Array, "N 3"]]:
         """Return an episode that begins, and where its robots stand."""

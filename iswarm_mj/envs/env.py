@@ -1,6 +1,7 @@
 """Environments on engines of the host, many worlds at once, and on compiled engines, as pure functions."""
 
 from collections.abc import Callable
+from functools import lru_cache, partial
 from typing import Any, get_type_hints
 
 import jax
@@ -51,7 +52,7 @@ class Env:
         self._engine, self._on_host, self._latest = engine, on_host, None
         self._bodies = get_type_hints(engine.place)["return"]
         self._device = jax.local_devices(backend="cpu")[0] if on_host else None
-        stages = core.begin, core.auto_reset, core.act, core.observe
+        stages = "begin", "auto_reset", "act", "observe"
         self._begin, self._auto_reset, self._act, self._observe = map(self._of_worlds, stages)
         self._compiled_reset = self._reset if on_host else jax.jit(self._reset)
         self._compiled_step = self._step if on_host else jax.jit(self._step)
@@ -143,10 +144,12 @@ class Env:
         placed = self._engine.place(poses, xp.ones(poses.shape[:-1], bool))
         return jax.tree.map(lambda new, old: xp.where(_over(is_new, new), new, old), placed, bodies)
 
-    def _of_worlds(self, stage: Callable[..., Any]) -> Callable[..., Any]:
-        """A stage of all worlds that `reset` and `step` are of."""
+    def _of_worlds(self, name: str) -> Callable[..., Any]:
+        """A stage of `Core` of all worlds that `reset` and `step` are of."""
         if self._on_host:
-            return jax.jit(pad_singleton_batch(jax.vmap(stage)))
+            arrays, structure = jax.tree.flatten(self.core)
+            return partial(_program(structure, name), arrays)
+        stage = getattr(self.core, name)
         return stage if self.n_worlds is None else jax.vmap(stage)
 
     def _given(self, values: Any) -> Any:
@@ -184,6 +187,17 @@ class Env:
                 f"this environment's engine computes on the host, outside of programs of JAX; call {name} without "
                 "jax.jit and jax.vmap, or make the environment with MjxSettings() or PlanarSettings(impl='warp')"
             )
+
+
+@lru_cache(maxsize=64)
+def _program(structure: Any, name: str) -> Callable[..., Any]:
+    """A stage of worlds on the host, compiled once for all environments that differ in arrays of `Core` alone."""
+
+    def of_worlds(arrays: list[Any], *given: Any) -> Any:
+        stage = getattr(jax.tree.unflatten(structure, arrays), name)
+        return pad_singleton_batch(jax.vmap(stage))(*given)
+
+    return jax.jit(of_worlds)
 
 
 def _over(flags: Any, values: Any) -> Any:

@@ -12,7 +12,6 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.checked import make_compiled_engine
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.envs import actions, observations
 from iswarm_mj.envs.core import Core, Speaker
 from iswarm_mj.envs.env import Env
 from iswarm_mj.sensors.fields import Flag
@@ -79,10 +78,10 @@ def make_env(
     speaker.payload.check_room(len(setup.robot.sides))
     params = world_params(config, layouts[:1], speaker, setup.job.task, setup.target, setup.capacity)
     poses, worlds = first_state(config, setup.starts, setup.task, setup.robot, setup.capacity)
-    senses = {
-        name: (quantity, int(np.prod(setup.job.sensed[name].shape[1:], dtype=int)))
+    senses = tuple(
+        (name, (quantity, int(np.prod(setup.job.sensed[name].shape[1:], dtype=int))))
         for name, quantity in getattr(setup.task, "senses", {}).items()  # a task without has no such attribute
-    }
+    )
     with jax.default_device(setup.device):
         core = Core(
             config=setup.program_config,
@@ -94,8 +93,7 @@ def make_env(
             worlds=jax.tree.map(jnp.asarray, worlds),
             steps=steps,
             payload=speaker.payload,
-            observations=observations.rows(config, setup.robot, speaker.payload, senses),
-            actions=actions.rows(config, speaker.payload),
+            senses=senses,
         )
     if engine.on_host:
         return Env(core, setup.host_engine()(settings.n_worlds, _threads(engine)), settings.n_worlds, on_host=True)

@@ -1,7 +1,6 @@
 """Episodes of an environment for those who watch: pictures, a window, and recordings for Rerun."""
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,6 @@ import numpy as np
 from jaxtyping import UInt8
 
 from iswarm_mj import __version__
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.envs.env import Env
 from iswarm_mj.envs.state import State
 from iswarm_mj.output.frames import RecordedWorld
@@ -19,33 +17,13 @@ from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.output.trajectory import areas_of
-from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.start import start_record
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.step import mean_step
 from iswarm_mj.simulation.strategies import to_json
-from iswarm_mj.simulation.worlds import World
-from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.utils.robot import Robot
 
 SHOT = Shot("above", (480, 480), fine=False)
 """Of pictures by default; on a CPU one of 100 robots takes some 10 ms."""
-
-
-@dataclass
-class _Source:
-    """What `RecordedWorld` needs of a run; robots of an environment recall nothing that is recorded."""
-
-    config: SwarmConfig
-    worlds: Sequence[World]
-    settings: RunSettings
-    task: Any
-    robot: Robot
-    start: StepRecord
-    recorded: dict[str, str]
-    payload: Payload
-    teams: dict[str, int]
 
 
 class Watched:
@@ -65,11 +43,8 @@ class Watched:
             world: which of the B is shown.
         """
         self._env, self.world, self._step = env, world, 0
-        core, start = env.core, self._record(state)
-        settings = RunSettings(env.n_robots, max(core.steps, 1), record_worlds=(0,))
-        worlds = [World(PRESETS["type1"], env.n_robots, index=world)]
-        source = _Source(core.given, worlds, settings, core.params.task, core.robot, start, {}, Payload(), {})
-        self._recorded, self._before = RecordedWorld(source, 0), start
+        core, self._before = env.core, self._record(state)
+        self._recorded = RecordedWorld(self._before, 0, core.given, core.params.task, core.robot, number=world)
         self.scene = self._recorded.scene
 
     def frames(self, state: State) -> Frames:

@@ -1,7 +1,7 @@
 """From records of a run to frames of a trajectory, and what its task adds: arena units become SI here."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -13,6 +13,7 @@ from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.schema import ARRAYS, IN_FILES, Frames, Observed
 from iswarm_mj.output.trajectory import AREA, METRIC, Scene
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.strategy.declared import array_name, parts_of
 from iswarm_mj.tasks.grasping import ball_centres
@@ -20,6 +21,7 @@ from iswarm_mj.tasks.layout import no_balls
 from iswarm_mj.tasks.protocol import DrawnTask, Look, Quantity, Task, balls_of
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
 
 FIXED = ("dump", "dust_areas")
@@ -29,35 +31,64 @@ _BLOCK = 64
 
 
 class RecordedWorld:
-    """A recorded world of a run.
+    """A recorded world of a run, or of an environment.
 
     Attributes:
         config: its configuration.
         scene: what does not change in it.
     """
 
-    def __init__(self, run: Any, index: int):
+    def __init__(
+        self,
+        start: StepRecord,
+        index: int,
+        config: SwarmConfig,
+        task: Task,
+        robot: Robot,
+        *,
+        number: int,
+        recorded: Mapping[str, str] | None = None,
+        payload: Payload | None = None,
+        teams: Mapping[str, int] | None = None,
+    ):
         """Take in how it starts.
 
         Args:
-            run: a `Run` at its start, or what has the same config, worlds, settings, task, robot, recorded, payload and
-                start.
-            index: which of its recorded worlds.
+            start: of the W recorded worlds (1, W, ...).
+            index: which of them.
+            config: its configuration.
+            task: of its robots.
+            robot: their geometry.
+            number: of the world in its run.
+            recorded: unit of each recorded part of the memory.
+            payload: what messages carry.
+            teams: number of robots of each.
 
         Raises:
             UserError: a part of the memory that is recorded has the name of another array of trajectories.
         """
-        for name in map(array_name, run.recorded):
+        recorded, teams = recorded or {}, teams or {}
+        for name in map(array_name, recorded):
             if name in (*ARRAYS, "file", "allow_pickle") or name.startswith((AREA, METRIC)):  # NumPy has two itself
                 raise UserError(
                     f"what is recorded of the memory cannot be called {name}, as trajectories have that; rename it"
                 )
+        self.config, self._index = config, index
+        self._task, self._robot, self._recorded = task, robot, recorded
+        self._watch = _watch(task, config)
+        scene = self._scene(jax.tree.map(lambda a: a[:, index], start), number, payload or Payload())
+        self.scene = scene._replace(team_names=tuple(teams), team_sizes=tuple(teams.values()))
+
+    @classmethod
+    def of(cls, run: Run, index: int) -> "RecordedWorld":
+        """Return one of the recorded worlds of a run at its start.
+
+        Raises:
+            UserError: see above.
+        """
         world = run.worlds[run.settings.record_worlds[index]]
-        self.config, self._index = world.config or run.config, index
-        self._task, self._robot, self._recorded = run.task, run.robot, run.recorded
-        self._watch = _watch(run.task, self.config)
-        scene = self._scene(jax.tree.map(lambda a: a[:, index], run.start), world.index, run.payload)
-        self.scene = scene._replace(team_names=tuple(run.teams), team_sizes=tuple(run.teams.values()))
+        about = {"number": world.index, "recorded": run.recorded, "payload": run.payload, "teams": run.teams}
+        return cls(run.start, index, world.config or run.config, run.task, run.robot, **about)
 
     def frames(self, records: Sequence[StepRecord], before: StepRecord | None = None) -> Frames:
         """Return its frames.

@@ -99,7 +99,7 @@ class Session:
 
     def _begin(self, scenario: Scenario) -> None:
         run = scenario.run()
-        world = RecordedWorld(run, 0)
+        world = RecordedWorld.of(run, 0)
         with self.lock:
             self.start = self.now = self.wanted = scenario
             self.made: list[Change] = []
@@ -203,7 +203,7 @@ class Session:
             task = now.task if now.task != self.now.task else None
             self.run.change(now.config, now.genome, now.strategy, task)
             if task is not None:
-                self.world = RecordedWorld(self.run, 0)
+                self.world = RecordedWorld.of(self.run, 0)
             self.now, self.wanted = now, self.wanted.set(what, now.get(what))
             self.made = [one for one in self.made if one[:2] != change[:2]]
         self.made.append(change)

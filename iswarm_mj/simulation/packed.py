@@ -1,5 +1,6 @@
 """Trees of arrays in few arrays, since each that a program takes or returns costs it a microsecond or two."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -22,11 +23,13 @@ class Packed:
         treedef: structure of the tree.
         places: of each leaf, the name of its array, its first column there and that after its last, and its shape
             (B, ...) without B.
+        kinds: types of the tree's nodes; JAX takes structures for equal where dataclasses have the same fields.
     """
 
     arrays: dict[str, Array]
     treedef: Any = field(metadata={"static": True})
     places: tuple[tuple[str, int, int, tuple[int, ...]], ...] = field(metadata={"static": True})
+    kinds: tuple[type | None, ...] = field(metadata={"static": True})
 
     @property
     def tree(self) -> Any:
@@ -55,7 +58,15 @@ def pack(tree: Any) -> Packed:
         name: each[0] if len(each) == 1 else array_module(*each).concatenate(each, axis=1)
         for name, each in parts.items()
     }
-    return Packed(arrays, treedef, tuple(places))
+    return Packed(arrays, treedef, tuple(places), tuple(_kinds(treedef)))
+
+
+def _kinds(treedef: Any) -> Iterator[type | None]:
+    """Types of a structure's nodes, None of leaves."""
+    node = treedef.node_data()
+    yield None if node is None else node[0]
+    for child in treedef.children():
+        yield from _kinds(child)
 
 
 def unpacked(tree: Any) -> Any:

@@ -1,6 +1,5 @@
 """Strategies and tasks by name: of a class in a file, or of an entry point of an installed package."""
 
-import difflib
 import importlib.util
 import re
 import sys
@@ -12,7 +11,7 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from iswarm_mj.strategy.user_code import user_code
-from iswarm_mj.utils.errors import ConfigError, UserError, shown
+from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 from iswarm_mj.utils.files import check_file
 
 
@@ -89,8 +88,8 @@ def find(offer: Offer, name: str, shipped: Mapping[str, Any] | None = None) -> A
         return _of_file(offer, Path(path), cls) if colon else _of_file(offer, Path(name), "")
     installed = {point.name: point for point in entry_points(group=offer.group)} | dict(shipped or {})
     if name not in installed:
-        similar = difflib.get_close_matches(name, installed, n=1)
-        remedy = f"perhaps you meant {similar[0]}" if similar else None
+        similar = closest(name, installed)
+        remedy = f"perhaps you meant {similar}" if similar else None
         known = ", ".join(sorted(installed)) or "none"
         raise ConfigError(offer.word, name, f"{offer.form}, or installed ({known})", remedy)
     found = installed[name]

@@ -1,11 +1,12 @@
 """A small network with one hidden layer, whose weights are one vector, and the file in which weights are kept."""
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from zipfile import BadZipFile
 
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Float
 
 from iswarm_mj.utils.arrays import Array
@@ -53,8 +54,12 @@ def save_weights(path: Path, weights: Float[np.ndarray, "W"]) -> None:
         np.savez(file, weights=np.asarray(weights, np.float32))
 
 
-def load_weights(path: Path | str) -> Float[np.ndarray, "W"]:
-    """Return the weights in a file that `save_weights` wrote, float32.
+def load_weights(path: Path | str, like: Any = None) -> Any:
+    """Return the weights in a file that `save_weights` wrote: (W,) float32.
+
+    Args:
+        path: of the file.
+        like: a pytree of arrays, whose shapes and types the weights get; None to leave them.
 
     Raises:
         UserError: it does not exist, is too large, or holds something else.
@@ -75,4 +80,9 @@ def load_weights(path: Path | str) -> Float[np.ndarray, "W"]:
             f"{path} has weights {found.dtype}{list(found.shape)}; they must be one axis of finite float32, as "
             "`iswarm train` writes them"
         )
-    return found
+    if like is None:
+        return found
+    flat, shaped = ravel_pytree(like)
+    if len(flat) != len(found):
+        raise UserError(f"{path} has {len(found)} weights, but {len(flat)} are wanted; give those of this strategy")
+    return shaped(jnp.asarray(found, flat.dtype))

@@ -1,49 +1,54 @@
-"""A learned strategy: one small network, shared by all robots, decides where they go and what they say.
+"""A learned strategy: one small network, shared by all robots, decides where they go and how much they believe others.
 
-The network reads numbers that do not depend on directions (what a robot senses, hears and remembers) and returns how
-much each of several directions counts: ahead, at random, towards neighbours, walls, a ball, remembered places and what
-was heard. It works therefore for robots with any sides. What its messages mean is learned.
+Robots send the paper's message: the vectors to dust and dump that they remember, and a flag, whose meaning is learned.
+How vectors that were heard are merged with own ones is learned, too: a robot doubts a vector the more, the longer ago
+it was confirmed, and the more robots it came through. The network reads numbers that do not depend on directions and
+returns how much each of several directions counts. It works therefore for robots with any sides.
 """
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.sensors.fields import Real
-from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.strategy import controller
+from iswarm_mj.strategy.believed import MOST_DOUBT, Belief, Trust, confirmed, merged
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.network import Shape, forward, load_weights
-from iswarm_mj.strategy.vectors import after_motion, learnt
+from iswarm_mj.strategy.vector_strategy import payload_for
+from iswarm_mj.strategy.vectors import after_motion
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robot
 from iswarm_mj.utils.units import mm_from_rd
 
-SIGNALS = ("a", "b", "c")
-"""Numbers in a message."""
+PLACES = ("dust", "dump")
 HIDDEN = 8
-_SENSED = ("near", "wall", "at_dust", "ball_ahead", "on_dump", "is_loaded", "grasp_failed")
-_REMEMBERED = ("knows_home", "home_is_near", "knows_food", "food_is_near", "character")
-_WAYS = ("ahead", "random", "neighbours", "walls", "ball", "home", "food")
-INPUTS = (*_SENSED, *_REMEMBERED, *(f"heard_{name}" for name in SIGNALS), *(f"said_{name}" for name in SIGNALS))
-"""What the network reads; `character` is a number that a robot keeps, in which it differs from others."""
-WAYS = (*_WAYS, *(f"heard_{name}" for name in SIGNALS))
+INPUTS = (
+    *("near", "near_ahead", "flagged_near", "wall", "at_dust", "on_dump", "is_loaded", "grasp_failed"),
+    *(f"{place}_is_{what}" for place in PLACES for what in ("known", "near", "doubted")),
+    *("character", "says"),
+)
+"""What the network reads; `character` is a number that a robot keeps, in which it differs from others, `says` the flag
+that it sent."""
+WAYS = ("ahead", "random", "neighbours", "close", "right_of_close", "flagged", "walls", "dust", "dump", "right_of_dump")
 """Directions that the network weighs."""
-SHAPE = Shape(len(INPUTS), HIDDEN, len(WAYS) + 1 + len(SIGNALS))
-"""Of the network, which returns the weight of each way, the speed, and what is said."""
+SHAPE = Shape(len(INPUTS), HIDDEN, len(WAYS) + 2)
+"""Of the network, which returns the weight of each way, the speed, and whether the robot sends the flag."""
+N_WEIGHTS = SHAPE.n_weights + len(PLACES) * len(Trust._fields)
+"""Of the network and of the trust in vectors to dust and dump."""
 SHIPPED = Path(__file__).parent / "neural.npz"
 """The weights that ship with the package."""
 
 
 @dataclass(frozen=True)
 class Neural:
-    """A small network that was trained to clean, in a smaller arena, by an evolution strategy (docs/policies.md)."""
+    """A small network that was trained to clean, in the paper's arena, by an evolution strategy (docs/policies.md)."""
 
     weights: Path | None = None
     """Weights of the network, as `iswarm train` writes them; by default those that come with the package."""
@@ -55,11 +60,7 @@ class Neural:
             UserError: the file is not one of weights, or of another network.
         """
         path = SHIPPED if self.weights is None else self.weights
-        weights = load_weights(path)
-        if len(weights) != SHAPE.n_weights:
-            raise UserError(
-                f"{path} has {len(weights)} weights, but the network has {SHAPE.n_weights}; give those of this strategy"
-            )
+        weights = load_weights(path, np.zeros(N_WEIGHTS, np.float32))
         return untrained(config, robot, weights)
 
     def for_training(self, config: SwarmConfig, robot: Robot, n_robots: int) -> "NeuralStrategy":
@@ -73,12 +74,48 @@ def untrained(config: SwarmConfig, robot: Robot, weights: Any = None) -> "Neural
 
 
 def first_weights() -> Float[np.ndarray, "W"]:
-    """Weights of robots that walk at random, turn away from walls and other robots, and say nothing."""
-    constants = np.zeros((SHAPE.inputs + 1 + SHAPE.hidden, SHAPE.outputs), np.float32)
-    for way, gain in (("ahead", 1.0), ("random", 0.5), ("neighbours", -1.0), ("walls", -2.0)):
-        constants[SHAPE.inputs, WAYS.index(way)] = gain
-    constants[SHAPE.inputs, len(WAYS)] = 1.0  # at full speed
-    return np.concatenate([np.zeros((SHAPE.inputs + 1) * SHAPE.hidden, np.float32), constants.ravel()])
+    """Weights of robots that follow the vector they need, else walk at random, and turn away from walls and others.
+
+    They send the flag while they are loaded.
+    """
+    linear = np.zeros((SHAPE.inputs + 1 + SHAPE.hidden, SHAPE.outputs), np.float32)
+    outputs = (*WAYS, "speed", "flag")
+    for given, output, gain in FIRST:
+        row = SHAPE.inputs if given == "always" else INPUTS.index(given)
+        linear[row, outputs.index(output)] = gain
+    hidden = np.zeros((SHAPE.inputs + 1) * SHAPE.hidden, np.float32)
+    trusts = np.array([*FIRST_TRUST, *FIRST_TRUST], np.float32)
+    return np.concatenate([hidden, linear.ravel(), trusts])
+
+
+FIRST = (
+    ("always", "ahead", 1.0),
+    ("always", "random", 0.5),
+    ("always", "close", -4.0),
+    ("is_loaded", "close", 3.0),
+    ("always", "walls", -2.0),
+    ("always", "dust", 1.0),
+    ("is_loaded", "dust", -1.0),
+    ("is_loaded", "dump", 3.0),
+    ("is_loaded", "ahead", -1.0),
+    ("is_loaded", "random", -0.3),
+    ("always", "speed", 1.0),
+    ("always", "flag", -1.0),
+    ("is_loaded", "flag", 2.0),
+)
+"""Inputs, outputs and the gain from one to the other before training."""
+FIRST_TRUST = Trust(sharpness=0.0, own=0.0, ageing=-1.0)
+
+
+class Memory(NamedTuple):
+    """What N robots carry over from one control step to the next."""
+
+    dust: Belief
+    dump: Belief
+    flag: Bool[Array, "N"]
+    """What the network decided to send."""
+    character: Float[Array, "N"]
+    """A number from -1 to 1 that a robot keeps."""
 
 
 @jax.tree_util.register_dataclass
@@ -87,7 +124,7 @@ class NeuralStrategy:
     """See the module.
 
     Attributes:
-        weights: of the network, `SHAPE.n_weights` of them; worlds may have different ones.
+        weights: `N_WEIGHTS` of them; worlds may have different ones.
         config: limits of the drive, range of light and of the sense of dust.
         robot: its sides and its tool.
     """
@@ -96,86 +133,118 @@ class NeuralStrategy:
     config: SwarmConfig = field(metadata={"static": True})
     robot: Robot = field(metadata={"static": True})
 
-    payload: ClassVar[dict[str, Real]] = {name: Real(-1, 1, bits=8) for name in SIGNALS}
-    recorded: ClassVar[dict[str, str]] = {"home.vector": "mm", "home.known": "", "food.vector": "mm", "food.known": ""}
+    recorded: ClassVar[dict[str, str]] = {
+        f"{place}.{part}": unit for place in PLACES for part, unit in (("vector", "mm"), ("known", ""), ("doubt", ""))
+    }
 
-    def init(self, n_robots: int, key: Array) -> dict[str, Any]:
+    @property
+    def payload(self) -> Payload:
+        """The paper's: the flag and two vectors, whose hop counts tell how robots doubt them."""
+        return payload_for(mm_from_rd(self.config.strategy.message_range), len(self.robot.sides))
+
+    def init(self, n_robots: int, key: Array) -> Memory:
         """Nobody knows anything or has said anything."""
-        return {
-            "home": VectorMemory.empty(n_robots),
-            "food": VectorMemory.empty(n_robots),
-            "said": jnp.zeros((n_robots, len(SIGNALS))),
-            "character": jax.random.uniform(key, (n_robots,), minval=-1.0),
-        }
+        nothing = Belief.empty(n_robots)
+        character = jax.random.uniform(key, (n_robots,), minval=-1.0)
+        return Memory(nothing, nothing, jnp.zeros(n_robots, bool), character)
 
-    def say(self, memory: dict[str, Any], is_loaded: Array) -> dict[str, Array]:
-        """What the network decided in the step before."""
-        return {name: memory["said"][:, index] for index, name in enumerate(SIGNALS)}
+    def say(self, memory: Memory, is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
+        """Both vectors, and what the network decided in the step before."""
+        return {"priority": memory.flag, "dust": memory.dust.told(), "dump": memory.dump.told()}
 
-    def picks(self, memory: dict[str, Any]) -> Array:
+    def picks(self, memory: Memory) -> Bool[Array, "N"]:
         """All robots pick balls up."""
-        return jnp.ones(len(memory["character"]), bool)
+        return jnp.ones(len(memory.character), bool)
 
-    def act(self, memory: dict[str, Any], observation: Observation, key: Array) -> tuple[dict[str, Any], Command]:
-        """Remember places by the robot's own steps, let the network weigh directions, and go there."""
-        seen, step = observation, mm_from_rd(self.config.step_length)
-        takes = seen.at_dust & ~seen.is_loaded & ~seen.grasp_failed
-        home = learnt(memory["home"], seen.on_dump, jnp.zeros_like(seen.ball_vector), step)
-        food = learnt(memory["food"].where(~seen.grasp_failed), takes, seen.ball_vector, step)
-        places = {"home": home, "food": food}
-        numbers, ways = self._perceived(memory | places, seen, key)
-        out = forward(SHAPE, self.weights, numbers)
+    def act(self, memory: Memory, observation: Observation, key: Array) -> tuple[Memory, Command]:
+        """Merge what was heard, let the network weigh directions, and go there, or to the ball that is near."""
+        known, seen = self._remember(memory, observation), observation
+        numbers, ways = self._perceived(known, seen, key)
+        out = forward(SHAPE, self.weights[: SHAPE.n_weights], numbers)
         aim = (out[:, : len(WAYS), None] * ways).sum(axis=1)
         angle, largest = jnp.arctan2(aim[:, 1], aim[:, 0]), jnp.deg2rad(self.config.drive.max_turn)
         turn = jnp.clip(angle, -largest, largest)
         ahead = jnp.clip(out[:, len(WAYS)], -1.0, 1.0) * jnp.maximum(jnp.cos(angle - turn), 0.0)
-        command = Command(turn, step * ahead)
-        own = {name: after_motion(known, *command) for name, known in places.items()}
-        return memory | own | {"said": jnp.tanh(out[:, len(WAYS) + 1 :])}, command
+        command = Command(turn, mm_from_rd(self.config.step_length) * ahead)
+        approaches = controller.approaching(self.picks(known), seen)
+        command = controller.approach(self.config, self.robot.probe_tip, approaches, seen.ball_vector, command)
+        command = Command(*(jnp.where(seen.waits, 0.0, part) for part in command))
+        return self._moved(known, *command)._replace(flag=out[:, len(WAYS) + 1] > 0), command
 
-    def _perceived(
-        self, memory: dict[str, Any], seen: Observation, key: Array
-    ) -> tuple[Float[Array, "N I"], Float[Array, "N V 2"]]:
-        """What the network reads, and the ways that it weighs, in the robots' frames."""
-        reach = mm_from_rd(self.config.optics.communication_radius)
+    def fell_short(self, memory: Memory, shortfall: Float[Array, "N"]) -> Memory:
+        """Return the memories of robots that walked less than they commanded, see `ReckoningStrategy`."""
+        return self._moved(memory, jnp.zeros_like(shortfall), -shortfall)
+
+    def _moved(self, memory: Memory, turn: Float[Array, "N"], forward: Float[Array, "N"]) -> Memory:
+        places = {place: getattr(memory, place) for place in PLACES}
+        return memory._replace(
+            **{
+                name: place._replace(vector=after_motion(place.told(), turn, forward).vector)
+                for name, place in places.items()
+            }
+        )
+
+    def _remember(self, memory: Memory, seen: Observation) -> Memory:
+        trusts = self.weights[SHAPE.n_weights :].reshape(len(PLACES), -1)
         step = mm_from_rd(self.config.step_length)
+        from_light = (seen.bearing, seen.distance, seen.led, self.robot.sides)
+
+        def learned(place: str, trust: Array, is_there: Array, vector: Array) -> Belief:
+            sent = seen.payload[place]
+            sent = sent._replace(known=sent.known & seen.is_heard)
+            return confirmed(merged(Trust(*trust), getattr(memory, place), sent, *from_light), is_there, vector, step)
+
+        at_ball = seen.at_dust & ~seen.grasp_failed
+        dust = learned("dust", trusts[0], at_ball, seen.ball_vector)
+        dump = learned("dump", trusts[1], seen.on_dump, jnp.zeros_like(seen.ball_vector))
+        return memory._replace(dust=dust.where(~seen.grasp_failed), dump=dump)
+
+    def _perceived(self, memory: Memory, seen: Observation, key: Array) -> tuple[Array, Array]:
+        """What the network reads (N, I), and the ways that it weighs (N, V, 2), in the robots' frames."""
+        reach = mm_from_rd(self.config.optics.communication_radius)
         nearness = jnp.where(seen.is_heard, jnp.clip(1.0 - seen.distance / reach, 0.0, 1.0), 0.0)
+        close = jnp.clip(2.0 * nearness - 1.0, 0.0)
+        flagged = jnp.where(seen.payload["priority"], nearness, 0.0)
         to_sender = jnp.where(seen.is_heard[..., None], _unit(seen.bearing), 0.0)
-        heard = jnp.stack([jnp.where(seen.is_heard, seen.payload[name], 0.0) for name in SIGNALS], axis=1)
-        loudest = jnp.take_along_axis(heard, jnp.argmax(jnp.abs(heard), axis=2)[..., None], axis=2)[..., 0]
-        ball = jnp.hypot(*seen.ball_vector.T)
-        ahead = jnp.clip((ball - self.robot.probe_tip[0]) / step, -1.0, 1.0)
-        places = [memory["home"], memory["food"]]
+        neighbours, nearest, carriers = (
+            (part[..., None] * to_sender).sum(axis=1) for part in (nearness, close, flagged)
+        )
+        walls = _unit(jnp.asarray(self.robot.sides.bearings)) * seen.sees_wall[..., None]
         numbers = [
             nearness.max(axis=1),
+            jnp.where(jnp.asarray(self.robot.sides.front), nearness, 0.0).max(axis=1),
+            flagged.max(axis=1),
             seen.sees_wall.any(axis=1),
             seen.at_dust,
-            jnp.where(seen.at_dust, ahead, 0.0),
             seen.on_dump,
             seen.is_loaded,
             seen.grasp_failed,
-            *(part for place in places for part in (place.known, _nearness(place, reach))),
-            memory["character"],
-            loudest,
-            memory["said"],
         ]
-        walls = _unit(jnp.asarray(self.robot.sides.bearings)) * seen.sees_wall[..., None]
+        places = (memory.dust, memory.dump)
+        distances = [jnp.hypot(*place.vector.T) for place in places]
+        for place, distance in zip(places, distances, strict=True):
+            near = jnp.where(place.known, 1.0 / (1.0 + distance / reach), 0.0)
+            numbers += [place.known, near, place.doubt / MOST_DOUBT]
+        step = mm_from_rd(self.config.step_length)
+        dust, dump = (place.vector / jnp.maximum(d, step)[:, None] for place, d in zip(places, distances, strict=True))
         ways = [
-            jnp.broadcast_to(jnp.array([1.0, 0.0]), seen.ball_vector.shape),
-            _unit(jax.random.uniform(key, ball.shape, minval=-jnp.pi, maxval=jnp.pi)),
-            (nearness[..., None] * to_sender).sum(axis=1),
+            jnp.broadcast_to(jnp.array([1.0, 0.0]), dust.shape),
+            _unit(jax.random.uniform(key, memory.character.shape, minval=-jnp.pi, maxval=jnp.pi)),
+            neighbours,
+            nearest,
+            _to_the_right(nearest),
+            carriers,
             walls.sum(axis=1),
-            jnp.where(seen.at_dust[:, None], seen.ball_vector / jnp.maximum(ball, 1e-6)[:, None], 0.0),
-            *(place.vector / jnp.maximum(jnp.hypot(*place.vector.T), step)[:, None] for place in places),
+            dust,
+            dump,
+            _to_the_right(dump),
         ]
-        signals = (heard[..., None] * to_sender[:, None]).sum(axis=2)
-        return jnp.column_stack(numbers), jnp.concatenate([jnp.stack(ways, axis=1), signals], axis=1)
+        return jnp.column_stack([*numbers, memory.character, memory.flag]), jnp.stack(ways, axis=1)
 
 
 def _unit(angle: Float[Array, "*N"]) -> Float[Array, "*N 2"]:
     return jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
 
 
-def _nearness(place: VectorMemory, reach: float) -> Float[Array, "N"]:
-    """1 at a remembered place, one half at a distance from it, 0 where none is known."""
-    return jnp.where(place.known, 1.0 / (1.0 + jnp.hypot(*place.vector.T) / reach), 0.0)
+def _to_the_right(vector: Float[Array, "N 2"]) -> Float[Array, "N 2"]:
+    return jnp.stack([vector[:, 1], -vector[:, 0]], axis=-1)

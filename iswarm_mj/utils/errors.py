@@ -1,6 +1,7 @@
 """Errors whose message is enough: the command line prints it without a traceback."""
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 from enum import IntFlag
 from typing import Any
 
@@ -127,3 +128,9 @@ class SimulationFault(RuntimeError):
         more = len(self.robots) - MAX_LISTED
         listed = ", ".join(map(str, self.robots[:MAX_LISTED])) + (f" and {more} more" if more > 0 else "")
         return f"robot{'s' * (len(self.robots) > 1)} {listed}"
+
+
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """Return what was probably meant by a name: of similar ones that of the nearest length; None if there is none."""
+    similar = get_close_matches(name, list(known))
+    return min(similar, key=lambda one: abs(len(one) - len(name)), default=None)

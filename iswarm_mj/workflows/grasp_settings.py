@@ -41,7 +41,9 @@ class GraspSettings:
     repeats: Annotated[int, Within(1, 100_000)] = 5
     """Trials at each radius and humidity, each with its own works of adhesion."""
     seed: Annotated[int, Within(0, 2**32 - 1)] = 0
-    """Seed of the works of adhesion."""
+    """Seed of the works of adhesion and humidities."""
+    rh_spread: Annotated[float, Within(0, 10, "%")] = 3.0
+    """Largest deviation of a trial's humidity from `rh`; by default the accuracy of the paper's chamber [%]."""
     work_tool_object: Annotated[float, Within(1e-6, 1.0, "J/m^2")] = detachment.WORK_TOOL_OBJECT
     """Median work of adhesion between tool and ball at 10 % RH [J/m^2]."""
     work_object_substrate: Annotated[float, Within(1e-6, 1.0, "J/m^2")] = detachment.WORK_OBJECT_SUBSTRATE
@@ -106,6 +108,7 @@ class GraspSettings:
         return {
             "radii": self.radii,
             "humidities": self.humidities,
+            "humidity_spread": self.rh_spread,
             "repeats": self.repeats,
             "seed": self.seed,
             "release_gaps": self.gap,
@@ -154,14 +157,17 @@ class Case(NamedTuple):
     """A trial and its place in the table."""
 
     trial: Trial
+    humidity: float
+    """Of the setting, from which the trial's deviates [%]."""
     repeat: int
 
 
 def cases(settings: GraspSettings) -> list[Case]:
     """All trials, by radius, then humidity, then repeat."""
-    places = product(settings.radii, settings.humidities, range(settings.repeats))
-    drawn = (draw(settings.seed, *place) for place in places)
-    return [Case(of_settings(settings, trial), k % settings.repeats) for k, trial in enumerate(drawn)]
+    return [
+        Case(of_settings(settings, draw(settings.seed, radius, rh, repeat, settings.rh_spread)), rh, repeat)
+        for radius, rh, repeat in product(settings.radii, settings.humidities, range(settings.repeats))
+    ]
 
 
 def of_settings(settings: GraspSettings, trial: Trial) -> Trial:

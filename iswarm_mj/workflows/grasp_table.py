@@ -20,14 +20,16 @@ class TrialRow(NamedTuple):
     radius: float
     """Of the ball [m]."""
     relative_humidity: float
-    """[%]"""
+    """Of the setting [%]."""
+    trial_humidity: float
+    """Of the trial, within the spread [%]."""
     repeat: int
     """Number of the trial at this radius and humidity."""
     seed: int
     work_tool_object: float
-    """W_TO at this humidity [J/m^2]."""
+    """W_TO at the trial's humidity [J/m^2]."""
     work_object_substrate: float
-    """W_OS at this humidity [J/m^2]."""
+    """W_OS at the trial's humidity [J/m^2]."""
     engine: str
     """"mujoco" or "mjx"."""
     impl: str
@@ -53,6 +55,10 @@ class TrialRow(NamedTuple):
     """Only of a release [m/s]."""
     landed: bool | None = None
     """Only of a release: the ball came to rest on the plate and stayed."""
+    transport: float | None = None
+    """Only of a release: distance of the target aside, to which the ball was carried [m]."""
+    off_target: float | None = None
+    """Only of a release: distance of the ball from the target, the place below the tool's axis, in the end [m]."""
     faulty: bool = False
     """The state became infinite or nan."""
 
@@ -72,7 +78,8 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
     row = partial(
         TrialRow,
         radius=trial.radius,
-        relative_humidity=trial.relative_humidity,
+        relative_humidity=case.humidity,
+        trial_humidity=trial.relative_humidity,
         repeat=case.repeat,
         seed=settings.seed,
         work_tool_object=tool,
@@ -118,6 +125,8 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
             flight_time=_number(release.flight_time[i]),
             landing_speed=_number(release.landing_speed[i]),
             landed=bool(release.landed[i]),
+            transport=protocol.transport,
+            off_target=_number(release.off_target[i]),
             faulty=bool(release.faulty[i]),
         )
 

@@ -51,7 +51,7 @@ class Recorder:
         from iswarm_mj.output.rerun_swarm import Recording
 
         self._watch, self._out, self._index = run.watch, trajectory, index
-        self._world = RecordedWorld(run, index)
+        self._world = RecordedWorld.of(run, index)
         self._scene = self._world.scene
         self._about = results.about(run)
         self._is_saved = False

@@ -64,11 +64,12 @@ def rollout(
     strategy: Strategy | Genome | Any,
     keys: jax.Array,
     *,
-    n_robots: int,
+    n_robots: int | Sequence[int],
     steps: int,
     engine: EngineSettings | None = None,
     strategy_per_world: bool = False,
     task: Task | Any = None,
+    robot_file: Path | str | None = None,
     stop_at: int | None = None,
     every: int = 10,
     poses_of: Sequence[int] = (),
@@ -87,11 +88,12 @@ def rollout(
         config: what all worlds share.
         strategy: a genome or a `strategy.protocol.Strategy`.
         keys: (B,) from `jax.random.split(jax.random.key(seed), B)`.
-        n_robots: N, in each world.
+        n_robots: N, in each world or of each world.
         steps: maximum control steps.
         engine: `MjxSettings()` by default, for GPUs; on a CPU `PlanarSettings()` or `MujocoSettings()` are much faster.
         strategy_per_world: the arrays of `strategy` have a first axis of B worlds.
         task: a `tasks.protocol.Task`; cleaning by default.
+        robot_file: MJCF file of the robots; None for `models/robot.xml`.
         stop_at: progress at which a world is finished, in cleaning balls delivered; None for the task's goal.
         every: control steps between counts of progress; the last step is always counted.
         poses_of: numbers of the W worlds whose poses are kept.
@@ -110,20 +112,21 @@ def rollout(
     known = known and len(set(poses_of)) == len(poses_of)
     check("poses_of", tuple(poses_of), f"distinct worlds from 0 to {n_worlds - 1}", known)
     recorded = tuple(poses_of) or (() if record is None else (0,))
-    settings = RunSettings(n_robots, steps, n_worlds=n_worlds, stop_at=stop_at, record_worlds=recorded)
-    n_robots = int(n_robots)
+    numbers = [n_robots] * n_worlds if isinstance(n_robots, int | np.integer) else list(n_robots)
+    check("n_robots", f"{len(numbers)} numbers", f"one, or one for each of {n_worlds} worlds", len(numbers) == n_worlds)
+    settings = RunSettings(max(numbers), steps, n_worlds=n_worlds, stop_at=stop_at, record_worlds=recorded)
     is_genome = isinstance(strategy, Genome)
     genome = strategy if is_genome else PRESETS["type1"]  # which is ignored
     engine = MjxSettings() if engine is None else engine
     engine = engine.in_chunks(every) if isinstance(engine, EngineSettings) else engine
-    task, robot = CLEANING if task is None else task, read_robot()
-    starts: dict[bytes, Start] = {}  # worlds of the same key begin alike
+    task, robot = CLEANING if task is None else task, read_robot(None if robot_file is None else Path(robot_file))
+    starts: dict[tuple[bytes, int], Start] = {}  # worlds of the same key begin alike
     worlds = []
-    for index, (data, key) in enumerate(_each(keys)):
-        if data.tobytes() not in starts:
+    for index, (number, (data, key)) in enumerate(zip(numbers, _each(keys), strict=True)):
+        if (which := (data.tobytes(), int(number))) not in starts:
             rng = np.random.default_rng(data)
-            starts[data.tobytes()] = start_with(config, task, robot, n_robots, rng, rng)
-        worlds.append(World(genome, n_robots, index=index, start=starts[data.tobytes()], key=key))
+            starts[which] = start_with(config, task, robot, which[1], rng, rng)
+        worlds.append(World(genome, which[1], index=index, start=starts[which], key=key))
     run = Run(
         config,
         genome,
@@ -133,6 +136,7 @@ def rollout(
         strategy=None if is_genome else strategy,
         strategy_per_world=strategy_per_world,
         task=task,
+        robot_file=robot_file,
     )
     counted = np.minimum(np.arange(every, steps + every, every), steps)
     delivered, poses = np.tile(run.progress()[:, None].astype(int), len(counted)), [run.start.poses]

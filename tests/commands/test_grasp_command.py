@@ -16,8 +16,9 @@ from iswarm_mj.workflows.grasp import CURVES, TABLE
 
 FAST = ["--protocol.step-voltage=2", "--threads=1"]
 COLUMNS = """
-    experiment radius relative_humidity repeat seed work_tool_object work_object_substrate gap voltage limit_voltage
-    step_voltage melted flight_time landing_speed landed quasi_static_voltage faulty engine impl
+    experiment radius relative_humidity trial_humidity repeat seed work_tool_object work_object_substrate gap
+    voltage limit_voltage step_voltage melted flight_time landing_speed landed transport off_target quasi_static_voltage
+    faulty engine impl
 """
 
 

@@ -24,6 +24,20 @@ def made(monkeypatch):
     return runs
 
 
+@pytest.fixture
+def counted(monkeypatch):
+    """The runs that would have been carried out; each row counts them."""
+    runs = []
+
+    def rows(run):
+        runs.append(run)
+        about = {"n_robots": 5, "max_steps": 30, "goal": None, "finished_at": None}
+        return [{"seed": 0, "world": world, **about, "count": len(runs), "fault": None} for world in range(2)]
+
+    monkeypatch.setattr(runner, "_rows", rows)
+    return runs
+
+
 def test_each_row_is_a_world_of_a_single_run(here, made, capfd):
     over = ["--over", "robots=5,20", "drive.error-step=0.05:0.1:2"]
     assert code_of("sweep", "clean", *FLAGS, *over) == 0
@@ -43,25 +57,25 @@ def test_each_row_is_a_world_of_a_single_run(here, made, capfd):
     assert re.search(r"^ +20 +0.05 +2 ", text, re.M) and len(made) == 4
 
 
-def test_finished_runs_are_kept_unless_a_file_has_changed(here, made):
+def test_finished_runs_are_kept_unless_a_file_has_changed(here, counted):
     (here / "walk.py").write_text(WALK)
     command = ["sweep", "clean", *FLAGS, "--robots=5", "--strategy=walk.py:Walk", "--over"]
-    assert code_of(*command, "speed=0.5,1") == 0 and len(made) == 2
+    assert code_of(*command, "speed=0.5,1") == 0 and len(counted) == 2
     first = table()
-    assert code_of(*command, "speed=0.5,1,1.5") == 0 and len(made) == 3
-    assert table()[:4] == first
+    assert code_of(*command, "speed=0.5,1,1.5") == 0 and len(counted) == 3
+    assert table()[:4] == first and [row["count"] for row in table()] == [1, 1, 2, 2, 3, 3]
     (here / "walk.py").write_text(WALK.replace("memory + self.speed", "memory - self.speed"))
-    assert code_of(*command, "speed=0.5,1") == 0 and len(made) == 5
+    assert code_of(*command, "speed=0.5,1") == 0 and len(counted) == 5
 
 
-def test_modules_that_a_strategy_imports_count(here, made):
+def test_modules_that_a_strategy_imports_count(here, counted):
     (here / "walk.py").write_text(WALK.replace("import jax.numpy", "import fast\nimport jax.numpy"))
     (here / "fast.py").write_text("from slow import HOW\n")
     (here / "slow.py").write_text("HOW = 1\n")
     command = ["sweep", "clean", *FLAGS, "--robots=5", "--strategy=walk.py:Walk", "--over", "speed=0.5,1"]
     for text, n_made in (("HOW = 1\n", 2), ("HOW = 1\n", 2), ("HOW = 2\n", 4)):
         (here / "slow.py").write_text(text)
-        assert code_of(*command) == 0 and len(made) == n_made
+        assert code_of(*command) == 0 and len(counted) == n_made
 
 
 def test_metrics_of_a_task_are_columns(here):

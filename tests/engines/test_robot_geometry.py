@@ -196,7 +196,7 @@ def test_a_whole_run_of_such_robots(file):
 
 @pytest.fixture(scope="module")
 def scene(file):
-    return RecordedWorld(run_of(CONFIG, n_robots=N, steps=1, robot_file=file), 0).scene
+    return RecordedWorld.of(run_of(CONFIG, n_robots=N, steps=1, robot_file=file), 0).scene
 
 
 class TestOutput:

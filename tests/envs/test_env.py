@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_envs import ENGINES, FIELDS, SMALL, act, made, poses_of, roll
+from helpers_mjx import compilations
 from helpers_tasks import Eastward
 
 from iswarm_mj import make_env
@@ -174,6 +175,25 @@ def test_worlds_of_the_host_do_not_depend_on_their_neighbours():
         action = act(env, seed)
         state, alone = step(state, action), one.step(alone, action[1:2])
         np.testing.assert_array_equal(alone.obs[0], state.obs[1])
+
+
+def test_other_environments_of_a_configuration_use_its_programs():
+    """Whatever their layouts; those of another configuration do what is theirs."""
+    settings = {"n_robots": 6, "config": SMALL, "payload": FIELDS, "steps": 6, "n_worlds": 3}
+    env, step, state = made(PlanarSettings(1), KEYS)
+    step(state, act(env, 0))
+    other = make_env(seed=1, engine=PlanarSettings(1), **settings)
+    with compilations() as names:
+        theirs = other.step(other.reset(KEYS), act(env, 0))
+    assert names == [] and not np.array_equal(theirs.obs, step(state, act(env, 0)).obs)
+    drive = replace(SMALL, drive=DriveConfig(max_turn=30.0))
+    turned = make_env(engine=PlanarSettings(1), **settings | {"config": drive})
+    assert (
+        np.abs(
+            poses_of(env, turned.step(turned.reset(KEYS), act(env, 0))) - poses_of(env, step(state, act(env, 0)))
+        ).max()
+        > 0.1
+    )
 
 
 def test_steps_are_pure():

@@ -62,6 +62,14 @@ def test_equal_is_what_surely_lies_within_a_mutation(paper, claim, name, shift, 
     assert found_in(rows)[claim].verdict == verdict
 
 
+def test_swarms_with_hop_counts_are_told_apart_where_pooling_hides_a_difference(paper):
+    """With hop counts those that clean have 0.2 fewer scouts than the others; without all have as few."""
+    level = {(True, True): 0.1, (True, False): 0.3, (False, True): 0.1, (False, False): 0.1}
+    rows = changed(paper, lambda row, n: {"fraction_scouts": level[row["use_hop_count"], row["delivered"] == 72]})
+    finding = found_in(rows)[SCOUTS]
+    assert "; with hop counts alone -0.2 to -0.2, median -0.2 (-0.2 to -0.2)" in finding.ours
+
+
 @pytest.mark.parametrize(
     "density, verdict",
     [(lambda n: 0.13 + 0.001 * n, HOLDS), (lambda n: 0.3, FAILS), (lambda n: 0.08 + 0.02 * n, UNDECIDED)],

@@ -15,6 +15,7 @@ from iswarm_mj.experiments.analysis.findings import (
     UNDECIDED,
     Finding,
 )
+from iswarm_mj.experiments.analysis.statistics import LEVEL
 from iswarm_mj.experiments.report.numbers import engines, evolution, grouped, sensitivity
 from iswarm_mj.experiments.report.results import Topic
 from iswarm_mj.experiments.report.tables import Tables, _summary, _verdicts, filled, new_texts
@@ -114,19 +115,20 @@ def test_engines_are_equal_by_their_times(factor, verdict):
         "Fig. 17, density 0.1",
         "Fig. 17, density 0.2",
         "all",
+        "slope of the ratio's logarithm over the density",
     ]
-    assert lines[0][1] == "214" and lines[-1][4] == verdict and lines[-1][3].startswith(f"{factor:.3g} (")
+    assert lines[0][1] == "214" and lines[-2][4] == verdict and lines[-2][3].startswith(f"{factor:.3g} (")
 
 
 def test_engines_with_few_or_scattered_runs_are_not_judged_equal():
     for options, verdict in (({"n": 4}, TOO_FEW), ({"scatter": 0.5}, UNDECIDED)):
         rows = engine_rows(1.0, **options)
-        assert {line[4] for line in cells(engines({"a": rows, "b": rows}))[1:]} == {verdict}
+        assert {line[4] for line in cells(engines({"a": rows, "b": rows}))[1:-1]} == {verdict}
 
 
 FINDINGS = [
     Finding("A", "here", "1 | 2", PREDICTED, "", "", HOLDS),
-    Finding("B", "here", "2", PREDICTED, "", "", FAILS),
+    Finding("B", "here", "2", f"{PREDICTED}, held out", "", "", FAILS),
     Finding("C", "here", "3", SLIP, "", "", FAILS),
     Finding("D", "here", "4", SLIP, "", "", ""),
     Finding("E", NOT_IN_PAPER, "5", PREDICTED, "", "", FAILS),
@@ -150,7 +152,7 @@ def test_verdicts_of_two_directories_stand_side_by_side():
     assert "1 \\| 2" in shown
     head, _, second, third, *_ = cells(shown)
     assert head[2:4] == ["verdict, `results`", "verdict, `results-initial`"]
-    assert second == ["B", "2", FAILS, NOT_RUN, PREDICTED] and third == ["C", "3", FAILS, "", SLIP]
+    assert second == ["B", "2", FAILS, NOT_RUN, "predicted, held out"] and third == ["C", "3", FAILS, "", SLIP]
 
 
 def test_contents_of_blocks(tmp_path):
@@ -164,6 +166,10 @@ def test_contents_of_blocks(tmp_path):
     assert tables.content("results", "laws") and tables.content("results", "statements").count("### ") == 2
     assert tables.content("results", "density") is None is tables.content("results-none", "grasp")
     assert tables.content("results", "engines", "results-initial") is None
+    summary, level = tables.content("results", "summary"), LEVEL.get()
+    # each of 16 intervals is at 1 - 0.05 / 16, by which 40 of 40 no longer shows that more than 90 % do
+    assert "with intervals at 99.69 %, by Bonferroni for these 16 verdicts" in summary and level == 0.95
+    assert "become undecided: Without contact no ball is lifted" in summary
     with pytest.raises(UserError, match=r"^The block was 'grasps'; there are laws, grasp, "):
         tables.content("results", "grasps")
 

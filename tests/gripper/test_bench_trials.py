@@ -11,7 +11,7 @@ from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
-from iswarm_mj.gripper.bench.run_trials import EngineChoice, Gaps, run_trials
+from iswarm_mj.gripper.bench.run_trials import EngineChoice, Gaps, bench_maker, run_trials
 from iswarm_mj.gripper.bench.script import is_lifted
 from iswarm_mj.gripper.bench.staircase import hang, rung, staircase, touch
 from iswarm_mj.gripper.bench.tracing import trace_trial
@@ -201,3 +201,25 @@ def test_paths_are_smooth():
     assert acceleration[[2, -3]] == pytest.approx(0, abs=0.05)
     time = Protocol().carry_time(5e-6)
     assert acceleration.max() * 5e-6 / time**2 == pytest.approx(Protocol().acceleration, rel=1e-3)
+
+
+@pytest.mark.parametrize("rolling, arrives", [(50e-9, True), (1e-9, False)])
+def test_a_ball_is_carried_aside_unless_it_rolls_off(rolling, arrives):
+    """Friction at the top pulls a ball that rolls freely two sevenths of the way, and so off the tool's edge."""
+    trial = draw(0, 20e-6, 10.0, 0)._replace(contacts=IDEAL._replace(rolling=rolling))
+    protocol = replace(QUICK, transport=60e-6, transport_acceleration=1.0 if arrives else 40.0)
+    outcome = run_trials([trial], protocol).release[GAP]
+    still = run_trials([trial], QUICK).release[GAP]
+    assert still.landed[0] and still.off_target[0] < 1e-9
+    assert (outcome.landed[0] and outcome.off_target[0] < 0.5e-6) == arrives
+    assert not arrives or outcome.voltage == pytest.approx(still.voltage, abs=0.05)
+
+
+@pytest.mark.slow
+def test_both_engines_move_the_tool_aside_and_keep_it_there():
+    trials = [draw(0, 20e-6, 10.0, 0)._replace(misalignment=1e-6)]
+    for bench in (bench_maker(EngineChoice(threads=1))(trials, 5e-6), bench_maker(EngineChoice("mjx"))(trials, 5e-6)):
+        assert bench.off_axis() == pytest.approx([-1e-6], abs=1e-9)
+        bench.move("aside", 0.2e-3, 5e-6, 0.0, aside=3e-6)
+        bench.move("still", 0.2e-3, 5e-6, 0.0)
+        assert bench.off_axis() == pytest.approx([-4e-6], abs=1e-9)

@@ -5,13 +5,17 @@ widths of the bands. Not fitted: that a landed ball stays where the voltage is c
 algebra.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy import stats
 
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
-from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE
+from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
+from iswarm_mj.gripper.laws.humidity import humid_work
 from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
 from iswarm_mj.workflows.grasp_table import summary, trial_rows
 
@@ -109,3 +113,21 @@ def test_each_voltage_is_the_laws(rows):
             late = 0.06 * row.voltage if row.experiment == "release" else 0.0  # the charge follows the ramp
             near = row.step_voltage + 0.1 + late
             assert row.quasi_static_voltage - row.step_voltage - 0.1 < row.voltage < row.quasi_static_voltage + near
+
+
+def test_humidities_of_trials_spread_evenly_about_their_setting():
+    """Within 3 % of it, cut off at 0 %."""
+    settings = GraspSettings(("20e-6",), (1.0, 10.0), repeats=400)
+    low, high = np.array([case.trial.relative_humidity for case in cases(settings)]).reshape(2, 400)
+    assert low.min() == 0 and low.max() < 4 and 0.2 < np.mean(low == 0) < 0.47
+    assert high.min() < 7.05 and high.max() > 12.95 and stats.kstest(high, stats.uniform(7, 6).cdf).pvalue > 0.01
+    assert {case.trial.relative_humidity for case in cases(replace(settings, rh_spread=0.0))} == {1.0, 10.0}
+
+
+@pytest.mark.parametrize("spread", [0.0, 3.0, 10.0])
+def test_the_spread_of_the_humidity_is_a_part_of_the_calibrated_one(spread):
+    """At 10 % RH works have the calibrated mean and spread; the largest has its mean within 3 standard errors."""
+    drawn = [case.trial for case in cases(GraspSettings(("20e-6",), (10.0,), 4000, rh_spread=spread))]
+    works = np.array([humid_work(t.work_tool_object, t.relative_humidity) for t in drawn])
+    assert works.mean() == pytest.approx(WORK_TOOL_OBJECT * (1 + 0.12**2) ** 0.5, rel=3 * 0.12 / 4000**0.5)
+    assert works.std() / works.mean() == pytest.approx(0.12, rel=0.05)

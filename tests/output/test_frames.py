@@ -24,7 +24,7 @@ def run(small):
 
 
 def test_each_world_has_its_own_scene(run):
-    scenes = [RecordedWorld(run, index).scene for index in (0, 1)]
+    scenes = [RecordedWorld.of(run, index).scene for index in (0, 1)]
     assert [(scene.is_scout.sum(), scene.world) for scene in scenes] == [(2, 3), (8, 4)]
     for scene, start in zip(scenes, run.starts, strict=True):
         np.testing.assert_array_equal(scene.ball_radius, start.task.radius)
@@ -35,7 +35,7 @@ def test_each_world_has_its_own_scene(run):
 def test_obstacles_are_in_metres_and_radians(run):
     run = copy(run)
     run.config = replace(run.config, arena=replace(run.config.arena, obstacles=((4.0, -4.0, 0.8, 0.5, 30.0),)))
-    scene = RecordedWorld(run, 0).scene
+    scene = RecordedWorld.of(run, 0).scene
     np.testing.assert_allclose(scene.obstacles, [[4 * RD, -4 * RD, 0.8 * RD, 0.5 * RD, np.pi / 6]])
 
 
@@ -45,7 +45,7 @@ def test_getters_see_where_robots_were_before_each_step_also_across_blocks(run, 
     records = [records[0]] + [jax.tree.map(lambda a: a[:1], record) for record in records[1:]]
     poses = np.concatenate([record.poses for record in records])[:, 1]
     whole = np.concatenate([poses[:1], poses[:-1]])
-    world, seen, before, observed = RecordedWorld(run, 1), [], None, Frames.observed
+    world, seen, before, observed = RecordedWorld.of(run, 1), [], None, Frames.observed
     monkeypatch.setattr(Frames, "observed", staticmethod(lambda *given: (seen.append(given[0]), observed(*given))[1]))
     for block in (records[:1], records[1:3], records[3:]):
         world.frames(block, before)

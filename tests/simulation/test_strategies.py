@@ -90,6 +90,26 @@ class TestRuns:
         run = Run(small, strategy=Still(), engine=HERE)
         assert (run.settings.steps, run.settings.n_robots) == (800, Run(small, engine=HERE).settings.n_robots)
 
+    def test_classes_with_the_same_fields_have_programs_of_their_own(self, small):
+        """JAX takes the structures of such dataclasses for equal, although their methods differ."""
+
+        def walks(share):
+            @jax.tree_util.register_dataclass
+            @dataclass(frozen=True)
+            class Walks(Still):
+                stride: object
+
+                def act(self, memory, seen, key):
+                    n = len(seen.at_dust)
+                    return memory, Command(jnp.zeros(n), jnp.full(n, share * self.stride))
+
+            return Walks(jnp.float32(0.1))
+
+        settings = RunSettings(4, 2)
+        for share in (1, 3):
+            moved = moved_by(Run(small, strategy=walks(share), settings=settings, engine=HERE))
+            np.testing.assert_allclose(moved[0], 0.1 * share, atol=0.02)
+
     def test_a_genome_stands_for_itself(self, small):
         settings = RunSettings(10, 2)
         one, other = (

@@ -4,11 +4,25 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_draws import WRITTEN_OUT, in_a_loop, written_out
 from scipy import stats
 
-from iswarm_mj.utils.draws import draw, normal, split, threefry
+from iswarm_mj.utils.draws import draw, normal, split
 
 KEY = jax.random.key(7)
+
+
+@pytest.fixture(autouse=True)
+def _as_users_draw():
+    with written_out():
+        yield
+
+
+def test_the_loop_of_other_tests_draws_the_same():
+    counters = np.arange(24, dtype=np.uint32).reshape(2, 3, 4)
+    key = jax.random.key_data(KEY)
+    for ours, theirs in zip(WRITTEN_OUT(key, *counters), in_a_loop(key, *counters), strict=True):
+        np.testing.assert_array_equal(ours, theirs)
 
 
 def test_known_answers():
@@ -19,7 +33,7 @@ def test_known_answers():
         ((0x13198A2E, 0x03707344), (0x243F6A88, 0x85A308D3), (0xC4923A9C, 0x483DF7A0)),
     ]:
         high, low = np.array(counter, np.uint32)
-        assert tuple(int(word) for word in threefry(jnp.array(key, "uint32"), high, low)) == expected
+        assert tuple(int(word) for word in WRITTEN_OUT(jnp.array(key, "uint32"), high, low)) == expected
 
 
 def test_both_arrays_are_uniform_and_independent():

@@ -16,7 +16,7 @@ def test_blocks_grow_with_the_run_up_to_some_frames_and_bytes(
     small, tmp_path, monkeypatch, frames, frames_of_bytes, largest
 ):
     run = run_of(small, steps=STEPS, seed=1)
-    start = RecordedWorld(run, 0).frames([run.start])
+    start = RecordedWorld.of(run, 0).frames([run.start])
     each = sum(array.nbytes for array in start.arrays().values())
     limits, given_back = {"BLOCK": 2, "LONG": frames, "LONG_BYTES": frames_of_bytes * each, "LARGE_BYTES": 4 * each}, []
     for name, value in limits.items():

@@ -134,9 +134,10 @@ class Evolution:
         clean = sum(not row["use_hop_count"] for row in self.good)
         return clean / len(self.without) if len(self.without) >= GROUP else None
 
-    def apart(self, name: str) -> float | None:
-        """Mean of a parameter in runs that clean the arena minus that in the others."""
-        clean, others = (mean_of(rows, lambda row: row[name]) for rows in (self.good, self.poor))
+    def apart(self, name: str, counted: bool = False) -> float | None:
+        """Mean of a parameter in runs that clean the arena minus that in the others; of those with hop counts alone."""
+        groups = ([row for row in rows if row["use_hop_count"] or not counted] for rows in (self.good, self.poor))
+        clean, others = (mean_of(rows, lambda row: row[name]) for rows in groups)
         return None if clean is None or others is None else clean - others
 
     def late(self, name: str) -> float | None:

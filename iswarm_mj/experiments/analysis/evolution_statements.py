@@ -108,8 +108,14 @@ def _level(name: str, paper: float) -> Test:
 
 
 def _equal(name: str) -> Test:
-    """A parameter is equal in runs that clean the arena and in others."""
-    return _median(lambda one: one.apart(name), -NEAR, NEAR)
+    """A parameter is equal in runs that clean the arena and in others; beside it, in those with hop counts alone."""
+    pooled, alone = (_median(lambda one, c=counted: one.apart(name, c), -NEAR, NEAR) for counted in (False, True))
+
+    def test(samples: Samples) -> Judged | None:
+        found, counted = pooled(samples), alone(samples)
+        return found._replace(ours=f"{found.ours}; with hop counts alone {counted.ours}") if found and counted else None
+
+    return test
 
 
 def _weights(one: Evolution) -> float | None:

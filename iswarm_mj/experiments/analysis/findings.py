@@ -26,6 +26,8 @@ KINDS = {
     NOT_COMPARABLE: "what is measured here is not what the paper measured, or depends on the computer",
 }
 """What a verdict on a statement is worth: the kinds and their meanings."""
+ROLES = ("selects", "held out")
+"""Whether a reading of the paper's rules was chosen by a statement, see `statements.ASKED`."""
 
 Row = Mapping[str, Any]
 Rows = Sequence[Row]
@@ -40,7 +42,7 @@ class Finding(NamedTuple):
     paper: str
     """The paper's value."""
     kind: str
-    """What the verdict is about, one of `KINDS`."""
+    """What the verdict is about, one of `KINDS`; of what `iswarm infer` asks with its role, `ROLES`."""
     ours: str = ""
     """Our value; empty without results."""
     statistics: str = ""
@@ -85,7 +87,9 @@ class Statement(NamedTuple):
 
 _TABLE = files("iswarm_mj.experiments.analysis").joinpath("statements.csv").read_text(encoding="utf-8")
 _WORDS = {row.pop("test"): row for row in csv.DictReader(_TABLE.splitlines())}
-"""Study, claim, source, the paper's value, kind and note by the names of tests."""
+"""Study, claim, source, the paper's value, kind, role and note by the names of tests."""
+for _row in _WORDS.values():
+    _row["kind"] = ", ".join(filter(None, (_row["kind"], _row.pop("role"))))
 
 
 def stated(tests: Mapping[str, Test]) -> list[Statement]:

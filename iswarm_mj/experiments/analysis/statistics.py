@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from contextvars import ContextVar
 from itertools import combinations, pairwise
 from typing import Any, Literal, NamedTuple
 
@@ -12,7 +13,7 @@ from scipy import stats
 from iswarm_mj.utils.arrays import Array
 
 RESAMPLES = 9999
-LEVEL = 0.95
+LEVEL = ContextVar("LEVEL", default=0.95)
 """Confidence of all intervals."""
 _BATCH = 2**24
 """Numbers that are drawn at once, which limits the memory."""
@@ -60,7 +61,7 @@ def interval(values: Values, statistic: Statistic = np.mean) -> Interval:
     if statistic is not np.median:
         return _bootstrap(statistic, values)
     ordered = np.sort(np.asarray(values, float))
-    k = max(1, int(stats.binom.ppf((1 - LEVEL) / 2, len(ordered), 0.5)))
+    k = max(1, int(stats.binom.ppf((1 - LEVEL.get()) / 2, len(ordered), 0.5)))
     return Interval(float(np.median(ordered)), float(ordered[k - 1]), float(ordered[-k]))
 
 
@@ -84,6 +85,24 @@ def ratio(first: Sequence[Values], second: Sequence[Values]) -> Interval:
     return Interval(*map(math.exp, _bootstrap(statistic, *first, *second)))
 
 
+def trend(x: Values, first: Sequence[Values], second: Sequence[Values]) -> Interval:
+    """Least-squares slope over x of the logarithm of `ratio`, with its bootstrap interval.
+
+    Args:
+        x: (G,) where the pairs are.
+        first: G samples, as of `ratio`.
+        second: likewise.
+    """
+    weights = np.asarray(x) - np.mean(x)
+    weights /= (weights**2).sum()
+
+    def statistic(*samples: Float[Array, "..."], axis: int) -> Float[Array, "..."]:
+        logs = np.array([np.log(sample).mean(axis=axis) for sample in samples])
+        return np.tensordot(weights, logs[len(x) :] - logs[: len(x)], 1)
+
+    return _bootstrap(statistic, *first, *second)
+
+
 def compare(first: Values, second: Values) -> Comparison:
     """Mann-Whitney test of two samples and the difference of their medians.
 
@@ -105,7 +124,7 @@ def smallest_p(n_first: int, n_second: int) -> float:
 
 def share(count: int, total: int, method: Literal["wilson", "exact"] = "wilson") -> Interval:
     """Share of a total with Wilson's interval, or with Clopper and Pearson's, never too narrow for few runs."""
-    ends = stats.binomtest(count, total).proportion_ci(LEVEL, method=method)
+    ends = stats.binomtest(count, total).proportion_ci(LEVEL.get(), method=method)
     return Interval(count / total, float(ends.low), float(ends.high))
 
 
@@ -134,7 +153,7 @@ def slope(x: Values, y: Values) -> Interval:
     if len(x) < 3 or np.ptp(x) == 0:
         return Interval(math.nan, math.nan, math.nan)
     line = stats.linregress(np.asarray(x, float), np.asarray(y, float))
-    half = float(stats.t.ppf((1 + LEVEL) / 2, len(x) - 2)) * line.stderr
+    half = float(stats.t.ppf((1 + LEVEL.get()) / 2, len(x) - 2)) * line.stderr
     return Interval(float(line.slope), float(line.slope - half), float(line.slope + half))
 
 
@@ -170,7 +189,7 @@ def _bootstrap(statistic: Statistic, *samples: Values) -> Interval:
         given,
         statistic,
         n_resamples=RESAMPLES,
-        confidence_level=LEVEL,
+        confidence_level=LEVEL.get(),
         method="percentile",
         batch=max(1, _BATCH // max(map(len, given))),
         rng=np.random.default_rng(0),

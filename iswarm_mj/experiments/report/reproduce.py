@@ -29,6 +29,7 @@ from iswarm_mj.experiments.runner.search import run_search
 from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
 from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+from iswarm_mj.output.plot_light import draw_light
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory, remove
 from iswarm_mj.utils.lock import locked
@@ -38,6 +39,8 @@ from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 OWN_ENGINE = ("time-step", "resolved-grasps")
 """Experiments that are about planar with MuJoCo's time step, or have too many runs for others."""
+LIGHT = "light"
+"""Figure of the pattern of a robot's light, which needs no runs."""
 PUBLISHED = ("*.png", "best*.json")
 """What is kept of a part beside its table."""
 
@@ -166,6 +169,8 @@ def reproduce(
             if again or part.lacks(places.results, same_engine):
                 part.make(places.out / part.name, again=again)
                 part.publish(places.out / part.name, places.results)
+        for path in draw_light(places.out / LIGHT):
+            shutil.copyfile(path, places.results / path.name)
         rewrite(places)
         report([places.results], places.out / "report.html")
 
@@ -196,6 +201,7 @@ def redraw(results: Path) -> list[Path]:
     """
     kept = set(results.glob("**/*.svg"))
     drawn = [path for result in collect([results]).values() for path in result.draw(result.path.parent)]
+    drawn += draw_light(results / LIGHT)
     for path in drawn:
         if (drawing := path.with_suffix(".svg")) not in kept:
             remove(drawing)

@@ -147,8 +147,8 @@ def topics_of(results: Mapping[str, Result]) -> list[Topic]:
 
 def tally(findings: Sequence[Finding]) -> tuple[list[str], dict[str, list[int]]]:
     """The kinds that occur, and the number of statements of each by verdict."""
-    kinds = [kind for kind in KINDS if any(finding.kind == kind for finding in findings)]
-    counts = Counter((finding.verdict, finding.kind) for finding in findings)
+    counts = Counter((finding.verdict, finding.kind.split(",")[0]) for finding in findings)
+    kinds = [kind for kind in KINDS if any(kind == other for _, other in counts)]
     verdicts = dict.fromkeys(finding.verdict for finding in findings)
     return kinds, {verdict: [counts[verdict, kind] for kind in kinds] for verdict in verdicts}
 

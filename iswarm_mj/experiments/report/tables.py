@@ -12,7 +12,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.experiments.analysis.findings import FAILS, NOT_COMPARABLE, NOT_IN_PAPER, UNDECIDED, Finding
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_COMPARABLE, NOT_IN_PAPER, UNDECIDED, Finding
+from iswarm_mj.experiments.analysis.statistics import LEVEL
 from iswarm_mj.experiments.report.markdown import table
 from iswarm_mj.experiments.report.numbers import GROUPS, engines, evolution, grouped, readings, sensitivity
 from iswarm_mj.experiments.report.results import (
@@ -98,7 +99,10 @@ class Tables:
             return engines({place: {t.name: t.results[0].rows for t in topics} for place, topics in found.items()})
         if name in (SUMMARY, MISSES):
             shown = _summary if name == SUMMARY else _misses
-            return _each(found, lambda topics: shown([f for topic in topics for f in topic.findings]))
+            texts = {place: shown([f for topic in topics for f in topic.findings]) for place, topics in found.items()}
+            if name == SUMMARY:
+                texts = {place: f"{text}\n\n{self._together(place)}" for place, text in texts.items()}
+            return _each(texts, str)
         if name == STATEMENTS:
             texts = []
             for title in dict.fromkeys(topic.title for topics in found.values() for topic in topics):
@@ -107,6 +111,23 @@ class Tables:
             return "\n\n".join(texts)
         topics = {place: topic for place, (topic,) in found.items()}
         return "\n\n".join(filter(None, [_each(topics, _numbers), _verdicts(topics)]))
+
+    def _together(self, directory: str) -> str:
+        """Which verdicts on results stay when the intervals are so wide that all together err in 5 % (Bonferroni)."""
+        found = [f for topic in self.topics(directory).values() if topic.results for f in topic.findings]
+        judged = [f for f in found if f.verdict in (HOLDS, FAILS, UNDECIDED)]
+        level = 1 - (1 - LEVEL.get()) / len(judged)
+        token = LEVEL.set(level)
+        after = {f.claim: f.verdict for t in topics_of(collect([self._root / directory])) for f in t.findings}
+        LEVEL.reset(token)
+        decided = [f for f in judged if f.verdict != UNDECIDED]
+        lost = [f for f in decided if after[f.claim] != f.verdict]
+        own = "; ".join(f.claim for f in lost if f.source != NOT_IN_PAPER) or "none"
+        kept = f"{len(decided) - len(lost)} of the {len(decided)} decided ones stay"
+        return (
+            f"Family-wise: with intervals at {100 * level:.2f} %, by Bonferroni for these {len(judged)} verdicts on "
+            f"runs and trials, {kept}. Of the paper's statements these become undecided: {own}."
+        )
 
     def _named(self, directory: str, name: str) -> Topics:
         """Topics that a block is on, none if one of them lacks results; of `OF_ALL` those with results."""

@@ -1,5 +1,6 @@
 """The training of a policy: an evolution strategy over the weights that all robots share, in batches of worlds."""
 
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from pathlib import Path
@@ -9,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from cmaes import SepCMA
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Float
 
 from iswarm_mj.config import SwarmConfig
@@ -21,7 +23,8 @@ from iswarm_mj.simulation.strategies import to_json
 from iswarm_mj.strategy.network import MOST_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.user_code import user_code
-from iswarm_mj.tasks.measures import BROUGHT_HOME, PICKED
+from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_resumable, remove_parts
@@ -35,6 +38,8 @@ COUNTED = ("picked", "delivered", "collisions", "faults")
 """What the checkpoint holds of each candidate beside its fitness: means over its worlds; worlds with a fault."""
 EVERY = 25
 """Control steps between two counts of the progress."""
+VALIDATED_EVERY, VALIDATION = 10, 2**31
+"""Generations between two validations, and the number of their worlds, which is that of no generation."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +52,24 @@ class Training(TrainingPlan):
         validate(self)
 
 
-def points(found: Rollout) -> Float[np.ndarray, "B"]:
-    """Fitness of each world: 20 for each ball picked up, 20 for each delivered, 40 for those delivered on average over
-    time, so that early ones count more. Of tasks without balls the progress stands for balls delivered."""
-    after = found.delivered_after
-    return PICKED * found.picked + BROUGHT_HOME * after[:, -1] + 40.0 * after.mean(axis=1)
+def points(found: Rollout, task: Any, config: SwarmConfig, robots: Sequence[int], steps: int) -> Float[np.ndarray, "B"]:
+    """Points of each world: the task's fitness, if it has one, and 40 for each unit of its progress on average over
+    time, so that early deliveries count before all balls are delivered.
+
+    Args:
+        found: in the worlds.
+        task: a `tasks.protocol.ScoredTask`, or another.
+        config: of the worlds.
+        robots: numbers of robots of the worlds.
+        steps: of the worlds at most.
+    """
+    early = 40.0 * found.delivered_after.mean(axis=1)
+    if not isinstance(task, ScoredTask):
+        return early
+    counted = (found.delivered, found.picked, found.collisions, found.mean_carriage_steps, found.finished_at)
+    measures = [Measures(*one[:-1], one[-1] or None) for one in zip(*counted, strict=True)]
+    judged = [task.fitness(one, config, n, steps) for one, n in zip(measures, robots, strict=True)]
+    return early + np.array(judged)
 
 
 def train(
@@ -61,15 +79,17 @@ def train(
     engine: EngineSettings,
     *,
     task: Any,
+    robot_file: Path | None = None,
     resume: bool = False,
     again: bool = False,
-) -> Float[np.ndarray, "W"]:
+) -> Any:
     """Train the weights of a strategy, write the results into `out`, and return the weights.
 
     The search is CMA-ES with a diagonal covariance (Ros and Hansen 2008), of the `cmaes` package. It begins with the
-    weights that the strategy has. Files: weights.npz, the mean of the search; learning.csv, a row per generation, both
-    written after each; learning.png and .svg at the end; checkpoint.sqlite. An interruption changes no byte of the
-    files, if the engine rounds reproducibly, as on CPUs.
+    weights that the strategy has. After each tenth generation its mean is tried in worlds of their own, which nothing
+    else uses. Files: weights.npz, the mean that did best there, or the last one before any was tried; learning.csv, a
+    row per generation, both written after each; learning.png and .svg at the end; checkpoint.sqlite. An interruption
+    changes no byte of the files, if the engine rounds reproducibly, as on CPUs.
 
     Args:
         training: what to do.
@@ -77,6 +97,7 @@ def train(
         out: directory of the results.
         engine: in which the worlds run; a training must be resumed with its own.
         task: what the robots are to do.
+        robot_file: MJCF file of the robots; None for `models/robot.xml`.
         resume: continue the training in `out`, if there is one.
         again: discard the training in `out`.
 
@@ -84,47 +105,64 @@ def train(
         UserError: the strategy cannot be trained; `out` is not writable or in use, contains a training that is not to
             be resumed, or a different one.
     """
-    made = policy(strategy, training.config, training.robots)
+    made = policy(strategy, training.config, max(training.robots), robot_file)
     settings = {**asdict(training), "strategy": to_json(strategy), "task": to_json(task), **engine.identity}
+    settings["robot"] = None if robot_file is None else robot_file.read_text()
     del settings["generations"]  # a training may go on for longer
-    search = SepCMA(
-        np.asarray(made.weights, float), training.spread, seed=training.seed, population_size=training.population
-    )
+    start, shaped = ravel_pytree(made.weights)
+    search = SepCMA(np.asarray(start, float), training.spread, seed=training.seed, population_size=training.population)
+
+    def tried(candidates: np.ndarray, n_worlds: int, number: int) -> np.ndarray:
+        return _tried(training, made, jax.vmap(shaped)(jnp.asarray(candidates, jnp.float32)), n_worlds, number, given)
+
+    given = {"engine": engine, "task": task, "robot_file": robot_file}
     with ExitStack() as stack:
         stack.enter_context(locked(out))
         check_resumable(out, "training", CHECKPOINT, (CURVE, WEIGHTS), resume, again)
         journal = stack.enter_context(Journal(out / CHECKPOINT, settings))
         remove_parts(out, CURVE, WEIGHTS, f"{FIGURE}.png", f"{FIGURE}.svg")
         rows: list[dict[str, Any]] = []
-        done, compiling = len(journal.entries), "compiling, and waiting for the first generation"
+        best, kept = -np.inf, search.mean.copy()
+        done, compiling = len(journal.entries), "preparing, and waiting for the first generation"
         bar = stack.enter_context(
             Progress(training.generations, "generation", done=min(done, training.generations), waiting=compiling)
         )
         for generation in range(training.generations):
             candidates = np.array([search.ask() for _ in range(training.population)])
             is_new = (generation,) not in journal.entries
+            entry = {} if is_new else journal.entries[generation,]
             if is_new:
-                journal.add((generation,), _tried(training, made, candidates, generation, engine, task))
-            found = np.array(journal.entries[generation,])
+                entry["candidates"] = tried(candidates, training.worlds, generation).tolist()
+            found = np.array(entry["candidates"])
             search.tell(list(zip(candidates, -found[:, 0], strict=True)))
-            rows.append(_row(generation, found, float(candidates.std(axis=0).mean())))
+            if is_new:
+                is_tenth = generation % VALIDATED_EVERY == VALIDATED_EVERY - 1
+                entry["mean"] = (
+                    float(tried(search.mean[None], training.validation, VALIDATION)[0, 0]) if is_tenth else None
+                )
+                journal.add((generation,), entry)
+            if entry["mean"] is None and best == -np.inf:
+                kept = search.mean.copy()
+            elif entry["mean"] is not None and entry["mean"] > best:
+                best, kept = entry["mean"], search.mean.copy()
+            rows.append(_row(generation, found, entry["mean"], float(candidates.std(axis=0).mean())))
             if is_new or generation == training.generations - 1:
                 write_csv(out / CURVE, rows)
-                save_weights(out / WEIGHTS, search.mean)
+                save_weights(out / WEIGHTS, kept)
             if is_new:
                 bar.say(f"best {rows[-1]['best']:.0f}, mean {rows[-1]['mean']:.0f}")
                 bar.update()
         draw_learning(rows, out / FIGURE)
     print(f"     fitness  {rows[0]['mean']:.0f} in generation 1, {rows[-1]['mean']:.0f} in generation {len(rows)}")
     print(f"     results  {out}; weights in {out / WEIGHTS}")
-    return np.asarray(search.mean, np.float32)
+    return shaped(jnp.asarray(kept, jnp.float32))
 
 
-def policy(strategy: Any, config: SwarmConfig, n_robots: int) -> Any:
-    """Return what is trained: a dataclass with a field `weights`, an array of one axis, at the start of training.
+def policy(strategy: Any, config: SwarmConfig, n_robots: int, robot_file: Path | None = None) -> Any:
+    """Return what is trained: a dataclass with a field `weights`, at the start of training.
 
     It is the strategy itself or, where that has such a method, what `for_training(config, robot, n_robots)` or else
-    `for_world` with the same arguments returns.
+    `for_world` with the same arguments returns. Weights are arrays of floats, one or several in a pytree.
 
     Raises:
         UserError: there is no such field, or there are too many weights for a file.
@@ -133,45 +171,54 @@ def policy(strategy: Any, config: SwarmConfig, n_robots: int) -> Any:
     for name in ("for_training", "for_world"):
         if hasattr(strategy, name):
             with user_code(f"{type(strategy).__name__}.{name}"):
-                made = getattr(strategy, name)(config, read_robot(), n_robots)
+                made = getattr(strategy, name)(config, read_robot(robot_file), n_robots)
             break
-    weights: Any = getattr(made, "weights", None)
-    is_array = isinstance(weights, jax.Array | np.ndarray) and weights.ndim == 1 and weights.dtype.kind == "f"
-    if not is_dataclass(made) or not is_array:
+    weights = jax.tree.leaves(getattr(made, "weights", None))
+    are_arrays = all(isinstance(one, jax.Array | np.ndarray) and one.dtype.kind == "f" for one in weights)
+    if not is_dataclass(made) or not weights or not are_arrays:
         raise UserError(
-            f"{type(made).__name__} has no weights to train; give it a field `weights`, an array of floats of one axis"
+            f"{type(made).__name__} has no weights to train; give it a field `weights`, an array of floats or several"
         )
-    check("weights", len(weights), f"between 1 and {MOST_WEIGHTS}", 1 <= len(weights) <= MOST_WEIGHTS)
+    n_weights = sum(one.size for one in weights)
+    check("weights", n_weights, f"between 1 and {MOST_WEIGHTS}", 1 <= n_weights <= MOST_WEIGHTS)
     return as_strategy(made)
 
 
 def _tried(
-    training: Training, made: Any, candidates: np.ndarray, generation: int, engine: EngineSettings, task: Any
-) -> list[list[float]]:
-    """What the journal keeps of a generation: fitness and `COUNTED` of each candidate."""
-    n_worlds = training.worlds
-    keys = jax.random.split(jax.random.fold_in(jax.random.key(training.seed), generation), n_worlds)
-    own = jax.tree.map(lambda a: jnp.broadcast_to(a, (len(candidates) * n_worlds, *jnp.shape(a))), made)
-    own = replace(own, weights=jnp.asarray(np.repeat(candidates, n_worlds, axis=0), jnp.float32))
-    found = rollout(
-        training.config,
-        own,
-        jnp.tile(keys, len(candidates)),
-        n_robots=training.robots,
-        steps=training.steps,
-        engine=engine,
-        strategy_per_world=True,
-        task=task,
-        every=EVERY,
-    )
-    faulty = {fault.world for fault in found.faults}
-    faults = [world in faulty for world in range(len(own.weights))]
-    every = np.stack([points(found), found.picked, found.delivered_after[:, -1], found.collisions, faults], axis=1)
-    return every.reshape(len(candidates), n_worlds, -1).mean(axis=1).tolist()
+    training: Training, made: Any, weights: Any, n_worlds: int, number: int, given: Mapping[str, Any]
+) -> Float[np.ndarray, "P 5"]:
+    """Fitness and `COUNTED` of P candidates, means over their worlds; worlds of another number are others."""
+    keys = jax.random.split(jax.random.fold_in(jax.random.key(training.seed), number), n_worlds)
+    n_candidates = len(jax.tree.leaves(weights)[0])
+    repeated = jax.tree.map(lambda a: jnp.repeat(a, n_worlds, axis=0), weights)
+    own = jax.tree.map(lambda a: jnp.broadcast_to(a, (n_candidates * n_worlds, *jnp.shape(a))), made)
+    own, found = replace(own, weights=repeated), []
+    for size in training.sizes or (training.config.arena.size,):
+        area = (size / training.config.arena.size) ** 2
+        config = replace(training.config, arena=replace(training.config.arena, size=size))
+        each = [round(area * training.robots[world % len(training.robots)]) for world in range(n_worlds)]
+        robots = each * n_candidates
+        got = rollout(
+            config,
+            own,
+            jnp.tile(keys, n_candidates),
+            n_robots=robots,
+            steps=training.steps,
+            strategy_per_world=True,
+            every=EVERY,
+            **given,
+        )
+        faulty = {fault.world for fault in got.faults}
+        faults = [world in faulty for world in range(len(robots))]
+        fitness = points(got, given["task"], config, robots, training.steps)
+        every = np.stack([fitness, got.picked, got.delivered_after[:, -1], got.collisions, faults], axis=1)
+        found.append(every.reshape(n_candidates, n_worlds, -1).mean(axis=1))
+    return np.mean(found, axis=0)
 
 
-def _row(generation: int, found: np.ndarray, spread: float) -> dict[str, Any]:
+def _row(generation: int, found: np.ndarray, validated: float | None, spread: float) -> dict[str, Any]:
     fitness = found[:, 0]
     values = {"best": fitness.max(), "mean": fitness.mean(), "worst": fitness.min()}
     values |= dict(zip(COUNTED, found[:, 1:].mean(axis=0), strict=True))
-    return {"generation": generation + 1, **{name: float(value) for name, value in values.items()}, "spread": spread}
+    values = {name: float(value) for name, value in values.items()}
+    return {"generation": generation + 1, **values, "validation": validated, "spread": spread}

@@ -1,6 +1,5 @@
 """All experiments by their names: source, title, runs, figures."""
 
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from iswarm_mj.experiments.analysis.plots import (
 from iswarm_mj.experiments.runner.experiment import Experiment
 from iswarm_mj.experiments.studies import infer, observed, plans
 from iswarm_mj.utils.constraints import constraint_of
-from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.errors import UserError, closest, shown
 
 
 def findings(name: str, rows: Rows) -> list[Finding]:
@@ -137,7 +136,8 @@ def experiment(name: str) -> Experiment:
         UserError: there is none of this name.
     """
     if name not in EXPERIMENTS:
-        similar = "".join(f"; perhaps you meant {match}" for match in get_close_matches(name, EXPERIMENTS, 1))
+        match = closest(name, EXPERIMENTS)
+        similar = f"; perhaps you meant {match}" if match else ""
         raise UserError(f"there is no experiment {shown(name)!r}{similar}; choose {', '.join(EXPERIMENTS)}")
     return EXPERIMENTS[name]
 

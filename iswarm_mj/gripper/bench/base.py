@@ -56,7 +56,15 @@ class Bench(Protocol):
     steps: int
     """Physics steps so far, summed over the benches."""
 
-    def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
+    def move(
+        self,
+        phase: str,
+        duration: float,
+        tip: float,
+        voltage: Voltages,
+        active: Mask | None = None,
+        aside: float | None = None,
+    ) -> Watch:
         """Integrate the physics while the tool moves along `minimum_jerk` and the voltage linearly to their targets.
 
         Args:
@@ -65,7 +73,12 @@ class Bench(Protocol):
             tip: target height of the tool above its first touch of the ball at rest [m].
             voltage: target voltage, one for all benches or one each (B,) [V].
             active: (B,) benches of interest; all by default. The results of the others are meaningless.
+            aside: shift of the tool from where it started, by default none in this move [m].
         """
+        ...
+
+    def off_axis(self) -> Float[np.ndarray, "B"]:
+        """Return how far each ball is from the tool's axis, along the way aside [m]."""
         ...
 
     def save(self) -> Any:

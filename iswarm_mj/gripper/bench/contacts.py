@@ -30,6 +30,8 @@ class Contacts(NamedTuple):
     """Field that breaks the oxide [V/m]."""
     restitution: Annotated[float | None, Within(0, 1)] = None
     """Restitution of impacts without adhesion; None: by plastic yield; 0: a ball stays where it lands."""
+    rolling: Annotated[float, Within(1e-10, 1e-6, "m")] = 1e-9
+    """Torque that resists rolling, over the force of the contact [m]; a choice."""
     yield_pressure: Annotated[float, Above(0, 1e12, "Pa")] = YIELD_PRESSURE
     """Contact pressure at which a ball yields [Pa]."""
     plate_modulus: Annotated[float, Above(0, 1e13, "Pa")] = MODULUS_PLATE

@@ -80,12 +80,14 @@ class MjxBench:
         impl: str = "jax",
         timestep: float | None = None,
     ):
-        """Place the balls; arguments as of `MujocoBench`."""
+        """Place the balls; arguments as of `MujocoBench`. The first trial's rolling friction is that of all."""
         chosen = bench_spec()
         chosen.option.iterations, chosen.option.ls_iterations = ITERATIONS, LINE_SEARCH
         chosen.option.disableflags |= int(_IDLE)
         if timestep is not None:
             chosen.option.timestep = timestep / MS
+        for pair in chosen.pairs:
+            pair.friction[3:] = trials[0].contacts.rolling / UM
         model, portable, count = chosen.compile(), mjx_compatible(chosen), len(trials)
         self.timestep = float(model.opt.timestep) * MS
         self.steps = 0
@@ -102,21 +104,35 @@ class MjxBench:
         still, ctrl = np.zeros((count, model.nv)), np.zeros((count, model.nu))
         ball = jax.tree.map(lambda a: np.repeat(np.asarray(a)[None], count, axis=0), first_state(forces))
         ctrl[:, self.where.tip] = qpos[:, self.where.slide]
-        ctrl[:, self.where.aside_servo] = qpos[:, self.where.aside]
+        ctrl[:, self.where.aside_servo] = self._start = qpos[:, self.where.aside]
         self._state = _single(State(qpos, still, still, ctrl, ball))
 
-    def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
+    def move(
+        self,
+        phase: str,
+        duration: float,
+        tip: float,
+        voltage: Voltages,
+        active: Mask | None = None,
+        aside: float | None = None,
+    ) -> Watch:
         """See `Bench.move`; benches that are not active move as well."""
         del phase, active
         n_steps = max(1, round(duration / self.timestep))
         self.steps += n_steps * len(self._touch)
-        end = np.zeros((len(self._touch), 2))
+        end = np.zeros((len(self._touch), 3))
         end[:, 0] = self._touch + tip / UM - self.where.tip_height
         end[:, 1] = voltage
+        end[:, 2] = np.nan if aside is None else self._start + aside / UM
         with jax.default_matmul_precision("highest"):
             target = jnp.asarray(end, jnp.float32)
             self._state, watch = _advance(self.where, self.physics, self.parameters, self._state, target, n_steps)
         return Watch(*(values if values.dtype == bool else values.astype(float) for values in jax.device_get(watch)))
+
+    def off_axis(self) -> Float[np.ndarray, "B"]:
+        """See `Bench.off_axis`."""
+        qpos = np.asarray(self._state.qpos, float)
+        return (qpos[:, self.where.ball] - qpos[:, self.where.aside]) * UM
 
     def save(self) -> State:
         """See `Bench.save`."""
@@ -139,16 +155,18 @@ def prepared(physics: Physics, parameters: Parameters) -> tuple[GripperForces, m
 
 @partial(jax.jit, static_argnums=0)
 def _advance(
-    where: Layout, physics: Physics, parameters: Parameters, state: State, target: Float[Array, "B 2"], n_steps: Array
+    where: Layout, physics: Physics, parameters: Parameters, state: State, target: Float[Array, "B 3"], n_steps: Array
 ) -> tuple[State, Watch]:
-    """Move B benches by a number of physics steps; `target` holds the setpoint of the tip and the voltage."""
+    """Move B benches by a number of steps; `target`: of tip, voltage and shift aside, nan where that stays."""
 
     def move(parameters: Parameters, state: State, end: Array) -> tuple[State, Watch]:
-        tip, voltage = state.ctrl[where.tip], state.ctrl[where.voltage]
+        tip, voltage, aside = (state.ctrl[at] for at in (where.tip, where.voltage, where.aside_servo))
+        way = jnp.where(jnp.isnan(end[2]), 0.0, end[2] - aside)
 
         def control(k: Array) -> Array:
             share = (k + 1) / n_steps
             ctrl = state.ctrl.at[where.tip].set(tip + minimum_jerk(share) * (end[0] - tip))
+            ctrl = ctrl.at[where.aside_servo].set(aside + minimum_jerk(share) * way)
             return ctrl.at[where.voltage].set(voltage + share * (end[1] - voltage))
 
         begin = physics.data.replace(

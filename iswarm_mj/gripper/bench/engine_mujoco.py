@@ -27,6 +27,8 @@ from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
 
 SURFACES = "adhesion_probe", "adhesion_plate"
+PART = 4096
+"""Physics steps for which controls are made at once, which limits the memory."""
 
 
 class MujocoBench:
@@ -58,7 +60,7 @@ class MujocoBench:
             hanging: balls hang at the tool instead, so high above the plate [m].
         """
         self.recorded: list[Recorded] | None = [] if is_recorded else None
-        models = [_model(timestep, trial.radius, trial.probe_radius, trial.density) for trial in trials]
+        models = [_model(timestep, t.radius, t.probe_radius, t.density, t.contacts.rolling) for t in trials]
         first = self.model = models[0]
         self.timestep, self.steps = float(first.opt.timestep) * MS, 0
         self.where, at = layout(first), plugin.state_indices(first)
@@ -75,9 +77,17 @@ class MujocoBench:
             self._qpos[i] = start(model, trial, first_gaps(start_gap, hanging))
             self._state[i, [at[names] for names in plugin_numbers(trial)]] = list(plugin_numbers(trial).values())
         self._ctrl[:, self.where.tip] = self._qpos[:, self.where.slide]
-        self._ctrl[:, self.where.aside_servo] = self._qpos[:, self.where.aside]
+        self._ctrl[:, self.where.aside_servo] = self._start = self._qpos[:, self.where.aside].copy()
 
-    def move(self, phase: str, duration: float, tip: float, voltage: Voltages, active: Mask | None = None) -> Watch:
+    def move(
+        self,
+        phase: str,
+        duration: float,
+        tip: float,
+        voltage: Voltages,
+        active: Mask | None = None,
+        aside: float | None = None,
+    ) -> Watch:
         """See `Bench.move`."""
         ids = np.arange(len(self._touch)) if active is None else np.flatnonzero(active)
         n_steps = max(1, round(duration / self.timestep))
@@ -86,20 +96,28 @@ class MujocoBench:
         end = begin.copy()
         end[:, self.where.tip] = self._touch[ids] + tip / UM - self.where.tip_height
         end[:, self.where.voltage] = np.broadcast_to(voltage, len(self._touch))[ids]
-        control = self._way(begin, end, shares(n_steps)) if (begin != end).any() else None
+        if aside is not None:
+            end[:, self.where.aside_servo] = self._start[ids] + aside / UM
         self._state[ids, self._first] = -1.0
-        before, record = self._batch.state[:1].copy(), () if self.recorded is None else (STATE,)
-        with without_timers():
-            found = self._batch.rollout(n_steps, control, record=record, ids=None if active is None else ids)
-        if self.recorded is not None:
-            self.recorded.append(Recorded([phase] * n_steps, np.concatenate([before, found[STATE][0]])))
+        for first in range(0, n_steps, PART):
+            part = shares(n_steps)[first : first + PART]
+            control = self._way(begin, end, part) if (begin != end).any() else None
+            before, record = self._batch.state[:1].copy(), () if self.recorded is None else (STATE,)
+            with without_timers():
+                found = self._batch.rollout(len(part), control, record=record, ids=None if active is None else ids)
+            if self.recorded is not None:
+                self.recorded.append(Recorded([phase] * len(part), np.concatenate([before, found[STATE][0]])))
         return self._watch(ids, began)
+
+    def off_axis(self) -> Float[np.ndarray, "B"]:
+        """See `Bench.off_axis`."""
+        return (self._qpos[:, self.where.ball] - self._qpos[:, self.where.aside]) * UM
 
     def _way(self, begin: np.ndarray, end: np.ndarray, shares: np.ndarray) -> np.ndarray:
         """Controls (n, T, nu) at T shares (T, 2) of the way from those at the begin (n, nu) to those at the end."""
         way = begin[:, None] + shares[:, :1] * (end - begin)[:, None]
-        tip = self.where.tip
-        way[:, :, tip] = begin[:, None, tip] + shares[:, 1] * (end - begin)[:, None, tip]
+        for servo in (self.where.tip, self.where.aside_servo):
+            way[:, :, servo] = begin[:, None, servo] + shares[:, 1] * (end - begin)[:, None, servo]
         return way
 
     def throw(self, height: float, speed: np.ndarray) -> None:
@@ -133,6 +151,8 @@ class MujocoBench:
 
 
 @lru_cache(maxsize=4096)
-def _model(timestep: float | None, radius: float, probe_radius: float, density: float) -> mujoco.MjModel:
-    """The bench with these sizes [m], a density [kg/m^3] and a time step [s], by default its own."""
-    return resized(usual_model(timestep, probe_radius, density), radius)
+def _model(
+    timestep: float | None, radius: float, probe_radius: float, density: float, rolling: float
+) -> mujoco.MjModel:
+    """The bench with these sizes, rolling friction [m], density [kg/m^3] and time step [s], by default its own."""
+    return resized(usual_model(timestep, probe_radius, density, rolling), radius)

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from iswarm_mj.engines.arena import models_directory
 from iswarm_mj.gripper import plugin  # noqa: F401, registers what the model names
+from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, PROBE_RADIUS
@@ -88,19 +89,25 @@ def sized(spec: mujoco.MjSpec, trial: Trial) -> mujoco.MjModel:
     spec.geom("ball").size[0] = trial.radius / UM
     spec.geom("probe").size[0] = trial.probe_radius / UM
     spec.geom("ball").density = trial.density * DENSITY
+    for pair in spec.pairs:
+        pair.friction[3:] = trial.contacts.rolling / UM
     return spec.compile()
 
 
 @lru_cache(maxsize=16)
 def usual_model(
-    timestep: float | None = None, probe_radius: float = PROBE_RADIUS, density: float = BALL_DENSITY
+    timestep: float | None = None,
+    probe_radius: float = PROBE_RADIUS,
+    density: float = BALL_DENSITY,
+    rolling: float = Contacts().rolling,
 ) -> mujoco.MjModel:
     """The bench with a ball of 20 um of this density [kg/m^3] and this probe [m]; its own time step if None [s]."""
     spec = bench_spec()
     spec.memory = MEMORY
     if timestep is not None:
         spec.option.timestep = timestep / MS
-    return sized(spec, Trial(20e-6, 0.0, 0.0, probe_radius=probe_radius, density=density))
+    contacts = Contacts(rolling=rolling)
+    return sized(spec, Trial(20e-6, 0.0, 0.0, probe_radius=probe_radius, density=density, contacts=contacts))
 
 
 @lru_cache(maxsize=64)

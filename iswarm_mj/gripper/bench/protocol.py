@@ -37,6 +37,10 @@ class Protocol:
     """Height above first touch at which the trial checks whether the ball was lifted [m]."""
     acceleration: Annotated[float, Within(0.01, 1e4, "m/s^2")] = 40.0
     """Largest acceleration of a tool that carries a ball by adhesion only [m/s^2]."""
+    transport: Annotated[float, Within(0, 500e-6, "m")] = 0.0
+    """Distance of the target aside, to which the tool carries a lifted ball before the release [m]."""
+    transport_acceleration: Annotated[float, Within(0.01, 1e3, "m/s^2")] = 0.5
+    """Largest acceleration on the way to the target; with more a ball rolls along the tool [m/s^2]."""
     off_time: Duration = 0.05e-3
     """Fall time of the voltage with the ball lifted [s]."""
     away: Annotated[float, Within(1e-9, 0.4e-6, "m")] = 0.2e-6
@@ -87,6 +91,11 @@ class Protocol:
     def carry_time(self, distance: float) -> float:
         """Time to move by a distance [m] with the protocol's acceleration, along `minimum_jerk` [s]."""
         return (_PEAK * abs(distance) / self.acceleration) ** 0.5
+
+    @property
+    def transport_time(self) -> float:
+        """Time to move to the target, along `minimum_jerk` [s]."""
+        return (_PEAK * self.transport / self.transport_acceleration) ** 0.5
 
 
 _PEAK = 10 / 3**0.5

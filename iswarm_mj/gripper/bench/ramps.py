@@ -31,6 +31,8 @@ class Release(NamedTuple):
     """Whether it came to rest on the plate and stayed there."""
     faulty: Bool[np.ndarray, "B"]
     """Whether the state became infinite or nan."""
+    off_target: Float[np.ndarray, "B"]
+    """Distance of the ball from below the tool's axis at the end [m]."""
     hung: Bool[np.ndarray, "B"]
     """Whether it hung at the tool as the ramp began; otherwise it had fallen."""
 
@@ -79,6 +81,7 @@ def release(
         np.where(landed, at.speed, np.nan),
         at.succeeds,
         at.is_faulty,
+        np.abs(bench.off_axis()),
         held,
     )
 

@@ -71,11 +71,13 @@ def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:
 
 
 def hang(bench: Bench, protocol: Protocol, gap: float, active: Mask | None = None) -> Mask:
-    """Bring a lifted ball to a gap above the plate [m] and wait.
+    """Bring a lifted ball to a gap above the plate [m] and to the target aside, if there is one, and wait.
 
     Returns:
         (B,) whether it still hangs; its charge may have left it meanwhile, and with it what held it.
     """
     bench.move("carry", protocol.carry_time(gap - protocol.lift), gap, 0.0, active)
+    if protocol.transport:
+        bench.move("transport", protocol.transport_time, gap, 0.0, active, protocol.transport)
     watch = bench.move("hold", protocol.hold_time, gap, 0.0, active)
     return hangs(watch.gap_tool, watch.gap_plate, protocol)

@@ -15,6 +15,7 @@ from iswarm_mj.gripper.laws.detachment import (
     WORK_TOOL_OBJECT,
     scattered_work,
 )
+from iswarm_mj.gripper.laws.humidity import humidity_factor
 
 
 class Trial(NamedTuple):
@@ -40,20 +41,30 @@ class Trial(NamedTuple):
     """Conduction and impacts."""
 
 
-def draw(seed: int, radius: float, relative_humidity: float, repeat: int) -> Trial:
-    """Trial with works of adhesion scattered by a draw that depends on these arguments alone.
+def draw(seed: int, radius: float, relative_humidity: float, repeat: int, humidity_spread: float = 0.0) -> Trial:
+    """Trial with works of adhesion and a humidity scattered by a draw that depends on these arguments alone.
+
+    The calibrated works and their spreads are those of a chamber set to 10 % RH (`laws.detachment`), to which its
+    deviations belong: mean and variance of their humidity factor are taken out of the works at exactly 10 %.
 
     Args:
         seed: of all draws.
         radius: of the ball [m].
-        relative_humidity: [%].
+        relative_humidity: of the setting [%].
         repeat: which of the trials at this radius and humidity.
+        humidity_spread: largest deviation of the trial's humidity from the setting, uniformly drawn [%].
     """
     identity = [seed, round(radius * 1e12), round(relative_humidity * 1e6), repeat]
-    tool, substrate = np.random.default_rng(identity).standard_normal(2)
+    random = np.random.default_rng(identity)
+    normal = random.standard_normal(2)
+    factor = humidity_factor(10.0 + humidity_spread * np.linspace(-1, 1, 1001))
+    works = np.array([WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE]) / factor.mean()
+    variations = np.array([VARIATION_TOOL_OBJECT, VARIATION_OBJECT_SUBSTRATE])
+    variations = np.sqrt(variations**2 - (factor.std() / factor.mean()) ** 2)
+    tool, substrate = np.asarray(scattered_work(works, variations, normal)).tolist()
     return Trial(
         radius,
-        float(scattered_work(WORK_TOOL_OBJECT, VARIATION_TOOL_OBJECT, tool)),
-        float(scattered_work(WORK_OBJECT_SUBSTRATE, VARIATION_OBJECT_SUBSTRATE, substrate)),
-        relative_humidity,
+        tool,
+        substrate,
+        float(np.clip(relative_humidity + humidity_spread * random.uniform(-1, 1), 0, 100)),
     )

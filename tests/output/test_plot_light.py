@@ -1,0 +1,42 @@
+"""The pattern of a robot's light: laws of the lobe and of the distance, the threshold, and agreement with links."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from iswarm_mj.config import OpticsConfig
+from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.output.plot_light import draw_light, light
+from iswarm_mj.sensors.optics import receive
+from iswarm_mj.utils.units import mm_from_rd
+
+ROBOT, OPTICS = read_robot(), OpticsConfig(mode="power")
+FRONT = np.ones(2000), np.zeros(2000)
+
+
+def test_far_away_it_falls_with_the_square_of_the_distance_and_halves_at_30_degrees():
+    on_axis, half = light(np.array([9.0, 18.0]), np.zeros(2), ROBOT, replace(OPTICS, communication_radius=18.0))
+    ahead = ROBOT.leds[0][0] + ROBOT.receivers[0][0]
+    gaps = mm_from_rd(np.array([9.0, 18.0])) - ahead
+    assert on_axis / half == pytest.approx((gaps[1] / gaps[0]) ** 2) and half == pytest.approx(1)
+    aside = light(np.full(2, 12.0), np.array([0.0, math.radians(30)]), ROBOT, OPTICS)
+    assert aside[1] / aside[0] == pytest.approx(0.5, rel=0.1)  # the LED stands a third of a diameter ahead
+
+
+@pytest.mark.parametrize("radius", [2.0, 3.5, 6.0])
+def test_the_threshold_is_where_robots_stop_to_hear(radius):
+    """Random places around the sender, and receivers that face it."""
+    optics = replace(OPTICS, communication_radius=radius)
+    rng = np.random.default_rng(0)
+    distance, angle = rng.uniform(1, 8, 2000), rng.uniform(-math.pi, math.pi, 2000)
+    dx, dy = -mm_from_rd(distance) * np.cos(angle), -mm_from_rd(distance) * np.sin(angle)
+    heard = receive(dx, dy, (-np.cos(angle), -np.sin(angle)), FRONT, ROBOT, optics).effective_distance < np.inf
+    np.testing.assert_array_equal(light(distance, angle, ROBOT, optics) > 1, heard)
+    assert 0.02 < heard.mean() < 0.7
+
+
+def test_the_figure(tmp_path):
+    assert draw_light(tmp_path / "light") == [tmp_path / "light.png"]
+    assert (tmp_path / "light.svg").stat().st_size > 10_000
