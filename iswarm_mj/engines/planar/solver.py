@@ -48,7 +48,9 @@ def begin_as(
                     p1, p2 = p1 + p2, 0.0
                 elif old.n_rows == 1:
                     p1, p2 = 0.5 * p1, 0.5 * p1
-                _set_impulses(contact, p1, p2, velocities, rubs, kinds)
+                _set_impulses(contact, p1, p2, velocities)
+                if contact.rubs:
+                    _rub_both(contact.first, contact.second, velocities, rubs, kinds)
                 contact.before1, contact.before2 = p1, p2
                 break
             m = earlier[m]
@@ -103,7 +105,9 @@ def solve_island(
             p1, p2 = relaxed(contact, *h, contact.p1, contact.p2, first, second)
             change = max(change, _change(contact, p1, p2))
             uphill += (contact.p1 - p1) * (p1 - contact.before1) + (contact.p2 - p2) * (p2 - contact.before2)
-            _set_impulses(contact, p1, p2, velocities, rubs, kinds)
+            _set_impulses(contact, p1, p2, velocities)
+            if contact.rubs:
+                _rub_both(contact.first, contact.second, velocities, rubs, kinds)
         if change <= plane.tolerance or (len(members) == 1 and not contacts[members[0]].rubs):
             return True
         downhill = downhill + 1 if uphill <= 0.0 and 2 * sweep <= plane.max_sweeps else 0
@@ -113,7 +117,9 @@ def solve_island(
             p1, p2 = contact.p1, contact.p2
             if momentum > 0.0:
                 ahead1, ahead2 = p1 + momentum * (p1 - contact.before1), p2 + momentum * (p2 - contact.before2)
-                _set_impulses(contact, ahead1, ahead2, velocities, rubs, kinds)
+                _set_impulses(contact, ahead1, ahead2, velocities)
+                if contact.rubs:
+                    _rub_both(contact.first, contact.second, velocities, rubs, kinds)
             contact.before1, contact.before2 = p1, p2
     return False
 
@@ -127,9 +133,7 @@ def _change(contact: Any, p1: float, p2: float) -> float:
 
 
 @inlined
-def _set_impulses(
-    contact: Any, p1: float, p2: float, velocities: np.ndarray, rubs: np.ndarray, kinds: np.ndarray
-) -> None:
+def _set_impulses(contact: Any, p1: float, p2: float, velocities: np.ndarray) -> None:
     """Replace the impulses of a contact, and change the velocities of its bodies accordingly."""
     first, second = velocities[contact.first], velocities[contact.second]
     d1, d2 = p1 - contact.p1, p2 - contact.p2
@@ -141,10 +145,14 @@ def _set_impulses(
     second[1] += contact.mass2 * contact.ny * push
     second[2] += contact.inertia2 * (contact.lever1 * d1 + contact.lever2 * d2)
     contact.p1, contact.p2 = p1, p2
-    if contact.rubs:
-        if contact.first < len(rubs):
-            rub(contact.first, velocities, rubs, kinds)
-        rub(contact.second, velocities, rubs, kinds)
+
+
+@compiled
+def _rub_both(first: int, second: int, velocities: np.ndarray, rubs: np.ndarray, kinds: np.ndarray) -> None:
+    """Let the floor's friction act on both bodies of a contact, of which the first may be fixed."""
+    if first < len(rubs):
+        rub(first, velocities, rubs, kinds)
+    rub(second, velocities, rubs, kinds)
 
 
 @compiled
