@@ -177,11 +177,11 @@ def _add_box(spec: mujoco.MjSpec, prefix: str, box: Box, hull: mujoco.MjsGeom) -
     """
     _, _, half_x, half_y, _, mass, friction = box
     (a, b), (slide, hinge) = mm_from_rd(np.array([half_x, half_y])), JOINTS[1:]
-    grip, soft = (
-        friction * mg_from_kg(mass) * -spec.option.gravity[2],
-        {"solref_friction": [2 * spec.option.timestep, 1]},
-    )
-    soft["solimp_friction"] = [mujoco.mjMAXIMP, mujoco.mjMAXIMP, 1.0, 0.5, 1.0]
+    grip = friction * mg_from_kg(mass) * -spec.option.gravity[2]
+    soft = {
+        "solref_friction": [2 * spec.option.timestep, 1],
+        "solimp_friction": [mujoco.mjMAXIMP, mujoco.mjMAXIMP, 1.0, 0.5, 1.0],
+    }
     each = grip / (1.0 + math.sqrt(2.0))
     body = spec.worldbody.add_body(name=prefix + "box", pos=[0.0, 0.0, hull.size[2]])
     for name, kind, axis in (("x", slide, [1, 0, 0]), ("y", slide, [0, 1, 0]), ("yaw", hinge, [0, 0, 1])):

@@ -4,6 +4,7 @@ import pytest
 
 from iswarm_mj.commands.main import parse
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -38,6 +39,27 @@ def test_what_cannot_be(box, sentence):
         return
     with pytest.raises(UserError, match=sentence):
         ArenaConfig(obstacles=(box,))
+
+
+WRONG_BOXES = {
+    "numbers": ((8, 8, 1, 1, 0, 1e-5), "arena.boxes must be boxes of 7 numbers each, .*friction"),
+    "mass": ((8, 8, 1, 1, 0, -1e-5, 0.1), r"arena.boxes\[0\] must be a box with a mass from 1e-08 to 0.01 kg \(got"),
+    "friction": ((8, 8, 1, 1, 0, 1e-5, -0.1), r"arena.boxes\[0\] must be a box with a coefficient of friction from 0"),
+    "wall": ((24, 0, 1, 1, 0, 1e-5, 0.1), r"arena.boxes\[0\] must be inside the walls"),
+    "obstacle": ((8, 8, 1, 1, 45, 1e-5, 0.1), r"arena.boxes\[0\] must be outside obstacles and other boxes"),
+}
+
+
+@pytest.mark.parametrize("box, sentence", WRONG_BOXES.values(), ids=WRONG_BOXES)
+def test_boxes_that_cannot_be(box, sentence):
+    with pytest.raises(UserError, match=sentence):
+        ArenaConfig(obstacles=((9.0, 9.0, 0.5, 0.5, 0.0),), boxes=(box,))
+
+
+def test_mjx_refuses_boxes():
+    config = SwarmConfig(ArenaConfig(boxes=((8, 8, 1, 1, 0, 1e-5, 0.1),)))
+    with pytest.raises(UserError, match="boxes"):
+        Run(config, settings=RunSettings(3, 5), engine=MjxSettings())
 
 
 def test_no_room_is_left():
