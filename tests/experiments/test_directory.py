@@ -43,7 +43,7 @@ class TestDirectory:
         assert settings["seed"] == 3 and settings["quick"] is True and settings["genome"]["p_vector_forget"] == 0.29
         assert settings["config"]["optics"]["led_beam_aperture"] == 60.0 and settings["version"]
         found = list(csv.DictReader((tmp_path / "findings.csv").open()))
-        assert len(found) == 4 and found[0]["verdict"] == TOO_FEW and found[0]["kind"] == "predicted"
+        assert len(found) == 4 and found[0]["verdict"] == TOO_FEW and found[0]["kind"] == "predicted, held out"
         assert (tmp_path / "hop_count.png").stat().st_size > 10_000
         assert "</svg>" in (tmp_path / "hop_count.svg").read_text()
         assert "too few runs to judge" in capsys.readouterr().out

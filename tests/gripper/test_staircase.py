@@ -27,6 +27,9 @@ class Benches:
         plate = np.where(self.hangs & ~bounces, np.inf, 0.0)
         return Watch(nothing, nothing, plate, nothing, np.where(self.hangs, 0.0, 1e-6), gap, nothing, gap >= 0)
 
+    def off_axis(self):
+        return np.zeros(len(self.low))
+
     def save(self):
         return None
 

@@ -42,8 +42,16 @@ REFUSED = {
     "beyond the walls": (SMALL, (EDGE - 0.9, 3, 0), r"robots stand within the walls, 21\.2\d* mm .*robot 3 at \[20\.3"),
     "far away": (SMALL, (1000, 0, 0), r"robots stand within the walls.*robot 3 at \[1000\.0, 0\.0\] mm"),
     "with a corner beyond": (SMALL, (3, 1.3 - EDGE, 45), r"robots stand within the walls.*robot 3 at \[3\.0, -19\.9"),
-    "in an obstacle": (OBSTACLE, (15.5, 15.5, 0), r"no robot stands in an obstacle \(got 'robot 3 at \[15\.5, 15\.5\]"),
-    "at an obstacle's corner": (OBSTACLE, (12, 11, 0), r"no robot stands in an obstacle \(got 'robot 3 at \[12\.0, 11"),
+    "in an obstacle": (
+        OBSTACLE,
+        (15.5, 15.5, 0),
+        r"no robot stands in an obstacle or a box \(got 'robot 3 at \[15\.5, 15\.5\]",
+    ),
+    "at an obstacle's corner": (
+        OBSTACLE,
+        (12, 11, 0),
+        r"no robot stands in an obstacle or a box \(got 'robot 3 at \[12\.0, 11",
+    ),
     "at one place": (SMALL, (0, 9, 80), r"no robots overlap \(got 'robots 1 at \[0\.0, 9\.0\] and 3 at \[0\.0, 9\.0\]"),
     "corner in corner": (SMALL, (11.7, 0, 45), r"no robots overlap .*robots 2 at \[9\.0, 0\.0\] and 3 at \[11"),
 }
