@@ -12,13 +12,10 @@ the network with its shipped weights, or with --weights.
 """
 
 import argparse
-import sys
 from pathlib import Path
 
-import numpy as np
-
-sys.path.append(str(Path(__file__).parent))
 import neural_without as without
+import numpy as np
 
 from iswarm_mj.arena_config import ArenaConfig
 from iswarm_mj.config import DriveConfig, OpticsConfig, SwarmConfig

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.strategy.vectors import heard
+from iswarm_mj.strategy.vectors import heard, learnt
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Sides
 
@@ -92,6 +92,5 @@ def confirmed(belief: Belief, is_there: Bool[Array, "N"], vector: Float[Array, "
         vector: to it [mm].
         step: length of a robot's step [mm].
     """
-    old = belief.where(jnp.hypot(*belief.vector.T) > step / 2)
-    vector = jnp.where(is_there[:, None], vector, old.vector)
-    return Belief(vector, jnp.where(is_there, 0.0, old.doubt), old.known | is_there)
+    found = learnt(belief.told(), is_there, vector, step)
+    return Belief(found.vector, jnp.where(is_there | ~found.known, 0.0, belief.doubt), found.known)

@@ -112,8 +112,9 @@ def rollout(
     known = known and len(set(poses_of)) == len(poses_of)
     check("poses_of", tuple(poses_of), f"distinct worlds from 0 to {n_worlds - 1}", known)
     recorded = tuple(poses_of) or (() if record is None else (0,))
-    numbers = [n_robots] * n_worlds if isinstance(n_robots, int | np.integer) else list(n_robots)
-    check("n_robots", f"{len(numbers)} numbers", f"one, or one for each of {n_worlds} worlds", len(numbers) == n_worlds)
+    numbers: list[Any] = list(n_robots) if isinstance(n_robots, Sequence) else [n_robots] * n_worlds
+    are_numbers = len(numbers) == n_worlds and all(map(is_whole, numbers))
+    check("n_robots", n_robots, f"a whole number, or a list of one for each of {n_worlds} worlds", are_numbers)
     settings = RunSettings(max(numbers), steps, n_worlds=n_worlds, stop_at=stop_at, record_worlds=recorded)
     is_genome = isinstance(strategy, Genome)
     genome = strategy if is_genome else PRESETS["type1"]  # which is ignored

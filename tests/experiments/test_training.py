@@ -214,6 +214,20 @@ class TestResume:
         assert len(trained(tmp_path, again=True)) == 3
 
 
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"robots": ()}, "robots must be between 1 and 2 numbers"),
+        ({"robots": (4, 5, 6)}, "robots must be between 1 and 2 numbers, since a candidate has 2 worlds"),
+        ({"robots": (4000,)}, "robots"),
+        ({"sizes": (15.0, 10.5)}, "dust_area_offset"),
+    ],
+)
+def test_worlds_that_cannot_be_are_refused_at_once(changed, sentence):
+    with pytest.raises(UserError, match=sentence):
+        replace(TRAINING, **changed)
+
+
 @pytest.mark.parametrize("weights", [None, 3.0, [1.0], {}, jnp.zeros(3, int), [jnp.zeros(3), jnp.zeros(3, int)]])
 def test_strategies_without_weights_are_refused(weights):
     with pytest.raises(UserError, match="Three has no weights to train"):

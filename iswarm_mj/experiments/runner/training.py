@@ -23,6 +23,7 @@ from iswarm_mj.simulation.strategies import to_json
 from iswarm_mj.strategy.network import MOST_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.user_code import user_code
+from iswarm_mj.tasks.layout import check_robots
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.utils.constraints import check, validate
@@ -50,6 +51,19 @@ class Training(TrainingPlan):
 
     def __post_init__(self):
         validate(self)
+        most = f"between 1 and {self.worlds} numbers, since a candidate has {self.worlds} worlds"
+        check("robots", f"{len(self.robots)} numbers", most, 1 <= len(self.robots) <= self.worlds)
+        for config, robots in self.scenes:
+            for number in robots:
+                check_robots(config.arena, number)
+
+    @property
+    def scenes(self) -> list[tuple[SwarmConfig, list[int]]]:
+        """Configurations with the arenas of the worlds, and the numbers of robots that these have in turn."""
+        own = self.config.arena
+        areas = [replace(own, size=size) for size in self.sizes] or [own]
+        each = [[round((area.size / own.size) ** 2 * number) for number in self.robots] for area in areas]
+        return [(replace(self.config, arena=area), robots) for area, robots in zip(areas, each, strict=True)]
 
 
 def points(found: Rollout, task: Any, config: SwarmConfig, robots: Sequence[int], steps: int) -> Float[np.ndarray, "B"]:
@@ -141,10 +155,9 @@ def train(
                     float(tried(search.mean[None], training.validation, VALIDATION)[0, 0]) if is_tenth else None
                 )
                 journal.add((generation,), entry)
-            if entry["mean"] is None and best == -np.inf:
-                kept = search.mean.copy()
-            elif entry["mean"] is not None and entry["mean"] > best:
-                best, kept = entry["mean"], search.mean.copy()
+            score = -np.inf if entry["mean"] is None else entry["mean"]
+            if score >= best:
+                best, kept = score, search.mean.copy()
             rows.append(_row(generation, found, entry["mean"], float(candidates.std(axis=0).mean())))
             if is_new or generation == training.generations - 1:
                 write_csv(out / CURVE, rows)
@@ -193,11 +206,8 @@ def _tried(
     repeated = jax.tree.map(lambda a: jnp.repeat(a, n_worlds, axis=0), weights)
     own = jax.tree.map(lambda a: jnp.broadcast_to(a, (n_candidates * n_worlds, *jnp.shape(a))), made)
     own, found = replace(own, weights=repeated), []
-    for size in training.sizes or (training.config.arena.size,):
-        area = (size / training.config.arena.size) ** 2
-        config = replace(training.config, arena=replace(training.config.arena, size=size))
-        each = [round(area * training.robots[world % len(training.robots)]) for world in range(n_worlds)]
-        robots = each * n_candidates
+    for config, numbers in training.scenes:
+        robots = [numbers[world % len(numbers)] for world in range(n_worlds)] * n_candidates
         got = rollout(
             config,
             own,
