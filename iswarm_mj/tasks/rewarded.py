@@ -1,7 +1,7 @@
 """Tasks that add up their rewards, so that runs can be judged by them."""
 
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -35,7 +35,7 @@ def rewarded(task: Task | Any) -> Any:
 @cache
 def _rewarded(kind: Any) -> Any:
     class Rewarded(kind):
-        measured = {**getattr(kind, "measured", {}), REWARD: Quantity("rewards of all robots", low=-float("inf"))}
+        measured: ClassVar = {**getattr(kind, "measured", {}), REWARD: Quantity("rewards of all robots", low=-float("inf"))}
 
         def lay_out(self, *args: Any) -> Any:
             poses, state = super().lay_out(*args)

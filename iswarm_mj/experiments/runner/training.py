@@ -68,8 +68,8 @@ class Training(TrainingPlan):
 
 
 def points(found: Rollout, task: Any, config: SwarmConfig, robots: Sequence[int], steps: int) -> Float[np.ndarray, "B"]:
-    """Points of each world: the task's fitness, and 40 for each unit of its progress on average over time, so that early
-    deliveries count before all balls are delivered; of a task without a fitness the rewards of all robots.
+    """Points of each world: the task's fitness, and 40 for each unit of its progress on average over time, so that
+    early deliveries count before all balls are delivered; of a task without a fitness the rewards of all robots.
 
     Args:
         found: in the worlds.
