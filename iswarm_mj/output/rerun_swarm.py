@@ -14,17 +14,7 @@ import rerun as rr
 from iswarm_mj.output import rerun_states
 from iswarm_mj.output import rerun_swarm_view as look
 from iswarm_mj.output.memory import is_known, vectors
-from iswarm_mj.output.rerun_format import (
-    check_recordings,
-    close,
-    columns_of,
-    flush,
-    index,
-    save,
-    send_properties,
-    settings_document,
-    written,
-)
+from iswarm_mj.output.rerun_format import RrdFile, columns_of, index, send_properties, settings_document
 from iswarm_mj.output.rerun_shapes import shapes
 from iswarm_mj.output.rerun_swarm_layout import layout
 from iswarm_mj.output.schema import Frames
@@ -62,14 +52,13 @@ class Recording:
         Raises:
             UserError: the file cannot be written, or the environment disables recordings.
         """
-        self._path, self._scene = str(path), scene
+        self._scene = scene
         self._before, self._last_step = np.zeros((0, len(scene.is_scout), 3), np.float32), -1
         self._last_states = np.full(len(scene.is_scout), len(rerun_states.STATES), np.uint8)
         self._result: dict[str, Any] = {}
-        self.stream = rr.RecordingStream("iswarm_mj")  # recordings of one application share the viewer's layout
-        check_recordings(self.stream)
-        self._open()
-        self.stream.send_recording_name(f"{Path(self._path).stem}, world {scene.world}")
+        self._file = RrdFile("iswarm_mj", Path(path), layout(scene))
+        self.stream = self._file.stream
+        self.stream.send_recording_name(f"{Path(path).stem}, world {scene.world}")
         send_properties(self.stream, "settings", config)
         send_properties(self.stream, "run", {**properties, "world": scene.world})
         self._lanes = rerun_states.shown_lanes(scene)
@@ -77,12 +66,7 @@ class Recording:
             self.stream.log(entity, archetype, static=True, strict=True)
         document = settings_document(look.legend(scene), "Parameter", config)
         self.stream.log(look.CONFIG, document, static=True, strict=True)
-        self._flush()
-
-    def _open(self) -> None:
-        """Open the file, with the layout."""
-        with written(self._path, self.stream):
-            save(self.stream, Path(self._path), layout(self._scene))
+        self._file.flush()
 
     def __enter__(self) -> "Recording":
         """Return the open recording."""
@@ -95,18 +79,12 @@ class Recording:
         try:
             try:
                 send_properties(self.stream, "result", self._result)
-                self._flush()
+                self._file.flush()
             finally:
-                with written(self._path, self.stream):
-                    close(self.stream, self._path)
+                self._file.close()
         except UserError:
             if error is None:
                 raise
-
-    def _flush(self) -> None:
-        """Write everything to the file, which fails if the disk is full."""
-        with written(self._path, self.stream):
-            flush(self.stream, self._path)
 
     def append(self, frames: Frames) -> None:
         """Write a block of frames, about 64 of them for quick seeking, which follow on those appended so far.
@@ -128,7 +106,7 @@ class Recording:
         arrays = frames.arrays()
         self._result |= {name: arrays[array][-1] for array, name in names.items()}
         self._result["steps"] = int(frames.step[frames.is_running].max(initial=self._result.get("steps", 0)))
-        self._flush()
+        self._file.flush()
         self._before = np.concatenate([self._before, frames.pose])[-TRAIL_FRAMES:]
         self._last_step = int(frames.step[-1])
 

@@ -11,16 +11,7 @@ from jaxtyping import Float
 from iswarm_mj import __version__
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_trial_view as look
-from iswarm_mj.output.rerun_format import (
-    check_recordings,
-    close,
-    columns_of,
-    durations,
-    flush,
-    save,
-    send_properties,
-    written,
-)
+from iswarm_mj.output.rerun_format import RrdFile, columns_of, durations, send_properties
 from iswarm_mj.output.trace_lines import LINES
 from iswarm_mj.output.trial_shapes import trial_shapes
 from iswarm_mj.utils.errors import SimulationFault
@@ -48,20 +39,19 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
         UserError: the file cannot be written, or recording is switched off by the environment.
     """
     _check(trace)
-    path, stream = Path(path), rr.RecordingStream("iswarm_mj_grasp")
-    check_recordings(stream)
-    with atomic_write(path) as part, written(path, stream):
-        save(stream, part, look.layout(trace))
+    path = Path(path)
+    with atomic_write(path) as part:
+        file = RrdFile("iswarm_mj_grasp", part, look.layout(trace), path)
         try:
+            stream, shown = file.stream, {"version": __version__, **settings}
             stream.send_recording_name(path.stem)
-            shown = {"version": __version__, **settings}
             send_properties(stream, "settings", shown)
             for entity, archetype in look.static_entities(trace, shown):
                 stream.log(entity, archetype, static=True, strict=True)
             send_trace(stream, thinned(trace, SAMPLES), lambda time: [durations(time)])
-            flush(stream, part)
+            file.flush()
         finally:
-            close(stream, part)
+            file.close()
 
 
 def _check(trace: Trace) -> None:

@@ -1,14 +1,14 @@
 """What Rerun may never end is left alone; columns of components."""
 
 import gc
-import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
 import rerun as rr
 
 from iswarm_mj.output import rerun_format
-from iswarm_mj.output.rerun_format import bounded
+from iswarm_mj.output.rerun_format import RrdFile
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.utils.errors import UserError
 
@@ -19,17 +19,6 @@ def unregistered(monkeypatch):
     calls = []
     monkeypatch.setattr(rr, "unregister_shutdown", lambda: calls.append(1))
     return calls
-
-
-def test_a_call_ends_fails_or_is_left_alone():
-    done, never = [], threading.Event()
-    bounded(lambda: done.append(1))
-    assert done == [1]
-    with pytest.raises(ZeroDivisionError):
-        bounded(lambda: 1 / 0)
-    with pytest.raises(TimeoutError, match="not done"):
-        bounded(never.wait, 0.05)
-    never.set()
 
 
 def test_a_recording_that_cannot_be_closed_is_told(unregistered):
@@ -47,7 +36,9 @@ def test_a_recording_that_cannot_be_closed_is_told(unregistered):
         def __del__(self):
             forgotten.append(self)
 
-    recording._path, recording.stream, recording._result = "a.rrd", Stream(), {}
+    recording._file, recording._result = object.__new__(RrdFile), {}
+    recording.stream = recording._file.stream = Stream()
+    recording._file._path, recording._file._given = Path("a.rrd"), "a.rrd"
     with pytest.raises(UserError, match=r"'a.rrd' cannot be written \(it is gone\)"):
         recording.__exit__(None, None, None)
     recording.__exit__(ValueError, ValueError(), None)  # says more
@@ -55,21 +46,6 @@ def test_a_recording_that_cannot_be_closed_is_told(unregistered):
     del recording
     gc.collect()
     assert forgotten == []
-
-
-def test_a_recording_without_its_end_is_told(tmp_path, unregistered):
-    """As on a disk that is full only then, which Rerun logs and nothing else."""
-
-    class Stream:
-        def disconnect(self):
-            pass
-
-    for name in ("cut.rrd", "empty.rrd"):
-        (tmp_path / name).write_bytes(b"RRF2 and so on" if name == "cut.rrd" else b"")
-        told = pytest.raises(UserError, match=r"cannot be written \(No space left")
-        with told, rerun_format.written(name, Stream()):
-            rerun_format.close(Stream(), tmp_path / name)
-    rerun_format.close(Stream(), "/dev/null")  # has none
 
 
 @pytest.mark.parametrize("lengths", [2, np.array([3, 0, 1, 2])])
