@@ -10,14 +10,13 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 import tyro
 
 from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.flags import flag, settings
 from iswarm_mj.commands.parser import parse
 from iswarm_mj.strategy.sources import sources
-from iswarm_mj.utils.constraints import check, validate
+from iswarm_mj.utils.constraints import check, spaced, validate
 from iswarm_mj.utils.errors import SimulationFault
 
 MOST_RUNS = 10_000
@@ -96,13 +95,9 @@ class SweepOf(Sweep):
 def _values(text: str) -> tuple[str, list[str]]:
     """Name and values of a setting."""
     name, _, values = text.partition("=")
-    parts = values.split(":")
     try:
-        if len(parts) == 3 and "," not in values:
-            start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
-            found = [f"{value:.10g}" for value in np.linspace(start, stop, count)] if 1 < count <= MOST_RUNS else []
-        else:
-            found = list(dict.fromkeys(filter(None, values.split(","))))
+        is_range = values.count(":") == 2 and "," not in values
+        found = spaced(values, MOST_RUNS) if is_range else list(dict.fromkeys(filter(None, values.split(","))))
     except ValueError:
         found = []
     check("over", text, _FORM, bool(name) and bool(found))
