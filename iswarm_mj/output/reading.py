@@ -1,7 +1,6 @@
 """The files of a run, read back: what the run was, and the arrays of its recorded worlds."""
 
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -92,9 +91,14 @@ def _check_shapes(path: Path, arrays: Arrays) -> None:
     steps = arrays["step"]
     if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
         raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
-    for name in ("pose", "ball_position", "scene_ball_radius", "scene_robot_size"):
-        if not np.isfinite(arrays[name]).all():
-            raise UserError(f"{path}: `{name}` does not hold finite numbers; {REMEDY}.")
+    for name, least in (
+        ("pose", -np.inf),
+        ("ball_position", -np.inf),
+        ("scene_ball_radius", 0),
+        ("scene_robot_size", 0),
+    ):
+        if not np.all(np.isfinite(arrays[name]) & (arrays[name] > least)):
+            raise UserError(f"{path}: `{name}` does not hold finite numbers above {least}; {REMEDY}.")
 
 
 def read_about(path: Path, arrays: Arrays) -> dict[str, Any]:
@@ -116,20 +120,13 @@ def read_about(path: Path, arrays: Arrays) -> dict[str, Any]:
     return _of_a_run(path, from_json(about.item(), f"`{ABOUT}` in {path}", REMEDY))
 
 
-def no_trajectory(directory: Path, result: Mapping[str, Any]) -> UserError:
-    """Return the error to raise for a run without a trajectory.
-
-    Args:
-        directory: of the run.
-        result: content of its result.json.
-    """
+def no_trajectory(directory: Path) -> UserError:
+    """Return the error to raise for a run without a trajectory."""
     recordings = [name for name in (RECORDING, OTHER_RECORDING) if (directory / name).exists()]
     if not recordings:
         return UserError(f"{directory} holds no {TRAJECTORY}, since no world was recorded; run it without --no-record.")
-    again = f"repeat it by `iswarm {'clean' if RECORDING in recordings else 'run'} --config {directory / RESULT}`"
-    if not result.get("interrupted"):
-        return UserError(f"{directory} holds no {TRAJECTORY}, although its run has ended; put it back, or {again}.")
+    again = f"`iswarm {'clean' if RECORDING in recordings else 'run'} --config {directory / RESULT}`"
     return UserError(
         f"{directory} holds no {TRAJECTORY}, which is written at the end; the run is unfinished or was killed: wait "
-        f"for its end, or {again}. What was recorded until then is in {directory / recordings[0]}."
+        f"for its end, or repeat it by {again}. What was recorded until then is in {directory / recordings[0]}."
     )

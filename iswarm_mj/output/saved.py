@@ -122,7 +122,7 @@ class SavedRun:
 
     def _check_recorded(self) -> None:
         if not self._arrays:
-            raise no_trajectory(self.path.parent if self.path.name == RESULT else self.path, self.result)
+            raise no_trajectory(self.path.parent if self.path.name == RESULT else self.path)
 
 
 def load(path: str | Path) -> SavedRun:
