@@ -91,12 +91,8 @@ def _check_shapes(path: Path, arrays: Arrays) -> None:
     steps = arrays["step"]
     if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
         raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
-    for name, least in (
-        ("pose", -np.inf),
-        ("ball_position", -np.inf),
-        ("scene_ball_radius", 0),
-        ("scene_robot_size", 0),
-    ):
+    for name in ("pose", "ball_position", "scene_ball_radius", "scene_robot_size"):
+        least = 0.0 if name.startswith(SCENE) else -np.inf
         if not np.all(np.isfinite(arrays[name]) & (arrays[name] > least)):
             raise UserError(f"{path}: `{name}` does not hold finite numbers above {least}; {REMEDY}.")
 

@@ -97,9 +97,9 @@ def stated(tests: Mapping[str, Test]) -> list[Statement]:
     return [Statement(**_WORDS[name], test=test) for name, test in tests.items()]
 
 
-def added(study: str, claim: str, test: Test, note: str = "") -> Statement:
+def added(study: str, claim: str, test: Test) -> Statement:
     """Statement that the paper does not make, on a question that it does not study."""
-    return Statement(study, claim, NOT_IN_PAPER, "not studied", PREDICTED, note, test)
+    return Statement(study, claim, NOT_IN_PAPER, "not studied", PREDICTED, "", test)
 
 
 def number(value: float, digits: int = 3) -> str:
