@@ -15,6 +15,7 @@ import rerun.blueprint as rrb
 from jaxtyping import Float, Int
 
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import flat
 
 FLUSH_SECONDS = 30.0
 """Time limit of a flush; without one Rerun waits for ever when the disk is full."""
@@ -118,18 +119,12 @@ def check_room(path: Path) -> None:
         probe.unlink(missing_ok=True)
 
 
-def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flatten(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield (dotted name, bool, number or text) of nested mappings and dataclasses."""
-    for key, value in values.items():
-        name = f"{prefix}{key}"
-        if is_dataclass(value) and not isinstance(value, type):
-            value = asdict(value)
-        if isinstance(value, np.ndarray | np.generic):
-            value = value.tolist()
-        if isinstance(value, Mapping):
-            yield from flatten(value, f"{name}.")
-        else:
-            yield name, value if isinstance(value, bool | int | float | str) else str(value)
+    plain = {key: asdict(v) if is_dataclass(v) and not isinstance(v, type) else v for key, v in values.items()}
+    for name, value in flat(plain):
+        value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+        yield name, value if isinstance(value, bool | int | float | str) else str(value)
 
 
 def send_properties(stream: rr.RecordingStream, name: str, values: Mapping[str, Any]) -> None:

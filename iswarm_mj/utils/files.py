@@ -7,7 +7,7 @@ import os
 import re
 import stat
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -109,6 +109,15 @@ def from_json(text: str | bytes, name: str, remedy: str) -> Any:
         return json.loads(text, parse_int=number, parse_float=number, object_pairs_hook=unique)
     except (ValueError, RecursionError) as error:
         raise UserError(f"{name} is cut off or no JSON ({shown(error)}); {remedy}.") from None
+
+
+def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield (name, value) of nested mappings, names with dots between those of the mappings."""
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
 
 
 def write_error(path: Path, error: OSError) -> UserError:

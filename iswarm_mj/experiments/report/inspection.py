@@ -7,6 +7,8 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
+from tqdm import tqdm
+
 from iswarm_mj.experiments.analysis.evolution import best_of
 from iswarm_mj.experiments.report.results import SEARCH, TRIALS, as_named
 from iswarm_mj.experiments.runner.experiment import RUNS
@@ -149,7 +151,7 @@ def _files(directory: Path) -> Iterator[str]:
         text = opening(path)
         if path.name == RESULT and "delivered" not in read_result(path):
             text = text.replace("iswarm clean", "iswarm run")
-        yield f"{name:<{width}}  {_size(path.stat().st_size):>8}  {text}"
+        yield f"{name:<{width}}  {tqdm.format_sizeof(path.stat().st_size, 'B'):>8}  {text}"
     if len(files) > _MAX_LISTED:
         yield f"{len(files) - _MAX_LISTED} more files"
 
@@ -162,14 +164,6 @@ def _recordings(directory: Path, at_least: int = 2) -> Iterator[str]:
         names = dict.fromkeys(name if "'" in name else re.sub(r"\d+", "*", name) for name in names)
         opened = " ".join(f"{shlex.quote(str(directory))}/{name}" for name in names)
         yield f"{'recording' if len(found) == 1 else f'all {len(found)} recordings as one dataset'}: rerun {opened}"
-
-
-def _size(n_bytes: float) -> str:
-    for unit in ("B", "kB", "MB"):
-        if n_bytes < 1000:
-            return f"{n_bytes:.3g} {unit}"
-        n_bytes /= 1000
-    return f"{n_bytes:.3g} GB"
 
 
 def opening(path: Path) -> str:
