@@ -5,7 +5,6 @@ What moves is in `rerun_shapes`, the look in `rerun_swarm_view`, the layout of t
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -13,20 +12,17 @@ import rerun as rr
 
 from iswarm_mj.output import rerun_states
 from iswarm_mj.output import rerun_swarm_view as look
-from iswarm_mj.output.memory import is_known, vectors
 from iswarm_mj.output.rerun_format import RrdFile, columns_of, index, send_properties, settings_document
 from iswarm_mj.output.rerun_shapes import shapes
 from iswarm_mj.output.rerun_swarm_layout import layout
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import METRIC, Scene
-from iswarm_mj.utils.errors import SimulationFault, UserError
 
 
 class Recording:
-    """A Rerun file of one world, written block by block.
+    """A Rerun file of one world, written block by block, which `close` completes.
 
-    Leaving the `with` block, also by an exception, completes the file.
     Blocks appended before a kill are readable.
 
     Attributes:
@@ -53,7 +49,7 @@ class Recording:
             UserError: the file cannot be written, or the environment disables recordings.
         """
         self._scene = scene
-        self._before, self._last_step = np.zeros((0, len(scene.is_scout), 3), np.float32), -1
+        self._before = np.zeros((0, len(scene.is_scout), 3), np.float32)
         self._last_states = np.full(len(scene.is_scout), len(rerun_states.STATES), np.uint8)
         self._result: dict[str, Any] = {}
         self._file = RrdFile("iswarm_mj", Path(path), layout(scene))
@@ -68,35 +64,26 @@ class Recording:
         self.stream.log(look.CONFIG, document, static=True, strict=True)
         self._file.flush()
 
-    def __enter__(self) -> "Recording":
-        """Return the open recording."""
-        return self
+    def close(self) -> None:
+        """Complete the file, with what the world came to as property `result`.
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        """Complete and close the file, with what the world came to as property `result`; exceptions pass."""
+        Raises:
+            UserError: the disk is full.
+        """
         try:
-            try:
-                send_properties(self.stream, "result", self._result)
-                self._file.flush()
-            finally:
-                self._file.close()
-        except UserError:
-            if error is None:
-                raise
+            send_properties(self.stream, "result", self._result)
+            self._file.flush()
+        finally:
+            self._file.close()
 
     def append(self, frames: Frames) -> None:
         """Write a block of frames, about 64 of them for quick seeking, which follow on those appended so far.
 
         Raises:
-            SimulationFault: a pose, a ball or a known vector is not finite.
             UserError: the disk is full.
-            ValueError: steps do not increase.
         """
         if len(frames) == 0:
             return
-        self._check(frames)
         times = index(frames.step, self._scene.control_period)
         for entity, shown, lengths, values in shapes(self._scene, frames, self._before):
             self.stream.send_columns(entity, times, columns_of(shown, values, len(frames), lengths), strict=True)
@@ -108,22 +95,6 @@ class Recording:
         self._result["steps"] = int(frames.step[frames.is_running].max(initial=self._result.get("steps", 0)))
         self._file.flush()
         self._before = np.concatenate([self._before, frames.pose])[-TRAIL_FRAMES:]
-        self._last_step = int(frames.step[-1])
-
-    def _check(self, frames: Frames) -> None:
-        """Refuse values that the viewer would silently draw wrong."""
-        if np.any(np.diff(frames.step, prepend=self._last_step) <= 0):
-            raise ValueError(f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}.")
-        drawn = {"pose of robots": frames.pose, "position of balls": frames.ball_position}
-        for vector in vectors(self._scene.memory):
-            known = is_known(frames, vector)[..., None]
-            drawn[f"{vector.stem} vector of robots"] = np.where(known, frames.memory[vector.name], 0)
-        for name, values in drawn.items():
-            is_bad = np.any(~np.isfinite(values), axis=-1)
-            if is_bad.any():
-                t = int(np.argmax(is_bad.any(axis=1)))
-                which = ", ".join(map(str, np.flatnonzero(is_bad[t])[:10]))
-                raise SimulationFault(f"Step {frames.step[t]}: the {name} {which} is not finite.")
 
     def _change_lanes(self, frames: Frames) -> None:
         """Write where states of the robots that have a lane change; in the first frame all do."""

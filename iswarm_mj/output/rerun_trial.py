@@ -14,7 +14,6 @@ from iswarm_mj.output import rerun_trial_view as look
 from iswarm_mj.output.rerun_format import RrdFile, columns_of, durations, send_properties
 from iswarm_mj.output.trace_lines import LINES
 from iswarm_mj.output.trial_shapes import trial_shapes
-from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import atomic_write
 
 SAMPLES = 4000
@@ -35,10 +34,8 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
         settings: shown as a table, and stored with the package's version as property `settings`; may be nested.
 
     Raises:
-        SimulationFault: a number of the trace is not finite.
         UserError: the file cannot be written, or recording is switched off by the environment.
     """
-    _check(trace)
     path = Path(path)
     with atomic_write(path) as part:
         file = RrdFile("iswarm_mj_grasp", part, look.layout(trace), path)
@@ -52,16 +49,6 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
             file.flush()
         finally:
             file.close()
-
-
-def _check(trace: Trace) -> None:
-    """Refuse values that the viewer would silently draw wrong."""
-    for name, values in trace._asdict().items():
-        if isinstance(values, np.ndarray) and not np.isfinite(values).all():
-            first = int(np.argmin(np.isfinite(values).reshape(len(values), -1).all(axis=1)))
-            raise SimulationFault(f"Sample {first} of the trace: {name} is not finite.")
-    if np.any(np.diff(trace.time) <= 0):
-        raise ValueError("The times of a trace must increase.")
 
 
 def send_trace(stream: rr.RecordingStream, trace: Trace, index: Index, root: str = "") -> None:

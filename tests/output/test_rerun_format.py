@@ -1,14 +1,16 @@
 """What Rerun may never end is left alone; columns of components."""
 
 import gc
+import threading
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rerun as rr
+import rerun.blueprint as rrb
 
 from iswarm_mj.output import rerun_format
-from iswarm_mj.output.rerun_format import RrdFile
+from iswarm_mj.output.rerun_format import RrdFile, bounded
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.utils.errors import UserError
 
@@ -19,6 +21,17 @@ def unregistered(monkeypatch):
     calls = []
     monkeypatch.setattr(rr, "unregister_shutdown", lambda: calls.append(1))
     return calls
+
+
+def test_a_call_ends_fails_or_is_left_alone():
+    done, never = [], threading.Event()
+    bounded(lambda: done.append(1))
+    assert done == [1]
+    with pytest.raises(ZeroDivisionError):
+        bounded(lambda: 1 / 0)
+    with pytest.raises(TimeoutError, match="not done"):
+        bounded(never.wait, 0.05)
+    never.set()
 
 
 def test_a_recording_that_cannot_be_closed_is_told(unregistered):
@@ -40,12 +53,21 @@ def test_a_recording_that_cannot_be_closed_is_told(unregistered):
     recording.stream = recording._file.stream = Stream()
     recording._file._path, recording._file._given = Path("a.rrd"), "a.rrd"
     with pytest.raises(UserError, match=r"'a.rrd' cannot be written \(it is gone\)"):
-        recording.__exit__(None, None, None)
-    recording.__exit__(ValueError, ValueError(), None)  # says more
-    assert len(unregistered) == 2
+        recording.close()
+    assert len(unregistered) == 1
     del recording
     gc.collect()
     assert forgotten == []
+
+
+@pytest.mark.parametrize("content", [b"RRF2 and so on", b""])
+def test_a_recording_without_its_end_is_told(tmp_path, unregistered, content):
+    """As on a disk that is full only then, which Rerun logs and nothing else."""
+    file = RrdFile("test", tmp_path / "cut.rrd", rrb.Blueprint())
+    file.stream.disconnect()
+    (tmp_path / "cut.rrd").write_bytes(content)
+    with pytest.raises(UserError, match=r"cannot be written \(No space left"):
+        file.close()
 
 
 @pytest.mark.parametrize("lengths", [2, np.array([3, 0, 1, 2])])
