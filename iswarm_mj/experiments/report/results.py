@@ -50,6 +50,14 @@ class Result(NamedTuple):
             return EXPERIMENTS[self.name].draw(self.rows, out)
 
 
+class Picture(NamedTuple):
+    """A figure of ours."""
+
+    name: str
+    content: str
+    """As a data URI."""
+
+
 class Topic(NamedTuple):
     """A part of the statements."""
 
@@ -60,6 +68,8 @@ class Topic(NamedTuple):
     """Tables that the findings are based on; none if they were not made, or are not needed."""
     paper: str = ""
     """What the paper says of its figure; empty without one."""
+    pictures: Sequence[Picture] = ()
+    """Drawn of the tables, on the page of a report."""
 
 
 @contextmanager
