@@ -94,20 +94,13 @@ def _with_ball(place: np.ndarray, run: Run, swarm: SwarmState) -> SwarmState:
         raise UserError("robots hold all balls; wait until one is delivered")
     distance = np.linalg.norm(np.asarray(balls.position[0]) - place, axis=-1)
     ball = int(np.argmax(np.where(free, distance, -1.0)))
-    moved = _balls_changed(lambda b: _laid(b, ball, place), swarm.task)
+
+    def laid(part: Any) -> Any:
+        if not isinstance(part, Balls):
+            return part
+        position, delivered, wait = (np.array(a) for a in (part.position, part.is_delivered, part.wait))
+        position[0, ball], delivered[0, ball], wait[0, ball] = place, False, 0
+        return part._replace(position=position, is_delivered=delivered, wait=wait)
+
+    moved = jax.tree.map(laid, swarm.task, is_leaf=lambda part: isinstance(part, Balls))  # wherever they are in it
     return swarm._replace(task=moved)
-
-
-def _laid(balls: Balls, ball: int, place: np.ndarray) -> Balls:
-    position, delivered, wait = (np.array(a) for a in (balls.position, balls.is_delivered, balls.wait))
-    position[0, ball], delivered[0, ball], wait[0, ball] = place, False, 0
-    return balls._replace(position=position, is_delivered=delivered, wait=wait)
-
-
-def _balls_changed(change: Callable[[Balls], Balls], state: Any) -> Any:
-    """A task's state in which its balls are changed, wherever they are in it."""
-
-    def is_balls(part: Any) -> bool:
-        return isinstance(part, Balls)
-
-    return jax.tree.map(lambda part: change(part) if is_balls(part) else part, state, is_leaf=is_balls)

@@ -146,10 +146,11 @@ def spaced(text: str, most: int = 10_000) -> list[str]:
     Raises:
         ValueError: it is none, or there are more than `most`.
     """
-    start, stop, count = (kind(part) for kind, part in zip((float, float, int), text.split(":"), strict=True))
+    first, last, number = text.split(":")
+    low, high, count = float(first), float(last), int(number)
     if not 1 <= count <= most:
         raise ValueError(count)
-    return [f"{start + (stop - start) * k / max(1, count - 1):.10g}" for k in range(count)]
+    return [f"{low + (high - low) * k / max(1, count - 1):.10g}" for k in range(count)]
 
 
 def choices(cls: type, name: str) -> tuple[Any, ...]:

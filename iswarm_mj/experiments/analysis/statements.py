@@ -136,7 +136,7 @@ def _all_clean(ends: tuple[float, float], cleans: bool, rows: Rows) -> bool:
 
 def _types(rows: Rows) -> dict[str, Rows]:
     """Runs of both of the paper's types; none if one is not there, as nothing follows from the other."""
-    types = {name: select(rows, type=name) for name in PAPER_FITNESS}
+    types: dict[str, Rows] = {name: select(rows, type=name) for name in PAPER_FITNESS}
     return types if all(types.values()) else {}
 
 
