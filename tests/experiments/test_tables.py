@@ -11,11 +11,12 @@ from iswarm_mj.experiments.analysis.findings import (
     NOT_RUN,
     PREDICTED,
     SLIP,
+    TOO_FEW,
     UNDECIDED,
     Finding,
 )
 from iswarm_mj.experiments.analysis.statistics import LEVEL
-from iswarm_mj.experiments.report.numbers import evolution, grouped, sensitivity
+from iswarm_mj.experiments.report.numbers import engines, evolution, grouped, sensitivity
 from iswarm_mj.experiments.report.results import Topic
 from iswarm_mj.experiments.report.tables import Tables, _summary, _verdicts, filled, new_texts
 from iswarm_mj.utils.errors import UserError
@@ -93,6 +94,38 @@ def test_searches_by_hand():
     assert several[6] == f"{max(row['fitness'] for row in rows) + 200:.0f}"
 
 
+def engine_rows(factor, n=8, scatter=0.02):
+    """Runs whose times are those of one engine times a factor."""
+    hop = [
+        run_row(factor * 200 * (1 + scatter * k) if flag else None, k, use_hop_count=flag)
+        for flag in (True, False)
+        for k in range(n)
+    ]
+    density = [run_row(factor * 1000 * d * (1 + scatter * k), k, density=d) for d in (0.1, 0.2) for k in range(n)]
+    return {"hop-count": hop, "density": density}
+
+
+@pytest.mark.parametrize(("factor", "verdict"), [(1.02, HOLDS), (1.5, FAILS)])
+def test_engines_are_equal_by_their_times(factor, verdict):
+    first = engine_rows(1.0)
+    first["density"] += [run_row(500, k, density=0.4) for k in range(8)]  # which the other has not
+    _, *lines = cells(engines({"results": first, "other": engine_rows(factor)}))
+    assert [line[0] for line in lines] == [
+        "Fig. 15, with hop counts",
+        "Fig. 17, density 0.1",
+        "Fig. 17, density 0.2",
+        "all",
+        "slope of the ratio's logarithm over the density",
+    ]
+    assert lines[0][1] == "214" and lines[-2][4] == verdict and lines[-2][3].startswith(f"{factor:.3g} (")
+
+
+def test_engines_with_few_or_scattered_runs_are_not_judged_equal():
+    for options, verdict in (({"n": 4}, TOO_FEW), ({"scatter": 0.5}, UNDECIDED)):
+        rows = engine_rows(1.0, **options)
+        assert {line[4] for line in cells(engines({"a": rows, "b": rows}))[1:-1]} == {verdict}
+
+
 FINDINGS = [
     Finding("A", "here", "1 | 2", PREDICTED, "", "", HOLDS),
     Finding("B", "here", "2", f"{PREDICTED}, held out", "", "", FAILS),
@@ -132,6 +165,7 @@ def test_contents_of_blocks(tmp_path):
     assert "`results`:\n\n| " in text and "40 of 40" in text and "10 of 10" in text
     assert tables.content("results", "laws") and tables.content("results", "statements").count("### ") == 2
     assert tables.content("results", "density") is None is tables.content("results-none", "grasp")
+    assert tables.content("results", "engines", "results-initial") is None
     summary, level = tables.content("results", "summary"), LEVEL.get()
     # each of 16 intervals is at 1 - 0.05 / 16, by which 40 of 40 no longer shows that more than 90 % do
     assert "with intervals at 99.69 %, by Bonferroni for these 16 verdicts" in summary and level == 0.95

@@ -70,6 +70,39 @@ def difference(first: Values, second: Values, statistic: Statistic = np.median) 
     return _bootstrap(lambda a, b, axis: statistic(a, axis=axis) - statistic(b, axis=axis), first, second)
 
 
+def ratio(first: Sequence[Values], second: Sequence[Values]) -> Interval:
+    """Geometric mean of the second samples over that of the first, mean of all pairs, with its bootstrap interval.
+
+    Args:
+        first: G samples of positive values, of any size.
+        second: likewise; sample k of both is one pair.
+    """
+
+    def statistic(*samples: Float[Array, "..."], axis: int) -> Float[Array, "..."]:
+        logs = [np.log(sample).mean(axis=axis) for sample in samples]
+        return np.mean(logs[len(first) :], axis=0) - np.mean(logs[: len(first)], axis=0)
+
+    return Interval(*map(math.exp, _bootstrap(statistic, *first, *second)))
+
+
+def trend(x: Values, first: Sequence[Values], second: Sequence[Values]) -> Interval:
+    """Least-squares slope over x of the logarithm of `ratio`, with its bootstrap interval.
+
+    Args:
+        x: (G,) where the pairs are.
+        first: G samples, as of `ratio`.
+        second: likewise.
+    """
+    weights = np.asarray(x) - np.mean(x)
+    weights /= (weights**2).sum()
+
+    def statistic(*samples: Float[Array, "..."], axis: int) -> Float[Array, "..."]:
+        logs = np.array([np.log(sample).mean(axis=axis) for sample in samples])
+        return np.tensordot(weights, logs[len(x) :] - logs[: len(x)], 1)
+
+    return _bootstrap(statistic, *first, *second)
+
+
 def compare(first: Values, second: Values) -> Comparison:
     """Mann-Whitney test of two samples and the difference of their medians.
 

@@ -9,11 +9,13 @@ from iswarm_mj.experiments.analysis import measures as m
 from iswarm_mj.experiments.analysis.beyond_statements import changes
 from iswarm_mj.experiments.analysis.evolution import BEST, LAST, samples_of
 from iswarm_mj.experiments.analysis.findings import ALPHA, Rows, number, short
+from iswarm_mj.experiments.analysis.judge import EQUAL, Estimate
 from iswarm_mj.experiments.analysis.measures import by, finished, select, values
-from iswarm_mj.experiments.analysis.statistics import interval
+from iswarm_mj.experiments.analysis.statistics import interval, ratio, trend
 from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, counts_alone, more_alone
 from iswarm_mj.experiments.report.markdown import table
 from iswarm_mj.experiments.studies import infer
+from iswarm_mj.utils.arrays import Array
 
 GROUPS: dict[str, tuple[tuple[str, ...], tuple[m.Measure, ...]]] = {
     "hop-count": (("use_hop_count",), m.MEASURES),
@@ -121,3 +123,46 @@ def _reproduced(label: str, group: Sequence[Combination]) -> list[object]:
     held_out = interval([sum(one.held_out) for one in group]) if len(group) > 1 else None
     others = short(held_out) if held_out else sum(group[0].held_out)
     return [label, f"{np.median(counts):g}{most}", short(interval([n for one in group for n in one.single])), others]
+
+
+def engines(found: Mapping[str, Mapping[str, Rows]]) -> str:
+    """Table of the finishing times in two directories, and whether they are equal, group by group and together.
+
+    The last line tells whether their ratio changes with the density, which the mean of all could hide. Swarms without
+    hop counts are left out, since none of their runs need end before the limit, and those that only one directory has.
+
+    Args:
+        found: rows by directory and part, hop-count and density.
+    """
+    (one, first), (other, second) = ((place, _times(parts)) for place, parts in found.items())
+    both = [swarm for swarm in first if swarm in second]
+
+    def pairs(swarms: Sequence[float | None]) -> tuple[list[Array], list[Array]]:
+        return [first[swarm] for swarm in swarms], [second[swarm] for swarm in swarms]
+
+    def judged(swarms: Sequence[float | None]) -> list[str]:
+        sizes = tuple(len(values) for group in pairs(swarms) for values in group)
+        estimate = Estimate(ratio(*pairs(swarms)), sizes, 1 - EQUAL, 1 + EQUAL)
+        return [short(estimate.value), estimate.verdict]
+
+    lines = [
+        [
+            "Fig. 15, with hop counts" if swarm is None else f"Fig. 17, density {swarm:g}",
+            *(number(float(np.median(group[swarm]))) for group in (first, second)),
+            *judged([swarm]),
+        ]
+        for swarm in both
+    ]
+    densities = [swarm for swarm in both if swarm is not None]
+    lines.append(["all", "", "", *judged(both)])
+    slope = short(trend(densities, *pairs(densities)))
+    lines.append(["slope of the ratio's logarithm over the density", "", "", slope, "no rule"])
+    head = ["swarm", f"`{one}`: median time [steps]", f"`{other}`", "ratio of the times (95 % interval)"]
+    return table([*head, f"equal within {100 * EQUAL:.0f} %"], lines)
+
+
+def _times(parts: Mapping[str, Rows]) -> dict[float | None, Array]:
+    """Times by the density of Fig. 17, and None for Fig. 15."""
+    groups = {None: select(parts["hop-count"], use_hop_count=True)}
+    groups |= dict(sorted(by(parts["density"], "density").items()))
+    return {swarm: values(rows, m.TIME) for swarm, rows in groups.items()}

@@ -15,7 +15,7 @@ from typing import Any
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_COMPARABLE, NOT_IN_PAPER, UNDECIDED, Finding
 from iswarm_mj.experiments.analysis.statistics import LEVEL
 from iswarm_mj.experiments.report.markdown import table
-from iswarm_mj.experiments.report.numbers import GROUPS, evolution, grouped, readings, sensitivity
+from iswarm_mj.experiments.report.numbers import GROUPS, engines, evolution, grouped, readings, sensitivity
 from iswarm_mj.experiments.report.results import (
     EVOLUTION,
     LAWS,
@@ -35,7 +35,7 @@ _BLOCK = re.compile(
     r"((?:(?!^<!-- results).)*?)(^<!-- end -->$)",
     re.MULTILINE | re.DOTALL,
 )
-SUMMARY, STATEMENTS, MISSES = "summary", "statements", "misses"
+SUMMARY, STATEMENTS, ENGINES, MISSES = "summary", "statements", "engines", "misses"
 OF_ALL = (SUMMARY, STATEMENTS, MISSES)
 """Blocks on all topics."""
 Topics = Sequence[Topic]
@@ -83,18 +83,20 @@ class Tables:
 
         Args:
             directory: of results.
-            name: a topic or one of `OF_ALL`.
-            beside: another directory, whose results stand beside the first's.
+            name: a topic, `ENGINES` or one of `OF_ALL`.
+            beside: another directory, whose results stand beside the first's; of engines it must be given.
 
         Raises:
             UserError: there is no such block.
         """
-        if name not in (names := [*TOPICS, *OF_ALL]):
+        if name not in (names := [*TOPICS, *OF_ALL, ENGINES]):
             raise UserError(f"The block was {name!r}; there are {', '.join(names)}: choose one of these.")
         places = [place for place in (directory, beside) if place]
         found = {place: self._named(place, name) for place in places if (self._root / place).is_dir()}
         if len(found) < len(places) or not all(found.values()):
             return None
+        if name == ENGINES:
+            return engines({place: {t.name: t.results[0].rows for t in topics} for place, topics in found.items()})
         if name in (SUMMARY, MISSES):
             shown = _summary if name == SUMMARY else _misses
             texts = {place: shown([f for topic in topics for f in topic.findings]) for place, topics in found.items()}
@@ -131,7 +133,7 @@ class Tables:
         """Topics that a block is on, none if one of them lacks results; of `OF_ALL` those with results."""
         topics = self.topics(directory)
         made = {each for each, topic in topics.items() if topic.results or each == LAWS}
-        wanted = made if name in OF_ALL else {name}
+        wanted = made if name in OF_ALL else {"hop-count", "density"} if name == ENGINES else {name}
         return [topic for each, topic in topics.items() if each in wanted] if wanted <= made else []
 
 
