@@ -4,7 +4,7 @@ import hashlib
 import math
 from argparse import ArgumentParser
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -36,15 +36,17 @@ class Sweep:
     """Repeat runs that --out already holds."""
     out: Path = Path("runs/sweep")
     """Directory for the results; an interrupted sweep resumes there."""
+    given: tyro.conf.Suppress[tyro.conf.Fixed[tuple[str, ...]]] = ()
+    """Arguments of the command."""
 
     def __post_init__(self):
         validate(self)
 
     @classmethod
-    def parse(cls, arguments: Sequence[str]) -> "SweepOf":
+    def parse(cls, arguments: Sequence[str]) -> "Sweep":
         """Return the sweep that arguments describe, see `parser.parse`."""
         own, given = cls._split(arguments)
-        return SweepOf(**vars(parse("sweep", cls, own)), given=given)
+        return replace(parse("sweep", cls, own), given=given)
 
     @staticmethod
     def _split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
@@ -60,14 +62,6 @@ class Sweep:
         words = [*command, *(name for name in switches if getattr(own, name.lstrip("-").replace("-", "_")))]
         words += [word for values in own.over for word in ("--over", *values)]
         return words + [word for values in own.out for word in ("--out", *values)], tuple(rest)
-
-
-@dataclass(frozen=True)
-class SweepOf(Sweep):
-    """A sweep of a command with its arguments."""
-
-    given: tuple[str, ...] = ()
-    """Arguments of the command."""
 
     def run(self) -> None:
         """Run the command."""
