@@ -18,7 +18,7 @@ from iswarm_mj.experiments.runner.search import TABLE as SEARCH
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.plot_trials import draw_figures
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.tables import read_table, write_csv
+from iswarm_mj.utils.tables import read_table
 
 TRIALS = "trials.parquet"
 METHODS = ("paper", "random", "cmaes")
@@ -166,13 +166,3 @@ def tally(findings: Sequence[Finding]) -> tuple[list[str], dict[str, list[int]]]
 def findings_files(topics: Iterable[Topic]) -> dict[Path, Sequence[Finding]]:
     """Findings by the files beside the tables that they are based on, for the evolution beside its first table."""
     return {topic.results[0].path.with_name(FINDINGS): topic.findings for topic in topics if topic.results}
-
-
-def write_findings(topics: Iterable[Topic]) -> None:
-    """Write `findings_files`.
-
-    Raises:
-        UserError: one of them cannot be written.
-    """
-    for path, findings in findings_files(topics).items():
-        write_csv(path, [finding._asdict() for finding in findings])

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from shlex import join
 from tempfile import TemporaryDirectory
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -66,7 +67,7 @@ def report(directories: Sequence[Path], out: Path) -> list[Topic]:
         "again": join(["iswarm", "report", "--results", *map(str, directories), "--out", str(out)]),
     }
     with atomic_write(out) as part:
-        part.write_text(render("report.html", content), encoding="utf-8")
+        part.write_text(_render(content), encoding="utf-8")
     if not results:
         print(f"no results found in {', '.join(map(str, directories))}; the statements that are judged need none")
     print(", ".join(f"{verdict or 'not judged'}: {sum(row)}" for verdict, row in counts.items()))
@@ -89,22 +90,12 @@ def _section(topic: Topic) -> Topic:
     return topic._replace(title=topic.title + quick, pictures=pictures)
 
 
-def render(template: str, content: dict) -> str:
-    """Fill in a template.
-
-    Args:
-        template: report.html.
-        content: values of the template's names, see `report`.
-    """
-    environment = Environment(
-        loader=PackageLoader("iswarm_mj.experiments.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template(template).render(content)
+def _render(content: dict) -> str:
+    """Fill in the template of the page."""
+    loader = PackageLoader("iswarm_mj.experiments.report")
+    how: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **how)
+    return environment.get_template("report.html").render(content)
 
 
 def data_uri(path: Path) -> str:
