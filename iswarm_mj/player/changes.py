@@ -10,7 +10,7 @@ import numpy as np
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
-from iswarm_mj.tasks.protocol import Task, balls_of
+from iswarm_mj.tasks.protocol import balls_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
 from iswarm_mj.utils.walls import beyond
@@ -51,7 +51,8 @@ def edit(run: Run, change: Change) -> Callable[[SwarmState], SwarmState]:
         UserError: there is no such robot or place, or there are no balls.
     """
     if change.what == BALL:
-        if not _has_balls(run.task, run.starts[0].task):
+        balls = balls_of(run.task, run.starts[0].task)
+        if balls is None or not np.size(balls.radius):
             raise UserError(f"{type(run.task).__name__} has no balls; click on a robot instead")
         place = np.array(_numbers(change, float, 2, "a place, as 60:ball=3.5,-2"))
         if not beyond(place, run.config.arena.walls) <= 0:
@@ -72,11 +73,6 @@ def _numbers(change: Change, kind: Callable[[str], Any], n: int, words: str) -> 
     if len(found) != n:
         raise UserError(f"the change {change} must name {words}")
     return found
-
-
-def _has_balls(task: Task, state: Any) -> bool:
-    balls = balls_of(task, state)
-    return balls is not None and len(np.atleast_1d(balls.radius)) > 0
 
 
 def _with_life(robot: int, is_alive: bool, swarm: SwarmState) -> SwarmState:

@@ -123,12 +123,9 @@ def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 def write_error(path: Path, error: OSError) -> UserError:
     """Return the error to raise where a file cannot be opened, written, replaced or removed."""
     remedy = "make room" if error.errno in _FULL else "move it away"
-    return UserError(f"{path} cannot be written ({_reason(error)}); {remedy} or choose another `out`")
-
-
-def _reason(error: OSError) -> str:
-    """What the system says; libraries put more into their errors, or leave out the number."""
-    return os.strerror(error.errno) if error.errno else str(error).partition("\n")[0]
+    # What the system says; libraries put more into their errors, or leave out the number.
+    reason = os.strerror(error.errno) if error.errno else str(error).partition("\n")[0]
+    return UserError(f"{path} cannot be written ({reason}); {remedy} or choose another `out`")
 
 
 def remove(path: Path) -> None:

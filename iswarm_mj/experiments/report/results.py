@@ -101,12 +101,10 @@ def collect(directories: Sequence[Path]) -> dict[str, Result]:
                     name = _name(path, settings)
                 if name and rows:
                     new = Result(name, path, rows, settings)
-                    found[name] = max(found.get(name, new), new, key=_rank)
+                    found[name] = max(
+                        found.get(name, new), new, key=lambda each: (not each.settings.get("quick"), len(each.rows))
+                    )
     return {name: found[name] for name in (GRASP, *SEARCHES, *EXPERIMENTS) if name in found}
-
-
-def _rank(result: Result) -> tuple[bool, int]:
-    return not result.settings.get("quick"), len(result.rows)
 
 
 def files_in(directory: Path, pattern: str) -> Iterator[Path]:
