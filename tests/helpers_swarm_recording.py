@@ -1,5 +1,7 @@
 """A made-up run of a swarm, and its recording."""
 
+from contextlib import closing
+
 import numpy as np
 
 from iswarm_mj.output.message_columns import stored
@@ -90,7 +92,7 @@ def cut(frames, start, stop):
 
 
 def write(path, scene, frames, cuts=(1, 6, 23), config=None):
-    with Recording(path, scene, config or {}, {}) as recording:
+    with closing(Recording(path, scene, config or {}, {})) as recording:
         for start, stop in zip((0, *cuts), (*cuts, len(frames)), strict=True):
             recording.append(cut(frames, start, stop))
 

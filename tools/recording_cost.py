@@ -7,6 +7,7 @@ import statistics
 import sys
 import tempfile
 import time
+from contextlib import closing
 from pathlib import Path
 
 from iswarm_mj import load
@@ -26,7 +27,7 @@ def cost(directory: Path) -> tuple[int, float, float]:
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "run.rrd"
         for _ in range(REPEATS):
-            with Recording(path, scene, {}, {}) as recording:
+            with closing(Recording(path, scene, {}, {})) as recording:
                 started = time.process_time()
                 for start in range(0, len(frames), BLOCK):
                     recording.append(frames[start : start + BLOCK])

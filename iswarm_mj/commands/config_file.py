@@ -1,7 +1,7 @@
 """Files of `--config`: TOML whose keys are flags, or the result.json of an earlier run."""
 
 import tomllib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,12 +9,10 @@ from typing import Any
 from iswarm_mj.commands.flags import SETTINGS, flag, names
 from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.utils.errors import UserError, closest, shown
-from iswarm_mj.utils.files import read_json, read_text
+from iswarm_mj.utils.files import flat, read_json, read_text
 
 _SETTINGS = {"n_robots": "robots", "n_worlds": "worlds", "steps": "steps", "seed": "seed", "stop_at": "stop_at"}
 """Settings of a run in result.json, and their flags."""
-_DEEPEST = 8
-"""Parts of a key at most."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +41,7 @@ class ConfigFile:
             return cls(path, _of_result(path, read_json(path, remedy, what="--config "), given), True)
         text = read_text(path, remedy, what="--config ")
         try:
-            return cls(path, dict(_flat(tomllib.loads(text))), False)
+            return cls(path, _flat(tomllib.loads(text)), False)
         except (ValueError, RecursionError) as error:
             raise UserError(f"--config {path} is no TOML ({shown(error)}); {remedy}") from None
 
@@ -116,7 +114,7 @@ def _of_result(path: Path, content: Any, given: Collection[str]) -> dict[str, An
             raise UserError(f"--config {path} is not the result.json of a run of a swarm; name one that is")
         return found
 
-    values = {name: part("settings").get(key) for key, name in _SETTINGS.items()} | dict(_flat(part("config")))
+    values = {name: part("settings").get(key) for key, name in _SETTINGS.items()} | _flat(part("config"))
     values |= {name: content.get(name) for name in IDENTITY} | {"robot": part("robot").get("file")}
     if part("genome"):
         values["genome"] = str(path)
@@ -134,19 +132,13 @@ def _named(path: Path, word: str, own: Mapping[str, Any], given: Collection[str]
 
     cls, values = own.get("class"), {name: value for name, value in own.items() if name != "class"}
     if word in given or (word == "task" and cls == type(CLEANING).__name__):
-        return dict(_flat(values)) if word in given else {}
+        return _flat(values) if word in given else {}
     name = offered({"strategy": STRATEGIES, "task": TASKS}[word], str(cls), set(values))
     if name is None:
         raise UserError(f"--config {path} is of the {word} {shown(cls)}; name it by --{word} FILE.py:CLASS")
     return {**values, word: name}
 
 
-def _flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    if prefix.count(".") > _DEEPEST:
-        raise ValueError("a key of too many parts")
-    for key, value in values.items():
-        name = f"{prefix}{key.replace('-', '_')}"
-        if isinstance(value, Mapping):
-            yield from _flat(value, f"{name}.")
-        else:
-            yield name, value
+def _flat(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by names of flags."""
+    return {name.replace("-", "_"): value for name, value in flat(values)}

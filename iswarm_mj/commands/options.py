@@ -1,6 +1,6 @@
 """Flags that several commands share: the configuration, many runs, engines."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
@@ -8,15 +8,7 @@ import numpy as np
 import tyro
 
 from iswarm_mj.commands.flags import refuse
-from iswarm_mj.config import (
-    ArenaConfig,
-    DriveConfig,
-    EnergyConfig,
-    GripperConfig,
-    OpticsConfig,
-    StrategyConfig,
-    SwarmConfig,
-)
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.registry import described, find_engine
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.runner.limits import Seed, Workers
@@ -28,18 +20,12 @@ EngineName: TypeAlias = Annotated[str, tyro.conf.arg(metavar="FILE.py:CLASS|NAME
 
 
 @dataclass(frozen=True)
-class ConfigOptions:
+class ConfigOptions(SwarmConfig):
     """The configuration, one group of flags for each of its parts; and the engine, whose flags have no group."""
 
     reading: Literal["paper", "initial", "selected"] = "paper"
     """Interpretation of the paper's rules, which sets the defaults of the flags below: closest to its words, that of
     the first version of this simulator, or what Fig. 17 and the penalties in Table 2 select."""
-    arena: ArenaConfig = field(default_factory=ArenaConfig)
-    drive: DriveConfig = field(default_factory=DriveConfig)
-    optics: OpticsConfig = field(default_factory=OpticsConfig)
-    gripper: GripperConfig = field(default_factory=GripperConfig)
-    strategy: StrategyConfig = field(default_factory=StrategyConfig)
-    energy: EnergyConfig = field(default_factory=EnergyConfig)
     maze: Path | None = None
     """A picture whose dark pixels are obstacles, stretched over the arena."""
     engine: EngineName = "mujoco"

@@ -45,8 +45,8 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
         if twice := [one for one, n in Counter(named).items() if n > 1]:
             word = next(word.partition("=")[0] for word in given if names([word]) == [twice[0]])
             raise UserError(f"{word} is given twice; give it once, with all its values if it takes several")
-        file = ConfigFile.read(Path(path[0]), named) if (path := _words("config", given)) else None
-        words = {word: _words(word, given) for word in ("reading", "engine", *SETTINGS)}
+        words = _words(given)
+        file = ConfigFile.read(Path(path[0]), named) if (path := words.pop("config")) else None
         if file is not None:
             words = {word: found or file.words(word) for word, found in words.items()}
         first = {word: found[0] if found else None for word, found in words.items()}
@@ -116,11 +116,12 @@ def _sentence(text: str, command: str) -> str:
     return f"{fact}; `{command} --help-all` explains the flags"
 
 
-def _words(word: str, arguments: Sequence[str]) -> list[str]:
-    """Values of a flag among arguments, for which there is no parser yet."""
+def _words(arguments: Sequence[str]) -> dict[str, list[str]]:
+    """Values of the flags that decide which others there are, and thus precede the parser."""
     parser = ArgumentParser(add_help=False, allow_abbrev=False)
-    parser.add_argument(f"--{word}", nargs="*", dest="values", default=[])
-    return parser.parse_known_args(list(arguments))[0].values
+    for word in ("config", "reading", "engine", *SETTINGS):
+        parser.add_argument(f"--{word}", nargs="*", default=[])
+    return vars(parser.parse_known_args(list(arguments))[0])
 
 
 def _engine(name: str) -> EngineSettings:

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
@@ -72,7 +71,6 @@ class Rules(ConstructorRegistry):
         teams = [found for one in own.values() if isinstance(one, TeamFlags) for found in one.strategies.values()]
         self._found = [*own.values(), *teams]
         self.struct_rule(self._struct)
-        self.primitive_rule(_number)
         self.primitive_rule(_path)
         self.primitive_rule(_devices)
 
@@ -162,24 +160,6 @@ def _explained(cls: type) -> Callable[..., Any]:
         return made
 
     return make
-
-
-def _number(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:
-    """Numbers in ASCII digits; Python takes others, and underscores, too."""
-    kind: Any = info.type
-    if kind not in (int, float):
-        return None
-
-    def read(words: list[str]) -> Any:
-        with suppress(ValueError):
-            if words[0].isascii() and "_" not in words[0]:
-                return kind(words[0])
-        raise ValueError(f"{words[0]!r} is no {'whole ' * (kind is int)}number")
-
-    def fits(value: Any) -> bool:
-        return isinstance(value, int if kind is int else int | float) and not isinstance(value, bool)
-
-    return PrimitiveConstructorSpec(1, kind.__name__.upper(), read, fits, lambda value: [str(value)])
 
 
 def _path(info: PrimitiveTypeInfo) -> PrimitiveConstructorSpec | None:

@@ -11,7 +11,7 @@ from iswarm_mj.commands.options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome, overridden
-from iswarm_mj.utils.constraints import Above, Needs, check, constraint_of, validate
+from iswarm_mj.utils.constraints import Above, Needs, constraint_of, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.progress import waiting
 
@@ -21,9 +21,6 @@ GenomeOverrides = make_dataclass(
     namespace={"described_by": Genome, "__doc__": "Single parameters of the genome (Table 2 of the paper)."},
     frozen=True,
 )
-
-MAX_ROBOTS = {"host": 200_000, "devices": 5_000_000}
-"""Robots in all worlds together that fit into memory: about 0.1 MB each on an ordinary machine; on several GPUs."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +63,7 @@ class Swarm(ConfigOptions):
             refuse(self, ["density_of_robots"], "with `robots` or `density`")
         is_genome = isinstance(self.own, Genome)
         genome = self.own if is_genome else overridden(load_genome(self.genome), vars(self.override))
-        config = self.config
-        n_robots = self._n_robots(config, genome)
-        n_worlds = MAX_ROBOTS["host" if self.engine_settings.on_host else "devices"] // n_robots
-        constraint = f"between 1 and {n_worlds} with {n_robots} robots in each world"
-        check("worlds", self.worlds, constraint, self.worlds <= n_worlds)
-        return config, genome, n_robots
+        return self.config, genome, self._n_robots(self.config, genome)
 
     @property
     def task(self) -> Any:

@@ -4,20 +4,19 @@ import hashlib
 import math
 from argparse import ArgumentParser
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import numpy as np
 import tyro
 
 from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.flags import flag, settings
 from iswarm_mj.commands.parser import parse
 from iswarm_mj.strategy.sources import sources
-from iswarm_mj.utils.constraints import check, validate
+from iswarm_mj.utils.constraints import check, spaced, validate
 from iswarm_mj.utils.errors import SimulationFault
 
 MOST_RUNS = 10_000
@@ -37,15 +36,17 @@ class Sweep:
     """Repeat runs that --out already holds."""
     out: Path = Path("runs/sweep")
     """Directory for the results; an interrupted sweep resumes there."""
+    given: tyro.conf.Suppress[tyro.conf.Fixed[tuple[str, ...]]] = ()
+    """Arguments of the command."""
 
     def __post_init__(self):
         validate(self)
 
     @classmethod
-    def parse(cls, arguments: Sequence[str]) -> "SweepOf":
+    def parse(cls, arguments: Sequence[str]) -> "Sweep":
         """Return the sweep that arguments describe, see `parser.parse`."""
         own, given = cls._split(arguments)
-        return SweepOf(**vars(parse("sweep", cls, own)), given=given)
+        return replace(parse("sweep", cls, own), given=given)
 
     @staticmethod
     def _split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
@@ -61,14 +62,6 @@ class Sweep:
         words = [*command, *(name for name in switches if getattr(own, name.lstrip("-").replace("-", "_")))]
         words += [word for values in own.over for word in ("--over", *values)]
         return words + [word for values in own.out for word in ("--out", *values)], tuple(rest)
-
-
-@dataclass(frozen=True)
-class SweepOf(Sweep):
-    """A sweep of a command with its arguments."""
-
-    given: tuple[str, ...] = ()
-    """Arguments of the command."""
 
     def run(self) -> None:
         """Run the command."""
@@ -96,13 +89,9 @@ class SweepOf(Sweep):
 def _values(text: str) -> tuple[str, list[str]]:
     """Name and values of a setting."""
     name, _, values = text.partition("=")
-    parts = values.split(":")
     try:
-        if len(parts) == 3 and "," not in values:
-            start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
-            found = [f"{value:.10g}" for value in np.linspace(start, stop, count)] if 1 < count <= MOST_RUNS else []
-        else:
-            found = list(dict.fromkeys(filter(None, values.split(","))))
+        is_range = values.count(":") == 2 and "," not in values
+        found = spaced(values, MOST_RUNS) if is_range else list(dict.fromkeys(filter(None, values.split(","))))
     except ValueError:
         found = []
     check("over", text, _FORM, bool(name) and bool(found))

@@ -96,7 +96,8 @@ def make_env(
             senses=senses,
         )
     if engine.on_host:
-        return Env(core, setup.host_engine()(settings.n_worlds, _threads(engine)), settings.n_worlds, on_host=True)
+        n_threads = getattr(engine, "threads", 0) or len(os.sched_getaffinity(0))
+        return Env(core, setup.host_engine()(settings.n_worlds, n_threads), settings.n_worlds, on_host=True)
     platform = devices_of(engine)[0].platform
     made = make_compiled_engine(engine, setup.model, setup.robot, settings.n_worlds, platform)
     is_batch = made.mapping(platform) == "batch"
@@ -130,7 +131,3 @@ def as_payload(given: Any) -> Payload:
         check("payload", given, f"fields, or a number of bits from 0 to {MOST_BITS}", given in range(MOST_BITS + 1))
         return Payload({f"bit_{number}": Flag() for number in range(given)})
     return Payload(given)
-
-
-def _threads(engine: EngineSettings) -> int:
-    return getattr(engine, "threads", 0) or len(os.sched_getaffinity(0))

@@ -11,7 +11,6 @@ from jaxtyping import Bool
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.envs import actions, observations
 from iswarm_mj.envs.make import as_payload, task_of
-from iswarm_mj.envs.observations import Row
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.utils.arrays import Array
@@ -52,22 +51,7 @@ class PolicyStrategy:
     def for_world(self, config: SwarmConfig, robot: Robot, n_robots: int) -> "Policy":
         """Return the policy of robots in this configuration."""
         del n_robots
-        return Policy(self.params, self.apply, self.memory, self.payload, Interface(config, robot, self.task))
-
-
-@dataclass(frozen=True)
-class Interface:
-    """What observations and actions of a policy mean."""
-
-    config: SwarmConfig
-    robot: Robot
-    task: Any
-
-    def observations(self, payload: Payload, seen: Observation) -> list[Row]:
-        """Return what robots that observe this observe, see `observations.rows`."""
-        sizes = ((name, int(np.prod(value.shape[1:], dtype=int))) for name, value in seen.sensed.items())
-        senses = {name: (self.task.senses[name], size) for name, size in sizes}
-        return observations.rows(self.config, self.robot, payload, senses)
+        return Policy(self.params, self.apply, self.memory, self.payload, config, robot, self.task)
 
 
 @dataclass(frozen=True)
@@ -78,7 +62,9 @@ class Policy:
     apply: Callable[..., Any] = field(metadata={"static": True})
     initial: Callable[[int], Any] | None = field(metadata={"static": True})
     payload: Payload
-    interface: Interface = field(metadata={"static": True})
+    config: SwarmConfig = field(metadata={"static": True})
+    robot: Robot = field(metadata={"static": True})
+    task: Any = field(metadata={"static": True})
 
     def init(self, n_robots: int, key: Array) -> dict[str, Any]:
         """Return the policy's memory, and what robots say before their first action."""
@@ -95,12 +81,15 @@ class Policy:
 
     def act(self, memory: dict[str, Any], observation: Observation, key: Array) -> tuple[dict[str, Any], Command]:
         """Return what the policy does, and remember what it says; an action that is not finite is a fault."""
-        obs = observations.encode(self.interface.observations(self.payload, observation), observation)
+        sizes = {name: int(np.prod(value.shape[1:], dtype=int)) for name, value in observation.sensed.items()}
+        senses = {name: (self.task.senses[name], size) for name, size in sizes.items()}
+        rows = observations.rows(self.config, self.robot, self.payload, senses)
+        obs = observations.encode(rows, observation)
         if self.initial is None:
             own, action = (), self.apply(self.params, obs)
         else:
             action, own = self.apply(self.params, obs, memory["own"])
-        table = actions.rows(self.interface.config, self.payload)
+        table = actions.rows(self.config, self.payload)
         shape = len(obs), sum(row.size for row in table)
         if jnp.shape(action) != shape:
             found = jnp.shape(action)

@@ -139,7 +139,7 @@ class EnvRecording:
     def close(self) -> None:
         """Complete the file."""
         if self._recording is not None:
-            self._recording.__exit__(None, None, None)
+            self._recording.close()
         self._recording = None
 
     def __enter__(self) -> "EnvRecording":

@@ -38,9 +38,9 @@ def numbers(scene: Scene) -> list[str]:
 
 
 def is_known(frames: Frames, which: Vector) -> Bool[np.ndarray, "T N"]:
-    """Return which robots have a vector: those with its flag where there is one, else those where it is not 0."""
-    flags = frames.memory.get(which.known)
-    return np.any(frames.memory[which.name], axis=-1) if flags is None else flags
+    """Return which robots have a finite vector: those with its flag, or where there is none those where it is not 0."""
+    flags, vector = frames.memory.get(which.known), frames.memory[which.name]
+    return (np.any(vector, axis=-1) if flags is None else flags) & np.isfinite(vector).all(axis=-1)
 
 
 def hop_counts(frames: Frames, which: Vector) -> Int8[np.ndarray, "T N"]:

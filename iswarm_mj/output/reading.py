@@ -1,16 +1,13 @@
 """The files of a run, read back: what the run was, and the arrays of its recorded worlds."""
 
-import json
-import math
 import zipfile
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import jaxtyped
 
-from iswarm_mj.output.schema import ARRAYS, Recorded
+from iswarm_mj.output.schema import ARRAYS
 from iswarm_mj.output.trajectory import (
     ABOUT,
     AREA,
@@ -33,9 +30,7 @@ LARGEST_TRAJECTORY = 2**36
 _KNOWN: dict[str, Any] = {name: f.type for name, f in ARRAYS.items()} | {
     SCENE + n: t for n, t in Scene.__annotations__.items()
 }
-"""Arrays that are read, and their types."""
-_NEEDED = {"step", "pose"} | {SCENE + name for name in Scene._fields if name not in Scene._field_defaults}
-"""Those without which a file is no trajectory; those of earlier versions lack others."""
+"""Arrays of each trajectory, and their types."""
 _NAMED = {"memory_names": "", "area_names": AREA, "metric_names": METRIC}
 """Fields of `Scene` that name further arrays, and their prefixes."""
 
@@ -56,72 +51,50 @@ def _of_a_run(path: Path, content: Any) -> dict[str, Any]:
 
 
 def read_trajectory(path: Path) -> dict[str, np.ndarray]:
-    """Return the arrays of trajectory.npz: `Frames`, with the prefix scene_ `Scene`, and `about`; no others are read.
-
-    Quantities that an earlier version did not record are missing.
+    """Return the arrays of trajectory.npz: `Frames`, with the prefix scene_ `Scene`, and `about`.
 
     Raises:
         UserError: there is no such file, it is no trajectory, or its arrays do not fit each other.
     """
     try:
         check_file(path, LARGEST_TRAJECTORY)
-        with zipfile.ZipFile(path) as archive, np.load(path) as file:
-            sizes = {part.filename.removesuffix(".npy"): part.file_size for part in archive.infolist()}
-            names = [name for name in (*_KNOWN, ABOUT) if name in sizes]
-            check_memory(sum(sizes[name] for name in names))
-            arrays = Recorded({name: file[name] for name in names})
-            own = {prefix + n for key, prefix in _NAMED.items() for n in arrays.get(SCENE + key, np.zeros(0)).tolist()}
-            check_memory(sum(sizes[name] for name in own & sizes.keys()))
-            arrays.update({name: file[name] for name in sorted(own & sizes.keys())})
+        with zipfile.ZipFile(path) as archive:
+            check_memory(sum(part.file_size for part in archive.infolist()))
+        with np.load(path) as file:
+            arrays = dict(file)
+        own = [prefix + n for key, prefix in _NAMED.items() for n in arrays.get(SCENE + key, np.zeros(0)).tolist()]
     except OSError as error:
         raise UserError(f"{path} cannot be read ({error.strerror or error}); {REMEDY}.") from None
     except Exception as error:  # bytes that another program wrote may break each part of the reader
         raise UserError(f"{path} is cut off or no file of arrays ({error}); {REMEDY}.") from None
-    for name in sorted(_NEEDED | own):
+    for name in (*_KNOWN, *own):
         if name not in arrays:
             raise UserError(f"{path} is not the {TRAJECTORY} of a run, for it has no array `{name}`; {REMEDY}.")
-    arrays.setdefault("box_pose", np.zeros((*arrays["pose"].shape[:1], 0, 3), np.float32))  # earlier ones had no boxes
     _check_shapes(path, arrays)
     return arrays
 
 
 def _check_shapes(path: Path, arrays: Arrays) -> None:
-    """Refuse arrays of other kinds of values, sizes that differ along the same axis, and balls without a size."""
+    """Refuse arrays of other kinds of values, sizes that differ along the same axis, and what no camera can show."""
     with jaxtyped("context"):
         for name, kind in _KNOWN.items():
-            if hasattr(kind, "dim_str") and name in arrays and not isinstance(arrays[name], kind):
+            if hasattr(kind, "dim_str") and not isinstance(arrays[name], kind):
                 found = f"{arrays[name].dtype} {arrays[name].shape}"
                 raise UserError(
                     f"{path}: `{name}` ({found}) does not fit the other arrays as {kind.__name__}; {REMEDY}."
                 )
     for key, prefix in _NAMED.items():
         axes = arrays["pose"].shape[: 2 if key == "memory_names" else 1]
-        for name in arrays.get(SCENE + key, np.zeros(0)).tolist():
+        for name in arrays[SCENE + key].tolist():
             if arrays[prefix + name].shape[: len(axes)] != axes:
                 raise UserError(f"{path}: `{prefix + name}` is not there for each step and robot; {REMEDY}.")
-    names, sizes = (arrays.get(f"{SCENE}memory_{part}", np.zeros(0)) for part in ("names", "sizes"))
-    if not np.array_equal(sizes, [math.prod(arrays[name].shape[2:]) for name in names.tolist()]):
-        raise UserError(f"{path}: `{SCENE}memory_sizes` does not fit what robots remember; {REMEDY}.")
-    if "scene_payload" in arrays:
-        from iswarm_mj.sensors.messages import Payload  # which loads JAX
-
-        try:
-            Payload.from_json(json.loads(str(arrays["scene_payload"])))
-        except Exception:
-            raise UserError(f"{path}: `scene_payload` does not say what messages carry; {REMEDY}.") from None
-    for name, end in (("link_sender", arrays["pose"].shape[1]), ("ball_state", 3)):
-        if name in arrays and not np.all((arrays[name] >= 0) & (arrays[name] < end)):
-            raise UserError(f"{path}: `{name}` must lie between 0 and {end - 1}; {REMEDY}.")
-    if len(names) != len(arrays.get(f"{SCENE}memory_units", names)):
-        raise UserError(f"{path}: `{SCENE}memory_units` does not fit what robots remember; {REMEDY}.")
     steps = arrays["step"]
     if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
         raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
     for name in ("pose", "ball_position", "scene_ball_radius", "scene_robot_size"):
-        if name in arrays and not np.isfinite(arrays[name]).all():
-            raise UserError(f"{path}: `{name}` does not hold finite numbers; {REMEDY}.")
-    if not np.all(arrays["scene_ball_radius"] > 0):
-        raise UserError(f"{path}: `scene_ball_radius` must be above 0; {REMEDY}.")
+        least = 0.0 if name.startswith(SCENE) else -np.inf
+        if not np.all(np.isfinite(arrays[name]) & (arrays[name] > least)):
+            raise UserError(f"{path}: `{name}` does not hold finite numbers above {least}; {REMEDY}.")
 
 
 def read_about(path: Path, arrays: Arrays) -> dict[str, Any]:
@@ -143,20 +116,13 @@ def read_about(path: Path, arrays: Arrays) -> dict[str, Any]:
     return _of_a_run(path, from_json(about.item(), f"`{ABOUT}` in {path}", REMEDY))
 
 
-def no_trajectory(directory: Path, result: Mapping[str, Any]) -> UserError:
-    """Return the error to raise for a run without a trajectory.
-
-    Args:
-        directory: of the run.
-        result: content of its result.json.
-    """
+def no_trajectory(directory: Path) -> UserError:
+    """Return the error to raise for a run without a trajectory."""
     recordings = [name for name in (RECORDING, OTHER_RECORDING) if (directory / name).exists()]
     if not recordings:
         return UserError(f"{directory} holds no {TRAJECTORY}, since no world was recorded; run it without --no-record.")
-    again = f"repeat it by `iswarm {'clean' if RECORDING in recordings else 'run'} --config {directory / RESULT}`"
-    if not result.get("interrupted"):
-        return UserError(f"{directory} holds no {TRAJECTORY}, although its run has ended; put it back, or {again}.")
+    again = f"`iswarm {'clean' if RECORDING in recordings else 'run'} --config {directory / RESULT}`"
     return UserError(
         f"{directory} holds no {TRAJECTORY}, which is written at the end; the run is unfinished or was killed: wait "
-        f"for its end, or {again}. What was recorded until then is in {directory / recordings[0]}."
+        f"for its end, or repeat it by {again}. What was recorded until then is in {directory / recordings[0]}."
     )

@@ -4,6 +4,7 @@ import ctypes
 import os
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
@@ -16,9 +17,10 @@ import rerun.blueprint as rrb
 from jaxtyping import Float, Int
 
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import flat
 
-_END = b"RRF2FOOT\x01\x00\x00\x00"
-"""Of a complete file: the mark of its index, and of how many there are."""
+_END = b"RRF2FOOT"
+"""Mark of the index of a complete file, before its last four bytes."""
 FLUSH_SECONDS = 30.0
 """Time limit of a flush; without one Rerun waits for ever when the disk is full."""
 ROOM = 2**16
@@ -39,80 +41,101 @@ def check_recordings(stream: rr.RecordingStream | None = None) -> None:
         )
 
 
-def leave_alone(stream: rr.RecordingStream) -> None:
-    """Keep a stream that failed for ever.
+class RrdFile:
+    """A Rerun recording in a file; what was flushed is readable, whatever happens to the process.
 
-    Rerun's thread of it may have given up, and Rerun waits for that thread without end when Python forgets the stream,
-    and at the process's end.
+    All methods raise a UserError if the disk refuses.
+
+    Attributes:
+        stream: where entities go.
     """
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(stream))
-    rr.unregister_shutdown()
 
+    def __init__(self, application: str, path: Path, layout: rrb.Blueprint, given: str | Path = ""):
+        """Open the file.
 
-@contextmanager
-def written(path: str | Path, stream: rr.RecordingStream) -> Iterator[None]:
-    """Raise a UserError if the block cannot open or complete a recording, and leave its stream alone."""
-    try:
-        yield
-    except (OSError, RuntimeError, ValueError) as error:  # a name with a null byte is the last
-        leave_alone(stream)
-        cause = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else error
-        raise UserError(
-            f"The recording {str(path)!r} cannot be written ({cause}): make room, or give a file name in an existing "
-            "folder that you may write to."
-        ) from error
+        Args:
+            application: whose recordings share the viewer's layout.
+            path: the file to write; an existing one is replaced.
+            layout: of the viewer.
+            given: the name in errors, if it is another one.
+
+        Raises:
+            UserError: the environment disables recordings.
+        """
+        self._path, self._given, self.stream = path, str(given or path), rr.RecordingStream(application)
+        check_recordings(self.stream)
+        with self._told():
+            path.open("wb").close()
+            check_room(path)
+            bounded(lambda: self.stream.save(path, default_blueprint=layout))
+        self.stream.set_log_time_enabled(False)
+        self.stream.set_log_tick_enabled(False)
+
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Raise a UserError if the block fails, and keep a stream that failed for ever.
+
+        Rerun's thread of it may have given up, and Rerun waits for that thread without end when Python forgets the
+        stream, and at the process's end.
+        """
+        try:
+            yield
+        except (OSError, RuntimeError, ValueError) as error:  # a name with a null byte is the last
+            ctypes.pythonapi.Py_IncRef(ctypes.py_object(self.stream))
+            rr.unregister_shutdown()
+            cause = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else error
+            raise UserError(
+                f"The recording {self._given!r} cannot be written ({cause}): make room, or give a file name in an "
+                "existing folder that you may write to."
+            ) from error
+
+    def flush(self) -> None:
+        """Write everything to the file; where there is no room, Rerun itself logs that and waits."""
+        with self._told():
+            for _ in range(round(FLUSH_SECONDS)):
+                try:
+                    self.stream.flush(timeout_sec=1.0)
+                except RuntimeError:
+                    check_room(self._path)
+                else:
+                    return
+            raise RuntimeError(f"not done within {FLUSH_SECONDS:g} s")
+
+    def close(self) -> None:
+        """Complete the file."""
+        with self._told():
+            check_room(self._path)
+            bounded(self.stream.disconnect)
+            if self._path.is_file():
+                with self._path.open("rb") as file:
+                    file.seek(-min(len(_END) + 4, self._path.stat().st_size), os.SEEK_END)
+                    if not file.read().startswith(_END):
+                        raise RuntimeError("No space left for its end, or another fault of the disk")
 
 
 def bounded(call: Callable[[], Any], limit_s: float = FLUSH_SECONDS) -> None:
-    """Do what Rerun sometimes never ends, on a full disk or without a viewer: it waits for a thread that has given up.
+    """Do what Rerun never ends on a disk that has just become full: it waits for a thread that has given up.
 
     Args:
-        call: opens or closes a file or a connection.
+        call: opens or closes a file.
         limit_s: after which it is left in a thread that goes with the process [s].
 
     Raises:
-        TimeoutError: it has not ended by then, and its stream is to be left alone; other errors are its own.
+        TimeoutError: it has not ended by then; other errors are its own.
     """
-    errors: list[Exception] = []
+    done: Future[None] = Future()
 
     def work() -> None:
         try:
-            call()
+            done.set_result(call())
         except Exception as error:
-            errors.append(error)
+            done.set_exception(error)
 
-    thread = threading.Thread(target=work, daemon=True)
-    thread.start()
-    thread.join(limit_s)
-    if errors:
-        raise errors[0]
-    if thread.is_alive():
-        raise TimeoutError(f"not done within {limit_s:g} s")
-
-
-def save(stream: rr.RecordingStream, path: Path, layout: rrb.Blueprint) -> None:
-    """Write a stream to a file, which is replaced, without times of its own; in a `written` block."""
-    path.open("wb").close()
-    bounded(lambda: stream.save(path, default_blueprint=layout))
-    stream.set_log_time_enabled(False)
-    stream.set_log_tick_enabled(False)
-
-
-def flush(stream: rr.RecordingStream, path: str | Path) -> None:
-    """Write everything to the file; in a `written` block.
-
-    Raises:
-        OSError: there is no room, which Rerun only logs, and then waits.
-        RuntimeError: it did not end within `FLUSH_SECONDS`.
-    """
-    for _ in range(round(FLUSH_SECONDS)):
-        try:
-            stream.flush(timeout_sec=1.0)
-        except RuntimeError:
-            check_room(Path(path))
-        else:
-            return
-    raise RuntimeError(f"not done within {FLUSH_SECONDS:g} s")
+    threading.Thread(target=work, daemon=True).start()
+    try:
+        done.result(limit_s)
+    except TimeoutError:
+        raise TimeoutError(f"not done within {limit_s:g} s") from None
 
 
 def check_room(path: Path) -> None:
@@ -130,36 +153,12 @@ def check_room(path: Path) -> None:
         probe.unlink(missing_ok=True)
 
 
-def close(stream: rr.RecordingStream, path: str | Path) -> None:
-    """Close the file of a stream, and look whether it has its end; Rerun only logs that it could not write it.
-
-    Raises:
-        OSError: there is no room, or it was not closed in time, see `bounded`.
-        RuntimeError: it has not.
-    """
-    check_room(Path(path))
-    bounded(stream.disconnect)
-    path = Path(path)
-    if path.is_file():
-        with path.open("rb") as file:
-            file.seek(-min(len(_END), path.stat().st_size), os.SEEK_END)
-            has_end = file.read().startswith(_END[:8])
-        if not has_end:
-            raise RuntimeError("No space left for its end, or another fault of the disk")
-
-
-def flatten(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def flatten(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield (dotted name, bool, number or text) of nested mappings and dataclasses."""
-    for key, value in values.items():
-        name = f"{prefix}{key}"
-        if is_dataclass(value) and not isinstance(value, type):
-            value = asdict(value)
-        if isinstance(value, np.ndarray | np.generic):
-            value = value.tolist()
-        if isinstance(value, Mapping):
-            yield from flatten(value, f"{name}.")
-        else:
-            yield name, value if isinstance(value, bool | int | float | str) else str(value)
+    plain = {key: asdict(v) if is_dataclass(v) and not isinstance(v, type) else v for key, v in values.items()}
+    for name, value in flat(plain):
+        value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+        yield name, value if isinstance(value, bool | int | float | str) else str(value)
 
 
 def send_properties(stream: rr.RecordingStream, name: str, values: Mapping[str, Any]) -> None:

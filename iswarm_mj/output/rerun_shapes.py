@@ -59,7 +59,8 @@ def shapes(scene: Scene, frames: Frames, before: Float[np.ndarray, "_ N 3"]) -> 
 
 def _robots(scene: Scene, frames: Frames, centres: Float[np.ndarray, "T N 3"]) -> Iterator[Shape]:
     """Boxes coloured by state, and a dot at each front."""
-    yaw, hops = frames.pose[..., 2], {v.hop: hop_counts(frames, v) for v in _with_hops(scene)}
+    counted = [vector for vector in vectors(scene.memory) if vector.hop in scene.memory_names]
+    yaw, hops = frames.pose[..., 2], {vector.hop: hop_counts(frames, vector) for vector in counted}
     zero = np.zeros_like(yaw)
     boxes = rr.Boxes3D.from_fields(
         centers=centres.reshape(-1, 3),
@@ -71,10 +72,6 @@ def _robots(scene: Scene, frames: Frames, centres: Float[np.ndarray, "T N 3"]) -
     yield Shape(ROBOTS, boxes, yaw.shape[1], values)
     fronts = geometry.fronts(scene, centres, yaw)
     yield Shape(names.FRONTS, rr.Points3D.from_fields(positions=fronts.reshape(-1, 3)), yaw.shape[1])
-
-
-def _with_hops(scene: Scene) -> list:
-    return [vector for vector in vectors(scene.memory) if vector.hop in scene.memory_names]
 
 
 def _balls(scene: Scene, frames: Frames) -> Iterator[Shape]:

@@ -5,7 +5,6 @@ What moves is in `rerun_shapes`, the look in `rerun_swarm_view`, the layout of t
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -13,30 +12,17 @@ import rerun as rr
 
 from iswarm_mj.output import rerun_states
 from iswarm_mj.output import rerun_swarm_view as look
-from iswarm_mj.output.memory import is_known, vectors
-from iswarm_mj.output.rerun_format import (
-    check_recordings,
-    close,
-    columns_of,
-    flush,
-    index,
-    save,
-    send_properties,
-    settings_document,
-    written,
-)
+from iswarm_mj.output.rerun_format import RrdFile, columns_of, index, send_properties, settings_document
 from iswarm_mj.output.rerun_shapes import shapes
 from iswarm_mj.output.rerun_swarm_layout import layout
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import METRIC, Scene
-from iswarm_mj.utils.errors import SimulationFault, UserError
 
 
 class Recording:
-    """A Rerun file of one world, written block by block.
+    """A Rerun file of one world, written block by block, which `close` completes.
 
-    Leaving the `with` block, also by an exception, completes the file.
     Blocks appended before a kill are readable.
 
     Attributes:
@@ -62,14 +48,13 @@ class Recording:
         Raises:
             UserError: the file cannot be written, or the environment disables recordings.
         """
-        self._path, self._scene = str(path), scene
-        self._before, self._last_step = np.zeros((0, len(scene.is_scout), 3), np.float32), -1
+        self._scene = scene
+        self._before = np.zeros((0, len(scene.is_scout), 3), np.float32)
         self._last_states = np.full(len(scene.is_scout), len(rerun_states.STATES), np.uint8)
         self._result: dict[str, Any] = {}
-        self.stream = rr.RecordingStream("iswarm_mj")  # recordings of one application share the viewer's layout
-        check_recordings(self.stream)
-        self._open()
-        self.stream.send_recording_name(f"{Path(self._path).stem}, world {scene.world}")
+        self._file = RrdFile("iswarm_mj", Path(path), layout(scene))
+        self.stream = self._file.stream
+        self.stream.send_recording_name(f"{Path(path).stem}, world {scene.world}")
         send_properties(self.stream, "settings", config)
         send_properties(self.stream, "run", {**properties, "world": scene.world})
         self._lanes = rerun_states.shown_lanes(scene)
@@ -77,48 +62,28 @@ class Recording:
             self.stream.log(entity, archetype, static=True, strict=True)
         document = settings_document(look.legend(scene), "Parameter", config)
         self.stream.log(look.CONFIG, document, static=True, strict=True)
-        self._flush()
+        self._file.flush()
 
-    def _open(self) -> None:
-        """Open the file, with the layout."""
-        with written(self._path, self.stream):
-            save(self.stream, Path(self._path), layout(self._scene))
+    def close(self) -> None:
+        """Complete the file, with what the world came to as property `result`.
 
-    def __enter__(self) -> "Recording":
-        """Return the open recording."""
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        """Complete and close the file, with what the world came to as property `result`; exceptions pass."""
+        Raises:
+            UserError: the disk is full.
+        """
         try:
-            try:
-                send_properties(self.stream, "result", self._result)
-                self._flush()
-            finally:
-                with written(self._path, self.stream):
-                    close(self.stream, self._path)
-        except UserError:
-            if error is None:
-                raise
-
-    def _flush(self) -> None:
-        """Write everything to the file, which fails if the disk is full."""
-        with written(self._path, self.stream):
-            flush(self.stream, self._path)
+            send_properties(self.stream, "result", self._result)
+            self._file.flush()
+        finally:
+            self._file.close()
 
     def append(self, frames: Frames) -> None:
         """Write a block of frames, about 64 of them for quick seeking, which follow on those appended so far.
 
         Raises:
-            SimulationFault: a pose, a ball or a known vector is not finite.
             UserError: the disk is full.
-            ValueError: steps do not increase.
         """
         if len(frames) == 0:
             return
-        self._check(frames)
         times = index(frames.step, self._scene.control_period)
         for entity, shown, lengths, values in shapes(self._scene, frames, self._before):
             self.stream.send_columns(entity, times, columns_of(shown, values, len(frames), lengths), strict=True)
@@ -128,24 +93,8 @@ class Recording:
         arrays = frames.arrays()
         self._result |= {name: arrays[array][-1] for array, name in names.items()}
         self._result["steps"] = int(frames.step[frames.is_running].max(initial=self._result.get("steps", 0)))
-        self._flush()
+        self._file.flush()
         self._before = np.concatenate([self._before, frames.pose])[-TRAIL_FRAMES:]
-        self._last_step = int(frames.step[-1])
-
-    def _check(self, frames: Frames) -> None:
-        """Refuse values that the viewer would silently draw wrong."""
-        if np.any(np.diff(frames.step, prepend=self._last_step) <= 0):
-            raise ValueError(f"Steps must increase: {frames.step[0]}..{frames.step[-1]} after {self._last_step}.")
-        drawn = {"pose of robots": frames.pose, "position of balls": frames.ball_position}
-        for vector in vectors(self._scene.memory):
-            known = is_known(frames, vector)[..., None]
-            drawn[f"{vector.stem} vector of robots"] = np.where(known, frames.memory[vector.name], 0)
-        for name, values in drawn.items():
-            is_bad = np.any(~np.isfinite(values), axis=-1)
-            if is_bad.any():
-                t = int(np.argmax(is_bad.any(axis=1)))
-                which = ", ".join(map(str, np.flatnonzero(is_bad[t])[:10]))
-                raise SimulationFault(f"Step {frames.step[t]}: the {name} {which} is not finite.")
 
     def _change_lanes(self, frames: Frames) -> None:
         """Write where states of the robots that have a lane change; in the first frame all do."""

@@ -75,11 +75,6 @@ def content(scene: Scene) -> rrb.Horizontal:
     return rrb.Horizontal(_arena(scene), rrb.Vertical(tabs, key, row_shares=[2, 1]), column_shares=[2, 1])
 
 
-def layout(scene: Scene, follows: bool = False) -> rrb.Blueprint:
-    """Return the layout.
-
-    Args:
-        scene: what does not change.
-        follows: show the newest step, whenever one comes.
-    """
-    return blueprint(content(scene), play_state="following" if follows else None)
+def layout(scene: Scene) -> rrb.Blueprint:
+    """Return the layout."""
+    return blueprint(content(scene))

@@ -11,19 +11,9 @@ from jaxtyping import Float
 from iswarm_mj import __version__
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.output import rerun_trial_view as look
-from iswarm_mj.output.rerun_format import (
-    check_recordings,
-    close,
-    columns_of,
-    durations,
-    flush,
-    save,
-    send_properties,
-    written,
-)
+from iswarm_mj.output.rerun_format import RrdFile, columns_of, durations, send_properties
 from iswarm_mj.output.trace_lines import LINES
 from iswarm_mj.output.trial_shapes import trial_shapes
-from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import atomic_write
 
 SAMPLES = 4000
@@ -44,34 +34,21 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
         settings: shown as a table, and stored with the package's version as property `settings`; may be nested.
 
     Raises:
-        SimulationFault: a number of the trace is not finite.
         UserError: the file cannot be written, or recording is switched off by the environment.
     """
-    _check(trace)
-    path, stream = Path(path), rr.RecordingStream("iswarm_mj_grasp")
-    check_recordings(stream)
-    with atomic_write(path) as part, written(path, stream):
-        save(stream, part, look.layout(trace))
+    path = Path(path)
+    with atomic_write(path) as part:
+        file = RrdFile("iswarm_mj_grasp", part, look.layout(trace), path)
         try:
+            stream, shown = file.stream, {"version": __version__, **settings}
             stream.send_recording_name(path.stem)
-            shown = {"version": __version__, **settings}
             send_properties(stream, "settings", shown)
             for entity, archetype in look.static_entities(trace, shown):
                 stream.log(entity, archetype, static=True, strict=True)
             send_trace(stream, thinned(trace, SAMPLES), lambda time: [durations(time)])
-            flush(stream, part)
+            file.flush()
         finally:
-            close(stream, part)
-
-
-def _check(trace: Trace) -> None:
-    """Refuse values that the viewer would silently draw wrong."""
-    for name, values in trace._asdict().items():
-        if isinstance(values, np.ndarray) and not np.isfinite(values).all():
-            first = int(np.argmin(np.isfinite(values).reshape(len(values), -1).all(axis=1)))
-            raise SimulationFault(f"Sample {first} of the trace: {name} is not finite.")
-    if np.any(np.diff(trace.time) <= 0):
-        raise ValueError("The times of a trace must increase.")
+            file.close()
 
 
 def send_trace(stream: rr.RecordingStream, trace: Trace, index: Index, root: str = "") -> None:

@@ -116,13 +116,13 @@ class SavedRun:
         try:
             tables = [table_of(name, self._arrays[n], scene) for n, scene in self.scenes.items()]
             return pa.concat_tables(tables, promote_options="default")  # null where a world lacks a column
-        except (ValueError, TypeError, IndexError, KeyError, pa.ArrowException) as error:
+        except (ValueError, TypeError, LookupError, RecursionError, pa.ArrowException) as error:
             cause = str(error).partition("\n")[0]
             raise UserError(f"{self.path}: the recorded arrays do not fit each other ({cause}); {REMEDY}.") from None
 
     def _check_recorded(self) -> None:
         if not self._arrays:
-            raise no_trajectory(self.path.parent if self.path.name == RESULT else self.path, self.result)
+            raise no_trajectory(self.path.parent if self.path.name == RESULT else self.path)
 
 
 def load(path: str | Path) -> SavedRun:
@@ -211,8 +211,8 @@ def _by_number(read: Mapping[Path, Arrays]) -> dict[int, Arrays]:
 
 
 def scene_of(arrays: Arrays) -> Scene:
-    """Return the constants of a world; those that an earlier version did not write have their defaults."""
-    values: dict[str, Any] = {name: arrays[SCENE + name] for name in Scene._fields if SCENE + name in arrays}
+    """Return the constants of a world."""
+    values: dict[str, Any] = {name: arrays[SCENE + name] for name in Scene._fields}
     values = {name: value if value.ndim else value.item() for name, value in values.items()}
     words = [name for name in values if isinstance(Scene._field_defaults.get(name), tuple)]
     values |= {name: tuple(tuple(v) if isinstance(v, list) else v for v in values[name].tolist()) for name in words}

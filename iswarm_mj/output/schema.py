@@ -1,7 +1,7 @@
 """The schema of a recorded world: each quantity once, with its type, unit and meaning, and how a step record gives it.
 
 Trajectories, the tables of `iswarm_mj.load`, the numbers in recordings and docs/files.md follow from it: a field of
-`Frames` is all that a new quantity needs. Trajectories of earlier versions lack it, and can be read.
+`Frames` is all that a new quantity needs.
 """
 
 from collections.abc import Callable
@@ -14,7 +14,6 @@ from jaxtyping import Bool, Float, Int, Int32, Shaped, UInt8, UInt32
 
 from iswarm_mj.output.trajectory import AREA, METRIC, Arrays
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import MM
 
 if TYPE_CHECKING:
@@ -42,22 +41,6 @@ class Observed(NamedTuple):
     """x, y [mm] and yaw [rad] as each step began; at the start those of the start."""
     control_period: float
     """Duration of a step [s]."""
-
-
-class NotRecorded(UserError):
-    """A trajectory of an earlier version lacks a quantity that is needed."""
-
-    def __init__(self, name: str):
-        """Describe what is wrong; `name` is the quantity."""
-        super().__init__(f"the trajectory has no `{name}`, which an earlier version did not record; repeat the run")
-
-
-class Recorded(dict[str, np.ndarray]):
-    """Arrays of a trajectory by their names; of a quantity that it lacks, the value raises `NotRecorded`."""
-
-    def __missing__(self, name: str) -> np.ndarray:
-        """Raise the error."""
-        raise NotRecorded(name) if name in ARRAYS else KeyError(name)
 
 
 class Column(NamedTuple):
@@ -119,8 +102,6 @@ def _ball_state(seen: Observed) -> Int[np.ndarray, "T K"]:
 class Frames:
     """T consecutive frames of one world with N robots, of S photodiode sectors, K balls and M boxes. SI units
     throughout.
-
-    A quantity that a trajectory of an earlier version lacks raises `NotRecorded`.
 
     Frame 0 is the start; frame t is the state after control step t. The axes of a quantity decide its table: T `steps`,
     T N `robots`, T K `balls`, T M `boxes`, T N S `links`.
@@ -223,13 +204,7 @@ class Frames:
         """Frames of these arrays; those with names of their own are the memory's, or with a prefix the task's."""
         task = {name: array for name, array in arrays.items() if name.startswith((AREA, METRIC))}
         memory = {name: array for name, array in arrays.items() if name not in ARRAYS and name not in task}
-        frames = object.__new__(Frames)
-        vars(frames).update({name: arrays[name] for name in ARRAYS if name in arrays}, memory=memory, task=task)
-        return frames
-
-    def __getattr__(self, name: str) -> Any:
-        """Raise `NotRecorded`: the quantity is missing."""
-        raise NotRecorded(name) if name in ARRAYS else AttributeError(name)
+        return Frames(**{name: arrays[name] for name in ARRAYS}, memory=memory, task=task)
 
     @staticmethod
     def observed(seen: Observed, memory: Arrays, task: Arrays) -> "Frames":
@@ -244,8 +219,7 @@ class Frames:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return all arrays by their names, those of memory and task included."""
-        own = {name: array for name, array in vars(self).items() if name in ARRAYS}
-        return Recorded(own | dict(self.memory) | dict(self.task))
+        return {name: getattr(self, name) for name in ARRAYS} | dict(self.memory) | dict(self.task)
 
     def __getitem__(self, steps: slice) -> "Frames":
         """Return some of the frames."""

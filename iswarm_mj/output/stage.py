@@ -6,10 +6,12 @@ import sys
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.output.palette import DUMP, DUST, rgb
 from iswarm_mj.output.saved import SavedRun, load, scene_of
 from iswarm_mj.output.swarm_classes import robot_classes, shown_classes
@@ -64,10 +66,6 @@ class Stage:
     """
 
     def __init__(self, config: SwarmConfig, frames: Arrays, shot: Shot, robot_file: Path | None = None):
-        import mujoco
-
-        from iswarm_mj.engines.arena import compile_arena
-
         arena = compile_arena(
             config, frames["pose"].shape[1], frames["scene_ball_radius"], visual=True, robot_file=robot_file
         )
@@ -135,8 +133,6 @@ class Stage:
             boxes: as the robots.
             areas: of the task after the step, see `trajectory.areas_of`; those that it lacks are not drawn.
         """
-        import mujoco
-
         model, data = self._arena.model, self._data
         bodies = np.concatenate([pose, boxes]).astype(float)
         data.qpos[self._arena.qpos] = np.column_stack([mm_from_m(bodies[:, :2]), bodies[:, 2]])
@@ -181,8 +177,6 @@ def _step_back(model: Any, data: Any, shot: Shot, half: float) -> None:
         shot: camera and size of the picture.
         half: half the edge of the arena, walls left out [mm].
     """
-    import mujoco
-
     mujoco.mj_kinematics(model, data)
     mujoco.mj_camlight(model, data)
     camera = model.camera(shot.camera)

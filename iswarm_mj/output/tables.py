@@ -9,7 +9,7 @@ from jaxtyping import Float, Shaped
 
 from iswarm_mj.output.memory import vectors
 from iswarm_mj.output.message_columns import said
-from iswarm_mj.output.schema import ARRAYS, SCENE_COLUMNS, Column, NotRecorded, acted, axes_of, columns_of, numbers
+from iswarm_mj.output.schema import ARRAYS, SCENE_COLUMNS, Column, acted, axes_of, columns_of, numbers
 from iswarm_mj.output.trajectory import METRIC, SCENE, Arrays, Scene
 from iswarm_mj.sensors.messages import PRIORITY
 
@@ -102,7 +102,7 @@ def memory_columns(memory: Iterable[tuple[str, str, int]]) -> Columns:
 def _own_columns(table: str, arrays: Arrays, scene: Scene) -> Iterator[tuple[str, Column, Get]]:
     """Columns that the strategy and the task name, with the prefixes of those whose names are taken."""
     if table == "robots":
-        for column, values in said(scene, arrays["message"]) if "message" in arrays else ():
+        for column, values in said(scene, arrays["message"]):
             is_flag = column.name == f"said_{PRIORITY}"
             own = column._replace(known=acted) if is_flag else column
             yield "said_", own, itemgetter("has_priority") if is_flag else lambda _, values=values: values
@@ -115,7 +115,7 @@ def _own_columns(table: str, arrays: Arrays, scene: Scene) -> Iterator[tuple[str
 
 
 def table_of(table: str, arrays: Arrays, scene: Scene) -> pa.Table:
-    """Return a table of one world, without the columns of quantities that an earlier version did not record.
+    """Return a table of one world.
 
     Args:
         table: its name, one of `TABLES`.
@@ -132,10 +132,7 @@ def table_of(table: str, arrays: Arrays, scene: Scene) -> pa.Table:
     select = arrays[name] if table == "links" else np.ones(arrays[name].shape[: 1 + len(along)], bool)
     columns, parts = [WORLD], [pa.array(np.full(np.count_nonzero(select), scene.world, np.int32))]
     for column, get in found:
-        try:
-            values, known = get(arrays), column.known(arrays) if column.known else True
-        except NotRecorded:
-            continue
+        values, known = get(arrays), column.known(arrays) if column.known else True
         values = np.array(column.words)[values] if column.words else values
         unknown = np.ma.getmaskarray(values) | np.logical_not(known)
         each = np.broadcast_to(np.ma.getdata(values), select.shape)[select]

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation
 
 from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.output.trace_lines import UM
@@ -30,16 +31,9 @@ class TrialShapes(NamedTuple):
 def trial_shapes(trace: Trace) -> TrialShapes:
     """Return the shapes of a trial."""
     ball, radius = trace.ball * UM, trace.radius * UM
-    mark = ball + radius * rotated(trace.ball_quaternion, np.array([0.3, -0.8, 0.52]))
+    mark = ball + radius * Rotation.from_quat(trace.ball_quaternion, scalar_first=True).apply([0.3, -0.8, 0.52])
     forces = np.stack([trace.electrostatic, trace.adhesion_tool, -trace.adhesion_plate], axis=1)
     arrows = np.zeros((*forces.shape, 3))
     arrows[..., 2] = np.sign(forces) * np.sqrt(np.abs(forces) / ARROW_FORCE) * radius
     origins = ball[:, None] + np.array([[1.3, 0, 0], [1.55, 0, 0], [1.8, 0, 0]]) * radius
     return TrialShapes(ball, mark, trace.probe * UM + np.array([0, 0, PROBE_LENGTH / 2]), origins, arrows)
-
-
-def rotated(quaternion: Float[np.ndarray, "T 4"], vector: Float[np.ndarray, "3"]) -> Float[np.ndarray, "T 3"]:
-    """Rotate a vector by unit quaternions, w first."""
-    w, axis = quaternion[:, :1], quaternion[:, 1:]
-    cross = np.cross(axis, vector)
-    return vector + 2 * (w * cross + np.cross(axis, cross))

@@ -158,7 +158,7 @@ class Bench:
             trace = settings.trace()
             self._due.discard("trial")
             if settings == self.settings:
-                self.trace, self._began = trace, time.monotonic()
+                self._where, self.trace, self._began = trial_shapes(trace), trace, time.monotonic()
                 self._said.content = outcome(trace)
         else:
             return False
@@ -176,12 +176,12 @@ class Bench:
         sample = min(n - 1, int(self._moment.value / 100 * n))
         if sample == self._shown:
             return
-        self._shown, where = sample, trial_shapes(one_sample(trace, sample))
+        self._shown, where = sample, self._where
         self._ball.position, self._mark.position, self._probe.position = (
-            tuple(k * part[0]) for part in (where.ball, where.mark, where.probe)
+            tuple(k * part[sample]) for part in (where.ball, where.mark, where.probe)
         )
         self._ball.color = rgb(ORANGE if trace.on_plate_potential[sample] else GREEN)
-        ends = np.stack([where.origins, where.origins + where.arrows], axis=2)[0]
+        ends = np.stack([where.origins[sample], where.origins[sample] + where.arrows[sample]], axis=1)
         self._arrows.points = (k * ends).astype(np.float32)
         phase, volts = trace.phases[trace.phase[sample]], trace.voltage[sample]
         self._said.content = f"{outcome(trace)}\n\n{1e3 * trace.time[sample]:.2f} ms · {phase} · {volts:.1f} V"
@@ -194,9 +194,3 @@ class Bench:
         self._ball.position, self._mark.position = (0, 0, radius), (0.3 * radius, -0.8 * radius, 1.52 * radius)
         self._probe.position = (0, 0, 2 * radius + k * (5 + PROBE_LENGTH / 2))
         self._ball.color, self._arrows.points = rgb(ORANGE), np.zeros((3, 2, 3), np.float32)
-
-
-def one_sample(trace: Trace, sample: int) -> Trace:
-    """Return a trace of one of the samples."""
-    parts = {name: v[sample : sample + 1] for name, v in trace._asdict().items() if isinstance(v, np.ndarray)}
-    return trace._replace(**parts)

@@ -10,7 +10,7 @@ import numpy as np
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
-from iswarm_mj.tasks.protocol import Task, balls_of
+from iswarm_mj.tasks.protocol import balls_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
 from iswarm_mj.utils.walls import beyond
@@ -51,7 +51,8 @@ def edit(run: Run, change: Change) -> Callable[[SwarmState], SwarmState]:
         UserError: there is no such robot or place, or there are no balls.
     """
     if change.what == BALL:
-        if not _has_balls(run.task, run.starts[0].task):
+        balls = balls_of(run.task, run.starts[0].task)
+        if balls is None or not np.size(balls.radius):
             raise UserError(f"{type(run.task).__name__} has no balls; click on a robot instead")
         place = np.array(_numbers(change, float, 2, "a place, as 60:ball=3.5,-2"))
         if not beyond(place, run.config.arena.walls) <= 0:
@@ -74,11 +75,6 @@ def _numbers(change: Change, kind: Callable[[str], Any], n: int, words: str) -> 
     return found
 
 
-def _has_balls(task: Task, state: Any) -> bool:
-    balls = balls_of(task, state)
-    return balls is not None and len(np.atleast_1d(balls.radius)) > 0
-
-
 def _with_life(robot: int, is_alive: bool, swarm: SwarmState) -> SwarmState:
     alive = np.array(swarm.is_alive)
     alive[0, robot] = is_alive
@@ -94,20 +90,13 @@ def _with_ball(place: np.ndarray, run: Run, swarm: SwarmState) -> SwarmState:
         raise UserError("robots hold all balls; wait until one is delivered")
     distance = np.linalg.norm(np.asarray(balls.position[0]) - place, axis=-1)
     ball = int(np.argmax(np.where(free, distance, -1.0)))
-    moved = _balls_changed(lambda b: _laid(b, ball, place), swarm.task)
+
+    def laid(part: Any) -> Any:
+        if not isinstance(part, Balls):
+            return part
+        position, delivered, wait = (np.array(a) for a in (part.position, part.is_delivered, part.wait))
+        position[0, ball], delivered[0, ball], wait[0, ball] = place, False, 0
+        return part._replace(position=position, is_delivered=delivered, wait=wait)
+
+    moved = jax.tree.map(laid, swarm.task, is_leaf=lambda part: isinstance(part, Balls))  # wherever they are in it
     return swarm._replace(task=moved)
-
-
-def _laid(balls: Balls, ball: int, place: np.ndarray) -> Balls:
-    position, delivered, wait = (np.array(a) for a in (balls.position, balls.is_delivered, balls.wait))
-    position[0, ball], delivered[0, ball], wait[0, ball] = place, False, 0
-    return balls._replace(position=position, is_delivered=delivered, wait=wait)
-
-
-def _balls_changed(change: Callable[[Balls], Balls], state: Any) -> Any:
-    """A task's state in which its balls are changed, wherever they are in it."""
-
-    def is_balls(part: Any) -> bool:
-        return isinstance(part, Balls)
-
-    return jax.tree.map(lambda part: change(part) if is_balls(part) else part, state, is_leaf=is_balls)

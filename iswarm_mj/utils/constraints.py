@@ -140,6 +140,19 @@ def _check_number(name: str, value: Any, kind: Any, constraint: Within) -> None:
         raise ConfigError(name, value, f"{whole}{constraint}")
 
 
+def spaced(text: str, most: int = 10_000) -> list[str]:
+    """Return the numbers that START:STOP:COUNT describes, both ends included, as texts.
+
+    Raises:
+        ValueError: it is none, or there are more than `most`.
+    """
+    first, last, number = text.split(":")
+    low, high, count = float(first), float(last), int(number)
+    if not 1 <= count <= most:
+        raise ValueError(count)
+    return [f"{low + (high - low) * k / max(1, count - 1):.10g}" for k in range(count)]
+
+
 def choices(cls: type, name: str) -> tuple[Any, ...]:
     """Values that a field of a dataclass may have whose type is a `Literal`; none for another type, or no field."""
     kind = get_type_hints(cls).get(name)

@@ -7,7 +7,7 @@ import os
 import re
 import stat
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -111,15 +111,21 @@ def from_json(text: str | bytes, name: str, remedy: str) -> Any:
         raise UserError(f"{name} is cut off or no JSON ({shown(error)}); {remedy}.") from None
 
 
+def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield (name, value) of nested mappings, names with dots between those of the mappings."""
+    for key, value in values.items():
+        if isinstance(value, Mapping):
+            yield from flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", value
+
+
 def write_error(path: Path, error: OSError) -> UserError:
     """Return the error to raise where a file cannot be opened, written, replaced or removed."""
     remedy = "make room" if error.errno in _FULL else "move it away"
-    return UserError(f"{path} cannot be written ({_reason(error)}); {remedy} or choose another `out`")
-
-
-def _reason(error: OSError) -> str:
-    """What the system says; libraries put more into their errors, or leave out the number."""
-    return os.strerror(error.errno) if error.errno else str(error).partition("\n")[0]
+    # What the system says; libraries put more into their errors, or leave out the number.
+    reason = os.strerror(error.errno) if error.errno else str(error).partition("\n")[0]
+    return UserError(f"{path} cannot be written ({reason}); {remedy} or choose another `out`")
 
 
 def remove(path: Path) -> None:

@@ -17,17 +17,13 @@ PATIENCE = 0.1
 
 
 @contextmanager
-def locked(out: Path, given: Path | None = None) -> Iterator[None]:
+def locked(out: Path) -> Iterator[None]:
     """Create a directory if it does not exist, and keep other processes that write into it out of it.
-
-    Args:
-        out: the directory.
-        given: the file that the user named, if `out` was derived from it.
 
     Raises:
         UserError: the directory cannot be written to, or another process, or this one, writes into it.
     """
-    make_output_directory(out, given)
+    make_output_directory(out)
     path = out / LOCK
     lock = FileLock(path, timeout=PATIENCE, poll_interval=PATIENCE / 10)
     try:

@@ -42,7 +42,7 @@ class Progress:
             done: units that were done before.
             waiting: what the first update waits for, said if it takes longer than `PATIENCE`.
         """
-        self._waiting, self._said, self._is_first = waiting, -1.0, True
+        self._waiting, self._is_first = waiting, True
         how: dict[str, Any] = {"total": total, "initial": done, "desc": name or None, "unit": unit}
         if not sys.stderr.isatty():
             how |= {"desc": name and f"{name}: ", "file": _Lines(), "bar_format": _LINE, "leave": False}
@@ -65,13 +65,6 @@ class Progress:
             self._explained.close()
             self._bar.start_t, self._bar.initial = time.time(), self._bar.n + n  # the rate of what follows
         self._bar.update(n)
-
-    def is_due(self) -> bool:
-        """Whether the text is so old that another one is worth its cost."""
-        now = time.monotonic()
-        is_due = now - self._said >= 1.0
-        self._said = now if is_due else self._said
-        return is_due
 
     def say(self, text: str) -> None:
         """Add a text, in place of an earlier one."""

@@ -94,8 +94,7 @@ def _advance(run: Run, recorders: Sequence[Recorder]) -> None:
         for _ in advanced(run, recorders):
             bar.update(run.step - before)
             before = run.step
-            if bar.is_due():
-                bar.say(f"progress {int(run.progress().sum())}{goal}")
+            bar.say(f"progress {int(run.progress().sum())}{goal}")
 
 
 def summary(content: Mapping[str, Any], out: Path) -> str:

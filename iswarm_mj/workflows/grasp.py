@@ -52,28 +52,25 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
         from iswarm_mj.output.rerun_format import check_recordings
 
         check_recordings()
-    with locked(out):
-        return _run(settings, out, record)
-
-
-def _run(settings: GraspSettings, out: Path, record: Sequence[int]) -> list[TrialRow]:
     from iswarm_mj.output.plot_trials import draw_figures
 
     if settings.engine == "mjx":
         configure_jax()
-    started = time.perf_counter()
     listed = cases(settings)
-    with Progress(len(listed), "trial", waiting="compiling the bench and its forces") as bar:
-        trials = [case.trial for case in listed]
-        outcomes = run_trials(trials, settings.protocol, settings.engine_choice, settings.gaps, bar.update)
-    seconds = time.perf_counter() - started
-    rows = trial_rows(settings, listed, outcomes)
-    mappings = [row._asdict() for row in rows]
-    _clear(out)
-    write_table(out / TABLE, mappings, settings.metadata(), csv=True)
-    draw_figures(mappings, settings.metadata(), out)
-    for number in record:
-        _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}.rrd")
+    with locked(out):
+        started = time.perf_counter()
+        with Progress(len(listed), "trial", waiting="compiling the bench and its forces") as bar:
+            trials = [case.trial for case in listed]
+            outcomes = run_trials(trials, settings.protocol, settings.engine_choice, settings.gaps, bar.update)
+        seconds = time.perf_counter() - started
+        rows = trial_rows(settings, listed, outcomes)
+        mappings = [row._asdict() for row in rows]
+        for path in (path for pattern in _RESULTS for path in out.glob(pattern)):
+            remove(path)
+        write_table(out / TABLE, mappings, settings.metadata(), csv=True)
+        draw_figures(mappings, settings.metadata(), out)
+        for number in record:
+            _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}.rrd")
     lines = [*summary(settings, rows), ("time", f"{seconds:.1f} s, {settings.engine}"), ("results", str(out))]
     print("\n".join(f"{name:>12}  {text}" for name, text in lines))
     return rows
@@ -93,30 +90,19 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
     Raises:
         UserError: `out` is not writable or in use.
     """
-    with locked(out):
-        return _run_force_curves(settings, voltages, out)
-
-
-def _run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Path) -> list[dict[str, Any]]:
     from iswarm_mj.output.plot_force_curve import draw_force_curve
 
     humidity = settings.humidities[0]
     rows: list[dict[str, Any]] = []
-    for radius, voltage in product(settings.radii, voltages):
-        trial = of_settings(settings, Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity))
-        rows += force_curve(trial, settings.protocol, voltage)
     metadata = {**settings.metadata(), "relative_humidity": humidity}
-    write_table(out / CURVES, rows, metadata, csv=True, units=UNITS)
-    path = draw_force_curve(rows, metadata, out)
+    with locked(out):
+        for radius, voltage in product(settings.radii, voltages):
+            trial = of_settings(settings, Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity))
+            rows += force_curve(trial, settings.protocol, voltage)
+        write_table(out / CURVES, rows, metadata, csv=True, units=UNITS)
+        path = draw_force_curve(rows, metadata, out)
     print(f"{len(settings.radii) * len(voltages)} force-distance curves at {humidity:g} % RH: {out / CURVES}, {path}")
     return rows
-
-
-def _clear(out: Path) -> None:
-    """Remove the results of an earlier run."""
-    for pattern in _RESULTS:
-        for path in out.glob(pattern):
-            remove(path)
 
 
 def _record(settings: GraspSettings, case: Case, voltage: float, path: Path) -> None:

@@ -10,7 +10,8 @@ from iswarm_mj.gripper.bench.run_trials import EngineChoice, Gaps
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.roughness import Surface, effective_work
-from iswarm_mj.utils.constraints import Needs, Within, check, validate
+from iswarm_mj.utils.constraints import Needs, Within, check, spaced, validate
+from iswarm_mj.utils.errors import ConfigError
 
 CALIBRATION = (
     "WORK_TOOL_OBJECT",
@@ -139,18 +140,10 @@ def parse_radii(texts: tuple[str, ...]) -> tuple[float, ...]:
 
 def _parse_range(text: str) -> list[float]:
     """Radii of one number or range [m]."""
-    parts = text.split(":")
-    check("radius", text, _RADII, len(parts) in (1, 3))
     try:
-        if len(parts) == 1:
-            return [float(text)]
-        start, stop, count = float(parts[0]), float(parts[1]), int(parts[2])
+        return list(map(float, spaced(text) if ":" in text else [text]))
     except ValueError:
-        check("radius", text, _RADII, False)
-        raise
-    check("radius", text, f"{_RADII}, with a count from 1 to 10000", 1 <= count <= 10_000)
-    step = (stop - start) / max(1, count - 1)
-    return [round(start + i * step, 15) for i in range(count)]
+        raise ConfigError("radius", text, f"{_RADII}, with a count from 1 to 10000") from None
 
 
 class Case(NamedTuple):

@@ -1,9 +1,8 @@
 """The table of the gripper's experiments, a row for each experiment on each ball, and its summary."""
 
 from collections.abc import Iterator, Sequence
-from functools import partial
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -75,60 +74,31 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
         float(humid_work(work, trial.relative_humidity))
         for work in (trial.work_tool_object, trial.work_object_substrate)
     )
-    row = partial(
-        TrialRow,
-        radius=trial.radius,
-        relative_humidity=case.humidity,
-        trial_humidity=trial.relative_humidity,
-        repeat=case.repeat,
-        seed=settings.seed,
-        work_tool_object=tool,
-        work_object_substrate=substrate,
-        engine=settings.engine,
-        impl=settings.impl if settings.engine == "mjx" else "c",
-    )
-    ramp_step = protocol.ramp_rate * outcomes.timestep
+    impl, ramp_step = settings.impl if settings.engine == "mjx" else "c", protocol.ramp_rate * outcomes.timestep
+
+    def row(experiment: str, gap: float, found: Any, limit: float, step: float, law: Any, **more: Any) -> TrialRow:
+        """A row from an outcome, up to a voltage, and from the law."""
+        return TrialRow(
+            *(trial.radius, case.humidity, trial.relative_humidity, case.repeat, settings.seed, tool, substrate),
+            *(settings.engine, impl, experiment, gap, _number(found.voltage[i]), limit, step),
+            quasi_static_voltage=float(law),
+            faulty=bool(found.faulty[i]),
+            **({"melted": False} | more),
+        )
+
     for gap, attempt in outcomes.no_contact.items():
-        limit = protocol.no_contact_limit
-        yield row(
-            experiment="no_contact",
-            gap=gap,
-            voltage=_number(attempt.voltage[i]),
-            limit_voltage=limit,
-            step_voltage=ramp_step,
-            melted=False,
-            quasi_static_voltage=float(grasp_voltage(trial.radius, 0.0, substrate, gap, trial.probe_radius)),
-            faulty=bool(attempt.faulty[i]),
-        )
+        law = grasp_voltage(trial.radius, 0.0, substrate, gap, trial.probe_radius)
+        yield row("no_contact", gap, attempt, protocol.no_contact_limit, ramp_step, law)
     grasp, limit = outcomes.grasp, protocol.highest_rung * protocol.step_voltage
-    yield row(
-        experiment="grasp",
-        gap=0.0,
-        voltage=_number(grasp.voltage[i]),
-        limit_voltage=limit,
-        step_voltage=protocol.step_voltage,
-        melted=_melted(settings, case, limit if np.isnan(grasp.voltage[i]) else grasp.voltage[i]),
-        quasi_static_voltage=float(grasp_voltage(trial.radius, tool, substrate, trial.contact_gap, trial.probe_radius)),
-        faulty=bool(grasp.faulty[i]),
-    )
+    law = grasp_voltage(trial.radius, tool, substrate, trial.contact_gap, trial.probe_radius)
+    melted = _melted(settings, case, limit if np.isnan(grasp.voltage[i]) else grasp.voltage[i])
+    yield row("grasp", 0.0, grasp, limit, protocol.step_voltage, law, melted=melted)
     for gap, release in outcomes.release.items():
-        if not release.hung[i]:
-            continue
-        yield row(
-            experiment="release",
-            gap=gap,
-            voltage=_number(release.voltage[i]),
-            limit_voltage=protocol.release_limit,
-            step_voltage=ramp_step,
-            melted=False,
-            quasi_static_voltage=float(release_voltage(trial.radius, tool, gap, trial.probe_radius)),
-            flight_time=_number(release.flight_time[i]),
-            landing_speed=_number(release.landing_speed[i]),
-            landed=bool(release.landed[i]),
-            transport=protocol.transport,
-            off_target=_number(release.off_target[i]),
-            faulty=bool(release.faulty[i]),
-        )
+        if release.hung[i]:
+            law = release_voltage(trial.radius, tool, gap, trial.probe_radius)
+            more = {name: _number(getattr(release, name)[i]) for name in ("flight_time", "landing_speed", "off_target")}
+            more |= {"landed": bool(release.landed[i]), "transport": protocol.transport}
+            yield row("release", gap, release, protocol.release_limit, ramp_step, law, **more)
 
 
 def _melted(settings: GraspSettings, case: Case, voltage: float) -> bool:

@@ -83,7 +83,7 @@ class Recorder:
             self._is_saved = True
             try:
                 self._write()
-                self._recording.__exit__(None, None, None)
+                self._recording.close()
             finally:
                 if self._out is not None and self._frames is not None:
                     results.write_trajectory(self._out, self._scene, self._frames, self._about)

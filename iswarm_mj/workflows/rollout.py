@@ -158,12 +158,10 @@ def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> Vector
 
 def _rollout(run: Run, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarray | None) -> Rollout:
     measures = [run.measures(world) for world in range(len(run.worlds))]
-    carriage = [m.mean_carriage_steps for m in measures]
+    counts = {name: np.array([getattr(m, name) for m in measures]) for name in ("delivered", "picked", "collisions")}
     return Rollout(
-        delivered=np.array([m.delivered for m in measures]),
-        picked=np.array([m.picked for m in measures]),
-        collisions=np.array([m.collisions for m in measures]),
-        mean_carriage_steps=np.array([np.nan if c is None else c for c in carriage]),
+        **counts,
+        mean_carriage_steps=np.array([m.mean_carriage_steps for m in measures], float),  # NaN for None
         is_finished=np.array([m.finished_at is not None for m in measures]),
         finished_at=np.array([m.finished_at or 0 for m in measures]),
         steps=steps,

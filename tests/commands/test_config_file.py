@@ -60,7 +60,7 @@ def test_flags_override_the_file(order):
         ("[arena]\nsise = 3\nwings = 1", "names arena.sise, arena.wings, which .*; perhaps you meant arena.size; "),
         ("steps = ", "x.toml is no TOML"),
         (f"steps = 0x{'f' * 4000}", "steps must be .*too many digits"),
-        (f"{'.'.join('a' * 2000)} = 1", "a key of too many parts"),
+        (f"{'.'.join('a' * 2000)} = 1", "x.toml is no TOML"),
         ("\n".join(f"key{n} = 1" for n in range(20_000)), r"names key0, key1, .{1,100}\.\.\., which"),
     ],
 )

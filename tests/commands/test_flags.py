@@ -28,8 +28,6 @@ OWN = "run --strategy beeclust --task aggregation"
         ("clean --steps abc", ["--steps", "abc"]),
         ("clean --arena.obstacles 1 2 3 --seed 2", ["--arena.obstacles"]),
         ("clean --gripper.resolution lunch", ["--gripper.resolution", "lunch", "quasi-static", "dynamic"]),
-        ("clean --arena.n-dust=٣", ["--arena.n-dust", "whole number"]),
-        ("clean --robots 1_000", ["--robots", "1_000", "whole number"]),
         ("clean --out=", ["--out", "name of a file"]),
         ("clean --robots 5 --robots 7", ["--robots is given twice"]),
         ("clean --record --no-record", ["--record is given twice"]),

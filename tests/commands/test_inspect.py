@@ -90,7 +90,7 @@ def test_a_search_that_was_killed_has_a_table(tmp_path, ended):
 def test_faults_that_are_no_list(run, tmp_path):
     content = json.loads((run / "result.json").read_text())
     (tmp_path / "result.json").write_text(json.dumps({**content, "faults": 3}))
-    assert "its faults cannot be read" in inspection(tmp_path)
+    assert "result.json is damaged" in inspection(tmp_path)
 
 
 def test_what_is_read_controls_no_terminal(run, tmp_path, capfd):

@@ -25,70 +25,48 @@ def jobs(small):
     return jobs_of(small)
 
 
-class TestMjx:
-    @pytest.fixture
-    def tried(self, monkeypatch):
-        """A stand-in for runs, whose contact buffers must have 2.5 times the default size, and those begun."""
-        begun = []
+@pytest.fixture
+def tried(monkeypatch):
+    """A stand-in for runs, and how many places for robots those begun have."""
+    begun = []
 
-        class Crowded:
-            is_over, needed, kind = False, 2.5, FaultKind.TOO_MANY_PAIRS
+    class Crowded:
+        is_over, kind = False, 0
 
-            def __init__(self, config, genome, settings, engine, worlds):
-                begun.append((engine.contact_capacity, settings.capacity))
-                self.lacks, self.sizes = engine.contact_capacity < self.needed, [world.n_robots for world in worlds]
+        def __init__(self, config, genome, settings, engine, worlds):
+            begun.append(settings.capacity)
+            self.sizes = [world.n_robots for world in worlds]
 
-            def advance(self):
-                self.is_over = True
+        def advance(self):
+            self.is_over = True
 
-            @property
-            def faults(self):
-                return [fault for fault in self.fault_of_each if fault is not None]
+        @property
+        def fault_of_each(self):
+            """The last world has one."""
+            fault = SimulationFault(step=3, world=0, kind=self.kind) if self.kind else None
+            return [*[None] * (len(self.sizes) - 1), fault]
 
-            @property
-            def fault_of_each(self):
-                """The last world has one."""
-                fault = SimulationFault(step=3, world=0, kind=self.kind) if self.lacks and self.is_over else None
-                return [*[None] * (len(self.sizes) - 1), fault]
+        def measures(self, world):
+            return Measures(self.sizes[world], 0, 0, None, None)
 
-            def measures(self, world):
-                return Measures(self.sizes[world], 0, 0, None, None)
-
-        monkeypatch.setattr(batches, "Run", Crowded)
-        return Crowded, begun
-
-    @pytest.mark.parametrize("impl, expected", [("jax", [1, 2, 4]), ("warp", [4])])
-    def test_a_crowded_batch_gets_larger_buffers(self, jobs, tried, impl, expected):
-        assert [one.measures.delivered for one in outcomes_of(jobs[:1], Execution(MjxSettings(impl)))] == [30]
-        assert [size for size, _ in tried[1]] == expected
-
-    @pytest.mark.parametrize("kind, expected", [(FaultKind.TOO_MANY_CONTACTS, [1, 2, 4, 8]), (FaultKind.OUTSIDE, [1])])
-    def test_a_fault_that_larger_buffers_do_not_remove_is_raised(self, jobs, tried, kind, expected):
-        tried[0].needed, tried[0].kind = 9, kind
-        alike = [jobs[0], replace(jobs[0], seed=77)]
-        with pytest.raises(SimulationFault, match=r"^run of 30 robots with seed 77: step 3, world 0: "):
-            outcomes_of(alike, MJX)
-        assert [size for size, _ in tried[1]] == expected
-
-    @pytest.mark.parametrize(
-        "sizes, capacity",
-        [((30, 30), 30), ((30, 20), 64), ((20, 30), 64), ((64, 50), 64), ((65, 50), 128), ((216, 50), 216)],
-    )
-    def test_batches_of_other_sizes_share_a_program(self, small, tried, sizes, capacity):
-        """A program is for arrays of one size; the arena has 216 cells for robots."""
-        tried[0].needed = 0
-        found = outcomes_of([Job(small, Genome(), n_robots, 0) for n_robots in sizes], MJX)
-        assert [outcome.measures.delivered for outcome in found] == list(sizes) and tried[1] == [(1, capacity)]
+    monkeypatch.setattr(batches, "Run", Crowded)
+    return Crowded, begun
 
 
-def test_large_batches_are_of_similar_size():
-    """A few hundred worlds of several sizes; a generation of ten swarms stays one batch."""
-    sizes = [100, 950, 240, 119, 900, 95] * 64
-    jobs = [SimpleNamespace(n_robots=n) for n in sizes]
-    parts = batches._of_similar_size(range(len(jobs)), jobs)
-    assert sorted(index for part in parts for index in part) == list(range(len(jobs)))
-    assert [sorted({sizes[i] for i in part}) for part in parts] == [[900, 950], [119, 240], [95, 100]]
-    assert len(batches._of_similar_size(range(6), jobs)) == 1
+def test_a_fault_names_its_job(jobs, tried):
+    tried[0].kind = FaultKind.TOO_MANY_CONTACTS
+    with pytest.raises(SimulationFault, match=r"^run of 30 robots with seed 77: step 3, world 0: .*contact_capacity"):
+        outcomes_of([jobs[0], replace(jobs[0], seed=77)], MJX)
+
+
+@pytest.mark.parametrize(
+    "sizes, capacity",
+    [((30, 30), 30), ((30, 20), 64), ((20, 30), 64), ((64, 50), 64), ((65, 50), 128), ((216, 50), 216)],
+)
+def test_batches_of_other_sizes_share_a_program(small, tried, sizes, capacity):
+    """A program is for arrays of one size; the arena has 216 cells for robots."""
+    found = outcomes_of([Job(small, Genome(), n_robots, 0) for n_robots in sizes], MJX)
+    assert [outcome.measures.delivered for outcome in found] == list(sizes) and tried[1] == [capacity]
 
 
 @pytest.mark.parametrize(

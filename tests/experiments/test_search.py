@@ -99,7 +99,7 @@ class TestReplicates:
 
     @pytest.mark.parametrize(
         "at_once, engine, sets",
-        [(60, "planar", [60]), (25, "planar", [20] * 3), (3, "planar", [10] * 6), (60, "mjx", [10] * 6)],
+        [(60, "planar", [60]), (25, "planar", [20] * 3), (3, "planar", [10] * 6), (60, "mjx", [60])],
     )
     def test_batches_of_planar_take_generations_that_depend_on_none(self, monkeypatch, tmp_path, at_once, engine, sets):
         """MJX's time grows with a batch, and the table of a search in workers with each generation."""

@@ -35,7 +35,6 @@ def test_an_interrupted_run_is_shown_and_named(tmp_path, capsys):
         {"scene_ball_radius": np.zeros((2, 2))},
         {"scene_ball_radius": np.array([2e-5, 0.0])},
         {"scene_memory_names": np.array(["link_valid", "about"])},
-        {"scene_memory_sizes": np.full(99, 2**31 - 1)},
     ],
 )
 def test_arrays_that_make_no_run(tmp_path, changed):

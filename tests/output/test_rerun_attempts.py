@@ -1,5 +1,7 @@
 """Trials of attempts in the recording of an arena, read back."""
 
+from contextlib import closing
+
 import numpy as np
 import pytest
 from helpers_swarm_recording import PERIOD, make_scene
@@ -20,7 +22,7 @@ BALLS = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])
 def rows(tmp_path_factory):
     """Rows of a recording of three attempts in one step, of which two have room, by entities, in the order of time."""
     path, scene = tmp_path_factory.mktemp("record") / "run.rrd", make_scene()
-    with Recording(path, scene, {}, {}) as recording:
+    with closing(Recording(path, scene, {}, {})) as recording:
         view = AttemptView(recording.stream, scene, GAP, limit=2)
         view.append(STEP, [LIFT, VAIN, LIFT], BALLS)
         view.append(STEP + 1, [LIFT], BALLS)

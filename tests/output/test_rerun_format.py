@@ -2,13 +2,15 @@
 
 import gc
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
 import rerun as rr
+import rerun.blueprint as rrb
 
 from iswarm_mj.output import rerun_format
-from iswarm_mj.output.rerun_format import bounded
+from iswarm_mj.output.rerun_format import RrdFile, bounded
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.utils.errors import UserError
 
@@ -47,29 +49,25 @@ def test_a_recording_that_cannot_be_closed_is_told(unregistered):
         def __del__(self):
             forgotten.append(self)
 
-    recording._path, recording.stream, recording._result = "a.rrd", Stream(), {}
+    recording._file, recording._result = object.__new__(RrdFile), {}
+    recording.stream = recording._file.stream = Stream()
+    recording._file._path, recording._file._given = Path("a.rrd"), "a.rrd"
     with pytest.raises(UserError, match=r"'a.rrd' cannot be written \(it is gone\)"):
-        recording.__exit__(None, None, None)
-    recording.__exit__(ValueError, ValueError(), None)  # says more
-    assert len(unregistered) == 2
+        recording.close()
+    assert len(unregistered) == 1
     del recording
     gc.collect()
     assert forgotten == []
 
 
-def test_a_recording_without_its_end_is_told(tmp_path, unregistered):
+@pytest.mark.parametrize("content", [b"RRF2 and so on", b""])
+def test_a_recording_without_its_end_is_told(tmp_path, unregistered, content):
     """As on a disk that is full only then, which Rerun logs and nothing else."""
-
-    class Stream:
-        def disconnect(self):
-            pass
-
-    for name in ("cut.rrd", "empty.rrd"):
-        (tmp_path / name).write_bytes(b"RRF2 and so on" if name == "cut.rrd" else b"")
-        told = pytest.raises(UserError, match=r"cannot be written \(No space left")
-        with told, rerun_format.written(name, Stream()):
-            rerun_format.close(Stream(), tmp_path / name)
-    rerun_format.close(Stream(), "/dev/null")  # has none
+    file = RrdFile("test", tmp_path / "cut.rrd", rrb.Blueprint())
+    file.stream.disconnect()
+    (tmp_path / "cut.rrd").write_bytes(content)
+    with pytest.raises(UserError, match=r"cannot be written \(No space left"):
+        file.close()
 
 
 @pytest.mark.parametrize("lengths", [2, np.array([3, 0, 1, 2])])

@@ -38,7 +38,8 @@ def test_states_by_hand():
     loaded, dust, dump = flags.copy(), flags.copy(), flags.copy()
     loaded[:, [2, 3]] = True
     dust[:, [1, 2]], dump[:, [0, 3]] = True, True
-    memory = {**frames.memory, "dust_known": dust, "dump_known": dump}
+    vectors = dict.fromkeys(("dust_vector", "dump_vector"), np.ones((2, 6, 2), np.float32))
+    memory = {**frames.memory, **vectors, "dust_known": dust, "dump_known": dump}
     found = states_of(scene, replace(frames, is_loaded=loaded, command=command, memory=memory))
     shown = [[names(scene)[place] for place in row] for row in found]
     wanted = ["empty", "empty, knows dust", "loaded", "loaded, knows dump", "empty, stands", "dead"]

@@ -9,8 +9,7 @@ from rerun.chunk import RrdReader
 from iswarm_mj import __version__
 from iswarm_mj.output.rerun_trial import record_trace
 from iswarm_mj.output.trace_lines import LINES
-from iswarm_mj.output.trial_shapes import rotated
-from iswarm_mj.utils.errors import SimulationFault
+from iswarm_mj.output.trial_shapes import trial_shapes
 
 SETTINGS = {"seed": 3, "protocol": {"step_voltage": 0.25}, "impl": None, "note": "a|b"}
 
@@ -85,10 +84,11 @@ def test_states_change_when_they_change(recorded):
 
 
 def test_the_mark_turns_with_the_ball():
-    half = np.sqrt(0.5)
-    quarter_turns = np.array([[1, 0, 0, 0], [half, 0, 0, half], [half, half, 0, 0]])
-    turned = rotated(quarter_turns, np.array([1.0, 2.0, 3.0]))
-    np.testing.assert_allclose(turned, [[1, 2, 3], [-2, 1, 3], [1, -3, 2]], atol=1e-12)
+    trace = bench_trace()
+    about_z = np.tile([np.sqrt(0.5), 0, 0, np.sqrt(0.5)], (len(trace.time), 1))
+    shapes = trial_shapes(trace._replace(ball_quaternion=about_z))
+    expected = np.tile(np.array([0.8, 0.3, 0.52]) * trace.radius * 1e6, (len(trace.time), 1))
+    np.testing.assert_allclose(shapes.mark - shapes.ball, expected, atol=1e-9)
 
 
 def test_the_mark_is_on_the_ball(recorded):
@@ -105,13 +105,9 @@ def test_the_file_has_a_layout_and_its_settings(recorded):
     assert kept["version"] == [__version__] and kept["seed"] == [3] and kept["protocol.step_voltage"] == [0.25]
 
 
-def test_a_fault_leaves_the_old_file(tmp_path):
+def test_an_error_leaves_the_old_file(tmp_path):
     path, trace = tmp_path / "trial.rrd", bench_trace()
     path.write_text("old")
-    force = trace.electrostatic.copy()
-    force[7] = np.nan
-    with pytest.raises(SimulationFault, match=r"Sample 7 .*electrostatic"):
-        record_trace(path, trace._replace(electrostatic=force), {})
-    with pytest.raises(ValueError, match="increase"):
-        record_trace(path, trace._replace(time=np.zeros_like(trace.time)), {})
+    with pytest.raises(TypeError):
+        record_trace(path, trace._replace(ball=None), {})
     assert path.read_text() == "old" and len(list(tmp_path.iterdir())) == 1

@@ -5,20 +5,20 @@ import resource
 import numpy as np
 import pytest
 import rerun as rr
+import rerun.blueprint as rrb
 
-from iswarm_mj.output.rerun_format import flush, written
+from iswarm_mj.output.rerun_format import RrdFile
 from iswarm_mj.utils.errors import UserError
 
 
 def test_a_limit_of_files_is_named(tmp_path):
-    path, stream = tmp_path / "clean.rrd", rr.RecordingStream("test")
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
     try:
-        stream.save(path)
-        stream.log("points", rr.Points3D(np.random.default_rng(0).random((20_000, 3))))
-        with pytest.raises(UserError, match="File too large"), written(path, stream):
-            flush(stream, path)
+        file = RrdFile("test", tmp_path / "clean.rrd", rrb.Blueprint())
+        file.stream.log("points", rr.Points3D(np.random.default_rng(0).random((20_000, 3))))
+        with pytest.raises(UserError, match="File too large"):
+            file.flush()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert [file.name for file in tmp_path.iterdir()] == ["clean.rrd"]

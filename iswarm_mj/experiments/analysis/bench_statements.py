@@ -13,10 +13,11 @@ is cut at once.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, UNDECIDED, Judged, Rows, Test, number, stated
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, UNDECIDED, Judged, Rows, number, stated
 from iswarm_mj.experiments.analysis.judge import RARE, Estimate, always, averages, differences, judged, shares
 from iswarm_mj.experiments.analysis.measures import VOLTAGE, by, select, values
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, slope
@@ -68,12 +69,9 @@ _MELTED = 15e-6
 Fact = tuple[str, bool | np.bool_]
 
 
-def _law(fact: Callable[[], Fact]) -> Test:
-    def test(results: object) -> Judged:
-        ours, holds = fact()
-        return Judged(ours, "", HOLDS if holds else FAILS)
-
-    return test
+def _law(fact: Callable[[], Fact], _: object) -> Judged:
+    ours, holds = fact()
+    return Judged(ours, "", HOLDS if holds else FAILS)
 
 
 def _square() -> Fact:
@@ -191,22 +189,16 @@ def _release_band(rows: Rows) -> Judged | None:
     return shares({"": (_inside(found, PAPER_RELEASE), len(found))}, _MOST) if len(found) else None
 
 
-def _flat(experiment: str) -> Callable[[Rows], Judged | None]:
-    def test(rows: Rows) -> Judged | None:
-        pairs = [(r["radius"] * _UM, r["voltage"]) for r in _trials(rows, experiment) if r["voltage"] is not None]
-        found = slope(*zip(*pairs, strict=True)) if pairs else Interval(np.nan, np.nan, np.nan)
-        estimates = [] if np.isnan(found.estimate) else [Estimate(found, (len(pairs),), -FLAT, FLAT)]
-        return judged(estimates, "slope", "V/µm")
-
-    return test
+def _flat(experiment: str, rows: Rows) -> Judged | None:
+    pairs = [(r["radius"] * _UM, r["voltage"]) for r in _trials(rows, experiment) if r["voltage"] is not None]
+    found = slope(*zip(*pairs, strict=True)) if pairs else Interval(np.nan, np.nan, np.nan)
+    estimates = [] if np.isnan(found.estimate) else [Estimate(found, (len(pairs),), -FLAT, FLAT)]
+    return judged(estimates, "slope", "V/µm")
 
 
-def _humid(humidity: float) -> Callable[[Rows], Judged | None]:
-    def test(rows: Rows) -> Judged | None:
-        wet = select(rows, experiment="grasp", faulty=False, relative_humidity=humidity)
-        return differences({"": (wet, _trials(rows, "grasp"))}, VOLTAGE)
-
-    return test
+def _humid(humidity: float, rows: Rows) -> Judged | None:
+    wet = select(rows, experiment="grasp", faulty=False, relative_humidity=humidity)
+    return differences({"": (wet, _trials(rows, "grasp"))}, VOLTAGE)
 
 
 def _reliable(rows: Rows) -> Judged | None:
@@ -255,13 +247,12 @@ def _transported(rows: Rows) -> Judged | None:
     return always(sum(each <= 1 for each in off), len(tried), said) if off else None
 
 
-def _melting(rows: Rows) -> Judged | None:
-    """By the law: whether the oxide breaks down, and the heat melts the ball, while the tool touches it."""
+def _melting() -> Fact:
+    """Whether the oxide breaks down, and the heat melts the ball, while the tool touches it."""
     contacts, time = Contacts(), Protocol().contact_time
     does = bool(melts(MELTING_VOLTAGE, _MELTED, contacts.breaks_at, contacts.supply, time))
     takes = 1e3 * float(melting_time(MELTING_VOLTAGE, _MELTED, contacts.supply))
-    ours = f"breakdown at {contacts.breaks_at:g} V, heat enough after {takes:.2f} ms of {1e3 * time:.2f}"
-    return Judged(ours, "", HOLDS if does else FAILS)
+    return f"breakdown at {contacts.breaks_at:g} V, heat enough after {takes:.2f} ms of {1e3 * time:.2f}", does
 
 
 LAWS = {
@@ -281,18 +272,18 @@ TRIALS = {
     "no contact": _without_contact,
     "always lifts": _always,
     "grasp band": _grasp_band,
-    "grasp flat": _flat("grasp"),
-    "humid 5": _humid(5.0),
-    "humid 30": _humid(30.0),
-    "humid 50": _humid(50.0),
+    "grasp flat": partial(_flat, "grasp"),
+    "humid 5": partial(_humid, 5.0),
+    "humid 30": partial(_humid, 30.0),
+    "humid 50": partial(_humid, 50.0),
     "release band": _release_band,
     "reliable": _reliable,
     "below theory": _below_theory,
-    "release flat": _flat("release"),
+    "release flat": partial(_flat, "release"),
     "alike voltages": _alike,
-    "melting": _melting,
+    "melting": partial(_law, _melting),
     "on board": _on_board,
     "figure 6": _figure_6,
     "transport": _transported,
 }
-STATEMENTS = stated({name: _law(fact) for name, fact in LAWS.items()} | TRIALS)
+STATEMENTS = stated({name: partial(_law, fact) for name, fact in LAWS.items()} | TRIALS)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -44,19 +45,14 @@ TIMED = ("30000 bit/s", "2000 bit/s", "1000 bit/s", "30000 bit/s, all photodiode
 """How long messages take in the study of message times."""
 
 
-def _at(setting: str, test: Test) -> Test:
-    """A test of the runs of one setting."""
-    return lambda rows: test(select(rows, setting=setting))
+def _hop_counts_at(setting: str, measure: Measure, rows: Rows) -> Judged | None:
+    return hop_counts(measure, select(rows, setting=setting))
 
 
-def _slowed(setting: str) -> Test:
+def _slowed(setting: str, rows: Rows) -> Judged | None:
     """Swarms with hop counts take longer than where messages take no time."""
-
-    def test(rows: Rows) -> Judged | None:
-        counted = select(rows, use_hop_count=True)
-        return differences({"": (select(counted, setting=setting), select(counted, setting=INSTANT))})
-
-    return test
+    counted = select(rows, use_hop_count=True)
+    return differences({"": (select(counted, setting=setting), select(counted, setting=INSTANT))})
 
 
 def _robust(rows: Rows) -> Judged | None:
@@ -74,12 +70,10 @@ BALANCED = ("gripper.relative_humidity", "gripper.grasp_voltage")
 """Choices by which the balance of forces alone decides."""
 
 
-def _chosen(is_meant: Callable[[str], bool]) -> Test:
-    def test(rows: Rows) -> Judged | None:
-        groups = by([row for row in rows if row["choice"] != DEFAULT and is_meant(row["choice"])], "choice", "value")
-        return reaching({f"{choice.split('.')[1]} = {value}": runs for (choice, value), runs in groups.items()})
-
-    return test
+def _chosen(is_balanced: bool, rows: Rows) -> Judged | None:
+    meant = [row for row in rows if row["choice"] != DEFAULT and (row["choice"] in BALANCED) == is_balanced]
+    groups = by(meant, "choice", "value").items()
+    return reaching({f"{choice.split('.')[1]} = {value}": runs for (choice, value), runs in groups})
 
 
 class Change(NamedTuple):
@@ -145,34 +139,26 @@ def paired(rows: Rows, measure: Measure) -> np.ndarray:
     return np.array([values([mine[seed] for seed in both], measure) for mine in found])
 
 
-def _same_by_trials(name: str, measure: Measure, voltage: float) -> Test:
+def _same_by_trials(name: str, measure: Measure, voltage: float, rows: Rows) -> Judged | None:
     """At each humidity the ratio of pairs is one; a run that does not reach the goal takes its time limit."""
-
-    def test(rows: Rows) -> Judged | None:
-        found = []
-        for humidity in HUMIDITIES:
-            mine = select(rows, type=name, grasp_voltage=voltage, relative_humidity=humidity)
-            both = paired(mine, measure)
-            static, dynamic = both[:, (both > 0).all(axis=0)]
-            if len(static):
-                value, n = Interval(*np.exp(interval(np.log(dynamic / static)))), len(static)
-                least = LEAST if measure is not TIME or finished(mine) >= LEAST else n + 1
-                found.append(Estimate(value, (n,), 1 - EQUAL, 1 + EQUAL, f"{humidity:g} % RH", least=least))
-        result = judged(found, "geometric means of pairs of the same seed")
-        return result._replace(verdict=TOO_FEW) if result and len(found) < len(HUMIDITIES) else result
-
-    return test
+    found = []
+    for humidity in HUMIDITIES:
+        mine = select(rows, type=name, grasp_voltage=voltage, relative_humidity=humidity)
+        both = paired(mine, measure)
+        static, dynamic = both[:, (both > 0).all(axis=0)]
+        if len(static):
+            value, n = Interval(*np.exp(interval(np.log(dynamic / static)))), len(static)
+            least = LEAST if measure is not TIME or finished(mine) >= LEAST else n + 1
+            found.append(Estimate(value, (n,), 1 - EQUAL, 1 + EQUAL, f"{humidity:g} % RH", least=least))
+    result = judged(found, "geometric means of pairs of the same seed")
+    return result._replace(verdict=TOO_FEW) if result and len(found) < len(HUMIDITIES) else result
 
 
-def _larger_by_trials(name: str, measure: Measure, column: str, more: float, less: float) -> Test:
+def _larger_by_trials(name: str, measure: Measure, column: str, more: float, less: float, rows: Rows) -> Judged | None:
     """Of a swarm at the lowest voltage and in the dampest air, with another value of one of these."""
-
-    def test(rows: Rows) -> Judged | None:
-        at = {"relative_humidity": HUMIDITIES[-1], "grasp_voltage": VOLTAGES[0]}
-        groups = [select(rows, type=name, resolution=TRIALS, **at | {column: value}) for value in (more, less)]
-        return differences({"": (groups[0], groups[1])}, measure)
-
-    return test
+    at = {"relative_humidity": HUMIDITIES[-1], "grasp_voltage": VOLTAGES[0]}
+    groups = [select(rows, type=name, resolution=TRIALS, **at | {column: value}) for value in (more, less)]
+    return differences({"": (groups[0], groups[1])}, measure)
 
 
 SUBSTEPS = {2: (1, 1), 5: (2, 3), 10: (4, 6), 20: (8, 12), 50: (20, 30), 100: (40, 60)}
@@ -206,16 +192,13 @@ def _refused(rows: Rows) -> str:
     return "; ".join(f"{rate}: {text}" for rate, text in refused.items()) or "none"
 
 
-def _same_by_rate(measure: Measure) -> Test:
-    def test(rows: Rows) -> Judged | None:
-        pairs = {}
-        for swarm in SWARMS:
-            groups = sorted(by(select(rows, type=swarm), "rate").items())
-            *coarser, (_, finest) = [item for item in groups if len(values(item[1], measure))] or [(0, [])]
-            pairs |= {f"{swarm} at {rate}": (runs, finest) for rate, runs in coarser}
-        return differences(pairs, measure, margin=lambda a, b: EQUAL * float(np.median(b)))
-
-    return test
+def _same_by_rate(measure: Measure, rows: Rows) -> Judged | None:
+    pairs = {}
+    for swarm in SWARMS:
+        groups = sorted(by(select(rows, type=swarm), "rate").items())
+        *coarser, (_, finest) = [item for item in groups if len(values(item[1], measure))] or [(0, [])]
+        pairs |= {f"{swarm} at {rate}": (runs, finest) for rate, runs in coarser}
+    return differences(pairs, measure, margin=lambda a, b: EQUAL * float(np.median(b)))
 
 
 def _observed(rows: Rows, column: str, statistic: Callable, unit: str) -> str:
@@ -238,17 +221,17 @@ def _overlap(rows: Rows) -> Judged | None:
 
 
 TESTS: Mapping[str, Test] = {
-    "choices reach": _chosen(lambda choice: choice not in BALANCED),
+    "choices reach": partial(_chosen, False),
     # Whether 55 V release a ball, and a voltage lifts one, is arithmetic with the fitted works of adhesion.
-    "grips reach": _chosen(lambda choice: choice in BALANCED),
+    "grips reach": partial(_chosen, True),
     "choices change": _changes,
     # The paper calls its swarm robust without a run in which robots fail.
     "robust": _robust,
     "cost": _cost,
-    "same time to goal": _same_by_rate(TIME),
-    "same dust": _same_by_rate(DUST),  # by construction: runs stop at the goal
-    "same collisions": _same_by_rate(COLLISIONS),
-    "same carriage": _same_by_rate(CARRIAGE),
+    "same time to goal": partial(_same_by_rate, TIME),
+    "same dust": partial(_same_by_rate, DUST),  # by construction: runs stop at the goal
+    "same collisions": partial(_same_by_rate, COLLISIONS),
+    "same carriage": partial(_same_by_rate, CARRIAGE),
     "overlap": _overlap,  # fitted: how fine a step must be was found in such runs
     "step time": lambda rows: Judged(_observed(rows, "ms_per_step", np.median, "ms"), ""),
     "refused": lambda rows: Judged(_refused(rows), ""),
@@ -262,23 +245,23 @@ def _on_grasps(name: str) -> list[Statement]:
     fail = f"At 30 V more grasps fail at 50 % RH than at 10 %, {name}"
     slow = f"At 50 % RH a swarm with 30 V takes longer than one with 55 V, {name}"
     tests = {
-        same.format(voltage, what, name): _same_by_trials(name, measure, voltage)
+        same.format(voltage, what, name): partial(_same_by_trials, name, measure, voltage)
         for measure, what in ((TIME, "finishing time"), (ATTEMPTS, "number of attempts per ball"))
         for voltage in VOLTAGES
     }
-    tests[fail] = _larger_by_trials(name, FAILED, "relative_humidity", 50.0, 10.0)
-    tests[slow] = _larger_by_trials(name, TIME, "grasp_voltage", 30.0, 55.0)
+    tests[fail] = partial(_larger_by_trials, name, FAILED, "relative_humidity", 50.0, 10.0)
+    tests[slow] = partial(_larger_by_trials, name, TIME, "grasp_voltage", 30.0, 55.0)
     return [added("resolved-grasps", claim, test) for claim, test in tests.items()]
 
 
 STATEMENTS = [
     *stated(TESTS),
     *(
-        added("message-time", f"Messages at {setting} slow a swarm with hop counts down", _slowed(setting))
+        added("message-time", f"Messages at {setting} slow a swarm with hop counts down", partial(_slowed, setting))
         for setting in TIMED
     ),
     *(
-        added("message-time", f"{one.claim}, with messages at {setting}", _at(setting, hop_counts(measure)))
+        added("message-time", f"{one.claim}, with messages at {setting}", partial(_hop_counts_at, setting, measure))
         for setting in TIMED
         for measure, one in _HOP_COUNT.items()
     ),

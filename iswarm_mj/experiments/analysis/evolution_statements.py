@@ -15,6 +15,7 @@ over replicates of both was moved by selection.
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -26,7 +27,6 @@ from iswarm_mj.experiments.analysis.findings import (
     UNDECIDED,
     Judged,
     Statement,
-    Test,
     added,
     number,
     short,
@@ -55,67 +55,52 @@ Value = Callable[[Evolution], float | None]
 """A quantity of one evolution; None if it is too short, or has too few runs of a group."""
 
 
-def _median(value: Value, low: float = -math.inf, high: float = math.inf, unit: str = "") -> Test:
+def _median(
+    value: Value, samples: Samples, low: float = -math.inf, high: float = math.inf, unit: str = ""
+) -> Judged | None:
     """A statement on the median over evolutions; below `EVOLUTIONS` without an interval."""
-
-    def test(samples: Samples) -> Judged | None:
-        if "paper" not in samples:
-            return None
-        found = [v for v in map(value, samples["paper"]) if v is not None]
-        if not found:
-            return Judged("no value", "evolutions are too short, or lack runs", TOO_FEW)
-        over, factor = interval(found, np.median), 100 if unit == "%" else 1
-        if len(found) < EVOLUTIONS:
-            over = Interval(over.estimate, math.nan, math.nan)
-        said = f"{number(factor * min(found))} to {number(factor * max(found))}, median "
-        one = Estimate(over, (len(found),), low, high, said=said, least=EVOLUTIONS)
-        return judged([one], f"medians over {len(samples['paper'])} evolutions", unit)
-
-    return test
+    if "paper" not in samples:
+        return None
+    found = [v for v in map(value, samples["paper"]) if v is not None]
+    if not found:
+        return Judged("no value", "evolutions are too short, or lack runs", TOO_FEW)
+    over, factor = interval(found, np.median), 100 if unit == "%" else 1
+    if len(found) < EVOLUTIONS:
+        over = Interval(over.estimate, math.nan, math.nan)
+    said = f"{number(factor * min(found))} to {number(factor * max(found))}, median "
+    one = Estimate(over, (len(found),), low, high, said=said, least=EVOLUTIONS)
+    return judged([one], f"medians over {len(samples['paper'])} evolutions", unit)
 
 
-def _property(has: Callable[[Genome], bool]) -> Test:
+def _property(has: Callable[[Genome], bool], samples: Samples) -> Judged | None:
     """A statement that most of the evolutions have a property of their best genome."""
-
-    def test(samples: Samples) -> Judged | None:
-        if "paper" not in samples:
-            return None
-        every = samples["paper"]
-        return shares({"": (sum(has(one.best) for one in every), len(every))}, (0.5, math.inf), EVOLUTIONS)
-
-    return test
+    if "paper" not in samples:
+        return None
+    every = samples["paper"]
+    return shares({"": (sum(has(one.best) for one in every), len(every))}, (0.5, math.inf), EVOLUTIONS)
 
 
-def _against(method: str, is_judged: bool) -> Test:
+def _against(method: str, is_judged: bool, samples: Samples) -> Judged | None:
     """The best runs of the evolutions against those of another method's searches."""
-
-    def test(samples: Samples) -> Judged | None:
-        if not {"paper", method} <= samples.keys():
-            return None
-        best = [[one.best_runs for one in samples[name]] for name in ("paper", method)]
-        n, tested = (len(best[0]), len(best[1])), compare(*best)
-        said = f"{np.median(best[0]):z.0f} against {np.median(best[1]):z.0f}, difference "
-        found = judged([Estimate(tested.difference, n, 0.0, said=said, tested=tested)], "medians", "points")
-        verdict = found.verdict if found and min(n) >= EVOLUTIONS else TOO_FEW
-        return found._replace(verdict=verdict * is_judged) if found else None
-
-    return test
+    if not {"paper", method} <= samples.keys():
+        return None
+    best = [[one.best_runs for one in samples[name]] for name in ("paper", method)]
+    n, tested = (len(best[0]), len(best[1])), compare(*best)
+    said = f"{np.median(best[0]):z.0f} against {np.median(best[1]):z.0f}, difference "
+    found = judged([Estimate(tested.difference, n, 0.0, said=said, tested=tested)], "medians", "points")
+    verdict = found.verdict if found and min(n) >= EVOLUTIONS else TOO_FEW
+    return found._replace(verdict=verdict * is_judged) if found else None
 
 
-def _level(name: str, paper: float) -> Test:
+def _level(name: str, paper: float, samples: Samples) -> Judged | None:
     """A parameter is the paper's in runs that clean the arena."""
-    return _median(lambda one: mean_of(one.good, lambda row: row[name]), paper - NEAR, paper + NEAR)
+    return _median(lambda one: mean_of(one.good, lambda row: row[name]), samples, paper - NEAR, paper + NEAR)
 
 
-def _equal(name: str) -> Test:
+def _equal(name: str, samples: Samples) -> Judged | None:
     """A parameter is equal in runs that clean the arena and in others; beside it, in those with hop counts alone."""
-    pooled, alone = (_median(lambda one, c=counted: one.apart(name, c), -NEAR, NEAR) for counted in (False, True))
-
-    def test(samples: Samples) -> Judged | None:
-        found, counted = pooled(samples), alone(samples)
-        return found._replace(ours=f"{found.ours}; with hop counts alone {counted.ours}") if found and counted else None
-
-    return test
+    found, counted = (_median(lambda one, c=c: one.apart(name, c), samples, -NEAR, NEAR) for c in (False, True))
+    return found._replace(ours=f"{found.ours}; with hop counts alone {counted.ours}") if found and counted else None
 
 
 def _weights(one: Evolution) -> float | None:
@@ -138,66 +123,68 @@ TRAITS: Mapping[str, Value] = {
 """What selection may act on: means of the last generations, of Booleans those of the elites; and a correlation."""
 
 
-def _moved(trait: str) -> Test:
+def _moved(trait: str, samples: Samples) -> Judged | None:
     """A trait differs from that of random search, by a test that is corrected for the number of traits."""
-
-    def test(samples: Samples) -> Judged | None:
-        if not {"paper", "random"} <= samples.keys():
-            return None
-        pairs = {
-            name: [[v for v in map(value, samples[method]) if v is not None] for method in ("paper", "random")]
-            for name, value in TRAITS.items()
-        }
-        mine = pairs[trait]
-        ours = " against ".join(number(float(np.median(v))) if v else "no value" for v in mine)
-        tested = {name: compare(*pair) for name, pair in pairs.items() if min(map(len, pair)) >= EVOLUTIONS}
-        if trait not in tested:
-            return Judged(ours, f"needs {EVOLUTIONS} of both searches (--replicates)", TOO_FEW)
-        adjusted = dict(zip(tested, holm([one.p for one in tested.values()]), strict=True))[trait]
-        apart = tested[trait].difference
-        rule = (
-            f"medians, n = {len(mine[0])} + {len(mine[1])}; Mann-Whitney, by Holm p = {number(adjusted, 2)}; holds if "
-            f"that is below {SURE} and the interval leaves out zero, else does not if it lies within {NEAR}"
-        )
-        is_moved = adjusted < SURE and (apart.low > 0 or apart.high < 0)
-        is_near = apart.low >= -NEAR and apart.high <= NEAR
-        return Judged(
-            f"{ours} in random search, difference {short(apart)}",
-            rule,
-            HOLDS if is_moved else FAILS if is_near else UNDECIDED,
-        )
-
-    return test
+    if not {"paper", "random"} <= samples.keys():
+        return None
+    pairs = {
+        name: [[v for v in map(value, samples[method]) if v is not None] for method in ("paper", "random")]
+        for name, value in TRAITS.items()
+    }
+    mine = pairs[trait]
+    ours = " against ".join(number(float(np.median(v))) if v else "no value" for v in mine)
+    tested = {name: compare(*pair) for name, pair in pairs.items() if min(map(len, pair)) >= EVOLUTIONS}
+    if trait not in tested:
+        return Judged(ours, f"needs {EVOLUTIONS} of both searches (--replicates)", TOO_FEW)
+    adjusted = dict(zip(tested, holm([one.p for one in tested.values()]), strict=True))[trait]
+    apart = tested[trait].difference
+    rule = (
+        f"medians, n = {len(mine[0])} + {len(mine[1])}; Mann-Whitney, by Holm p = {number(adjusted, 2)}; holds if "
+        f"that is below {SURE} and the interval leaves out zero, else does not if it lies within {NEAR}"
+    )
+    is_moved = adjusted < SURE and (apart.low > 0 or apart.high < 0)
+    is_near = apart.low >= -NEAR and apart.high <= NEAR
+    return Judged(
+        f"{ours} in random search, difference {short(apart)}",
+        rule,
+        HOLDS if is_moved else FAILS if is_near else UNDECIDED,
+    )
 
 
 TESTS = {
-    "rises": _median(lambda one: one.rise, low=0.5),
-    "learns": _median(lambda one: one.gain, low=0.0, unit="points"),
-    "beats random": _against("random", True),
-    "against CMA-ES": _against("cmaes", False),
-    "as fit": _median(
-        lambda one: float(one.bests.max()), (1 - NEARLY) * FITNESS, (1 + NEARLY) * FITNESS, unit="points"
+    "rises": partial(_median, lambda one: one.rise, low=0.5),
+    "learns": partial(_median, lambda one: one.gain, low=0.0, unit="points"),
+    "beats random": partial(_against, "random", True),
+    "against CMA-ES": partial(_against, "cmaes", False),
+    "as fit": partial(
+        _median,
+        lambda one: float(one.bests.max()),
+        low=(1 - NEARLY) * FITNESS,
+        high=(1 + NEARLY) * FITNESS,
+        unit="points",
     ),
-    "slow": _median(lambda one: one.early, high=RARE, unit="%"),
-    "many fail": _median(
-        lambda one: len(one.poor) / len(one.rows) if len(one.rows) >= GROUP else None, low=0.2, unit="%"
+    "slow": partial(_median, lambda one: one.early, high=RARE, unit="%"),
+    "many fail": partial(
+        _median, lambda one: len(one.poor) / len(one.rows) if len(one.rows) >= GROUP else None, low=0.2, unit="%"
     ),
-    "counted": _median(lambda one: mean_of(one.good, lambda row: row["use_hop_count"]), low=0.9, unit="%"),
-    "uncounted": _median(lambda one: mean_of(one.poor, lambda row: not row["use_hop_count"]), low=0.5, unit="%"),
-    "exceptions": _median(lambda one: one.exceptions, 0.02, 0.08, "%"),
-    "scouts level": _level("fraction_scouts", 0.16),
-    "forget level": _level("p_vector_forget", 0.28),
-    "scouts equal": _equal("fraction_scouts"),
-    "forget equal": _equal("p_vector_forget"),
-    "trade": _median(lambda one: one.trade, high=0.0),
-    "density level": _median(lambda one: one.density, 0.1, 0.15, "%"),
-    "signals": _property(lambda best: best.priority_signal_loaded and not best.priority_signal_scouts),
-    "weights": _median(lambda one: one.best.weight_find_dump - one.best.weight_find_dust, low=0.0),
-    "distances": _property(
-        lambda best: best.empty_coll_avoid_dist > best.priority_coll_avoid_dist > best.loaded_coll_avoid_dist
+    "counted": partial(_median, lambda one: mean_of(one.good, lambda row: row["use_hop_count"]), low=0.9, unit="%"),
+    "uncounted": partial(
+        _median, lambda one: mean_of(one.poor, lambda row: not row["use_hop_count"]), low=0.5, unit="%"
+    ),
+    "exceptions": partial(_median, lambda one: one.exceptions, low=0.02, high=0.08, unit="%"),
+    "scouts level": partial(_level, "fraction_scouts", 0.16),
+    "forget level": partial(_level, "p_vector_forget", 0.28),
+    "scouts equal": partial(_equal, "fraction_scouts"),
+    "forget equal": partial(_equal, "p_vector_forget"),
+    "trade": partial(_median, lambda one: one.trade, high=0.0),
+    "density level": partial(_median, lambda one: one.density, low=0.1, high=0.15, unit="%"),
+    "signals": partial(_property, lambda best: best.priority_signal_loaded and not best.priority_signal_scouts),
+    "weights": partial(_median, lambda one: one.best.weight_find_dump - one.best.weight_find_dust, low=0.0),
+    "distances": partial(
+        _property, lambda best: best.empty_coll_avoid_dist > best.priority_coll_avoid_dist > best.loaded_coll_avoid_dist
     ),
 }
 STATEMENTS: list[Statement] = [
     *stated(TESTS),
-    *(added("evolution", f"Selection moves {trait}", _moved(trait)) for trait in TRAITS),
+    *(added("evolution", f"Selection moves {trait}", partial(_moved, trait)) for trait in TRAITS),
 ]

@@ -26,8 +26,6 @@ KINDS = {
     NOT_COMPARABLE: "what is measured here is not what the paper measured, or depends on the computer",
 }
 """What a verdict on a statement is worth: the kinds and their meanings."""
-ROLES = ("selects", "held out")
-"""Whether a reading of the paper's rules was chosen by a statement, see `statements.ASKED`."""
 
 Row = Mapping[str, Any]
 Rows = Sequence[Row]
@@ -42,7 +40,7 @@ class Finding(NamedTuple):
     paper: str
     """The paper's value."""
     kind: str
-    """What the verdict is about, one of `KINDS`; of what `iswarm infer` asks with its role, `ROLES`."""
+    """What the verdict is about, one of `KINDS`; of what `iswarm infer` asks also whether it selects or is held out."""
     ours: str = ""
     """Our value; empty without results."""
     statistics: str = ""
@@ -97,9 +95,9 @@ def stated(tests: Mapping[str, Test]) -> list[Statement]:
     return [Statement(**_WORDS[name], test=test) for name, test in tests.items()]
 
 
-def added(study: str, claim: str, test: Test, note: str = "") -> Statement:
+def added(study: str, claim: str, test: Test) -> Statement:
     """Statement that the paper does not make, on a question that it does not study."""
-    return Statement(study, claim, NOT_IN_PAPER, "not studied", PREDICTED, note, test)
+    return Statement(study, claim, NOT_IN_PAPER, "not studied", PREDICTED, "", test)
 
 
 def number(value: float, digits: int = 3) -> str:

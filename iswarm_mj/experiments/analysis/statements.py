@@ -6,6 +6,7 @@ named in docs/comparison.md. `ASKED` has what `iswarm infer` asks of single sets
 
 import math
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -59,20 +60,14 @@ def _medians(rows: Rows, measure: Measure) -> dict[float, float]:
     return {density: _middle(runs, measure) for density, runs in sorted(by(rows, "density").items())}
 
 
-def _with_is_better(measure: Measure) -> Callable[[Rows], bool]:
-    def holds(rows: Rows) -> bool:
-        there, absent = (_middle(select(rows, use_hop_count=flag), measure) for flag in (True, False))
-        return there > absent if measure.is_better_larger else there < absent
-
-    return holds
+def _with_is_better(measure: Measure, rows: Rows) -> bool:
+    there, absent = (_middle(select(rows, use_hop_count=flag), measure) for flag in (True, False))
+    return there > absent if measure.is_better_larger else there < absent
 
 
-def _is_best(measure: Measure) -> Callable[[Rows], bool]:
-    def holds(rows: Rows) -> bool:
-        found = _medians(rows, measure)
-        return BEST[0] <= min(found, key=found.__getitem__) <= BEST[1]
-
-    return holds
+def _is_best(measure: Measure, rows: Rows) -> bool:
+    found = _medians(rows, measure)
+    return BEST[0] <= min(found, key=found.__getitem__) <= BEST[1]
 
 
 def _dense_are_slower(rows: Rows) -> bool:
@@ -81,20 +76,14 @@ def _dense_are_slower(rows: Rows) -> bool:
     return all(time > best for density, time in found.items() if density > CLEAN[1])
 
 
-def _time_agrees(name: str) -> Callable[[Rows], bool]:
-    def holds(rows: Rows) -> bool:
-        runs = select(rows, type=name)
-        return _reaches(runs) and abs(_middle(runs, TIME) / PAPER_TIME[name] - 1) <= EQUAL
-
-    return holds
+def _time_agrees(name: str, rows: Rows) -> bool:
+    runs = select(rows, type=name)
+    return _reaches(runs) and abs(_middle(runs, TIME) / PAPER_TIME[name] - 1) <= EQUAL
 
 
-def _penalty_agrees(name: str) -> Callable[[Rows], bool]:
-    def holds(rows: Rows) -> bool:
-        ratio = 0.05 * _middle(select(rows, type=name), COLLISIONS) / PENALTIES[name]
-        return 1 / SAME_PENALTY <= ratio <= SAME_PENALTY
-
-    return holds
+def _penalty_agrees(name: str, rows: Rows) -> bool:
+    ratio = 0.05 * _middle(select(rows, type=name), COLLISIONS) / PENALTIES[name]
+    return 1 / SAME_PENALTY <= ratio <= SAME_PENALTY
 
 
 def _same_time(rows: Rows) -> bool:
@@ -112,15 +101,14 @@ def penalty_error(rows: Rows) -> float:
 # --- Many runs of each setting ---
 
 
-def hop_counts(measure: Measure) -> Test:
-    """The statement that a measure of runs is better with hop counts than without."""
-    return lambda rows: differences(
-        {"": (select(rows, use_hop_count=True), select(rows, use_hop_count=False))}, measure, measure.is_better_larger
-    )
+def hop_counts(measure: Measure, rows: Rows) -> Judged | None:
+    """Judge whether a measure of runs is better with hop counts than without."""
+    groups = select(rows, use_hop_count=True), select(rows, use_hop_count=False)
+    return differences({"": groups}, measure, measure.is_better_larger)
 
 
-def _lowest(measure: Measure) -> Test:
-    return lambda rows: optimum(by(rows, "density"), measure, BEST)
+def _lowest(measure: Measure, rows: Rows) -> Judged | None:
+    return optimum(by(rows, "density"), measure, BEST)
 
 
 def _densities(rows: Rows, low: float, high: float) -> dict[str, Rows]:
@@ -138,65 +126,65 @@ CLEANED = {"cleans": (CLEAN, True), "sparse": ((SPARSEST, SPARSEST), False), "de
 """Densities, and whether more than half of the swarms of each reach the goal there."""
 
 
-def _cleaned(ends: tuple[float, float], cleans: bool) -> Test:
-    return lambda rows: reaching(_densities(rows, *ends), cleans)
+def _cleaned(ends: tuple[float, float], cleans: bool, rows: Rows) -> Judged | None:
+    return reaching(_densities(rows, *ends), cleans)
 
 
-def _all_clean(ends: tuple[float, float], cleans: bool) -> Callable[[Rows], bool]:
-    return lambda rows: all(_reaches(runs) == cleans for runs in _densities(rows, *ends).values())
+def _all_clean(ends: tuple[float, float], cleans: bool, rows: Rows) -> bool:
+    return all(_reaches(runs) == cleans for runs in _densities(rows, *ends).values())
 
 
-def _of_types(test: Callable[[Mapping[str, Rows]], Judged | None]) -> Test:
-    """A test of both of the paper's types; nothing follows from one."""
-
-    def both(rows: Rows) -> Judged | None:
-        types = {name: select(rows, type=name) for name in PAPER_FITNESS}
-        return test(types) if all(types.values()) else None
-
-    return both
+def _types(rows: Rows) -> dict[str, Rows]:
+    """Runs of both of the paper's types; none if one is not there, as nothing follows from the other."""
+    types: dict[str, Rows] = {name: select(rows, type=name) for name in PAPER_FITNESS}
+    return types if all(types.values()) else {}
 
 
-def _as_the_papers(measure: Measure, paper: Mapping[str, float], margin: float, statistic: Callable) -> Test:
+def _as_the_papers(
+    measure: Measure, paper: Mapping[str, float], margin: float, statistic: Callable, rows: Rows
+) -> Judged | None:
     limits = {name: ((1 - margin) * value, (1 + margin) * value) for name, value in paper.items()}
-    return _of_types(
-        lambda types: averages(
-            {name: values(runs, measure) for name, runs in types.items()}, limits, measure.unit, statistic
-        )
-    )
+    samples = {name: values(runs, measure) for name, runs in _types(rows).items()}
+    return averages(samples, limits, measure.unit, statistic)
 
 
-def _early(types: Mapping[str, Rows]) -> Judged | None:
-    early = {name: sum((row["finished_at"] or STEPS) < SHORTEST for row in runs) for name, runs in types.items()}
-    return shares({name: (count, len(types[name])) for name, count in early.items()}, (-math.inf, RARE))
+def _early(rows: Rows) -> Judged | None:
+    early = {
+        name: (sum((row["finished_at"] or STEPS) < SHORTEST for row in runs), len(runs))
+        for name, runs in _types(rows).items()
+    }
+    return shares(early, (-math.inf, RARE))
 
 
-def _compared(first: str, second: str, measure: Measure, **how: Any) -> Test:
+def _compared(first: str, second: str, measure: Measure, rows: Rows, **how: Any) -> Judged | None:
     """Runs of one type against those of another."""
-    return lambda rows: differences({"": (select(rows, type=first), select(rows, type=second))}, measure, **how)
+    return differences({"": (select(rows, type=first), select(rows, type=second))}, measure, **how)
 
 
 TESTS: Mapping[str, Test] = {
-    "hop time": hop_counts(TIME),
-    "hop dust": hop_counts(DUST),
-    "hop collisions": hop_counts(COLLISIONS),
-    "hop carriage": hop_counts(CARRIAGE),
-    "best time": _lowest(TIME),
-    "best collisions": _lowest(COLLISIONS),
-    "best carriage": _lowest(CARRIAGE),
+    "hop time": partial(hop_counts, TIME),
+    "hop dust": partial(hop_counts, DUST),
+    "hop collisions": partial(hop_counts, COLLISIONS),
+    "hop carriage": partial(hop_counts, CARRIAGE),
+    "best time": partial(_lowest, TIME),
+    "best collisions": partial(_lowest, COLLISIONS),
+    "best carriage": partial(_lowest, CARRIAGE),
     "dense slower": _later,
-    **{name: _cleaned(*ends) for name, ends in CLEANED.items()},
-    "types clean": _of_types(reaching),
-    "types time": _as_the_papers(TIME, PAPER_TIME, EQUAL, np.median),
-    "same time": _compared("type1", "type2", TIME, margin=lambda a, b: EQUAL * float(np.median(a) + np.median(b)) / 2),
-    "early": _of_types(_early),
-    "types fitness": _as_the_papers(FITNESS, PAPER_FITNESS, NEARLY, np.mean),
-    "equally fit": _compared(
-        "type1", "type2", FITNESS, margin=lambda a, b: NEARLY * PAPER_FITNESS["type1"], statistic=np.mean
+    **{name: partial(_cleaned, *ends) for name, ends in CLEANED.items()},
+    "types clean": lambda rows: reaching(_types(rows)),
+    "types time": partial(_as_the_papers, TIME, PAPER_TIME, EQUAL, np.median),
+    "same time": partial(
+        _compared, "type1", "type2", TIME, margin=lambda a, b: EQUAL * float(np.median(a) + np.median(b)) / 2
     ),
-    "gathering": _compared("type2", "type1", AGGREGATION),
+    "early": _early,
+    "types fitness": partial(_as_the_papers, FITNESS, PAPER_FITNESS, NEARLY, np.mean),
+    "equally fit": partial(
+        _compared, "type1", "type2", FITNESS, margin=lambda a, b: NEARLY * PAPER_FITNESS["type1"], statistic=np.mean
+    ),
+    "gathering": partial(_compared, "type2", "type1", AGGREGATION),
     # Fitted: an evolution selected it by this fitness, in this simulator, if not with these seeds.
-    "evolved type1": _compared("evolved", "type1", FITNESS),
-    "evolved type2": _compared("evolved", "type2", FITNESS),
+    "evolved type1": partial(_compared, "evolved", "type1", FITNESS),
+    "evolved type2": partial(_compared, "evolved", "type2", FITNESS),
 }
 STATEMENTS = stated(TESTS)
 
@@ -212,21 +200,21 @@ class Asked(NamedTuple):
 
 
 ASKED: Mapping[str, Asked] = {
-    "Hop counts: faster": Asked("hop-count", _with_is_better(TIME), False),
-    "Hop counts: more dust": Asked("hop-count", _with_is_better(DUST), False),
-    "Hop counts: fewer collisions": Asked("hop-count", _with_is_better(COLLISIONS), False),
-    "Hop counts: shorter carriage": Asked("hop-count", _with_is_better(CARRIAGE), False),
-    "Fastest at 0.1 to 0.15": Asked("density", _is_best(TIME), True),
-    "Fewest collisions at 0.1 to 0.15": Asked("density", _is_best(COLLISIONS), True),
-    "Shortest carriage at 0.1 to 0.15": Asked("density", _is_best(CARRIAGE), True),
+    "Hop counts: faster": Asked("hop-count", partial(_with_is_better, TIME), False),
+    "Hop counts: more dust": Asked("hop-count", partial(_with_is_better, DUST), False),
+    "Hop counts: fewer collisions": Asked("hop-count", partial(_with_is_better, COLLISIONS), False),
+    "Hop counts: shorter carriage": Asked("hop-count", partial(_with_is_better, CARRIAGE), False),
+    "Fastest at 0.1 to 0.15": Asked("density", partial(_is_best, TIME), True),
+    "Fewest collisions at 0.1 to 0.15": Asked("density", partial(_is_best, COLLISIONS), True),
+    "Shortest carriage at 0.1 to 0.15": Asked("density", partial(_is_best, CARRIAGE), True),
     "Slower above 0.2": Asked("density", _dense_are_slower, True),
-    "0.1 to 0.2 cleans": Asked("density", _all_clean(*CLEANED["cleans"]), True),
-    "0.05 does not clean": Asked("density", _all_clean(*CLEANED["sparse"]), True),
-    "Above 0.2 does not clean": Asked("density", _all_clean(*CLEANED["dense"]), True),
-    "Type 1 takes 310 steps": Asked("types", _time_agrees("type1"), False),
-    "Type 2 takes 311 steps": Asked("types", _time_agrees("type2"), False),
+    "0.1 to 0.2 cleans": Asked("density", partial(_all_clean, *CLEANED["cleans"]), True),
+    "0.05 does not clean": Asked("density", partial(_all_clean, *CLEANED["sparse"]), True),
+    "Above 0.2 does not clean": Asked("density", partial(_all_clean, *CLEANED["dense"]), True),
+    "Type 1 takes 310 steps": Asked("types", partial(_time_agrees, "type1"), False),
+    "Type 2 takes 311 steps": Asked("types", partial(_time_agrees, "type2"), False),
     "Both types take the same time": Asked("types", _same_time, False),
-    "Type 1 loses 9 points by collisions": Asked("types", _penalty_agrees("type1"), True),
-    "Type 2 loses 4 points by collisions": Asked("types", _penalty_agrees("type2"), True),
+    "Type 1 loses 9 points by collisions": Asked("types", partial(_penalty_agrees, "type1"), True),
+    "Type 2 loses 4 points by collisions": Asked("types", partial(_penalty_agrees, "type2"), True),
 }
 """Of `iswarm infer`: Fig. 17 and the penalties in Table 2 select, Fig. 15 and the times of both types are held out."""

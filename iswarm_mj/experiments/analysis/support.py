@@ -43,10 +43,10 @@ class Combination(NamedTuple):
         return self.reading is not None and not any(self.labels.values())
 
 
-def accepted(sample: Sequence[Combination], fraction: float = ACCEPTED) -> list[Combination]:
-    """The best `fraction` of a sample, at least one."""
+def accepted(sample: Sequence[Combination]) -> list[Combination]:
+    """The best share `ACCEPTED` of a sample, at least one."""
     ranking = sorted(sample, key=lambda c: (-sum(c.answers), c.penalty_error))
-    return ranking[: max(1, round(fraction * len(sample)))]
+    return ranking[: max(1, round(ACCEPTED * len(sample)))]
 
 
 def support(

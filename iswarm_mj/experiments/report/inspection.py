@@ -7,6 +7,8 @@ from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
 
+from tqdm import tqdm
+
 from iswarm_mj.experiments.analysis.evolution import best_of
 from iswarm_mj.experiments.report.results import SEARCH, TRIALS, as_named
 from iswarm_mj.experiments.runner.experiment import RUNS
@@ -84,13 +86,11 @@ def _of_many(runs: Mapping[Path, Mapping[str, Any]]) -> list[str]:
 
 def _about(directory: Path) -> Iterator[str]:
     """Say what ran, and its outcome."""
-    if (directory / RESULT).is_file():
-        yield from _run(read_result(directory / RESULT), directory)
-    tables = [directory / name for name in _TABLES if (directory / name).is_file()]
-    for path in tables:
+    there = [directory / name for name in (RESULT, *_TABLES) if (directory / name).is_file()]
+    for path in there:
         try:
             with as_named(path):
-                yield from _table(path)
+                yield from _run(read_result(path), directory) if path.name == RESULT else _table(path)
         except UserError as error:
             yield str(error)
     for name, kind in _JOURNALS.items():
@@ -98,7 +98,7 @@ def _about(directory: Path) -> Iterator[str]:
             kept = f"{count(directory / name)} finished runs of {kind} are kept in {name}"
             flag = " with --resume" * (name == CHECKPOINT)
             # A search writes its table as it goes on, and its best genome at the end.
-            ended = (directory / BEST).is_file() if name == CHECKPOINT else bool(tables)
+            ended = (directory / BEST).is_file() if name == CHECKPOINT else bool(there)
             yield kept if ended else f"interrupted: {kept}; the same command{flag} goes on"
 
 
@@ -111,14 +111,8 @@ def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
     yield f"{kind} with {what} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
     if content.get("interrupted"):
         yield f"interrupted after {content.get('steps')} of {content.get('max_steps')} control steps"
-    try:
-        yield summary(content, directory)
-    except (KeyError, TypeError, ValueError, AttributeError):
-        yield f"its measures cannot be read: {RESULT} is damaged"
-    faults = content.get("faults") or []
-    if not isinstance(faults, list):
-        yield f"its faults cannot be read: {RESULT} is damaged"
-        faults = []
+    yield summary(content, directory)
+    faults = list(content["faults"])
     yield from (f"fault: {fault}" for fault in faults[:_MAX_LISTED])
     if len(faults) > _MAX_LISTED:
         yield f"{len(faults) - _MAX_LISTED} more faults are in {RESULT}"
@@ -157,7 +151,7 @@ def _files(directory: Path) -> Iterator[str]:
         text = opening(path)
         if path.name == RESULT and "delivered" not in read_result(path):
             text = text.replace("iswarm clean", "iswarm run")
-        yield f"{name:<{width}}  {_size(path.stat().st_size):>8}  {text}"
+        yield f"{name:<{width}}  {tqdm.format_sizeof(path.stat().st_size, 'B'):>8}  {text}"
     if len(files) > _MAX_LISTED:
         yield f"{len(files) - _MAX_LISTED} more files"
 
@@ -170,14 +164,6 @@ def _recordings(directory: Path, at_least: int = 2) -> Iterator[str]:
         names = dict.fromkeys(name if "'" in name else re.sub(r"\d+", "*", name) for name in names)
         opened = " ".join(f"{shlex.quote(str(directory))}/{name}" for name in names)
         yield f"{'recording' if len(found) == 1 else f'all {len(found)} recordings as one dataset'}: rerun {opened}"
-
-
-def _size(n_bytes: float) -> str:
-    for unit in ("B", "kB", "MB"):
-        if n_bytes < 1000:
-            return f"{n_bytes:.3g} {unit}"
-        n_bytes /= 1000
-    return f"{n_bytes:.3g} GB"
 
 
 def opening(path: Path) -> str:

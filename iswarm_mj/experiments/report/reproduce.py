@@ -18,8 +18,8 @@ from iswarm_mj.experiments.report.results import (
     SEARCHES,
     TRIALS,
     collect,
+    findings_files,
     topics_of,
-    write_findings,
 )
 from iswarm_mj.experiments.report.tables import Tables, new_texts
 from iswarm_mj.experiments.report.writer import report
@@ -33,7 +33,7 @@ from iswarm_mj.output.plot_light import draw_light
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory, remove
 from iswarm_mj.utils.lock import locked
-from iswarm_mj.utils.tables import read_table
+from iswarm_mj.utils.tables import read_table, write_csv
 from iswarm_mj.workflows.grasp import run_grasp
 from iswarm_mj.workflows.grasp_settings import GraspSettings
 
@@ -184,7 +184,8 @@ def rewrite(places: Places) -> None:
     topics = topics_of(collect([places.results]))
     texts = new_texts(places.pages, Tables().content)
     with locked(places.results):
-        write_findings(topics)
+        for path, findings in findings_files(topics).items():
+            write_csv(path, [finding._asdict() for finding in findings])
     for path, text in texts.items():
         with atomic_write(path) as part:
             part.write_text(text, encoding="utf-8")

@@ -18,7 +18,7 @@ from iswarm_mj.experiments.runner.search import TABLE as SEARCH
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.plot_trials import draw_figures
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.tables import read_table, write_csv
+from iswarm_mj.utils.tables import read_table
 
 TRIALS = "trials.parquet"
 METHODS = ("paper", "random", "cmaes")
@@ -50,6 +50,14 @@ class Result(NamedTuple):
             return EXPERIMENTS[self.name].draw(self.rows, out)
 
 
+class Picture(NamedTuple):
+    """A figure of ours."""
+
+    name: str
+    content: str
+    """As a data URI."""
+
+
 class Topic(NamedTuple):
     """A part of the statements."""
 
@@ -60,6 +68,8 @@ class Topic(NamedTuple):
     """Tables that the findings are based on; none if they were not made, or are not needed."""
     paper: str = ""
     """What the paper says of its figure; empty without one."""
+    pictures: Sequence[Picture] = ()
+    """Drawn of the tables, on the page of a report."""
 
 
 @contextmanager
@@ -91,12 +101,10 @@ def collect(directories: Sequence[Path]) -> dict[str, Result]:
                     name = _name(path, settings)
                 if name and rows:
                     new = Result(name, path, rows, settings)
-                    found[name] = max(found.get(name, new), new, key=_rank)
+                    found[name] = max(
+                        found.get(name, new), new, key=lambda each: (not each.settings.get("quick"), len(each.rows))
+                    )
     return {name: found[name] for name in (GRASP, *SEARCHES, *EXPERIMENTS) if name in found}
-
-
-def _rank(result: Result) -> tuple[bool, int]:
-    return not result.settings.get("quick"), len(result.rows)
 
 
 def files_in(directory: Path, pattern: str) -> Iterator[Path]:
@@ -156,13 +164,3 @@ def tally(findings: Sequence[Finding]) -> tuple[list[str], dict[str, list[int]]]
 def findings_files(topics: Iterable[Topic]) -> dict[Path, Sequence[Finding]]:
     """Findings by the files beside the tables that they are based on, for the evolution beside its first table."""
     return {topic.results[0].path.with_name(FINDINGS): topic.findings for topic in topics if topic.results}
-
-
-def write_findings(topics: Iterable[Topic]) -> None:
-    """Write `findings_files`.
-
-    Raises:
-        UserError: one of them cannot be written.
-    """
-    for path, findings in findings_files(topics).items():
-        write_csv(path, [finding._asdict() for finding in findings])

@@ -6,14 +6,23 @@ from collections.abc import Sequence
 from pathlib import Path
 from shlex import join
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from iswarm_mj import __version__
-from iswarm_mj.experiments.analysis.findings import KINDS, Finding
+from iswarm_mj.experiments.analysis.findings import KINDS
 from iswarm_mj.experiments.analysis.plots_of_searches import draw_trade
-from iswarm_mj.experiments.report.results import EVOLUTION, Topic, collect, files_in, searches_of, tally, topics_of
+from iswarm_mj.experiments.report.results import (
+    EVOLUTION,
+    Picture,
+    Topic,
+    collect,
+    files_in,
+    searches_of,
+    tally,
+    topics_of,
+)
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 
 TITLE = "The I-SWARM paper beside its re-implementation"
@@ -34,25 +43,7 @@ SVG_LIMIT = 400_000
 _MIME_TYPES = {".png": "image/png", ".svg": "image/svg+xml"}
 
 
-class Picture(NamedTuple):
-    """A figure of ours."""
-
-    name: str
-    content: str
-    """As a data URI."""
-
-
-class Section(NamedTuple):
-    """A part of the report."""
-
-    title: str
-    findings: Sequence[Finding]
-    pictures: Sequence[Picture]
-    paper: str
-    """What the paper says of its figure; empty without one."""
-
-
-def report(directories: Sequence[Path], out: Path) -> list[Section]:
+def report(directories: Sequence[Path], out: Path) -> list[Topic]:
     """Write a report of all results below the directories as one HTML page; print a summary.
 
     Args:
@@ -76,7 +67,7 @@ def report(directories: Sequence[Path], out: Path) -> list[Section]:
         "again": join(["iswarm", "report", "--results", *map(str, directories), "--out", str(out)]),
     }
     with atomic_write(out) as part:
-        part.write_text(render("report.html", content), encoding="utf-8")
+        part.write_text(_render(content), encoding="utf-8")
     if not results:
         print(f"no results found in {', '.join(map(str, directories))}; the statements that are judged need none")
     print(", ".join(f"{verdict or 'not judged'}: {sum(row)}" for verdict, row in counts.items()))
@@ -84,8 +75,8 @@ def report(directories: Sequence[Path], out: Path) -> list[Section]:
     return sections
 
 
-def _section(topic: Topic) -> Section:
-    """Section of a topic, with the figures of its tables."""
+def _section(topic: Topic) -> Topic:
+    """A topic with the figures of its tables."""
     pictures = []
     with TemporaryDirectory() as directory:
         drawn = Path(directory)
@@ -96,25 +87,15 @@ def _section(topic: Topic) -> Section:
             paths = draw_trade(searches_of(topic.results), drawn / "trade")
             pictures += [Picture("Forgetting and scouts among the fittest", data_uri(path)) for path in paths]
     quick = ": the quick version, with few and short runs" * any(r.settings.get("quick") for r in topic.results)
-    return Section(topic.title + quick, topic.findings, pictures, topic.paper)
+    return topic._replace(title=topic.title + quick, pictures=pictures)
 
 
-def render(template: str, content: dict) -> str:
-    """Fill in a template.
-
-    Args:
-        template: report.html.
-        content: values of the template's names, see `report`.
-    """
-    environment = Environment(
-        loader=PackageLoader("iswarm_mj.experiments.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    return environment.get_template(template).render(content)
+def _render(content: dict) -> str:
+    """Fill in the template of the page."""
+    loader = PackageLoader("iswarm_mj.experiments.report")
+    how: dict[str, Any] = {"trim_blocks": True, "lstrip_blocks": True, "keep_trailing_newline": True}
+    environment = Environment(loader=loader, autoescape=True, undefined=StrictUndefined, **how)
+    return environment.get_template("report.html").render(content)
 
 
 def data_uri(path: Path) -> str:

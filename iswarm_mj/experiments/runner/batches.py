@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 from iswarm_mj.engines.settings import EngineSettings
@@ -14,21 +13,6 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.tasks.layout import free_cells
 from iswarm_mj.tasks.measures import Measures
-from iswarm_mj.utils.errors import FaultKind
-
-MAX_CAPACITY = 8.0
-"""Largest size of contact buffers, relative to `engines.mjx.arena.contact_capacity`. A batch whose buffers are full
-starts again with buffers twice as large, up to this.
-
-In 250 steps, the swarms of an evolution that collide most needed up to 2.1 times the default, swarms that do not avoid
-each other at all up to 3.6 times; a floor full of robots would need 7 times. With the JAX implementation unused space
-costs time: 4 times the default takes 6 times as long.
-"""
-LARGE_BATCH, SIMILAR = 128, 0.8
-"""With mjx, a batch of so many worlds takes no worlds with less than this share of the robots of its largest. With
-planar a world is a block: empty places cost little, and a step of a few hundred worlds takes as long as that of the
-world in which robots jam most."""
-_BUFFER_FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
 
 
 def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes:
@@ -55,46 +39,14 @@ def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes
 
 
 def _parts(indices: Sequence[int], jobs: Sequence[Job], engine: EngineSettings) -> list[list[int]]:
-    """Jobs in batches: of similar size with contact buffers, else as many as the memory has room for."""
-    if has_buffers(engine):
-        return _of_similar_size(indices, jobs)
+    """Jobs in batches, as many in each as the memory has room for."""
     most = most_worlds(engine, max(jobs[index].n_robots for index in indices))
     n_parts = max(1, math.ceil(len(indices) / most))
     return [list(indices[len(indices) * k // n_parts : len(indices) * (k + 1) // n_parts]) for k in range(n_parts)]
 
 
-def _of_similar_size(indices: Sequence[int], jobs: Sequence[Job]) -> list[list[int]]:
-    """Jobs in batches of at least `LARGE_BATCH`, whose empty places would otherwise cost more than another program."""
-    parts: list[list[int]] = []
-    for index in sorted(indices, key=lambda index: -jobs[index].n_robots):
-        n_robots = jobs[index].n_robots
-        if not parts or (len(parts[-1]) >= LARGE_BATCH and n_robots < SIMILAR * jobs[parts[-1][0]].n_robots):
-            parts.append([])
-        parts[-1].append(index)
-    return parts
-
-
 def _measured(jobs: Sequence[Job], engine: EngineSettings) -> list[Measures]:
-    """Measures of jobs of equal settings, with contact buffers as large as they need; the first fault is raised."""
-    while True:
-        run = _run(jobs, engine)
-        larger = 2 * getattr(engine, "contact_capacity", math.inf)
-        if not any(fault.kind & _BUFFER_FULL for fault in run.faults) or larger > MAX_CAPACITY:
-            break
-        engine = replace(engine, contact_capacity=larger)
-    for job, fault in zip(jobs, run.fault_of_each, strict=True):
-        if fault is not None:
-            raise job.fault(fault)
-    return [run.measures(world) for world in range(len(jobs))]
-
-
-def has_buffers(engine: EngineSettings) -> bool:
-    """Return whether an engine has contact buffers, whose room costs time."""
-    return hasattr(engine, "contact_capacity")
-
-
-def _run(jobs: Sequence[Job], engine: EngineSettings) -> Run:
-    """Run the jobs as worlds of one batch until all have ended or a contact buffer is full.
+    """Run the jobs as worlds of one batch; the first fault is raised.
 
     Batches share a compiled program if their largest swarms round up to the same multiple of `CAPACITY_STEP`.
     """
@@ -110,6 +62,9 @@ def _run(jobs: Sequence[Job], engine: EngineSettings) -> Run:
         for job in jobs
     ]
     run = Run(job.config, job.genome, settings, engine, worlds=worlds)
-    while not run.is_over and not any(fault.kind & _BUFFER_FULL for fault in run.faults):
+    while not run.is_over:
         run.advance()
-    return run
+    for job, fault in zip(jobs, run.fault_of_each, strict=True):
+        if fault is not None:
+            raise job.fault(fault)
+    return [run.measures(world) for world in range(len(jobs))]

@@ -17,7 +17,7 @@ from typing import Any
 
 from iswarm_mj import __version__
 from iswarm_mj.utils.errors import UserError, shown
-from iswarm_mj.utils.files import write_error
+from iswarm_mj.utils.files import flat, write_error
 
 Key = tuple[int, ...]
 _HEAD = b"SQLite format 3\0"
@@ -92,7 +92,9 @@ class Journal:
     def _compare(self, had: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
         """Raise a UserError unless the file was created with these settings and versions."""
         for what in wanted:
-            if different := list(_differences(had[what], wanted[what])):
+            was, now = dict(flat(had[what])), dict(flat(wanted[what]))
+            names = [name for name in sorted(was.keys() | now.keys()) if was.get(name) != now.get(name)]
+            if different := [f"{n}: {shown(was.get(n))} there, {shown(now.get(n))} now" for n in names]:
                 raise UserError(
                     f"{self._path} was created with different {what} ({', '.join(different[:3])}); "
                     "resume with those it was created with, or choose another `out`"
@@ -126,12 +128,3 @@ def count(path: Path) -> int:
             return max(0, file.execute("SELECT count(*) FROM runs").fetchone()[0] - 1)
     except sqlite3.Error:
         return 0
-
-
-def _differences(had: Any, wanted: Any, name: str = "") -> Iterator[str]:
-    """Differences of two JSON values, each as 'name: value there, value now'."""
-    if isinstance(had, dict) and isinstance(wanted, dict):
-        for part in sorted(had.keys() | wanted.keys()):
-            yield from _differences(had.get(part), wanted.get(part), f"{name}.{part}" if name else part)
-    elif had != wanted:
-        yield f"{name}: {shown(had)} there, {shown(wanted)} now"

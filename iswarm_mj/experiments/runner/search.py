@@ -13,7 +13,6 @@ from iswarm_mj.experiments.analysis.evolution import LAST, Best, best_of, by_rep
 from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.analysis.measures import by
 from iswarm_mj.experiments.analysis.plots_of_searches import draw_fitness
-from iswarm_mj.experiments.runner.batches import has_buffers
 from iswarm_mj.experiments.runner.experiment import run_seed
 from iswarm_mj.experiments.runner.jobs import Job, Outcome
 from iswarm_mj.experiments.runner.journal import Journal, Key
@@ -26,7 +25,7 @@ from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.tables import write_table
 
 AT_ONCE = 4096
-"""Runs of a set of jobs at most, where several generations of random search are a batch of planar."""
+"""Runs of a set of jobs at most, where several generations of random search are a batch."""
 CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.sqlite", "evolution.parquet", "best.json", "fitness"
 
 
@@ -50,7 +49,7 @@ def run_search(
     and `genome_fitness`, the mean over the runs of the genome in this generation, by which genomes are selected;
     best.json, a genome, and with replicates the best of each, best-0.json and so on; fitness.png and .svg;
     checkpoint.sqlite. The table is written after each set of jobs, the others at the end. A generation of all
-    replicates is one set of jobs, and in batches of planar so are several generations of random search. Neither the
+    replicates is one set of jobs, and in batches so are several generations of random search. Neither the
     number of workers nor an interruption changes a byte of the files. In batches a generation that a checkpoint
     contains in part is repeated as a whole; its bytes are then the same on CPUs, and on GPUs if these round
     reproducibly.
@@ -95,8 +94,8 @@ def _rows(search: Search, execution: Execution, journal: Journal, save: Callable
     seeds = [replicate_seed(search.seed, replicate) for replicate in range(search.replicates)]
     methods = [proposals(search.method, search.operators, search.population, seed) for seed in seeds]
     fitness: list[Any] = [None] * search.replicates
-    is_large = execution.in_batches and not has_buffers(execution.settings)  # whose time hardly grows with its worlds
-    stride = max(1, AT_ONCE // search.n_runs) if is_large and search.method == "random" else 1
+    is_large = execution.in_batches and search.method == "random"  # the time of batches hardly grows with their worlds
+    stride = max(1, AT_ONCE // search.n_runs) if is_large else 1
     every = range(search.generations)
     with progress(search.generations * search.n_runs, done=len(journal.entries)) as bar:
         for generations in (every[first : first + stride] for first in every[::stride]):

@@ -238,15 +238,11 @@ def findings(rows: Rows) -> list[Finding]:
     return listed
 
 
-def _texts() -> list[str]:
-    """Texts of the statements, those that select first."""
-    return [text for which in (True, False) for text, asked in ASKED.items() if asked.selects == which]
-
-
 def draw(rows: Rows, path: Path) -> list[Path]:
     """Draw how many statements are reproduced, and the support of each choice."""
     every = [c for c in combinations_of(rows) if c.reading is None or c.is_named]
-    return draw_support(every, supported([c for c in every if c.reading is None]), _texts(), path)
+    texts = sorted(ASKED, key=lambda text: not ASKED[text].selects)  # those that select first
+    return draw_support(every, supported([c for c in every if c.reading is None]), texts, path)
 
 
 def experiment_of(combinations: int = COMBINATIONS) -> Experiment:

@@ -1,7 +1,9 @@
 """The runs of the studies: what each is labelled with, and its seed, which follows from its place."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import wraps
+from itertools import product
 from typing import Any
 
 from iswarm_mj.experiments.analysis.beyond_statements import (
@@ -114,67 +116,72 @@ Setting = tuple[Mapping[str, Any], tuple[int, ...], Mapping[str, Any]]
 """Labels, place of the seeds, and what differs from the plan of a run."""
 
 
-def _runs(plan: Plan, settings: Sequence[Setting], repeats: int, steps: int = TIME_LIMIT) -> list[Entry]:
-    """Runs of all settings; the arguments of `Job` follow from the plan unless a setting says otherwise."""
-    listed = []
-    for labels, place, own in settings:
-        config, genome = own.get("config", plan.config), own.get("genome", plan.genome)
-        density = own.get("density", genome.density_of_robots)
-        n_robots = own.get("n_robots", robots_for(plan.config.arena, density))
-        goal, failed = own.get("goal", plan.goal), own.get("failed", 0.0)
-        for repeat in range(own.get("repeats", repeats)):
-            job = Job(config, genome, n_robots, run_seed(plan.seed, *place, repeat), steps, goal, failed)
-            listed.append(Entry({**labels, "repeat": repeat}, job))
-    return listed
+ENTRIES: dict[str, Callable[[Plan], list[Entry]]] = {}
+"""Runs of each study by its name."""
 
 
-def _size(plan: Plan, repeats: int, few: int = 3, steps: int = 300) -> tuple[int, int]:
-    """Repeats and steps, of the quick version few."""
-    return (few, steps) if plan.quick else (repeats, TIME_LIMIT)
+def _study(name: str, repeats: int, few: int = 3, steps: int = 300, limit: int = TIME_LIMIT) -> Callable:
+    """Decorate what yields the settings of a study: it returns the runs, and is one of `ENTRIES`.
+
+    Arguments of `Job` follow from the plan unless a setting says otherwise.
+
+    Args:
+        name: of the study.
+        repeats: runs of each setting.
+        few: the same of the quick version.
+        steps: of a run of the quick version at most.
+        limit: of others.
+    """
+
+    def decorated(study: Callable[[Plan], Iterator[Setting]]) -> Callable[[Plan], list[Entry]]:
+        @wraps(study)
+        def entries(plan: Plan) -> list[Entry]:
+            listed = []
+            for labels, place, own in study(plan):
+                config, genome = own.get("config", plan.config), own.get("genome", plan.genome)
+                density = own.get("density", genome.density_of_robots)
+                n_robots = own.get("n_robots", robots_for(plan.config.arena, density))
+                goal, failed = own.get("goal", plan.goal), own.get("failed", 0.0)
+                for repeat in range(few if plan.quick else own.get("repeats", repeats)):
+                    seed, most = run_seed(plan.seed, *place, repeat), steps if plan.quick else limit
+                    job = Job(config, genome, n_robots, seed, most, goal, failed)
+                    listed.append(Entry({**labels, "repeat": repeat}, job))
+            return listed
+
+        ENTRIES[name] = entries
+        return entries
+
+    return decorated
 
 
 def _hop_counts(genome: Genome) -> list[tuple[bool, Genome]]:
     return [(flag, replace(genome, use_hop_count=flag)) for flag in (True, False)]
 
 
-def hop_count(plan: Plan) -> list[Entry]:
+@_study("hop-count", REPEATS)
+def hop_count(plan: Plan) -> Iterator[Setting]:
     """Runs with and without hop counts."""
-    settings: list[Setting] = [
-        ({"use_hop_count": flag}, (int(flag),), {"genome": genome}) for flag, genome in _hop_counts(plan.genome)
-    ]
-    return _runs(plan, settings, *_size(plan, REPEATS))
+    for flag, genome in _hop_counts(plan.genome):
+        yield {"use_hop_count": flag}, (int(flag),), {"genome": genome}
 
 
-def density(plan: Plan) -> list[Entry]:
+@_study("density", REPEATS, few=2)
+def density(plan: Plan) -> Iterator[Setting]:
     """Runs of all densities."""
-    densities = (0.05, 0.1, 0.2, 0.4) if plan.quick else DENSITIES
-    settings: list[Setting] = [({"density": d}, (round(1000 * d),), {"density": d}) for d in densities]
-    return _runs(plan, settings, *_size(plan, REPEATS, few=2))
+    for d in (0.05, 0.1, 0.2, 0.4) if plan.quick else DENSITIES:
+        yield {"density": d}, (round(1000 * d),), {"density": d}
 
 
-def types(plan: Plan) -> list[Entry]:
+@_study("types", OTHERS, steps=200, limit=STEPS)
+def types(plan: Plan) -> Iterator[Setting]:
     """Runs of all presets, each at its own density, until all balls are delivered."""
-    settings: list[Setting] = []
     for place, (name, genome) in enumerate(PRESETS.items()):
-        repeats = 3 if plan.quick else COMPARED if name in PAPER_FITNESS else OTHERS
-        settings.append(({"type": name}, (place,), {"genome": genome, "goal": None, "repeats": repeats}))
-    return _runs(plan, settings, 0, 200 if plan.quick else STEPS)
+        repeats = {"repeats": COMPARED} if name in PAPER_FITNESS else {}
+        yield {"type": name}, (place,), {"genome": genome, "goal": None, **repeats}
 
 
-def robustness(plan: Plan) -> list[Entry]:
-    """Runs with shares of the robots dead, and with the same shares left out."""
-    n_robots = robots_for(plan.config.arena, plan.genome.density_of_robots)
-    fractions = (0.0, 0.3, 0.5) if plan.quick else FRACTIONS
-    settings: Sequence[Setting] = [
-        ({"kind": "dead", "fraction": f}, (1, round(1000 * f)), {"failed": f}) for f in fractions
-    ] + [
-        ({"kind": "absent", "fraction": f}, (0, round(1000 * f)), {"n_robots": n_robots - round(f * n_robots)})
-        for f in fractions[1:]
-    ]
-    return _runs(plan, settings, *_size(plan, REPEATS))
-
-
-def sensitivity(plan: Plan) -> list[Entry]:
+@_study("sensitivity", 10)
+def sensitivity(plan: Plan) -> Iterator[Setting]:
     """Runs of the default and of each choice; the number of robots is that of the default."""
     varieties = [({"group": DEFAULT, "choice": DEFAULT, "value": ""}, plan.config)]
     for group, choices in CHOICES.items():
@@ -183,57 +190,51 @@ def sensitivity(plan: Plan) -> list[Entry]:
                 labels = {"group": group, "choice": name, "value": str(other)}
                 varieties.append((labels, varied(plan.config, {name: other})))
     varieties = varieties[:1] + [item for item in varieties[1:] if item[1] != plan.config]
-    settings: list[Setting] = [(labels, (n,), {"config": config}) for n, (labels, config) in enumerate(varieties)]
-    return _runs(plan, settings, *_size(plan, 10))
+    for n, (labels, config) in enumerate(varieties):
+        yield labels, (n,), {"config": config}
 
 
-def message_time(plan: Plan) -> list[Entry]:
-    """Runs with and without hop counts where robots stop to emit and disturb each other, at several baud rates."""
-    settings: list[Setting] = []
-    for name, own in MESSAGES.items():
-        config, number = varied(plan.config, own), int(own["optics.baud_rate"]) + (len(own) - 1)
-        for flag, genome in _hop_counts(plan.genome):
-            labels = {"setting": name, "use_hop_count": flag}
-            settings.append((labels, (number, int(flag)), {"config": config, "genome": genome}))
-    return _runs(plan, settings, *_size(plan, REPEATS))
+@_study("robustness", REPEATS)
+def robustness(plan: Plan) -> Iterator[Setting]:
+    """Runs with shares of the robots dead, and with the same shares left out."""
+    n_robots = robots_for(plan.config.arena, plan.genome.density_of_robots)
+    fractions = (0.0, 0.3, 0.5) if plan.quick else FRACTIONS
+    for f in fractions:
+        yield {"kind": "dead", "fraction": f}, (1, round(1000 * f)), {"failed": f}
+    for f in fractions[1:]:
+        left = {"n_robots": n_robots - round(f * n_robots)}
+        yield {"kind": "absent", "fraction": f}, (0, round(1000 * f)), left
 
 
-def resolved_grasps(plan: Plan) -> list[Entry]:
-    """Pairs of runs of both types with the same seed: grasps are trials on the bench, or decided by the balance of the
-    forces; at all humidities and voltages of the tool."""
-    humidities, voltages = (HUMIDITIES[-1:], VOLTAGES[::2]) if plan.quick else (HUMIDITIES, VOLTAGES)
-    settings: list[Setting] = []
-    for number, name in enumerate(SWARMS):
-        for humidity in humidities:
-            for voltage in voltages:
-                for resolution in (BALANCE, TRIALS):
-                    mine = {"relative_humidity": humidity, "grasp_voltage": voltage, "resolution": resolution}
-                    config = varied(plan.config, {**OF_ATTEMPTS, **{f"gripper.{key}": v for key, v in mine.items()}})
-                    place = (number, round(humidity), round(voltage))
-                    settings.append(({"type": name, **mine}, place, {"config": config, "genome": PRESETS[name]}))
-    return _runs(plan, settings, *_size(plan, PAIRS, few=2, steps=100))
-
-
-def time_step(plan: Plan) -> list[Entry]:
+@_study("time-step", PAIRS)
+def time_step(plan: Plan) -> Iterator[Setting]:
     """Runs of both types with all numbers of physics steps that the drive allows."""
-    refused, settings = refusals(plan.config.drive), []
+    refused = refusals(plan.config.drive)
     for place, name in enumerate(SWARMS):
         for rate in (10, 50) if plan.quick else SUBSTEPS:
             if rate not in refused:
                 config = replace(plan.config, drive=drive_of(plan.config.drive, rate))
-                settings.append(
-                    ({"type": name, "rate": rate}, (place, rate), {"config": config, "genome": PRESETS[name]})
-                )
-    return _runs(plan, settings, *_size(plan, PAIRS))
+                yield {"type": name, "rate": rate}, (place, rate), {"config": config, "genome": PRESETS[name]}
 
 
-ENTRIES: Mapping[str, Callable[[Plan], list[Entry]]] = {
-    "hop-count": hop_count,
-    "density": density,
-    "types": types,
-    "sensitivity": sensitivity,
-    "robustness": robustness,
-    "time-step": time_step,
-    "message-time": message_time,
-    "resolved-grasps": resolved_grasps,
-}
+@_study("message-time", REPEATS)
+def message_time(plan: Plan) -> Iterator[Setting]:
+    """Runs with and without hop counts where robots stop to emit and disturb each other, at several baud rates."""
+    for name, own in MESSAGES.items():
+        config, number = varied(plan.config, own), int(own["optics.baud_rate"]) + (len(own) - 1)
+        for flag, genome in _hop_counts(plan.genome):
+            labels = {"setting": name, "use_hop_count": flag}
+            yield labels, (number, int(flag)), {"config": config, "genome": genome}
+
+
+@_study("resolved-grasps", PAIRS, few=2, steps=100)
+def resolved_grasps(plan: Plan) -> Iterator[Setting]:
+    """Pairs of runs of both types with the same seed: grasps are trials on the bench, or decided by the balance of the
+    forces; at all humidities and voltages of the tool."""
+    humidities, voltages = (HUMIDITIES[-1:], VOLTAGES[::2]) if plan.quick else (HUMIDITIES, VOLTAGES)
+    for (number, name), humidity, voltage in product(enumerate(SWARMS), humidities, voltages):
+        for resolution in (BALANCE, TRIALS):
+            mine = {"relative_humidity": humidity, "grasp_voltage": voltage, "resolution": resolution}
+            config = varied(plan.config, {**OF_ATTEMPTS, **{f"gripper.{key}": v for key, v in mine.items()}})
+            place = (number, round(humidity), round(voltage))
+            yield {"type": name, **mine}, place, {"config": config, "genome": PRESETS[name]}
