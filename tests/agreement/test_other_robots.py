@@ -79,7 +79,11 @@ OPTICS = {
 
 @pytest.mark.parametrize(
     ("file", "optics"),
-    [*(("paper", optics) for optics in OPTICS), ("four askew", "sector"), *((robot, "power") for robot in ROBOTS)],
+    [
+        *(("paper", optics) for optics in OPTICS),
+        ("four askew", "sector"),
+        *((robot, "power") for robot in ("two", "four askew", "five", "eight")),
+    ],
     indirect=["file"],
 )
 def test_every_engine_senses_the_same(file, optics):
