@@ -45,10 +45,10 @@ class Play(WithTask):
             genome,
             None if is_genome else self.own,
             self.task,
-            self.robots if self.density is None else n_robots,
+            self.robots if self.density is None and not isinstance(self.robot_file, list) else n_robots,
             self.seed,
             self.engine_settings,
-            self.robot,
+            self.robot_file,
             None if is_genome else shlex.join(self.controller) if self.controller[1:] else self.controller[0],
             self.task_name,
         )

@@ -16,7 +16,7 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 
 class PolicyStrategy:
@@ -49,7 +49,7 @@ class PolicyStrategy:
         self.apply, self.params, self.memory = apply, params, memory
         self.payload, self.task = as_payload(payload), task_of(task)
 
-    def for_world(self, config: SwarmConfig, robot: Robot, n_robots: int) -> "Policy":
+    def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "Policy":
         """Return the policy of robots in this configuration."""
         del n_robots
         return Policy(self.params, self.apply, self.memory, self.payload, Interface(config, robot, self.task))
@@ -60,7 +60,7 @@ class Interface:
     """What observations and actions of a policy mean."""
 
     config: SwarmConfig
-    robot: Robot
+    robot: Robots
     task: Any
 
     def observations(self, payload: Payload, seen: Observation) -> list[Row]:

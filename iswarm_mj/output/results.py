@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from iswarm_mj import __version__
+from iswarm_mj.engines.robot_file import in_words
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Scene
 from iswarm_mj.simulation.run import Run
@@ -46,7 +47,7 @@ def about(run: Run) -> dict[str, Any]:
         "settings": own,
         **run.rules,
         "config": asdict(run.config),
-        "robot": {"file": None if run.robot_file is None else str(run.robot_file), **asdict(run.robot)},
+        "robot": {"file": in_words(run.robot_file), **asdict(cast(Any, run.robot))},
     }
     return json.loads(json.dumps(values))
 

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.config import SwarmConfig
@@ -21,7 +22,7 @@ from iswarm_mj.strategy.teams import team_numbers
 from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.draws import draw
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 
 class StepInputs(NamedTuple):
@@ -69,7 +70,7 @@ class Perceived(NamedTuple):
 
 def perceive(
     config: SwarmConfig,
-    robot: Robot,
+    robot: Robots,
     params: WorldParams,
     swarm: SwarmState,
     begin: StepInputs,
@@ -114,6 +115,7 @@ def perceive(
         swarm.is_alive,
         picks & ~is_empty,
         jnp.asarray(team_numbers(params.strategy, len(poses))),
+        jnp.asarray(robot.kind_of(np.arange(len(poses))), jnp.int32),
         params.conditions,
         config,
         robot,

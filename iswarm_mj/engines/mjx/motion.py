@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.engines.base import FreeBodies, Motion, Phase, concluded
 from iswarm_mj.engines.mjx.api import mjx
@@ -15,7 +15,6 @@ from iswarm_mj.engines.mjx.derivatives import implicit_contacts
 from iswarm_mj.engines.mjx.joints import quick_trees
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.robot import Robot
 
 _SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations than allowed, not missing room
 
@@ -50,7 +49,8 @@ def move(
     start = data, jnp.zeros_like(bodies.poses), jnp.zeros((len(phases), *shape)), jnp.int32(0)
     with jax.default_matmul_precision("highest"), planar_contacts(), implicit_contacts(), quick_trees():
         (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
-    touching = jnp.stack([overlapping(poses, arena.robot) for poses in before]).any(axis=0)
+    half_edges = arena.each("half_edges")
+    touching = jnp.stack([overlapping(poses, half_edges) for poses in before]).any(axis=0)
     touching &= bodies.is_present & bodies.is_present[:, None]
     moved = FreeBodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
     return concluded(bodies, moved, _partners(touching, arena.robot.most_partners), overflow, is_running, arena.walls)
@@ -72,17 +72,19 @@ def _overflow(arena: MjxArena, data: mjx.Data) -> Array:
     crowded = jnp.where((distance < 0).all(), int(FaultKind.TOO_MANY_CONTACTS), 0) if arena.n_robots > 1 else 0
     centre = data.xpos[1:]
     apart2 = ((centre[:, None] - centre[None]) ** 2).sum(axis=-1)
-    farthest = 2 * arena.robot.circumradius + 1e-3  # robots farther apart than this cannot touch [mm]
+    radius = arena.each("circumradius")
+    farthest = radius[:, None] + radius + 1e-3  # robots farther apart than this cannot touch [mm]
     n_near = ((apart2 < farthest**2).sum() - arena.n_robots) // 2
     if len(arena.boxes):  # MJX compares boxes whose spheres meet; those of obstacles are wide and come first
-        around = jnp.hypot(arena.boxes[:, 4], arena.boxes[:, 5]) + jnp.linalg.norm(jnp.array(arena.robot.half_edges))
+        around = jnp.hypot(arena.boxes[:, 4], arena.boxes[:, 5])
+        around += jnp.linalg.norm(arena.each("half_edges"), axis=1)[:, None]
         reach2 = ((centre[:, None, :2] - arena.boxes[None, :, :2]) ** 2).sum(axis=-1)
         is_level = jnp.abs(centre[:, 2] - arena.robot.ray_height) < arena.robot.ray_height  # the others are absent
         n_near += ((reach2 < around**2) & is_level[:, None]).sum()
     return crowded | jnp.where(n_near > arena.capacity.pairs, int(FaultKind.TOO_MANY_PAIRS), 0)
 
 
-def overlapping(poses: Array, robot: Robot) -> Array:
+def overlapping(poses: Array, half_edges: Float[Array, "N 3"]) -> Array:
     """Which robots overlap, (N, N) bool, upper triangle: rectangles by the separating axis theorem.
 
     The four possible axes are the normals of either rectangle. Along the first one's front normal, for example, it
@@ -90,17 +92,18 @@ def overlapping(poses: Array, robot: Robot) -> Array:
 
     Args:
         poses: (N, 3) x, y [mm] and yaw [rad].
-        robot: its half edges.
+        half_edges: of their hulls [mm].
     """
-    a, b, _ = robot.half_edges
+    a, b, _ = half_edges.T
     x, y, yaw = poses[:, 0], poses[:, 1], poses[:, 2]
     dx, dy = x[None] - x[:, None], y[None] - y[:, None]
     c, s = jnp.cos(yaw), jnp.sin(yaw)
     cos, sin = jnp.abs(c[:, None] * c + s[:, None] * s), jnp.abs(s[:, None] * c - c[:, None] * s)
 
-    def within(c: Array, s: Array) -> Array:
+    def within(c: Array, s: Array, a: Array, b: Array, a2: Array, b2: Array) -> Array:
         ahead, left = jnp.abs(c * dx + s * dy), jnp.abs(c * dy - s * dx)
-        return (ahead <= a + a * cos + b * sin) & (left <= b + b * cos + a * sin)
+        return (ahead <= a + a2 * cos + b2 * sin) & (left <= b + b2 * cos + a2 * sin)
 
-    index = jnp.arange(len(poses))
-    return within(c[:, None], s[:, None]) & within(c, s) & (index[:, None] < index)
+    index, first, second = jnp.arange(len(poses)), (a[:, None], b[:, None]), (a, b)
+    along = within(c[:, None], s[:, None], *first, *second) & within(c, s, *second, *first)
+    return along & (index[:, None] < index)
