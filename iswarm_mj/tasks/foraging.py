@@ -18,7 +18,7 @@ from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
 from iswarm_mj.tasks.protocol import Look, Quantity, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Above, Within, validate
-from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -157,9 +157,10 @@ class Forager:
 
     def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "Forager":
         """Return the strategy of robots with this tool."""
-        ahead = robot.each("probe_tip", np.arange(n_robots))[:, 0]
-        own: Any = ahead if len(set(ahead)) > 1 else float(ahead[0])
-        return replace(self, reach=own) if self.reach is None else self
+        reaches = {kind.probe_tip[0] for kind in robot.kinds}
+        if self.reach is None and len(reaches) > 1:
+            raise UserError("tools of foragers must have one length; make each kind of robots a team, or set `reach`.")
+        return replace(self, reach=reaches.pop()) if self.reach is None else self
 
     def init(self, n_robots: int, key: Array) -> dict[str, VectorMemory]:
         """Nobody knows anything."""

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Float, Int
+import numpy as np
+from jaxtyping import Bool, Int
 
 from iswarm_mj.engines.base import FreeBodies, Motion, Phase, concluded
 from iswarm_mj.engines.mjx.api import mjx
@@ -15,6 +16,7 @@ from iswarm_mj.engines.mjx.derivatives import implicit_contacts
 from iswarm_mj.engines.mjx.joints import quick_trees
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
+from iswarm_mj.utils.robot import Robots
 
 _SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations than allowed, not missing room
 
@@ -49,8 +51,7 @@ def move(
     start = data, jnp.zeros_like(bodies.poses), jnp.zeros((len(phases), *shape)), jnp.int32(0)
     with jax.default_matmul_precision("highest"), planar_contacts(), implicit_contacts(), quick_trees():
         (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
-    half_edges = arena.each("half_edges")
-    touching = jnp.stack([overlapping(poses, half_edges) for poses in before]).any(axis=0)
+    touching = jnp.stack([overlapping(poses, arena.robot) for poses in before]).any(axis=0)
     touching &= bodies.is_present & bodies.is_present[:, None]
     moved = FreeBodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
     return concluded(bodies, moved, _partners(touching, arena.robot.most_partners), overflow, is_running, arena.walls)
@@ -84,7 +85,7 @@ def _overflow(arena: MjxArena, data: mjx.Data) -> Array:
     return crowded | jnp.where(n_near > arena.capacity.pairs, int(FaultKind.TOO_MANY_PAIRS), 0)
 
 
-def overlapping(poses: Array, half_edges: Float[Array, "N 3"]) -> Array:
+def overlapping(poses: Array, robot: Robots) -> Array:
     """Which robots overlap, (N, N) bool, upper triangle: rectangles by the separating axis theorem.
 
     The four possible axes are the normals of either rectangle. Along the first one's front normal, for example, it
@@ -92,9 +93,9 @@ def overlapping(poses: Array, half_edges: Float[Array, "N 3"]) -> Array:
 
     Args:
         poses: (N, 3) x, y [mm] and yaw [rad].
-        half_edges: of their hulls [mm].
+        robot: their half edges.
     """
-    a, b, _ = half_edges.T
+    a, b, _ = jnp.asarray(robot.each("half_edges", np.arange(len(poses))), poses.dtype).T
     x, y, yaw = poses[:, 0], poses[:, 1], poses[:, 2]
     dx, dy = x[None] - x[:, None], y[None] - y[:, None]
     c, s = jnp.cos(yaw), jnp.sin(yaw)
