@@ -80,5 +80,9 @@ def two_kinds(directory, n_robots):
     """Files of the paper's robots, two fifths of all, and of robots of 2.4 x 1.6 mm and 30 mg."""
     path = directory / "heavy.xml"
     path.write_text(robot_xml(HALF, FOUR, probe=(1.1, 0.1), mass=30))
-    first = 2 * n_robots // 5
-    return (models_directory() / "robot.xml", first), (path, n_robots - first)
+    return numbered((models_directory() / "robot.xml", path), 2 * n_robots // 5, n_robots - 2 * n_robots // 5)
+
+
+def numbered(paths, *numbers):
+    """Files with the numbers of their robots."""
+    return tuple(f"{path}:{n}" for path, n in zip(paths, numbers, strict=True))

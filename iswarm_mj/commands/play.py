@@ -45,7 +45,7 @@ class Play(WithTask):
             genome,
             None if is_genome else self.own,
             self.task,
-            self.robots if self.density is None and not isinstance(self.robot_file, list) else n_robots,
+            self.robots if self.density is None else n_robots,
             self.seed,
             self.engine_settings,
             self.robot_file,

@@ -84,21 +84,20 @@ class Swarm(ConfigOptions):
 
     @property
     def robot_file(self) -> Any:
-        """The file of the robots, or the files of their kinds, see `Run`."""
-        from iswarm_mj.engines.robot_file import from_words
+        """The file of the robots, or the files of their kinds, see `RobotFile`."""
+        from iswarm_mj.engines.robot_file import as_robot_file
 
         is_one = len(self.robot) == 1 and not re.search(r":\d+$", self.robot[0])
-        return from_words(self.robot[0] if is_one else self.robot or None)
+        return as_robot_file(self.robot[0] if is_one else self.robot or None)
 
     def _n_robots(self, config: SwarmConfig, genome: Genome) -> int:
-        from iswarm_mj.engines.robot_file import as_robot_file, read_robots
+        from iswarm_mj.engines.robot_file import check_total, files_of, read_robots
         from iswarm_mj.tasks.layout import cell_of, check_robots, robots_for
 
-        given, total = self.robot_file, 0
-        if isinstance(given, str) and given.isdigit() and not Path(given).exists():
+        if len(self.robot) == 1 and (given := self.robot[0]).isdigit() and not Path(given).exists():
             raise UserError(f"--robot must be a file in MJCF (got {given}); perhaps you meant --robots {given}.")
-        if isinstance(given, list):
-            total = sum(n for _, n in given)
+        file = self.robot_file
+        total = sum(n for _, n in files_of(file))
         if self.density is not None and (self.robots is not None or total):
             other = "--robots" if self.robots is not None else "numbers of robots in --robot"
             raise UserError(f"{other} and --density exclude each other; give one of them.")
@@ -110,8 +109,8 @@ class Swarm(ConfigOptions):
             n_robots = robots_for(config.arena, self.density, "density")
         else:
             n_robots = robots_for(config.arena, genome.density_of_robots, "density_of_robots")
-        robots = read_robots(as_robot_file(given, n_robots))
-        check_robots(config.arena, n_robots, cell_of(robots))
+        check_total(file, n_robots)
+        check_robots(config.arena, n_robots, cell_of(read_robots(file)))
         return n_robots
 
     def run_of(self, config: SwarmConfig, genome: Genome, settings: RunSettings) -> Any:

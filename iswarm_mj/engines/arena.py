@@ -112,7 +112,7 @@ def compile_arena(
     made.
     """
     robot = read_robots(robot_file)
-    kind = np.arange(len(robot.kinds)) if n_robots is None else robot.kind_of(np.arange(n_robots))
+    kind = np.arange(len(robot.kinds)) if n_robots is None else robot.kind_of(n_robots)
     spec = arena_spec(config, kind, ball_radius, visual, robot_file, refinement)
     if tune is not None:
         tune(spec)

@@ -2,7 +2,6 @@
 
 import math
 import re
-from collections.abc import Sequence
 from importlib.resources import files
 from itertools import accumulate
 from pathlib import Path
@@ -16,10 +15,10 @@ import numpy as np
 from iswarm_mj.engines.mujoco_warnings import keep_no_log
 from iswarm_mj.engines.plain_mjcf import check_plain
 from iswarm_mj.sensors.messages import MAX_LEDS
-from iswarm_mj.utils.constraints import check, check_kind, is_whole
+from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_file
-from iswarm_mj.utils.robot import SIDES, GivenFile, Mixed, Point, Robot, RobotFile, Robots, Sides
+from iswarm_mj.utils.robot import SIDES, Mixed, Point, Robot, RobotFile, Robots, Sides
 
 MIN_LEDS = 2
 _TYPES = {"body": "bodies", "joint": "joints", "geom": "geoms", "site": "sites"}
@@ -40,53 +39,34 @@ def models_directory() -> Path:
     return next(p for p in (package / "models", package.parent / "models") if p.is_dir())
 
 
-def files_of(given: RobotFile) -> tuple[tuple[Path | None, int], ...]:
-    """Return the file of each kind and the number of its robots; of a single file that number means nothing."""
-    return given if isinstance(given, tuple) else ((given, 1),)
-
-
-def as_robot_file(given: Any, n_robots: int) -> RobotFile:
-    """Return the file or the files that a user gives, as absolute paths.
-
-    Args:
-        given: a path, None for `models/robot.xml`, or pairs of a path and the number of its robots.
-        n_robots: in the swarm.
+def as_robot_file(given: Any) -> Path | tuple[str, ...] | None:
+    """Return the file or the files that a user gives, see `RobotFile`, with absolute paths.
 
     Raises:
-        ConfigError: it is something else, or the numbers do not add up.
+        ConfigError: it is something else, or the number of robots of a kind is missing or zero.
     """
-    if not isinstance(given, Sequence) or isinstance(given, str):
+    if not isinstance(given, tuple | list):
         check_kind("robot_file", given, (Path, str, NoneType))
         return None if given is None else Path(given).absolute()
-    form = 'a path, or pairs of a path and a number of robots from 1, as [("a.xml", 200), ("b.xml", 80)]'
-    are_pairs = all(isinstance(pair, tuple | list) and len(pair) == 2 for pair in given)
-    known = are_pairs and all(isinstance(path, Path | str) and is_whole(n) and n >= 1 for path, n in given)
-    check("robot_file", given, form, len(given) > 0 and known)
-    total = sum(n for _, n in given)
-    check("n_robots", n_robots, f"as many as the kinds of `robot_file` have together, {total}", n_robots == total)
-    return tuple((Path(path).absolute(), int(n)) for path, n in given)
+    words = [word if isinstance(word, str) and re.fullmatch(r".+:0*[1-9]\d*", word) else None for word in given]
+    form = "a file, or FILE:ROBOTS with at least one robot for each of several kinds, as a.xml:200 b.xml:80"
+    check("robot_file", " ".join(map(str, given)) or "none", form, len(words) > 0 and None not in words)
+    return tuple(str(Path(word).absolute()) for word in words if word)
 
 
-def in_words(given: GivenFile) -> str | tuple[str, ...] | None:
-    """Return a file as text, or those of several kinds as a command line states them, as `a.xml:200`."""
-    if given is None or isinstance(given, str | Path):
-        return None if given is None else str(given)
-    return tuple(f"{path}:{n}" for path, n in given)
+def files_of(given: RobotFile) -> list[tuple[Path | None, int]]:
+    """Return the file of each kind and the number of its robots, 0 where none is given."""
+    if not isinstance(given, tuple):
+        return [(None if given is None else Path(str(given)), 0)]
+    parts = [word.rpartition(":") for word in given]
+    return [(Path(path), int(n)) for path, _, n in parts]
 
 
-def from_words(given: str | Sequence[str] | None) -> GivenFile:
-    """Return the file or the files that `in_words` states.
-
-    Raises:
-        ConfigError: the number of robots of a kind is missing, or zero.
-    """
-    if given is None or isinstance(given, str):
-        return given
-    found = [re.fullmatch(r"(.+):(\d+)", word) for word in given]
-    form = "FILE:ROBOTS with at least one robot for each of several kinds, as a.xml:200 b.xml:80"
-    for word, match in zip(given, found, strict=True):
-        check("robot", word, form, match is not None and int(match[2]) > 0)
-    return [(match[1], int(match[2])) for match in found if match]
+def check_total(given: RobotFile, n_robots: int) -> None:
+    """Raise a ConfigError unless the numbers of robots, if they are given, add up."""
+    total = sum(n for _, n in files_of(given))
+    constraint = f"as many as the kinds of `robot_file` have together, {total}"
+    check("n_robots", n_robots, constraint, total in (0, n_robots))
 
 
 def read_robots(given: RobotFile) -> Robots:
@@ -98,7 +78,8 @@ def read_robots(given: RobotFile) -> Robots:
     Raises:
         UserError: see `read_robot`; or the kinds do not fit each other.
     """
-    kinds, sizes = tuple(read_robot(path) for path, _ in files_of(given)), [n for _, n in files_of(given)]
+    paths, sizes = zip(*files_of(given), strict=True)
+    kinds = tuple(map(read_robot, paths))
     return kinds[0] if len(kinds) == 1 else Mixed(kinds, tuple(accumulate(sizes[:-1], initial=0)))
 
 

@@ -10,7 +10,6 @@ from typing import Any, cast
 import numpy as np
 
 from iswarm_mj import __version__
-from iswarm_mj.engines.robot_file import in_words
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Scene
 from iswarm_mj.simulation.run import Run
@@ -47,9 +46,9 @@ def about(run: Run) -> dict[str, Any]:
         "settings": own,
         **run.rules,
         "config": asdict(run.config),
-        "robot": {"file": in_words(run.robot_file), **asdict(cast(Any, run.robot))},
+        "robot": {"file": run.robot_file, **asdict(cast(Any, run.robot))},
     }
-    return json.loads(json.dumps(values))
+    return json.loads(json.dumps(values, default=str))
 
 
 def result(run: Run, wall_s: float) -> dict[str, Any]:

@@ -40,9 +40,9 @@ class Paths(NamedTuple):
     """(P, 2) where it ends, at the sender [mm]."""
 
 
-def circles(robot: Robots, numbers: np.ndarray) -> Circles:
-    """Return the circles of robots of these numbers (N,), with one millionth to spare for rounding."""
-    outer, inner = (robot.each(name, numbers) for name in ("circumradius", "inradius"))
+def circles(robot: Robots, which: int | np.ndarray) -> Circles:
+    """Return the circles of robots, see `Robots.each`, with one millionth to spare for rounding."""
+    outer, inner = (robot.each(name, which) for name in ("circumradius", "inradius"))
     behind = robot.circumradius * (1 + 1e-6) + robot.optical_offset
     return Circles(outer * (1 + 1e-6), inner * (1 - 1e-6), behind)
 

@@ -38,9 +38,6 @@ Axes = tuple[Point, ...]
 Kinds = tuple[Int[Array, "*#P"] | int, Int[Array, "*#P"] | int]
 """Of receivers and of senders."""
 
-Numbers = Int[np.ndarray, "N"] | None
-"""Of robots; None for 0, 1 and so on."""
-
 Components = tuple[Float[Array, "*#P"], Float[Array, "*#P"]]
 """Two components of vectors: ahead and to the left in a robot's frame, or cosine and sine of its yaw."""
 
@@ -224,23 +221,19 @@ def _look_up(values: tuple[float, ...], side: Array, like: Array) -> Any:
     return array_module(side).asarray(values, dtype=like.dtype)[side]
 
 
-def led_positions(poses: Float[Array, "*N 3"], robot: Robots, numbers: Numbers = None) -> Float[Array, "*N S 2"]:
-    """World positions of the LEDs [mm] of robots at `poses` [mm, mm, rad], of these numbers, by default from 0 on."""
-    return poses[..., None, :2] + _turned(poses, _each("leds", poses, robot, numbers))
+def led_positions(poses: Float[Array, "*N 3"], robot: Robots, which: Any = None) -> Float[Array, "*N S 2"]:
+    """World positions of the LEDs [mm] of robots at `poses` [mm, mm, rad], the first ones or those of these numbers."""
+    return poses[..., None, :2] + _turned(poses, robot.each("leds", poses.shape[-2] if which is None else which))
 
 
 def receiver_positions(poses: Float[Array, "*N 3"], robot: Robots) -> Float[Array, "*N S 2"]:
-    """World positions [mm] at which the sides of robots, numbered from 0 on, receive light at `poses` [mm, mm, rad]."""
-    return poses[..., None, :2] + _turned(poses, _each("receivers", poses, robot, None))
+    """World positions [mm] at which the sides of the first robots, at `poses` [mm, mm, rad], receive light."""
+    return poses[..., None, :2] + _turned(poses, robot.each("receivers", poses.shape[-2]))
 
 
 def led_axes(poses: Float[Array, "*N 3"], robot: Robots) -> Float[Array, "*N S 2"]:
     """Optical axes of the LEDs, unit vectors in the world, of robots at `poses` [mm, mm, rad]."""
     return _turned(poses, np.array(robot.sides.leds))
-
-
-def _each(name: str, poses: Array, robot: Robots, numbers: Numbers) -> Float[np.ndarray, "N S 2"]:
-    return robot.each(name, np.arange(poses.shape[-2]) if numbers is None else numbers)
 
 
 def _turned(poses: Array, points: Float[np.ndarray, "*#N S 2"]) -> Array:

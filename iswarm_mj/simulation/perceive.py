@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.config import SwarmConfig
@@ -115,7 +114,7 @@ def perceive(
         swarm.is_alive,
         picks & ~is_empty,
         jnp.asarray(team_numbers(params.strategy, len(poses))),
-        jnp.asarray(robot.kind_of(np.arange(len(poses))), jnp.int32),
+        jnp.asarray(robot.kind_of(len(poses)), jnp.int32),
         params.conditions,
         config,
         robot,

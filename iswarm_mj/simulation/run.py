@@ -35,7 +35,7 @@ from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.constraints import check, check_kind, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
-from iswarm_mj.utils.robot import GivenFile, RobotFile, Robots
+from iswarm_mj.utils.robot import RobotFile, Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 STEPS = 800
@@ -95,7 +95,7 @@ class Run(Standing):
         strategy: Strategy | Genome | Any = None,
         strategy_per_world: bool = False,
         task: Task | Any = None,
-        robot_file: GivenFile = None,
+        robot_file: RobotFile = None,
     ):
         """Prepare the worlds.
 
@@ -110,8 +110,8 @@ class Run(Standing):
                 With a method `for_world(config, robot, n_robots)`, what that returns for each world.
             strategy_per_world: the arrays of `strategy` have a first axis of worlds.
             task: what the robots are to do, see `tasks.protocol`; cleaning by default.
-            robot_file: MJCF file of the robots, by default `models/robot.xml`; of several kinds, pairs of a file and
-                the number of its robots.
+            robot_file: MJCF file of the robots, by default `models/robot.xml`; or files of several kinds, as
+                `["a.xml:200", "b.xml:80"]` with the number of robots of each.
 
         Raises:
             UserError: robots, worlds or settings that do not fit.

@@ -9,7 +9,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.checked import make_compiled_engine, make_host_engine
 from iswarm_mj.engines.registry import ENGINES, check_settings
-from iswarm_mj.engines.robot_file import as_robot_file, read_robots
+from iswarm_mj.engines.robot_file import as_robot_file, check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.simulation.common import program_config
 from iswarm_mj.simulation.initial import Start
@@ -23,7 +23,7 @@ from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import check_object
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.jax_setup import configure_jax
-from iswarm_mj.utils.robot import GivenFile, RobotFile, Robots
+from iswarm_mj.utils.robot import RobotFile, Robots
 
 
 class Setup(NamedTuple):
@@ -86,7 +86,7 @@ def set_up(
     engine: EngineSettings,
     task: Any,
     worlds: Sequence[World] | Genome,
-    robot_file: GivenFile = None,
+    robot_file: RobotFile = None,
 ) -> Setup:
     """Check what the user gives, and draw how worlds begin.
 
@@ -107,7 +107,8 @@ def set_up(
     known = ", ".join(f"{settings.__name__}()" for settings in ENGINES.values())
     check("engine", engine, f"settings of an engine, as {known}", isinstance(engine, EngineSettings))
     check_settings(engine)
-    file = as_robot_file(robot_file, settings.n_robots)
+    file = as_robot_file(robot_file)
+    check_total(file, settings.n_robots)
     robot = read_robots(file)
     known = config.arena.boxes == () or engine.has_boxes
     check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)

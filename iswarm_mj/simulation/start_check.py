@@ -29,7 +29,7 @@ def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robots, arena
         robot: their hulls.
         arena: walls, obstacles and boxes.
     """
-    yaw, edges = poses[:, 2], robot.each("half_edges", np.arange(len(poses)))[:, :2] - _TOLERANCE / 2
+    yaw, edges = poses[:, 2], robot.each("half_edges", len(poses))[:, :2] - _TOLERANCE / 2
     hulls = np.column_stack([poses[:, :2], np.cos(yaw), np.sin(yaw), edges])
     outside = np.asarray(beyond(corners(hulls), in_mm(arena.walls))).max(axis=1) > 0
     _refuse(name, "robot", poses, outside, f"such that robots stand {_within(arena)}")

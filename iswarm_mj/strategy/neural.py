@@ -175,7 +175,7 @@ class NeuralStrategy:
         ahead = jnp.clip(speed, -1.0, 1.0) * jnp.maximum(jnp.cos(angle - turn), 0.0)
         command = Command(turn, mm_from_rd(self.config.step_length) * ahead)
         approaches = controller.approaching(self.picks(known), seen)
-        tips = self.robot.each("probe_tip", np.arange(len(approaches)))
+        tips = self.robot.each("probe_tip", len(approaches))
         command = controller.approach(self.config, tips, approaches, seen.ball_vector, command)
         command = Command(*(jnp.where(seen.waits, 0.0, part) for part in command))
         return self._moved(known, *command)._replace(flag=flag > 0), command

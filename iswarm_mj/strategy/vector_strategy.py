@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
@@ -102,7 +101,7 @@ class VectorStrategy:
         wish, prefers_left = target.direction + push, draws.side < 0.5
         steered = fusion_barrier(jax.jit(partial(controller.steer, config)), wish, target.limit, prefers_left)
         approaches &= ~(rules.avoids_at_dust & (push != 0.0).any(axis=-1))
-        tips = self.robot.each("probe_tip", np.arange(len(approaches)))
+        tips = self.robot.each("probe_tip", len(approaches))
         command = controller.approach(config, tips, approaches, observation.ball_vector, steered)
         command = Command(*(jnp.where(observation.waits, 0.0, part) for part in command))
         believed = believed_motion(rules, *command, draws.odometry)

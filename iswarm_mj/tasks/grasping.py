@@ -22,7 +22,7 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
         key: decides which held balls fall, and how strongly balls stick in each attempt.
     """
     conditions, gripper, n_robots = inputs.conditions, inputs.config.gripper, len(inputs.poses)
-    tips = probe_tips(inputs.poses, jnp.asarray(inputs.robot.each("probe_tip", np.arange(n_robots))))
+    tips = probe_tips(inputs.poses, jnp.asarray(inputs.robot.each("probe_tip", n_robots)))
     before = balls
     balls = carry(balls, tips)
     dump_size, reach = mm_from_rd(conditions.dump_size), mm_from_rd(conditions.dust_range)

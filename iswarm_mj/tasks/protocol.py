@@ -54,7 +54,7 @@ class TaskInputs(NamedTuple):
     """Of the run; where a world has a configuration of its own, `conditions` has its values. With `shares_program`,
     what worlds of a run may differ in has its default here."""
     robot: Robots
-    """Geometry of the robots; `robot.each("probe_tip", numbers)` is an attribute of each."""
+    """Geometry of the robots; `robot.each("probe_tip", n_robots)` is an attribute of each."""
     decide_attempts: Decider = by_balance
     """Decides whether attempts to pick up and to release balls succeed."""
     voltage: Float[Array, "N"] | None = None

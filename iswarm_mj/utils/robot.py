@@ -14,11 +14,9 @@ from iswarm_mj.utils.errors import UserError
 Point = tuple[float, float]
 """Position ahead of and to the left of a robot's centre [mm]."""
 
-RobotFile: TypeAlias = Path | tuple[tuple[Path, int], ...] | None
-"""MJCF file of the robots, None for `models/robot.xml`; of several kinds, each file with the number of its robots."""
-
-GivenFile: TypeAlias = Path | str | Sequence[tuple[Path | str, int]] | None
-"""A `RobotFile` as users give it."""
+RobotFile: TypeAlias = Path | str | Sequence[str] | None
+"""MJCF file of the robots, None for `models/robot.xml`; of several kinds, each file with the number of its robots, as
+("a.xml:200", "b.xml:80")."""
 
 SIDES = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 """Where the sides of the paper's robot look: 0 front, 1 left, 2 back, 3 right."""
@@ -92,18 +90,11 @@ class Robots:
     Hashable, so that they can be static arguments of `jax.jit`. All kinds have the same sides and height.
     """
 
+    kinds: tuple["Robot", ...]
+    firsts: tuple[int, ...] = (0,)
+    """Number of the first robot of each kind; places beyond the last robot count as the last kind's."""
     sides: Sides
     """Where LEDs and photodiodes look."""
-
-    @property
-    def kinds(self) -> tuple["Robot", ...]:
-        """The kinds."""
-        raise NotImplementedError
-
-    @property
-    def firsts(self) -> tuple[int, ...]:
-        """Number of the first robot of each kind; places beyond the last robot count as the last kind's."""
-        raise NotImplementedError
 
     @property
     def circumradius(self) -> float:
@@ -129,13 +120,13 @@ class Robots:
         """
         return max(kind.optical_offset for kind in self.kinds)
 
-    def kind_of(self, numbers: Int[np.ndarray, "*N"]) -> Int[np.ndarray, "*N"]:
-        """Return the index in `kinds` of robots of these numbers."""
-        return np.searchsorted(self.firsts, numbers, side="right") - 1
+    def kind_of(self, which: int | Int[np.ndarray, "N"]) -> Int[np.ndarray, "N"]:
+        """Return the index in `kinds` of the first robots, so many, or of those of these numbers."""
+        return np.searchsorted(self.firsts, np.arange(which) if isinstance(which, int) else which, side="right") - 1
 
-    def each(self, name: str, numbers: Int[np.ndarray, "N"]) -> Shaped[np.ndarray, "N ..."]:
-        """Return an attribute of `Robot`, as "probe_tip", of robots of these numbers, 64-bit floats."""
-        return np.array([getattr(kind, name) for kind in self.kinds])[self.kind_of(numbers)]
+    def each(self, name: str, which: int | Int[np.ndarray, "N"]) -> Shaped[np.ndarray, "N ..."]:
+        """Return an attribute of `Robot`, as "probe_tip", of the first robots or of those of these numbers."""
+        return np.array([getattr(kind, name) for kind in self.kinds])[self.kind_of(which)]
 
     def part(self, first: int, size: int) -> "Robots":
         """Return `size` consecutive robots, numbered from 0: a `Robot` if they are of one kind."""
@@ -178,15 +169,8 @@ class Robot(Robots):
     mass: float
     sides: Sides = PAPER_SIDES
 
-    @property
-    def kinds(self) -> tuple["Robot", ...]:
-        """See `Robots.kinds`."""
-        return (self,)
-
-    @property
-    def firsts(self) -> tuple[int, ...]:
-        """See `Robots.firsts`."""
-        return (0,)
+    def __post_init__(self):
+        object.__setattr__(self, "kinds", (self,))
 
     @property
     def circumradius(self) -> float:
@@ -232,8 +216,8 @@ class Robot(Robots):
 class Mixed(Robots):
     """Robots of several kinds, see `Robots`."""
 
-    each_kind: tuple[Robot, ...]
-    begins: tuple[int, ...]
+    kinds: tuple[Robot, ...]
+    firsts: tuple[int, ...]
     sides: Sides = field(init=False)
 
     def __post_init__(self):
@@ -246,14 +230,4 @@ class Mixed(Robots):
 
     def __getattr__(self, name: str) -> Any:
         """Raise an AttributeError: the kinds may differ in it."""
-        raise AttributeError(f'robots of several kinds have no {name} in common; use each("{name}", numbers)')
-
-    @property
-    def kinds(self) -> tuple[Robot, ...]:
-        """See `Robots.kinds`."""
-        return self.each_kind
-
-    @property
-    def firsts(self) -> tuple[int, ...]:
-        """See `Robots.firsts`."""
-        return self.begins
+        raise AttributeError(f'robots of several kinds have no {name} in common; use each("{name}", n_robots)')

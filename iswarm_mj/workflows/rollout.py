@@ -29,7 +29,7 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.interruption import saved
-from iswarm_mj.utils.robot import GivenFile
+from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.workflows.recorder import Recorder, advanced
 
 
@@ -70,7 +70,7 @@ def rollout(
     engine: EngineSettings | None = None,
     strategy_per_world: bool = False,
     task: Task | Any = None,
-    robot_file: GivenFile = None,
+    robot_file: RobotFile = None,
     stop_at: int | None = None,
     every: int = 10,
     poses_of: Sequence[int] = (),
@@ -94,7 +94,7 @@ def rollout(
         engine: `MjxSettings()` by default, for GPUs; on a CPU `PlanarSettings()` or `MujocoSettings()` are much faster.
         strategy_per_world: the arrays of `strategy` have a first axis of B worlds.
         task: a `tasks.protocol.Task`; cleaning by default.
-        robot_file: MJCF file of the robots, or pairs of one and the number of its robots; None for `models/robot.xml`.
+        robot_file: MJCF file of the robots, or of each kind (`RobotFile`); None for `models/robot.xml`.
         stop_at: progress at which a world is finished, in cleaning balls delivered; None for the task's goal.
         every: control steps between counts of progress; the last step is always counted.
         poses_of: numbers of the W worlds whose poses are kept.
@@ -122,7 +122,7 @@ def rollout(
     engine = MjxSettings() if engine is None else engine
     engine = engine.in_chunks(every) if isinstance(engine, EngineSettings) else engine
     task = CLEANING if task is None else task
-    robot = read_robots(as_robot_file(robot_file, settings.n_robots))
+    robot = read_robots(as_robot_file(robot_file))
     starts: dict[tuple[bytes, int], Start] = {}  # worlds of the same key begin alike
     worlds = []
     for index, (number, (data, key)) in enumerate(zip(numbers, _each(keys), strict=True)):

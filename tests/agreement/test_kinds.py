@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 from helpers_planar import moved, placed
-from helpers_robots import HALF, two_kinds
+from helpers_robots import HALF, numbered, two_kinds
 from helpers_small import SMALL
 from helpers_touching import pairs_of
 
@@ -14,7 +14,7 @@ from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.batch_engine import read_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
-from iswarm_mj.engines.robot_file import models_directory, read_robot, read_robots
+from iswarm_mj.engines.robot_file import files_of, models_directory, read_robot, read_robots
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import cell_of, place_robots
@@ -29,6 +29,11 @@ BOUND = {"numba": 2e-5, "warp": 2e-5 + 1e-3}
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     return two_kinds(tmp_path_factory.mktemp("kinds"), N)
+
+
+def few(file):
+    """One robot of the first kind and two of the second."""
+    return numbered([path for path, _ in files_of(file)], 1, 2)
 
 
 def engines(file, n_worlds, n_robots):
@@ -57,7 +62,7 @@ def test_crowds_end_their_control_steps_where_mujoco_ends(file):
             off = np.abs(each[name].poses(motion.bodies) - expected.bodies.poses).max(axis=-1)
             assert not np.any(motion.fault) and np.mean(off <= BOUND[name]) >= (1 if name == "numba" else 0.99)
             np.testing.assert_array_equal(motion.touching, expected.touching)
-        kind = robots.kind_of(np.arange(N))
+        kind = robots.kind_of(N)
         first, second = np.nonzero(pairs_of(expected.touching).any(axis=0))
         between += (kind[first] != kind[second]).sum()
         poses = expected.bodies.poses
@@ -70,8 +75,7 @@ def test_kinds_of_different_mass_exchange_momentum(file, name):
 
     Drives reach their set points in the physics step, so that momentum beyond those comes from the contact alone.
     """
-    files = ((file[0][0], 1), (file[1][0], 2))
-    engine = engines(files, 1, 3)[name]
+    engine = engines(few(file), 1, 3)[name]
     poses = [[(-1.0, 0.0, 0.0), (8.0, 8.0, 0.0), (1.15, 0.0, np.pi)]]
     velocity = np.array([[(1.4, 0, 0), (0, 0.5, 0), (-1.0, 0, 0)]])
     steps = np.asarray(engine.poses(moved(engine, placed(engine, poses), velocity, 1).bodies)) - poses
@@ -85,7 +89,7 @@ def test_kinds_of_different_mass_exchange_momentum(file, name):
 @pytest.mark.parametrize(("x", "meets"), [(2.19, True), (2.21, False)])
 def test_hulls_meet_where_their_own_edges_are(file, name, x, meets):
     """The second robot of the second kind, 1.2 mm long ahead, before one of the first, of 1 mm."""
-    engine = engines(((file[0][0], 1), (file[1][0], 2)), 1, 3)[name]
+    engine = engines(few(file), 1, 3)[name]
     bodies = placed(engine, [[(0, 0, 0), (8, 8, 0), (x, 0, 0)]])
     touching = moved(engine, bodies, np.zeros((1, 3, 3)), 1).touching
     assert pairs_of(touching).any() == meets
@@ -95,7 +99,7 @@ def test_a_file_twice_is_one_kind():
     """Bit by bit, in motion and light."""
     path, poses = models_directory() / "robot.xml", np.stack([place_robots(SMALL.arena, N, np.random.default_rng(5))])
     found = []
-    for file in (path, ((path, 20), (path, N - 20))):
+    for file in (path, numbered((path, path), 20, N - 20)):
         engine = PlanarEngine(SMALL, compile_arena(SMALL, None, np.zeros(0), robot_file=file), 1)
         motion = moved(engine, placed(engine, poses), (1.0, 0.3, 0.4))
         found.append((motion.bodies.poses, engine.sense(motion.bodies, np.ones((1, N)), np.ones(1, bool))))
@@ -111,13 +115,13 @@ class TestRobots:
         assert robots.circumradius == pytest.approx(np.hypot(*HALF)) and robots.inradius == 0.8
 
     def test_of_one_kind_are_a_robot(self, file):
-        robots, heavy = read_robots(file), read_robot(file[1][0])
+        robots, heavy = read_robots(file), read_robot(files_of(file)[1][0])
         assert robots.part(24, 5) == heavy and robots.part(0, 24) == read_robot()
         some = robots.part(20, 10)
-        assert some.kinds == robots.kinds and some.kind_of(np.arange(10)).tolist() == [0] * 4 + [1] * 6
+        assert some.kinds == robots.kinds and some.kind_of(10).tolist() == [0] * 4 + [1] * 6
 
     def test_of_several_kinds_have_no_tip_in_common(self, file):
-        with pytest.raises(AttributeError, match=r'no probe_tip in common; use each\("probe_tip", numbers\)'):
+        with pytest.raises(AttributeError, match=r'no probe_tip in common; use each\("probe_tip", n_robots\)'):
             _ = read_robots(file).probe_tip
 
     def test_must_look_alike(self, file):

@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_cli import code_of, refused, result
-from helpers_robots import HALF, two_kinds
+from helpers_robots import HALF, numbered, two_kinds
 from helpers_small import FLAGS, SMALL
 from helpers_worlds import start_of
 
 import iswarm_mj
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.robot_file import as_robot_file, models_directory, read_robots
+from iswarm_mj.engines.robot_file import as_robot_file, files_of, models_directory, read_robots
 from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_names import ROBOTS
 from iswarm_mj.output.rerun_swarm_view import static_entities
@@ -42,17 +42,16 @@ def files(tmp_path_factory):
 def out(files, tmp_path_factory):
     """Directory of a run of 150 steps, with a recording."""
     out = tmp_path_factory.mktemp("clean")
-    words = [f"{path}:{n}" for path, n in files]
     flags = [*FLAGS, "--engine=planar", "--impl=numba", "--threads=1", "--steps=150"]
-    assert code_of("clean", *flags, "--out", out, "--robot", *words) == 0
+    assert code_of("clean", *flags, "--out", out, "--robot", *files) == 0
     return out
 
 
 def test_both_kinds_clean_with_their_own_tools(files, out):
     run, content = iswarm_mj.load(out), result(out)
-    assert content["n_robots"] == N and content["robot"]["file"] == [f"{path}:{n}" for path, n in files]
-    assert [kind["mass"] for kind in content["robot"]["each_kind"]] == [10, 30]
-    assert run.robot_file == [(str(path), n) for path, n in files]
+    assert content["n_robots"] == N and content["robot"]["file"] == list(files)
+    assert [kind["mass"] for kind in content["robot"]["kinds"]] == [10, 30]
+    assert run.robot_file == files
     kinds = run.robots["kind"].to_numpy()[:N]
     assert kinds.tolist() == [0] * 8 + [1] * 12 == run.scene.kind.tolist()
     np.testing.assert_allclose(run.scene.robot_size[[7, 8]], [[2e-3, 2e-3, 1e-3], [2.4e-3, 1.6e-3, 1e-3]])
@@ -98,7 +97,7 @@ class Still:
     masses: tuple = ()
 
     def for_world(self, config, robot, n_robots):
-        return replace(self, masses=tuple(robot.each("mass", np.arange(n_robots)).tolist()))
+        return replace(self, masses=tuple(robot.each("mass", n_robots).tolist()))
 
     def init(self, n_robots, key):
         return jnp.asarray(self.masses)
@@ -144,7 +143,7 @@ def test_held_balls_hang_at_the_holder_s_tip(files):
 
 @pytest.mark.parametrize(("x", "fits"), [(2.2, True), (2.1, False)])
 def test_starts_are_checked_with_the_hulls_of_both(files, x, fits):
-    robots = read_robots(((files[0][0], 1), (files[1][0], 2)))
+    robots = read_robots(numbered([path for path, _ in files_of(files)], 1, 2))
     poses = np.array([(0.0, 0, 0), (9, 9, 0), (x, 0, 0)])
     if fits:
         check_poses("poses", poses, robots, SMALL.arena)
@@ -173,8 +172,8 @@ REFUSED = {
         ["a.xml:12", "b.xml:8", "--robots=24"],
         "--robots must be as many as the kinds .* together, 20",
     ),
-    "no number": (["a.xml:12", "b.xml"], "--robot must be FILE:ROBOTS with at least one robot"),
-    "no robot": (["a.xml:12", "b.xml:0"], "--robot must be FILE:ROBOTS with at least one robot"),
+    "no number": (["a.xml:12", "b.xml"], "--robot must be a file, or FILE:ROBOTS with at least one robot for each"),
+    "no robot": (["a.xml:12", "b.xml:0"], "--robot must be a file, or FILE:ROBOTS with at least one robot for each"),
     "density": (["a.xml:12", "b.xml:8", "--density=0.1"], "numbers of robots in --robot and --density exclude"),
     "no file": (["a.xml:12", "c.xml:8"], "the robot's file .*c.xml cannot be read"),
     "sides": (["a.xml:12", f"{models_directory()}/robot6.xml:8"], "must have the same height and number of sides"),
@@ -189,7 +188,7 @@ def test_swarms_that_cannot_be_are_refused(words, says, tmp_path, monkeypatch, c
     assert re.search(says, refused(capfd, tmp_path, "clean", *FLAGS, "--robot", *words))
 
 
-@pytest.mark.parametrize("given", [[], [("a.xml",)], [("a.xml", 0)], [("a.xml", 2.5)], [(3, 2)], 3])
+@pytest.mark.parametrize("given", [[], ["a.xml"], ["a.xml:0"], ["a.xml:2.5"], [(3, 2)], ("a.xml:3", "b.xml"), 3])
 def test_files_that_are_none_are_refused(given):
     with pytest.raises(ConfigError, match="robot_file must be"):
-        as_robot_file(given, 2)
+        as_robot_file(given)

@@ -90,15 +90,6 @@ class MjxArena:
     capacity: ContactCapacity = field(metadata={"static": True})
     robot: Robots = field(metadata={"static": True})
 
-    def each(self, name: str) -> Array:
-        """Return an attribute of each robot (N, ...), see `Robots.each`."""
-        return jnp.asarray(self.robot.each(name, np.arange(self.n_robots)), jnp.float32)
-
-    @property
-    def kind(self) -> np.ndarray:
-        """(N,) see `Robots.kind_of`."""
-        return self.robot.kind_of(np.arange(self.n_robots))
-
 
 def compile_mjx_arena(
     config: SwarmConfig,

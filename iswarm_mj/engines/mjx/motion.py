@@ -5,7 +5,6 @@ from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Bool, Int
 
 from iswarm_mj.engines.base import FreeBodies, Motion, Phase, concluded
@@ -73,12 +72,12 @@ def _overflow(arena: MjxArena, data: mjx.Data) -> Array:
     crowded = jnp.where((distance < 0).all(), int(FaultKind.TOO_MANY_CONTACTS), 0) if arena.n_robots > 1 else 0
     centre = data.xpos[1:]
     apart2 = ((centre[:, None] - centre[None]) ** 2).sum(axis=-1)
-    radius = arena.each("circumradius")
+    radius = jnp.asarray(arena.robot.each("circumradius", arena.n_robots), jnp.float32)
     farthest = radius[:, None] + radius + 1e-3  # robots farther apart than this cannot touch [mm]
     n_near = ((apart2 < farthest**2).sum() - arena.n_robots) // 2
     if len(arena.boxes):  # MJX compares boxes whose spheres meet; those of obstacles are wide and come first
         around = jnp.hypot(arena.boxes[:, 4], arena.boxes[:, 5])
-        around += jnp.linalg.norm(arena.each("half_edges"), axis=1)[:, None]
+        around += jnp.linalg.norm(jnp.asarray(arena.robot.each("half_edges", arena.n_robots)), axis=1)[:, None]
         reach2 = ((centre[:, None, :2] - arena.boxes[None, :, :2]) ** 2).sum(axis=-1)
         is_level = jnp.abs(centre[:, 2] - arena.robot.ray_height) < arena.robot.ray_height  # the others are absent
         n_near += ((reach2 < around**2) & is_level[:, None]).sum()
@@ -95,7 +94,7 @@ def overlapping(poses: Array, robot: Robots) -> Array:
         poses: (N, 3) x, y [mm] and yaw [rad].
         robot: their half edges.
     """
-    a, b, _ = jnp.asarray(robot.each("half_edges", np.arange(len(poses))), poses.dtype).T
+    a, b, _ = jnp.asarray(robot.each("half_edges", len(poses)), poses.dtype).T
     x, y, yaw = poses[:, 0], poses[:, 1], poses[:, 2]
     dx, dy = x[None] - x[:, None], y[None] - y[:, None]
     c, s = jnp.cos(yaw), jnp.sin(yaw)

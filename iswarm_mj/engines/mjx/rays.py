@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.engines.mjx.api import mjx
@@ -84,7 +83,7 @@ def in_sight(arena: MjxArena, crowd: Crowd, paths: Paths, asked: Bool[Array, "P"
     beyond = ahead - jnp.clip(ahead, 0.0, length[:, None])
     between = crowd.is_present & (index != paths.receiver[:, None]) & (index != paths.sender[:, None])
     gap = jnp.where(between, beyond**2 + (dy * along[:, :1] - dx * along[:, 1:]) ** 2, jnp.inf)
-    around = circles(arena.robot, np.arange(arena.n_robots))
+    around = circles(arena.robot, arena.n_robots)
     if len(arena.boxes):
         asked &= (paths.sender == arena.n_robots) | jnp.isinf(entries(paths.origin, path, arena.boxes))
     is_clear, is_open = (asked & (gap > radius**2).all(axis=1) for radius in (around.outer, around.inner))

@@ -111,7 +111,7 @@ def read_kinds(arena: ArenaModel) -> tuple[Kind, ...]:
 
 def of_bodies(kinds: tuple[Kind, ...], robot: Robots, n_robots: int) -> list[Kind]:
     """Return the kinds (N + M + 1,) of N robots, of the boxes and of all that is fixed."""
-    robots = [kinds[kind] for kind in robot.kind_of(np.arange(n_robots)).tolist()]
+    robots = [kinds[kind] for kind in robot.kind_of(n_robots).tolist()]
     return [*robots, *kinds[len(robot.kinds) :], FIXED]
 
 
