@@ -16,6 +16,7 @@ from pathlib import Path
 
 import neural_without as without
 import numpy as np
+from hop_gradient import HopGradient
 
 from iswarm_mj.arena_config import ArenaConfig
 from iswarm_mj.config import DriveConfig, OpticsConfig, SwarmConfig
@@ -37,6 +38,7 @@ class Untrained(Neural):
         return untrained(config, robot)
 
 
+OTHERS = {name: (genome, None) for name, genome in PRESETS.items()} | {"hop-gradient": (None, HopGradient())}
 NETWORKS = {
     "neural": Neural,
     "untrained": Untrained,
@@ -60,7 +62,9 @@ def main():
     parser.add_argument("--turn-error", type=float, default=0.0, help="standard deviation of executed turns [deg]")
     parser.add_argument("--robot", type=Path, help="MJCF file of other robots")
     parser.add_argument("--weights", type=Path, help="of the networks but `untrained`")
-    parser.add_argument("--only", nargs="+", default=["type1", "type2", "evolved", "untrained", "neural", "knows-all"])
+    parser.add_argument(
+        "--only", nargs="+", default=["type1", "type2", "evolved", "hop-gradient", "untrained", "neural", "knows-all"]
+    )
     parser.add_argument("--threads", type=int, default=0)
     args = parser.parse_args()
     light = OpticsConfig(
@@ -76,10 +80,10 @@ def main():
     )
     print("| | clean worlds | steps until clean | collisions | delivered |\n|---|---|---|---|---|")
     for name in args.only:
-        strategy = None if name in PRESETS else NETWORKS[name](args.weights)
+        genome, strategy = OTHERS[name] if name in OTHERS else (None, NETWORKS[name](args.weights))
         run = Run(
             config,
-            PRESETS.get(name),
+            genome,
             settings,
             PlanarSettings(args.threads),
             strategy=strategy,

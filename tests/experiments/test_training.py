@@ -27,7 +27,9 @@ from iswarm_mj.experiments.runner.training import CHECKPOINT, CURVE, WEIGHTS, Tr
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.network import load_weights
 from iswarm_mj.strategy.neural import N_WEIGHTS, Neural
+from iswarm_mj.tasks.aggregation import Aggregation
 from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.rewarded import REWARD
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.rollout import Rollout
 
@@ -87,11 +89,24 @@ def test_points_by_hand():
     )
     expected = [20 * 3 + 20 * 2 + 40 * 1, 0, 40 * 6 + 10 * 2 - 0.05 / 5 * 40 + 40 * 5]
     np.testing.assert_allclose(points(found, CLEANING, SMALL, [4, 4, 5], 10), expected)
-    np.testing.assert_allclose(points(found, Lampless(), SMALL, [4, 4, 5], 10), [40, 0, 200])
 
 
-class Lampless:
-    """A task without a fitness."""
+def test_tasks_without_a_fitness_are_trained_by_their_rewards(monkeypatch, tmp_path):
+    asked = []
+
+    def rollout(config, strategy, keys, *, task, **_):
+        asked.append(task)
+        earned = 10 - np.abs(np.asarray(strategy.weights) - GOAL).sum(axis=1)
+        none = np.zeros(len(keys))
+        return Rollout(
+            none, none, none, none, none > 1, none, none, np.zeros((len(keys), 1)), None, [], {REWARD: earned}
+        )
+
+    monkeypatch.setattr(training, "rollout", rollout)
+    wanted = replace(TRAINING, generations=60, population=8, spread=0.3)
+    found = train(wanted, Three(jnp.zeros(3)), tmp_path, PlanarSettings(1), task=Aggregation())
+    assert np.abs(found - GOAL).max() < 0.05
+    assert isinstance(asked[0], Aggregation) and REWARD in asked[0].measured
 
 
 class TestSearch:

@@ -26,6 +26,7 @@ from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.layout import check_robots
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.protocol import ScoredTask
+from iswarm_mj.tasks.rewarded import REWARD, rewarded
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_resumable, remove_parts
@@ -67,19 +68,19 @@ class Training(TrainingPlan):
 
 
 def points(found: Rollout, task: Any, config: SwarmConfig, robots: Sequence[int], steps: int) -> Float[np.ndarray, "B"]:
-    """Points of each world: the task's fitness, if it has one, and 40 for each unit of its progress on average over
-    time, so that early deliveries count before all balls are delivered.
+    """Points of each world: the task's fitness, and 40 for each unit of its progress on average over time, so that
+    early deliveries count before all balls are delivered; of a task without a fitness the rewards of all robots.
 
     Args:
         found: in the worlds.
-        task: a `tasks.protocol.ScoredTask`, or another.
+        task: a `tasks.protocol.ScoredTask`, or one that is `rewarded`.
         config: of the worlds.
         robots: numbers of robots of the worlds.
         steps: of the worlds at most.
     """
-    early = 40.0 * found.delivered_after.mean(axis=1)
     if not isinstance(task, ScoredTask):
-        return early
+        return found.metrics[REWARD].astype(float)
+    early = 40.0 * found.delivered_after.mean(axis=1)
     counted = (found.delivered, found.picked, found.collisions, found.mean_carriage_steps, found.finished_at)
     measures = [Measures(*one[:-1], one[-1] or None) for one in zip(*counted, strict=True)]
     judged = [task.fitness(one, config, n, steps) for one, n in zip(measures, robots, strict=True)]
@@ -129,7 +130,8 @@ def train(
     def tried(candidates: np.ndarray, n_worlds: int, number: int) -> np.ndarray:
         return _tried(training, made, jax.vmap(shaped)(jnp.asarray(candidates, jnp.float32)), n_worlds, number, given)
 
-    given = {"engine": engine, "task": task, "robot_file": robot_file}
+    aim = task if isinstance(task, ScoredTask) else rewarded(task)
+    given = {"engine": engine, "task": aim, "robot_file": robot_file}
     with ExitStack() as stack:
         stack.enter_context(locked(out))
         check_resumable(out, "training", CHECKPOINT, (CURVE, WEIGHTS), resume, again)

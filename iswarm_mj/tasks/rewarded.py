@@ -1,0 +1,61 @@
+"""Tasks that add up their rewards, so that runs can be judged by them."""
+
+from functools import cache
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from iswarm_mj.tasks.protocol import Quantity, Task
+from iswarm_mj.utils.arrays import Array
+
+REWARD = "reward"
+"""The metric that such tasks have in addition."""
+
+
+class Earned(NamedTuple):
+    """State of a task, and what its robots have earned."""
+
+    own: Any
+    """State of the task."""
+    reward: Float[Array, ""]
+    """Sum over all robots and steps."""
+
+
+def rewarded(task: Task | Any) -> Any:
+    """Return a task that does what `task` does, with the sum of all robots' rewards so far as the metric `reward`.
+
+    Rewards are those of `Task.reward`, but without the commands and messages of the step.
+    """
+    made = object.__new__(_rewarded(type(task)))
+    made.__dict__.update(task.__dict__)
+    return made
+
+
+@cache
+def _rewarded(kind: Any) -> Any:
+    class Rewarded(kind):
+        measured: ClassVar = {**getattr(kind, "measured", {}), REWARD: Quantity("of all robots", low=-float("inf"))}
+
+        def lay_out(self, *args: Any) -> Any:
+            poses, state = super().lay_out(*args)
+            return poses, Earned(state, np.zeros((), np.float32))
+
+        def advance(self, state: Earned, inputs: Any, key: Array) -> Any:
+            new, sensed = super().advance(state.own, inputs, key)
+            return Earned(new, state.reward + super().reward(state.own, new, inputs).sum()), sensed
+
+        def metrics(self, state: Earned) -> Any:
+            return {**super().metrics(state.own), REWARD: state.reward}
+
+    def of_own(name: str) -> Any:
+        def method(self: Any, *args: Any) -> Any:
+            return getattr(kind, name)(self, *(arg.own if isinstance(arg, Earned) else arg for arg in args))
+
+        return method
+
+    for name in ("progress", "reward", "areas", "balls", "conditions", "survives"):
+        if hasattr(kind, name):
+            setattr(Rewarded, name, of_own(name))
+    Rewarded.__name__ = Rewarded.__qualname__ = kind.__name__
+    return Rewarded

@@ -1,0 +1,100 @@
+"""Tasks that add up their rewards."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from iswarm_mj.arena_config import ArenaConfig
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
+from iswarm_mj.tasks.layout import place_robots
+from iswarm_mj.tasks.protocol import only
+from iswarm_mj.tasks.rewarded import REWARD, rewarded
+from iswarm_mj.workflows.rollout import rollout
+
+N, STEPS = 5, 12
+
+
+class Seen(NamedTuple):
+    x: np.ndarray
+    step: np.ndarray
+
+
+@dataclass(frozen=True)
+class Eastwards:
+    """Robots earn what they go to the right, the second one twice and so on; the third fails after five steps."""
+
+    gain: float = 1.0
+
+    def lay_out(self, config, n_robots, rng, shared, cell):
+        poses = place_robots(config.arena, n_robots, rng, cell)
+        return poses, Seen(poses[:, 0].astype(np.float32), np.zeros((), np.int32))
+
+    def goal(self, config, n_robots):
+        return None
+
+    def advance(self, state, inputs, key):
+        return Seen(inputs.poses[:, 0], state.step + 1), only(len(inputs.poses))
+
+    def survives(self, state):
+        return (jnp.arange(len(state.x)) != 2) | (state.step < 5)
+
+    def progress(self, state):
+        return state.step
+
+    def reward(self, before, after, inputs):
+        return self.gain * (after.x - before.x) * (1 + jnp.arange(len(after.x)))
+
+    def metrics(self, state):
+        return {}
+
+
+@pytest.fixture(scope="module")
+def both():
+    keys = jax.random.split(jax.random.key(3), 2)
+    config = SwarmConfig(ArenaConfig(size=14, dust_area_offset=4, dust_area_size=3, n_dust=4))
+    given = {"n_robots": N, "steps": STEPS, "engine": PlanarSettings(1), "poses_of": (0, 1)}
+    return [rollout(config, PRESETS["type1"], keys, task=task, **given) for task in tasks()]
+
+
+def tasks():
+    plain = Eastwards(gain=0.5)
+    return plain, rewarded(plain)
+
+
+def test_the_rewards_of_all_robots_and_steps_are_added_up(both):
+    x = both[1].poses[..., 0]
+    expected = 0.5 * ((x[:, STEPS - 1] - x[:, 0]) * np.arange(1, N + 1)).sum(axis=1)
+    assert np.abs(expected).min() > 0.5
+    np.testing.assert_allclose(both[1].metrics[REWARD], expected, rtol=1e-4)
+
+
+def test_robots_do_what_they_did(both):
+    """The third robot stands still after it has failed."""
+    np.testing.assert_array_equal(both[0].poses, both[1].poses)
+    np.testing.assert_array_equal(both[0].delivered_after, both[1].delivered_after)
+    moved = np.abs(np.diff(both[1].poses, axis=1)).sum(axis=(0, 3))
+    assert (moved[5:, 2] == 0).all() and (moved[5:, 1] > 0).any()
+
+
+def test_robots_gather_as_without():
+    """Aggregation rewards the light at each robot's place, and has areas and no balls."""
+    keys, found = jax.random.split(jax.random.key(4), 2), []
+    for task in (Aggregation(), rewarded(Aggregation())):
+        found.append(
+            rollout(SwarmConfig(), Beeclust(), keys, n_robots=N, steps=STEPS, engine=PlanarSettings(1), task=task)
+        )
+    assert REWARD not in found[0].metrics and (found[1].metrics[REWARD] > 0).all()
+    for name, values in found[0].metrics.items():
+        np.testing.assert_array_equal(found[1].metrics[name], values)
+
+
+def test_a_class_is_made_once():
+    plain, made = tasks()
+    assert type(rewarded(plain)) is type(made) and made.gain == plain.gain == 0.5
