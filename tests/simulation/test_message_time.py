@@ -25,7 +25,6 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.units import RD
 
-PROBE = read_robot().probe_tip
 TIMED = OpticsConfig(baud_rate=1000.0)  # a window of 0.256 s
 
 
@@ -91,7 +90,7 @@ def test_the_first_steps_are_those_of_mujoco_in_c(engine):
 def test_slots_are_drawn_anew_in_each_step():
     """Two robots face each other: a front hears but in the step in which both have drawn the same of eight slots."""
     config = SwarmConfig(optics=OpticsConfig(baud_rate=1000.0, slots=8))
-    strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config, PROBE)
+    strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config, read_robot())
     params = params_of(config, strategy, jax.random.key(2), 2)
     state = swarm_of(strategy.init(2, params.key), lay((0.0, -60.0)), 2)
     shape = 2, 4, config.optics.n_senders
