@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.robot_file import as_robot_file
 from iswarm_mj.output.palette import DUMP, DUST, rgb
 from iswarm_mj.output.saved import SavedRun, load, scene_of
 from iswarm_mj.output.swarm_classes import robot_classes, shown_classes
