@@ -7,7 +7,6 @@ import numpy as np
 
 MODELS = Path(__file__).resolve().parents[1] / "models"
 RD = 2 * np.sqrt(2.0)  # mm
-SPEED = 0.5 * RD  # mm/s
 OUTWARD = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], dtype=float)  # sides 0 to 3
 
 

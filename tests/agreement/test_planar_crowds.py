@@ -90,4 +90,6 @@ def test_crowds_of_runs_end_where_mujoco_ends(n_robots, impl):
     )
     if impl == "numba":
         assert found.max() <= ALLOWED
-    assert beyond <= 0.01 * found.size and min(n_touching) > 10  # with 32 bits rounding decides between equal faces
+    assert (found > 1e-3).sum() <= 0.01 * found.size and min(
+        n_touching
+    ) > 10  # with 32 bits rounding decides between equal faces

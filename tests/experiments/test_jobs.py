@@ -1,10 +1,12 @@
-"""One world as a job: the same run as by hand, its measures and its fitness."""
+"""One world as a job: the same run as by hand, its measures and its fitness; jobs in worker processes."""
 
 import pickle
 
 import pytest
+from helpers_jobs import jobs_of, outcomes_of
 
 from iswarm_mj.experiments.runner.jobs import Job, run_job
+from iswarm_mj.experiments.runner.pool import Execution, run_jobs
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
@@ -53,3 +55,30 @@ def test_faults_name_the_job(small, monkeypatch):
 def test_a_job_that_is_not_possible_is_refused(small):
     with pytest.raises(UserError, match=r"n_robots must be .*got 217"):
         run_job(Job(small, GENOME, 217, seed=7, steps=3))
+
+
+@pytest.fixture(scope="module")
+def jobs(small):
+    return jobs_of(small)
+
+
+@pytest.fixture(scope="module")
+def expected(jobs):
+    outcomes = [run_job(job) for job in jobs]
+    assert len(set(outcomes)) == len(jobs)
+    return outcomes
+
+
+@pytest.mark.parametrize(
+    "how", [Execution(workers=2), Execution(workers=2, backend="ray")], ids=lambda how: how.backend
+)
+def test_outcomes_are_those_of_the_jobs_by_themselves(jobs, expected, how):
+    if how.backend == "ray":
+        pytest.importorskip("ray")
+    assert outcomes_of(jobs, how) == expected
+
+
+def test_long_jobs_begin_first(jobs, expected):
+    finished = list(run_jobs(jobs, Execution(workers=1)))
+    assert [index for index, _ in finished] == [1, 5, 3, 2, 0, 4]
+    assert all(outcome == expected[index] for index, outcome in finished)

@@ -3,6 +3,7 @@
 import pytest
 
 from iswarm_mj.commands.main import main
+from iswarm_mj.experiments.report.reproduce import Part
 from iswarm_mj.experiments.runner import pool
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.tasks.measures import Measures
@@ -80,6 +81,13 @@ def test_what_differs_is_made_again(jobs, tmp_path, capsys):
     assert listed() == "made with another version"
     path.write_bytes(b"PAR1")
     assert listed() == "not readable"
+
+
+def test_studies_with_an_engine_of_their_own_are_not_made_with_another(tmp_path):
+    for name, lacks in (("time-step", "made with another engine"), ("density", "")):
+        (tmp_path / name).mkdir()
+        write_table(tmp_path / name / "t.parquet", [{"a": 1}], {"engine": "mujoco"})
+        assert Part(name, "t.parquet", {"engine": "planar"}, None).lacks(tmp_path) == lacks
 
 
 def test_an_interruption_leaves_the_results_alone_and_loses_no_run(jobs, monkeypatch, tmp_path):

@@ -1,5 +1,7 @@
 """Tables of results in Markdown: their numbers by hand; blocks of pages, of which nothing else is replaced."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows, settings_of
@@ -15,10 +17,12 @@ from iswarm_mj.experiments.analysis.findings import (
     UNDECIDED,
     Finding,
 )
-from iswarm_mj.experiments.analysis.statistics import LEVEL
+from iswarm_mj.experiments.analysis.statistics import LEVEL, Interval
+from iswarm_mj.experiments.report import numbers
 from iswarm_mj.experiments.report.numbers import engines, evolution, grouped, sensitivity
 from iswarm_mj.experiments.report.results import Topic
 from iswarm_mj.experiments.report.tables import Tables, _summary, _verdicts, filled, new_texts
+from iswarm_mj.utils import tables as table_files
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import write_table
 
@@ -81,6 +85,20 @@ def test_choices_that_change_the_time_by_hand():
     _, first, second = cells(sensitivity(rows))
     assert first[:3] == ["`optics.mode`", "power", "10/10"] and first[3].startswith("30 (")
     assert first[4:] == ["1.1e-05", "3.2e-05"] and second[:2] == ["`drive.error_turn`", "10.0"]
+
+
+def test_changes_are_listed_by_their_raw_p_values(monkeypatch):
+    effect = Interval(1.0, 0.5, 2.0)
+    change = SimpleNamespace(p=0.005, adjusted=0.05, choice="c", value="1", reached="1/1", effect=effect)
+    monkeypatch.setattr(numbers, "changes", lambda rows: [change])
+    assert "| c |" in sensitivity([]).replace("`", "")
+
+
+def test_tables_with_too_many_values_are_refused(tmp_path, monkeypatch):
+    write_table(tmp_path / "t.parquet", [{"a": 1, "b": 2, "c": 3}] * 2, {})
+    monkeypatch.setattr(table_files, "MOST_VALUES", 5)
+    with pytest.raises(UserError):
+        table_files.read_table(tmp_path / "t.parquet")
 
 
 def test_searches_by_hand():

@@ -62,19 +62,18 @@ def test_each_attempt_draws_its_own_adhesion_with_the_calibrated_spread():
     assert abs(np.corrcoef(tool[0], floor[0])[0, 1]) < 0.05
 
 
-@pytest.mark.parametrize("holder", [0])
-def test_an_attempt_that_fails_succeeds_later(holder):
-    """At the median's voltage half of the attempts succeed; of 300 balls all are lifted, or released, in the end."""
+def test_an_attempt_that_fails_succeeds_later():
+    """At the median's voltage half of the attempts succeed; of 300 balls all are released in the end."""
     gripper = GripperConfig(grasp_voltage=float(grasp_voltage(20e-6)), release_voltage=float(release_voltage(20e-6)))
-    start, where = (lay((40.9, 0)), 40) if holder is None else (lay((1.0, 0.0), holders=[0]), 0)
+    start = lay((1.0, 0.0), holders=[0])
 
     def tried(key):
         def again(balls, each):
-            balls, _ = step(gripper, balls, [(where, 0, 0)], key=each)
-            return balls, balls.is_delivered[0] if holder == 0 else balls.is_held[0]
+            balls, _ = step(gripper, balls, [(0, 0, 0)], key=each)
+            return balls, balls.is_delivered[0]
 
         balls, done = jax.lax.scan(again, start, jax.random.split(key, 16))
-        return done, balls.failed_grasps[0] + balls.failed_releases[0]
+        return done, balls.failed_releases[0]
 
     done, failed = jax.jit(jax.vmap(tried))(jax.random.split(jax.random.key(0), 300))
     assert 0.4 < done[:, 0].mean() < 0.6 and done[:, -1].all()
@@ -88,12 +87,11 @@ def test_the_capacitor_of_the_robot_at_the_ball_lifts_it(volts, holds):
     assert bool(balls.is_held[0]) is holds
 
 
-@pytest.mark.parametrize("way", [0.19])
-def test_a_tool_that_misses_lifts_nothing(way):
+def test_a_tool_that_misses_lifts_nothing():
     """The tool's place errs by 12 um along each axis, however far it reaches [mm]; its radius is 13 um."""
     gripper = replace(GRIPPER, tool_error=12e-6)
     keys = jax.random.split(jax.random.key(1), 300)
-    balls = lay((40.9 + way, 0))
+    balls = lay((40.9 + 0.19, 0))
     lifted = jax.jit(jax.vmap(lambda key: step(gripper, balls, [(40, 0, 0)], key=key)[0].is_held[0]))(keys)
     assert lifted.mean() == pytest.approx(1 - np.exp(-((13 / 12) ** 2) / 2), abs=0.07)
 

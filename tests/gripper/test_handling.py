@@ -153,6 +153,7 @@ def test_no_ball_is_lost_or_doubled_whatever_happens(positions, steps):
         np.testing.assert_array_equal(loaded(balls, N), has_ball)
         assert not (failed & has_ball).any()
         was_held, was_delivered = np.asarray(before.is_held), np.asarray(before.is_delivered)
+        assert np.array(picks)[np.asarray(balls.holder)[held & ~was_held]].all()
         assert (delivered | ~was_delivered).all()  # what is delivered stays
         assert (was_held | ~delivered | was_delivered).all()  # by somebody who carried it
         np.testing.assert_array_equal(np.asarray(balls.position)[~was_held], np.asarray(before.position)[~was_held])

@@ -1,22 +1,17 @@
 """Runs: nothing is lost, and all kinds of swarm run."""
 
-from dataclasses import replace
-
 import jax
 import numpy as np
 import pytest
 from helpers_mjx import compilations
-from helpers_runs import N, check_balls, end_of, engine_of, first_step, poses_of, records, run_of
+from helpers_runs import N, check_balls, end_of, first_step, poses_of, records, run_of
 from helpers_worlds import centres
 
-from iswarm_mj.config import ArenaConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation.decide import decide_worlds
-from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.utils.errors import UserError
 
@@ -45,28 +40,8 @@ class TestBalls:
         np.testing.assert_array_equal(was_picked, before.swarm.task.was_picked[0])
         assert run.measures(0).mean_carriage_steps == pytest.approx(carried.mean())
 
-    def test_nothing_is_lost_when_robots_drop_some(self, small):
-        """The drop rate of a world is a number at run time."""
-        world = World(TYPE1, N, seed=1, config=replace(small, gripper=GripperConfig(drop_rate=0.2)))
-        run, falls, last = run_of(small, worlds=[world]), 0, None
-        for record in records(run):
-            check_balls(run, record)
-            balls = record.swarm.task
-            if last is not None:
-                falls += int((last.is_held & balls.is_lying).sum())
-            last = balls
-        assert falls > 20
-        assert run.measures(0).delivered > 0
-
 
 class TestMeasures:
-    def test_never_decrease(self, small):
-        run = run_of(small, seed=2)
-        seen = [(run.measures(0).delivered, run.measures(0).picked, run.measures(0).collisions) for _ in records(run)]
-        assert (np.diff(seen, axis=0) >= 0).all()
-        assert (np.array(seen)[:, 0] <= np.array(seen)[:, 1]).all()
-        assert min(seen[-1]) >= 20
-
     def test_are_counted_on_the_host(self, small):
         """Measures of many worlds would else be many calls of JAX."""
         run = run_of(small, steps=2)
@@ -88,28 +63,6 @@ class TestMeasures:
         monkeypatch.setattr(MujocoEngine, "move", move)
         run = run_of(small, steps=6)
         assert [int(record.collisions[0]) for record in records(run)] == [1, 2, 2, 3, 3, 5]
-
-    def test_collisions_of_a_real_run(self, small):
-        """Contacts are read after the turn and after the walk."""
-        run, total, touching, read = run_of(small, steps=40, seed=3), 0, set(), set()
-        engine = engine_of(run)
-        robot_of, step = {geom: k for k, geom in enumerate(engine._arena.hull)}, engine._step
-
-        def step_and_read(*arguments):
-            failed = step(*arguments)
-            for contact in engine._batch.get_data(0, engine._scratch).contact:
-                robots = [robot_of.get(geom) for geom in contact.geom]
-                if contact.dist <= 0 and None not in robots:
-                    read.add(frozenset(robots))
-            return failed
-
-        engine._step = step_and_read
-        for record in records(run):
-            total += len(read - touching)
-            touching = set(read)
-            read.clear()
-            assert record.collisions[0] == total
-        assert total > 20
 
     def test_a_run_stops_at_its_goal(self, small):
         run = run_of(small, stop_at=7)
@@ -133,12 +86,6 @@ class TestMeasures:
 
 
 class TestKindsOfSwarm:
-    def test_scouts_alone_carry_nothing(self, small):
-        run = run_of(small, Genome(fraction_scouts=1.0), steps=40)
-        *_, record = records(run)
-        assert record.swarm.memory.is_scout.all() and record.swarm.memory.dust.known.any()
-        assert run.measures(0)[:2] == (0, 0) and record.speed[0] > 0
-
     def test_scouts_that_pick_in_a_tiny_arena_by_received_power(self):
         arena = ArenaConfig(size=10, dump_size=2, dust_area_size=2, dust_area_offset=3.5, n_dust=4)
         tiny = SwarmConfig(arena, optics=OpticsConfig(mode="power"), strategy=StrategyConfig(scouts_pick=True))
@@ -148,16 +95,6 @@ class TestKindsOfSwarm:
             check_balls(run, record)
             n_links += record.links.valid.sum()
         assert run.measures(0).picked > 0 and n_links > 100
-
-    def test_the_share_of_scouts(self, small):
-        assert run_of(small, Genome(fraction_scouts=0.27)).start.swarm.memory.is_scout.sum() == 8
-
-    def test_one_robot_alone(self, small):
-        run = run_of(small, n_robots=1, steps=60, capacity=N)
-        for record in records(run):
-            check_balls(run, record)
-            assert not record.links.valid.any() and record.collisions[0] == 0
-        assert record.speed[0] > 0
 
     def test_without_light_all_keep_what_they_know_to_themselves(self, small, monkeypatch):
         """Nobody knows of a dump without having stood on it."""
@@ -192,24 +129,6 @@ def test_only_recorded_worlds_are_returned(small):
     jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [2, 0]], b), every.advance(), some.advance())
 
 
-def test_the_noise_of_two_steps_differs(small):
-    run = run_of(small, steps=3)
-    run.advance()
-    (params, state), running = run.arrays(), np.ones(1, bool)
-    sight = engine_of(run).sense(state.bodies, state.swarm.is_alive, running)
-    poses = state.bodies.poses.astype(np.float32)
-
-    def memories(step):
-        begin = StepInputs(poses, sight, np.int32(step), running)
-        decision = decide_worlds(small, run.robot, params, state.swarm, begin)
-        return decision.swarm.memory
-
-    same = jax.tree.map(lambda a, b: bool((np.asarray(a) == np.asarray(b)).all()), memories(7), memories(7))
-    other = jax.tree.map(lambda a, b: bool((np.asarray(a) == np.asarray(b)).all()), memories(7), memories(8))
-    assert all(jax.tree.leaves(same))
-    assert not all(jax.tree.leaves(other))
-
-
 def test_the_dead_neither_move_nor_send_nor_carry(small):
     run = run_of(small, steps=60, seed=4, failed_fraction=0.5)
     dead = ~run.start.swarm.is_alive[0, 0]
@@ -228,12 +147,6 @@ def test_the_dead_neither_move_nor_send_nor_carry(small):
         assert not dead[balls.holder[0][balls.is_held[0]]].any()
         heard |= links.valid.any()
     assert heard and alone > 20  # the dead move only when pushed
-
-
-def test_nobody_lives_and_nothing_happens(small):
-    run = run_of(small, steps=5, failed_fraction=1.0)
-    poses, _ = end_of(run)
-    np.testing.assert_allclose(poses[0], run.starts[0].poses, atol=1e-9)
 
 
 @pytest.mark.parametrize("world", ["a", True, 0.0, None, 1, -1])

@@ -111,12 +111,6 @@ class TestFaults:
         assert found == [(2, (robot,), FaultKind.COMMAND_NOT_FINITE) for robot in (7, 8, 9)]
         assert run.step == 2 and run.is_over
 
-    def test_without_one_nothing_is_raised(self, small):
-        run = run_of(small, steps=1)
-        end_of(run)
-        assert run.faults == []
-        run.raise_faults()
-
     def test_just_outside_is_outside(self):
         edge, present, walls = 7.5 * RD, np.ones((1, N), bool), in_mm(half_planes(corners_of([(15.0, 15.0)])))
         poses = np.zeros((1, N, 3))
