@@ -1,11 +1,14 @@
 """Memories, draws and genes of robots without a world, for the controller's rules."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from helpers_sensing import remember
 
 from iswarm_mj.config import StrategyConfig, SwarmConfig
+from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.strategy.controller import Draws, RobotMemory, approach
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.rules import rules_of
@@ -14,6 +17,7 @@ from iswarm_mj.utils.units import RD
 
 CONFIG = SwarmConfig()
 RULES = rules_of(PRESETS["type1"])
+ROBOT = read_robot()
 STEP = 0.5 * RD
 PROBE = (0.9, 0.0)
 MANY = 20_000  # robots, for statistics; `act_here` is compiled for them
@@ -21,7 +25,7 @@ MANY = 20_000  # robots, for statistics; `act_here` is compiled for them
 
 def act(config, probe_tip, rules, memory, seen, key):
     """A step of the paper's strategy with these rules."""
-    return VectorStrategy(rules, 0, config, probe_tip).act(memory, seen, key)
+    return VectorStrategy(rules, 0, config, replace(ROBOT, probe_tip=probe_tip)).act(memory, seen, key)
 
 
 act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach))
@@ -53,4 +57,4 @@ def genes_read(genome=PRESETS["type1"], **readings):
 
 def strategy(rules=RULES, n_scouts=0):
     """The paper's strategy with these rules."""
-    return VectorStrategy(rules, n_scouts, CONFIG, PROBE)
+    return VectorStrategy(rules, n_scouts, CONFIG, ROBOT)

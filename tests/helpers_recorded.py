@@ -17,7 +17,7 @@ from iswarm_mj.strategy.genome import Genome
 def scene(n_robots=4, n_balls=2):
     """Constants of a world whose robots say and remember nothing."""
     return Scene(
-        robot_size=np.array([2e-3, 2e-3, 1e-3]),
+        robot_size=np.array([[2e-3, 2e-3, 1e-3]] * n_robots),
         is_scout=np.zeros(n_robots, bool),
         ball_radius=np.full(n_balls, 2e-5),
         arena_size=0.139,

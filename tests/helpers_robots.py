@@ -22,11 +22,12 @@ def site(name, x, y, angle):
     return f'<site name="{name}" class="optics" pos="{x!r} {y!r} 0" xyaxes="{c!r} {s!r} 0 {-s!r} {c!r} 0"/>'
 
 
-def robot_xml(half_edges, sides, probe=(0.9, 0.0), height=1.0):
+def robot_xml(half_edges, sides, probe=(0.9, 0.0), height=1.0, mass=10):
     """Text of a robot's file; what is only seen keeps its place."""
     a, b = half_edges
     text = (models_directory() / "robot.xml").read_text()
     text = text.replace('class="hull" size="1 1 0.5"', f'class="hull" size="{a} {b} {height / 2}"')
+    text = text.replace('mass="10"/>', f'mass="{mass}"/>')
     text = text.replace('name="robot" pos="0 0 0.5"', f'name="robot" pos="0 0 {height / 2}"')
     text = text.replace('pos="0 0 0.35" size="1 1 0.05"', f'pos="0 0 0.35" size="{a} {b} 0.05"')
     text = text.replace('site name="probe_tip" pos="0.9 0', f'site name="probe_tip" pos="{probe[0]} {probe[1]}')
@@ -69,3 +70,19 @@ def robot_file(directory, name):
     path = directory / f"{name.replace(' ', '_')}.xml"
     path.write_text(robot_xml(HALF, ROBOTS[name], probe=(1.1, 0.1)))
     return path
+
+
+FOUR = [Side(1.2, 0.4, 0), Side(-0.5, 0.8, 90), Side(-1.2, -0.3, 180), Side(0.6, -0.8, 270)]
+"""Sides of the heavy robots below: they look as the paper's do, from elsewhere."""
+
+
+def two_kinds(directory, n_robots):
+    """Files of the paper's robots, two fifths of all, and of robots of 2.4 x 1.6 mm and 30 mg."""
+    path = directory / "heavy.xml"
+    path.write_text(robot_xml(HALF, FOUR, probe=(1.1, 0.1), mass=30))
+    return numbered((models_directory() / "robot.xml", path), 2 * n_robots // 5, n_robots - 2 * n_robots // 5)
+
+
+def numbered(paths, *numbers):
+    """Files with the numbers of their robots."""
+    return tuple(f"{path}:{n}" for path, n in zip(paths, numbers, strict=True))

@@ -16,7 +16,7 @@ PERIOD = 0.4
 def make_scene(n_robots=40, n_balls=12):
     rng = np.random.default_rng(1)
     return Scene(
-        robot_size=np.array([2e-3, 2e-3, 1e-3]),
+        robot_size=np.array([[2e-3, 2e-3, 1e-3]] * n_robots),
         is_scout=rng.random(n_robots) < 0.15,
         ball_radius=np.full(n_balls, 20e-6),
         arena_size=98e-3,

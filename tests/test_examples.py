@@ -1,5 +1,6 @@
 """The examples run on MuJoCo and on the planar engine."""
 
+import runpy
 from pathlib import Path
 
 import pytest
@@ -20,9 +21,13 @@ ARGUMENTS = {
         *("--task", f"{EXAMPLES}/boxes.py:Push", "--strategy", f"{EXAMPLES}/boxes.py:Sweep"),
         *("--arena.boxes", "0", "8", "1", "1", "0", "1e-5", "0.005"),
     ),
+    "two_kinds": (
+        *("--task", f"{EXAMPLES}/two_kinds.py:ByKind", "--strategy", "beeclust", *FLAGS[:1]),
+        *("--spot-offset=4", "--spot-radius=3", "--robot", f"{EXAMPLES.parent}/models/robot.xml:9", "large.xml:7"),
+    ),
     "clusters": ("--task", f"{EXAMPLES}/clusters.py:Clusters", "--strategy", f"{EXAMPLES}/clusters.py:Cluster", *FLAGS),
 }
-AT_END = {"contest": {}, "failures": {"failed": 4}, "clusters": {}, "explore": {}, "boxes": {}}
+AT_END = {"contest": {}, "failures": {"failed": 4}, "clusters": {}, "explore": {}, "boxes": {}, "two_kinds": {}}
 """Metrics that are certain."""
 
 
@@ -30,6 +35,7 @@ AT_END = {"contest": {}, "failures": {"failed": 4}, "clusters": {}, "explore": {
 @pytest.mark.parametrize("name", ARGUMENTS)
 def test_an_example_runs(name, engine, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(EXAMPLES / "two_kinds.py"))["write_large"]("large.xml")
     size = ["--robots=16", "--steps=40", "--seed=1"]
     assert code_of("run", *ARGUMENTS[name], *size, f"--engine={engine}") == 0
     saved = iswarm_mj.load("runs/task")

@@ -11,7 +11,8 @@ from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
 
 SETTINGS = {"strategy": "controller", "task": "task_name"}
 """Flags whose settings are called otherwise."""
-_SAME = {"n_robots": "robots", "n_worlds": "worlds", **{name: flag for flag, name in SETTINGS.items()}}
+_SAME = {name: flag for flag, name in SETTINGS.items()}
+_SAME |= {"n_robots": "robots", "n_worlds": "worlds", "robot_file": "robot"}
 """Settings in messages whose flags are called otherwise."""
 _NAME = re.compile(r"`([a-z_]+(?:\.[a-z_]+)?)`")
 """A setting that a message names."""

@@ -48,7 +48,7 @@ class Play(WithTask):
             self.robots if self.density is None else n_robots,
             self.seed,
             self.engine_settings,
-            self.robot,
+            self.robot_file,
             None if is_genome else shlex.join(self.controller) if self.controller[1:] else self.controller[0],
             self.task_name,
         )

@@ -1,5 +1,6 @@
 """Flags that the commands on a swarm share."""
 
+import re
 from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, cast
@@ -38,8 +39,9 @@ class Swarm(ConfigOptions):
     """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters."""
     robots: Annotated[int | None, constraint_of(RunSettings, "n_robots")] = None
     """Number of robots; by default it follows from the density."""
-    robot: Path | None = None
-    """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and photodiodes."""
+    robot: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE[:ROBOTS]")] = ()
+    """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and photodiodes. Several
+    share the swarm as kinds, with the number of the robots of each: a.xml:200 b.xml:80."""
     density: Annotated[float | None, Above(0, 1)] = None
     """Robots per 1 x 1 rd cell outside the dump; by default the genome's."""
     seed: Annotated[int, constraint_of(RunSettings, "seed")] = 0
@@ -72,23 +74,35 @@ class Swarm(ConfigOptions):
 
         return CLEANING
 
+    @property
+    def robot_file(self) -> Any:
+        """The file of the robots, or the files of their kinds, see `RobotFile`."""
+        from iswarm_mj.engines.robot_file import as_robot_file
+
+        is_one = len(self.robot) == 1 and not re.search(r":\d+$", self.robot[0])
+        return as_robot_file(self.robot[0] if is_one else self.robot or None)
+
     def _n_robots(self, config: SwarmConfig, genome: Genome) -> int:
-        from iswarm_mj.engines.robot_file import read_robot
+        from iswarm_mj.engines.robot_file import check_total, files_of, read_robots
         from iswarm_mj.tasks.layout import cell_of, check_robots, robots_for
 
-        if self.robot is not None and str(self.robot).isdigit() and not self.robot.exists():
-            given = self.robot
+        if len(self.robot) == 1 and (given := self.robot[0]).isdigit() and not Path(given).exists():
             raise UserError(f"--robot must be a file in MJCF (got {given}); perhaps you meant --robots {given}.")
-        cell = 1.0 if self.robot is None else cell_of(read_robot(self.robot))
-        if self.robots is not None and self.density is not None:
-            raise UserError("--robots and --density exclude each other; give one of them.")
+        file = self.robot_file
+        total = sum(n for _, n in files_of(file))
+        if self.density is not None and (self.robots is not None or total):
+            other = "--robots" if self.robots is not None else "numbers of robots in --robot"
+            raise UserError(f"{other} and --density exclude each other; give one of them.")
         if self.robots is not None:
             n_robots = self.robots
+        elif total:
+            n_robots = total
         elif self.density is not None:
             n_robots = robots_for(config.arena, self.density, "density")
         else:
             n_robots = robots_for(config.arena, genome.density_of_robots, "density_of_robots")
-        check_robots(config.arena, n_robots, cell)
+        check_total(file, n_robots)
+        check_robots(config.arena, n_robots, cell_of(read_robots(file)))
         return n_robots
 
     def run_of(self, config: SwarmConfig, genome: Genome, settings: RunSettings) -> Any:
@@ -110,7 +124,7 @@ class Swarm(ConfigOptions):
                 self.engine_settings,
                 strategy=None if isinstance(self.own, Genome) else self.own,
                 task=self.task,
-                robot_file=self.robot,
+                robot_file=self.robot_file,
             )
 
 

@@ -7,11 +7,20 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
+from jaxtyping import Int
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.robot_file import JOINTS, models_directory, read_robot, robot_spec, without_visual
+from iswarm_mj.engines.robot_file import (
+    JOINTS,
+    files_of,
+    models_directory,
+    read_robot,
+    read_robots,
+    robot_spec,
+    without_visual,
+)
 from iswarm_mj.utils.obstacles import Box, mean_distance, numbers
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robot, RobotFile, Robots
 from iswarm_mj.utils.units import RD, mg_from_kg, mm_from_m, mm_from_rd
 from iswarm_mj.utils.walls import in_mm
 
@@ -39,29 +48,31 @@ class ArenaModel(NamedTuple):
     mocap: np.ndarray
     """(K,) mocap ids of the balls."""
     servo_gain: np.ndarray
-    """(3,) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s]."""
-    robot: Robot
-    """Geometry and mass of a robot."""
+    """(N, 3) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s]."""
+    robot: Robots
+    """Geometry and mass of the robots of the swarm."""
+    kind: np.ndarray
+    """(N,) index in `robot.kinds` of each robot here."""
     refinement: int
     """Time steps of the model in a physics step of the drive's configuration."""
 
 
 def arena_spec(
     config: SwarmConfig,
-    n_robots: int,
+    kind: Int[np.ndarray, "N"],
     ball_radius: np.ndarray,
     visual: bool,
-    robot_file: Path | None = None,
+    robot_file: RobotFile = None,
     refinement: int = 1,
 ) -> mujoco.MjSpec:
     """Compose the arena.
 
     Args:
         config: sizes of arena, dump and dust areas; boxes, named box0/ and so on.
-        n_robots: number of robots, named robot0/ and so on.
+        kind: of the robots, which are named robot0/ and so on: index among the files.
         ball_radius: (K,) radii of the balls [m], named ball0/ and so on.
         visual: keep the robots' visible parts; without them the physics is the same and faster.
-        robot_file: MJCF file of a robot, by default `models/robot.xml`.
+        robot_file: MJCF file of a robot, by default `models/robot.xml`; or those of several kinds.
         refinement: time steps of the model in a physics step of the drive's configuration.
     """
     directory = models_directory()
@@ -69,23 +80,17 @@ def arena_spec(
     _lay_out(spec, config)
     spec.option.timestep = config.drive.timestep / refinement
     spec.copy_during_attach = True
-    spec.memory = 16 * 2**20 + (n_robots + len(config.arena.boxes)) * 200 * 2**10
-    robot = robot_spec(robot_file)
-    if not visual:
-        for unused in without_visual(robot).sites:
-            robot.delete(unused)
-    _tune_drive(robot, read_robot(robot_file), spec.option.timestep)
-    _tune_contacts(robot, spec.option.timestep)
+    spec.memory = 16 * 2**20 + (len(kind) + len(config.arena.boxes)) * 200 * 2**10
     _tune_contacts(spec, spec.option.timestep)
-    robot.option.timestep = spec.option.timestep
-    looks = _share_materials(robot, spec)
-    for i in range(n_robots):
+    kinds = [_robot_of_kind(path, spec, number, visual) for number, (path, _) in enumerate(files_of(robot_file))]
+    for i, number in enumerate(kind.tolist()):
+        robot, looks = kinds[number]
         _attach(robot.body("robot"), spec, f"robot{i}/", looks)
     for k, box in enumerate(config.arena.boxes):
-        _add_box(spec, f"box{k}/", box, robot.geom("hull"))
+        _add_box(spec, f"box{k}/", box, kinds[0][0].geom("hull"))
     ball = mujoco.MjSpec.from_file(str(directory / "ball.xml"))
     ball.option.timestep = spec.option.timestep
-    looks = _share_materials(ball, spec)
+    looks = _share_materials(ball, spec, "ball/")
     for k, radius in enumerate(mm_from_m(ball_radius)):
         ball.geom("ball").size[0] = radius
         _attach(ball.body("ball"), spec, f"ball{k}/", looks)
@@ -94,24 +99,30 @@ def arena_spec(
 
 def compile_arena(
     config: SwarmConfig,
-    n_robots: int,
+    n_robots: int | None,
     ball_radius: np.ndarray,
     visual: bool = False,
     tune: Callable[[mujoco.MjSpec], None] | None = None,
-    robot_file: Path | None = None,
+    robot_file: RobotFile = None,
     refinement: int = 1,
 ) -> ArenaModel:
-    """Compile the arena and find its robots and balls. Arguments as for `arena_spec`; `tune` changes what it made."""
-    spec = arena_spec(config, n_robots, ball_radius, visual, robot_file, refinement)
+    """Compile the arena and find its robots and balls.
+
+    Args: as for `arena_spec`; `n_robots` is the number of robots, None for one of each kind, and `tune` changes what it
+    made.
+    """
+    robot = read_robots(robot_file)
+    kind = np.arange(len(robot.kinds)) if n_robots is None else robot.kind_of(n_robots)
+    spec = arena_spec(config, kind, ball_radius, visual, robot_file, refinement)
     if tune is not None:
         tune(spec)
     model = spec.compile()
-    bodies = [*(f"robot{i}/" for i in range(n_robots)), *(f"box{k}/" for k in range(len(config.arena.boxes)))]
+    bodies = [*(f"robot{i}/" for i in range(len(kind))), *(f"box{k}/" for k in range(len(config.arena.boxes)))]
     qpos = [[model.joint(r + j).qposadr[0] for j in ("x", "y", "yaw")] for r in bodies]
     hull = np.array([model.geom(r + "hull").id for r in bodies])
     return ArenaModel(
         model=model,
-        n_robots=n_robots,
+        n_robots=len(kind),
         hull=hull,
         body=model.geom_bodyid[hull],
         walls=np.array([model.geom(f"wall{k}").id for k in range(len(config.arena.walls))]),
@@ -120,10 +131,25 @@ def compile_arena(
         obstacles=np.array([model.geom(f"obstacle{k}").id for k in range(len(config.arena.obstacles))], int),
         qpos=np.array(qpos),
         mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))], int),
-        servo_gain=np.array([model.joint("robot0/" + j).damping[0] for j in ("x", "y", "yaw")]),
-        robot=read_robot(robot_file),
+        servo_gain=model.dof_damping[np.array(qpos)[: len(kind)]],
+        robot=robot,
+        kind=kind,
         refinement=refinement,
     )
+
+
+def _robot_of_kind(
+    path: Path | None, spec: mujoco.MjSpec, number: int, visual: bool
+) -> tuple[mujoco.MjSpec, dict[str, str]]:
+    """Robot of a file, to be attached to the arena, and the materials of its geoms; arguments as for `arena_spec`."""
+    robot = robot_spec(path)
+    if not visual:
+        for unused in without_visual(robot).sites:
+            robot.delete(unused)
+    _tune_drive(robot, read_robot(path), spec.option.timestep)
+    _tune_contacts(robot, spec.option.timestep)
+    robot.option.timestep = spec.option.timestep
+    return robot, _share_materials(robot, spec, f"kind{number}/")
 
 
 def _lay_out(spec: mujoco.MjSpec, config: SwarmConfig) -> None:
@@ -229,16 +255,16 @@ def _tune_contacts(spec: mujoco.MjSpec, timestep: float) -> None:
             geom.solref[0] = 2 * timestep
 
 
-def _share_materials(child: mujoco.MjSpec, spec: mujoco.MjSpec) -> dict[str, str]:
+def _share_materials(child: mujoco.MjSpec, spec: mujoco.MjSpec, prefix: str) -> dict[str, str]:
     """Move the child's materials to `spec`, once for all its copies; return the material of each of its geoms.
 
     Attaching would copy them with every robot, which takes minutes for a thousand.
     """
-    looks = {geom.name: geom.material for geom in child.geoms}
+    looks = {geom.name: geom.material and prefix + geom.material for geom in child.geoms}
     for material in list(child.materials):
-        if material.name in looks.values():
+        if prefix + material.name in looks.values():
             traits = ("rgba", "specular", "shininess", "emission", "metallic", "roughness", "reflectance")
-            spec.add_material(name=material.name, **{trait: getattr(material, trait) for trait in traits})
+            spec.add_material(name=prefix + material.name, **{trait: getattr(material, trait) for trait in traits})
         child.delete(material)
     for geom in child.geoms:
         geom.material = ""

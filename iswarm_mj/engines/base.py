@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.walls import beyond
 
 Bodies = TypeVar("Bodies")
@@ -41,7 +41,7 @@ class Motion(NamedTuple):
     bodies: Any
     touching: Int[Array, "*B K N"]
     """int32, the robots of higher index in contact with each robot at the end of any phase, highest first, then 0; in
-    a heap the highest `Robot.most_partners`."""
+    a heap the highest `Robots.most_partners`."""
     fault: Int[Array, "*B"]
     """Bits of `FaultKind`; 0 if nothing went wrong."""
     robot: Int[Array, "*B"]
@@ -97,7 +97,7 @@ def take_phases(
     phases: Sequence[Phase],
     is_running: Bool[Array, "*B"],
     walls: Array,
-    robot: Robot,
+    robot: Robots,
     n_robots: int,
     take: Take,
 ) -> Motion:
@@ -149,8 +149,8 @@ class Engine(Protocol[Bodies]):
     """
 
     @property
-    def robot(self) -> Robot:
-        """Geometry and mass of a robot."""
+    def robot(self) -> Robots:
+        """Geometry and mass of the robots."""
         ...
 
     def place(self, poses: Float[Array, "*B N 3"], is_present: Bool[Array, "*B N"]) -> Bodies:

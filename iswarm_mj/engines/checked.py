@@ -14,12 +14,12 @@ from iswarm_mj.strategy.contract import check_has, compare, shapes_of
 from iswarm_mj.strategy.pytrees import as_pytree
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 METHODS = ("place", "poses", "sense", "move")
 
 
-def make_host_engine(settings: EngineSettings, model: ModelSpec, robot: Robot) -> Callable[[int, int], Any]:
+def make_host_engine(settings: EngineSettings, model: ModelSpec, robot: Robots) -> Callable[[int, int], Any]:
     """Return what makes an engine on the host for a number of worlds and of threads.
 
     Args:
@@ -44,7 +44,9 @@ def make_host_engine(settings: EngineSettings, model: ModelSpec, robot: Robot) -
     return made
 
 
-def make_compiled_engine(settings: EngineSettings, model: ModelSpec, robot: Robot, n_worlds: int, platform: str) -> Any:
+def make_compiled_engine(
+    settings: EngineSettings, model: ModelSpec, robot: Robots, n_worlds: int, platform: str
+) -> Any:
     """Return an engine for programs of JAX, see `EngineSettings.compiled_engine` and `make_host_engine`.
 
     Raises:
@@ -73,7 +75,7 @@ class Size(NamedTuple):
     """Places for robots in each world."""
     n_senders: int
     """That a side tells of, see `Links`."""
-    robot: Robot
+    robot: Robots
 
 
 def checked(engine: Any, maker: str, methods: Sequence[str], size: Size) -> "CheckedEngine":
@@ -86,7 +88,7 @@ def checked(engine: Any, maker: str, methods: Sequence[str], size: Size) -> "Che
         size: of its answers.
 
     Raises:
-        UserError: it lacks a method, or has another robot.
+        UserError: it lacks a method, or has other robots.
     """
     if engine is None or isinstance(engine, type):
         got = "None" if engine is None else f"the class {engine.__name__} itself"
@@ -95,10 +97,10 @@ def checked(engine: Any, maker: str, methods: Sequence[str], size: Size) -> "Che
     name = type(engine).__name__
     with user_code(f"{name}.robot"):
         robot = engine.robot
-        is_same = isinstance(robot, Robot) and robot == size.robot
+        is_same = isinstance(robot, Robots) and robot == size.robot
     if not is_same:
-        got = "another one" if isinstance(robot, Robot) else f"a {type(robot).__name__}"
-        raise UserError(f"{name}.robot must be the robot of the run, read_robot(model.robot_file) (got {got})")
+        got = "others" if isinstance(robot, Robots) else f"a {type(robot).__name__}"
+        raise UserError(f"{name}.robot must be the robots of the run, read_robots(model.robot_file) (got {got})")
     return CheckedEngine(engine, size)
 
 

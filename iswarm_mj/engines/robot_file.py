@@ -1,9 +1,12 @@
-"""A robot's file in MJCF: what it must contain, and the robot that it describes."""
+"""Robots' files in MJCF: what they must contain, and the robots that they describe."""
 
 import math
 import re
 from importlib.resources import files
+from itertools import accumulate
 from pathlib import Path
+from types import NoneType
+from typing import Any
 from xml.parsers.expat import ExpatError
 
 import mujoco
@@ -12,9 +15,10 @@ import numpy as np
 from iswarm_mj.engines.mujoco_warnings import keep_no_log
 from iswarm_mj.engines.plain_mjcf import check_plain
 from iswarm_mj.sensors.messages import MAX_LEDS
+from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_file
-from iswarm_mj.utils.robot import SIDES, Point, Robot, Sides
+from iswarm_mj.utils.robot import SIDES, Mixed, Point, Robot, RobotFile, Robots, Sides
 
 MIN_LEDS = 2
 _TYPES = {"body": "bodies", "joint": "joints", "geom": "geoms", "site": "sites"}
@@ -33,6 +37,50 @@ def models_directory() -> Path:
     """Return the directory of the MJCF files: inside an installed package, or beside it in a checkout."""
     package = Path(str(files("iswarm_mj")))
     return next(p for p in (package / "models", package.parent / "models") if p.is_dir())
+
+
+def as_robot_file(given: Any) -> Path | tuple[str, ...] | None:
+    """Return the file or the files that a user gives, see `RobotFile`, with absolute paths.
+
+    Raises:
+        ConfigError: it is something else, or the number of robots of a kind is missing or zero.
+    """
+    if not isinstance(given, tuple | list):
+        check_kind("robot_file", given, (Path, str, NoneType))
+        return None if given is None else Path(given).absolute()
+    words = [word if isinstance(word, str) and re.fullmatch(r".+:0*[1-9]\d*", word) else None for word in given]
+    form = "a file, or FILE:ROBOTS with at least one robot for each of several kinds, as a.xml:200 b.xml:80"
+    check("robot_file", " ".join(map(str, given)) or "none", form, len(words) > 0 and None not in words)
+    return tuple(str(Path(word).absolute()) for word in words if word)
+
+
+def files_of(given: RobotFile) -> list[tuple[Path | None, int]]:
+    """Return the file of each kind and the number of its robots, 0 where none is given."""
+    if not isinstance(given, tuple):
+        return [(None if given is None else Path(str(given)), 0)]
+    parts = [word.rpartition(":") for word in given]
+    return [(Path(path), int(n)) for path, _, n in parts]
+
+
+def check_total(given: RobotFile, n_robots: int) -> None:
+    """Raise a ConfigError unless the numbers of robots, if they are given, add up."""
+    total = sum(n for _, n in files_of(given))
+    constraint = f"as many as the kinds of `robot_file` have together, {total}"
+    check("n_robots", n_robots, constraint, total in (0, n_robots))
+
+
+def read_robots(given: RobotFile) -> Robots:
+    """Read geometry and mass of the robots of a swarm.
+
+    Args:
+        given: a file, or those of several kinds.
+
+    Raises:
+        UserError: see `read_robot`; or the kinds do not fit each other.
+    """
+    paths, sizes = zip(*files_of(given), strict=True)
+    kinds = tuple(map(read_robot, paths))
+    return kinds[0] if len(kinds) == 1 else Mixed(kinds, tuple(accumulate(sizes[:-1], initial=0)))
 
 
 def robot_spec(path: Path | None = None) -> mujoco.MjSpec:

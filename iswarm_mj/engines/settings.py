@@ -4,13 +4,13 @@ import importlib.util
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.utils.constraints import check, choices, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.jax_setup import can_use_warp
+from iswarm_mj.utils.robot import RobotFile
 
 if TYPE_CHECKING:
     from iswarm_mj.engines.base import CompiledEngine, Engine
@@ -30,8 +30,8 @@ class ModelSpec(NamedTuple):
     """In the largest world."""
     capacity: int
     """Places for robots in arrays, at least `n_robots`."""
-    robot_file: Path | None = None
-    """MJCF file of the robots; None for `models/robot.xml`."""
+    robot_file: RobotFile = None
+    """MJCF file of the robots, or those of several kinds; None for `models/robot.xml`."""
     is_masked: bool = False
     """Some worlds have fewer robots than places."""
 

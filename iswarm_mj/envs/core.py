@@ -6,7 +6,6 @@ again. The stages are those of `simulation.step.control_step`, so that the same 
 
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -28,7 +27,7 @@ from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import RobotFile, Robots
 
 
 @jax.tree_util.register_static
@@ -70,7 +69,7 @@ class Core:
         config: what control steps are compiled for.
         given: the configuration as it was given.
         robot: its geometry.
-        robot_file: MJCF file of the robots, as an absolute path; None for `models/robot.xml`.
+        robot_file: MJCF file of the robots, as an absolute path, or several; None for `models/robot.xml`.
         params: of all worlds, but for their keys.
         poses: (K, N, 3) x, y [mm] and yaw [rad] of K beginnings of an episode.
         worlds: likewise, states without bodies.
@@ -81,8 +80,8 @@ class Core:
 
     config: SwarmConfig
     given: SwarmConfig
-    robot: Robot
-    robot_file: Path | None
+    robot: Robots
+    robot_file: RobotFile
     params: WorldParams
     poses: Float[Array, "K N 3"]
     worlds: WorldState

@@ -111,15 +111,16 @@ class Env:
 
     def _reset(self, key: jax.Array) -> State:
         data, poses = self._begin(key)
-        is_new, zero = jnp.ones(self._axes, bool), jnp.zeros(self._axes, jnp.int32)
+        is_new, zero = self._committed(jnp.ones(self._axes, bool)), jnp.zeros(self._axes, jnp.int32)
         bodies = self._engine.place(*self._given((poses, jnp.ones(poses.shape[:-1], bool))))
         intent = self._act(data, is_new, jnp.zeros((*self._axes, self.n_robots, self.action_size)), poses)
-        return self._seen(data, is_new, intent, Motion(bodies, data.world.touching, zero, zero))
+        return self._seen(data, is_new, intent, Motion(bodies, self._given(data.world.touching), zero, zero))
 
     def _step(self, state: State, action: jax.Array) -> State:
         world, is_new = state.data.world, state.done
         data, poses = self._auto_reset(state.data._replace(world=world._replace(bodies=None)), is_new)
-        intent = self._act(data, is_new, action, jnp.asarray(self._engine.poses(world.bodies), jnp.float32))
+        before = self._committed(jnp.asarray(self._engine.poses(world.bodies), jnp.float32))
+        intent = self._act(data, is_new, action, before)
         phases = drive_phases(self.core.config.drive, self._given(intent.command))
         motion = self._engine.move(world.bodies, phases, self._given(intent.is_running))
         return self._seen(data, is_new, intent, motion._replace(bodies=self._placed(motion.bodies, is_new, poses)))
@@ -155,6 +156,10 @@ class Env:
     def _given(self, values: Any) -> Any:
         """Values as the engine takes them: NumPy arrays on the host."""
         return jax.tree.map(np.asarray, values) if self._on_host else values
+
+    def _committed(self, values: Any) -> Any:
+        """Values committed to the device, as results of programs are: else `jax.jit` compiles for both kinds."""
+        return jax.device_put(values, self._device) if self._on_host else values
 
     @property
     def _axes(self) -> tuple[int, ...]:

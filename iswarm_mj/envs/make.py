@@ -1,7 +1,6 @@
 """How environments are made."""
 
 import os
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -27,6 +26,7 @@ from iswarm_mj.tasks.library import find_task
 from iswarm_mj.tasks.signatures import check_object
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.robot import RobotFile
 
 MOST_BITS = 29
 """Flags that fit into a message beside two bits of LED number and the parity."""
@@ -44,7 +44,7 @@ def make_env(
     n_worlds: int | None = None,
     n_starts: int = 64,
     seed: int = 0,
-    robot_file: Path | str | None = None,
+    robot_file: RobotFile = None,
 ) -> Env:
     """Return an environment in which each robot of a swarm has actions, observations and a reward.
 
@@ -61,7 +61,7 @@ def make_env(
         n_worlds: B, 1 by default; with MJX only the size of Warp's buffers.
         n_starts: number of initial layouts, drawn from `seed`; the keys of `reset` pick one.
         seed: of the layouts.
-        robot_file: MJCF file of the robots; None for `models/robot.xml`.
+        robot_file: MJCF file of the robots, or of each kind (`RobotFile`); None for `models/robot.xml`.
 
     Raises:
         UserError: unknown task, settings that do not fit, or more worlds than fit into memory.

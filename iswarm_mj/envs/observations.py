@@ -15,7 +15,7 @@ from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.geometry import wrapped
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import RD
 
 
@@ -39,7 +39,7 @@ FARTHEST = 2.0
 """Measured distances of senders are at most so many times the range of light; the error is 10 % of a distance."""
 
 
-def rows(config: SwarmConfig, robot: Robot, payload: Payload, senses: dict[str, tuple[Quantity, int]]) -> list[Row]:
+def rows(config: SwarmConfig, robot: Robots, payload: Payload, senses: dict[str, tuple[Quantity, int]]) -> list[Row]:
     """Return what robots observe, 0 where nothing is heard or no ball is there.
 
     Args:

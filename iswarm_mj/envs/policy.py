@@ -15,7 +15,7 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 
 class PolicyStrategy:
@@ -48,7 +48,7 @@ class PolicyStrategy:
         self.apply, self.params, self.memory = apply, params, memory
         self.payload, self.task = as_payload(payload), task_of(task)
 
-    def for_world(self, config: SwarmConfig, robot: Robot, n_robots: int) -> "Policy":
+    def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "Policy":
         """Return the policy of robots in this configuration."""
         del n_robots
         return Policy(self.params, self.apply, self.memory, self.payload, config, robot, self.task)
@@ -63,7 +63,7 @@ class Policy:
     initial: Callable[[int], Any] | None = field(metadata={"static": True})
     payload: Payload
     config: SwarmConfig = field(metadata={"static": True})
-    robot: Robot = field(metadata={"static": True})
+    robot: Robots = field(metadata={"static": True})
     task: Any = field(metadata={"static": True})
 
     def init(self, n_robots: int, key: Array) -> dict[str, Any]:

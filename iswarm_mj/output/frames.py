@@ -21,7 +21,7 @@ from iswarm_mj.tasks.layout import no_balls
 from iswarm_mj.tasks.protocol import DrawnTask, Look, Quantity, Task, balls_of
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
 
 FIXED = ("dump", "dust_areas")
@@ -44,7 +44,7 @@ class RecordedWorld:
         index: int,
         config: SwarmConfig,
         task: Task,
-        robot: Robot,
+        robot: Robots,
         *,
         number: int,
         recorded: Mapping[str, str] | None = None,
@@ -109,8 +109,10 @@ class RecordedWorld:
         config, task, recorded = self.config, self._task, self._recorded
         rectangles = _fixed_areas(task, config, jax.tree.map(lambda a: a[0], own.swarm.task))
         areas, metrics = _looks(task), _quantities(task)
+        numbers = np.arange(own.poses.shape[1])
         return Scene(
-            robot_size=2 * MM * np.array(self._robot.half_edges),
+            robot_size=2 * MM * self._robot.each("half_edges", numbers),
+            kind=self._robot.kind_of(numbers),
             is_scout=_scouts(own),
             ball_radius=np.asarray(self._observed(own, own.poses[0]).balls.radius[0]),
             arena_size=config.arena.size * ROBOT_DIAMETER,
@@ -120,7 +122,7 @@ class RecordedWorld:
             is_alive=np.asarray(own.swarm.is_alive[0]),
             payload=stored(payload),
             world=number,
-            n_leds=len(self._robot.leds),
+            n_leds=len(self._robot.sides),
             memory_names=tuple(map(array_name, recorded)),
             memory_units=tuple(IN_FILES.get(unit, (unit,))[0] for unit in recorded.values()),
             memory_sizes=tuple(math.prod(np.shape(parts_of(own.swarm.memory)[name])[2:]) for name in recorded),

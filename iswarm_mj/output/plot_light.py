@@ -12,7 +12,7 @@ from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.output.palette import BLUE, DARK, ORANGE
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.sensors.optics import receive
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 _THRESHOLDS = (0.25, 1.0, 4.0)
@@ -22,7 +22,7 @@ _FARTHEST = 20.0
 
 
 def light(
-    distance: Float[np.ndarray, "*P"], angle: Float[np.ndarray, "*P"], robot: Robot, optics: OpticsConfig
+    distance: Float[np.ndarray, "*P"], angle: Float[np.ndarray, "*P"], robot: Robots, optics: OpticsConfig
 ) -> Float[np.ndarray, "*P"]:
     """Light that the photodiodes of a robot receive that faces the sender, over that at the threshold of its range.
 

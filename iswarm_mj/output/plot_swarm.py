@@ -47,7 +47,7 @@ def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> Path:
                 shown = frames[f"{name}_known"][step] & who
                 lines = vectors(pose[shown], frames[f"{name}_vector"][step][shown]) * _MM
                 axes.add_collection(LineCollection([*lines], colors=hues[shown], linewidths=0.4, alpha=0.55, zorder=2))
-        bodies = outlines(pose, frames["scene_robot_size"][:2]) * _MM
+        bodies = outlines(pose, frames["scene_robot_size"][..., :2]) * _MM
         axes.add_collection(PolyCollection([*bodies], facecolors=hues, edgecolors="none", zorder=3))
         lying = frames["ball_position"][step][frames["ball_state"][step] == LYING] * _MM
         axes.plot(lying[:, 0], lying[:, 1], "o", color="black", markersize=1.6, zorder=4)
@@ -67,9 +67,9 @@ def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> Path:
     return path.with_name(path.name + ".png")
 
 
-def outlines(pose: Float[np.ndarray, "N 3"], size: Float[np.ndarray, "2"]) -> Float[np.ndarray, "N 4 2"]:
-    """Corners of rectangles at poses, with `size` their length and width."""
-    corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * np.asarray(size) / 2
+def outlines(pose: Float[np.ndarray, "N 3"], size: Float[np.ndarray, "*#N 2"]) -> Float[np.ndarray, "N 4 2"]:
+    """Corners of rectangles at poses, with `size` the length and width of each."""
+    corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * np.asarray(size)[..., None, :] / 2
     return pose[:, None, :2] + rotate(corners, pose[:, 2:])
 
 

@@ -89,7 +89,7 @@ def _boxes(scene: Scene, frames: Frames) -> Iterator[Shape]:
     if not len(scene.boxes):
         return
     x, y, half_x, half_y, yaw = geometry.boxes(scene, frames).reshape(-1, 5).T
-    zero, high = np.zeros_like(x), np.full(len(x), scene.robot_size[2] * geometry.MILLIMETRES / 2)
+    zero, high = np.zeros_like(x), np.full(len(x), scene.height * geometry.MILLIMETRES / 2)
     shown = rr.Boxes3D.from_fields(
         centers=np.column_stack([x, y, high]),
         half_sizes=np.column_stack([half_x, half_y, high]),

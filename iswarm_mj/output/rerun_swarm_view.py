@@ -89,7 +89,7 @@ def _boxes(boxes: Boxes) -> rr.Boxes3D:
 
 def static_entities(scene: Scene) -> Iterator[tuple[str, rr.AsComponents]]:
     """Yield (entity, archetype) of all that does not change: the arena, the styles, the colours of states."""
-    size = np.asarray(scene.robot_size, float) * MILLIMETRES
+    size = np.atleast_2d(scene.robot_size) * MILLIMETRES
     yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
     yield "world", rr.AnnotationContext([*shown_classes(scene), *BALL_CLASSES, *LINK_CLASSES])
     yield KEY, rr.TextDocument(legend(scene), media_type=rr.MediaType.MARKDOWN)
@@ -103,13 +103,16 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, rr.AsComponents]]:
     ids = [str(number) for number in range(max(len(scene.is_scout), len(scene.ball_radius)))]
     robots, balls = ids[: len(scene.is_scout)], ids[: len(scene.ball_radius)]
     radii, points = np.asarray(scene.ball_radius) * MILLIMETRES, rr.Radius.ui_points
-    yield ROBOTS, rr.Boxes3D.from_fields(half_sizes=[size / 2], fill_mode="solid", show_labels=False, labels=robots)
-    yield rerun_names.FRONTS, rr.Points3D.from_fields(colors=(255, 255, 255), radii=FRONT_RADIUS * size[0])
+    yield ROBOTS, rr.Boxes3D.from_fields(half_sizes=size / 2, fill_mode="solid", show_labels=False, labels=robots)
+    yield rerun_names.FRONTS, rr.Points3D.from_fields(colors=(255, 255, 255), radii=FRONT_RADIUS * size[:, 0])
     yield BALLS, rr.Points3D.from_fields(radii=radii, show_labels=False, labels=balls)
     yield rerun_names.BALL_MARKERS, rr.Points3D.from_fields(radii=points(4.0), show_labels=False)
     yield LINKS, rr.LineStrips3D.from_fields(radii=points(0.6), show_labels=False)
     yield rerun_names.TRAILS, rr.LineStrips3D.from_fields(colors=rgb(palette.SKY), radii=points(1.2))
     for vector, colour in zip(vectors(scene.memory), cycle(_HUES)):
-        yield f"{rerun_names.ARROWS}/{vector.stem}", rr.Arrows3D.from_fields(colors=rgb(colour), radii=0.06 * size[0])
+        yield (
+            f"{rerun_names.ARROWS}/{vector.stem}",
+            rr.Arrows3D.from_fields(colors=rgb(colour), radii=0.06 * scene.length * MILLIMETRES),
+        )
     for entity, (name, colour) in series(scene).items():
         yield entity, rr.SeriesLines(names=name, colors=colour, widths=1.5)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -46,9 +46,9 @@ def about(run: Run) -> dict[str, Any]:
         "settings": own,
         **run.rules,
         "config": asdict(run.config),
-        "robot": {"file": None if run.robot_file is None else str(run.robot_file), **asdict(run.robot)},
+        "robot": {"file": run.robot_file, **asdict(cast(Any, run.robot))},
     }
-    return json.loads(json.dumps(values))
+    return json.loads(json.dumps(values, default=str))
 
 
 def result(run: Run, wall_s: float) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import pyarrow as pa
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.registry import IDENTITY
+from iswarm_mj.engines.robot_file import as_robot_file
 from iswarm_mj.output.reading import REMEDY, no_trajectory, read_about, read_result, read_trajectory
 from iswarm_mj.output.tables import TABLES, table_of
 from iswarm_mj.output.trajectory import RESULT, SCENE, TRAJECTORY, Arrays, Scene
@@ -19,6 +20,7 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.robot import RobotFile
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,8 @@ class SavedRun:
     """Everything in result.json: `steps`, `fitness`, `wall_s`, `faults` and others; empty if there is none."""
     scenes: dict[int, Scene]
     """Constants of each recorded world, by its number."""
-    robot_file: Path | None
-    """MJCF file of the robots; None for `models/robot.xml`."""
+    robot_file: RobotFile
+    """MJCF file of the robots, or of each kind (`RobotFile`); None for `models/robot.xml`."""
     _arrays: dict[int, Arrays] = field(repr=False)
 
     @property
@@ -168,7 +170,7 @@ def load(path: str | Path) -> SavedRun:
             ],
             metrics=[{name: values[k] for name, values in metrics.items()} for k in known],
             result=about if "wall_s" in about else {},
-            robot_file=None if about["robot"]["file"] is None else Path(about["robot"]["file"]),
+            robot_file=as_robot_file(about["robot"]["file"]),
             scenes={number: scene_of(arrays) for number, arrays in worlds.items()},
             _arrays=worlds,
         )

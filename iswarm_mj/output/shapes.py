@@ -36,7 +36,7 @@ class Boxes(NamedTuple):
 
 def arena_boxes(scene: Scene) -> Iterator[Boxes]:
     """Yield floor, walls around it, dump, dust areas and obstacles, as far as the scene has them."""
-    half, height = scene.arena_size * MILLIMETRES / 2, scene.robot_size[2] * MILLIMETRES
+    half, height = scene.arena_size * MILLIMETRES / 2, scene.height * MILLIMETRES
     corners = np.asarray(scene.corners) * MILLIMETRES
     corners = corners if len(corners) else half * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)])
     along, thick = np.roll(corners, -1, axis=0) - corners, height / 4
@@ -71,7 +71,7 @@ def boxes(scene: Scene, frames: Frames) -> Float[np.ndarray, "T M 5"]:
 
 def centres(scene: Scene, pose: Float[np.ndarray, "T N 3"]) -> Float[np.ndarray, "T N 3"]:
     """Return the centres of the robots."""
-    found = np.full(pose.shape, scene.robot_size[2] * MILLIMETRES / 2, np.float32)
+    found = np.full(pose.shape, scene.height * MILLIMETRES / 2, np.float32)
     found[..., :2] = pose[..., :2] * np.float32(MILLIMETRES)
     return found
 
@@ -80,8 +80,8 @@ def fronts(
     scene: Scene, centre: Float[np.ndarray, "T N 3"], yaw: Float[np.ndarray, "T N"]
 ) -> Float[np.ndarray, "T N 3"]:
     """Return where the dots at the robots' fronts are."""
-    length, _, height = np.asarray(scene.robot_size, np.float32) * np.float32(MILLIMETRES)
-    found = centre + 0.34 * length * np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
+    length, _, height = (np.asarray(scene.robot_size, np.float32) * np.float32(MILLIMETRES)).T
+    found = centre + 0.34 * length[..., None] * np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
     found[..., 2] = height + FRONT_RADIUS * length
     return found
 
@@ -89,7 +89,7 @@ def fronts(
 def ball_centres(scene: Scene, frames: Frames) -> tuple[Float[np.ndarray, "T K 3"], Float[np.ndarray, "T K 3"]]:
     """Return where balls are, and where their markers, which lie above the robots."""
     found = frames.ball_position * np.float32(MILLIMETRES)
-    return found, found + np.array([0, 0, 1.5 * scene.robot_size[2] * MILLIMETRES])
+    return found, found + np.array([0, 0, 1.5 * scene.height * MILLIMETRES])
 
 
 def link_ends(frames: Frames, centre: Float[np.ndarray, "T N 3"]) -> Float[np.ndarray, "L 2 3"]:
@@ -120,7 +120,7 @@ def arrows(
 ) -> tuple[Float[np.ndarray, "M 3"], Float[np.ndarray, "M 3"], Bool[np.ndarray, "T N"]]:
     """Return origins and directions of arrows from the robots that know a vector, in the arena; and which know it."""
     known = is_known(frames, vector)
-    above = centre[known] + np.array([0, 0, 0.6 * scene.robot_size[2] * MILLIMETRES], np.float32)
+    above = centre[known] + np.array([0, 0, 0.6 * scene.height * MILLIMETRES], np.float32)
     ways = np.zeros((len(above), 3), np.float32)
     ways[:, :2] = rotate(frames.memory[vector.name][known], frames.pose[..., 2][known]) * np.float32(MILLIMETRES)
     return above, ways, known

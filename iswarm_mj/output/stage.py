@@ -18,6 +18,7 @@ from iswarm_mj.output.swarm_classes import robot_classes, shown_classes
 from iswarm_mj.output.trajectory import AREA, SCENE, Arrays
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.units import MM, mm_from_m, mm_from_rd
 
 BALL_SCALE = 15.0
@@ -59,21 +60,24 @@ class Stage:
         config: of the arena.
         frames: arrays of the run's trajectory.
         shot: camera, size and quality.
-        robot_file: MJCF file of a robot, by default `models/robot.xml`.
+        robot_file: MJCF file of the robots, or of each kind (`RobotFile`), by default `models/robot.xml`.
 
     Raises:
         UserError: the robot is another one by now, no such camera, or no off-screen OpenGL.
     """
 
-    def __init__(self, config: SwarmConfig, frames: Arrays, shot: Shot, robot_file: Path | None = None):
-        arena = compile_arena(
-            config, frames["pose"].shape[1], frames["scene_ball_radius"], visual=True, robot_file=robot_file
-        )
-        size = 2 * MM * np.array(arena.robot.half_edges)
-        if not np.allclose(frames["scene_robot_size"], size, rtol=1e-6):
+    def __init__(self, config: SwarmConfig, frames: Arrays, shot: Shot, robot_file: RobotFile = None):
+        n_robots = frames["pose"].shape[1]
+        file = as_robot_file(robot_file)
+        arena = compile_arena(config, n_robots, frames["scene_ball_radius"], visual=True, robot_file=file)
+        size = 2 * MM * arena.robot.each("half_edges", n_robots)
+        recorded = np.broadcast_to(frames["scene_robot_size"], size.shape)
+        differs = ~np.isclose(recorded, size, rtol=1e-6).all(axis=1)
+        if differs.any():
+            first = differs.argmax()
             raise UserError(
                 f"the robots of {robot_file or 'models/robot.xml'} must be as large as those of the run, "
-                f"{frames['scene_robot_size']} m (got {size} m); restore the file, or run again."
+                f"{recorded[first]} m (got {size[first]} m); restore the file, or run again."
             )
         model = arena.model
         cameras = [model.camera(i).name for i in range(model.ncam) if "/" not in model.camera(i).name]

@@ -106,6 +106,8 @@ def _own_columns(table: str, arrays: Arrays, scene: Scene) -> Iterator[tuple[str
             is_flag = column.name == f"said_{PRIORITY}"
             own = column._replace(known=acted) if is_flag else column
             yield "said_", own, itemgetter("has_priority") if is_flag else lambda _, values=values: values
+        if scene.kind.any():
+            yield "robot_", Column("kind", "", "number of its kind, from 0"), lambda _: scene.kind
         if scene.team_names:
             yield "robot_", Column("team", "", "its team", words=scene.team_names), lambda _: scene.team
         yield from (("memory_", *each) for each in memory_columns(scene.memory))

@@ -30,8 +30,8 @@ class Scene(NamedTuple):
     Rectangles are x_min, y_min, x_max, y_max.
     """
 
-    robot_size: Float[np.ndarray, "3"]
-    """Edges of a robot [m]."""
+    robot_size: Float[np.ndarray, "N 3"]
+    """Length, width and height of each robot [m]."""
     is_scout: Bool[np.ndarray, "N"]
     ball_radius: Float[np.ndarray, "K"]
     """[m]"""
@@ -78,6 +78,18 @@ class Scene(NamedTuple):
     """Teams of the robots, see `strategy.teams`; none where they are one."""
     team_sizes: tuple[int, ...] = ()
     """Number of robots of each."""
+    kind: Int[np.ndarray, "N"] = np.zeros(0, int)
+    """Index of each robot's kind in `Robots.kinds`."""
+
+    @property
+    def length(self) -> float:
+        """Of the longest robots [m]."""
+        return float(np.max(self.robot_size[..., 0]))
+
+    @property
+    def height(self) -> float:
+        """Of all robots [m]."""
+        return float(np.max(self.robot_size[..., 2]))
 
     @property
     def team(self) -> Int[np.ndarray, "N"]:

@@ -177,7 +177,8 @@ class Page:
     def _clicked(self, event: Any) -> None:
         """Find the place on the robots' tops that was clicked on."""
         origin, way = np.array(event.ray_origin), np.array(event.ray_direction)
-        length, _, height = np.asarray(self.session.scene.robot_size) * shapes.MILLIMETRES
+        scene = self.session.scene
+        length, height = scene.length * shapes.MILLIMETRES, scene.height * shapes.MILLIMETRES
         if way[2] < 0 and self._view.root.visible:
             x, y, _ = origin + (height / 2 - origin[2]) / way[2] * way
-            self._panel.clicked(float(x), float(y), 0.8 * float(length))
+            self._panel.clicked(float(x), float(y), 0.8 * length)

@@ -13,6 +13,7 @@ from typing import Any
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.registry import ENGINES, OFFER, find_engine
+from iswarm_mj.engines.robot_file import files_of
 from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -23,6 +24,7 @@ from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.tasks.library import TASKS
+from iswarm_mj.utils.robot import RobotFile
 
 STEPS = 1_000_000
 """Control steps of a run at most."""
@@ -42,7 +44,7 @@ class Scenario:
     """Their number; None: it follows from the genome's density."""
     seed: int = 0
     engine: EngineSettings = field(default_factory=MujocoSettings)
-    robot_file: Path | None = None
+    robot_file: RobotFile = None
     strategy_name: str | None = None
     """As --strategy takes it, of teams with blanks between; by default the name under which a package offers its class,
     or its file."""
@@ -53,7 +55,8 @@ class Scenario:
     def n_robots(self) -> int:
         """Number of robots."""
         arena, density = self.config.arena, self.genome.density_of_robots
-        return robots_for(arena, density, "density_of_robots") if self.robots is None else self.robots
+        total = sum(n for _, n in files_of(self.robot_file))
+        return self.robots or total or robots_for(arena, density, "density_of_robots")
 
     @property
     def engine_name(self) -> str:

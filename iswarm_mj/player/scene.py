@@ -40,10 +40,10 @@ def moment(scene: Scene, before: Frames, after: Frames, share: float) -> Moment:
     pose = before.pose + np.float32(share) * (after.pose - before.pose)
     centre = shapes.centres(scene, pose)[0]
     balls = [shapes.ball_centres(scene, frames)[0][0] for frames in (before, after)]
-    is_there = np.linalg.norm(balls[1] - balls[0], axis=-1, keepdims=True) < 5 * scene.robot_size[0] * 1e3
+    is_there = np.linalg.norm(balls[1] - balls[0], axis=-1, keepdims=True) < 5 * scene.length * 1e3
     ball = np.where(is_there, balls[0] + share * (balls[1] - balls[0]), balls[1])
     held = after.ball_state[0] == 1
-    ball[held, 2] += 1.2 * scene.robot_size[2] * shapes.MILLIMETRES
+    ball[held, 2] += 1.2 * scene.height * shapes.MILLIMETRES
     colours = np.array([colour for *_, colour in BALL_CLASSES], np.uint8)
     areas = {name: after.task[AREA + name][0] * shapes.MILLIMETRES for name in scene.area_names}
     first, then = (shapes.boxes(scene, frames)[0] for frames in (before, after))

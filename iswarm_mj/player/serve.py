@@ -1,16 +1,17 @@
 """The page from Python and in notebooks."""
 
-from pathlib import Path
 from typing import Any
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.robot_file import as_robot_file
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.player.page import PORT, Page
 from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.strategy.genome import TYPE1, Genome
 from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.utils.robot import RobotFile
 
 
 def play(
@@ -21,7 +22,7 @@ def play(
     robots: int | None = None,
     seed: int = 0,
     engine: EngineSettings | None = None,
-    robot_file: Path | str | None = None,
+    robot_file: RobotFile = None,
     port: int = PORT,
 ) -> Page:
     """Show a swarm in the browser while it runs, and change it there; see docs/play.md.
@@ -35,7 +36,7 @@ def play(
         robots: their number; by default that of the genome.
         seed: of all random numbers.
         engine: `MujocoSettings()` by default.
-        robot_file: MJCF file of the robots, by default `models/robot.xml`.
+        robot_file: MJCF file of the robots, or of each kind (`RobotFile`), by default `models/robot.xml`.
         port: where the page is, on this machine alone; the first one from there on that is free.
 
     Raises:
@@ -50,6 +51,6 @@ def play(
         robots,
         seed,
         engine or MujocoSettings(),
-        None if robot_file is None else Path(robot_file),
+        as_robot_file(robot_file),
     )
     return Page(Session(scenario), port)

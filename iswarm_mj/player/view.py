@@ -59,13 +59,14 @@ class SwarmView:
                     wxyz=(np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)),
                     cast_shadow=False,
                 )
-        length, width, height = np.asarray(scene.robot_size) * shapes.MILLIMETRES
+        length, height = scene.length * shapes.MILLIMETRES, scene.height * shapes.MILLIMETRES
         self._height, n, k = height, len(scene.is_alive), len(scene.ball_radius)
-        front = trimesh.creation.box((0.2 * length, 0.5 * width, 0.1 * height))
-        front.apply_translation((0.36 * length, 0, height / 2))
+        front = trimesh.creation.box((0.2, 0.5, 0.1))
+        front.apply_translation((0.36, 0, 0.5))
+        sizes = np.broadcast_to(np.float32(scene.robot_size * shapes.MILLIMETRES), (n, 3))
         self.nodes = {
-            "robots": self._batch("robots", trimesh.creation.box((length, width, height)), n, (0, 0, 0)),
-            "fronts": self._batch("fronts", front, n, (255, 255, 255)),
+            "robots": self._batch("robots", trimesh.creation.box((1, 1, 1)), n, (0, 0, 0), batched_scales=sizes),
+            "fronts": self._batch("fronts", front, n, (255, 255, 255), batched_scales=sizes),
         }
         self._balls = self._batch("balls", trimesh.creation.icosphere(1, 0.25 * length), k, (0, 0, 0)) if k else None
         self._boxes = (

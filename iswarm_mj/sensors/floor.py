@@ -24,12 +24,12 @@ class FloorView(NamedTuple):
     """From the robot to that ball, in the robot's frame [mm]; zero where not `at_dust`."""
 
 
-def probe_tips(poses: Float[Array, "N 3"], probe: Float[Array, "2"]) -> Float[Array, "N 2"]:
+def probe_tips(poses: Float[Array, "N 3"], probe: Float[Array, "*#N 2"]) -> Float[Array, "N 2"]:
     """World positions of the probes' tips [mm].
 
     Args:
         poses: x, y [mm] and yaw [rad].
-        probe: the tip's position ahead of and to the left of a robot's centre [mm].
+        probe: each tip's position ahead of and to the left of its robot's centre [mm].
     """
     return poses[:, :2] + rotate(jnp.broadcast_to(probe, poses[:, :2].shape), poses[:, 2])
 

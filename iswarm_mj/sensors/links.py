@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
-from iswarm_mj.sensors.occlusion import CLEAR, OPEN, Paths, circles, judge
+from iswarm_mj.sensors.occlusion import CLEAR, OPEN, Circles, Paths, circles, judge
 from iswarm_mj.sensors.optics import (
     Reception,
     facing_side,
@@ -24,7 +24,7 @@ from iswarm_mj.sensors.optics import (
     receiver_positions,
 )
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
@@ -71,9 +71,10 @@ class Candidates(NamedTuple):
 def find_candidates(
     poses: Float[np.ndarray, "BN 3"],
     around: Neighbours,
-    robot: Robot,
+    robot: Robots,
     optics: OpticsConfig,
     sends: Bool[np.ndarray, "BN"] | Float[np.ndarray, "BN"],
+    kind: Int[np.ndarray, "BN"],
 ) -> Candidates:
     """Pairs of robots of which one is within reach of the other's light.
 
@@ -83,6 +84,7 @@ def find_candidates(
         robot: where LEDs and photodiodes sit.
         optics: range, cones and mode.
         sends: which robots send light, or the power of their LEDs from 0 to 1.
+        kind: see `Robots.kind_of`.
     """
     heading = np.cos(poses[:, 2])[around.robot], np.sin(poses[:, 2])[around.robot]
     ahead, left = into_frame(around.dx, around.dy, heading)
@@ -90,7 +92,8 @@ def find_candidates(
     side = facing_side(ahead, left, sides.photodiodes)
     shines = side if sides.leds == sides.photodiodes else facing_side(ahead, left, sides.leds)
     power = None if sends.dtype == bool else sends[around.other]
-    reception = receive_views((ahead, left), (ahead[back], left[back]), side, shines[back], robot, optics, power)
+    views, kinds = ((ahead, left), (ahead[back], left[back])), (kind[around.robot], kind[around.other])
+    reception = receive_views(*views, side, shines[back], robot, optics, power, kinds)
     arrives = np.flatnonzero(np.isfinite(reception.effective_distance) & (sends[around.other] > 0))
     reception = Reception(*(values[arrives] for values in reception))
     slot = around.robot[arrives] * len(sides) + reception.side
@@ -105,7 +108,7 @@ def find_candidates(
 
 def find_links(
     poses: Float[np.ndarray, "B N 3"],
-    robot: Robot,
+    robot: Robots,
     optics: OpticsConfig,
     reaches: LedHit,
     sends: Bool[np.ndarray, "B N"] | Float[np.ndarray, "B N"] | None = None,
@@ -122,15 +125,17 @@ def find_links(
         boxes: obstacles and boxes in each world, see `utils.obstacles.numbers`.
     """
     n_worlds, n_robots = poses.shape[:2]
+    numbers = np.tile(np.arange(n_robots), n_worlds)
+    around_each = circles(robot, numbers)
     farthest = mm_from_rd(optics.communication_radius) + 2 * robot.optical_offset  # of a candidate
-    around = find_neighbours(poses[..., :2], farthest + circles(robot).behind)
+    around = find_neighbours(poses[..., :2], farthest + around_each.behind)
     flat = poses.reshape(-1, 3)
     sending = np.ones(len(flat), bool) if sends is None else sends.ravel()
-    found = find_candidates(flat, around, robot, optics, sending)
+    found = find_candidates(flat, around, robot, optics, sending, robot.kind_of(numbers))
     clear = np.ones(len(found.slot), bool)
     if optics.line_of_sight:
         boxes = np.zeros((n_worlds, 0, 6)) if boxes is None else boxes
-        clear = _by_rays(flat, around, found, robot, n_robots, reaches, optics.n_senders, boxes)
+        clear = _by_rays(poses, around, found, robot, around_each, reaches, optics.n_senders, boxes)
     pick, rank = _first(clear, found.slot, optics.n_senders)
     shape = (n_worlds, n_robots, len(robot.sides), optics.n_senders)
 
@@ -152,19 +157,21 @@ def _by_rays(
     poses: np.ndarray,
     around: Neighbours,
     found: Candidates,
-    robot: Robot,
-    n_robots: int,
+    robot: Robots,
+    around_each: Circles,
     reaches: LedHit,
     n_senders: int,
     boxes: np.ndarray,
 ) -> np.ndarray:
     """Whether nothing blocks the light (P,) bool; False, too, where enough nearer ones of the same side are clear."""
-    positions = np.asarray(receiver_positions(poses, robot))
-    origin = positions[found.receiver, found.reception.side]
-    leds = positions if robot.leds == robot.receivers else np.asarray(led_positions(poses, robot))
-    target = leds[found.sender, found.reception.led]
+    n_robots = poses.shape[1]
+    positions = receiver_positions(poses, robot)
+    leds = positions if all(kind.leds == kind.receivers for kind in robot.kinds) else led_positions(poses, robot)
+    sides = -1, len(robot.sides), 2
+    origin = np.asarray(positions).reshape(sides)[found.receiver, found.reception.side]
+    target = np.asarray(leds).reshape(sides)[found.sender, found.reception.led]
     paths = Paths(found.slot, found.receiver, found.sender, found.distance, origin, target)
-    verdict = judge(paths, poses, around, circles(robot), n_senders, boxes)
+    verdict = judge(paths, poses.reshape(-1, 3), around, around_each, n_senders, boxes)
     clear = verdict == CLEAR
     ask = np.flatnonzero(verdict == OPEN)
     world, receiver = np.divmod(found.receiver[ask], n_robots)

@@ -6,19 +6,19 @@ import numpy as np
 
 from iswarm_mj.sensors.neighbours import Neighbours
 from iswarm_mj.utils.compiled import cached
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 CUT, CLEAR, OPEN = 0, 1, 2
 """Verdicts: a robot blocks the path; none does; only a ray can tell."""
 
 
 class Circles(NamedTuple):
-    """Radii of circles around a robot's centre, seen from above [mm]."""
+    """Radii of circles around the centres of N robots, seen from above [mm]."""
 
-    outer: float
-    """Contains the robot, which therefore does not touch a path that passes farther away."""
-    inner: float
-    """Lies inside the robot, which therefore blocks a path that passes closer."""
+    outer: np.ndarray
+    """(N,) contains the robot, which therefore does not touch a path that passes farther away."""
+    inner: np.ndarray
+    """(N,) lies inside the robot, which therefore blocks a path that passes closer."""
     behind: float
     """A robot that blocks a path is at most this much farther from the receiver than the sender is."""
 
@@ -40,10 +40,11 @@ class Paths(NamedTuple):
     """(P, 2) where it ends, at the sender [mm]."""
 
 
-def circles(robot: Robot) -> Circles:
-    """Return a robot's circles, with one millionth to spare for rounding."""
-    outer = robot.circumradius * (1 + 1e-6)
-    return Circles(outer, robot.inradius * (1 - 1e-6), outer + robot.optical_offset)
+def circles(robot: Robots, which: int | np.ndarray) -> Circles:
+    """Return the circles of robots, see `Robots.each`, with one millionth to spare for rounding."""
+    outer, inner = (robot.each(name, which) for name in ("circumradius", "inradius"))
+    behind = robot.circumradius * (1 + 1e-6) + robot.optical_offset
+    return Circles(outer * (1 + 1e-6), inner * (1 - 1e-6), behind)
 
 
 @cached
@@ -93,17 +94,19 @@ def judge(
             continue
         length = max(np.sqrt(x * x + y * y), 1e-9)
         x, y = x / length, y / length
-        nearest = np.inf
+        outside = inside = np.inf  # least margin to a circle, of the squares
         for q in range(around.first[receiver], around.first[receiver + 1]):
             other = around.other[q]
             if other != paths.sender[k] and around.distance[q] <= paths.distance[k] + circles.behind:
                 dx, dy = poses[other, 0] - x0, poses[other, 1] - y0
                 ahead = dx * x + dy * y
                 beyond = ahead - min(max(ahead, 0.0), length)
-                nearest = min(nearest, beyond**2 + (dy * x - dx * y) ** 2)
-        if nearest > circles.outer**2:
+                squared = beyond**2 + (dy * x - dx * y) ** 2
+                outside = min(outside, squared - circles.outer[other] ** 2)
+                inside = min(inside, squared - circles.inner[other] ** 2)
+        if outside > 0.0:
             verdict[k] = CLEAR
             n_clear += 1
-        elif nearest > circles.inner**2:
+        elif inside > 0.0:
             verdict[k] = OPEN
     return verdict

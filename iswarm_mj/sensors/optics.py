@@ -10,11 +10,12 @@ robots do not shade their own LEDs and photodiodes.
 import math
 from typing import Any, NamedTuple
 
+import numpy as np
 from jaxtyping import Float, Int
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.utils.arrays import Array, array_module
-from iswarm_mj.utils.robot import SIDES, Point, Robot, Sides
+from iswarm_mj.utils.robot import SIDES, Point, Robots, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -33,6 +34,9 @@ class Reception(NamedTuple):
 
 Axes = tuple[Point, ...]
 """Unit vectors ahead and to the left, one of each side."""
+
+Kinds = tuple[Int[Array, "*#P"] | int, Int[Array, "*#P"] | int]
+"""Of receivers and of senders."""
 
 Components = tuple[Float[Array, "*#P"], Float[Array, "*#P"]]
 """Two components of vectors: ahead and to the left in a robot's frame, or cosine and sine of its yaw."""
@@ -72,9 +76,10 @@ def receive(
     dy: Float[Array, "*#P"],
     receiver: Components,
     sender: Components,
-    robot: Robot,
+    robot: Robots,
     optics: OpticsConfig,
     power: Float[Array, "*#P"] | None = None,
+    kinds: Kinds = (0, 0),
 ) -> Reception:
     """Reception of light by pairs of robots.
 
@@ -86,11 +91,12 @@ def receive(
         robot: positions of LEDs and photodiodes.
         optics: mode, range and cones.
         power: of the sender's LEDs, from 0 to 1; None for full power.
+        kinds: index in `robot.kinds` of the receivers and of the senders.
     """
     at_receiver = into_frame(dx, dy, receiver)
     at_sender = into_frame(-dx, -dy, sender)
     side, led = facing_side(*at_receiver, robot.sides.photodiodes), facing_side(*at_sender, robot.sides.leds)
-    return receive_views(at_receiver, at_sender, side, led, robot, optics, power)
+    return receive_views(at_receiver, at_sender, side, led, robot, optics, power, kinds)
 
 
 def receive_views(
@@ -98,9 +104,10 @@ def receive_views(
     at_sender: Components,
     side: Int[Array, "*P"],
     led: Int[Array, "*P"],
-    robot: Robot,
+    robot: Robots,
     optics: OpticsConfig,
     power: Float[Array, "*#P"] | None = None,
+    kinds: Kinds = (0, 0),
 ) -> Reception:
     """As `receive`, for callers that know how the robots of each pair see each other.
 
@@ -112,9 +119,10 @@ def receive_views(
         robot: positions of LEDs and photodiodes.
         optics: mode, range and cones.
         power: see `receive`.
+        kinds: likewise.
     """
     rule = _in_sector if optics.mode == "sector" else _by_power
-    bearing, way, beside = rule(at_receiver, at_sender, side, led, robot, optics)
+    bearing, way, beside = rule(at_receiver, at_sender, side, led, robot, kinds, optics)
     xp = array_module(side)
     effective = (way if power is None else way / xp.sqrt(xp.maximum(power, 1e-12))) + beside  # the inverse square
     received = effective < mm_from_rd(optics.communication_radius)
@@ -122,7 +130,13 @@ def receive_views(
 
 
 def _in_sector(
-    at_receiver: Components, at_sender: Components, side: Array, led: Array, robot: Robot, optics: OpticsConfig
+    at_receiver: Components,
+    at_sender: Components,
+    side: Array,
+    led: Array,
+    robot: Robots,
+    kinds: Kinds,
+    optics: OpticsConfig,
 ) -> tuple[Array, Array, Any]:
     """Bearing and way of the light by the paper's rule: in the receiver's sector and in the sender's beam."""
     xp, sides = array_module(side), robot.sides
@@ -150,7 +164,13 @@ def _bearing(side: Array, sides: Sides, like: Array) -> Array:
 
 
 def _by_power(
-    at_receiver: Components, at_sender: Components, side: Array, led: Array, robot: Robot, optics: OpticsConfig
+    at_receiver: Components,
+    at_sender: Components,
+    side: Array,
+    led: Array,
+    robot: Robots,
+    kinds: Kinds,
+    optics: OpticsConfig,
 ) -> tuple[Array, Array, Any]:
     """Bearing and way of the light by power: Lambertian lobe, inverse square, acceptance of the photodiodes.
 
@@ -167,8 +187,9 @@ def _by_power(
     # The sender's normal, seen from the receiving side: the angle between both normals follows from the two views.
     cos = -(along_r * along_s + across_r * across_s) / distance**2
     sin = -(along_r * across_s - across_r * along_s) / distance**2
-    out_r, left_r = _on_side(robot.receivers, robot.sides.photodiodes, side, distance)
-    out_s, left_s = _on_side(robot.leds, robot.sides.leds, led, distance)
+    receivers, leds = zip(*((kind.receivers, kind.leds) for kind in robot.kinds), strict=True)
+    out_r, left_r = _on_side(receivers, robot.sides.photodiodes, kinds[0], side, distance)
+    out_s, left_s = _on_side(leds, robot.sides.leds, kinds[1], led, distance)
     gap_along = along_r - out_r + out_s * cos + left_s * sin
     gap_across = across_r - left_r - out_s * sin + left_s * cos
     gap = xp.maximum(xp.hypot(gap_along, gap_across), 1e-6)
@@ -183,11 +204,14 @@ def _by_power(
     return bearing, gap / xp.sqrt(xp.maximum(gain, 1e-12)), xp.maximum(out_r + out_s, 0.0)
 
 
-def _on_side(points: tuple[Point, ...], axes: Axes, side: Array, like: Array) -> tuple[Array, Array]:
-    """Components of each side's point along the side's axis and to its left, for `side` (P,)."""
-    along = tuple(x * axis[0] + y * axis[1] for axis, (x, y) in zip(axes, points, strict=True))
-    left = tuple(y * axis[0] - x * axis[1] for axis, (x, y) in zip(axes, points, strict=True))
-    return _look_up(along, side, like), _look_up(left, side, like)
+def _on_side(
+    points: tuple[tuple[Point, ...], ...], axes: Axes, kind: Array | int, side: Array, like: Array
+) -> tuple[Array, Array]:
+    """Components of a kind's point of each side along the side's axis and to its left, for `kind` and `side` (P,)."""
+    each = [(axis, point) for own in points for axis, point in zip(axes, own, strict=True)]
+    along = tuple(x * axis[0] + y * axis[1] for axis, (x, y) in each)
+    left = tuple(y * axis[0] - x * axis[1] for axis, (x, y) in each)
+    return _look_up(along, kind * len(axes) + side, like), _look_up(left, kind * len(axes) + side, like)
 
 
 def _look_up(values: tuple[float, ...], side: Array, like: Array) -> Any:
@@ -197,24 +221,24 @@ def _look_up(values: tuple[float, ...], side: Array, like: Array) -> Any:
     return array_module(side).asarray(values, dtype=like.dtype)[side]
 
 
-def led_positions(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N S 2"]:
-    """World positions of the LEDs [mm] of robots at `poses` [mm, mm, rad]."""
-    return poses[..., None, :2] + _turned(poses, robot.leds)
+def led_positions(poses: Float[Array, "*N 3"], robot: Robots, which: Any = None) -> Float[Array, "*N S 2"]:
+    """World positions of the LEDs [mm] of robots at `poses` [mm, mm, rad], the first ones or those of these numbers."""
+    return poses[..., None, :2] + _turned(poses, robot.each("leds", poses.shape[-2] if which is None else which))
 
 
-def receiver_positions(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N S 2"]:
-    """World positions [mm] at which the sides of robots at `poses` [mm, mm, rad] receive light."""
-    return poses[..., None, :2] + _turned(poses, robot.receivers)
+def receiver_positions(poses: Float[Array, "*N 3"], robot: Robots) -> Float[Array, "*N S 2"]:
+    """World positions [mm] at which the sides of the first robots, at `poses` [mm, mm, rad], receive light."""
+    return poses[..., None, :2] + _turned(poses, robot.each("receivers", poses.shape[-2]))
 
 
-def led_axes(poses: Float[Array, "*N 3"], robot: Robot) -> Float[Array, "*N S 2"]:
+def led_axes(poses: Float[Array, "*N 3"], robot: Robots) -> Float[Array, "*N S 2"]:
     """Optical axes of the LEDs, unit vectors in the world, of robots at `poses` [mm, mm, rad]."""
-    return _turned(poses, robot.sides.leds)
+    return _turned(poses, np.array(robot.sides.leds))
 
 
-def _turned(poses: Array, points: tuple[Point, ...]) -> Array:
-    """Vectors (..., P, 2) in the world, from `points` in the frames of robots at `poses` (..., 3)."""
+def _turned(poses: Array, points: Float[np.ndarray, "*#N S 2"]) -> Array:
+    """Vectors (..., N, S, 2) in the world, from `points` in the frames of robots at `poses` (..., N, 3)."""
     xp = array_module(poses)
     c, s = xp.cos(poses[..., 2, None]), xp.sin(poses[..., 2, None])
-    ahead, left = xp.asarray(points, dtype=poses.dtype).T
+    ahead, left = (xp.asarray(points[..., k], dtype=poses.dtype) for k in (0, 1))
     return xp.stack([c * ahead - s * left, s * ahead + c * left], axis=-1)

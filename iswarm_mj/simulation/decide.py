@@ -22,7 +22,7 @@ from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, Rel
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 Tree = TypeVar("Tree")
 
@@ -46,7 +46,7 @@ class Decision(NamedTuple):
     spoken: Spoken
 
 
-def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
+def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
     """Take a world's control step up to the commands; a world that does not run keeps its state.
 
     Args:
@@ -91,7 +91,7 @@ def decide(config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmS
 
 @partial(jax.jit, static_argnames=("config", "robot"))
 def decide_worlds(
-    config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, begin: StepInputs
+    config: SwarmConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs
 ) -> Decision:
     """`decide` for B worlds at once, all at the same step."""
     of_one = partial(decide, config, robot)
@@ -100,7 +100,7 @@ def decide_worlds(
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
-def decide_packed(config: SwarmConfig, robot: Robot, params: Packed, swarm: SwarmState, begin: StepInputs) -> Decision:
+def decide_packed(config: SwarmConfig, robot: Robots, params: Packed, swarm: SwarmState, begin: StepInputs) -> Decision:
     """`decide_invariant`, where the parameters are packed, and so are memories and the state of the task."""
     swarm = swarm._replace(memory=swarm.memory.tree, task=swarm.task.tree)
     decision = decide_invariant(config, robot, params.tree, swarm, begin)
@@ -109,7 +109,7 @@ def decide_packed(config: SwarmConfig, robot: Robot, params: Packed, swarm: Swar
 
 
 def decide_invariant(
-    config: SwarmConfig, robot: Robot, params: WorldParams, swarm: SwarmState, begin: StepInputs
+    config: SwarmConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs
 ) -> Decision:
     """`decide_worlds`, where what a world decides does not depend on how many there are, to the last bit."""
     step = begin.step

@@ -11,7 +11,7 @@ from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.layout import cell_of
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import check_layout
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 
 class Start(NamedTuple):
@@ -25,7 +25,7 @@ class Start(NamedTuple):
 
 
 def draw_start(
-    config: SwarmConfig, task: Task, robot: Robot, n_robots: int, seed: int, index: int, failed_fraction: float = 0.0
+    config: SwarmConfig, task: Task, robot: Robots, n_robots: int, seed: int, index: int, failed_fraction: float = 0.0
 ) -> Start:
     """Draw how world `index` of a seed begins; all worlds of a seed share what the task draws of the seed alone."""
     shared, own = np.random.default_rng([seed, 2**32 - 1]), np.random.default_rng([seed, index])
@@ -35,7 +35,7 @@ def draw_start(
 def start_with(
     config: SwarmConfig,
     task: Task,
-    robot: Robot,
+    robot: Robots,
     n_robots: int,
     rng: np.random.Generator,
     shared: np.random.Generator,

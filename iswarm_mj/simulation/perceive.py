@@ -21,7 +21,7 @@ from iswarm_mj.strategy.teams import team_numbers
 from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.draws import draw
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 
 class StepInputs(NamedTuple):
@@ -69,7 +69,7 @@ class Perceived(NamedTuple):
 
 def perceive(
     config: SwarmConfig,
-    robot: Robot,
+    robot: Robots,
     params: WorldParams,
     swarm: SwarmState,
     begin: StepInputs,
@@ -114,6 +114,7 @@ def perceive(
         swarm.is_alive,
         picks & ~is_empty,
         jnp.asarray(team_numbers(params.strategy, len(poses))),
+        jnp.asarray(robot.kind_of(len(poses)), jnp.int32),
         params.conditions,
         config,
         robot,

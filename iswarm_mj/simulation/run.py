@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -36,7 +35,7 @@ from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.constraints import check, check_kind, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import RobotFile, Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 STEPS = 800
@@ -64,7 +63,7 @@ class Run(Standing):
         payload: fields of the messages.
         teams: number of robots of each team by its name (`strategy.teams`); empty without teams.
         robot: geometry of the robots.
-        robot_file: MJCF file of the robots, as an absolute path; None for `models/robot.xml`.
+        robot_file: MJCF file of the robots, as an absolute path, or several; None for `models/robot.xml`.
         watch: times of the stages.
     """
 
@@ -81,8 +80,8 @@ class Run(Standing):
     recorded: Mapping[str, str]
     payload: Payload
     teams: Mapping[str, int]
-    robot: Robot
-    robot_file: Path | None
+    robot: Robots
+    robot_file: RobotFile
     watch: Stopwatch
 
     def __init__(
@@ -96,7 +95,7 @@ class Run(Standing):
         strategy: Strategy | Genome | Any = None,
         strategy_per_world: bool = False,
         task: Task | Any = None,
-        robot_file: Path | str | None = None,
+        robot_file: RobotFile = None,
     ):
         """Prepare the worlds.
 
@@ -111,7 +110,8 @@ class Run(Standing):
                 With a method `for_world(config, robot, n_robots)`, what that returns for each world.
             strategy_per_world: the arrays of `strategy` have a first axis of worlds.
             task: what the robots are to do, see `tasks.protocol`; cleaning by default.
-            robot_file: MJCF file of the robots, by default `models/robot.xml`.
+            robot_file: MJCF file of the robots, by default `models/robot.xml`; or files of several kinds, as
+                `["a.xml:200", "b.xml:80"]` with the number of robots of each.
 
         Raises:
             UserError: robots, worlds or settings that do not fit.

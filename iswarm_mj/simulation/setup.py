@@ -1,17 +1,15 @@
 """What runs and environments are made of: what the user gives, checked once, and the engine that it asks for."""
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
-from types import NoneType
 from typing import Any, NamedTuple
 
 import jax
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.checked import make_compiled_engine, make_host_engine
 from iswarm_mj.engines.registry import ENGINES, check_settings
+from iswarm_mj.engines.robot_file import as_robot_file, check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.simulation.common import program_config
 from iswarm_mj.simulation.initial import Start
@@ -25,7 +23,7 @@ from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import check_object
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.jax_setup import configure_jax
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import RobotFile, Robots
 
 
 class Setup(NamedTuple):
@@ -37,9 +35,9 @@ class Setup(NamedTuple):
     """What control steps are compiled for."""
     settings: RunSettings
     engine: EngineSettings
-    robot: Robot
-    robot_file: Path | None
-    """As an absolute path; None for `models/robot.xml`."""
+    robot: Robots
+    robot_file: RobotFile
+    """As an absolute path, or several; None for `models/robot.xml`."""
     task: Task
     """As given."""
     job: Job
@@ -88,7 +86,7 @@ def set_up(
     engine: EngineSettings,
     task: Any,
     worlds: Sequence[World] | Genome,
-    robot_file: Path | str | None = None,
+    robot_file: RobotFile = None,
 ) -> Setup:
     """Check what the user gives, and draw how worlds begin.
 
@@ -98,7 +96,7 @@ def set_up(
         engine: that carries it out.
         task: what the robots are to do.
         worlds: whose beginnings are drawn; or the genome of those of the settings' seed.
-        robot_file: MJCF file of the robots; None for `models/robot.xml`.
+        robot_file: MJCF file of the robots, or of each kind with their number; None for `models/robot.xml`.
 
     Raises:
         UserError: robots, worlds, a task or settings that do not fit, or too little memory.
@@ -109,9 +107,9 @@ def set_up(
     known = ", ".join(f"{settings.__name__}()" for settings in ENGINES.values())
     check("engine", engine, f"settings of an engine, as {known}", isinstance(engine, EngineSettings))
     check_settings(engine)
-    check_kind("robot_file", robot_file, (Path, str, NoneType))
-    file = None if robot_file is None else Path(robot_file).absolute()
-    robot = read_robot(file)
+    file = as_robot_file(robot_file)
+    check_total(file, settings.n_robots)
+    robot = read_robots(file)
     known = config.arena.boxes == () or engine.has_boxes
     check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)
     check_memory(engine, settings.n_worlds, settings.capacity or settings.n_robots)

@@ -17,7 +17,7 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.profiling import Stopwatch
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 
 def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Loop, StepRecord]:
@@ -47,7 +47,7 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Loop
 
 
 def start_record(
-    state: WorldState, poses: np.ndarray, recorded: Sequence[int], robot: Robot, boxes: np.ndarray | None
+    state: WorldState, poses: np.ndarray, recorded: Sequence[int], robot: Robots, boxes: np.ndarray | None
 ) -> StepRecord:
     """Record of the start of W worlds (1, W, ...), in which nobody has heard anybody.
 

@@ -11,7 +11,7 @@ from iswarm_mj.config import ArenaConfig
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.obstacles import corners, numbers, overlap
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import RD, mm_from_rd
 from iswarm_mj.utils.walls import beyond, in_mm
 
@@ -20,17 +20,17 @@ _TOLERANCE = 1e-3
 """Robots that overlap by less only touch [mm]."""
 
 
-def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robot, arena: ArenaConfig) -> None:
+def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robots, arena: ArenaConfig) -> None:
     """Raise a ConfigError if a robot stands beyond a wall, in an obstacle or in another robot.
 
     Args:
         name: of the poses, for the message.
         poses: x, y [mm] and yaw [rad].
-        robot: its hull.
+        robot: their hulls.
         arena: walls, obstacles and boxes.
     """
-    yaw, edges = poses[:, 2], np.array(robot.half_edges[:2]) - _TOLERANCE / 2
-    hulls = np.column_stack([poses[:, :2], np.cos(yaw), np.sin(yaw), np.broadcast_to(edges, (len(poses), 2))])
+    yaw, edges = poses[:, 2], robot.each("half_edges", len(poses))[:, :2] - _TOLERANCE / 2
+    hulls = np.column_stack([poses[:, :2], np.cos(yaw), np.sin(yaw), edges])
     outside = np.asarray(beyond(corners(hulls), in_mm(arena.walls))).max(axis=1) > 0
     _refuse(name, "robot", poses, outside, f"such that robots stand {_within(arena)}")
     for box in numbers(arena.standing, RD):

@@ -15,14 +15,14 @@ from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 _MAX_STATED = 64
 """Numbers of an array that results state."""
 
 
 def of_all_worlds(
-    given: Any, config: SwarmConfig, robot: Robot, worlds: Sequence[World], *, is_per_world: bool = False
+    given: Any, config: SwarmConfig, robot: Robots, worlds: Sequence[World], *, is_per_world: bool = False
 ) -> Any:
     """Return a strategy whose arrays have a first axis of B worlds.
 

@@ -14,7 +14,7 @@ from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import as_task, check_goal, check_task
 from iswarm_mj.utils.constraints import check
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 ENDLESS = 2**31 - 1
 """Progress that no task reaches."""
@@ -30,7 +30,7 @@ class Job(NamedTuple):
 
 
 def job_of(
-    given: Any, config: SwarmConfig, robot: Robot, starts: Sequence[Start], capacity: int, n_boxes: int = 0
+    given: Any, config: SwarmConfig, robot: Robots, starts: Sequence[Start], capacity: int, n_boxes: int = 0
 ) -> Job:
     """Return a task that was checked, for B worlds.
 

@@ -26,7 +26,7 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.protocol import BallTask, Task, balls_of
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, check_kind, validate
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ def worlds_of_seed(genome: Genome, settings: RunSettings) -> list[World]:
     return [World(genome, s.n_robots, s.seed, index, s.failed_fraction) for index in range(s.n_worlds)]
 
 
-def starts_of(config: SwarmConfig, task: Task, robot: Robot, worlds: Sequence[World]) -> list[Start]:
+def starts_of(config: SwarmConfig, task: Task, robot: Robots, worlds: Sequence[World]) -> list[Start]:
     """Return how each world of a task begins.
 
     Raises:
@@ -122,7 +122,7 @@ def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Condit
 
 
 def first_state(
-    config: SwarmConfig, starts: Sequence[Start], task: Task, robot: Robot, capacity: int, first: Any = (None, None)
+    config: SwarmConfig, starts: Sequence[Start], task: Task, robot: Robots, capacity: int, first: Any = (None, None)
 ) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
     """Return the poses of B worlds at the start and their state but for the bodies, which the engine knows.
 
@@ -166,11 +166,11 @@ def _loaded(task: Task, start: Start) -> Bool[np.ndarray, "N"]:
     return loaded
 
 
-def vector_strategies(config: SwarmConfig, robot: Robot, worlds: Sequence[World]) -> VectorStrategy:
+def vector_strategies(config: SwarmConfig, robot: Robots, worlds: Sequence[World]) -> VectorStrategy:
     """Return the paper's strategy with the genome and the readings of each world, stacked along a first axis."""
     rules = rules_of_worlds([world.genome for world in worlds], [(world.config or config).strategy for world in worlds])
     n_scouts = np.array([round(world.genome.fraction_scouts * world.n_robots) for world in worlds], np.int32)
-    return VectorStrategy(rules, n_scouts, common(config).config, robot.probe_tip, robot.sides)
+    return VectorStrategy(rules, n_scouts, common(config).config, robot)
 
 
 @jax.jit
@@ -203,7 +203,7 @@ def _column(values: Sequence[float | bool]) -> np.ndarray:
     return np.array(values, bool if isinstance(values[0], bool) else np.float32)
 
 
-def _start(config: SwarmConfig, task: Task, robot: Robot, world: World, usual: dict[int, Start]) -> Start:
+def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: dict[int, Start]) -> Start:
     own, given, n_robots = world.config or config, world.start, world.n_robots
     if given is None or n_robots not in usual:
         drawn = draw_start(own, task, robot, n_robots, world.seed, world.index, world.failed_fraction)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
@@ -170,7 +171,7 @@ def steer(
 
 def approach(
     config: SwarmConfig,
-    probe_tip: Point,
+    probe_tip: Float[np.ndarray, "*#N 2"] | Point,
     approaches: Bool[Array, "N"],
     ball_vector: Float[Array, "N 2"],
     command: Command,
@@ -179,18 +180,18 @@ def approach(
 
     Args:
         config: limits of the drive.
-        probe_tip: position of the probe's tip ahead of and to the left of the robot's centre [mm].
+        probe_tip: position of each probe's tip ahead of and to the left of its robot's centre [mm].
         approaches: the robot approaches a ball.
         ball_vector: from the robot to the ball, in the robot's frame [mm].
         command: without the ball.
     """
     angle = jnp.arctan2(ball_vector[:, 1], ball_vector[:, 0])
-    reach, aside = probe_tip
+    reach, aside = np.asarray(probe_tip).T
     ahead = _length(ball_vector)
-    if aside or reach < 0:  # the ball is to be as far aside as the tip, and behind the robot if the tip is
+    if (aside != 0).any() or (reach < 0).any():  # the ball is to be as far aside as the tip, and behind if the tip is
         askew = jnp.arcsin(jnp.clip(aside / jnp.maximum(ahead, 1e-6), -1.0, 1.0))
-        angle = wrapped(angle - (askew if reach >= 0 else jnp.pi - askew))
-        ahead = jnp.sqrt(jnp.maximum(ahead**2 - aside**2, 0.0)) * (1.0 if reach >= 0 else -1.0)
+        angle = wrapped(angle - jnp.where(reach >= 0, askew, jnp.pi - askew))
+        ahead = jnp.sqrt(jnp.maximum(ahead**2 - aside**2, 0.0)) * jnp.where(reach >= 0, 1.0, -1.0)
     turn = _limited_turn(config, angle)
     step = mm_from_rd(config.step_length)
     forward = jnp.where(turn == angle, jnp.clip(ahead - reach, -step, step), 0.0)

@@ -24,7 +24,7 @@ from iswarm_mj.strategy.network import Shape, forward, load_weights
 from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.strategy.vectors import after_motion
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 PLACES = ("dust", "dump")
@@ -53,7 +53,7 @@ class Neural:
     weights: Path | None = None
     """Weights of the network, as `iswarm train` writes them; by default those that come with the package."""
 
-    def for_world(self, config: SwarmConfig, robot: Robot, n_robots: int) -> "NeuralStrategy":
+    def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "NeuralStrategy":
         """Return the strategy of these robots.
 
         Raises:
@@ -63,12 +63,12 @@ class Neural:
         weights = load_weights(path, np.zeros(N_WEIGHTS, np.float32))
         return untrained(config, robot, weights)
 
-    def for_training(self, config: SwarmConfig, robot: Robot, n_robots: int) -> "NeuralStrategy":
+    def for_training(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "NeuralStrategy":
         """Return the strategy with which training begins: untrained, or with the weights of a file."""
         return untrained(config, robot) if self.weights is None else self.for_world(config, robot, n_robots)
 
 
-def untrained(config: SwarmConfig, robot: Robot, weights: Any = None) -> "NeuralStrategy":
+def untrained(config: SwarmConfig, robot: Robots, weights: Any = None) -> "NeuralStrategy":
     """Return the strategy with these weights, by default those with which training begins."""
     return NeuralStrategy(jnp.asarray(first_weights() if weights is None else weights, jnp.float32), config, robot)
 
@@ -131,7 +131,7 @@ class NeuralStrategy:
 
     weights: Float[Array, "W"]
     config: SwarmConfig = field(metadata={"static": True})
-    robot: Robot = field(metadata={"static": True})
+    robot: Robots = field(metadata={"static": True})
 
     recorded: ClassVar[dict[str, str]] = {
         f"{place}.{part}": unit for place in PLACES for part, unit in (("vector", "mm"), ("known", ""), ("doubt", ""))
@@ -175,7 +175,8 @@ class NeuralStrategy:
         ahead = jnp.clip(speed, -1.0, 1.0) * jnp.maximum(jnp.cos(angle - turn), 0.0)
         command = Command(turn, mm_from_rd(self.config.step_length) * ahead)
         approaches = controller.approaching(self.picks(known), seen)
-        command = controller.approach(self.config, self.robot.probe_tip, approaches, seen.ball_vector, command)
+        tips = self.robot.each("probe_tip", len(approaches))
+        command = controller.approach(self.config, tips, approaches, seen.ball_vector, command)
         command = Command(*(jnp.where(seen.waits, 0.0, part) for part in command))
         return self._moved(known, *command)._replace(flag=flag > 0), command
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import jax
@@ -21,7 +22,7 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 _EXAMPLE = '{"red": (0.7, Walk()), "blue": (0.3, Gossip())}'
 
@@ -81,7 +82,7 @@ class Teams:
         object.__setattr__(made, "teams", teams)
         return made
 
-    def for_world(self, config: SwarmConfig, robot: Robot, n_robots: int) -> "Teams":
+    def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "Teams":
         """Return the teams of a world, with the number of robots of each as its share.
 
         Raises:
@@ -92,10 +93,11 @@ class Teams:
             remedy = f"set `n_robots` to {total}, or give shares as 0.5"
             raise ConfigError("robots in teams", total, f"as many as there are robots, {n_robots}", remedy)
         found = {}
-        for (name, share, strategy), size in zip(self.teams, self.sizes(n_robots), strict=True):
+        sizes = self.sizes(n_robots)
+        for (name, share, strategy), size, end in zip(self.teams, sizes, accumulate(sizes), strict=True):
             if not size:
                 raise ConfigError(f"share of team {name}", share, f"enough for one of {n_robots} robots")
-            found[name] = size, _in_world(strategy, config, robot, size)
+            found[name] = size, _in_world(strategy, config, robot.part(end - size, size), size)
         return Teams(found)
 
     def sizes(self, n_robots: int) -> tuple[int, ...]:
@@ -222,11 +224,11 @@ def _usable(strategy: Any) -> Any:
     return as_strategy(strategy) if is_made else strategy
 
 
-def _in_world(strategy: Any, config: SwarmConfig, robot: Robot, n_robots: int) -> Any:
+def _in_world(strategy: Any, config: SwarmConfig, robot: Robots, n_robots: int) -> Any:
     """A strategy in a world of this configuration, for so many robots."""
     if isinstance(strategy, Genome):
         n_scouts = round(strategy.fraction_scouts * n_robots)
-        return VectorStrategy(rules_of(strategy, config.strategy), n_scouts, config, robot.probe_tip, robot.sides)
+        return VectorStrategy(rules_of(strategy, config.strategy), n_scouts, config, robot)
     made = strategy.for_world(config, robot, n_robots) if hasattr(strategy, "for_world") else strategy
     return as_strategy(made)
 

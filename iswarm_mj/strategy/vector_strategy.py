@@ -19,7 +19,7 @@ from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.strategy.vectors import after_motion, believed_motion
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.fusion import fusion_barrier
-from iswarm_mj.utils.robot import PAPER_SIDES, Point, Sides
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -48,15 +48,13 @@ class VectorStrategy:
         rules: genome and readings; worlds may have different ones.
         n_scouts: the first robots are scouts.
         config: limits of the drive, range of light; of its `strategy` the messages' range alone counts.
-        probe_tip: position of the probe's tip ahead of and to the left of the robot's centre [mm].
-        sides: where LEDs and photodiodes look.
+        robot: tips of the probes, and where LEDs and photodiodes look.
     """
 
     rules: Rules
     n_scouts: Int[Array, "*B"] | int
     config: SwarmConfig = field(metadata={"static": True})
-    probe_tip: Point = field(metadata={"static": True})
-    sides: Sides = field(default=PAPER_SIDES, metadata={"static": True})
+    robot: Robots = field(metadata={"static": True})
 
     batch_invariant: ClassVar[bool] = True
     """See `tasks.protocol.Task`."""
@@ -70,7 +68,7 @@ class VectorStrategy:
     @property
     def payload(self) -> Payload:
         """What messages carry, see `payload_for`."""
-        return payload_for(mm_from_rd(self.config.strategy.message_range), len(self.sides))
+        return payload_for(mm_from_rd(self.config.strategy.message_range), len(self.robot.sides))
 
     def init(self, n_robots: int, key: Array) -> RobotMemory:
         """Return the memories at the start: no vectors; the first `n_scouts` robots are scouts."""
@@ -97,13 +95,14 @@ class VectorStrategy:
         draws = controller.draw(*observation.is_heard.shape, key=key)
         known = fusion_barrier(jax.jit(self._remember), memory, observation, draws)
         target = controller.choose(config, rules, known, observation, draws)
-        push = controller.avoid(config, rules, observation, target.follows, self.sides)
+        push = controller.avoid(config, rules, observation, target.follows, self.robot.sides)
         approaches = controller.approaching(self.picks(known), observation)
         target = controller.towards_ball(target, approaches & rules.avoids_at_dust, observation.ball_vector)
         wish, prefers_left = target.direction + push, draws.side < 0.5
         steered = fusion_barrier(jax.jit(partial(controller.steer, config)), wish, target.limit, prefers_left)
         approaches &= ~(rules.avoids_at_dust & (push != 0.0).any(axis=-1))
-        command = controller.approach(config, self.probe_tip, approaches, observation.ball_vector, steered)
+        tips = self.robot.each("probe_tip", len(approaches))
+        command = controller.approach(config, tips, approaches, observation.ball_vector, steered)
         command = Command(*(jnp.where(observation.waits, 0.0, part) for part in command))
         believed = believed_motion(rules, *command, draws.odometry)
         dust, dump = (after_motion(vectors, *believed) for vectors in (known.dust, known.dump))
@@ -117,7 +116,7 @@ class VectorStrategy:
 
     def _remember(self, memory: RobotMemory, observation: Observation, draws: controller.Draws) -> RobotMemory:
         """Memories after forgetting, listening, sensing the floor and, if so configured, finding nothing."""
-        known = controller.learn(self.rules, memory, observation, draws, self.sides)
+        known = controller.learn(self.rules, memory, observation, draws, self.robot.sides)
         dust = controller.forget_unconfirmed(self.config, self.rules, known.dust, observation.at_dust)
         dump = controller.forget_unconfirmed(self.config, self.rules, known.dump, observation.on_dump)
         return known._replace(dust=dust, dump=dump)

@@ -18,8 +18,8 @@ from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
 from iswarm_mj.tasks.protocol import Look, Quantity, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Above, Within, validate
-from iswarm_mj.utils.errors import ConfigError
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -155,9 +155,12 @@ class Forager:
 
     recorded: ClassVar = {"home.vector": "mm", "home.known": "", "food.vector": "mm", "food.known": ""}
 
-    def for_world(self, config: SwarmConfig, robot: Robot, n_robots: int) -> "Forager":
+    def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "Forager":
         """Return the strategy of robots with this tool."""
-        return replace(self, reach=robot.probe_tip[0]) if self.reach is None else self
+        reaches = {kind.probe_tip[0] for kind in robot.kinds}
+        if self.reach is None and len(reaches) > 1:
+            raise UserError("tools of foragers must have one length; make each kind of robots a team, or set `reach`.")
+        return replace(self, reach=reaches.pop()) if self.reach is None else self
 
     def init(self, n_robots: int, key: Array) -> dict[str, VectorMemory]:
         """Nobody knows anything."""

@@ -1,6 +1,7 @@
 """Balls of a task in the grippers of robots: carried, released and picked up, and where their centres are."""
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.gripper.handling import Balls, carry, handle, loaded, working
@@ -8,7 +9,7 @@ from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.tasks.protocol import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.draws import draw, split
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -21,7 +22,7 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
         key: decides which held balls fall, and how strongly balls stick in each attempt.
     """
     conditions, gripper, n_robots = inputs.conditions, inputs.config.gripper, len(inputs.poses)
-    tips = probe_tips(inputs.poses, jnp.asarray(inputs.robot.probe_tip))
+    tips = probe_tips(inputs.poses, jnp.asarray(inputs.robot.each("probe_tip", n_robots)))
     before = balls
     balls = carry(balls, tips)
     dump_size, reach = mm_from_rd(conditions.dump_size), mm_from_rd(conditions.dust_range)
@@ -70,15 +71,16 @@ def _voltage_squared(before: Balls, after: Balls, inputs: TaskInputs) -> Float[A
     return jnp.zeros(len(inputs.poses)).at[after.worker].add(squares)
 
 
-def ball_centres(balls: Balls, poses: Float[Array, "*B N 3"], robot: Robot) -> Float[Array, "*B K 3"]:
+def ball_centres(balls: Balls, poses: Float[Array, "*B N 3"], robot: Robots) -> Float[Array, "*B K 3"]:
     """Positions of the balls' centres after the robots moved to `poses` [mm]."""
-    xp, probe = array_module(poses), robot.probe_tip
+    xp, numbers = array_module(poses), np.arange(poses.shape[-2])
     radius, held, holder, position = (
         xp.asarray(a) for a in (balls.radius, balls.is_held, balls.holder, balls.position)
     )
     at = xp.take_along_axis(poses, holder[..., None], axis=-2)
     c, s = xp.cos(at[..., 2]), xp.sin(at[..., 2])
-    tip = xp.stack([at[..., 0] + c * probe[0] - s * probe[1], at[..., 1] + s * probe[0] + c * probe[1]], axis=-1)
+    x, y = (xp.asarray(values)[holder] for values in robot.each("probe_tip", numbers).T)
+    tip = xp.stack([at[..., 0] + c * x - s * y, at[..., 1] + s * x + c * y], axis=-1)
     xy = xp.where(held[..., None], tip, position)
-    height = xp.where(held, robot.tip_height - 1e3 * radius, 1e3 * radius)
+    height = xp.where(held, xp.asarray(robot.each("tip_height", numbers))[holder] - 1e3 * radius, 1e3 * radius)
     return xp.concatenate([xy, height[..., None]], axis=-1)

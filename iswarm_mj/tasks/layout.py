@@ -10,7 +10,7 @@ from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.obstacles import distances, numbers
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import beyond, in_mm
 
@@ -43,7 +43,7 @@ def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
     return cells
 
 
-def cell_of(robot: Robot) -> float:
+def cell_of(robot: Robots) -> float:
     """Width of the cells on which robots start, so that none touches another [rd]: 1, or more for large robots."""
     diameter = 2 * robot.circumradius / RD
     return diameter if diameter > 1 + 1e-9 else 1.0

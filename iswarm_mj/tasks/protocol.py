@@ -14,7 +14,7 @@ from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 
 class Quantity(NamedTuple):
@@ -46,13 +46,15 @@ class TaskInputs(NamedTuple):
     """Robots that pick up what their tools reach."""
     team: Int[Array, "N"]
     """Number of the robot's team (`strategy.teams`), from 0; robots without teams are one."""
+    kind: Int[Array, "N"]
+    """Index of the robot's kind in `robot.kinds`; 0 where all robots are of one kind."""
     conditions: Conditions
     """Noise, voltages and places of this world."""
     config: SwarmConfig
     """Of the run; where a world has a configuration of its own, `conditions` has its values. With `shares_program`,
     what worlds of a run may differ in has its default here."""
-    robot: Robot
-    """Geometry of a robot."""
+    robot: Robots
+    """Geometry of the robots; `robot.each("probe_tip", n_robots)` is an attribute of each."""
     decide_attempts: Decider = by_balance
     """Decides whether attempts to pick up and to release balls succeed."""
     voltage: Float[Array, "N"] | None = None

@@ -35,7 +35,7 @@ def rewarded(task: Task | Any) -> Any:
 @cache
 def _rewarded(kind: Any) -> Any:
     class Rewarded(kind):
-        measured: ClassVar = {**getattr(kind, "measured", {}), REWARD: Quantity("rewards of all robots", low=-float("inf"))}
+        measured: ClassVar = {**getattr(kind, "measured", {}), REWARD: Quantity("of all robots", low=-float("inf"))}
 
         def lay_out(self, *args: Any) -> Any:
             poses, state = super().lay_out(*args)
@@ -45,16 +45,16 @@ def _rewarded(kind: Any) -> Any:
             new, sensed = super().advance(state.own, inputs, key)
             return Earned(new, state.reward + super().reward(state.own, new, inputs).sum()), sensed
 
-        def reward(self, before: Earned, after: Earned, inputs: Any) -> Any:
-            return super().reward(before.own, after.own, inputs)
-
         def metrics(self, state: Earned) -> Any:
             return {**super().metrics(state.own), REWARD: state.reward}
 
     def of_own(name: str) -> Any:
-        return lambda self, state, *rest: getattr(kind, name)(self, state.own, *rest)
+        def method(self: Any, *args: Any) -> Any:
+            return getattr(kind, name)(self, *(arg.own if isinstance(arg, Earned) else arg for arg in args))
 
-    for name in ("progress", "balls", "conditions", "survives"):
+        return method
+
+    for name in ("progress", "reward", "areas", "balls", "conditions", "survives"):
         if hasattr(kind, name):
             setattr(Rewarded, name, of_own(name))
     Rewarded.__name__ = Rewarded.__qualname__ = kind.__name__

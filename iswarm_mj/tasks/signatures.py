@@ -15,7 +15,7 @@ from iswarm_mj.strategy.pytrees import as_pytree
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 _METHODS = ("lay_out", "goal", "advance", "progress", "reward", "metrics")
 _SCALARS = (jnp.float32, jnp.int32, jnp.bool_)
@@ -79,7 +79,7 @@ def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
 
 
 def check_task(
-    task: Any, config: SwarmConfig, robot: Robot, state: Any, n_robots: int, n_boxes: int = 0
+    task: Any, config: SwarmConfig, robot: Robots, state: Any, n_robots: int, n_boxes: int = 0
 ) -> dict[str, Any]:
     """Check the shapes and types of what a task's methods return, and return those of what robots sense beside.
 
@@ -103,7 +103,7 @@ def _check_shapes(
     structure: Any,
     leaves: tuple[jax.ShapeDtypeStruct, ...],
     config: SwarmConfig,
-    robot: Robot,
+    robot: Robots,
     n_robots: int,
     n_boxes: int,
 ) -> dict[str, Any]:
@@ -112,7 +112,7 @@ def _check_shapes(
     flags, floats = jax.ShapeDtypeStruct(here, jnp.bool_), jax.ShapeDtypeStruct(here, jnp.float32)
     plane = jax.ShapeDtypeStruct((n_robots, 2), jnp.float32)
     poses, team = jax.ShapeDtypeStruct((n_robots, 3), jnp.float32), jax.ShapeDtypeStruct(here, jnp.int32)
-    world, boxes = (poses, flags, flags, flags, team), jax.ShapeDtypeStruct((n_boxes, 3), jnp.float32)
+    world, boxes = (poses, flags, flags, flags, team, team), jax.ShapeDtypeStruct((n_boxes, 3), jnp.float32)
     conditions = Conditions(*map(jnp.asarray, conditions_of(config)))
     whole = jax.ShapeDtypeStruct((), jnp.int32)
 

@@ -1,10 +1,22 @@
-"""Geometry and mass of a robot, as plain numbers for every package. `models/robot.xml` is their only source."""
+"""Geometry and mass of robots, as plain numbers for every package. Their MJCF files are the only source."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from jaxtyping import Int, Shaped
+
+from iswarm_mj.utils.errors import UserError
 
 Point = tuple[float, float]
 """Position ahead of and to the left of a robot's centre [mm]."""
+
+RobotFile: TypeAlias = Path | str | Sequence[str] | None
+"""MJCF file of the robots, None for `models/robot.xml`; of several kinds, each file with the number of its robots, as
+("a.xml:200", "b.xml:80")."""
 
 SIDES = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 """Where the sides of the paper's robot look: 0 front, 1 left, 2 back, 3 right."""
@@ -72,11 +84,72 @@ PAPER_SIDES = Sides()
 """Of the paper's robot."""
 
 
+class Robots:
+    """The robots of a swarm, of one kind or of several; those of a kind have consecutive numbers.
+
+    Hashable, so that they can be static arguments of `jax.jit`. All kinds have the same sides and height.
+    """
+
+    kinds: tuple["Robot", ...]
+    firsts: tuple[int, ...] = (0,)
+    """Number of the first robot of each kind; places beyond the last robot count as the last kind's."""
+    sides: Sides
+    """Where LEDs and photodiodes look."""
+
+    @property
+    def circumradius(self) -> float:
+        """Distance from the centre to the corners of the largest kind, seen from above [mm]."""
+        return max(kind.circumradius for kind in self.kinds)
+
+    @property
+    def inradius(self) -> float:
+        """Distance from the centre to the nearest side of the narrowest kind [mm]."""
+        return min(kind.inradius for kind in self.kinds)
+
+    @property
+    def ray_height(self) -> float:
+        """Height of the centres above the floor, at which light travels [mm]."""
+        return self.kinds[0].ray_height
+
+    @property
+    def optical_offset(self) -> float:
+        """By how much light may begin or end farther from a robot than the middle of a side that faces it [mm].
+
+        Of sides that look along the normals of the hull it is the distance from their middle; otherwise, the distance
+        from the robot's centre will do.
+        """
+        return max(kind.optical_offset for kind in self.kinds)
+
+    def kind_of(self, which: int | Int[np.ndarray, "N"]) -> Int[np.ndarray, "N"]:
+        """Return the index in `kinds` of the first robots, so many, or of those of these numbers."""
+        return np.searchsorted(self.firsts, np.arange(which) if isinstance(which, int) else which, side="right") - 1
+
+    def each(self, name: str, which: int | Int[np.ndarray, "N"]) -> Shaped[np.ndarray, "N ..."]:
+        """Return an attribute of `Robot`, as "probe_tip", of the first robots or of those of these numbers."""
+        return np.array([getattr(kind, name) for kind in self.kinds])[self.kind_of(which)]
+
+    def part(self, first: int, size: int) -> "Robots":
+        """Return `size` consecutive robots, numbered from 0: a `Robot` if they are of one kind."""
+        begin, end = self.kind_of(np.array([first, first + size - 1])).tolist()
+        if begin == end:
+            return self.kinds[begin]
+        return Mixed(self.kinds[begin : end + 1], (0, *(own - first for own in self.firsts[begin + 1 : end + 1])))
+
+    @property
+    def most_partners(self) -> int:
+        """Robots that touch one at most: half as many again as fit around it with their shorter sides, at its corners
+        too; 12 for square ones of one kind.
+        """
+        edges = (kind.half_edges[:2] for kind in self.kinds)
+        around = max(2 * (min(two) / self.inradius + max(two) / self.inradius) + 4 for two in edges)
+        return math.ceil(1.5 * around)
+
+
 @dataclass(frozen=True)
-class Robot:
+class Robot(Robots):
     """A box that stands upright on the floor, with S LEDs and S pairs of photodiodes. Units: mm, mg.
 
-    Hashable, so that it can be a static argument of `jax.jit`. `engines.arena.read_robot` reads it from an MJCF file.
+    It is also a swarm of one kind, its own. `engines.arena.read_robot` reads it from an MJCF file.
 
     Attributes:
         half_edges: half the length, width and height [mm].
@@ -96,27 +169,22 @@ class Robot:
     mass: float
     sides: Sides = PAPER_SIDES
 
+    def __post_init__(self):
+        object.__setattr__(self, "kinds", (self,))
+
     @property
     def circumradius(self) -> float:
-        """Distance from the centre to the corners, seen from above [mm]."""
+        """See `Robots.circumradius`."""
         return math.hypot(self.half_edges[0], self.half_edges[1])
 
     @property
     def inradius(self) -> float:
-        """Distance from the centre to the nearest side [mm]."""
+        """See `Robots.inradius`."""
         return min(self.half_edges[:2])
 
     @property
-    def most_partners(self) -> int:
-        """Robots that touch one at most: half as many again as fit around it with their shorter sides, at its corners
-        too; 12 for square ones.
-        """
-        length, width = max(self.half_edges[:2]), self.inradius
-        return math.ceil(1.5 * (2 * (1 + length / width) + 4))
-
-    @property
     def ray_height(self) -> float:
-        """Height of the centre above the floor, at which light travels [mm]."""
+        """See `Robots.ray_height`."""
         return self.half_edges[2]
 
     @property
@@ -134,11 +202,7 @@ class Robot:
 
     @property
     def optical_offset(self) -> float:
-        """By how much light may begin or end farther from a robot than the middle of a side that faces it [mm].
-
-        Of sides that look along the normals of the hull it is the distance from their middle; otherwise, the distance
-        from the robot's centre will do.
-        """
+        """See `Robots.optical_offset`."""
         sites = (
             *zip(self.sides.leds, self.leds, strict=True),
             *zip(self.sides.photodiodes, self.receivers, strict=True),
@@ -146,3 +210,24 @@ class Robot:
         if self.sides.is_regular:
             return max(abs(normal[0] * y - normal[1] * x) for normal, (x, y) in sites)
         return max(math.hypot(x, y) for _, (x, y) in sites)
+
+
+@dataclass(frozen=True)
+class Mixed(Robots):
+    """Robots of several kinds, see `Robots`."""
+
+    kinds: tuple[Robot, ...]
+    firsts: tuple[int, ...]
+    sides: Sides = field(init=False)
+
+    def __post_init__(self):
+        if len({(kind.sides, kind.ray_height) for kind in self.kinds}) > 1:
+            raise UserError(
+                "robots of one swarm must have the same height and number of sides, and LEDs and photodiodes that look "
+                "in the same directions; change one of their files."
+            )
+        object.__setattr__(self, "sides", self.kinds[0].sides)
+
+    def __getattr__(self, name: str) -> Any:
+        """Raise an AttributeError: the kinds may differ in it."""
+        raise AttributeError(f'robots of several kinds have no {name} in common; use each("{name}", n_robots)')

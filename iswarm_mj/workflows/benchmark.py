@@ -32,7 +32,7 @@ def bench(run: Run, warm_up: int) -> dict[str, Any]:
     n_physics = n_worlds * run.settings.n_robots * (drive.turn_substeps + drive.walk_substeps) * refinement
     content = {
         **run.identity,
-        **({} if run.robot_file is None else {"robot": str(run.robot_file)}),
+        **({} if run.robot_file is None else {"robot": run.robot_file}),
         "n_robots": run.settings.n_robots,
         "n_worlds": n_worlds,
         "steps": run.step - warm_up,
@@ -46,7 +46,7 @@ def bench(run: Run, warm_up: int) -> dict[str, Any]:
         "devices": run.devices,
         **hardware(),
     }
-    print(json.dumps(content))
+    print(json.dumps(content, default=str))
     return content
 
 

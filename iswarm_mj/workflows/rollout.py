@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.robot_file import as_robot_file, read_robot, read_robots
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.initial import Start, start_with
@@ -29,6 +29,7 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.interruption import saved
+from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.workflows.recorder import Recorder, advanced
 
 
@@ -69,7 +70,7 @@ def rollout(
     engine: EngineSettings | None = None,
     strategy_per_world: bool = False,
     task: Task | Any = None,
-    robot_file: Path | str | None = None,
+    robot_file: RobotFile = None,
     stop_at: int | None = None,
     every: int = 10,
     poses_of: Sequence[int] = (),
@@ -93,7 +94,7 @@ def rollout(
         engine: `MjxSettings()` by default, for GPUs; on a CPU `PlanarSettings()` or `MujocoSettings()` are much faster.
         strategy_per_world: the arrays of `strategy` have a first axis of B worlds.
         task: a `tasks.protocol.Task`; cleaning by default.
-        robot_file: MJCF file of the robots; None for `models/robot.xml`.
+        robot_file: MJCF file of the robots, or of each kind (`RobotFile`); None for `models/robot.xml`.
         stop_at: progress at which a world is finished, in cleaning balls delivered; None for the task's goal.
         every: control steps between counts of progress; the last step is always counted.
         poses_of: numbers of the W worlds whose poses are kept.
@@ -120,7 +121,8 @@ def rollout(
     genome = strategy if is_genome else PRESETS["type1"]  # which is ignored
     engine = MjxSettings() if engine is None else engine
     engine = engine.in_chunks(every) if isinstance(engine, EngineSettings) else engine
-    task, robot = CLEANING if task is None else task, read_robot(None if robot_file is None else Path(robot_file))
+    task = CLEANING if task is None else task
+    robot = read_robots(as_robot_file(robot_file))
     starts: dict[tuple[bytes, int], Start] = {}  # worlds of the same key begin alike
     worlds = []
     for index, (number, (data, key)) in enumerate(zip(numbers, _each(keys), strict=True)):
@@ -152,8 +154,7 @@ def rollout(
 def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> VectorStrategy:
     """Return the paper's strategy for worlds of N robots, of which the genome's share are scouts."""
     rules, n_scouts = rules_of(genome, config.strategy), jnp.asarray(round(genome.fraction_scouts * n_robots))
-    robot = read_robot()
-    return VectorStrategy(rules, n_scouts, common(config).config, robot.probe_tip, robot.sides)
+    return VectorStrategy(rules, n_scouts, common(config).config, read_robot())
 
 
 def _rollout(run: Run, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarray | None) -> Rollout:

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_robots import HALF, ROBOTS, robot_file
+from helpers_robots import HALF, ROBOTS, robot_file, two_kinds
 from helpers_sensing import all_links, crowd, squares_in_the_way
 from helpers_small import SMALL
 
@@ -23,8 +23,11 @@ EDGE = 7.5 * 2 * np.sqrt(2)
 
 @pytest.fixture(scope="module", params=ROBOTS)
 def file(request, tmp_path_factory):
-    """File of a robot; none for the paper's."""
-    return None if request.param == "paper" else robot_file(tmp_path_factory.mktemp("robots"), request.param)
+    """File of a robot, or of each kind; none for the paper's."""
+    directory = tmp_path_factory.mktemp("robots")
+    if request.param == "two kinds":
+        return two_kinds(directory, crowds(4, 0.5)[1].shape[1])
+    return None if request.param == "paper" else robot_file(directory, request.param)
 
 
 def crowds(seed, density, n_worlds=2, scale=1.45):
@@ -79,7 +82,13 @@ OPTICS = {
 
 @pytest.mark.parametrize(
     ("file", "optics"),
-    [*(("paper", optics) for optics in OPTICS), ("four askew", "sector"), *((robot, "power") for robot in ROBOTS)],
+    [
+        *(("paper", optics) for optics in OPTICS),
+        ("four askew", "sector"),
+        *((robot, "power") for robot in ("two", "four askew", "five", "eight")),
+        ("two kinds", "sector"),
+        ("two kinds", "power"),
+    ],
     indirect=["file"],
 )
 def test_every_engine_senses_the_same(file, optics):

@@ -7,10 +7,10 @@ import jax
 import jax.numpy as jnp
 
 from iswarm_mj.engines.base import CompiledEngine, Motion, Sight
-from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.engines.robot_file import read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 
 class Places(NamedTuple):
@@ -19,7 +19,7 @@ class Places(NamedTuple):
 
 @dataclass(frozen=True)
 class Glide:
-    robot: Robot = field(metadata={"static": True})
+    robot: Robots = field(metadata={"static": True})
     timestep: float
 
     def mapping(self, platform: str) -> Any:
@@ -61,4 +61,4 @@ class GlideSettings(EngineSettings):
         return 24
 
     def compiled_engine(self, model: ModelSpec, n_worlds: int, platform: str) -> CompiledEngine:
-        return Glide(read_robot(model.robot_file), model.config.drive.timestep)
+        return Glide(read_robots(model.robot_file), model.config.drive.timestep)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 
 from iswarm_mj.engines.base import Engine, Motion, Phase, Sight, find_lost
-from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.engines.robot_file import read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.constraints import Within
@@ -22,7 +22,7 @@ class Teleport:
     """Robots appear where their servos would have taken them, through each other, and are blind."""
 
     def __init__(self, model: ModelSpec, far: float):
-        self.robot, self._far = read_robot(model.robot_file), far
+        self.robot, self._far = read_robots(model.robot_file), far
         self._timestep, self._walls = model.config.drive.timestep, in_mm(model.config.arena.walls)
 
     def place(self, poses: Any, is_present: Any) -> Places:

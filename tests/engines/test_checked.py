@@ -35,8 +35,8 @@ METHODS = [
         (f"def {name}(self", f"def {name}(self, more", f"{name} raised TypeError")
         for name in ("place", "poses", "sense")
     ),
-    ("self.robot, self._far = read_robot(model.robot_file), far", "self._far = far", "robot raised AttributeError"),
-    ("self.robot, self._far = read_robot(model.robot_file), far", "self.robot = None", "robot must be the robot of"),
+    ("self.robot, self._far = read_robots(model.robot_file), far", "self._far = far", "robot raised AttributeError"),
+    ("self.robot, self._far = read_robots(model.robot_file), far", "self.robot = None", "robot must be the robots of"),
     ("Places(np.array(poses, float))", "Places(poses[0])", r"place must return arrays .* as \.poses .*shape \(4, 3\)"),
     ("Places(np.array(poses, float))", "5", "place must return arrays with a first axis of worlds, 1, .*got int"),
     ("return bodies.poses", "return bodies.poses.tolist()", r"poses must return an array as its result \(got list"),

@@ -201,7 +201,7 @@ def scene(file):
 
 class TestOutput:
     def test_scene_has_the_size_of_the_robot(self, scene):
-        np.testing.assert_allclose(scene.robot_size, [1e-3, 2e-3, 1e-3])
+        np.testing.assert_allclose(scene.robot_size[-1], [1e-3, 2e-3, 1e-3])
 
     def test_recording_shows_boxes_of_this_size(self, scene, tmp_path):
         recording = rr.RecordingStream("iswarm_test")
@@ -210,7 +210,7 @@ class TestOutput:
             recording.log(entity, archetype, static=True)
         recording.disconnect()
         boxes = read(tmp_path / "a.rrd")["/" + ROBOTS]
-        np.testing.assert_allclose(boxes["Boxes3D:half_sizes"], [[0.5, 1, 0.5]])
+        np.testing.assert_allclose(boxes["Boxes3D:half_sizes"], [[0.5, 1, 0.5]] * N)
 
     @needs_opengl
     def test_picture_shows_a_smaller_robot(self, file):

@@ -114,7 +114,8 @@ class TestPlanarInBatches:
             return Run(*arguments, **parts)
 
         monkeypatch.setattr(batches, "Run", run)
-        batched = outcomes_of(jobs, Execution(PlanarSettings(impl="warp")))
+        engine = PlanarSettings(impl="warp", chunk=10)
+        batched = outcomes_of(jobs, Execution(engine))
         assert begun == [2, 1]
-        assert batched == [run_job(job, PlanarSettings(impl="warp")) for job in jobs]
+        assert batched == [run_job(job, engine) for job in jobs]
         assert sum(o.measures.picked for o in batched) > 3

@@ -93,7 +93,8 @@ def test_a_tool_that_misses_lifts_nothing(way):
     """The tool's place errs by 12 um along each axis, however far it reaches [mm]; its radius is 13 um."""
     gripper = replace(GRIPPER, tool_error=12e-6)
     keys = jax.random.split(jax.random.key(1), 300)
-    lifted = jax.vmap(lambda key: step(gripper, lay((40.9 + way, 0)), [(40, 0, 0)], key=key)[0].is_held[0])(keys)
+    balls = lay((40.9 + way, 0))
+    lifted = jax.jit(jax.vmap(lambda key: step(gripper, balls, [(40, 0, 0)], key=key)[0].is_held[0]))(keys)
     assert lifted.mean() == pytest.approx(1 - np.exp(-((13 / 12) ** 2) / 2), abs=0.07)
 
 

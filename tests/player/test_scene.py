@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from helpers_robots import robot_file
+from helpers_robots import two_kinds
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -117,20 +117,20 @@ def test_trails_end_at_loaded_robots(session):
     np.testing.assert_array_equal(segments.reshape(-1, length, 2, 3)[:, -1, 1], ends)
 
 
-def test_another_hull_is_drawn_with_its_size(tmp_path):
-    session = Session(
-        Scenario(CONFIG, robots=6, engine=PlanarSettings(), robot_file=robot_file(tmp_path, "four askew"))
-    )
+def test_hulls_are_drawn_with_their_sizes(tmp_path):
+    session = Session(Scenario(CONFIG, robots=6, engine=PlanarSettings(), robot_file=two_kinds(tmp_path, 6)))
     session.advance()
     server = open_server(8300)
     try:
         view = SwarmView(server.scene, session.scene)
         view.show([one.frames for one in session.snapshots], 1.0, session.is_alive)
         hull, front = view.nodes["robots"], view.nodes["fronts"]
-        np.testing.assert_allclose(np.ptp(hull.vertices, axis=0), [2.4, 1.6, 1.0], atol=1e-6)
+        for sizes in (hull.batched_scales, front.batched_scales):
+            drawn = np.ptp(hull.vertices, axis=0) * sizes
+            np.testing.assert_allclose(drawn[[1, 3]], [[2.0, 2.0, 1.0], [2.4, 1.6, 1.0]], atol=1e-6)
         w, _, _, z = hull.batched_wxyzs[1]
         yaw = session.snapshots[-1].frames.pose[0, 1, 2]
         np.testing.assert_allclose([w * w - z * z, 2 * w * z], [np.cos(yaw), np.sin(yaw)], atol=1e-5)
-        assert front.vertices[:, 0].min() > 0.5 and front.vertices[:, 0].max() < 1.2  # ahead of the centre, on the hull
+        assert front.vertices[:, 0].min() > 0.2 and front.vertices[:, 0].max() < 0.5  # ahead of the centre, on the hull
     finally:
         close_server(server)

@@ -72,11 +72,11 @@ def mixed(small):
 def test_worlds_that_differ_are_each_as_alone(mixed):
     """Beside worlds of its own kind, since a batch of another size may round otherwise."""
     worlds = [World(TYPE1, N, config=config) for config in mixed]
-    together = list(records(run_of(mixed[0], worlds=worlds, steps=40)))
+    together = list(records(run_of(mixed[0], worlds=worlds, steps=20)))
     ends = []
     for place, config in enumerate(mixed):
         alike = [World(TYPE1, N)] * len(mixed)
-        for record, its in zip(records(run_of(config, worlds=alike, steps=40)), together, strict=True):
+        for record, its in zip(records(run_of(config, worlds=alike, steps=20)), together, strict=True):
             np.testing.assert_array_equal(record.poses[0], its.poses[place])
             np.testing.assert_array_equal(centres(record)[0], centres(its)[place])
         ends.append(its.poses[place])

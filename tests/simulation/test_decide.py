@@ -35,7 +35,7 @@ USERS = {
 def test_each_draws_numbers_of_its_own_in_each_step():
     """What draws with the same key as another, or in another step, errs or decides alike."""
     n, config = 2, SEQUENTIAL
-    strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config, read_robot().probe_tip)
+    strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config, read_robot())
     params = params_of(config, strategy, jax.random.key(2), n)
     state = swarm_of(strategy.init(n, params.key), lay((0.0, -60.0)), n)
     shape = n, 4, config.optics.n_senders

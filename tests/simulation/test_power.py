@@ -75,7 +75,7 @@ def test_the_tool_is_charged_to_the_voltage_that_it_uses_in_attempts_alone(
     for has in (60.0, 30.0):
         voltage = jnp.array([45.0, has])
         inputs = TaskInputs(
-            poses, here, here, here & picks, 0 * here, conditions_of(config), config, robot, decided, voltage
+            poses, here, here, here & picks, 0 * here, 0 * here, conditions_of(config), config, robot, decided, voltage
         )
         _, sensed = update_balls(balls, inputs, jax.random.key(0))
         np.testing.assert_allclose(sensed.tool_voltage_squared, [0.0, min(volts, has) ** 2])

@@ -30,7 +30,7 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 
 DROPPING = SwarmConfig(gripper=GripperConfig(drop_rate=0.2))
 N_ROBOTS, N_BALLS = 24, 13  # of the worlds that `decided` is compiled for
-STRATEGY = VectorStrategy(RULES, 0, DROPPING, PROBE)
+STRATEGY = VectorStrategy(RULES, 0, DROPPING, read_robot())
 decide_here = jax.jit(decide, static_argnums=(0, 1))
 
 
@@ -192,7 +192,7 @@ def test_carried_balls_fall_at_the_configured_rate():
 def test_actuators_err_whatever_a_robot_decides():
     """One robot over many steps, which follows a vector straight ahead as often as not, by the longest step."""
     config = SwarmConfig(drive=DriveConfig(error_step=0.1))
-    strategy = VectorStrategy(genes(p_vector_forget=0.0, weight_find_dust=0.5), 0, config, PROBE)
+    strategy = VectorStrategy(genes(p_vector_forget=0.0, weight_find_dust=0.5), 0, config, read_robot())
     params = params_of(config, strategy, jax.random.key(8), 1)
     state = swarm_of(memories(1, dust=(30.0, 0.0)), lay((0.0, -60.0)), 1)
     no, none = jnp.zeros((1, 4), bool), jnp.zeros((1, 4), jnp.int32)

@@ -35,7 +35,6 @@ from iswarm_mj.utils.errors import UserError
 
 NO_NOISE = OpticsConfig(error_distance_measure=0, error_in_communication=0, p_communication_break=0)
 IN_TURN = StrategyConfig(update_order="sequential")
-PROBE = (0.9, 0.0)
 CONDITIONS = conditions_of(SwarmConfig())
 
 
@@ -72,7 +71,7 @@ def chain(update_order):
     """
     strategy, drive = StrategyConfig(update_order=update_order), DriveConfig(step_length=1e-6, max_turn=1e-6)
     config = SwarmConfig(optics=NO_NOISE, strategy=strategy, drive=drive)
-    strategy = VectorStrategy(rules_of(Genome(p_vector_forget=0.0)), jnp.int32(0), config, PROBE)
+    strategy = VectorStrategy(rules_of(Genome(p_vector_forget=0.0)), jnp.int32(0), config, read_robot())
     poses = place(*[(k * GAP, 0, 0) for k in range(N)])
     links, poses = links_of(poses, config.optics), jnp.asarray(poses, jnp.float32)
 
@@ -131,7 +130,7 @@ def swarm_that_hears(n_seed):
 
     memory = RobotMemory(vectors(), vectors(), jnp.asarray(rng.random(n) < 0.1))
     links, key = links_of(poses, config.optics), jax.random.key(n_seed)
-    strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(5), config, PROBE)
+    strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(5), config, read_robot())
     was_loaded, is_loaded = jnp.asarray(rng.random((2, n)) < 0.3)
 
     message, is_heard, distance, *_ = transmit(strategy, links, key, memory, was_loaded)
@@ -250,7 +249,7 @@ class TestRuns:
 
 def test_a_strategy_that_cannot_pass_on_news_is_refused():
     config = SwarmConfig(strategy=IN_TURN)
-    able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config, PROBE)
+    able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config, read_robot())
     deaf = SimpleNamespace(**{name: getattr(able, name) for name in ("init", "payload", "say", "picks", "act")})
     state = swarm_of(deaf.init(2, None), lay((0.0, 60.0)), 2)
     poses = place((0, 0, 0), (8, 0, 0))

@@ -75,7 +75,7 @@ def advanced(poses, present, east=1.0, key=0):
     """The task's state and what robots sense, at poses in radii of a robot."""
     present = np.asarray(present)
     inputs = TaskInputs(
-        np.multiply(poses, [RD, RD, 1.0]), present, present, present, 0 * present, None, CONFIG, None, None
+        np.multiply(poses, [RD, RD, 1.0]), present, present, present, 0 * present, 0 * present, None, CONFIG, None, None
     )
     state = Spots(np.float32(east), np.zeros(2, np.float32))
     return TASK.advance(state, inputs, jax.random.key(key))

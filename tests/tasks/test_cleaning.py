@@ -31,6 +31,7 @@ def test_rewards_are_the_balls_part_of_the_fitness(small):
             there,
             there,
             0 * there,
+            0 * there,
             conditions_of(run.config),
             run.config,
             run.robot,

@@ -99,7 +99,7 @@ def test_scene(done):
     np.testing.assert_allclose(frames["scene_dump"] / ROBOT_DIAMETER, [-1.5, -1.5, 1.5, 1.5])
     areas = [[-6.5, -1.5, -3.5, 1.5], [3.5, -1.5, 6.5, 1.5]]
     np.testing.assert_allclose(frames["scene_dust_areas"] / ROBOT_DIAMETER, areas)
-    np.testing.assert_allclose(frames["scene_robot_size"], [2e-3, 2e-3, 1e-3])
+    np.testing.assert_allclose(frames["scene_robot_size"][-1], [2e-3, 2e-3, 1e-3])
     assert frames["scene_is_scout"].sum() == 2 and frames["scene_control_period"] == 1.0
     np.testing.assert_array_equal(frames["scene_ball_radius"], recorded[0].swarm.task.radius[0])
     centres = frames["ball_position"][0, :, :2] / ROBOT_DIAMETER

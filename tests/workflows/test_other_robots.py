@@ -41,7 +41,7 @@ def test_six_sided_robots_clean_and_their_files_name_them(tmp_path):
     assert result["robot"]["half_edges"] == [1.2, 0.8, 0.5]
     assert result["robot"]["sides"]["leds"] == [list(axis) for axis in robot.sides.leds]
     with np.load(tmp_path / "trajectory.npz") as file:
-        np.testing.assert_allclose(file["scene_robot_size"], [2.4e-3, 1.6e-3, 1e-3])
+        np.testing.assert_allclose(file["scene_robot_size"], [[2.4e-3, 1.6e-3, 1e-3]] * 16)
         assert file["link_valid"].shape[2] == 6 and file["link_valid"].any(axis=(0, 1)).all()
 
 

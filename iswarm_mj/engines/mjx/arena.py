@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
@@ -16,7 +15,7 @@ from iswarm_mj.engines.arena import ArenaModel, compile_arena
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.obstacles import numbers
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import RobotFile, Robots
 from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import area_of
 
@@ -68,14 +67,14 @@ class MjxArena:
         data: MJX's, of one world at rest, from which each control step begins.
         sight: MJX model of the JAX implementation that `mjx.ray` looks at, without collisions.
         view: its data.
-        servo_gain: (3,) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s].
+        servo_gain: (N, 3) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s].
         boxes: (M, 6) obstacles, see `utils.obstacles.numbers` [mm].
         n_robots: N.
         hull: geom of the first robot in `sight`; the others follow.
         impl: "jax" or "warp".
         capacity: of the buffers for contacts.
         walls: (W, 3) see `utils.walls.half_planes` [mm].
-        robot: geometry and mass of a robot.
+        robot: geometry and mass of the robots.
     """
 
     model: mjx.Model
@@ -89,7 +88,7 @@ class MjxArena:
     hull: int = field(metadata={"static": True})
     impl: str = field(metadata={"static": True})
     capacity: ContactCapacity = field(metadata={"static": True})
-    robot: Robot = field(metadata={"static": True})
+    robot: Robots = field(metadata={"static": True})
 
 
 def compile_mjx_arena(
@@ -99,7 +98,7 @@ def compile_mjx_arena(
     n_worlds: int,
     capacity: ContactCapacity | None = None,
     iterations: int = 100,
-    robot_file: Path | None = None,
+    robot_file: RobotFile = None,
 ) -> MjxArena:
     """Compile the arena for MJX.
 
@@ -110,7 +109,7 @@ def compile_mjx_arena(
         n_worlds: worlds on one device; Warp's contact buffer is shared by all of them.
         capacity: of the buffers for contacts of one world, by default `contact_capacity(config, n_robots)`.
         iterations: of the contact solver at most, 100 for MuJoCo's own result.
-        robot_file: MJCF file of a robot, by default `models/robot.xml`.
+        robot_file: MJCF file of a robot, by default `models/robot.xml`; or those of several kinds.
     """
 
     def compiled(tune: Callable[[mujoco.MjSpec], None]) -> ArenaModel:

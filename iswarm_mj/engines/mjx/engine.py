@@ -14,7 +14,7 @@ from iswarm_mj.engines.mjx.arena import MjxArena
 from iswarm_mj.engines.mjx.rays import Crowd
 from iswarm_mj.engines.mjx.sight import find_links, find_walls
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 
 @jax.tree_util.register_dataclass
@@ -33,7 +33,7 @@ class MjxEngine:
     is_masked: bool = field(metadata={"static": True})
 
     @property
-    def robot(self) -> Robot:
+    def robot(self) -> Robots:
         """See `Engine.robot`."""
         return self.arena.robot
 

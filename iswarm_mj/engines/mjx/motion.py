@@ -15,7 +15,7 @@ from iswarm_mj.engines.mjx.derivatives import implicit_contacts
 from iswarm_mj.engines.mjx.joints import quick_trees
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 _SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations than allowed, not missing room
 
@@ -72,17 +72,19 @@ def _overflow(arena: MjxArena, data: mjx.Data) -> Array:
     crowded = jnp.where((distance < 0).all(), int(FaultKind.TOO_MANY_CONTACTS), 0) if arena.n_robots > 1 else 0
     centre = data.xpos[1:]
     apart2 = ((centre[:, None] - centre[None]) ** 2).sum(axis=-1)
-    farthest = 2 * arena.robot.circumradius + 1e-3  # robots farther apart than this cannot touch [mm]
+    radius = jnp.asarray(arena.robot.each("circumradius", arena.n_robots), jnp.float32)
+    farthest = radius[:, None] + radius + 1e-3  # robots farther apart than this cannot touch [mm]
     n_near = ((apart2 < farthest**2).sum() - arena.n_robots) // 2
     if len(arena.boxes):  # MJX compares boxes whose spheres meet; those of obstacles are wide and come first
-        around = jnp.hypot(arena.boxes[:, 4], arena.boxes[:, 5]) + jnp.linalg.norm(jnp.array(arena.robot.half_edges))
+        around = jnp.hypot(arena.boxes[:, 4], arena.boxes[:, 5])
+        around += jnp.linalg.norm(jnp.asarray(arena.robot.each("half_edges", arena.n_robots)), axis=1)[:, None]
         reach2 = ((centre[:, None, :2] - arena.boxes[None, :, :2]) ** 2).sum(axis=-1)
         is_level = jnp.abs(centre[:, 2] - arena.robot.ray_height) < arena.robot.ray_height  # the others are absent
         n_near += ((reach2 < around**2) & is_level[:, None]).sum()
     return crowded | jnp.where(n_near > arena.capacity.pairs, int(FaultKind.TOO_MANY_PAIRS), 0)
 
 
-def overlapping(poses: Array, robot: Robot) -> Array:
+def overlapping(poses: Array, robot: Robots) -> Array:
     """Which robots overlap, (N, N) bool, upper triangle: rectangles by the separating axis theorem.
 
     The four possible axes are the normals of either rectangle. Along the first one's front normal, for example, it
@@ -90,17 +92,18 @@ def overlapping(poses: Array, robot: Robot) -> Array:
 
     Args:
         poses: (N, 3) x, y [mm] and yaw [rad].
-        robot: its half edges.
+        robot: their half edges.
     """
-    a, b, _ = robot.half_edges
+    a, b, _ = jnp.asarray(robot.each("half_edges", len(poses)), poses.dtype).T
     x, y, yaw = poses[:, 0], poses[:, 1], poses[:, 2]
     dx, dy = x[None] - x[:, None], y[None] - y[:, None]
     c, s = jnp.cos(yaw), jnp.sin(yaw)
     cos, sin = jnp.abs(c[:, None] * c + s[:, None] * s), jnp.abs(s[:, None] * c - c[:, None] * s)
 
-    def within(c: Array, s: Array) -> Array:
+    def within(c: Array, s: Array, a: Array, b: Array, a2: Array, b2: Array) -> Array:
         ahead, left = jnp.abs(c * dx + s * dy), jnp.abs(c * dy - s * dx)
-        return (ahead <= a + a * cos + b * sin) & (left <= b + b * cos + a * sin)
+        return (ahead <= a + a2 * cos + b2 * sin) & (left <= b + b2 * cos + a2 * sin)
 
-    index = jnp.arange(len(poses))
-    return within(c[:, None], s[:, None]) & within(c, s) & (index[:, None] < index)
+    index, first, second = jnp.arange(len(poses)), (a[:, None], b[:, None]), (a, b)
+    along = within(c[:, None], s[:, None], *first, *second) & within(c, s, *second, *first)
+    return along & (index[:, None] < index)

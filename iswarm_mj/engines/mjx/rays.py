@@ -82,12 +82,12 @@ def in_sight(arena: MjxArena, crowd: Crowd, paths: Paths, asked: Bool[Array, "P"
     ahead = dx * along[:, :1] + dy * along[:, 1:]
     beyond = ahead - jnp.clip(ahead, 0.0, length[:, None])
     between = crowd.is_present & (index != paths.receiver[:, None]) & (index != paths.sender[:, None])
-    gap = jnp.where(between, beyond**2 + (dy * along[:, :1] - dx * along[:, 1:]) ** 2, jnp.inf).min(axis=1)
-    around = circles(arena.robot)
+    gap = jnp.where(between, beyond**2 + (dy * along[:, :1] - dx * along[:, 1:]) ** 2, jnp.inf)
+    around = circles(arena.robot, arena.n_robots)
     if len(arena.boxes):
         asked &= (paths.sender == arena.n_robots) | jnp.isinf(entries(paths.origin, path, arena.boxes))
-    is_clear = asked & (gap > around.outer**2)
-    is_open = asked & ~is_clear & (gap > around.inner**2)
+    is_clear, is_open = (asked & (gap > radius**2).all(axis=1) for radius in (around.outer, around.inner))
+    is_open &= ~is_clear
     return _by_rays(arena, crowd, paths, is_clear, is_open)
 
 

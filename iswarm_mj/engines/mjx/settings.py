@@ -50,13 +50,13 @@ class MjxSettings(EngineSettings):
 
     def compiled_engine(self, model: ModelSpec, n_worlds: int, platform: str) -> "CompiledEngine":
         """See `EngineSettings.compiled_engine`."""
-        from iswarm_mj.engines.arena import read_robot
         from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
         from iswarm_mj.engines.mjx.engine import MjxEngine
+        from iswarm_mj.engines.robot_file import read_robots
         from iswarm_mj.utils.units import RD
 
         config, capacity, robot_file = model.config, model.capacity, model.robot_file
-        width = max(2 * read_robot(robot_file).circumradius / RD, 1.0)  # large robots cover more of the floor
+        width = max(2 * read_robots(robot_file).circumradius / RD, 1.0)  # large robots cover more of the floor
         buffers = contact_capacity(config, capacity, self.contact_capacity * width**2)
         arena = compile_mjx_arena(config, capacity, self.impl, n_worlds, buffers, self.solver_iterations, robot_file)
         return MjxEngine(arena, config, model.is_masked)

@@ -137,7 +137,8 @@ def _receive(
 ) -> Reception:
     """Reception of each robot from senders (N, M), or from the same (M,) for all, with LEDs of this power."""
     dx, dy = poses[sender, 0] - poses[:, None, 0], poses[sender, 1] - poses[:, None, 1]
-    return receive(dx, dy, _heading(poses[:, None]), _heading(poses[sender]), arena.robot, config.optics, power)
+    views, kind = (_heading(poses[:, None]), _heading(poses[sender])), jnp.asarray(arena.robot.kind_of(arena.n_robots))
+    return receive(dx, dy, *views, arena.robot, config.optics, power, (kind[:, None], kind[sender]))
 
 
 def _heading(poses: Array) -> tuple[Array, Array]:

@@ -130,7 +130,7 @@ def find_walls(
     if solid.size:
         may_see |= distances(poses[..., :2], solid) < reach
     world, robot = np.nonzero(may_see & is_present)
-    leds = np.asarray(led_positions(poses[world, robot], scene.robot))
+    leds = np.asarray(led_positions(poses[world, robot], scene.robot, robot))
     outward = np.asarray(led_axes(poses[world, robot], scene.robot)) * length
     asked = beyond(leds + outward, scene.walls) > 0
     if solid.size:  # rays tell

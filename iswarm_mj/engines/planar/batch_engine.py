@@ -1,5 +1,6 @@
 """The planar engine for NVIDIA GPUs: Warp's kernels inside a program compiled by JAX, all worlds at once."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -18,12 +19,12 @@ from iswarm_mj.engines.planar.gpu.functions import jax_kernel, words_of
 from iswarm_mj.engines.planar.gpu.memory import shared_bytes
 from iswarm_mj.engines.planar.in_sight import search_radius
 from iswarm_mj.engines.planar.physics import SKIN
-from iswarm_mj.engines.planar.plane import FINEST, FIXED, Kind, Plane, read_kinds, read_plane, solids_of, with_boxes
+from iswarm_mj.engines.planar.plane import FINEST, Kind, Plane, of_bodies, read_kinds, read_plane, solids_of, with_boxes
 from iswarm_mj.engines.planar.reception import Light, points_of, read_light
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.obstacles import poses_of
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 
 ROBOTS_PER_WARP = 70
 """In a world, for each 32 threads of its block."""
@@ -47,7 +48,7 @@ class PlanarBatchEngine:
     plane: Plane = field(metadata={"static": True})
     kinds: tuple[Kind, ...] = field(metadata={"static": True})
     light: Light = field(metadata={"static": True})
-    robot: Robot = field(metadata={"static": True})
+    robot: Robots = field(metadata={"static": True})
     on_gpu: bool = field(metadata={"static": True})
     solids: tuple[tuple[float, ...], ...] = field(metadata={"static": True})
     start: tuple[tuple[float, ...], ...] = field(metadata={"static": True})
@@ -78,7 +79,7 @@ class PlanarBatchEngine:
         n_worlds, n_robots = len(bodies.poses), self._n_robots(bodies)
         is_present = bodies.is_present[:, :n_robots] & is_running[:, None]
         n_threads, radius = self._threads(n_robots), search_radius(self.light, self.plane)
-        plane, light = words_of(self.plane), words_of(self.light)
+        plane, kinds, light = words_of(self.plane), self._table(n_robots), words_of(self.light)
         emits = jnp.asarray(emits, jnp.float32)
         points = jnp.asarray(points_of(self.robot), jnp.float32)
         grid = n_cells(self.plane.edge, radius, n_robots)
@@ -91,12 +92,12 @@ class PlanarBatchEngine:
         )
         n_sides, solids = len(self.robot.sides), with_boxes(self._solids(), self.boxes(bodies), self.kinds)
         near = self._kernel(surroundings.look_around, None, 3)(
-            *(place, end, robot, emits, is_present, plane, light, points, radius),
+            *(place, end, robot, emits, is_present, plane, kinds, light, points, radius),
             launch_dims=(n_worlds, n_robots),
-            output_dims=surroundings.near_places(n_worlds, n_robots, radius, self.kinds[0]),
+            output_dims=surroundings.near_places(n_worlds, n_robots, radius, self.kinds[: len(self.robot.kinds)]),
         )
         *links, sees_wall = self._kernel(sight.find_light, None, 6)(
-            *(place, robot, is_present, plane, self._table(n_robots), light, points, solids, *near),
+            *(place, robot, is_present, plane, kinds, light, points, solids, *near),
             launch_dims=(n_worlds, n_robots, n_sides),
             output_dims=sight.light_places(n_worlds, n_robots, n_sides, self.light.n_senders),
         )
@@ -115,7 +116,9 @@ class PlanarBatchEngine:
         """See `Take`."""
         (n_worlds, n_bodies), n_robots, n_walls = bodies.is_present.shape, self._n_robots(bodies), self.plane.n_walls
         n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, 2 * self.plane.radius + SKIN, n_robots)
-        rooms = physics.rooms(n_robots, n_bodies - n_robots, n_walls, len(self.solids) - n_walls)
+        areas = [kind.half_x * kind.half_y for kind in self.kinds[: len(self.robot.kinds)]]
+        crowding = math.ceil(max(areas) / min(areas))
+        rooms = physics.rooms(n_robots, n_bodies - n_robots, n_walls, len(self.solids) - n_walls, crowding)
         sizes = physics.places(touching.shape, n_bodies, grid, n_threads, rooms)
         touching, poses, velocity, failure, *_ = self._kernel(
             physics.take_steps_in(shared_bytes(n_bodies)), n_threads, len(sizes), "touching"
@@ -143,8 +146,7 @@ class PlanarBatchEngine:
 
     def _table(self, n_robots: int) -> Int[np.ndarray, "W"]:
         """Kinds of N robots, of the boxes and of what is fixed, in words."""
-        robot, *boxes = self.kinds
-        return words_of(*[robot] * n_robots, *boxes, FIXED)
+        return words_of(*of_bodies(self.kinds, self.robot, n_robots))
 
     def _solids(self) -> Float[Array, "WM 6"]:
         """Walls and obstacles as an array."""
@@ -159,7 +161,7 @@ def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str, tolerance
     """Read the model.
 
     Args:
-        arena: compiled; any number of its robots stands for all.
+        arena: compiled; one robot of each kind stands for all.
         config: optics, obstacles and boxes.
         platform: of the devices, as JAX calls it.
         tolerance: see `read_plane`.

@@ -35,7 +35,7 @@ class PlanarEngine:
 
         Args:
             config: optics, obstacles and boxes.
-            arena: compiled; any number of its robots stands for all.
+            arena: compiled; one robot of each kind stands for all.
             n_threads: threads, 0 for one a core.
             tolerance: see `read_plane`.
 
@@ -72,7 +72,7 @@ class PlanarEngine:
         worlds, emits = np.flatnonzero(is_running), np.array(emits, float)  # a copy: JAX's arrays are of another type
         solids = with_boxes(self._solids, self.boxes(bodies), self.kinds)
         lit = emits, bodies.is_present, sight, self._light, self._points
-        self._spread(sense, worlds, bodies.poses, *lit, solids, table_of(self.kinds, n_robots))
+        self._spread(sense, worlds, bodies.poses, *lit, solids, table_of(self.kinds, self.robot, n_robots))
         if self._light.n_senders > 1:
             return sight
         return sight._replace(links=Links(*(values[..., 0] for values in sight.links)))
@@ -89,7 +89,7 @@ class PlanarEngine:
         """See `Take`."""
         new, failure = Bodies(*(part.copy() for part in bodies)), np.zeros(len(runs), np.int32)
         arguments = n_substeps * self.plane.refinement, new, np.ascontiguousarray(targets, float), touching
-        kinds = table_of(self.kinds, self._n_robots(bodies))
+        kinds = table_of(self.kinds, self.robot, self._n_robots(bodies))
         self._spread(take_steps, np.flatnonzero(runs), *arguments, failure, self._solids, kinds)
         return new, touching, failure
 

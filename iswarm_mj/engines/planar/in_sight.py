@@ -47,7 +47,17 @@ def search_radius(light: Light, plane: Plane) -> float:
 
 
 @shared
-def hear(p: Place, q: Place, j: int, squared: float, emits: float, light: Light, points: Table) -> tuple[int, float]:
+def hear(
+    p: Place,
+    q: Place,
+    j: int,
+    squared: float,
+    row_r: int,
+    row_s: int,
+    emits: float,
+    light: Light,
+    points: Table,
+) -> tuple[int, float]:
     """How a robot at p gets the light of robot j at q.
 
     Args:
@@ -55,6 +65,8 @@ def hear(p: Place, q: Place, j: int, squared: float, emits: float, light: Light,
         q: where the other one is.
         j: its index.
         squared: distance of their centres, squared.
+        row_r: `points` of the receiver's kind.
+        row_s: of the other one's.
         emits: power of its LEDs, from 0 to 1.
         light: optics.
         points: see `reception.points_of`.
@@ -65,7 +77,7 @@ def hear(p: Place, q: Place, j: int, squared: float, emits: float, light: Light,
     """
     code, effective = 64 * j, float(math.inf)
     if emits > 0.0 and squared <= light.farthest * light.farthest:
-        one = receive(q[0] - p[0], q[1] - p[1], p, q, emits, light, points)
+        one = receive(q[0] - p[0], q[1] - p[1], p, q, row_r, row_s, emits, light, points)
         code, effective = 64 * j + 8 * one.side + one.led, float(one.effective)
     return code, effective
 
@@ -110,8 +122,9 @@ def is_clear(view: View, side: int, code: int, light: Light, points: Table, plan
     """Whether no third robot, obstacle or box blocks the light that a side receives; arguments as above."""
     sender, clear = code >> 6, bool(True)
     p, q = place_of(view.places, view.i), place_of(view.places, sender)
-    x, y = turned(p, points, points.shape[0] // 5 + side)
-    x_led, y_led = turned(q, points, code & 7)
+    row_r, row_s = view.kinds[view.i].points, view.kinds[sender].points
+    x, y = turned(p, points, row_r + light.n_sides + side)
+    x_led, y_led = turned(q, points, row_s + (code & 7))
     vx, vy = (q[0] - p[0]) + x_led - x, (q[1] - p[1]) + y_led - y
     squared = vx * vx + vy * vy
     spare = plane.radius * math.sqrt(squared)
@@ -135,9 +148,10 @@ def link_to(view: View, code: int, light: Light, points: Table) -> tuple[float, 
     """Measured direction of a sender [rad], and its distance, from centre to centre [mm]."""
     p, q = place_of(view.places, view.i), place_of(view.places, code >> 6)
     dx, dy = q[0] - p[0], q[1] - p[1]
-    bearing = float(points[4 * (points.shape[0] // 5) + ((code >> 3) & 7), 0])
+    bearing = float(points[4 * light.n_sides + ((code >> 3) & 7), 0])
     if light.is_power:
-        one = receive(dx, dy, p, q, 1.0, light, points)
+        row_r, row_s = view.kinds[view.i].points, view.kinds[code >> 6].points
+        one = receive(dx, dy, p, q, row_r, row_s, 1.0, light, points)
         bearing += one.turn
     return bearing, math.sqrt(dx * dx + dy * dy)
 
@@ -156,8 +170,8 @@ def sees_wall(view: View, side: int, light: Light, points: Table, plane: Plane, 
         is_near = is_near or u * u + v * v < within * within
     if not is_near:
         return False
-    x, y = turned(p, points, side)
-    axis_x, axis_y = turned(p, points, 2 * (points.shape[0] // 5) + side)
+    x, y = turned(p, points, view.kinds[view.i].points + side)
+    axis_x, axis_y = turned(p, points, 2 * light.n_sides + side)
     vx, vy = reach * axis_x, reach * axis_y
     share = float(math.inf)
     for m in range(plane.n_walls):

@@ -14,6 +14,7 @@ from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.requirements import check_model
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.obstacles import Obstacle, numbers
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import RD
 
 _MIN_VALUE = mujoco.mjMINVAL
@@ -47,9 +48,11 @@ class Kind(NamedTuple):
     """Largest impulse of the floor's friction in a step [mg mm/s], see `contact_rows.held`; 0 without friction."""
     twist: float
     """Its largest moment of momentum [mg mm^2/s]."""
+    points: int
+    """Of a robot, the row in `reception.points_of` at which the places of its LEDs begin."""
 
 
-FIXED = Kind(*[0.0] * len(Kind._fields))
+FIXED = Kind(*[0.0] * 11, points=0)
 """Walls, obstacles and floor, as one body."""
 
 
@@ -57,7 +60,7 @@ class Plane(NamedTuple):
     """What bodies that slide and turn in the plane between walls have in common. Units: mm, mg, s."""
 
     radius: float
-    """Of the circumcircle of a robot."""
+    """Of the circumcircle of the largest robot."""
     edge: float
     """Half the edge of the square around the walls, whose cells robots are sorted into."""
     n_walls: int
@@ -79,7 +82,7 @@ def read_plane(arena: ArenaModel, tolerance: float = FINEST) -> Plane:
     """Read what keeps the bodies of a compiled arena apart.
 
     Args:
-        arena: compiled; any number of its robots stands for all.
+        arena: compiled; one robot of each kind stands for all.
         tolerance: of the contact solver [mm/s]; `FINEST` at least.
 
     Raises:
@@ -100,27 +103,34 @@ def read_plane(arena: ArenaModel, tolerance: float = FINEST) -> Plane:
 
 
 def read_kinds(arena: ArenaModel) -> tuple[Kind, ...]:
-    """Read the kinds of a compiled arena: that of its robots, and of each box."""
-    bodies = [0, *range(arena.n_robots, len(arena.hull))]
-    return tuple(_kind(arena, body, has_drive=body == 0) for body in bodies)
+    """Read the kinds of a compiled arena: those of its robots, and of each box."""
+    first = [arena.kind.tolist().index(kind) for kind in range(len(arena.robot.kinds))]
+    bodies = [*first, *range(arena.n_robots, len(arena.hull))]
+    return tuple(_kind(arena, body, number) for number, body in enumerate(bodies))
+
+
+def of_bodies(kinds: tuple[Kind, ...], robot: Robots, n_robots: int) -> list[Kind]:
+    """Return the kinds (N + M + 1,) of N robots, of the boxes and of all that is fixed."""
+    robots = [kinds[kind] for kind in robot.kind_of(n_robots).tolist()]
+    return [*robots, *kinds[len(robot.kinds) :], FIXED]
 
 
 @lru_cache(maxsize=16)  # each step needs it
-def table_of(kinds: tuple[Kind, ...], n_robots: int) -> np.ndarray:
-    """Return the kinds of N robots, of the boxes and of all that is fixed: records (N + M + 1,), not to be changed."""
-    robot, *boxes = kinds
-    return np.array([*[tuple(robot)] * n_robots, *map(tuple, boxes), tuple(FIXED)], KIND)
+def table_of(kinds: tuple[Kind, ...], robot: Robots, n_robots: int) -> np.ndarray:
+    """Return `of_bodies` as records, not to be changed."""
+    return np.array([tuple(kind) for kind in of_bodies(kinds, robot, n_robots)], KIND)
 
 
-KIND = np.dtype([(name, np.float64) for name in Kind._fields])
+KIND = np.dtype([(name, {float: np.float64, int: np.int64}[kind]) for name, kind in Kind.__annotations__.items()])
 
 
-def _kind(arena: ArenaModel, body: int, has_drive: bool) -> Kind:
-    """Kind of a robot or a box."""
+def _kind(arena: ArenaModel, body: int, number: int) -> Kind:
+    """Kind of a robot or a box, by its number in `read_kinds`."""
     model, dofs, h = arena.model, arena.qpos[body], arena.model.opt.timestep
     inertia, (half_x, half_y, _) = model.dof_M0[dofs], model.geom_size[arena.hull[body]].tolist()
     radius = math.sqrt(half_x * half_x + half_y * half_y)
-    drive = (arena.servo_gain * h / inertia).tolist() if has_drive else (0.0, 0.0, 0.0)
+    is_robot = body < arena.n_robots
+    drive = (arena.servo_gain[body] * h / inertia).tolist() if is_robot else (0.0, 0.0, 0.0)
     along, _, about = (model.dof_frictionloss[dofs] * h).tolist()
     return Kind(
         half_x=half_x,
@@ -134,6 +144,7 @@ def _kind(arena: ArenaModel, body: int, has_drive: bool) -> Kind:
         drive_yaw=drive[2],
         grip=along * (1.0 + math.sqrt(2.0)),
         twist=about,
+        points=5 * len(arena.robot.sides) * number if is_robot else 0,
     )
 
 
@@ -143,11 +154,14 @@ def solids_of(arena: ArenaModel, obstacles: Sequence[Obstacle]) -> Float[np.ndar
 
 
 def with_boxes(solids: Array, poses: Float[Array, "B M 3"], kinds: Sequence[Kind]) -> Float[Array, "B WOM 6"]:
-    """Return what light meets beside robots in B worlds: walls and obstacles (W + O, 6), and boxes at these poses."""
-    xp, n_worlds = array_module(poses), len(poses)
-    if len(kinds) == 1:
+    """Return what light meets beside robots in B worlds: walls and obstacles (W + O, 6), and boxes at these poses.
+
+    The kinds are those of `read_kinds`, whose last ones are of boxes.
+    """
+    xp, (n_worlds, n_boxes, _) = array_module(poses), poses.shape
+    if not n_boxes:
         return xp.tile(solids, (n_worlds, 1, 1))
-    halves = xp.asarray([kind[:2] for kind in kinds[1:]], poses.dtype).reshape(-1, 2)
+    halves = xp.asarray([kind[:2] for kind in kinds[-n_boxes:]], poses.dtype).reshape(-1, 2)
     yaw, halves = poses[..., 2:], xp.broadcast_to(halves, (n_worlds, *halves.shape))
     boxes = xp.concatenate([poses[..., :2], xp.cos(yaw), xp.sin(yaw), halves], axis=-1)
     return xp.concatenate([xp.broadcast_to(solids, (n_worlds, *solids.shape)), boxes], axis=1)

@@ -11,7 +11,7 @@ import numpy as np
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.planar.kinds import Place, Table, shared
-from iswarm_mj.utils.robot import Robot
+from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -39,11 +39,13 @@ class Light(NamedTuple):
     wall_reach: float
     """Distance from a LED up to which a wall reflects its light."""
     optical_offset: float
-    """See `Robot.optical_offset`."""
+    """See `Robots.optical_offset`."""
     n_senders: int
     """Senders in sight of a side that are told of, the nearest ones."""
     is_regular: bool
     """See `Sides.is_regular`."""
+    n_sides: int
+    """S, of a robot."""
 
 
 class Reception(NamedTuple):
@@ -59,8 +61,8 @@ class Reception(NamedTuple):
     """Effective distance, infinite where no light arrives."""
 
 
-def read_light(robot: Robot, optics: OpticsConfig) -> Light:
-    """Numbers of a robot's optics."""
+def read_light(robot: Robots, optics: OpticsConfig) -> Light:
+    """Numbers of the robots' optics."""
     reach, splay = mm_from_rd(optics.communication_radius), math.radians(optics.photodiode_splay)
     beam = math.radians(optics.led_beam_aperture / 2)
     return Light(
@@ -78,17 +80,20 @@ def read_light(robot: Robot, optics: OpticsConfig) -> Light:
         optical_offset=robot.optical_offset,
         n_senders=optics.n_senders,
         is_regular=robot.sides.is_regular,
+        n_sides=len(robot.sides),
     )
 
 
-def points_of(robot: Robot) -> np.ndarray:
-    """Pairs of numbers of S sides (5 S, 2).
+def points_of(robot: Robots) -> np.ndarray:
+    """Pairs of numbers of S sides of K kinds (K 5 S, 2), one kind after the other, see `plane.Kind.points`.
 
     They are the places of the LEDs and where each side receives light, ahead of and to the left of the robot's centre;
-    the axes of the LEDs and of the photodiodes, see `Sides`; and the bearings of these [rad], beside a zero.
+    the axes of the LEDs and of the photodiodes, see `Sides`; and the bearings of these [rad], beside a zero. The axes
+    and the bearings are those of all kinds.
     """
-    bearings = [(bearing, 0.0) for bearing in robot.sides.bearings]
-    return np.array([*robot.leds, *robot.receivers, *robot.sides.leds, *robot.sides.photodiodes, *bearings])
+    sides, bearings = robot.sides, [(bearing, 0.0) for bearing in robot.sides.bearings]
+    each = ([*kind.leds, *kind.receivers, *sides.leds, *sides.photodiodes, *bearings] for kind in robot.kinds)
+    return np.array([row for rows in each for row in rows])
 
 
 @shared
@@ -177,7 +182,15 @@ def power_reception(
 
 @shared
 def receive(
-    dx: float, dy: float, receiver: Place, sender: Place, power: float, light: Light, points: Table
+    dx: float,
+    dy: float,
+    receiver: Place,
+    sender: Place,
+    row_r: int,
+    row_s: int,
+    power: float,
+    light: Light,
+    points: Table,
 ) -> Reception:
     """How a receiver gets the light of a sender that is (dx, dy) away from it.
 
@@ -186,11 +199,13 @@ def receive(
         dy: y likewise.
         receiver: where it is.
         sender: likewise.
+        row_r: `points` of the receiver's kind.
+        row_s: of the sender's kind.
         power: of the sender's LEDs, above 0 and at most 1.
         light: optics.
         points: see `points_of`.
     """
-    n_sides = points.shape[0] // 5
+    n_sides = light.n_sides
     ahead_r, left_r = onto_axis(dx, dy, receiver[2], receiver[3])
     ahead_s, left_s = onto_axis(-dx, -dy, sender[2], sender[3])
     side, led = facing_side(ahead_r, left_r), facing_side(ahead_s, left_s)
@@ -203,8 +218,8 @@ def receive(
     along_s, across_s = onto_axis(ahead_s, left_s, c_led, s_led)
     turn, effective = 0.0, math.inf
     if light.is_power:
-        out_r, aside_r = onto_axis(points[n_sides + side, 0], points[n_sides + side, 1], c, s)
-        out_s, aside_s = onto_axis(points[led, 0], points[led, 1], c_led, s_led)
+        out_r, aside_r = onto_axis(points[row_r + n_sides + side, 0], points[row_r + n_sides + side, 1], c, s)
+        out_s, aside_s = onto_axis(points[row_s + led, 0], points[row_s + led, 1], c_led, s_led)
         turn, effective = power_reception(
             along_r, across_r, along_s, across_s, out_r, aside_r, out_s, aside_s,
             light.lobe_order, light.splay_cos, light.splay_sin, light.splay_tan, light.reach, power,

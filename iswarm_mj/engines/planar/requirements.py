@@ -43,13 +43,15 @@ def _options(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
 
 def _robots(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
     model, n = arena.model, arena.n_robots
-    dofs = model.dof_M0[arena.qpos[:n]]
+    dofs, size = model.dof_M0[arena.qpos[:n]], model.geom_size[arena.hull[:n]]
+    first = np.searchsorted(arena.kind, arena.kind)  # robot of each one's kind
     yield "the centre of mass on the robots' axis", not model.body_ipos[arena.body[:n], :2].any()
     yield (
         f"robots at least {MIN_HEIGHT} mm high, since they overlap by up to that, and MuJoCo lifts lower ones then",
         bool((2 * model.geom_size[arena.hull, 2] >= MIN_HEIGHT).all()),
     )
-    yield "robots of one mass and inertia", bool(np.allclose(dofs, dofs[0]) and np.isclose(dofs[0, 0], dofs[0, 1]))
+    alike = np.allclose(dofs, dofs[first]) and np.isclose(dofs[:, 0], dofs[:, 1]).all()
+    yield "one size, mass and inertia of all robots of a kind", bool(alike and (size == size[first]).all())
 
 
 def _contacts(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
@@ -65,7 +67,7 @@ def _contacts(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
     yield "contacts without adhesion", not model.geom_adhesion[solid].any()
     yield "a positive solref, time constant and damping ratio", bool((model.geom_solref[solid] > 0).all())
     for same in (hulls[:n], arena.walls):
-        for name in ("size", "solref", "solimp", "solmix", "priority"):
+        for name in ("solref", "solimp", "solmix", "priority"):
             values = getattr(model, f"geom_{name}")[same]
             yield f"the same {name} for all hulls and for all walls", bool((values == values[0]).all())
     for name in ("solref", "solimp", "solmix"):

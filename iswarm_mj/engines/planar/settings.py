@@ -58,21 +58,21 @@ class PlanarSettings(EngineSettings):
         """See `EngineSettings.host_engine`."""
         from iswarm_mj.engines.planar.engine import PlanarEngine
 
-        one, tolerance = self._one_robot(model), self._tolerance(model)
+        one, tolerance = self._one_of_each(model), self._tolerance(model)
         return lambda n_worlds, n_threads: PlanarEngine(model.config, one, n_threads, tolerance)
 
     def compiled_engine(self, model: ModelSpec, n_worlds: int, platform: str) -> "CompiledEngine":
         """See `EngineSettings.compiled_engine`."""
         from iswarm_mj.engines.planar.batch_engine import read_engine
 
-        return read_engine(self._one_robot(model), model.config, platform, self._tolerance(model))
+        return read_engine(self._one_of_each(model), model.config, platform, self._tolerance(model))
 
     def _tolerance(self, model: ModelSpec) -> float:
         """Change of a velocity that, over a control step, makes the accuracy [mm/s]."""
         return self.accuracy / model.config.drive.control_period
 
-    def _one_robot(self, model: ModelSpec) -> "ArenaModel":
-        """One robot stands for all."""
+    def _one_of_each(self, model: ModelSpec) -> "ArenaModel":
+        """One robot of each kind stands for all."""
         from iswarm_mj.engines.arena import compile_arena
 
-        return compile_arena(model.config, 1, np.zeros(0), robot_file=model.robot_file, refinement=self.refinement)
+        return compile_arena(model.config, None, np.zeros(0), robot_file=model.robot_file, refinement=self.refinement)

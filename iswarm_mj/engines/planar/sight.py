@@ -47,7 +47,7 @@ def sense(
         is_present: (B, N + M) bool; the others neither send nor receive nor block light.
         sight: of all worlds, the output.
         light: optics.
-        points: (5 S, 2) see `reception.points_of`.
+        points: (K 5 S, 2) see `reception.points_of`.
         solids: (B, W + M, 6) walls, obstacles and boxes, see `plane.with_boxes`.
         kinds: (N,) of the robots.
         plane: the arena.
@@ -109,7 +109,8 @@ def _look_around(
                 dx, dy = q[0] - p[0], q[1] - p[1]
                 squared = dx * dx + dy * dy
                 if j != view.i and squared <= within * within:
-                    code, effective = hear(p, q, j, squared, emits[j], light, points)
+                    row_r, row_s = view.kinds[view.i].points, view.kinds[j].points
+                    code, effective = hear(p, q, j, squared, row_r, row_s, emits[j], light, points)
                     view.near[n_near, 0] = code
                     if effective < np.inf:
                         view.near[n_near, 0], view.near[n_heard, 0] = view.near[n_heard, 0], code

@@ -22,18 +22,6 @@ class TestServo:
         engine.move(velocity, 7)
         np.testing.assert_allclose(engine.poses, start + 0.7 * velocity, atol=1e-9)
 
-    def test_walking_along_the_heading_does_not_slip_sideways(self, small):
-        start = far_apart(1, np.random.default_rng(2))
-        engine = Worlds(small, start)
-        yaw = start[..., 2]
-        ahead = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
-        for _ in range(3):
-            engine.move(np.sqrt(2) * ahead, 6)
-        moved = engine.poses - start
-        np.testing.assert_allclose((moved * ahead).sum(-1), 3 * 0.6 * np.sqrt(2), atol=1e-6)
-        np.testing.assert_allclose(moved[..., 1] * ahead[..., 0] - moved[..., 0] * ahead[..., 1], 0, atol=1e-6)
-        np.testing.assert_allclose(moved[..., 2], 0, atol=1e-9)
-
     def test_a_command_leaves_nothing_behind(self, small):
         start = far_apart(1, np.random.default_rng(3))
         engine = Worlds(small, start)

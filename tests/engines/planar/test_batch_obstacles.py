@@ -99,8 +99,8 @@ def test_a_led_inside_an_obstacle_sees_it():
 
 def test_room_for_contacts_with_obstacles():
     """As many as four a robot; heaps of more obstacles on one place are a fault of their world alone."""
-    assert rooms(40, 0, 4, 0)[1] + 40 == rooms(40, 0, 4, 1)[1] == rooms(40, 0, 5, 0)[1]
-    assert rooms(40, 0, 4, 4) == rooms(40, 0, 4, 9)
+    assert rooms(40, 0, 4, 0, 1)[1] + 40 == rooms(40, 0, 4, 1, 1)[1] == rooms(40, 0, 5, 0, 1)[1]
+    assert rooms(40, 0, 4, 4, 1) == rooms(40, 0, 4, 9, 1)
     boxes = tuple((4.0 + 0.01 * k, 4.0, 1.0, 1.0, 0.0) for k in range(30))
     start = np.tile([(9.0, 9.0, 0.1), (9.0, 9.0, 0.2), (-8.0, -8.0, 0.0)], (2, 1, 1))
     start[0, :2] = [(-8.0, 8.0, 0.0), (8.0, -8.0, 0.0)]

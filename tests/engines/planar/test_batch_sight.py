@@ -54,7 +54,7 @@ def test_lists_have_room_for_all_robots_near_one():
     within, kind = search_radius(engine.light, engine.plane), engine.kinds[0]
     places = np.arange(-20, 21)
     apart = np.hypot(2 * kind.half_x * places[:, None], 2 * kind.half_y * places)
-    room = [near_places(1, n, within, kind)["near"][1] for n in (50, 1000, 100_000)]
+    room = [near_places(1, n, within, [kind])["near"][1] for n in (50, 1000, 100_000)]
     assert room[0] == 49 and (apart <= within).sum() < room[1] == room[2] < 999
 
 

@@ -24,11 +24,12 @@ def arena_with(change=None, n_robots=2):
 
 def test_numbers_are_those_of_the_robot():
     plane, kinds = read_plane(arena_with()), read_kinds(arena_with())
-    assert kinds == (pytest.approx((1, 1, math.sqrt(2), 0.1, 0.15, 1 / 15, 1, 1, 1, 0, 0)),)
+    assert kinds == (pytest.approx((1, 1, math.sqrt(2), 0.1, 0.15, 1 / 15, 1, 1, 1, 0, 0, 0)),)
     assert (plane.radius, plane.edge, plane.timestep) == pytest.approx((math.sqrt(2), 24.5 * RD, 0.1))
 
 
 def test_one_robot_stands_for_all():
+    """Of each kind."""
     for read in (read_plane, read_kinds):
         one, five = (np.hstack(read(arena_with(n_robots=n))) for n in (1, 5))
         np.testing.assert_allclose(one, five, rtol=1e-12)
@@ -64,12 +65,12 @@ REFUSED = {
     "condim 1": set_array("geom_condim", 3, hull),
     "margin": set_array("geom_margin", 0.1, hull),
     "positive solref": set_array("geom_solref", -100.0, hull),
-    "same size": set_array("geom_size", 2.0, hull),
+    "one size": set_array("geom_size", 2.0, hull),
     "same solimp": set_array("geom_solimp", 0.5, hull),
     "adhesion": set_array("geom_adhesion", 1.0, hull),
     "sleep to be disabled": set_option("enableflags", mujoco.mjtEnableBit.mjENBL_SLEEP),
     "centre of mass": set_array("body_ipos", 0.1, lambda arena: arena.body[1]),
-    "one mass": set_array("dof_M0", 20.0, joint),
+    "size, mass and inertia of all robots of a kind": set_array("dof_M0", 20.0, joint),
     "hulls, boxes, walls and obstacles alone": set_array("geom_contype", 1, lambda arena: arena.model.geom("floor").id),
     "collide with each other": set_array("geom_contype", 0, hull),
     "planes": set_array("geom_type", mujoco.mjtGeom.mjGEOM_BOX, lambda arena: arena.walls[2]),

@@ -40,7 +40,7 @@ def test_one_pair_has_the_reception_of_arrays(optics, robot):
     light, points = read_light(robot, optics), points_of(robot)
     for k in range(len(dx)):
         receiver, sender = ((0.0, 0.0, float(c[k]), float(s[k])) for c, s in headings)
-        got = receive_one(float(dx[k]), float(dy[k]), receiver, sender, float(power[k]), light, points)
+        got = receive_one(float(dx[k]), float(dy[k]), receiver, sender, 0, 0, float(power[k]), light, points)
         assert (got.side, got.led) == (expected.side[k], expected.led[k])
         assert got.effective == pytest.approx(expected.effective_distance[k], rel=1e-13)
         if math.isfinite(got.effective):

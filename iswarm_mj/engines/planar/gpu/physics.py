@@ -182,11 +182,14 @@ def _mark(w: World, touching: wp.array2d(dtype=int), lane: int):
                 k += 1
 
 
-def rooms(n_robots: int, n_boxes: int, n_walls: int, n_obstacles: int) -> tuple[int, int]:
-    """Places for near pairs and for contacts: for all that there are, or for more a body than any crowd has."""
-    pairs = n_robots * (n_robots - 1) // 2
+def rooms(n_robots: int, n_boxes: int, n_walls: int, n_obstacles: int, crowding: int) -> tuple[int, int]:
+    """Places for near pairs and for contacts: for all that there are, or for more a body than any crowd has.
+
+    The crowding is the area of the largest robot over that of the smallest.
+    """
+    pairs, crowd = n_robots * (n_robots - 1) // 2, crowding * n_robots
     fixed = (n_walls + min(n_obstacles, _BOXES_AT_ONCE)) * (n_robots + n_boxes)
-    return max(1, min(pairs, 24 * n_robots)), max(1, min(pairs, 8 * n_robots)) + fixed + MAX_COLOURS * n_boxes
+    return max(1, min(pairs, 24 * crowd)), max(1, min(pairs, 8 * crowd)) + fixed + MAX_COLOURS * n_boxes
 
 
 def places(

@@ -35,9 +35,9 @@ def find_light(
         robot: (B, N) likewise.
         is_present: (B, N) the others neither send nor receive nor block light.
         plane_words: see `functions.words_of`.
-        kind_words: likewise, (N,) of the robots.
+        kind_words: likewise, of all bodies.
         light_words: likewise.
-        points: (5 S, 2) see `reception.points_of`.
+        points: (K 5 S, 2) see `reception.points_of`.
         solids: (B, W + M, 6) walls, obstacles and boxes, see `plane.with_boxes`.
         n_near: (B, N) of `surroundings.look_around`.
         near: (B, M, N) likewise.

@@ -1,13 +1,14 @@
 """Robots near each robot, in many worlds on a GPU."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import warp as wp
 
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.cells import Cells, around, fill
-from iswarm_mj.engines.planar.gpu.functions import light_in, plane_in, view
+from iswarm_mj.engines.planar.gpu.functions import kinds_in, light_in, plane_in, view
 from iswarm_mj.engines.planar.gpu.world import heading
 from iswarm_mj.engines.planar.plane import Kind
 
@@ -55,6 +56,7 @@ def look_around(
     emits: wp.array2d(dtype=float),
     is_present: wp.array2d(dtype=wp.bool),
     plane_words: wp.array(dtype=int),
+    kind_words: wp.array(dtype=int),
     light_words: wp.array(dtype=int),
     points: wp.array2d(dtype=float),
     within: float,
@@ -71,8 +73,9 @@ def look_around(
         emits: (B, N) power of the LEDs, from 0 to 1.
         is_present: (B, N) the others neither send nor receive nor block light.
         plane_words: see `functions.words_of`.
+        kind_words: likewise, of all bodies.
         light_words: likewise.
-        points: (5 S, 2) see `reception.points_of`.
+        points: (K 5 S, 2) see `reception.points_of`.
         within: distance of the robots that are listed [mm].
         n_near: (B, N) output, length of the list of each place in `robot`.
         near: (B, M, N) output, of each entry and place, see `in_sight.hear`; those beyond M are left out.
@@ -82,7 +85,7 @@ def look_around(
     i, n = robot[world, slot], int(0)  # threads side by side have robots side by side, with as much to do
     if is_present[world, i]:
         light_at, p = light_in(light_words), place[world, i]
-        light = light_at[0]
+        light, kinds = light_at[0], kinds_in(kind_words, place.shape[1])
         cells = Cells()
         cells.end = end[world]
         cells.edge = plane_in(plane_words)[0].edge
@@ -94,7 +97,8 @@ def look_around(
                 dx, dy = q[0] - p[0], q[1] - p[1]
                 squared = dx * dx + dy * dy
                 if j != i and squared <= within * within and n < near.shape[1]:
-                    code, distance = _hear(p, q, j, squared, emits[world, j], light, points)
+                    row_r, row_s = int(kinds[i].points), int(kinds[j].points)
+                    code, distance = _hear(p, q, j, squared, row_r, row_s, emits[world, j], light, points)
                     near[world, n, slot] = code
                     effective[world, n, slot] = distance
                     n += 1
@@ -107,8 +111,8 @@ def cell_places(n_worlds: int, n_robots: int, n_cells: int, n_threads: int) -> d
     return {"place": robots, "end": (n_worlds, n_cells, n_cells), "robot": robots, "total": (n_worlds, n_threads + 1)}
 
 
-def near_places(n_worlds: int, n_robots: int, within: float, kind: Kind) -> dict[str, Any]:
+def near_places(n_worlds: int, n_robots: int, within: float, kinds: Sequence[Kind]) -> dict[str, Any]:
     """Sizes of the outputs of `look_around`: for all robots, or for twice as many as find room `within` a distance."""
-    fitting = math.pi * (within + kind.radius) ** 2 / (4 * kind.half_x * kind.half_y)
+    fitting = max(math.pi * (within + kind.radius) ** 2 / (4 * kind.half_x * kind.half_y) for kind in kinds)
     pairs = n_worlds, max(1, min(n_robots - 1, math.ceil(2 * fitting))), n_robots
     return {"n_near": (n_worlds, n_robots), "near": pairs, "effective": pairs}

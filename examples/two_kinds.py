@@ -1,0 +1,62 @@
+"""Two kinds of robots gather in light: small ones of 2 x 2 mm, and large ones of 2.8 x 2.4 mm that weigh 17 mg.
+
+    python examples/two_kinds.py large.xml
+    iswarm run --task examples/two_kinds.py:ByKind --strategy beeclust \
+        --robot models/robot.xml:60 large.xml:40 --steps 600
+
+The first command writes the file of the large robots, a copy of models/robot.xml.
+"""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from iswarm_mj.engines.robot_file import models_directory
+from iswarm_mj.tasks.aggregation import Aggregation, Spots
+from iswarm_mj.tasks.protocol import Quantity
+
+CHANGES = {
+    'class="hull" size="1 1 0.5" mass="10"': 'class="hull" size="1.4 1.2 0.5" mass="17"',
+    'pos="0 0 0.35" size="1 1 0.05"': 'pos="0 0 0.35" size="1.4 1.2 0.05"',  # as it is seen
+    'pos="1.001 ': 'pos="1.401 ',
+    'pos="-1.001 ': 'pos="-1.401 ',
+    " 1.001 0": " 1.201 0",
+    " -1.001 0": " -1.201 0",
+    'site name="probe_tip" pos="0.9 ': 'site name="probe_tip" pos="1.3 ',
+}
+"""From the small robot to the large one: hull, then LEDs and photodiodes, then the probe."""
+
+
+def write_large(path):
+    """Write the file of the large robots."""
+    text = (models_directory() / "robot.xml").read_text()
+    for old, new in CHANGES.items():
+        text = text.replace(old, new)
+    Path(path).write_text(text)
+
+
+@dataclass(frozen=True)
+class ByKind(Aggregation):
+    """The task `aggregation` with the shares of both kinds in the brighter spot, of which the first is the progress."""
+
+    measured: ClassVar = {
+        "small": Quantity("share of the first kind in the brighter spot", high=1.0),
+        "large": Quantity("share of the second kind in the brighter spot", high=1.0),
+    }
+
+    def advance(self, state, inputs, key):
+        _, sensed = super().advance(state, inputs, key)
+        is_bright = self.light(inputs.poses, state.east)[:, 0] > 0
+        kinds = [inputs.is_present & (inputs.kind == kind) for kind in (0, 1)]
+        shares = [(kind & is_bright).sum() / kind.sum() for kind in kinds]
+        return Spots(state.east, jnp.stack(shares).astype(jnp.float32)), sensed
+
+    def metrics(self, state):
+        return {"small": state.shares[0], "large": state.shares[1]}
+
+
+if __name__ == "__main__":
+    write_large(sys.argv[1])

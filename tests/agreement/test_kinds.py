@@ -1,0 +1,140 @@
+"""Robots of two kinds in one swarm: hulls of 2 x 2 and 2.4 x 1.6 mm, 10 and 30 mg. Units: mm, mg, s."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+from helpers_planar import moved, placed
+from helpers_robots import HALF, numbered, two_kinds
+from helpers_small import SMALL
+from helpers_touching import pairs_of
+
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.planar.batch_engine import read_engine
+from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.engines.robot_file import files_of, models_directory, read_robot, read_robots
+from iswarm_mj.simulation.step import drive_phases
+from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.layout import cell_of, place_robots
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.robot import Mixed
+
+N, B = 60, 4
+BOUND = {"numba": 2e-5, "warp": 2e-5 + 1e-3}
+"""Of the differences to MuJoCo in C, see `test_planar`."""
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    return two_kinds(tmp_path_factory.mktemp("kinds"), N)
+
+
+def few(file):
+    """One robot of the first kind and two of the second."""
+    return numbered([path for path, _ in files_of(file)], 1, 2)
+
+
+def engines(file, n_worlds, n_robots):
+    """The engines by their names; planar ones from one robot of each kind."""
+    arena, one = (compile_arena(SMALL, n, np.zeros(0), robot_file=file) for n in (n_robots, None))
+    planar = PlanarEngine(SMALL, one, 1)
+    planar.plane = planar.plane._replace(tolerance=1e-9)
+    return {
+        "mujoco": MujocoEngine(SMALL, arena, n_worlds, 1, n_robots),
+        "numba": planar,
+        "warp": read_engine(one, SMALL, jax.default_backend()),
+    }
+
+
+def test_crowds_end_their_control_steps_where_mujoco_ends(file):
+    """All robots start on cells as wide as the larger kind; with 32-bit floats 1 % may part, as in `test_planar`."""
+    rng, robots = np.random.default_rng(1), read_robots(file)
+    poses = np.stack([place_robots(SMALL.arena, N, rng, cell_of(robots)) for _ in range(B)])
+    between, each = 0, engines(file, B, N)
+    for _ in range(6):
+        command = Command(rng.uniform(-0.6, 0.6, (B, N)), rng.uniform(0.0, np.sqrt(2), (B, N)))
+        phases = drive_phases(SMALL.drive, command)
+        motions = {name: engine.move(placed(engine, poses), phases, np.ones(B, bool)) for name, engine in each.items()}
+        expected = motions.pop("mujoco")
+        for name, motion in motions.items():
+            off = np.abs(each[name].poses(motion.bodies) - expected.bodies.poses).max(axis=-1)
+            assert not np.any(motion.fault) and np.mean(off <= BOUND[name]) >= (1 if name == "numba" else 0.99)
+            np.testing.assert_array_equal(motion.touching, expected.touching)
+        kind = robots.kind_of(N)
+        first, second = np.nonzero(pairs_of(expected.touching).any(axis=0))
+        between += (kind[first] != kind[second]).sum()
+        poses = expected.bodies.poses
+    assert between > 20
+
+
+@pytest.mark.parametrize("name", ["mujoco", "numba", "warp"])
+def test_kinds_of_different_mass_exchange_momentum(file, name):
+    """The last robot of the first kind and the second of the second one meet head-on, overlapping by 0.05 mm.
+
+    Drives reach their set points in the physics step, so that momentum beyond those comes from the contact alone.
+    """
+    engine = engines(few(file), 1, 3)[name]
+    poses = [[(-1.0, 0.0, 0.0), (8.0, 8.0, 0.0), (1.15, 0.0, np.pi)]]
+    velocity = np.array([[(1.4, 0, 0), (0, 0.5, 0), (-1.0, 0, 0)]])
+    steps = np.asarray(engine.poses(moved(engine, placed(engine, poses), velocity, 1).bodies)) - poses
+    gained = np.array([10.0, 30.0, 30.0])[:, None] * (steps[0] / 0.1 - velocity[0])[:, :2]
+    assert gained[2, 0] > 5
+    np.testing.assert_allclose(gained.sum(axis=0), 0, atol=2e-3 if name == "warp" else 1e-9)
+    np.testing.assert_allclose(gained[1], 0, atol=2e-3 if name == "warp" else 1e-9)
+
+
+@pytest.mark.parametrize("name", ["mujoco", "numba", "warp"])
+@pytest.mark.parametrize(("x", "meets"), [(2.19, True), (2.21, False)])
+def test_hulls_meet_where_their_own_edges_are(file, name, x, meets):
+    """The second robot of the second kind, 1.2 mm long ahead, before one of the first, of 1 mm."""
+    engine = engines(few(file), 1, 3)[name]
+    bodies = placed(engine, [[(0, 0, 0), (8, 8, 0), (x, 0, 0)]])
+    touching = moved(engine, bodies, np.zeros((1, 3, 3)), 1).touching
+    assert pairs_of(touching).any() == meets
+
+
+def test_a_file_twice_is_one_kind():
+    """Bit by bit, in motion and light."""
+    path, poses = models_directory() / "robot.xml", np.stack([place_robots(SMALL.arena, N, np.random.default_rng(5))])
+    found = []
+    for file in (path, numbered((path, path), 20, N - 20)):
+        engine = PlanarEngine(SMALL, compile_arena(SMALL, None, np.zeros(0), robot_file=file), 1)
+        motion = moved(engine, placed(engine, poses), (1.0, 0.3, 0.4))
+        found.append((motion.bodies.poses, engine.sense(motion.bodies, np.ones((1, N)), np.ones(1, bool))))
+    assert jax.tree.all(jax.tree.map(np.array_equal, *found)) and found[0][1].links.valid.sum() > 20
+
+
+class TestRobots:
+    def test_have_consecutive_numbers(self, file):
+        robots = read_robots(file)
+        assert robots.kind_of(np.array([0, 23, 24, 59, 80])).tolist() == [0, 0, 1, 1, 1]
+        np.testing.assert_allclose(robots.each("probe_tip", np.array([23, 24])), [[0.9, 0], [1.1, 0.1]])
+        assert robots.each("mass", np.array([24, 0])).tolist() == [30, 10]
+        assert robots.circumradius == pytest.approx(np.hypot(*HALF)) and robots.inradius == 0.8
+
+    def test_of_one_kind_are_a_robot(self, file):
+        robots, heavy = read_robots(file), read_robot(files_of(file)[1][0])
+        assert robots.part(24, 5) == heavy and robots.part(0, 24) == read_robot()
+        some = robots.part(20, 10)
+        assert some.kinds == robots.kinds and some.kind_of(10).tolist() == [0] * 4 + [1] * 6
+
+    def test_of_several_kinds_have_no_tip_in_common(self, file):
+        with pytest.raises(AttributeError, match=r'no probe_tip in common; use each\("probe_tip", n_robots\)'):
+            _ = read_robots(file).probe_tip
+
+    def test_must_look_alike(self, file):
+        one = read_robot()
+        for other in (
+            read_robot(models_directory() / "robot6.xml"),
+            replace(one, half_edges=(1, 1, 0.4)),
+        ):
+            with pytest.raises(UserError, match="same height and number of sides, and LEDs and photodiodes that look"):
+                Mixed((one, other), (0, 1))
+
+    def test_that_touch_one_are_bounded(self, file):
+        """Around a large one there is room for more small ones than around their like."""
+        one = read_robot()
+        large = replace(one, half_edges=(3.0, 3.0, 0.5))
+        assert one.most_partners == large.most_partners == 12 and Mixed((one, large), (0, 1)).most_partners == 24
