@@ -114,7 +114,7 @@ class SwarmView:
         _lay(self._wished, places, self._height / 2)
 
     def _batch(self, name: str, mesh: trimesh.Trimesh, n: int, colour: tuple[int, int, int], **more: Any) -> Any:
-        turns, places = _upright(n), np.zeros((n, 3), np.float32)
+        turns, places = np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)), np.zeros((n, 3), np.float32)
         colours = linear(np.array(colour, np.uint8))  # one for all, until each has its own
         return self._drawn.add_batched_meshes_simple(
             f"{_ROOT}/{name}", mesh.vertices, mesh.faces, turns, places, batched_colors=colours, lod="off",
@@ -187,11 +187,6 @@ def _flat(shape: str) -> trimesh.Trimesh:
     if shape == "disc":
         return trimesh.creation.cylinder(1.0, shapes.SHEET, sections=48)
     return trimesh.creation.box((2.0, 2.0, shapes.SHEET))
-
-
-def _upright(n: int) -> np.ndarray:
-    """Quaternions that turn nothing."""
-    return np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1))
 
 
 def _lay(node: Any, places: Float[np.ndarray, "M 5"], z: float) -> None:

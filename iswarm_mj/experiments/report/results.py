@@ -100,10 +100,8 @@ def collect(directories: Sequence[Path]) -> dict[str, Result]:
                 with as_named(path):
                     name = _name(path, settings)
                 if name and rows:
-                    new = Result(name, path, rows, settings)
-                    found[name] = max(
-                        found.get(name, new), new, key=lambda each: (not each.settings.get("quick"), len(each.rows))
-                    )
+                    both = found.get(name), Result(name, path, rows, settings)
+                    found[name] = max(filter(None, both), key=lambda r: (not r.settings.get("quick"), len(r.rows)))
     return {name: found[name] for name in (GRASP, *SEARCHES, *EXPERIMENTS) if name in found}
 
 
