@@ -51,6 +51,8 @@ class Scene(NamedTuple):
     """Number of the world in its run."""
     n_leds: int
     """LEDs of a robot, which decide the layout of messages."""
+    kind: Int[np.ndarray, "N"]
+    """Index of each robot's kind in `Robots.kinds`."""
     memory_names: tuple[str, ...] = ()
     """What is recorded of the robots' memory, see `Frames.memory`."""
     memory_units: tuple[str, ...] = ()
@@ -78,8 +80,6 @@ class Scene(NamedTuple):
     """Teams of the robots, see `strategy.teams`; none where they are one."""
     team_sizes: tuple[int, ...] = ()
     """Number of robots of each."""
-    kind: Int[np.ndarray, "N"] = np.zeros(0, int)
-    """Index of each robot's kind in `Robots.kinds`."""
 
     @property
     def length(self) -> float:
