@@ -27,6 +27,7 @@ def make_scene(n_robots=40, n_balls=12):
         payload=stored(payload_for(140.0)),
         world=0,
         n_leds=4,
+        kind=np.zeros(n_robots, int),
         memory_names=("dust_vector", "dust_known", "dump_vector", "dump_known", "dust_hop", "dump_hop"),
         memory_units=("m", "", "m", "", "", ""),
         memory_sizes=(2, 1, 2, 1, 1, 1),

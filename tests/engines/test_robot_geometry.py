@@ -233,7 +233,7 @@ config = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, d
 for path, half_edges in {robots}:
     path, size = path and Path(path), 2e-3 * np.array(half_edges)
     all_robots, boxes = np.ones(3, bool), np.ones((1, 4))
-    scene = Scene(size, ~all_robots, np.zeros(0), 0.03, boxes[0], boxes, 1.0, all_robots, "{{}}", 0, 4)
+    scene = Scene(size, ~all_robots, np.zeros(0), 0.03, boxes[0], boxes, 1.0, all_robots, "{{}}", 0, 4, np.zeros(3, int))
     frames = dict(pose=pose[None], **scene.arrays())
     with Stage(config, frames, Shot("above", (600, 600), 1.0), robot_file=path) as stage:
         pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3)), np.zeros((0, 3))).astype(int)
