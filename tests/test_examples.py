@@ -22,8 +22,8 @@ ARGUMENTS = {
         *("--arena.boxes", "0", "8", "1", "1", "0", "1e-5", "0.005"),
     ),
     "two_kinds": (
-        *("--task", f"{EXAMPLES}/two_kinds.py:ByKind", "--strategy", "beeclust", *FLAGS[:1]),
-        *("--spot-offset=4", "--spot-radius=3", "--robot", f"{EXAMPLES.parent}/models/robot.xml:9", "large.xml:7"),
+        *("--task", f"{EXAMPLES}/two_kinds.py:ByKind", "--strategy", "beeclust"),
+        *("--robot", f"{EXAMPLES.parent}/models/robot.xml:9", "large.xml:7"),
     ),
     "clusters": ("--task", f"{EXAMPLES}/clusters.py:Clusters", "--strategy", f"{EXAMPLES}/clusters.py:Cluster", *FLAGS),
 }

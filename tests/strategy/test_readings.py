@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_controller import act, act_here
+from helpers_controller import ROBOT, act, act_here
 from helpers_sensing import lay, remember, senses_nothing
 from helpers_worlds import swarm_of
 
@@ -49,7 +49,7 @@ def test_robots_at_dust_avoid_others_if_so_read():
 
 def test_robots_know_that_they_fell_short():
     """Vectors to a place are those of a robot that commanded what it walked in truth."""
-    strategy = VectorStrategy(rules_of(Genome()), 0, SwarmConfig(), read_robot())
+    strategy = VectorStrategy(rules_of(Genome()), 0, SwarmConfig(), ROBOT)
     place = remember(jnp.array([[3.0, 1.0], [-2.0, 4.0]]))
     memory = RobotMemory(place, place._replace(known=jnp.array([True, False])), jnp.zeros(2, bool))
     short = strategy.fell_short(memory, jnp.array([0.5, -1.0]))
