@@ -28,6 +28,7 @@ def scene(n_robots=4, n_balls=2):
         payload=stored(Payload()),
         world=0,
         n_leds=4,
+        kind=np.zeros(n_robots, int),
     )
 
 
