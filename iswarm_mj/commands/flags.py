@@ -5,6 +5,8 @@ from collections.abc import Collection, Iterable, Iterator
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+import numpy as np
+
 from iswarm_mj.config import READINGS
 from iswarm_mj.utils.constraints import needs_of
 from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
@@ -67,7 +69,9 @@ def usual(command: Any) -> Any:
 def changed(command: Any) -> list[str]:
     """Names of the settings of a command that differ from their defaults."""
     known = {(name, type(owner)): value for name, value, owner, _ in settings(usual(command))}
-    return [name for name, value, owner, _ in settings(command) if value != known.get((name, type(owner)), value)]
+    return [
+        name for name, value, owner, _ in settings(command) if np.any(value != known.get((name, type(owner)), value))
+    ]
 
 
 def refuse(command: Any, names: Iterable[str], why: str) -> None:

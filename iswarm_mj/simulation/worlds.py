@@ -26,6 +26,7 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.protocol import BallTask, Task, balls_of
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, check_kind, validate
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
 
 
@@ -121,6 +122,16 @@ def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Condit
     return Conditions(*map(_column, zip(*each, strict=True)))
 
 
+def _stacked(task: Task, states: Sequence[Any]) -> Any:
+    shapes = {tuple(map(np.shape, jax.tree.leaves(state))) for state in states}
+    if len(shapes) > 1:
+        raise UserError(
+            f"the state of {type(task).__name__} has other shapes in worlds with other numbers of robots; "
+            "give all worlds the same number"
+        )
+    return jax.tree.map(lambda *values: np.stack(values), *states)
+
+
 def first_state(
     config: SwarmConfig, starts: Sequence[Start], task: Task, robot: Robots, capacity: int, first: Any = (None, None)
 ) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
@@ -138,7 +149,7 @@ def first_state(
     has_energy = config.energy.model != "none"
     swarm = SwarmState(
         memory=first[0],
-        task=jax.tree.map(lambda *values: np.stack(values), *(start.task for start in starts)),
+        task=_stacked(task, [start.task for start in starts]),
         is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
         is_loaded=_padded([_loaded(task, start) for start in starts], capacity),
         energy=np.full(here, config.energy.full, np.float32) if has_energy else None,

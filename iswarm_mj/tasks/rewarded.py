@@ -1,11 +1,13 @@
 """Tasks that add up their rewards, so that runs can be judged by them."""
 
+from dataclasses import fields
 from functools import cache
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.protocol import Quantity, Task
 from iswarm_mj.utils.arrays import Array
 
@@ -28,7 +30,8 @@ def rewarded(task: Task | Any) -> Any:
     Rewards are those of `Task.reward`, but without the commands and messages of the step.
     """
     made = object.__new__(_rewarded(type(task)))
-    made.__dict__.update(task.__dict__)
+    for field in fields(task):
+        object.__setattr__(made, field.name, getattr(task, field.name))
     return made
 
 
@@ -43,7 +46,8 @@ def _rewarded(kind: Any) -> Any:
 
         def advance(self, state: Earned, inputs: Any, key: Array) -> Any:
             new, sensed = super().advance(state.own, inputs, key)
-            return Earned(new, state.reward + super().reward(state.own, new, inputs).sum()), sensed
+            with user_code(f"{kind.__name__}.reward, here without commands and messages,"):
+                return Earned(new, state.reward + super().reward(state.own, new, inputs).sum()), sensed
 
         def metrics(self, state: Earned) -> Any:
             return {**super().metrics(state.own), REWARD: state.reward}

@@ -1,8 +1,9 @@
 """The training of a policy: an evolution strategy over the weights that all robots share, in batches of worlds."""
 
+import zlib
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.tasks.rewarded import REWARD, rewarded
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import check_resumable, remove_parts
+from iswarm_mj.utils.files import check_resumable, remove, remove_parts
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_csv
@@ -40,6 +41,8 @@ COUNTED = ("picked", "delivered", "collisions", "faults")
 """What the checkpoint holds of each candidate beside its fitness: means over its worlds; worlds with a fault."""
 EVERY = 25
 """Control steps between two counts of the progress."""
+LARGEST = 1e6
+"""Weights at the start are smaller."""
 VALIDATED_EVERY, VALIDATION = 10, 2**31
 """Generations between two validations, and the number of their worlds, which is that of no generation."""
 
@@ -83,8 +86,8 @@ def points(found: Rollout, task: Any, config: SwarmConfig, robots: Sequence[int]
     early = 40.0 * found.delivered_after.mean(axis=1)
     counted = (found.delivered, found.picked, found.collisions, found.mean_carriage_steps, found.finished_at)
     measures = [Measures(*one[:-1], one[-1] or None) for one in zip(*counted, strict=True)]
-    judged = [task.fitness(one, config, n, steps) for one, n in zip(measures, robots, strict=True)]
-    return early + np.array(judged)
+    with user_code(f"{type(task).__name__}.fitness"):
+        return early + [float(task.fitness(one, config, n, steps)) for one, n in zip(measures, robots, strict=True)]
 
 
 def train(
@@ -121,21 +124,28 @@ def train(
             be resumed, or a different one.
     """
     made = policy(strategy, training.config, max(training.robots), robot_file)
+    is_scored = isinstance(task, ScoredTask)
+    if hasattr(task, "fitness") and not is_scored:
+        raise UserError(f"{type(task).__name__} has a fitness, which counts balls, but no method balls; add it")
+    start, shaped = ravel_pytree(made.weights)
     settings = {**asdict(training), "strategy": to_json(strategy), "task": to_json(task), **engine.identity}
     settings["robot"] = None if robot_file is None else robot_file.read_text()
+    settings["first_weights"] = zlib.crc32(np.asarray(start).tobytes())
     del settings["generations"]  # a training may go on for longer
-    start, shaped = ravel_pytree(made.weights)
     search = SepCMA(np.asarray(start, float), training.spread, seed=training.seed, population_size=training.population)
 
     def tried(candidates: np.ndarray, n_worlds: int, number: int) -> np.ndarray:
         return _tried(training, made, jax.vmap(shaped)(jnp.asarray(candidates, jnp.float32)), n_worlds, number, given)
 
-    aim = task if isinstance(task, ScoredTask) else rewarded(task)
+    aim = task if is_scored else rewarded(task)
     given = {"engine": engine, "task": aim, "robot_file": robot_file}
     with ExitStack() as stack:
         stack.enter_context(locked(out))
         check_resumable(out, "training", CHECKPOINT, (CURVE, WEIGHTS), resume, again)
         journal = stack.enter_context(Journal(out / CHECKPOINT, settings))
+        stack.callback(lambda: journal.entries or remove(out / CHECKPOINT))  # nothing was done
+        least = f"at least {len(journal.entries)}, which the training has"
+        check("generations", training.generations, least, training.generations >= len(journal.entries))
         remove_parts(out, CURVE, WEIGHTS, f"{FIGURE}.png", f"{FIGURE}.svg")
         rows: list[dict[str, Any]] = []
         best, kept = -np.inf, search.mean.copy()
@@ -168,7 +178,9 @@ def train(
                 bar.say(f"best {rows[-1]['best']:.0f}, mean {rows[-1]['mean']:.0f}")
                 bar.update()
         draw_learning(rows, out / FIGURE)
-    print(f"     fitness  {rows[0]['mean']:.0f} in generation 1, {rows[-1]['mean']:.0f} in generation {len(rows)}")
+    print(f"     fitness  mean {rows[0]['mean']:.0f} in generation 1, {rows[-1]['mean']:.0f} in generation {len(rows)}")
+    if rows[-1]["faults"]:
+        print(f"      faults  in {100 * rows[-1]['faults']:.0f} % of the worlds of the last generation")
     print(f"     results  {out}; weights in {out / WEIGHTS}")
     return shaped(jnp.asarray(kept, jnp.float32))
 
@@ -188,14 +200,17 @@ def policy(strategy: Any, config: SwarmConfig, n_robots: int, robot_file: Path |
             with user_code(f"{type(strategy).__name__}.{name}"):
                 made = getattr(strategy, name)(config, read_robot(robot_file), n_robots)
             break
-    weights = jax.tree.leaves(getattr(made, "weights", None))
+    is_field = is_dataclass(made) and "weights" in {one.name for one in fields(made)}
+    weights = jax.tree.leaves(made.weights) if is_field else []
     are_arrays = all(isinstance(one, jax.Array | np.ndarray) and one.dtype.kind == "f" for one in weights)
-    if not is_dataclass(made) or not weights or not are_arrays:
+    if not weights or not are_arrays:
         raise UserError(
             f"{type(made).__name__} has no weights to train; give it a field `weights`, an array of floats or several"
         )
     n_weights = sum(one.size for one in weights)
-    check("weights", n_weights, f"between 1 and {MOST_WEIGHTS}", 1 <= n_weights <= MOST_WEIGHTS)
+    check("weights", f"{n_weights} numbers", f"between 2 and {MOST_WEIGHTS} numbers", 2 <= n_weights <= MOST_WEIGHTS)
+    are_usual = all(bool(np.all(np.abs(one) < LARGEST)) for one in weights)
+    check("weights", "others", f"finite numbers below {LARGEST:g} in size", are_usual)
     return as_strategy(made)
 
 
@@ -207,7 +222,8 @@ def _tried(
     n_candidates = len(jax.tree.leaves(weights)[0])
     repeated = jax.tree.map(lambda a: jnp.repeat(a, n_worlds, axis=0), weights)
     own = jax.tree.map(lambda a: jnp.broadcast_to(a, (n_candidates * n_worlds, *jnp.shape(a))), made)
-    own, found = replace(own, weights=repeated), []
+    object.__setattr__(own, "weights", repeated)  # of users' classes, which may check them in `__init__`
+    found = []
     for config, numbers in training.scenes:
         robots = [numbers[world % len(numbers)] for world in range(n_worlds)] * n_candidates
         got = rollout(
@@ -223,6 +239,9 @@ def _tried(
         faulty = {fault.world for fault in got.faults}
         faults = [world in faulty for world in range(len(robots))]
         fitness = points(got, given["task"], config, robots, training.steps)
+        if not np.isfinite(fitness).all():
+            what = f"fitness or rewards of {type(given['task']).__name__}"
+            raise UserError(f"{what} are {fitness[~np.isfinite(fitness)][0]} in a world; make them finite")
         every = np.stack([fitness, got.picked, got.delivered_after[:, -1], got.collisions, faults], axis=1)
         found.append(every.reshape(n_candidates, n_worlds, -1).mean(axis=1))
     return np.mean(found, axis=0)

@@ -1,0 +1,116 @@
+"""Policies, tasks and files with which nothing can be trained: one sentence, and nothing that stays behind."""
+
+from dataclasses import dataclass, field, replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from test_training import TRAINING, Three, pretend
+
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.experiments.runner.training import CURVE, WEIGHTS, points, policy, train
+from iswarm_mj.tasks.aggregation import Aggregation
+from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
+from iswarm_mj.tasks.rewarded import REWARD, rewarded
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.workflows.rollout import Rollout
+
+NONE = np.zeros(2)
+FOUND = Rollout(
+    NONE, NONE, NONE, NONE, NONE > 1, NONE, NONE[:1], NONE[:, None], None, [], {REWARD: np.array([1.0, np.nan])}
+)
+
+
+@pytest.fixture
+def out(monkeypatch, tmp_path):
+    """Where a training of five generations has ended."""
+    pretend(monkeypatch)
+    train(TRAINING, Three(jnp.zeros(3)), tmp_path / "out", PlanarSettings(1), task=CLEANING)
+    return tmp_path / "out"
+
+
+def test_fewer_generations_than_there_are_leave_all_as_it_is(out):
+    before = {name: (out / name).read_bytes() for name in (WEIGHTS, CURVE)}
+    with pytest.raises(UserError, match="generations must be at least 5, which the training has"):
+        fewer = replace(TRAINING, generations=4)
+        train(fewer, Three(jnp.zeros(3)), out, PlanarSettings(1), task=CLEANING, resume=True)
+    assert before == {name: (out / name).read_bytes() for name in before}
+
+
+def test_other_weights_at_the_start_are_another_training(out):
+    with pytest.raises(UserError, match="different settings"):
+        train(TRAINING, Three(jnp.array([0.0, 1.0, 0.0])), out, PlanarSettings(1), task=CLEANING, resume=True)
+
+
+@pytest.mark.parametrize("first", [[0.5], [0.0, np.nan], [np.inf, 0.0], [2e6, 0.0]])
+def test_weights_that_no_search_can_begin_with(first):
+    with pytest.raises(UserError, match="weights must be"):
+        policy(Three(jnp.array(first)), TRAINING.config, 4)
+
+
+@dataclass
+class Strict(Three):
+    weights: object = field(init=False)
+
+    def __post_init__(self):
+        self.weights = jnp.zeros(3)
+
+
+class Apart(Three):
+    weights = property(lambda self: jnp.zeros(3))
+
+
+def test_weights_need_not_pass_through_init(monkeypatch, tmp_path):
+    """Those of many worlds at once may have a shape that a class refuses."""
+    asked = pretend(monkeypatch)
+    train(replace(TRAINING, generations=1), Strict(), tmp_path, PlanarSettings(1), task=CLEANING)
+    assert asked[0].shape == (8, 3)
+
+
+class Balls:
+    """A task with a fitness but no balls."""
+
+    fitness = Cleaning.fitness
+
+
+class Wrong(Cleaning):
+    def fitness(self, measures, config, n_robots, steps):
+        raise ValueError("no idea")
+
+
+class Unequal(Cleaning):
+    """Its state has a number for each robot."""
+
+    def lay_out(self, config, n_robots, rng, shared, cell):
+        poses, _ = super().lay_out(config, n_robots, rng, shared, cell)
+        return poses, np.zeros(n_robots, np.float32)
+
+
+class Heard(Aggregation):
+    def reward(self, before, after, inputs):
+        return inputs.command.forward
+
+
+@pytest.mark.parametrize(
+    ("task", "robots", "sentence"),
+    [
+        (Balls(), (4,), "Balls has a fitness, .* no method balls"),
+        (Wrong(), (4,), r"Wrong.fitness raised ValueError: no idea"),
+        (Unequal(), (4, 3), "Unequal has other shapes in worlds with other numbers of robots"),
+        (Heard(), (4,), "Heard.reward, here without commands and messages, raised AttributeError"),
+    ],
+)
+def test_tasks_that_cannot_be_scored(task, robots, sentence, tmp_path):
+    """Nothing stays behind, so that the next training may have the place."""
+    few = replace(TRAINING, robots=robots, steps=1, generations=1, population=2)
+    with pytest.raises(UserError, match=sentence):
+        train(few, Three(jnp.zeros(3)), tmp_path / "out", PlanarSettings(1), task=task)
+    assert not list((tmp_path / "out").glob("*.*"))
+
+
+def test_rewards_that_are_no_numbers(monkeypatch, tmp_path):
+    monkeypatch.setattr("iswarm_mj.experiments.runner.training.rollout", lambda *_, **__: FOUND)
+    few = replace(TRAINING, population=2, worlds=1)
+    with pytest.raises(UserError, match="rewards of Aggregation are nan in a world"):
+        train(few, Three(jnp.zeros(3)), tmp_path, PlanarSettings(1), task=Aggregation())
+    np.testing.assert_array_equal(points(FOUND, rewarded(Aggregation()), TRAINING.config, [4, 4], 10), [1, np.nan])
