@@ -446,9 +446,11 @@ def test_the_command_forwards_all_flags(tmp_path, monkeypatch):
     )
     assert (strategy, out, engine) == (Neural(), tmp_path / "out", PlanarSettings(1).for_batches())
     assert given == {"task": CLEANING, "robot_file": path, "resume": True}
-    cli.main(["train", "--task=aggregation", "--out", str(tmp_path / "out"), "--engine=mjx"])
+    cli.main(["train", "--task=aggregation", "--out", str(tmp_path / "out"), "--engine=mjx", "--impl=warp"])
     assert isinstance(given["task"], Aggregation) and given["robot_file"] is None and not given["resume"]
-    assert given["args"][0] == Training() and given["args"][3] == MjxSettings().for_batches()
+    assert given["args"][0] == Training() and given["args"][3] == MjxSettings("warp").for_batches() != MjxSettings(
+        "warp"
+    )
 
 
 @pytest.mark.slow

@@ -35,14 +35,14 @@ def tree(xp):
         return xp.asarray(rng.integers(0, 2 if dtype is bool else 99, (B, *shape)).astype(dtype))
 
     pair = Pair(some(2, 3), {"b": some(dtype=np.int32), "a": [some(4, dtype=bool), some()]})
-    return pair, some(5, 1, dtype=np.int32), (None, some(0)), some(2, 3)
+    return pair, some(5, 1, dtype=np.int32), (None, some(0)), some(2, 3), some(3, dtype=np.int8)
 
 
 @pytest.mark.parametrize("xp", [np, jnp])
 def test_comes_back(xp):
     given = tree(xp)
     packed = pack(given)
-    assert len(jax.tree.leaves(packed)) == 3
+    assert len(jax.tree.leaves(packed)) == 4
     for found in (packed.tree, unpacked([packed])[0]):
         assert jax.tree.structure(found) == jax.tree.structure(given) and type(found[0]) is Pair
         for one, other in zip(jax.tree.leaves(found), jax.tree.leaves(given), strict=True):

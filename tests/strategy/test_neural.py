@@ -306,6 +306,15 @@ class TestBeliefs:
         sent = dict(untrained(CONFIG, ROBOT).payload.fields)["dust"]
         assert float(jnp.round(MOST_DOUBT)) == sent.max_hop < float(jnp.round(MOST_DOUBT + 0.01))
 
+    def test_nothing_is_left_of_what_is_forgotten(self):
+        both = Belief(jnp.full((2, 2), 9.0), jnp.full(2, 3.0), jnp.ones(2, bool))
+        kept = both.where(jnp.array([False, True]))
+        jax.tree.map(
+            np.testing.assert_array_equal,
+            kept,
+            Belief(jnp.array([[0.0, 0], [9, 9]]), jnp.array([0.0, 3]), jnp.arange(2) > 0),
+        )
+
     def test_confirmed_and_refuted(self):
         """At the place; within half a step of where it was to be; beyond; where nothing is known."""
         own = Belief(

@@ -20,7 +20,7 @@ from iswarm_mj.tasks.measures import Measures
 FOUND = [
     Measures(5, 5, 30, 9.0, 120),
     Measures(1, 2, 10, 9.0, None),
-    Measures(4, 5, 80, 9.0, None),
+    Measures(4, 4, 80, 9.0, None),
     Measures(5, 5, 20, 9.0, 60),
     Measures(5, 5, 11, 9.0, 200),
 ]
