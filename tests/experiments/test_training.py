@@ -366,6 +366,8 @@ class TestResume:
         ({"robots": ()}, "robots must be between 1 and 2 numbers"),
         ({"robots": (4, 5, 6)}, "robots must be between 1 and 2 numbers, since a candidate has 2 worlds"),
         ({"robots": (4000,)}, "robots"),
+        ({"sizes": (15.0, 9.0)}, "^sizes"),
+        ({"spread": 0.0}, "^spread"),
         ({"sizes": (15.0, 10.5)}, "dust_area_offset"),
     ],
 )
