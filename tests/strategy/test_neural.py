@@ -1,11 +1,14 @@
 """The learned strategy: its network by hand, what it perceives in any frame, its file, and its runs."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_robots import robot_file
 from helpers_sensing import senses_nothing
+from scipy import stats
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
@@ -15,11 +18,11 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.believed import MOST_DOUBT, Belief, Trust, merged
+from iswarm_mj.strategy.believed import MOST_DOUBT, Belief, Trust, confirmed, merged
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.network import MOST_WEIGHTS, Shape, forward, load_weights, save_weights
-from iswarm_mj.strategy.neural import FIRST_TRUST, INPUTS, N_WEIGHTS, SHAPE, SHIPPED, WAYS, Neural, untrained
+from iswarm_mj.strategy.neural import FIRST_TRUST, INPUTS, N_WEIGHTS, SHAPE, SHIPPED, WAYS, Memory, Neural, untrained
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 from iswarm_mj.workflows.rollout import rollout
@@ -81,7 +84,7 @@ class TestNetwork:
             ({"weights": np.zeros(2**21, np.float32)}, "is no file of weights|cannot be read"),
             ({"weights": np.zeros((2, 2), np.float32)}, r"has weights float32\[2, 2\]"),
             ({"weights": np.zeros(3)}, r"has weights float64\[3\]"),
-            ({"weights": np.array([np.nan], np.float32)}, "finite"),
+            ({"weights": np.array([1, np.nan], np.float32)}, "finite"),
         ],
     )
     def test_other_files_are_refused(self, tmp_path, content, sentence):
@@ -93,8 +96,9 @@ class TestNetwork:
         with pytest.raises(UserError, match=sentence):
             load_weights(path)
 
-    def test_weights_of_another_network(self, tmp_path):
-        save_weights(tmp_path / "w.npz", np.zeros(N_WEIGHTS - 1))
+    @pytest.mark.parametrize("more", [-1, 1])
+    def test_weights_of_another_network(self, tmp_path, more):
+        save_weights(tmp_path / "w.npz", np.zeros(N_WEIGHTS + more))
         with pytest.raises(UserError, match=f"but {N_WEIGHTS} are wanted"):
             Neural(tmp_path / "w.npz").for_world(CONFIG, ROBOT, 3)
 
@@ -158,8 +162,35 @@ class TestWays:
         free = does(policy, sees(64))[1]
         assert (abs(free.turn) <= np.pi / 6 + 1e-6).all() and (free.forward > 0).all()
 
+    def test_untrained_robots_go_where_they_need(self):
+        """Dust to the left, the dump to the right; loaded ones tell so."""
+        policy, n = untrained(CONFIG, ROBOT), 32
+        left = Belief(jnp.tile(jnp.array([[0.0, 9.0]]), (n, 1)), jnp.zeros(n), jnp.ones(n, bool))
+        memory = policy.init(n, jax.random.key(0))._replace(dust=left, dump=left._replace(vector=-left.vector))
+        is_loaded = jnp.arange(n) < n // 2
+        after, command = does(policy, sees(n, is_loaded=is_loaded), memory)
+        np.testing.assert_array_equal(command.turn < 0, is_loaded)
+        np.testing.assert_array_equal(after.flag, is_loaded)
+        assert (np.abs(command.turn) > 0.4).all()
+
+    def test_backwards(self):
+        _, command = does(strategy(ahead=1, speed=-0.5), sees())
+        assert command.forward[0] == pytest.approx(-RD / 4)
+
+    def test_robots_that_wait_stay_and_know_it(self):
+        """Both vectors of the others change as they turn and walk."""
+        policy = strategy(walls=1, speed=1)
+        both = Belief(jnp.full((2, 2), 9.0), jnp.zeros(2), jnp.ones(2, bool))
+        memory = policy.init(2, jax.random.key(0))._replace(dust=both, dump=both)
+        wall = jnp.tile(jnp.array([False, True, False, False]), (2, 1))
+        after, command = does(policy, sees(2, sees_wall=wall, waits=jnp.array([True, False])), memory)
+        np.testing.assert_allclose(command.turn, [0, np.pi / 2], atol=1e-6)
+        np.testing.assert_allclose(command.forward, [0, RD / 2], atol=1e-6)
+        for place in (after.dust, after.dump):
+            np.testing.assert_allclose(place.vector, [[9, 9], [9 - RD / 2, -9]], rtol=1e-5)
+
     def test_the_flag_is_sent_in_the_next_step(self):
-        for wish in (0.5, -0.5):
+        for wish in (0.5, 0.0, -0.5):
             memory, _ = does(strategy(flag=wish), sees(2))
             assert (np.asarray(strategy().say(memory, jnp.zeros(2, bool))["priority"]) == (wish > 0)).all()
 
@@ -169,7 +200,146 @@ class TestWays:
         assert numbers.shape == (5, len(INPUTS)) and ways.shape == (5, len(WAYS), 2)
 
 
+class TestReads:
+    """Three robots: numbers and ways that differ from each other, by hand."""
+
+    REACH = 3.5 * RD
+    MEMORY = Memory(
+        dust=Belief(
+            jnp.array([[3.0, 4.0], [0, 0], [0.1, 0]]), jnp.array([2.9, 0, 7.25]), jnp.array([True, False, True])
+        ),
+        dump=Belief(
+            jnp.array([[0.0, -9.0], [6, 8], [0, 0]]), jnp.array([14.5, 1.45, 0]), jnp.array([True, True, False])
+        ),
+        flag=jnp.array([True, False, False]),
+        character=jnp.array([-0.5, 0.25, 0.75]),
+    )
+    SEEN = sees(
+        3,
+        is_heard=jnp.array([[False, True, True, False], [True, False, False, False], 4 * [False]]),
+        distance=REACH * jnp.array([[0.1, 0.2, 0.5, 0.1], [0.8, 0.1, 0.1, 0.1], 4 * [0.1]]),
+        sees_wall=jnp.array([4 * [False], [False, True, False, False], 4 * [False]]),
+        at_dust=jnp.array([True, False, False]),
+        on_dump=jnp.array([False, True, False]),
+        is_loaded=jnp.array([False, False, True]),
+        grasp_failed=jnp.array([True, False, True]),
+    )
+    SEEN = SEEN._replace(payload=SEEN.payload | {"priority": jnp.zeros((3, 4), bool).at[0, 2:].set(True)})
+
+    def read(self):
+        numbers, ways = untrained(CONFIG, ROBOT)._perceived(self.MEMORY, self.SEEN, jax.random.key(1))
+        return dict(zip(INPUTS, numbers.T, strict=True)), dict(zip(WAYS, np.moveaxis(ways, 1, 0), strict=True))
+
+    def test_numbers(self):
+        expected = {
+            "near": [0.8, 0.2, 0],
+            "near_ahead": [0, 0.2, 0],
+            "flagged_near": [0.5, 0, 0],
+            "wall": [0, 1, 0],
+            "at_dust": [1, 0, 0],
+            "on_dump": [0, 1, 0],
+            "is_loaded": [0, 0, 1],
+            "grasp_failed": [1, 0, 1],
+            "dust_is_known": [1, 0, 1],
+            "dust_is_near": [1 / (1 + 5 / self.REACH), 0, 1 / (1 + 0.1 / self.REACH)],
+            "dust_is_doubted": [0.2, 0, 0.5],
+            "dump_is_known": [1, 1, 0],
+            "dump_is_near": [1 / (1 + 9 / self.REACH), 1 / (1 + 10 / self.REACH), 0],
+            "dump_is_doubted": [1, 0.1, 0],
+            "character": [-0.5, 0.25, 0.75],
+            "says": [1, 0, 0],
+        }
+        found, _ = self.read()
+        assert list(found) == list(expected)
+        for name, values in expected.items():
+            np.testing.assert_allclose(found[name], values, atol=1e-6, err_msg=name)
+
+    def test_ways(self):
+        """Vectors shorter than a step count by their length; what is not known and what is not heard count nothing."""
+        expected = {
+            "ahead": [[1, 0], [1, 0], [1, 0]],
+            "neighbours": [[-0.5, 0.8], [0.2, 0], [0, 0]],
+            "close": [[0, 0.6], [0, 0], [0, 0]],
+            "right_of_close": [[0.6, 0], [0, 0], [0, 0]],
+            "flagged": [[-0.5, 0], [0, 0], [0, 0]],
+            "walls": [[0, 0], [0, 1], [0, 0]],
+            "dust": [[0.6, 0.8], [0, 0], [0.1 / (RD / 2), 0]],
+            "dump": [[0, -1], [0.6, 0.8], [0, 0]],
+            "right_of_dump": [[-1, 0], [0.8, -0.6], [0, 0]],
+        }
+        _, found = self.read()
+        assert set(found) == {*expected, "random"}
+        for name, vectors in expected.items():
+            np.testing.assert_allclose(found[name], vectors, atol=1e-6, err_msg=name)
+
+    def test_random_ways_and_characters_are_spread_evenly(self):
+        policy, n = untrained(CONFIG, ROBOT), 4000
+        memory = policy.init(n, jax.random.key(0))
+        ways = policy._perceived(memory, sees(n), jax.random.key(1))[1][:, WAYS.index("random")]
+        angles = np.arctan2(ways[:, 1], ways[:, 0])
+        np.testing.assert_allclose(np.hypot(*ways.T), 1, rtol=1e-5)
+        assert stats.kstest(angles, "uniform", (-np.pi, 2 * np.pi)).pvalue > 1e-3
+        assert stats.kstest(memory.character, "uniform", (-1, 2)).pvalue > 1e-3
+
+
 class TestBeliefs:
+    @pytest.mark.parametrize("place", ["dust", "dump"])
+    def test_only_what_was_heard_is_believed(self, place):
+        here = VectorMemory(jnp.ones((2, 4, 2)), jnp.ones((2, 4), jnp.int32), jnp.ones((2, 4), bool))
+        seen = sees(2, is_heard=jnp.zeros((2, 4), bool).at[1, 3].set(True))
+        memory, _ = does(strategy(), seen._replace(payload=seen.payload | {place: here}))
+        other = {"dust": "dump", "dump": "dust"}[place]
+        assert getattr(memory, place).known.tolist() == [False, True] and not getattr(memory, other).known.any()
+
+    def test_vectors_to_dust_and_dump_are_trusted_by_their_own_numbers(self):
+        policy = strategy()
+        weights = policy.weights.at[SHAPE.n_weights :].set(jnp.array([0.0, 0, -2, 0, 0, 0.5]))
+        far = Belief(jnp.full((1, 2), 9.0), jnp.ones(1), jnp.ones(1, bool))
+        memory = policy.init(1, jax.random.key(0))._replace(dust=far, dump=far)
+        memory, _ = does(replace(policy, weights=weights), sees(), memory)
+        np.testing.assert_allclose([memory.dust.doubt[0], memory.dump.doubt[0]], 1 + np.exp([-2, 0.5]), rtol=1e-6)
+
+    def test_what_is_told_is_rounded(self):
+        doubt = jnp.array([0.4, 2.6, MOST_DOUBT, 3.0])
+        told = Belief(jnp.ones((4, 2)), doubt, jnp.array([True, True, True, False])).told()
+        assert told.hop.tolist() == [0, 3, 14, 3] and told.known.tolist() == [True, True, True, False]
+        sent = dict(untrained(CONFIG, ROBOT).payload.fields)["dust"]
+        assert float(jnp.round(MOST_DOUBT)) == sent.max_hop < float(jnp.round(MOST_DOUBT + 0.01))
+
+    def test_nothing_is_left_of_what_is_forgotten(self):
+        both = Belief(jnp.full((2, 2), 9.0), jnp.full(2, 3.0), jnp.ones(2, bool))
+        kept = both.where(jnp.array([False, True]))
+        jax.tree.map(
+            np.testing.assert_array_equal,
+            kept,
+            Belief(jnp.array([[0.0, 0], [9, 9]]), jnp.array([0.0, 3]), jnp.arange(2) > 0),
+        )
+
+    def test_confirmed_and_refuted(self):
+        """At the place; within half a step of where it was to be; beyond; where nothing is known."""
+        own = Belief(
+            jnp.array([[5.0, 0], [0, 0.4], [0, -0.6], [0, 0]]), jnp.array([2.3, 2.3, 2.3, 0]), jnp.arange(4) < 3
+        )
+        found = confirmed(own, jnp.arange(4) == 0, jnp.tile(jnp.array([[1.0, 2.0]]), (4, 1)), 1.0)
+        np.testing.assert_allclose(found.vector, [[1, 2], [0, 0], [0, -0.6], [0, 0]])
+        np.testing.assert_allclose(found.doubt, [0, 0, 2.3, 0])
+        assert found.known.tolist() == [True, False, True, False]
+
+    def test_the_sharper_the_less_the_doubted_count(self):
+        """Of heard doubts 10 and 12; in the end none, however much all are doubted."""
+        sent = VectorMemory(
+            jnp.array([[[8.0, 0], [0, 0], [0, 0], [0, 0]]]),
+            jnp.array([[9, 11, 0, 0]]),
+            jnp.array([[True, True, False, False]]),
+        )
+        zero, led = jnp.zeros((1, 4)), jnp.full((1, 4), 2)
+        for sharpness in (-1.0, 0.5, 5.0):
+            trust, own = Trust(sharpness, 0.0, 0.0), Belief.empty(1)
+            found = merged(trust, own, sent, zero, zero, led, ROBOT.sides)
+            share = 1 / (1 + np.exp(-2 * np.exp(sharpness)))
+            np.testing.assert_allclose(found.vector, [[8 * share, 0]], rtol=1e-5)
+            np.testing.assert_allclose(found.doubt, [10 * share + 12 * (1 - share)], rtol=1e-5)
+
     def test_a_place_where_nothing_can_be_lifted_is_forgotten(self):
         policy = strategy()
         found = jnp.array([[0.0, 9.0], [0.0, 9.0]])

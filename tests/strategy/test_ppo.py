@@ -1,14 +1,16 @@
 """Policy gradients for the learned strategy: their slopes, what robots do on the environment, and that they learn."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import ppo_neural
 import pytest
 from helpers_envs import poses_of
 from helpers_small import SMALL
-from ppo_neural import ARENA, NOISE, Learner, log_probability, wanted
+from ppo_neural import ARENA, CRITIC, NOISE, Learner, log_probability, wanted
 from scipy import stats
 
 from iswarm_mj.config import SwarmConfig
@@ -18,6 +20,7 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.network import forward
 from iswarm_mj.strategy.neural import N_WEIGHTS, SHAPE, WAYS, untrained
 from iswarm_mj.tasks.cleaning import CLEANING
 
@@ -50,6 +53,123 @@ def test_the_slope_of_the_probability_is_that_of_finite_differences():
         mean, spread = wanted(strategy, numbers, ways), np.asarray(NOISE, float)
         expected = (matters * (stats.norm.logpdf(drawn, mean, spread) - stats.norm.logpdf(0, 0, spread))).sum(axis=1)
         np.testing.assert_allclose(log_probability(strategy, numbers, ways, drawn, matters), expected, rtol=1e-6)
+
+
+def test_advantages_are_sums_of_later_errors(monkeypatch):
+    """Of 4 steps of 2 worlds with 3 robots; the second world is over after 2."""
+    rng, shape, given = np.random.default_rng(2), (4, 2, 3), {}
+    critic = jnp.asarray(rng.normal(0, 0.3, CRITIC.n_weights), jnp.float32)
+    learner = object.__new__(Learner)
+    learner.strategy = untrained(SMALL, read_robot())
+    begin, learner._update, learner._params = ppo_neural.adam(ppo_neural.RATE)
+    counts = np.ones((4, 2), bool)
+    counts[2:, 1] = False
+    numbers, ways = rng.normal(size=(*shape, SHAPE.inputs)), rng.normal(size=(*shape, len(WAYS), 2))
+    drawn, shares = rng.normal(size=(*shape, 4)), rng.random((4, 2, 3))
+    reward = rng.normal(0, 30, shape) * counts[..., None]
+    episode = [*(np.float32(one) for one in (numbers, ways, drawn)), np.ones((*shape, 4), bool), np.float32(shares)]
+    episode += [np.float32(reward), counts]
+
+    def loss(params, strategy, sample, before, advantage, read, target):
+        for row, values in zip(np.asarray(read), np.column_stack([advantage, target, before]), strict=True):
+            given.setdefault(tuple(row), []).append(values)
+        return 0.0 * params["policy"].sum() + 0.0 * params["critic"].sum()
+
+    monkeypatch.setattr(ppo_neural, "loss", loss)
+    state = begin({"policy": learner.strategy.weights, "critic": critic})
+    with jax.disable_jit():
+        learner._improves(state, 0, jax.random.key(0), [jnp.asarray(one) for one in episode])
+    read = np.concatenate([episode[0], np.broadcast_to(episode[4][:, :, None], (*shape, 3))], axis=-1)
+    value = np.asarray(forward(CRITIC, critic, read.reshape(24, -1))).reshape(shape) * counts[..., None]
+    earned = (0.5 * reward + 0.5 * reward.mean(axis=2, keepdims=True)) / 20
+    later = np.concatenate([value[1:], np.zeros((1, 2, 3))])
+    errors = earned + 0.99 * later - value
+    advantage = np.array([sum((0.99 * 0.95) ** k * errors[t + k] for k in range(4 - t)) for t in range(4)])
+    normed = counts[..., None] * (advantage - advantage.mean()) / advantage.std()
+    assert len(given) == 24 and {len(one) for one in given.values()} == {ppo_neural.EPOCHS}
+    before = log_probability(learner.strategy, *(jnp.asarray(one.reshape(24, *one.shape[3:])) for one in episode[:4]))
+    for at, row in enumerate(read.reshape(24, -1)):
+        expected = normed.ravel()[at], (advantage + value).ravel()[at], before[at]
+        for found in given[tuple(row)]:
+            np.testing.assert_allclose(found, expected, rtol=1e-3, atol=1e-4)
+
+
+def test_the_loss_by_hand():
+    """Four samples whose ratios are 1, 1.1, 2 and 0.5, and advantages of both signs: gains beyond the bounds count no
+    more, losses do."""
+    rng, strategy = np.random.default_rng(4), untrained(SMALL, read_robot())
+    numbers, ways = rng.normal(size=(4, SHAPE.inputs)), rng.normal(size=(4, len(WAYS), 2))
+    sample = (
+        *(jnp.asarray(one, jnp.float32) for one in (numbers, ways, rng.normal(size=(4, 4)))),
+        jnp.ones((4, 4), bool),
+    )
+    critic, read = rng.normal(0, 0.3, CRITIC.n_weights), rng.normal(size=(4, CRITIC.inputs))
+    params = {"policy": strategy.weights, "critic": jnp.asarray(critic, jnp.float32)}
+    ratio, target = np.array([1.0, 1.1, 2.0, 0.5]), np.array([1.0, 2.0, 3.0, -4.0])
+    before = log_probability(strategy, *sample) - jnp.log(jnp.asarray(ratio))
+    value = np.asarray(forward(CRITIC, params["critic"], jnp.asarray(read, jnp.float32))[:, 0])
+    for advantage, gains in (([1.0, -2, 3, 4], [1, -2.2, 3.6, 2]), ([-1.0, 2, -3, -4], [-1, 2.2, -6, -3.2])):
+        found = ppo_neural.loss(
+            params, strategy, sample, before, jnp.array(advantage), jnp.asarray(read, jnp.float32), target
+        )
+        assert found == pytest.approx(-np.mean(gains) + 0.5 * ((value - target) ** 2).mean(), rel=1e-4)
+
+
+def test_only_the_network_and_the_critic_change():
+    """No gradient goes through memory: the numbers of trust are kept."""
+    rng, shape = np.random.default_rng(5), (4, 2, 4)
+    learner = object.__new__(Learner)
+    learner.strategy = untrained(SMALL, read_robot())
+    begin, learner._update, learner._params = ppo_neural.adam(ppo_neural.RATE)
+    first = {"policy": learner.strategy.weights, "critic": jnp.asarray(rng.normal(size=CRITIC.n_weights), jnp.float32)}
+    sizes = (*shape, SHAPE.inputs), (*shape, len(WAYS), 2), (*shape, 4)
+    episode = [jnp.asarray(rng.normal(size=size), jnp.float32) for size in sizes]
+    episode += [
+        jnp.ones((*shape, 4), bool),
+        jnp.ones((4, 2, 3)),
+        jnp.asarray(rng.normal(0, 20, shape)),
+        jnp.ones((4, 2), bool),
+    ]
+    state, number = jax.jit(learner._improves)(begin(first), 0, jax.random.key(0), episode)
+    after = learner._params(state)
+    trust = slice(SHAPE.n_weights, None)
+    np.testing.assert_array_equal(after["policy"][trust], first["policy"][trust])
+    assert number == ppo_neural.EPOCHS * ppo_neural.PARTS and (after["critic"] != first["critic"]).mean() > 0.9
+    assert (after["policy"] != first["policy"]).any()
+
+
+def test_an_episode_counts_until_the_world_is_over():
+    """Two worlds, of which the second is over after the third step; its reward for that step counts, later ones do
+    not. The noise is another one in each step, world and robot."""
+    learner, noises = object.__new__(Learner), []
+    arena = SimpleNamespace(n_dust=8)
+    core = SimpleNamespace(steps=5, config=SimpleNamespace(arena=arena))
+    learner.env, learner.n_worlds = SimpleNamespace(core=core, n_robots=3), 2
+
+    def state(step):
+        done, found = (
+            np.array([False, step >= 3]),
+            {"picked": jnp.array([2, 4]) + step, "delivered": jnp.array([0, step])},
+        )
+        return SimpleNamespace(reward=np.full((2, 3), 10.0 + step), done=done, metrics=found)
+
+    def act(weights, before, memory, noise):
+        noises.append(np.asarray(noise))
+        return state(memory + 1), memory + 1, (noise,)
+
+    learner.begin, learner.step = lambda key: (state(0), 0), act
+    learner.state, learner._params = None, lambda state: {"policy": None}
+    noise, shares, reward, counts = learner.episode(jax.random.key(3))
+    np.testing.assert_array_equal(counts, [[True, True]] * 3 + [[True, False]] * 2)
+    np.testing.assert_array_equal(reward[:, 0, 0], [11, 12, 13, 14, 15])
+    np.testing.assert_array_equal(reward[:, 1, 2], [11, 12, 13, 0, 0])
+    np.testing.assert_allclose(shares[:, 0], [[(2 + t) / 8, 0, 1 - t / 5] for t in range(5)], rtol=1e-6)
+    np.testing.assert_allclose(shares[:, 1], [[(4 + t) / 8, t / 8, 1 - t / 5] for t in range(5)], rtol=1e-6)
+    np.testing.assert_array_equal(noise, noises)
+    assert noise.shape == (5, 2, 3, 4) and len(np.unique(noise)) == noise.size
+    learner.episode = lambda key: [noise, shares, reward, counts]
+    learner.n_updates, learner._improve = 7, lambda state, number, key, episode: (state, number + 1)
+    assert learner.learn(None) == pytest.approx((65 * 3 + 36 * 3) / 2) and learner.n_updates == 8
 
 
 @pytest.mark.slow

@@ -1,7 +1,7 @@
 """Tasks that add up their rewards."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,8 +14,8 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.tasks.protocol import only
-from iswarm_mj.tasks.rewarded import REWARD, rewarded
+from iswarm_mj.tasks.protocol import BallTask, ChangingTask, DeadlyTask, Quantity, only
+from iswarm_mj.tasks.rewarded import REWARD, Earned, rewarded
 from iswarm_mj.workflows.rollout import rollout
 
 N, STEPS = 5, 12
@@ -93,6 +93,38 @@ def test_robots_gather_as_without():
     assert REWARD not in found[0].metrics and found[1].metrics[REWARD].max() > 0
     for name, values in found[0].metrics.items():
         np.testing.assert_array_equal(found[1].metrics[name], values)
+
+
+class Everything(Eastwards):
+    """Has all that a task may have."""
+
+    measured: ClassVar = {"taken": Quantity("steps")}
+
+    def metrics(self, state):
+        return {"taken": state.step}
+
+    def balls(self, state):
+        return state.x[:2]
+
+    def conditions(self, state, conditions):
+        return conditions + state.step
+
+
+def test_all_else_is_as_it_was():
+    plain = Everything()
+    made, x = rewarded(plain), jnp.arange(4.0)
+    before, after = Seen(x, jnp.int32(2)), Seen(x**2, jnp.int32(7))
+    earned = Earned(after, jnp.float32(-3.5))
+    for protocol in (ChangingTask, DeadlyTask, BallTask):
+        assert isinstance(made, protocol) and (protocol is DeadlyTask) == isinstance(rewarded(Eastwards()), protocol)
+    assert made.conditions(earned, 10) == plain.conditions(after, 10) == 17
+    assert made.progress(earned) == 7 and made.balls(earned).tolist() == [0, 1]
+    assert made.survives(earned).tolist() == [True, True, False, True]
+    rewards = made.reward(Earned(before, jnp.float32(1.0)), earned, None)
+    np.testing.assert_array_equal(rewards, plain.reward(before, after, None))
+    assert rewards[3] == 4 * 6
+    assert made.metrics(earned) == {"taken": 7, REWARD: -3.5}
+    assert list(made.measured) == ["taken", REWARD] and made.measured[REWARD].low == -np.inf
 
 
 def test_a_class_is_made_once():

@@ -1,0 +1,103 @@
+"""The table of learned and other strategies, with runs that are pretended."""
+
+import sys
+
+import compare_policies
+import neural_without
+import numpy as np
+import pytest
+from helpers_robots import robot_file
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.experiments.analysis.statistics import interval
+from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.network import save_weights
+from iswarm_mj.strategy.neural import N_WEIGHTS, first_weights
+from iswarm_mj.tasks.measures import Measures
+
+FOUND = [
+    Measures(5, 5, 30, 9.0, 120),
+    Measures(1, 2, 10, 9.0, None),
+    Measures(4, 4, 80, 9.0, None),
+    Measures(5, 5, 20, 9.0, 60),
+    Measures(5, 5, 11, 9.0, 200),
+]
+
+
+@pytest.fixture
+def told(monkeypatch, capsys):
+    """Returns what was given to each run, and the rows."""
+
+    def call(*flags, faults=()):
+        given = []
+
+        class Pretended:
+            def __init__(self, *args, **options):
+                given.append((args, options))
+                self.faults, self.left = faults, 3
+
+            @property
+            def is_over(self):
+                return self.left == 0
+
+            def advance(self):
+                self.left -= 1
+
+            def measures(self, world):
+                assert self.is_over
+                return FOUND[world]
+
+        monkeypatch.setattr(compare_policies, "Run", Pretended)
+        monkeypatch.setattr(sys, "argv", ["compare_policies.py", *flags])
+        compare_policies.main()
+        return given, capsys.readouterr().out.splitlines()[2:]
+
+    return call
+
+
+def test_a_row_by_hand(told):
+    """Of 5 worlds 3 are clean; the others count as 300 steps, whose median is 200."""
+    _, rows = told("--worlds", "5", "--steps", "300", "--only", "type1", "neural")
+    mean = interval(np.array([5, 1, 4, 5, 5.0]), np.mean)
+    delivered = "{:.1f} ({:.1f} to {:.1f})".format(*mean)
+    row = f"3 of 5 | 200.0 (60.0 to 300.0) | 20.0 (10.0 to 80.0) | {delivered} |"
+    assert rows == [f"| type1 | {row}", f"| neural | {row}"] and delivered.startswith("4.0 (")
+    assert told("--worlds", "5", "--only", "type2", faults=[1])[1][0].endswith(" faults!")
+
+
+def test_conditions_reach_the_runs(told, tmp_path):
+    path = robot_file(tmp_path, "five")
+    flags = (
+        "--worlds 4 --steps 70 --robots 9 --size 30 --dust 9 4 20 --failed 0.25 --noise 2 --turn-error 5 --threads 2"
+    )
+    given, _ = told(*flags.split(), "--robot", str(path), "--only", "type1")
+    ((config, genome, settings, engine), options), *_ = given
+    assert genome == PRESETS["type1"] and engine == PlanarSettings(2)
+    arena, light, usual = config.arena, config.optics, SwarmConfig()
+    assert (arena.size, arena.dust_area_offset, arena.dust_area_size, arena.n_dust) == (30, 9, 4, 20)
+    errors = ("error_distance_measure", "error_in_communication", "p_communication_break")
+    assert [getattr(light, name) for name in errors] == [2 * getattr(usual.optics, name) for name in errors]
+    assert config.drive.error_turn == 5 and options == {"strategy": None, "task": None, "robot_file": path}
+    assert (settings.n_robots, settings.steps, settings.n_worlds) == (9, 70, 4)
+    assert settings.failed_fraction == 0.25 and settings.seed == compare_policies.FRESH > 2**31
+    assert told("--worlds", "4", "--only", "type1")[0][0][0][0] == usual
+
+
+def test_strategies(told, tmp_path):
+    """All of the default, and the parts; weights of a file for the networks but the untrained one."""
+    save_weights(tmp_path / "w.npz", np.arange(N_WEIGHTS))
+    names = [*compare_policies.OTHERS, *compare_policies.NETWORKS]
+    given, rows = told("--worlds", "2", "--weights", str(tmp_path / "w.npz"), "--only", *names)
+    assert [row.split(" | ")[0][2:] for row in rows] == names
+    kinds = {"no-messages": "Mute", "no-vectors": "Vectorless", "no-flag": "Flagless", "no-memory": "Forgetful"}
+    for name, ((config, genome, *_), options) in zip(names, given, strict=True):
+        assert (genome is None) == (name not in PRESETS) and (options["strategy"] is None) == (name in PRESETS)
+        assert isinstance(options["task"], neural_without.Told) == (name == "knows-all")
+        if name not in compare_policies.NETWORKS:
+            continue
+        made = options["strategy"].for_world(config, read_robot(), 3)
+        expected = first_weights() if name == "untrained" else np.arange(N_WEIGHTS)
+        np.testing.assert_array_equal(made.weights, expected)
+        assert type(made).__name__ == (kinds | {"knows-all": "Omniscient"}).get(name, "NeuralStrategy")
