@@ -173,7 +173,6 @@ class Learner:
             state, number = carry
             part = jax.tree.map(lambda a: a[chosen], (sample, before, advantage, given, target))
             slope = jax.grad(loss)(self._params(state), self.strategy, *part)
-            slope["policy"] = slope["policy"].at[SHAPE.n_weights :].set(0.0)
             return (self._update(number, slope, state), number + 1), None
 
         size = len(before) // PARTS

@@ -40,7 +40,7 @@ class Packed:
         if name.startswith(_KEY):
             return self.arrays[name]
         values = self.arrays[name][:, first:end]
-        return values if len(shape) == 1 else values.reshape(-1, *shape)
+        return values if len(shape) == 1 else values.reshape(len(values), *shape)
 
 
 def pack(tree: Any) -> Packed:

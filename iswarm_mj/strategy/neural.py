@@ -203,8 +203,7 @@ class NeuralStrategy:
             sent = sent._replace(known=sent.known & seen.is_heard)
             return confirmed(merged(Trust(*trust), getattr(memory, place), sent, *from_light), is_there, vector, step)
 
-        at_ball = seen.at_dust & ~seen.grasp_failed
-        dust = learned("dust", trusts[0], at_ball, seen.ball_vector)
+        dust = learned("dust", trusts[0], seen.at_dust, seen.ball_vector)
         dump = learned("dump", trusts[1], seen.on_dump, jnp.zeros_like(seen.ball_vector))
         return memory._replace(dust=dust.where(~seen.grasp_failed), dump=dump)
 

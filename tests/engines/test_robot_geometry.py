@@ -232,8 +232,8 @@ pose = np.array([[5e-3, 5e-3, 0.0], [-5e-3, 5e-3, 0.0], [5e-3, -5e-3, 0.0]])
 config = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
 for path, half_edges in {robots}:
     path, size = path and Path(path), 2e-3 * np.array(half_edges)
-    all_robots, boxes = np.ones(3, bool), np.ones((1, 4))
-    scene = Scene(size, ~all_robots, np.zeros(0), 0.03, boxes[0], boxes, 1.0, all_robots, "{{}}", 0, 4, np.zeros(3, int))
+    all_robots, boxes, kind = np.ones(3, bool), np.ones((1, 4)), np.zeros(3, int)
+    scene = Scene(size, ~all_robots, np.zeros(0), 0.03, boxes[0], boxes, 1.0, all_robots, "{{}}", 0, 4, kind)
     frames = dict(pose=pose[None], **scene.arrays())
     with Stage(config, frames, Shot("above", (600, 600), 1.0), robot_file=path) as stage:
         pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3)), np.zeros((0, 3))).astype(int)

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -18,9 +18,9 @@ import pyarrow.csv
 import pytest
 from helpers_robots import robot_file
 from helpers_search import contents
+from helpers_training import GOAL, SMALL, TRAINING, Three, pretend
 
 from iswarm_mj.commands import main as cli
-from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
@@ -28,7 +28,6 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import training
 from iswarm_mj.experiments.runner.journal import count
 from iswarm_mj.experiments.runner.training import CHECKPOINT, CURVE, WEIGHTS, Training, points, policy, train
-from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.network import load_weights
 from iswarm_mj.strategy.neural import N_WEIGHTS, Neural
 from iswarm_mj.tasks.aggregation import Aggregation
@@ -38,44 +37,6 @@ from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.workflows.rollout import Rollout
 
 pytestmark = pytest.mark.usefixtures("few_pixels")
-SMALL = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=6))
-TRAINING = Training(config=SMALL, robots=(4,), steps=10, generations=5, population=4, worlds=2, seed=3)
-GOAL = np.array([0.5, -1.0, 0.25])
-
-
-@dataclass
-class Three:
-    """A policy of three weights, which robots do not use."""
-
-    weights: object
-
-    def init(self, n_robots, key):
-        return jnp.zeros(n_robots)
-
-    def picks(self, memory):
-        return memory < 1
-
-    def act(self, memory, seen, key):
-        return memory, Command(memory, memory)
-
-
-def pretend(monkeypatch, breaks_after=None):
-    """Rollouts without physics: the nearer weights are to a goal, the more balls; returns the weights of each call."""
-    asked = []
-
-    def rollout(config, strategy, keys, *, strategy_per_world, every, steps, **_):
-        if breaks_after is not None and len(asked) >= breaks_after:
-            raise KeyboardInterrupt
-        weights = np.asarray(strategy.weights)
-        assert strategy_per_world and len(keys) == len(weights)
-        asked.append(weights)
-        worth = np.round(1000 - 100 * np.abs(weights - GOAL).sum(axis=1))
-        columns = np.tile(worth[:, None] // 2, (1, -(-steps // every)))
-        none = np.zeros(len(keys))
-        return Rollout(worth, worth, none, none, none > 1, none, columns[0], columns, None, [], {})
-
-    monkeypatch.setattr(training, "rollout", rollout)
-    return asked
 
 
 def trained(out, wanted=TRAINING, **options):
@@ -384,7 +345,7 @@ def test_a_candidate_may_have_a_world_for_each_number_of_robots():
 def test_strategies_without_weights_are_refused(weights):
     with pytest.raises(UserError, match="Three has no weights to train"):
         policy(Three(weights), SMALL, 4)
-    with pytest.raises(UserError, match="weights must be between 1"):
+    with pytest.raises(UserError, match="weights must be between 2"):
         policy(Three(jnp.zeros(0)), SMALL, 4)
 
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass, field, replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from test_training import TRAINING, Three, pretend
+from helpers_training import TRAINING, Three, pretend
 
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner.training import CURVE, WEIGHTS, points, policy, train
 from iswarm_mj.tasks.aggregation import Aggregation
@@ -56,10 +57,6 @@ class Strict(Three):
         self.weights = jnp.zeros(3)
 
 
-class Apart(Three):
-    weights = property(lambda self: jnp.zeros(3))
-
-
 def test_weights_need_not_pass_through_init(monkeypatch, tmp_path):
     """Those of many worlds at once may have a shape that a class refuses."""
     asked = pretend(monkeypatch)
@@ -78,12 +75,12 @@ class Wrong(Cleaning):
         raise ValueError("no idea")
 
 
-class Unequal(Cleaning):
+class Unequal(Aggregation):
     """Its state has a number for each robot."""
 
     def lay_out(self, config, n_robots, rng, shared, cell):
-        poses, _ = super().lay_out(config, n_robots, rng, shared, cell)
-        return poses, np.zeros(n_robots, np.float32)
+        poses, spots = super().lay_out(config, n_robots, rng, shared, cell)
+        return poses, spots._replace(shares=np.zeros(n_robots, np.float32))
 
 
 class Heard(Aggregation):
@@ -102,7 +99,7 @@ class Heard(Aggregation):
 )
 def test_tasks_that_cannot_be_scored(task, robots, sentence, tmp_path):
     """Nothing stays behind, so that the next training may have the place."""
-    few = replace(TRAINING, robots=robots, steps=1, generations=1, population=2)
+    few = replace(TRAINING, config=SwarmConfig(), robots=robots, steps=1, generations=1, population=2)
     with pytest.raises(UserError, match=sentence):
         train(few, Three(jnp.zeros(3)), tmp_path / "out", PlanarSettings(1), task=task)
     assert not list((tmp_path / "out").glob("*.*"))

@@ -35,7 +35,7 @@ def tree(xp):
         return xp.asarray(rng.integers(0, 2 if dtype is bool else 99, (B, *shape)).astype(dtype))
 
     pair = Pair(some(2, 3), {"b": some(dtype=np.int32), "a": [some(4, dtype=bool), some()]})
-    return pair, some(5, 1, dtype=np.int32), (None, some(0)), some(2, 3), some(3, dtype=np.int8)
+    return pair, some(5, 1, dtype=np.int32), (None, some(0), some(0, 2)), some(2, 3), some(3, dtype=np.int8)
 
 
 @pytest.mark.parametrize("xp", [np, jnp])
