@@ -82,6 +82,10 @@ class Unequal(Aggregation):
         poses, spots = super().lay_out(config, n_robots, rng, shared, cell)
         return poses, spots._replace(shares=np.zeros(n_robots, np.float32))
 
+    def advance(self, state, inputs, key):
+        _, sensed = super().advance(state, inputs, key)
+        return state, sensed
+
 
 class Heard(Aggregation):
     def reward(self, before, after, inputs):
