@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.strategy.user_code import user_code
-from iswarm_mj.tasks.protocol import Quantity, Task
+from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.arrays import Array
 
 REWARD = "reward"
@@ -24,7 +24,7 @@ class Earned(NamedTuple):
     """Sum over all robots and steps."""
 
 
-def rewarded(task: Task | Any) -> Any:
+def rewarded(task: Any) -> Any:
     """Return a task that does what `task` does, with the sum of all robots' rewards so far as the metric `reward`.
 
     Rewards are those of `Task.reward`, but without the commands and messages of the step.
