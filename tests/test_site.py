@@ -65,6 +65,8 @@ def example(tmp_path, monkeypatch):
     (tmp_path / "my-genome.json").write_text('{"p_vector_forget": 0.2, "use_hop_count": true}')
     (tmp_path / "examples").symlink_to(ROOT / "examples")
     (tmp_path / "models").symlink_to(ROOT / "models")
+    (tmp_path / "tools").symlink_to(ROOT / "tools")
+    (tmp_path / "large.xml").symlink_to(ROOT / "models/robot.xml")  # which an example makes
     (tmp_path / "my_robot.xml").symlink_to(ROOT / "models/robot6.xml")
     (tmp_path / "results").symlink_to(ROOT / "results")
     monkeypatch.chdir(tmp_path)

@@ -14,6 +14,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine, boxes_of
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.decide import decide, decide_worlds
+from iswarm_mj.simulation.packed import kinds_of
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
@@ -97,7 +98,8 @@ class CompiledLoop:
             recorded=jnp.asarray(rows, jnp.int32),
         )
         with without_shardy():
-            program = Program(self._config, self.mesh, self._chunk, bool(recorded))
+            kinds = kinds_of(jax.tree.structure((self._params, self._state)))
+            program = Program(self._config, self.mesh, self._chunk, bool(recorded), kinds)
             self._state, records = _advance(program, shared, self._params, self._state)
         taken = min(self._chunk, last - first)
         if not recorded:
@@ -130,7 +132,7 @@ class CompiledLoop:
         sense = jax.jit(engine.sense if is_batched else jax.vmap(engine.sense))
         alive = state.swarm.is_alive
         sight = sense(state.bodies, alive, running)
-        policy = partial(decide_worlds, config, engine.robot)
+        policy = jax.jit(partial(decide_worlds, config, engine.robot))
         begin = StepInputs(engine.poses(state.bodies), sight, jnp.int32(7), running, boxes_of(engine, state.bodies))
         command = policy(params, state.swarm, begin).command
 
@@ -167,6 +169,8 @@ class Program(NamedTuple):
     """Control steps of a call."""
     records: bool
     """Worlds are recorded."""
+    kinds: tuple[type | None, ...]
+    """See `packed.kinds_of`, of parameters and state."""
 
 
 @partial(jax.jit, static_argnames=("program",), donate_argnames=("state",))

@@ -89,7 +89,6 @@ def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: Swarm
     return Decision(kept, done.command, done.is_refused, done.is_blocked, progress, flag, links, seen.spoken)
 
 
-@partial(jax.jit, static_argnames=("config", "robot"))
 def decide_worlds(
     config: SwarmConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs
 ) -> Decision:

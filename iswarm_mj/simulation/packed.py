@@ -1,6 +1,5 @@
 """Trees of arrays in few arrays, since each that a program takes or returns costs it a microsecond or two."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -58,15 +57,13 @@ def pack(tree: Any) -> Packed:
         name: each[0] if len(each) == 1 else array_module(*each).concatenate(each, axis=1)
         for name, each in parts.items()
     }
-    return Packed(arrays, treedef, tuple(places), tuple(_kinds(treedef)))
+    return Packed(arrays, treedef, tuple(places), kinds_of(treedef))
 
 
-def _kinds(treedef: Any) -> Iterator[type | None]:
-    """Types of a structure's nodes, None of leaves."""
+def kinds_of(treedef: Any) -> tuple[type | None, ...]:
+    """Types of a structure's nodes, None of leaves, which a program of JAX has to be called with."""
     node = treedef.node_data()
-    yield None if node is None else node[0]
-    for child in treedef.children():
-        yield from _kinds(child)
+    return (None if node is None else node[0], *(kind for child in treedef.children() for kind in kinds_of(child)))
 
 
 def unpacked(tree: Any) -> Any:

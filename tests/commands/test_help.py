@@ -18,7 +18,7 @@ def shown(capfd, *arguments):
 
 
 def flags_of(command):
-    positional = {"name", "directory", "command"} & {f.name for f in fields(COMMANDS[command])}
+    positional = {"name", "directory", "command", "given"} & {f.name for f in fields(COMMANDS[command])}
     return [flag(name) for name, *_ in settings(COMMANDS[command]()) if name not in positional]
 
 

@@ -95,12 +95,12 @@ def test_ends_at_its_goal(small):
 
 def test_settings_change_no_program(small):
     """Numbers of a task are arrays of a program; with another line the same one runs."""
-    from iswarm_mj.simulation.decide import decide_worlds
+    from iswarm_mj.simulation.decide import decide_packed
 
     records(run_of(small, MujocoSettings(1), Eastward(1.0)))
-    before = decide_worlds._cache_size()
+    before = decide_packed._cache_size()
     records(run_of(small, MujocoSettings(1), Eastward(3.0)))
-    assert decide_worlds._cache_size() == before
+    assert decide_packed._cache_size() == before
 
 
 def changed(**methods):
