@@ -6,9 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import training
-from iswarm_mj.experiments.runner.training import Training
+from iswarm_mj.experiments.runner.training import Training, train
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.workflows.rollout import Rollout
 
 SMALL = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=6))
@@ -49,3 +51,7 @@ def pretend(monkeypatch, breaks_after=None):
 
     monkeypatch.setattr(training, "rollout", rollout)
     return asked
+
+
+def trained(out, wanted=TRAINING, **options):
+    return train(wanted, Three(jnp.zeros(3)), out, PlanarSettings(1), task=CLEANING, **options)

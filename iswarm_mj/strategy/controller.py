@@ -21,7 +21,7 @@ from iswarm_mj.strategy.vectors import adopt, arrived, best_offer, heard
 from iswarm_mj.utils import draws
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.geometry import wrapped
-from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Point, Sides
+from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -171,7 +171,7 @@ def steer(
 
 def approach(
     config: SwarmConfig,
-    probe_tip: Float[np.ndarray, "*#N 2"] | Point,
+    probe_tip: Float[np.ndarray, "N 2"],
     approaches: Bool[Array, "N"],
     ball_vector: Float[Array, "N 2"],
     command: Command,
@@ -186,7 +186,7 @@ def approach(
         command: without the ball.
     """
     angle = jnp.arctan2(ball_vector[:, 1], ball_vector[:, 0])
-    reach, aside = np.asarray(probe_tip).T
+    reach, aside = probe_tip.T
     ahead = _length(ball_vector)
     if (aside != 0).any() or (reach < 0).any():  # the ball is to be as far aside as the tip, and behind if the tip is
         askew = jnp.arcsin(jnp.clip(aside / jnp.maximum(ahead, 1e-6), -1.0, 1.0))

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field, replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_training import TRAINING, Three, pretend
+from helpers_training import SMALL, TRAINING, Three, pretend
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.experiments.runner.training import CURVE, WEIGHTS, points, policy, train
+from iswarm_mj.experiments.runner.training import CURVE, WEIGHTS, Training, points, policy, train
 from iswarm_mj.tasks.aggregation import Aggregation
 from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.tasks.rewarded import REWARD, rewarded
@@ -115,3 +115,31 @@ def test_rewards_that_are_no_numbers(monkeypatch, tmp_path):
     with pytest.raises(UserError, match="rewards of Aggregation are nan in a world"):
         train(few, Three(jnp.zeros(3)), tmp_path, PlanarSettings(1), task=Aggregation())
     np.testing.assert_array_equal(points(FOUND, rewarded(Aggregation()), TRAINING.config, [4, 4], 10), [1, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"robots": ()}, "robots must be between 1 and 2 numbers"),
+        ({"robots": (4, 5, 6)}, "robots must be between 1 and 2 numbers, since a candidate has 2 worlds"),
+        ({"robots": (4000,)}, "robots"),
+        ({"sizes": (15.0, 9.0)}, "^sizes"),
+        ({"spread": 0.0}, "^spread"),
+        ({"sizes": (15.0, 10.5)}, "dust_area_offset"),
+    ],
+)
+def test_worlds_that_cannot_be_are_refused_at_once(changed, sentence):
+    with pytest.raises(UserError, match=sentence):
+        replace(TRAINING, **changed)
+
+
+def test_a_candidate_may_have_a_world_for_each_number_of_robots():
+    assert replace(TRAINING, robots=(4, 5)).robots == (4, 5) and Training().worlds >= len(Training().robots)
+
+
+@pytest.mark.parametrize("weights", [None, 3.0, [1.0], {}, jnp.zeros(3, int), [jnp.zeros(3), jnp.zeros(3, int)]])
+def test_strategies_without_weights_are_refused(weights):
+    with pytest.raises(UserError, match="Three has no weights to train"):
+        policy(Three(weights), SMALL, 4)
+    with pytest.raises(UserError, match="weights must be between 2"):
+        policy(Three(jnp.zeros(0)), SMALL, 4)

@@ -72,7 +72,12 @@ def test_relabelled_robots_do_the_same():
         wanted, limit, follows = choose(CONFIG, RULES, memory, seen, numbers)
         command = steer(CONFIG, wanted + avoid(CONFIG, RULES, seen, follows), limit, numbers.side < 0.5)
         comes = approaching(STRATEGY.picks(memory), seen)
-        return memory, follows, command, approach(CONFIG, PROBE, comes, seen.ball_vector, command)
+        return (
+            memory,
+            follows,
+            command,
+            approach(CONFIG, np.tile(PROBE, (len(comes), 1)), comes, seen.ball_vector, command),
+        )
 
     new = rng.permutation(n)
     after = step(*jax.tree.map(lambda a: np.asarray(a)[new], (memory, seen, numbers)))

@@ -1,54 +1,27 @@
 """The learned strategy: its network by hand, what it perceives in any frame, its file, and its runs."""
 
-from dataclasses import replace
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from helpers_neural import CONFIG, ROBOT, does, sees, strategy
 from helpers_robots import robot_file
-from helpers_sensing import senses_nothing
-from scipy import stats
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.believed import MOST_DOUBT, Belief, Trust, confirmed, merged
+from iswarm_mj.strategy.believed import Belief
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.network import MOST_WEIGHTS, Shape, forward, load_weights, save_weights
-from iswarm_mj.strategy.neural import FIRST_TRUST, INPUTS, N_WEIGHTS, SHAPE, SHIPPED, WAYS, Memory, Neural, untrained
+from iswarm_mj.strategy.neural import INPUTS, N_WEIGHTS, SHIPPED, WAYS, Neural, untrained
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 from iswarm_mj.workflows.rollout import rollout
-
-CONFIG = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=4))
-ROBOT = read_robot()
-
-
-def strategy(trust=FIRST_TRUST, **gains):
-    """A strategy whose network returns these constants, by the names of ways, `speed` and `flag`."""
-    constants = np.zeros((SHAPE.inputs + 1 + SHAPE.hidden, SHAPE.outputs), np.float32)
-    for name, value in gains.items():
-        constants[SHAPE.inputs, [*WAYS, "speed", "flag"].index(name)] = value
-    hidden = np.zeros((SHAPE.inputs + 1) * SHAPE.hidden)
-    return untrained(CONFIG, ROBOT, np.concatenate([hidden, constants.ravel(), trust, trust]))
-
-
-def does(policy, seen, memory=None, key=0):
-    memory = policy.init(len(seen.at_dust), jax.random.key(1)) if memory is None else memory
-    return policy.act(memory, seen, jax.random.key(key))
-
-
-def sees(n=1, **changed):
-    nothing = VectorMemory(jnp.zeros((n, 4, 2)), jnp.zeros((n, 4), jnp.int32), jnp.zeros((n, 4), bool))
-    silence = {"priority": jnp.zeros((n, 4), bool), "dust": nothing, "dump": nothing}
-    return senses_nothing(n)._replace(payload=silence, **changed)
 
 
 class TestNetwork:
@@ -198,195 +171,6 @@ class TestWays:
         policy = untrained(CONFIG, ROBOT)
         numbers, ways = policy._perceived(policy.init(5, jax.random.key(0)), sees(5), jax.random.key(1))
         assert numbers.shape == (5, len(INPUTS)) and ways.shape == (5, len(WAYS), 2)
-
-
-class TestReads:
-    """Three robots: numbers and ways that differ from each other, by hand."""
-
-    REACH = 3.5 * RD
-    MEMORY = Memory(
-        dust=Belief(
-            jnp.array([[3.0, 4.0], [0, 0], [0.1, 0]]), jnp.array([2.9, 0, 7.25]), jnp.array([True, False, True])
-        ),
-        dump=Belief(
-            jnp.array([[0.0, -9.0], [6, 8], [0, 0]]), jnp.array([14.5, 1.45, 0]), jnp.array([True, True, False])
-        ),
-        flag=jnp.array([True, False, False]),
-        character=jnp.array([-0.5, 0.25, 0.75]),
-    )
-    SEEN = sees(
-        3,
-        is_heard=jnp.array([[False, True, True, False], [True, False, False, False], 4 * [False]]),
-        distance=REACH * jnp.array([[0.1, 0.2, 0.5, 0.1], [0.8, 0.1, 0.1, 0.1], 4 * [0.1]]),
-        sees_wall=jnp.array([4 * [False], [False, True, False, False], 4 * [False]]),
-        at_dust=jnp.array([True, False, False]),
-        on_dump=jnp.array([False, True, False]),
-        is_loaded=jnp.array([False, False, True]),
-        grasp_failed=jnp.array([True, False, True]),
-    )
-    SEEN = SEEN._replace(payload=SEEN.payload | {"priority": jnp.zeros((3, 4), bool).at[0, 2:].set(True)})
-
-    def read(self):
-        numbers, ways = untrained(CONFIG, ROBOT)._perceived(self.MEMORY, self.SEEN, jax.random.key(1))
-        return dict(zip(INPUTS, numbers.T, strict=True)), dict(zip(WAYS, np.moveaxis(ways, 1, 0), strict=True))
-
-    def test_numbers(self):
-        expected = {
-            "near": [0.8, 0.2, 0],
-            "near_ahead": [0, 0.2, 0],
-            "flagged_near": [0.5, 0, 0],
-            "wall": [0, 1, 0],
-            "at_dust": [1, 0, 0],
-            "on_dump": [0, 1, 0],
-            "is_loaded": [0, 0, 1],
-            "grasp_failed": [1, 0, 1],
-            "dust_is_known": [1, 0, 1],
-            "dust_is_near": [1 / (1 + 5 / self.REACH), 0, 1 / (1 + 0.1 / self.REACH)],
-            "dust_is_doubted": [0.2, 0, 0.5],
-            "dump_is_known": [1, 1, 0],
-            "dump_is_near": [1 / (1 + 9 / self.REACH), 1 / (1 + 10 / self.REACH), 0],
-            "dump_is_doubted": [1, 0.1, 0],
-            "character": [-0.5, 0.25, 0.75],
-            "says": [1, 0, 0],
-        }
-        found, _ = self.read()
-        assert list(found) == list(expected)
-        for name, values in expected.items():
-            np.testing.assert_allclose(found[name], values, atol=1e-6, err_msg=name)
-
-    def test_ways(self):
-        """Vectors shorter than a step count by their length; what is not known and what is not heard count nothing."""
-        expected = {
-            "ahead": [[1, 0], [1, 0], [1, 0]],
-            "neighbours": [[-0.5, 0.8], [0.2, 0], [0, 0]],
-            "close": [[0, 0.6], [0, 0], [0, 0]],
-            "right_of_close": [[0.6, 0], [0, 0], [0, 0]],
-            "flagged": [[-0.5, 0], [0, 0], [0, 0]],
-            "walls": [[0, 0], [0, 1], [0, 0]],
-            "dust": [[0.6, 0.8], [0, 0], [0.1 / (RD / 2), 0]],
-            "dump": [[0, -1], [0.6, 0.8], [0, 0]],
-            "right_of_dump": [[-1, 0], [0.8, -0.6], [0, 0]],
-        }
-        _, found = self.read()
-        assert set(found) == {*expected, "random"}
-        for name, vectors in expected.items():
-            np.testing.assert_allclose(found[name], vectors, atol=1e-6, err_msg=name)
-
-    def test_random_ways_and_characters_are_spread_evenly(self):
-        policy, n = untrained(CONFIG, ROBOT), 4000
-        memory = policy.init(n, jax.random.key(0))
-        ways = policy._perceived(memory, sees(n), jax.random.key(1))[1][:, WAYS.index("random")]
-        angles = np.arctan2(ways[:, 1], ways[:, 0])
-        np.testing.assert_allclose(np.hypot(*ways.T), 1, rtol=1e-5)
-        assert stats.kstest(angles, "uniform", (-np.pi, 2 * np.pi)).pvalue > 1e-3
-        assert stats.kstest(memory.character, "uniform", (-1, 2)).pvalue > 1e-3
-
-
-class TestBeliefs:
-    @pytest.mark.parametrize("place", ["dust", "dump"])
-    def test_only_what_was_heard_is_believed(self, place):
-        here = VectorMemory(jnp.ones((2, 4, 2)), jnp.ones((2, 4), jnp.int32), jnp.ones((2, 4), bool))
-        seen = sees(2, is_heard=jnp.zeros((2, 4), bool).at[1, 3].set(True))
-        memory, _ = does(strategy(), seen._replace(payload=seen.payload | {place: here}))
-        other = {"dust": "dump", "dump": "dust"}[place]
-        assert getattr(memory, place).known.tolist() == [False, True] and not getattr(memory, other).known.any()
-
-    def test_vectors_to_dust_and_dump_are_trusted_by_their_own_numbers(self):
-        policy = strategy()
-        weights = policy.weights.at[SHAPE.n_weights :].set(jnp.array([0.0, 0, -2, 0, 0, 0.5]))
-        far = Belief(jnp.full((1, 2), 9.0), jnp.ones(1), jnp.ones(1, bool))
-        memory = policy.init(1, jax.random.key(0))._replace(dust=far, dump=far)
-        memory, _ = does(replace(policy, weights=weights), sees(), memory)
-        np.testing.assert_allclose([memory.dust.doubt[0], memory.dump.doubt[0]], 1 + np.exp([-2, 0.5]), rtol=1e-6)
-
-    def test_what_is_told_is_rounded(self):
-        doubt = jnp.array([0.4, 2.6, MOST_DOUBT, 3.0])
-        told = Belief(jnp.ones((4, 2)), doubt, jnp.array([True, True, True, False])).told()
-        assert told.hop.tolist() == [0, 3, 14, 3] and told.known.tolist() == [True, True, True, False]
-        sent = dict(untrained(CONFIG, ROBOT).payload.fields)["dust"]
-        assert float(jnp.round(MOST_DOUBT)) == sent.max_hop < float(jnp.round(MOST_DOUBT + 0.01))
-
-    def test_nothing_is_left_of_what_is_forgotten(self):
-        both = Belief(jnp.full((2, 2), 9.0), jnp.full(2, 3.0), jnp.ones(2, bool))
-        kept = both.where(jnp.array([False, True]))
-        jax.tree.map(
-            np.testing.assert_array_equal,
-            kept,
-            Belief(jnp.array([[0.0, 0], [9, 9]]), jnp.array([0.0, 3]), jnp.arange(2) > 0),
-        )
-
-    def test_confirmed_and_refuted(self):
-        """At the place; within half a step of where it was to be; beyond; where nothing is known."""
-        own = Belief(
-            jnp.array([[5.0, 0], [0, 0.4], [0, -0.6], [0, 0]]), jnp.array([2.3, 2.3, 2.3, 0]), jnp.arange(4) < 3
-        )
-        found = confirmed(own, jnp.arange(4) == 0, jnp.tile(jnp.array([[1.0, 2.0]]), (4, 1)), 1.0)
-        np.testing.assert_allclose(found.vector, [[1, 2], [0, 0], [0, -0.6], [0, 0]])
-        np.testing.assert_allclose(found.doubt, [0, 0, 2.3, 0])
-        assert found.known.tolist() == [True, False, True, False]
-
-    def test_the_sharper_the_less_the_doubted_count(self):
-        """Of heard doubts 10 and 12; in the end none, however much all are doubted."""
-        sent = VectorMemory(
-            jnp.array([[[8.0, 0], [0, 0], [0, 0], [0, 0]]]),
-            jnp.array([[9, 11, 0, 0]]),
-            jnp.array([[True, True, False, False]]),
-        )
-        zero, led = jnp.zeros((1, 4)), jnp.full((1, 4), 2)
-        for sharpness in (-1.0, 0.5, 5.0):
-            trust, own = Trust(sharpness, 0.0, 0.0), Belief.empty(1)
-            found = merged(trust, own, sent, zero, zero, led, ROBOT.sides)
-            share = 1 / (1 + np.exp(-2 * np.exp(sharpness)))
-            np.testing.assert_allclose(found.vector, [[8 * share, 0]], rtol=1e-5)
-            np.testing.assert_allclose(found.doubt, [10 * share + 12 * (1 - share)], rtol=1e-5)
-
-    def test_a_place_where_nothing_can_be_lifted_is_forgotten(self):
-        policy = strategy()
-        found = jnp.array([[0.0, 9.0], [0.0, 9.0]])
-        memory, _ = does(policy, sees(2, at_dust=jnp.ones(2, bool), ball_vector=found))
-        assert memory.dust.known.all()
-        memory, _ = does(policy, sees(2, grasp_failed=jnp.array([True, False])), memory)
-        np.testing.assert_array_equal(memory.dust.known, [False, True])
-
-    def test_a_walk_that_fell_short_is_taken_back(self):
-        policy = strategy(ahead=1, speed=1)
-        memory, command = does(policy, sees(on_dump=jnp.array([True])))
-        np.testing.assert_allclose(memory.dump.vector, [[-RD / 2, 0]], rtol=1e-5)
-        memory = policy.fell_short(memory, command.forward / 2)
-        np.testing.assert_allclose(memory.dump.vector, [[-RD / 4, 0]], rtol=1e-5)
-
-    def test_merged_by_hand(self):
-        """An own vector of doubt 1 that ages by e^-1, and two heard ones, of which one came through two robots.
-
-        Sharpness e^0 = 1: weights exp(-doubt), the own times e^0.5. The receiver hears with its front (bearing 0) and
-        its left side (90 degrees); the senders show their front LED, so that their frames are turned by half a turn
-        and by -90 degrees.
-        """
-        own = Belief(jnp.array([[10.0, 0.0]]), jnp.array([1.0]), jnp.array([True]))
-        sent = VectorMemory(
-            jnp.array([[[-4.0, 1.0], [2.0, 0.0], [9.0, 9.0], [0.0, 0.0]]]),
-            jnp.array([[0, 1, 0, 0]]),
-            jnp.array([[True, True, False, False]]),
-        )
-        bearing, distance = jnp.array([[0.0, np.pi / 2, np.pi, 0]]), jnp.array([[5.0, 3.0, 1, 1]])
-        found = merged(Trust(0.0, 0.5, -1.0), own, sent, bearing, distance, jnp.zeros((1, 4), jnp.int32), ROBOT.sides)
-        vectors = np.array([[10, 0], [5 + 4, -1], [0, 3 - 2]])
-        doubts = np.array([1 + np.exp(-1), 1, 2])
-        weights = np.exp(-doubts) * [np.exp(0.5), 1, 1]
-        weights /= weights.sum()
-        np.testing.assert_allclose(found.vector, [weights @ vectors], rtol=1e-5)
-        np.testing.assert_allclose(found.doubt, [weights @ doubts], rtol=1e-5)
-
-    def test_rumours_die_out(self):
-        """Nobody confirms: robots that only hear each other doubt more from step to step, and forget in the end."""
-        belief, doubts = Belief(jnp.full((2, 2), 30.0), jnp.zeros(2), jnp.ones(2, bool)), []
-        zero, led = jnp.zeros((2, 4)), jnp.full((2, 4), 2)  # of a robot ahead that looks the same way
-        while belief.known.any():
-            sent = VectorMemory(*(jnp.repeat(jnp.flip(part, 0)[:, None], 4, axis=1) for part in belief.told()))
-            belief = merged(Trust(0.0, 0.0, 0.0), belief, sent, zero, zero, led, ROBOT.sides)
-            doubts.append(float(belief.doubt[0]))
-        assert 5 < len(doubts) < 40 and (np.diff(doubts[:-1]) > 0).all() and MOST_DOUBT - 2 < doubts[-2] <= MOST_DOUBT
-        np.testing.assert_array_equal(belief.vector, 0)
 
 
 def test_messages_fit_robots_of_eight_sides(tmp_path):

@@ -22,7 +22,6 @@ from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.start_check import check_poses
-from iswarm_mj.strategy.controller import approach
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Aggregation, Spots
@@ -117,19 +116,6 @@ def test_teams_of_one_kind_are_given_its_robot(files):
     assert [team.strategy.masses for team in made.teams] == [(10.0,) * 8 + (30.0,) * 2, (30.0,) * 10]
     with pytest.raises(UserError, match="one length; make each kind of robots a team, or set"):
         Forager().for_world(SMALL, robots, N)
-
-
-def test_every_tool_gets_over_the_ball():
-    """Of robots with different tools; as one robot of each does alone."""
-    tips, angles = np.array([(0.9, 0.0), (1.1, 0.1), (-0.7, -0.3)]), np.linspace(-3, 3, 3)
-    ball, at, heading = 1.5 * np.exp(1j * angles), np.zeros(3, complex), np.ones(3, complex)
-    for _ in range(6):
-        seen = (ball - at) / heading
-        vector = jnp.asarray(np.stack([seen.real, seen.imag], axis=-1), jnp.float32)
-        command = approach(SMALL, tips, jnp.ones(3, bool), vector, Command(jnp.zeros(3), jnp.zeros(3)))
-        heading = heading * np.exp(1j * np.asarray(command.turn, float))
-        at = at + heading * np.asarray(command.forward, float)
-    np.testing.assert_allclose(at + heading * (tips @ [1, 1j]), ball, atol=1e-4)
 
 
 def test_held_balls_hang_at_the_holder_s_tip(files):

@@ -94,18 +94,18 @@ def test_avoidance_follows_the_directions_of_the_sides():
     np.testing.assert_allclose(push / np.linalg.norm(push), [-0.5, -np.sqrt(0.75)], atol=1e-5)
 
 
-@pytest.mark.parametrize("tip", [(0.9, 0.0), (0.8, 0.5), (-0.7, -0.3), (-0.9, 0.0)])
-def test_a_probe_anywhere_gets_over_the_ball(tip):
-    """Turned and moved as commanded, again and again, the tip ends on the ball, from all around."""
-    config, angles = SwarmConfig(), np.linspace(-3.1, 3.1, 16)
-    ball, at, heading = 1.5 * np.exp(1j * angles), np.zeros(16, complex), np.ones(16, complex)
+def test_probes_anywhere_get_over_the_ball():
+    """Turned and moved as commanded, again and again, tips of several kinds end on it, from all around."""
+    tips = np.repeat([(0.9, 0.0), (0.8, 0.5), (1.1, 0.1), (-0.7, -0.3), (-0.9, 0.0)], 16, axis=0)
+    config, angles, n = SwarmConfig(), np.tile(np.linspace(-3.1, 3.1, 16), 5), len(tips)
+    ball, at, heading = 1.5 * np.exp(1j * angles), np.zeros(n, complex), np.ones(n, complex)
     for _ in range(6):
         seen = (ball - at) / heading
         vector = jnp.asarray(np.stack([seen.real, seen.imag], axis=-1), jnp.float32)
-        command = approach(config, tip, jnp.ones(16, bool), vector, Command(jnp.zeros(16), jnp.zeros(16)))
+        command = approach(config, tips, jnp.ones(n, bool), vector, Command(jnp.zeros(n), jnp.zeros(n)))
         heading = heading * np.exp(1j * np.asarray(command.turn, float))
         at = at + heading * np.asarray(command.forward, float)
-    np.testing.assert_allclose(at + heading * complex(*tip), ball, atol=1e-4)
+    np.testing.assert_allclose(at + heading * (tips @ [1, 1j]), ball, atol=1e-4)
 
 
 def test_robots_too_large_for_the_arena_are_refused(tmp_path, capsys):
