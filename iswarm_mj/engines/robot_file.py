@@ -102,7 +102,10 @@ def robot_spec(path: Path | None = None) -> mujoco.MjSpec:
         found = {kind: {element.name for element in getattr(spec, parts)} for kind, parts in _TYPES.items()}
         found["mesh"] = {spec.meshdir, *(mesh.file for mesh in spec.meshes)}  # names that are no text raise here
     except (ValueError, RuntimeError, OSError, ExpatError) as error:
-        raise UserError(f"the robot's file {path} cannot be read as MJCF ({_one_line(error)}).") from None
+        why = "there is none" if isinstance(error, FileNotFoundError) else _one_line(error)
+        raise UserError(
+            f"the robot's file {path} cannot be read as MJCF ({why}); give a copy of models/robot.xml."
+        ) from None
     missing = [
         f"{kind} {name}"
         for kind, names in (_NEEDED | {"site": [*_NEEDED["site"], *_optics(spec)]}).items()
