@@ -28,7 +28,12 @@ def act(config, probe_tip, rules, memory, seen, key):
     return VectorStrategy(rules, 0, config, replace(ROBOT, probe_tip=probe_tip)).act(memory, seen, key)
 
 
-act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach))
+def approach_with(config, tip, approaches, *given):
+    """`approach` of robots of one kind."""
+    return approach(config, np.tile(tip, (len(approaches), 1)), approaches, *given)
+
+
+act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach_with))
 
 
 def memories(n, scouts=False, dust=None, dump=None):

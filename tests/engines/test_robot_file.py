@@ -233,3 +233,8 @@ def test_the_planar_engine_refuses_flat_robots(tmp_path, height, runs):
     else:
         with pytest.raises(UserError, match=r"at least 0\.7 mm high"):
             read_plane(arena)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(UserError, match=r"none.xml cannot be read as MJCF \(there is none\); give a copy of"):
+        read_robot(tmp_path / "none.xml")

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_controller import CONFIG, MANY, PROBE, RULES, STEP, act_here, genes, memories
+from helpers_controller import CONFIG, MANY, PROBE, RULES, STEP, act_here, approach_with, genes, memories
 from helpers_sensing import lay, place, remember, senses_nothing, turned, wrapped
 from helpers_worlds import params_of, swarm_of
 
@@ -18,7 +18,6 @@ from iswarm_mj.simulation.decide import decide
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.strategy.controller import (
     RobotMemory,
-    approach,
     approaching,
     avoid,
     choose,
@@ -76,7 +75,7 @@ def test_relabelled_robots_do_the_same():
             memory,
             follows,
             command,
-            approach(CONFIG, np.tile(PROBE, (len(comes), 1)), comes, seen.ball_vector, command),
+            approach_with(CONFIG, PROBE, comes, seen.ball_vector, command),
         )
 
     new = rng.permutation(n)
