@@ -59,16 +59,16 @@ TYPE2 = Genome(
     weight_find_dump=1.00,
 )
 EVOLVED = Genome(
-    density_of_robots=0.3304,
-    fraction_scouts=0.170,
-    p_vector_forget=0.783,
-    priority_coll_avoid_dist=0.602,
-    empty_coll_avoid_dist=0.498,
-    loaded_coll_avoid_dist=0.0785,
+    density_of_robots=0.3518,
+    fraction_scouts=0.0,
+    p_vector_forget=0.593,
+    priority_coll_avoid_dist=0.587,
+    empty_coll_avoid_dist=0.578,
+    loaded_coll_avoid_dist=0.0,
     priority_signal_scouts=True,
-    priority_signal_loaded=False,
-    weight_find_dust=0.136,
-    weight_find_dump=0.993,
+    priority_signal_loaded=True,
+    weight_find_dust=0.0219,
+    weight_find_dump=0.934,
 )
 PRESETS = {"type1": TYPE1, "type2": TYPE2, "evolved": EVOLVED}
 """The two fit types that evolved in the paper (Table 2), and the fittest of `results/evolve-paper`."""

@@ -44,14 +44,9 @@ def test_what_the_page_says_of_the_support():
     assert all(paper.held_out) and sum(paper.answers) < sum(accepted(sample)[-1].answers)
 
 
-def evolved(results):
-    """Columns of an evolution, as arrays by their names."""
-    return read_table(ROOT / results / "evolve-paper" / "evolution.parquet")[0]
-
-
-@pytest.mark.parametrize("results", ["results", "results-cells", "results-selected"])
-def test_the_page_s_table_of_evolutions(results):
-    rows = evolved(results)
+def told(part):
+    """What the page says of an evolution: density, points and time of the fittest, quick swarms, those without hops."""
+    rows = read_table(ROOT / part / "evolution.parquet")[0]
     last, fittest = max(row["generation"] for row in rows) - 7, {}
     for row in rows:
         for key in ((row["replicate"], row["generation"]), row["replicate"]):
@@ -61,7 +56,7 @@ def test_the_page_s_table_of_evolutions(results):
     runs = [row for key, row in fittest.items() if isinstance(key, int)]
     clean = [row for row in rows if row["finished_at"]]
     without = [row for row in rows if not row["use_hop_count"]]
-    cells = [
+    return [
         "{1:.3f} ({0:.3f} to {2:.3f})".format(*np.quantile(late, [0.25, 0.5, 0.75])),
         *(
             f"{np.median(values):.0f} ({min(values):.0f} to {max(values):.0f})"
@@ -70,7 +65,22 @@ def test_the_page_s_table_of_evolutions(results):
         f"{100 * np.mean([row['finished_at'] < 250 for row in clean]):.0f} %",
         f"{sum(row['delivered'] == 72 for row in without)} of {len(without)}",
     ]
-    place = ["results", "results-cells", "results-selected"].index(results)
+
+
+def table(head):
+    """Cells of the page's table that begins so, without its head, by rows."""
     page = (ROOT / "docs" / "readings.md").read_text()
-    table = page[page.index("| | the paper | default") :].split("\n\n")[0].splitlines()[2:]
-    assert [line.split("|")[3 + place].strip() for line in table] == cells
+    lines = page[page.index(head) :].split("\n\n")[0].splitlines()[2:]
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+
+
+@pytest.mark.parametrize(
+    ("results", "column"), [("results", 2), ("results-cells", 3), ("results-stops", 4), ("results-selected", 5)]
+)
+def test_the_page_s_table_of_evolutions(results, column):
+    assert [row[column] for row in table("| | the paper | default")] == told(f"{results}/evolve-paper")
+
+
+def test_the_page_s_table_of_stops():
+    parts = ("results-cells/evolve-paper", *(f"results-stops/{name}" for name in ("share-25", "evolve-paper", "share-50")))
+    assert [row[1:] for row in table("| stops, with `cells`")] == [told(part)[:3] for part in parts]
