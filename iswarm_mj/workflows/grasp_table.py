@@ -8,7 +8,7 @@ import numpy as np
 
 from iswarm_mj.gripper.bench.run_trials import Outcomes
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
-from iswarm_mj.gripper.laws.humidity import humid_work
+from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.melting import melts
 from iswarm_mj.workflows.grasp_settings import Case, GraspSettings
 
@@ -71,7 +71,7 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
     """Rows of the i-th case."""
     protocol, trial = settings.protocol, case.trial
     tool, substrate = (
-        float(humid_work(work, trial.relative_humidity))
+        float(work * humidity_factor(trial.relative_humidity))
         for work in (trial.work_tool_object, trial.work_object_substrate)
     )
     impl, ramp_step = settings.impl if settings.engine == "mjx" else "c", protocol.ramp_rate * outcomes.timestep

@@ -24,7 +24,7 @@ from iswarm_mj.gripper.laws.detachment import (
     grasp_voltage,
     release_voltage,
 )
-from iswarm_mj.gripper.laws.humidity import humid_work
+from iswarm_mj.gripper.laws.humidity import humidity_factor
 
 IDEAL = Contacts(leak=0.0, restitution=0.0)
 """A potential that switches, and impacts without rebound."""
@@ -44,7 +44,9 @@ def laws(trials):
     """Quasi-static grasp and release voltages."""
     rows = []
     for t in trials:
-        tool, substrate = (humid_work(w, t.relative_humidity) for w in (t.work_tool_object, t.work_object_substrate))
+        tool, substrate = (
+            w * humidity_factor(t.relative_humidity) for w in (t.work_tool_object, t.work_object_substrate)
+        )
         rows.append((grasp_voltage(t.radius, tool, substrate), release_voltage(t.radius, tool)))
     return np.array(rows).T
 
