@@ -21,7 +21,7 @@ OF_CURVES = {*_BALL, "force_curve", "voltages", "out", *(f"{part}.{name}" for pa
 class Grasp(GraspSettings):
     """Grasp and release single balls on the bench; writes trials.parquet, trials.csv, figures and recordings."""
 
-    MAIN: ClassVar = ("radius", "rh", "repeats", "seed", "engine", "record", "force_curve", "voltages", "out")
+    MAIN: ClassVar = ("radius", "rh", "repeats", "seed", "record", "force_curve", "voltages", "out")
 
     record: Annotated[tuple[int, ...], Within(0)] = (0,)
     """Indices of the trials to record, ordered by radius, then humidity, then repeat; none if empty."""

@@ -14,7 +14,6 @@ from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.utils.files import remove
-from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_table
@@ -54,14 +53,12 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
         check_recordings()
     from iswarm_mj.output.plot_trials import draw_figures
 
-    if settings.engine == "mjx":
-        configure_jax()
     listed = cases(settings)
     with locked(out):
         started = time.perf_counter()
         with Progress(len(listed), "trial", waiting="compiling the bench and its forces") as bar:
             trials = [case.trial for case in listed]
-            outcomes = run_trials(trials, settings.protocol, settings.engine_choice, settings.gaps, bar.update)
+            outcomes = run_trials(trials, settings.protocol, settings.gaps, settings.threads, bar.update)
         seconds = time.perf_counter() - started
         rows = trial_rows(settings, listed, outcomes)
         mappings = [row._asdict() for row in rows]
@@ -71,7 +68,7 @@ def run_grasp(settings: GraspSettings, out: Path, record: Sequence[int]) -> list
         draw_figures(mappings, settings.metadata(), out)
         for number in record:
             _record(settings, listed[number], outcomes.grasp.voltage[number], out / f"trial-{number:04d}.rrd")
-    lines = [*summary(settings, rows), ("time", f"{seconds:.1f} s, {settings.engine}"), ("results", str(out))]
+    lines = [*summary(settings, rows), ("time", f"{seconds:.1f} s"), ("results", str(out))]
     print("\n".join(f"{name:>12}  {text}" for name, text in lines))
     return rows
 

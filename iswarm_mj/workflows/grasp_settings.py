@@ -2,15 +2,15 @@
 
 from dataclasses import asdict, dataclass, field
 from itertools import product
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.run_trials import EngineChoice, Gaps
+from iswarm_mj.gripper.bench.run_trials import Gaps
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.roughness import Surface, effective_work
-from iswarm_mj.utils.constraints import Needs, Within, check, spaced, validate
+from iswarm_mj.utils.constraints import Within, check, spaced, validate
 from iswarm_mj.utils.errors import ConfigError
 
 CALIBRATION = (
@@ -29,7 +29,7 @@ _GAP = Within(0.5e-6, 50e-6, "m")
 
 @dataclass(frozen=True)
 class GraspSettings:
-    """The trials, and the engine in which they run; also flags of their command. SI units.
+    """The trials; also flags of their command. SI units.
 
     Raises:
         ConfigError: values out of range, no radius or humidity, or too many trials.
@@ -57,12 +57,8 @@ class GraspSettings:
     """Gaps to the plate at which a ball is released [m]."""
     no_contact_gap: Annotated[tuple[float, ...], _GAP] = (1e-6, 2e-6, 5e-6)
     """Gaps to the ball at which the tool stops in attempts without contact [m]."""
-    engine: Literal["mujoco", "mjx"] = "mujoco"
-    """Physics engine: mujoco (C, on CPUs), or mjx (JAX, on GPUs and CPUs)."""
-    impl: Annotated[Literal["jax", "warp"], Needs("engine", ("mjx",))] = "jax"
-    """Implementation of mjx."""
-    threads: Annotated[int, Within(0, 1024), Needs("engine", ("mujoco",))] = 0
-    """Threads of the C engine, 0 for one per core; the results do not depend on it."""
+    threads: Annotated[int, Within(0, 1024)] = 0
+    """Threads, 0 for one per core; the results do not depend on it."""
     protocol: Protocol = field(default_factory=Protocol)
     contacts: Contacts = field(default_factory=Contacts)
     """Conduction, breakdown and impacts of the ball's contacts."""
@@ -95,11 +91,6 @@ class GraspSettings:
         return len(self.radii) * len(self.humidities) * self.repeats
 
     @property
-    def engine_choice(self) -> EngineChoice:
-        """Where the trials run."""
-        return EngineChoice(self.engine, self.impl, self.threads)
-
-    @property
     def gaps(self) -> Gaps:
         """Gaps of releases and of attempts without contact, each once."""
         return Gaps(tuple(dict.fromkeys(self.gap)), tuple(dict.fromkeys(self.no_contact_gap)))
@@ -114,8 +105,6 @@ class GraspSettings:
             "seed": self.seed,
             "release_gaps": self.gap,
             "no_contact_gaps": self.no_contact_gap,
-            "engine": self.engine,
-            "impl": self.impl,
             "protocol": asdict(self.protocol),
             **{name: getattr(self, name)._asdict() for name in ("contacts", "tool", "plate")},
             "calibration": {name: getattr(self, name.lower(), getattr(detachment, name)) for name in CALIBRATION},

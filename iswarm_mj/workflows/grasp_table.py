@@ -29,10 +29,6 @@ class TrialRow(NamedTuple):
     """W_TO at the trial's humidity [J/m^2]."""
     work_object_substrate: float
     """W_OS at the trial's humidity [J/m^2]."""
-    engine: str
-    """"mujoco" or "mjx"."""
-    impl: str
-    """"c", "jax" or "warp"."""
     experiment: str
     """"grasp", "release" or "no_contact"."""
     gap: float
@@ -74,13 +70,13 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
         float(work * humidity_factor(trial.relative_humidity))
         for work in (trial.work_tool_object, trial.work_object_substrate)
     )
-    impl, ramp_step = settings.impl if settings.engine == "mjx" else "c", protocol.ramp_rate * outcomes.timestep
+    ramp_step = protocol.ramp_rate * outcomes.timestep
 
     def row(experiment: str, gap: float, found: Any, limit: float, step: float, law: Any, **more: Any) -> TrialRow:
         """A row from an outcome, up to a voltage, and from the law."""
         return TrialRow(
             *(trial.radius, case.humidity, trial.relative_humidity, case.repeat, settings.seed, tool, substrate),
-            *(settings.engine, impl, experiment, gap, _number(found.voltage[i]), limit, step),
+            *(experiment, gap, _number(found.voltage[i]), limit, step),
             quasi_static_voltage=float(law),
             faulty=bool(found.faulty[i]),
             **({"melted": False} | more),

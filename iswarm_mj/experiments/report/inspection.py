@@ -136,7 +136,7 @@ def _table(path: Path) -> list[str]:
             f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s), in {BEST}",
         ]
     if path.name in (TRIALS, CURVES):
-        return [f"{path.stem} on {settings['engine']}: {of}"]
+        return [f"{path.stem}: {of}"]
     title = f"experiment {name}{' --quick' * bool(settings['quick'])} on {settings['engine']}: {of}"
     findings = EXPERIMENTS[str(name)].findings(rows)
     return [title, *(f"  {each.verdict or '-'}: {each.claim}: {each.ours}" for each in findings)]

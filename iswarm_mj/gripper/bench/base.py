@@ -1,6 +1,6 @@
-"""The interface of the bench's engines: B benches, each with a ball and a tool that can be moved."""
+"""Moves of the tool on a bench, and what is seen of its ball."""
 
-from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -12,7 +12,7 @@ Each: TypeAlias = Any
 
 
 class Move(NamedTuple):
-    """A move of the tool and its voltage to their targets, see `Bench.move`."""
+    """A move of the tool and its voltage to their targets, see `MujocoBench.move`."""
 
     phase: str
     duration: float
@@ -42,49 +42,3 @@ class Watch(NamedTuple):
     """Speed of the ball at the end [m/s]."""
     finite: Each
     """Whether the state is finite."""
-
-
-@runtime_checkable
-class Bench(Protocol):
-    """B benches, built from B trials and the initial gap between tool and ball.
-
-    At the start the ball rests on the plate, the tool is above it, and there is no voltage.
-    """
-
-    timestep: float
-    """[s]"""
-    steps: int
-    """Physics steps so far, summed over the benches."""
-
-    def move(
-        self,
-        phase: str,
-        duration: float,
-        tip: float,
-        voltage: Voltages,
-        active: Mask | None = None,
-        aside: float | None = None,
-    ) -> Watch:
-        """Integrate the physics while the tool moves along `minimum_jerk` and the voltage linearly to their targets.
-
-        Args:
-            phase: name of the phase, for recordings.
-            duration: rounded to a multiple of the time step [s].
-            tip: target height of the tool above its first touch of the ball at rest [m].
-            voltage: target voltage, one for all benches or one each (B,) [V].
-            active: (B,) benches of interest; all by default. The results of the others are meaningless.
-            aside: shift of the tool from where it started, by default none in this move [m].
-        """
-        ...
-
-    def off_axis(self) -> Float[np.ndarray, "B"]:
-        """Return how far each ball is from the tool's axis, along the way aside [m]."""
-        ...
-
-    def save(self) -> Any:
-        """Return the state of all benches."""
-        ...
-
-    def restore(self, state: Any) -> None:
-        """Return to a saved state."""
-        ...
