@@ -1,19 +1,17 @@
-"""`iswarm experiment` and `iswarm infer`."""
+"""`iswarm experiment`."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import tyro
 
 from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.commands.options import ManyRunsOptions
-from iswarm_mj.experiments.runner.limits import Combinations
-from iswarm_mj.strategy.genome import Genome, load_genome
-from iswarm_mj.utils.constraints import Needs, validate
+from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.utils.errors import UserError
 
-OWN_GENOMES = ("types", "time-step")
+OWN_GENOMES = ("types", "time-step", "infer")
 """Experiments that take the presets."""
 
 
@@ -54,30 +52,3 @@ class Experiment(ManyRunsOptions):
         plan = Plan(self.config, load_genome(self.genome), self.seed, self.quick)
         out = self.out or Path("runs/experiments") / (f"{self.name}-quick" if self.quick else self.name)
         run_experiment(experiment(self.name), plan, out, self.execution, self.again)
-
-
-@dataclass(frozen=True)
-class Infer(ManyRunsOptions):
-    """Run combinations of interpretations on the paper's figures and report which agree with its numbers."""
-
-    MAIN: ClassVar = ("combinations", "quick", "seed", "engine", "workers", "again", "out")
-
-    combinations: Annotated[Combinations, Needs("quick", (False,))] = 512
-    """Number of combinations, drawn evenly over all choices."""
-    quick: bool = False
-    """A version of about a minute, with 8 combinations and short runs."""
-    again: bool = False
-    """Repeat runs that --out already holds."""
-    out: Path = Path("runs/infer")
-    """Directory for the results; an interrupted run resumes there."""
-
-    def __post_init__(self):
-        validate(self)
-
-    def run(self) -> None:
-        """Run the command."""
-        from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
-        from iswarm_mj.experiments.studies.infer import experiment_of
-
-        plan = Plan(self.config, Genome(), self.seed, self.quick)
-        run_experiment(experiment_of(self.combinations), plan, self.out, self.execution, self.again)
