@@ -84,7 +84,7 @@ def test_a_search_that_was_killed_has_a_table(tmp_path, ended):
         shutil.copy(ROOT / "results/evolve-cmaes" / name, tmp_path)
     journal_of_two(tmp_path / "checkpoint.sqlite")
     text = inspection(tmp_path)
-    assert ("interrupted: 2 finished runs of a search" in text and "--resume goes on" in text) != ended
+    assert ("interrupted: 2 finished runs of a search" in text and "same command goes on" in text) != ended
 
 
 def test_faults_that_are_no_list(run, tmp_path):

@@ -96,10 +96,9 @@ def _about(directory: Path) -> Iterator[str]:
     for name, kind in _JOURNALS.items():
         if (directory / name).is_file():
             kept = f"{count(directory / name)} finished runs of {kind} are kept in {name}"
-            flag = " with --resume" * (name == CHECKPOINT)
             # A search writes its table as it goes on, and its best genome at the end.
             ended = (directory / BEST).is_file() if name == CHECKPOINT else bool(there)
-            yield kept if ended else f"interrupted: {kept}; the same command{flag} goes on"
+            yield kept if ended else f"interrupted: {kept}; the same command goes on"
 
 
 def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:

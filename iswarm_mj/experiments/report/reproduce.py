@@ -129,7 +129,7 @@ def parts_of(plans: Plans, only: Sequence[str] = ()) -> list[Part]:
         found.append(Part(name, each.table, settings_of(each, plan, own), make))
     for name, method in zip(SEARCHES, METHODS, strict=True):
         search = replace(plans.search, method=method)
-        make = partial(run_search, search, execution=execution, resume=True)
+        make = partial(run_search, search, execution=execution)
         found.append(Part(name, SEARCH, settings_of_search(search, execution), make))
     if unknown := [name for name in only if name not in (names := [part.name for part in found])]:
         raise UserError(f"The part was {unknown[0]!r}; there are {', '.join(names)}: choose of these with `only`.")

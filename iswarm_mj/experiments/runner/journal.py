@@ -97,7 +97,7 @@ class Journal:
             if different := [f"{n}: {shown(was.get(n))} there, {shown(now.get(n))} now" for n in names]:
                 raise UserError(
                     f"{self._path} was created with different {what} ({', '.join(different[:3])}); "
-                    "resume with those it was created with, or choose another `out`"
+                    "repeat it with those it was created with, or choose another `out`"
                 )
 
     @contextmanager
