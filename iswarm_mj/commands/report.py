@@ -58,8 +58,6 @@ class Reproduce(ManyRunsOptions):
     """A trial of some minutes with few and short runs, away from the results and without tables in README and docs."""
     again: bool = False
     """Make also what is there, from the beginning."""
-    same_engine: bool = False
-    """Make again what another engine than --engine computed."""
     replicates: Annotated[Repeats, Needs("quick", (False,))] = 16
     """Of each search."""
     trials: Annotated[int, Within(1, 10_000), Needs("quick", (False,))] = 20
@@ -93,9 +91,9 @@ class Reproduce(ManyRunsOptions):
             rewrite(places)
             return
         if self.list:
-            print(listing(parts_of(self._plans, self.only), results, self.same_engine))
+            print(listing(parts_of(self._plans, self.only), results))
         else:
-            reproduce(self._plans, places, self.only, self.again, self.same_engine)
+            reproduce(self._plans, places, self.only, self.again)
 
     @property
     def _pages(self) -> Sequence[Path]:

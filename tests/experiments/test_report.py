@@ -151,7 +151,7 @@ def figures(monkeypatch):
 
 @pytest.mark.usefixtures("few_pixels")
 def test_figures_of_a_directory_are_drawn_beside_their_tables(tmp_path, figures):
-    """Runs that did not end are triangles; an SVG file is kept where one was; the pattern of light needs no table."""
+    """Runs that did not end are triangles; an SVG file is kept where one was."""
     for name in ("hop-count/hop_count.parquet", "grasp/trials.parquet"):
         (tmp_path / name).parent.mkdir()
         shutil.copy(ROOT / "results" / name, tmp_path / name)
@@ -160,12 +160,11 @@ def test_figures_of_a_directory_are_drawn_beside_their_tables(tmp_path, figures)
     drawn = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*") if path.suffix in (".png", ".svg")}
     names = ("grasp_voltage", "grasp_voltage_humidity", "release_voltage", "no_contact")
     assert drawn == {
-        "light.png",
         "hop-count/hop_count.png",
         "hop-count/hop_count.svg",
         *(f"grasp/{name}.png" for name in names),
     }
-    panels = figures[-2][1]  # before the pattern of light
+    panels = figures[-1][1]
     counts = [sum(len(line.get_xdata()) for line in axes.lines if line.get_marker() == "^") for axes in panels]
     assert counts == [12, 0, 0, 0]
 

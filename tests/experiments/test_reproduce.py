@@ -76,7 +76,6 @@ def test_what_differs_is_made_again(jobs, tmp_path, capsys):
     assert listed("--seed", "3") == "made with another seed"
     assert listed("--optics.wall-range", "2") == "made with another config"
     assert listed("--engine", "planar") == "there"
-    assert listed("--engine", "planar", "--same-engine").startswith("made with another accuracy, another engine")
     write_table(path, rows, settings | {"version": "0"})
     assert listed() == "made with another version"
     path.write_bytes(b"PAR1")

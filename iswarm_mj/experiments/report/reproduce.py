@@ -29,7 +29,6 @@ from iswarm_mj.experiments.runner.search import run_search
 from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
 from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.output.plot_light import draw_light
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory, remove
 from iswarm_mj.utils.lock import locked
@@ -39,8 +38,6 @@ from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 OWN_ENGINE = ("time-step", "resolved-grasps")
 """Experiments that are about planar with MuJoCo's time step, or have too many runs for others."""
-LIGHT = "light"
-"""Figure of the pattern of a robot's light, which needs no runs."""
 PUBLISHED = ("*.png", "best*.json")
 """What is kept of a part beside its table."""
 
@@ -79,13 +76,8 @@ class Part:
     make: Callable[..., Any]
     """Writes the results into a directory, resuming what is there unless called with `again`."""
 
-    def lacks(self, results: Path, same_engine: bool = False) -> str:
-        """Why the part has to be made, in words; empty if its table is there.
-
-        Args:
-            results: directory of all parts.
-            same_engine: whether a table that another engine computed does not do.
-        """
+    def lacks(self, results: Path) -> str:
+        """Why the part has to be made, in words; empty if its table is there below `results`, of whichever engine."""
         path = results / self.name / self.table
         if not path.is_file():
             return "not there"
@@ -94,7 +86,7 @@ class Part:
         except UserError:
             return "not readable"
         wanted = json.loads(json.dumps({**self.settings, "version": __version__}))
-        ignored = () if same_engine or self.name in OWN_ENGINE else IDENTITY
+        ignored = () if self.name in OWN_ENGINE else IDENTITY
         names = {name for name in {*wanted, *settings} if wanted.get(name) != settings.get(name)}.difference(ignored)
         return f"made with another {', another '.join(sorted(names))}" if names else ""
 
@@ -136,15 +128,13 @@ def parts_of(plans: Plans, only: Sequence[str] = ()) -> list[Part]:
     return [part for part in found if not only or part.name in only]
 
 
-def listing(parts: Sequence[Part], results: Path, same_engine: bool = False) -> str:
+def listing(parts: Sequence[Part], results: Path) -> str:
     """What is there and what has to be made, a line each."""
     width = max(len(part.name) for part in parts)
-    return "\n".join(f"{part.name:{width}}  {part.lacks(results, same_engine) or 'there'}" for part in parts)
+    return "\n".join(f"{part.name:{width}}  {part.lacks(results) or 'there'}" for part in parts)
 
 
-def reproduce(
-    plans: Plans, places: Places, only: Sequence[str] = (), again: bool = False, same_engine: bool = False
-) -> None:
+def reproduce(plans: Plans, places: Places, only: Sequence[str] = (), again: bool = False) -> None:
     """Make the parts that are not there, then findings, tables and the report from all results.
 
     A part is made in a directory of its own, from which it can go on after an interruption, and its table, figures and
@@ -155,7 +145,6 @@ def reproduce(
         places: where.
         only: names of the parts to make; all if there are none.
         again: make all of them, from the beginning.
-        same_engine: make those too that another engine computed.
 
     Raises:
         UserError: a table is damaged, a page has an unknown block, or something cannot be written.
@@ -164,13 +153,11 @@ def reproduce(
     parts = parts_of(plans, only)
     make_output_directory(places.results, setting="results")
     with locked(places.out):
-        print(listing(parts, places.results, same_engine), flush=True)
+        print(listing(parts, places.results), flush=True)
         for part in parts:
-            if again or part.lacks(places.results, same_engine):
+            if again or part.lacks(places.results):
                 part.make(places.out / part.name, again=again)
                 part.publish(places.out / part.name, places.results)
-        for path in draw_light(places.out / LIGHT):
-            shutil.copyfile(path, places.results / path.name)
         rewrite(places)
         report([places.results], places.out / "report.html")
 
@@ -202,7 +189,6 @@ def redraw(results: Path) -> list[Path]:
     """
     kept = set(results.glob("**/*.svg"))
     drawn = [path for result in collect([results]).values() for path in result.draw(result.path.parent)]
-    drawn += draw_light(results / LIGHT)
     for path in drawn:
         if (drawing := path.with_suffix(".svg")) not in kept:
             remove(drawing)
