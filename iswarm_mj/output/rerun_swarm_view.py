@@ -13,7 +13,8 @@ from jaxtyping import Float
 from iswarm_mj.output import palette, rerun_names
 from iswarm_mj.output.memory import vectors
 from iswarm_mj.output.palette import Rgb, rgb
-from iswarm_mj.output.rerun_names import AREAS, BALLS, LINKS, METRICS, ROBOTS, SERIES, SHARES, UNITS
+from iswarm_mj.output.rerun_names import AREAS, METRICS, SERIES, SHARES, UNITS
+from iswarm_mj.output.schema import BALLS, LINKS, ROBOTS
 from iswarm_mj.output.shapes import FRONT_RADIUS, MILLIMETRES, SHEET, Boxes, arena_boxes
 from iswarm_mj.output.swarm_classes import BALL_CLASSES, LINK_CLASSES, shown_classes
 from iswarm_mj.output.trajectory import Scene
