@@ -37,7 +37,6 @@ class Reproduce(ManyRunsOptions):
         "only",
         "list",
         "tables",
-        "figures",
         "quick",
         "again",
         "reading",
@@ -52,8 +51,6 @@ class Reproduce(ManyRunsOptions):
     """Say which parts are there, and why the others have to be made."""
     tables: bool = False
     """Rewrite the findings and the tables from existing results, without runs."""
-    figures: bool = False
-    """Redraw the figures of the results from their tables, without runs."""
     quick: bool = False
     """A trial of some minutes with few and short runs, away from the results and without tables in README and docs."""
     again: bool = False
@@ -74,23 +71,18 @@ class Reproduce(ManyRunsOptions):
 
     def run(self) -> None:
         """Run the command."""
-        allowed = {"tables": {"results", "out", "pages"}, "figures": {"results"}}
-        for mode in [mode for mode in allowed if getattr(self, mode)]:
-            others = [name for name in changed(self) if name not in allowed[mode] | {mode}]
-            refuse(self, others, f"with `{mode}`, which makes no runs")
+        if self.tables:
+            others = [name for name in changed(self) if name not in ("tables", "results", "out", "pages")]
+            refuse(self, others, "with `tables`, which makes no runs")
         refuse(self, ["again"] if self.list else [], "with `list`")
-        from iswarm_mj.experiments.report.reproduce import Places, listing, parts_of, redraw, reproduce, rewrite
+        from iswarm_mj.experiments.report.reproduce import Places, listing, parts_of, reproduce, rewrite
 
         out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
         results = self.results or (out / "results" if self.quick else Path("results"))
         places = Places(results, out, self._pages)
-        if self.figures:
-            print("\n".join(map(str, redraw(results))))
-            return
         if self.tables:
             rewrite(places)
-            return
-        if self.list:
+        elif self.list:
             print(listing(parts_of(self._plans, self.only), results))
         else:
             reproduce(self._plans, places, self.only, self.again)

@@ -64,17 +64,14 @@ class Laws:
         return release_voltage(radius, self._tool * humidity_factor(percent), gap, self._probe)
 
 
-def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Path]:
-    """Draw what the rows have: grasp voltages, release voltages, attempts without contact.
+def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> None:
+    """Draw what the rows have, as PNG and SVG: grasp voltages, release voltages, attempts without contact.
 
     Args:
         rows: of the table of trials, SI. Those that are faulty are left out, and the figure says how many.
         settings: of the run; its `calibration`, constants of `detachment` by their names, is behind the lines of the
             force laws. Absent ones are those of `detachment` itself.
         out: directory.
-
-    Returns:
-        Paths of the PNG files; an SVG file lies beside each.
     """
     laws = Laws(settings)
     grasp, release, attempts = (
@@ -85,11 +82,14 @@ def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Pat
     for gap in sorted({row["gap"] for row in release}):
         name = "release_voltage" if gap == RELEASE_GAP else f"release_voltage_{gap * UM:g}um"
         groups[name] = [row for row in release if row["gap"] == gap]
-    drawn = [_draw_voltages(out / name, group, laws) for name, group in groups.items() if group]
-    return drawn + ([_draw_attempts(out / "no_contact", attempts, laws)] if attempts else [])
+    for name, group in groups.items():
+        if group:
+            _draw_voltages(out / name, group, laws)
+    if attempts:
+        _draw_attempts(out / "no_contact", attempts, laws)
 
 
-def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
+def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> None:
     """Draw the least voltages of grasp or of release trials against the radius, a colour for each humidity.
 
     Args:
@@ -118,7 +118,6 @@ def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
         span = " to ".join(map(str, sorted({min(counts), max(counts)})))
         caption += f"\nn = {span} trials at each radius and humidity. Tests stand in the findings."
         _finish(axes, title, rows, caption + (_landings(rows) if name == "release" else ""))
-    return path.with_name(path.name + ".png")
 
 
 def _draw_group(axes: Axes, rows: Rows, law: Callable[..., Quantity], hue: str, mark: str) -> None:
@@ -146,7 +145,7 @@ def _points(axes: Axes, rows: Rows, x: str, y: str, **style: Any) -> None:
         axes.plot(column(rows, x) * UM, column(rows, y), ls="none", mfc="none", rasterized=many, **style)
 
 
-def _draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
+def _draw_attempts(path: Path, rows: Rows, laws: Laws) -> None:
     """Draw attempts to lift a ball across a gap: where it was lifted, or up to which voltage it was not.
 
     Args:
@@ -169,7 +168,6 @@ def _draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
         axes.set(xlabel="gap between tool and ball at the start [µm]", ylabel="voltage [V]")
         axes.set_ylim(0, 2 * max(PAPER_NO_CONTACT, *column(rows, "limit_voltage")))
         _finish(axes, "Attempts without contact", rows, _FITTED["no_contact"])
-    return path.with_name(path.name + ".png")
 
 
 def column(rows: Rows, name: str) -> np.ndarray:

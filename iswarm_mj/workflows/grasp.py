@@ -97,8 +97,8 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
             trial = of_settings(settings, Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity))
             rows += force_curve(trial, settings.protocol, voltage)
         write_table(out / CURVES, rows, metadata, csv=True, units=UNITS)
-        path = draw_force_curve(rows, metadata, out)
-    print(f"{len(settings.radii) * len(voltages)} force-distance curves at {humidity:g} % RH: {out / CURVES}, {path}")
+        draw_force_curve(rows, metadata, out)
+    print(f"{len(settings.radii) * len(voltages)} force-distance curves at {humidity:g} % RH: {out / CURVES}")
     return rows
 
 

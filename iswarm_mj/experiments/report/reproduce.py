@@ -177,19 +177,3 @@ def rewrite(places: Places) -> None:
         with atomic_write(path) as part:
             part.write_text(text, encoding="utf-8")
     print(f"findings in {places.results}" + "".join(f"\ntables in {path}" for path in texts))
-
-
-def redraw(results: Path) -> list[Path]:
-    """Draw the figures of all tables below a directory, each beside its table; return the paths of the PNG files.
-
-    Drawings of single runs stay as they are, since tables do not have them. An SVG file is kept where one was before.
-
-    Raises:
-        UserError: there is no such directory, or a file cannot be written.
-    """
-    kept = set(results.glob("**/*.svg"))
-    drawn = [path for result in collect([results]).values() for path in result.draw(result.path.parent)]
-    for path in drawn:
-        if (drawing := path.with_suffix(".svg")) not in kept:
-            remove(drawing)
-    return drawn

@@ -239,11 +239,11 @@ def findings(rows: Rows) -> list[Finding]:
     return listed
 
 
-def draw(rows: Rows, path: Path) -> list[Path]:
+def draw(rows: Rows, path: Path) -> None:
     """Draw how many statements are reproduced, and the support of each choice."""
     every = [c for c in combinations_of(rows) if c.reading is None or c.is_named]
     texts = sorted(ASKED, key=lambda text: not ASKED[text].selects)  # those that select first
-    return draw_support(every, supported([c for c in every if c.reading is None]), texts, path)
+    draw_support(every, supported([c for c in every if c.reading is None]), texts, path)
 
 
 EXPERIMENT = Experiment(
