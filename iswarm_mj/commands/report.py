@@ -1,9 +1,9 @@
 """`iswarm report` and `iswarm reproduce`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.commands.options import ManyRunsOptions
@@ -75,17 +75,20 @@ class Reproduce(ManyRunsOptions):
             others = [name for name in changed(self) if name not in ("tables", "results", "out", "pages")]
             refuse(self, others, "with `tables`, which makes no runs")
         refuse(self, ["again"] if self.list else [], "with `list`")
-        from iswarm_mj.experiments.report.reproduce import Places, listing, parts_of, reproduce, rewrite
+        from iswarm_mj.experiments.report.reproduce import listing, parts_of, reproduce, rewrite
+        from iswarm_mj.experiments.runner.experiment import Plan
 
         out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
         results = self.results or (out / "results" if self.quick else Path("results"))
-        places = Places(results, out, self._pages)
         if self.tables:
-            rewrite(places)
-        elif self.list:
-            print(listing(parts_of(self._plans, self.only), results))
+            rewrite(results, self._pages)
+            return
+        plan = Plan(self.config, seed=self.seed, quick=self.quick)
+        parts = parts_of(plan, self.execution, self.replicates, self.trials, self.only)
+        if self.list:
+            print(listing(parts, results))
         else:
-            reproduce(self._plans, places, self.only, self.again)
+            reproduce(parts, results, out, self._pages, self.again)
 
     @property
     def _pages(self) -> Sequence[Path]:
@@ -97,27 +100,3 @@ class Reproduce(ManyRunsOptions):
             for path in (Path("README.md"), *sorted(Path("docs").glob("*.md")), Path("results/README.md"))
             if path.is_file()
         ]
-
-    @property
-    def _plans(self) -> Any:
-        """Settings of all parts; the quick ones are just enough for each step to be taken."""
-        from iswarm_mj.experiments.analysis.bench_statements import TRANSPORT
-        from iswarm_mj.experiments.report.reproduce import Plans
-        from iswarm_mj.experiments.runner.experiment import Plan
-        from iswarm_mj.experiments.runner.search_settings import Search
-        from iswarm_mj.gripper.bench.contacts import Contacts
-        from iswarm_mj.gripper.bench.protocol import Protocol
-        from iswarm_mj.workflows.grasp_settings import GraspSettings
-
-        search, repeats = Search(config=self.config, seed=self.seed, replicates=self.replicates), self.trials
-        if self.quick:
-            search, repeats = replace(search, generations=3, population=4, steps=60, replicates=2), 1
-        trials = GraspSettings(
-            ("15e-6:25e-6:6",),
-            (5.0, 10.0, 30.0, 50.0),
-            repeats=repeats,
-            seed=self.seed,
-            protocol=Protocol(transport=TRANSPORT),
-            contacts=Contacts(rolling=50e-9),
-        )
-        return Plans(Plan(self.config, seed=self.seed, quick=self.quick), search, trials, self.execution)

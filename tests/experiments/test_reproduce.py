@@ -123,7 +123,7 @@ def test_a_page_that_cannot_be_filled_leaves_all_as_it_was(jobs, tmp_path, capsy
 @pytest.mark.parametrize(
     "flags, said",
     [
-        (["--only", "densty"], "The part was 'densty'; there are grasp, hop-count, density,"),
+        (["--only", "densty"], "--only must be grasp or hop-count or density or"),
         (["--tables", "--quick"], "--quick has no effect with --tables"),
         (["--replicates", "0"], "--replicates must be"),
         (["--trials", "0"], "--trials must be"),

@@ -19,7 +19,6 @@ from iswarm_mj.experiments.analysis.plots import (
 from iswarm_mj.experiments.runner.experiment import Experiment
 from iswarm_mj.experiments.studies import infer, observed, plans
 from iswarm_mj.utils.constraints import constraint_of
-from iswarm_mj.utils.errors import UserError, closest, shown
 
 
 def findings(name: str, rows: Rows) -> list[Finding]:
@@ -114,19 +113,6 @@ EXPERIMENTS = {
     name: Experiment(name, title, source, plans.ENTRIES[name], partial(findings, name), figure, _EXTRA.get(name))
     for name, source, title, figure in _LISTED
 } | {"infer": infer.EXPERIMENT}
-
-
-def experiment(name: str) -> Experiment:
-    """Return an experiment by its name.
-
-    Raises:
-        UserError: there is none of this name.
-    """
-    if name not in EXPERIMENTS:
-        match = closest(name, EXPERIMENTS)
-        similar = f"; perhaps you meant {match}" if match else ""
-        raise UserError(f"there is no experiment {shown(name)!r}{similar}; choose {', '.join(EXPERIMENTS)}")
-    return EXPERIMENTS[name]
 
 
 def listing() -> str:
