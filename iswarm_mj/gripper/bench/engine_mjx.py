@@ -10,8 +10,8 @@ import mujoco
 
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.gripper import mjx_forces
-from iswarm_mj.gripper.bench.base import Watch
 from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, plugin_numbers
+from iswarm_mj.gripper.bench.script import Watch
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.gripper.mjx_forces import Force, GripperForces, gripper_force, gripper_forces

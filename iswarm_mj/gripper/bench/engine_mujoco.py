@@ -11,7 +11,6 @@ from mujoco.batch import Batch
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.engines.mujoco_warnings import keep_no_log
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch
 from iswarm_mj.gripper.bench.model import (
     STATE,
     Recorded,
@@ -22,7 +21,7 @@ from iswarm_mj.gripper.bench.model import (
     start,
     usual_model,
 )
-from iswarm_mj.gripper.bench.script import first_gaps
+from iswarm_mj.gripper.bench.script import Mask, Voltages, Watch, first_gaps
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
 

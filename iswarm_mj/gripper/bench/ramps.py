@@ -10,10 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.bench import script
-from iswarm_mj.gripper.bench.base import Mask
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.script import START, Progress, Ramp
+from iswarm_mj.gripper.bench.script import START, Mask, Progress, Ramp
 from iswarm_mj.gripper.laws.numbers import in_arrays
 
 _script = in_arrays(script, np)

@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.script import hangs, is_lifted, lifting, touching
+from iswarm_mj.gripper.bench.script import Mask, Voltages, Watch, hangs, is_lifted, lifting, touching
 
 STRIDE = 1.0
 """Step in which the voltage rises until a ball is lifted [V]."""
