@@ -25,9 +25,13 @@ ARGUMENTS = {
         *("--task", f"{EXAMPLES}/two_kinds.py:ByKind", "--strategy", "beeclust"),
         *("--robot", f"{EXAMPLES.parent}/models/robot.xml:9", "large.xml:7"),
     ),
+    "sort": (
+        *("--task", f"{EXAMPLES}/sort.py:Sort", "--strategy", f"{EXAMPLES}/sort.py:BySize", "--arena.size=30"),
+        *("--arena.ball-radius-min=12e-6", "--arena.ball-radius-max=28e-6"),
+    ),
     "clusters": ("--task", f"{EXAMPLES}/clusters.py:Clusters", "--strategy", f"{EXAMPLES}/clusters.py:Cluster", *FLAGS),
 }
-AT_END = {"contest": {}, "failures": {"failed": 4}, "clusters": {}, "explore": {}, "boxes": {}, "two_kinds": {}}
+AT_END = {"failures": {"failed": 4}}
 """Metrics that are certain."""
 
 
@@ -40,4 +44,16 @@ def test_an_example_runs(name, engine, tmp_path, monkeypatch):
     assert code_of("run", *ARGUMENTS[name], *size, f"--engine={engine}") == 0
     saved = iswarm_mj.load("runs/task")
     assert saved.result["steps"] == 40
-    assert AT_END[name].items() <= saved.metrics[0].items()
+    assert AT_END.get(name, {}).items() <= saved.metrics[0].items()
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "planar"])
+def test_balls_are_sorted_by_size_and_each_lies_where_it_belongs(engine, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert code_of("run", *ARGUMENTS["sort"], "--robots=80", "--steps=150", f"--engine={engine}") == 0
+    arrays = iswarm_mj.load("runs/task").arrays
+    before, after = arrays["ball_position"][[0, -1], :, 0] > 0
+    is_large = arrays["scene_ball_radius"] > 20e-6
+    assert (before == is_large).mean() < 0.7
+    assert (after == is_large).mean() > 0.95
+    assert arrays["metric_sorted"][-1] == pytest.approx((after == is_large).mean())

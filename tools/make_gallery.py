@@ -51,6 +51,36 @@ CARDS = {
         "run --task aggregation --strategy beeclust --robots 120 --steps 410",
         Film(380, 410, frames_per_step=1, draws=()),
     ),
+    "contest": Card(
+        f"run {own('contest', 'Contest')} --strategy forager=0.5 type1=0.5 --robots 120 --steps 260",
+        Film(200, 230, frames_per_step=1, draws=()),
+    ),
+    "boxes": Card(
+        f"run {own('boxes', 'Push', 'Sweep')} --robots 80 --steps 600 --arena.size 30 --arena.boxes 0 6 1 1 0 1e-5 0.005 "
+        "-4 -5 1.5 0.8 30 1e-5 0.005 5 -7 0.8 0.8 0 8e-6 0.005",
+        Film(0, 600, speed=80, frames_per_step=1, draws=()),
+    ),
+    "two_kinds": Card(
+        f"run {own('two_kinds', 'ByKind')} --strategy beeclust --robot models/robot.xml:60 large.xml:40 --steps 400",
+        Film(370, 400, frames_per_step=1, draws=()),
+    ),
+    "explore": Card(
+        f"run {own('explore', 'Coverage', 'Explore')} --maze examples/maze.png --arena.dump-size 1 --robots 40 --steps 200",
+        Film(100, 200, frames_per_step=1, draws=()),
+    ),
+    "failures": Card(
+        f"run {own('failures', 'Failures')} --robots 200 --steps 300",
+        Film(100, 300, frames_per_step=1, draws=()),
+    ),
+    "sort": Card(
+        f"run {own('sort', 'Sort', 'BySize')} --robots 80 --steps 300 --arena.size 30 --arena.ball-radius-min 12e-6 "
+        "--arena.ball-radius-max 28e-6",
+        Film(0, 200, frames_per_step=1, draws=()),
+    ),
+    "clusters": Card(
+        f"run {own('clusters', 'Clusters', 'Cluster')} --steps 3000",
+        Film(0, 3000, frames_per_step=1, draws=()),
+    ),
     "six": Card(f"clean --robot models/robot6.xml --robots 40 {SMALL} --steps 60", Film(30, 60, frames_per_step=1)),
 }
 """Runs and what is shown of them; the first can be turned, on the first page."""

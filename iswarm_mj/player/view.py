@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.output import shapes
 from iswarm_mj.output.memory import vectors
-from iswarm_mj.output.palette import BOX, GREEN, PINK, SKY, WALL, YELLOW, rgb
+from iswarm_mj.output.palette import BOX, FLOOR, GREEN, PINK, SKY, WALL, YELLOW, rgb
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.player import scene as arrays
@@ -49,6 +49,7 @@ class SwarmView:
         self._drawn, self._step = drawn, None
         drawn.remove_by_name(_ROOT)
         self.root = drawn.add_frame(_ROOT, show_axes=False)
+        drawn.add_mesh_simple(f"{_ROOT}/floor", *shapes.floor(scene), color=rgb(FLOOR), side="double")
         for boxes in shapes.arena_boxes(scene):
             for k, (x, y, half_x, half_y, yaw) in enumerate(boxes.places):
                 drawn.add_box(
@@ -68,7 +69,8 @@ class SwarmView:
             "robots": self._batch("robots", trimesh.creation.box((1, 1, 1)), n, (0, 0, 0), batched_scales=sizes),
             "fronts": self._batch("fronts", front, n, (255, 255, 255), batched_scales=sizes),
         }
-        self._balls = self._batch("balls", trimesh.creation.icosphere(1, 0.25 * length), k, (0, 0, 0)) if k else None
+        ball, radii = trimesh.creation.icosphere(1, 0.25 * length), np.float32(scene.ball_radius)
+        self._balls = self._batch("balls", ball, k, (0, 0, 0), batched_scales=radii / radii.mean()) if k else None
         self._boxes = (
             self._batch("boxes", trimesh.creation.box((2, 2, height)), 0, rgb(BOX)) if len(scene.boxes) else None
         )

@@ -48,6 +48,16 @@ def test_robots_and_balls_are_where_the_engine_has_them(session):
     np.testing.assert_array_equal(shown.ball_colour, np.array(list(colours.values()))[expected])
 
 
+def test_balls_are_drawn_as_large_as_they_are(session):
+    server = open_server(9300)
+    try:
+        view = SwarmView(server.scene, session.scene)
+        np.testing.assert_allclose(view._balls.batched_scales, session.scene.ball_radius / 20e-6, rtol=0.2)
+        assert np.corrcoef(view._balls.batched_scales, session.scene.ball_radius)[0, 1] > 0.9999
+    finally:
+        close_server(server)
+
+
 def test_between_two_steps_robots_are_between(session):
     scene, before, after = last(session)
     first, middle, end = (arrays.moment(scene, before, after, share) for share in (0.0, 0.25, 1.0))

@@ -21,7 +21,7 @@ from iswarm_mj.output.reading import read_result
 from iswarm_mj.output.trajectory import RESULT
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import aligned, read_table
-from iswarm_mj.workflows.clean import summary
+from iswarm_mj.workflows.clean import strategy_of, summary
 from iswarm_mj.workflows.grasp import CURVES
 
 _JOURNALS = {RUNS: "an experiment or a sweep", CHECKPOINT: "a search"}
@@ -77,9 +77,7 @@ def _of_many(runs: Mapping[Path, Mapping[str, Any]]) -> list[str]:
         ["directory", "rules", "engine", "robots", "worlds", "steps", *(name.replace("_", " ") for name in measures)]
     ]
     for place, content in runs.items():
-        own = content.get("strategy")
-        rules = own.get("class") if isinstance(own, Mapping) else "genome"
-        facts = (rules, *(content.get(name) for name in ("engine", "n_robots", "n_worlds", "steps")))
+        facts = (strategy_of(content), *(content.get(name) for name in ("engine", "n_robots", "n_worlds", "steps")))
         lines.append([str(place), *map(str, facts), *(mean(content.get(name)) for name in measures)])
     return aligned(lines)
 
@@ -105,10 +103,8 @@ def _about(directory: Path) -> Iterator[str]:
 def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
     """Of `iswarm clean` and `iswarm run`."""
     engine = " ".join(str(content[name]) for name in ("engine", "impl") if name in content)
-    own = content.get("strategy")
-    what = f"strategy {own['class']}" if isinstance(own, Mapping) and "class" in own else "the paper's strategy"
     kind = "cleaning run" if "delivered" in content else "run of a task"
-    yield f"{kind} with {what} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
+    yield f"{kind} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
     if content.get("interrupted"):
         yield f"interrupted after {content.get('steps')} of {content.get('max_steps')} control steps"
     yield summary(content, directory)
