@@ -3,6 +3,7 @@
 import runpy
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers_cli import code_of
 from helpers_small import FLAGS
@@ -45,6 +46,15 @@ def test_an_example_runs(name, engine, tmp_path, monkeypatch):
     saved = iswarm_mj.load("runs/task")
     assert saved.result["steps"] == 40
     assert AT_END.get(name, {}).items() <= saved.metrics[0].items()
+
+
+def test_tables_say_when_robots_failed_and_that_they_are_silent_then(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert code_of("run", *ARGUMENTS["failures"], "--robots=16", "--steps=25", "--engine=planar") == 0
+    robots = iswarm_mj.load("runs/task").robots
+    alive, message = (robots[name].to_numpy(zero_copy_only=False).reshape(26, 16) for name in ("is_alive", "message"))
+    assert alive[0].all() and alive[-1].sum() == 12 and 12 < alive[10].sum() < 16
+    np.testing.assert_array_equal(np.isnan(message[1:].astype(float)), ~alive[1:])
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "planar"])

@@ -142,7 +142,7 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
 def strategy_of(content: Mapping[str, Any]) -> str:
     """Return the name of the strategy, by result.json: of its class, or of the preset of the paper's."""
     own = content.get("strategy")
-    if own is not None:
+    if isinstance(own, Mapping):
         return own["class"]
     return next((name for name, preset in PRESETS.items() if asdict(preset) == content.get("genome")), "own genome")
 

@@ -59,7 +59,8 @@ def inspection(directory: Path) -> str:
         raise UserError(f"{directory} holds no results; give the --out of a command, or a directory of such.")
     if directory in found:
         return "\n".join([*_about(directory), "", *_files(directory), *_recordings(directory)])
-    if len(found) > 1 and all((place / RESULT).is_file() for place in found):
+    results = [place / RESULT for place in found]
+    if len(found) > 1 and all(path.is_file() and not _is_of_bench(path) for path in results):
         return "\n".join(_of_many({place: read_result(place / RESULT) for place in found}))
     paragraphs = ([str(place), *(f"  {line}" for line in (*_about(place), *_recordings(place, 1)))] for place in found)
     return "\n\n".join(map("\n".join, paragraphs))
@@ -82,9 +83,15 @@ def _of_many(runs: Mapping[Path, Mapping[str, Any]]) -> list[str]:
     return aligned(lines)
 
 
+def _is_of_bench(result: Path) -> bool:
+    """Whether a result.json is of `iswarm grasp`, whose tables say more."""
+    return any((result.parent / name).is_file() for name in (TRIALS, CURVES))
+
+
 def _about(directory: Path) -> Iterator[str]:
     """Say what ran, and its outcome."""
     there = [directory / name for name in (RESULT, *_TABLES) if (directory / name).is_file()]
+    there = [path for path in there if not (path.name == RESULT and _is_of_bench(path))]
     for path in there:
         try:
             with as_named(path):
@@ -123,7 +130,8 @@ def _table(path: Path) -> list[str]:
             f"sweep of {arguments}, {len(rows)} worlds, version {settings['version']}",
             *sweep_summary(rows, settings["over"]),
         ]
-    of = f"{len(rows)} runs, version {settings.get('version')}, seed {settings.get('seed')}"
+    about = f"version {settings.get('version')}, seed {settings.get('seed')}"
+    of = f"{len(rows)} runs, {about}"
     name = settings.get("experiment")
     if path.name == SEARCH:
         best, made = best_of(rows), len({row["generation"] for row in rows})
@@ -132,7 +140,9 @@ def _table(path: Path) -> list[str]:
             f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s), in {BEST}",
         ]
     if path.name in (TRIALS, CURVES):
-        return [f"{path.stem} on {settings['engine']}: {of}"]
+        n_trials = len({(row["radius"], row["relative_humidity"], row["repeat"]) for row in rows if "repeat" in row})
+        what = f"{n_trials} trials in {len(rows)} rows" if n_trials else f"{len(rows)} rows"
+        return [f"{path.stem} on {settings['engine']}: {what}, {about}"]
     title = f"experiment {name}{' --quick' * bool(settings['quick'])} on {settings['engine']}: {of}"
     findings = EXPERIMENTS[str(name)].findings(rows)
     return [title, *(f"  {each.verdict or '-'}: {each.claim}: {each.ours}" for each in findings)]
@@ -145,7 +155,9 @@ def _files(directory: Path) -> Iterator[str]:
     width = max(map(len, names), default=0)
     for name, path in zip(names, files, strict=False):
         text = opening(path)
-        if path.name == RESULT and "delivered" not in read_result(path):
+        if path.name == RESULT and _is_of_bench(path):
+            text = f"measures and settings: iswarm grasp --config {shlex.quote(str(path))} repeats it"
+        elif path.name == RESULT and "delivered" not in read_result(path):
             text = text.replace("iswarm clean", "iswarm run")
         yield f"{name:<{width}}  {tqdm.format_sizeof(path.stat().st_size, 'B'):>8}  {text}"
     if len(files) > _MAX_LISTED:
