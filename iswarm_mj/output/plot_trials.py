@@ -31,15 +31,14 @@ _MANY = 2000
 """Number of points above which they are rasterized in the SVG file."""
 _FITTED = {
     "grasp": (
-        "Fitted: $W_{TO}$ to the paper's release band, $W_{OS}$ to its grasp band at 10 % RH given $D_{eff}$,\n"
-        "their spreads to the widths of the bands. Not fitted: that the radius does not matter."
+        "Fitted: W_TO to the paper's release band, W_OS to its grasp band at 10 % RH given D_eff,\n"
+        "their spreads to the widths of the bands."
     ),
     "release": (
-        "Fitted: $W_{TO}$ and its spread, to the paper's release band at 10 % RH.\n"
-        "Not fitted: that the radius does not matter, that a landed ball stays."
+        "Fitted: W_TO and its spread, to the paper's release band at 10 % RH.\nNot fitted: that a landed ball stays."
     ),
     "no_contact": (
-        f"Fitted: $D_{{eff}}$, such that no ball is lifted below {PAPER_NO_CONTACT:g} V from gaps of 1 µm and more."
+        f"Fitted: D_eff, such that no ball is lifted below {PAPER_NO_CONTACT:g} V from gaps of 1 µm and more."
     ),
 }
 
@@ -114,9 +113,11 @@ def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> None:
         title = f"{name.capitalize()} voltage at {', '.join(f'{percent:g}' for percent in humidities)} % RH"
         title += f", gap {gap * UM:g} µm" if name == "release" else ""
         caption = _FITTED[name] + ("\nHumidity: the empirical factor on both works." if len(humidities) > 1 else "")
-        counts = Counter((row["radius"], row["relative_humidity"]) for row in _sound(rows)).values() or [0]
-        span = " to ".join(map(str, sorted({min(counts), max(counts)})))
-        caption += f"\nn = {span} trials at each radius and humidity. Tests stand in the findings."
+        counts = Counter((row["radius"], row["relative_humidity"]) for row in _sound(rows))
+        caption += " Not fitted: that the radius does not matter." * (len({radius for radius, _ in counts}) > 1)
+        least, most = min(counts.values(), default=0), max(counts.values(), default=0)
+        span = " to ".join(map(str, sorted({least, most})))
+        caption += f"\nn = {span} trials at each radius and humidity; test statistics: findings.csv."
         _finish(axes, title, rows, caption + (_landings(rows) if name == "release" else ""))
 
 

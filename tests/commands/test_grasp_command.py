@@ -79,7 +79,8 @@ def test_results_of_an_earlier_run_are_replaced(here):
         (here / "out" / name).write_text("old")
     flags = [*FAST, "--radius", "20e-6", "--repeats", 1, "--rh", 10, "--record", "--protocol.grasp-limit", 10]
     assert code_of("grasp", *flags, "--out", "out") == 0
-    assert {path.stem for path in (here / "out").iterdir()} == {"trials", "grasp_voltage", "no_contact", "trial-notes"}
+    names = {"trials", "grasp_voltage", "no_contact", "trial-notes", "result"}
+    assert {path.stem for path in (here / "out").iterdir()} == names
 
 
 def test_results_that_cannot_be_written(here, capfd):
@@ -94,7 +95,7 @@ def test_results_that_cannot_be_written(here, capfd):
 def test_force_curves(here):
     assert code_of("grasp", "--force-curve", "--radius", "20e-6", "--voltages", 0, 20, "--out", "out") == 0
     names = {path.name for path in (here / "out").iterdir()}
-    assert names == {CURVES, "force_curve.csv", "force_curve.png", "force_curve.svg"}
+    assert names == {CURVES, "force_curve.csv", "force_curve.png", "force_curve.svg", "result.json"}
     schema = pyarrow.parquet.read_schema(here / "out" / CURVES)
     lengths, forces = ("radius", "tip", "gap"), ("adhesion", "electrostatic", "contact", "total")
     units = {"direction": "", "voltage": "V", **dict.fromkeys(lengths, "m"), **dict.fromkeys(forces, "N")}
