@@ -34,7 +34,7 @@ FILES = {
     "*.rrd": "recording: rerun {path}",
     "best*.json": "best genome: iswarm clean --genome {path}",
     "runs.sqlite": "finished runs, which are not repeated",
-    "checkpoint.sqlite": "finished runs, with which --resume goes on",
+    "checkpoint.sqlite": "finished runs, with which the same command goes on",
     "findings.csv": "statements and verdicts, a row each",
     "*.parquet": "table: pyarrow.parquet.read_table({path!r})",
     "*.csv": "the same table for spreadsheets",
