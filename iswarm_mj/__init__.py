@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from iswarm_mj.simulation.settings import RunSettings
     from iswarm_mj.strategy.genome import PRESETS
     from iswarm_mj.strategy.teams import Teams
+    from iswarm_mj.workflows.grasp import run_grasp
+    from iswarm_mj.workflows.grasp_settings import GraspSettings
     from iswarm_mj.workflows.rollout import rollout
 
 __version__ = "0.2.0"
@@ -27,6 +29,7 @@ __version__ = "0.2.0"
 __all__ = [
     "PRESETS",
     "READINGS",
+    "GraspSettings",
     "MjxSettings",
     "MujocoSettings",
     "PlanarSettings",
@@ -38,6 +41,7 @@ __all__ = [
     "make_env",
     "play",
     "rollout",
+    "run_grasp",
 ]
 
 _MODULES = {
@@ -45,6 +49,8 @@ _MODULES = {
     "envs.make": ("make_env",),
     "output.saved": ("load",),
     "player.serve": ("play",),
+    "workflows.grasp": ("run_grasp",),
+    "workflows.grasp_settings": ("GraspSettings",),
     "workflows.rollout": ("rollout",),
     "simulation.run": ("Run",),
     "engines.mjx.settings": ("MjxSettings",),

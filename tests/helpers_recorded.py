@@ -44,6 +44,7 @@ def arrays(n_steps=3, n_robots=4, n_balls=2):
     made |= {
         "step": np.arange(n_steps, dtype=np.int32),
         "is_running": np.ones(n_steps, bool),
+        "is_alive": np.ones((n_steps, n_robots), bool),
         "pose": rng.uniform(-0.02, 0.02, (n_steps, n_robots, 3)).astype(np.float32),
         "ball_position": np.full((n_steps, n_balls, 3), 2e-5, np.float32),
     }

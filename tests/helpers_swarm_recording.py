@@ -60,6 +60,7 @@ def make_frames(scene, n_frames=50, seed=0):
         "is_running": np.ones(n_frames, bool),
         "message": rng.integers(2**32, size=(n_frames, n), dtype=np.uint32),
         "command": rng.normal(0, [0.5, 1e-3], (n_frames, n, 2)),
+        "is_alive": np.ones((n_frames, n), bool),
         "is_loaded": is_loaded,
         "has_priority": is_loaded & (np.arange(n) % 3 > 0),
         "ball_position": balls,

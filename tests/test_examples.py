@@ -3,6 +3,7 @@
 import runpy
 from pathlib import Path
 
+import numpy as np
 import pytest
 from helpers_cli import code_of
 from helpers_small import FLAGS
@@ -25,9 +26,13 @@ ARGUMENTS = {
         *("--task", f"{EXAMPLES}/two_kinds.py:ByKind", "--strategy", "beeclust"),
         *("--robot", f"{EXAMPLES.parent}/models/robot.xml:9", "large.xml:7"),
     ),
+    "sort": (
+        *("--task", f"{EXAMPLES}/sort.py:Sort", "--strategy", f"{EXAMPLES}/sort.py:BySize", "--arena.size=30"),
+        *("--arena.ball-radius-min=12e-6", "--arena.ball-radius-max=28e-6"),
+    ),
     "clusters": ("--task", f"{EXAMPLES}/clusters.py:Clusters", "--strategy", f"{EXAMPLES}/clusters.py:Cluster", *FLAGS),
 }
-AT_END = {"contest": {}, "failures": {"failed": 4}, "clusters": {}, "explore": {}, "boxes": {}, "two_kinds": {}}
+AT_END = {"failures": {"failed": 4}}
 """Metrics that are certain."""
 
 
@@ -40,4 +45,25 @@ def test_an_example_runs(name, engine, tmp_path, monkeypatch):
     assert code_of("run", *ARGUMENTS[name], *size, f"--engine={engine}") == 0
     saved = iswarm_mj.load("runs/task")
     assert saved.result["steps"] == 40
-    assert AT_END[name].items() <= saved.metrics[0].items()
+    assert AT_END.get(name, {}).items() <= saved.metrics[0].items()
+
+
+def test_tables_say_when_robots_failed_and_that_they_are_silent_then(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert code_of("run", *ARGUMENTS["failures"], "--robots=16", "--steps=25", "--engine=planar") == 0
+    robots = iswarm_mj.load("runs/task").robots
+    alive, message = (robots[name].to_numpy(zero_copy_only=False).reshape(26, 16) for name in ("is_alive", "message"))
+    assert alive[0].all() and alive[-1].sum() == 12 and 12 < alive[10].sum() < 16
+    np.testing.assert_array_equal(np.isnan(message[1:].astype(float)), ~alive[1:])
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "planar"])
+def test_balls_are_sorted_by_size_and_each_lies_where_it_belongs(engine, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert code_of("run", *ARGUMENTS["sort"], "--robots=80", "--steps=150", f"--engine={engine}") == 0
+    arrays = iswarm_mj.load("runs/task").arrays
+    before, after = arrays["ball_position"][[0, -1], :, 0] > 0
+    is_large = arrays["scene_ball_radius"] > 20e-6
+    assert (before == is_large).mean() < 0.7
+    assert (after == is_large).mean() > 0.95
+    assert arrays["metric_sorted"][-1] == pytest.approx((after == is_large).mean())

@@ -103,7 +103,6 @@ QUICK = {
     "train": "--generations 2 --population 4 --steps 10",
     "experiment": "--quick",
     "reproduce": "--quick",
-    "infer": "--quick",
     "replay": "--last 3",
 }
 """What makes a command short, where it is not."""

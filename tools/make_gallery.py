@@ -4,6 +4,7 @@
 first also a replay that can be turned. Needs Debian's chromium and ffmpeg, and `pip install playwright`.
 """
 
+import runpy
 import shlex
 import subprocess
 import sys
@@ -22,12 +23,14 @@ from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.page import Page, close_server, open_server
 from iswarm_mj.player.replay import Film, swarm_film, write_replay
 from iswarm_mj.player.scenario import Scenario
+from iswarm_mj.player.scene import STATE
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import aim, light
 
 ROOT = Path(__file__).parents[1]
+write_large = runpy.run_path(str(ROOT / "examples/two_kinds.py"))["write_large"]
 OUT = ROOT / "docs" / "replays"
-WIDTH, HEIGHT, PER_SECOND = 640, 480, 8
+WIDTH, HEIGHT, PER_SECOND, LARGEST = 640, 480, 8, 300_000
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"]
 
 
@@ -36,22 +39,45 @@ class Card(NamedTuple):
     film: Film
 
 
+def own(file: str, task: str, strategy: str = "") -> str:
+    """Flags of an example."""
+    return f"--task examples/{file}.py:{task}" + f" --strategy examples/{file}.py:{strategy}" * bool(strategy)
+
+
+def film(
+    first: int, last: int, each: float = 1.0, by: str = STATE, draws: tuple[str, ...] = (), title: str = ""
+) -> Film:
+    """Eight pictures a second, of which there are `each` to a control step."""
+    return Film(first, last, PER_SECOND / each, each, by, draws, title)
+
+
 SMALL = "--arena.size 24 --arena.dust-area-offset 7 --arena.dust-area-size 5 --arena.n-dust 36"
+TWO_SIZES = "--arena.size 30 --arena.ball-radius-min 12e-6 --arena.ball-radius-max 28e-6"
+BOXES = "--arena.size 30 --arena.boxes 0 6 1 1 0 1e-5 0.005 -4 -5 1.5 0.8 30 1e-5 0.005 5 -7 0.8 0.8 0 8e-6 0.005"
 CARDS = {
-    "cleaning": Card("clean --steps 100", Film(45, 85, frames_per_step=1)),
-    "hops": Card(
-        "clean --genome type2 --steps 100",
-        Film(60, 90, frames_per_step=1, by="hops to dump", title="Colours are hop counts to the dump"),
-    ),
+    "cleaning": Card("clean --steps 100", film(55, 80, draws=("links",))),
+    "hops": Card("clean --genome type2 --steps 100", film(60, 82, by="hops to dump", draws=("links",))),
     "foraging": Card(
-        "run --task foraging --strategy forager --robots 60 --steps 150",
-        Film(110, 140, frames_per_step=1, draws=("trails", "home")),
+        "run --task foraging --strategy forager --robots 60 --steps 150", film(110, 140, draws=("trails", "home"))
     ),
-    "aggregation": Card(
-        "run --task aggregation --strategy beeclust --robots 120 --steps 410",
-        Film(380, 410, frames_per_step=1, draws=()),
+    "aggregation": Card("run --task aggregation --strategy beeclust --robots 120 --steps 410", film(0, 400, 0.1)),
+    "contest": Card(
+        f"run {own('contest', 'Contest')} --strategy forager=0.5 type1=0.5 --robots 120 --steps 240", film(200, 230)
     ),
-    "six": Card(f"clean --robot models/robot6.xml --robots 40 {SMALL} --steps 60", Film(30, 60, frames_per_step=1)),
+    "sort": Card(f"run {own('sort', 'Sort', 'BySize')} --robots 80 --steps 200 {TWO_SIZES}", film(0, 160, 0.25)),
+    "clusters": Card(f"run {own('clusters', 'Clusters', 'Cluster')} --steps 3000", film(0, 3000, 0.01)),
+    "boxes": Card(f"run {own('boxes', 'Push', 'Sweep')} --robots 80 --steps 600 {BOXES}", film(0, 600, 0.05)),
+    "explore": Card(
+        f"run {own('explore', 'Coverage', 'Explore')} --robots 40 --steps 400 "
+        "--maze examples/maze.png --arena.dump-size 1",
+        film(0, 400, 0.1),
+    ),
+    "failures": Card(f"run {own('failures', 'Failures')} --robots 200 --steps 400", film(0, 400, 0.1)),
+    "two_kinds": Card(
+        f"run {own('two_kinds', 'ByKind')} --strategy beeclust --robot models/robot.xml:60 large.xml:40 --steps 400",
+        film(0, 400, 0.1),
+    ),
+    "six": Card(f"clean --robot models/robot6.xml --robots 40 {SMALL} --steps 60", film(30, 60, draws=("links",))),
 }
 """Runs and what is shown of them; the first can be turned, on the first page."""
 BENCH, PAGE = "bench", "page"
@@ -84,30 +110,36 @@ def scenes(server: Any, draw: Any) -> list[Image.Image]:
         while not server.get_clients():
             time.sleep(0.1)
         time.sleep(3)
-        found = [rendered(server) for _ in draw(server)]
+        _, *found = [rendered(server) for _ in draw(server)]  # in the first one robots are still missing
     return found
 
 
 def write(path: Path, pictures: list[Image.Image], per_second: float) -> None:
-    """Write an animated picture."""
+    """Write an animated picture of at most `LARGEST` bytes."""
     first, *rest = pictures
     more = {"save_all": True, "append_images": rest, "duration": round(1000 / per_second), "loop": 0}
-    first.save(path, quality=60, method=6, **more)
+    for quality in (60, 40, 20):
+        first.save(path, quality=quality, method=6, **more)
+        if path.stat().st_size < LARGEST:
+            break
     print(f"{path}: {path.stat().st_size / 1e6:.2f} MB, {len(pictures)} pictures", flush=True)
 
 
 def swarm(name: str) -> None:
     card = CARDS[name]
     with tempfile.TemporaryDirectory() as place:
-        iswarm([*shlex.split(card.command), "--out", place])
-        run = load(place)
+        large = Path(place, "large.xml")
+        write_large(large)
+        words = shlex.split(card.command.replace(large.name, str(large)))
+        iswarm([*words, "--engine", "planar", "--out", f"{place}/run"])
+        run = load(f"{place}/run")
         draw, _ = swarm_film(run, card.film)
         if name == next(iter(CARDS)):
             write_replay(run, Film(40, 100, title="280 robots clean the floor"), OUT / f"{name}.html")
     server = open_server(8400)
     try:
         light(server.scene)
-        write(OUT / f"{name}.webp", scenes(server, draw), card.film.speed * card.film.frames_per_step)
+        write(OUT / f"{name}.webp", scenes(server, draw), PER_SECOND)
     finally:
         close_server(server)
 

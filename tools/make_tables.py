@@ -10,7 +10,9 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from iswarm_mj.commands.options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output.rerun_names import NAMES
+from iswarm_mj.output import rerun_names as names
+from iswarm_mj.output.memory import UNKNOWN
+from iswarm_mj.output.schema import BALLS, LINKS, ROBOTS
 from iswarm_mj.output.tables import TABLES, memory_columns
 from iswarm_mj.strategy.declared import array_name
 from iswarm_mj.strategy.genome import Genome
@@ -49,9 +51,62 @@ def columns(name: str) -> str:
     return table("column | unit | meaning", rows)
 
 
+def shown(entity: str) -> list[tuple[str, str, str, str]]:
+    """Return entity, component, unit and meaning of the quantities that an entity of recordings shows."""
+    return [
+        (
+            column.shown,
+            component,
+            names.UNITS.get(column.unit, (column.unit,))[0],
+            column.description + (f", {UNKNOWN} if none does" if column.name == "holder" else ""),
+        )
+        for component, *_, column in names.SHOWN
+        if column.shown.startswith(entity)
+    ]
+
+
+NAMES = (
+    (ROBOTS, "Boxes3D:centers", "mm", "one a robot, by its number; the arena is centred on the origin"),
+    (ROBOTS, "Boxes3D:quaternions", "", "x, y, z, w; the robot looks along its x axis"),
+    (ROBOTS, "Boxes3D:class_ids", "", "0 empty, 2 scout, 4 loaded; plus 1 if it sends priority"),
+    *shown(ROBOTS),
+    (ROBOTS, "said_NAME", "", "a field of the message that is no vector, units as declared, lengths in m"),
+    (ROBOTS, "NAME_hop", "", f"hop count of the remembered vector, {UNKNOWN} without one"),
+    (ROBOTS, "NAME_hop_colour", "", "its colour, 0xRRGGBBAA"),
+    (names.FRONTS, "Points3D:positions", "mm", "of the dot at each robot's front"),
+    (BALLS, "Points3D:positions", "mm", "one a ball, by its number"),
+    (BALLS, "Points3D:class_ids", "", "10 on the floor, 11 held, 12 delivered"),
+    *shown(BALLS),
+    (names.BALL_MARKERS, "Points3D:positions", "mm", "above the ball and the robots"),
+    (names.BALL_MARKERS, "Points3D:class_ids", "", "as of the ball"),
+    (names.BOXES, "Boxes3D:centers", "mm", "one a box that robots push, by its number"),
+    (names.BOXES, "Boxes3D:half_sizes", "mm", "of the box"),
+    (names.BOXES, "Boxes3D:quaternions", "", "x, y, z, w"),
+    (LINKS, "LineStrips3D:strips", "mm", "from receiver to sender, one a link"),
+    (LINKS, "LineStrips3D:class_ids", "", "21 heard, 20 damaged message"),
+    (LINKS, "receiver", "", "number of the robot that receives"),
+    (LINKS, "side", "", "that receives: 0 front, 1 left, 2 back, 3 right"),
+    *shown(LINKS),
+    (names.TRAILS, "LineStrips3D:strips", "mm", "where loaded robots were in the last 20 steps"),
+    (names.TRAILS, "robot", "", "number of the robot of each trail"),
+    (f"{names.ARROWS}/NAME", "Arrows3D:origins", "mm", "above the robots that know the vector"),
+    (f"{names.ARROWS}/NAME", "Arrows3D:vectors", "mm", "the vector, turned to the arena"),
+    (f"{names.ARROWS}/NAME", "robot", "", "number of the robot of each arrow"),
+    (f"{names.AREAS}/NAME", "Boxes3D:centers", "mm", "areas of the task; of discs Cylinders3D"),
+    (f"{names.AREAS}/NAME", "Boxes3D:half_sizes", "mm", "areas of the task"),
+    (f"{names.MEMORY}/NAME", names.VALUE, "", "what else of the memory is recorded, one series a robot"),
+    ("states/robot_N", "StateChange:state", "", "from this step on; only of the robots that have a lane"),
+    (names.COUNTS, names.VALUE, "", "robots in each state, in the order of `SeriesLines:names`"),
+    (f"{names.SHARES}/NAME", names.VALUE, "", "share of the robots that know the vector"),
+    *shown("series/"),
+    (f"{names.METRICS}/NAME", names.VALUE, "", "a metric of the task, in its unit"),
+)
+"""All that change in time; what does not, as sizes and colours, are components of the same entities without time."""
+
+
 def recording() -> str:
     """Return the entities and components of a swarm's recording."""
-    rows = [(f"`{name.entity}`", f"`{name.component}`", name.unit, name.description) for name in NAMES]
+    rows = [(f"`{entity}`", f"`{component}`", *more) for entity, component, *more in NAMES]
     return table("entity | component | unit | meaning", rows)
 
 

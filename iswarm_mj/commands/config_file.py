@@ -62,6 +62,8 @@ class ConfigFile:
         Raises:
             UserError: a key is no flag, or a value is not a number, a word, true, false, or a list of such.
         """
+        if "ball_material" in self.values and self.is_result and command != "grasp":
+            raise UserError(f"--config {self.path} is of iswarm grasp, which repeats it; iswarm {command} cannot")
         flags = {flag(name).removeprefix("--").replace("-", "_"): default for name, default in known.items()}
         unknown = [name for name in self.values if name not in flags]
         if unknown and not self.is_result:
@@ -114,6 +116,8 @@ def _of_result(path: Path, content: Any, given: Collection[str]) -> dict[str, An
             raise UserError(f"--config {path} is not the result.json of a run of a swarm; name one that is")
         return found
 
+    if part("grasp"):
+        return {name: value for name, value in _flat(content["grasp"]).items() if value is not None}
     values = {name: part("settings").get(key) for key, name in _SETTINGS.items()} | _flat(part("config"))
     values |= {name: content.get(name) for name in IDENTITY} | {"robot": part("robot").get("file")}
     if part("genome"):

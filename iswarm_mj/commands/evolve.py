@@ -12,17 +12,17 @@ from iswarm_mj.experiments.runner.search_settings import Search, SearchPlan
 
 @dataclass(frozen=True)
 class Evolve(SearchPlan, ManyRunsOptions):
-    """Search for fit genomes; writes evolution.parquet, best.json, a figure, and a checkpoint to resume from."""
+    """Search for fit genomes; writes evolution.parquet, best.json, a figure, and a checkpoint."""
 
     MAIN: ClassVar = (
         *("method", "generations", "population", "steps", "replicates"),
-        *("seed", "engine", "workers", "out", "resume"),
+        *("seed", "engine", "workers", "out", "again"),
     )
 
     out: Path = Path("runs/evolve")
-    """Directory for the results. To continue a search in it, pass --resume."""
-    resume: bool = False
-    """Resume the search in --out with the same settings, or start it if there is none."""
+    """Directory for the results. A search in it goes on."""
+    again: bool = False
+    """Repeat runs that --out already holds."""
 
     def run(self) -> None:
         """Run the command."""
@@ -32,4 +32,4 @@ class Evolve(SearchPlan, ManyRunsOptions):
             rates = [f"operators.{f.name}" for f in fields(Operators) if not f.name.startswith("density")]
             refuse(self, rates, f"with `method` {self.method}")
         plan = {f.name: getattr(self, f.name) for f in fields(SearchPlan)}
-        run_search(Search(**plan, config=self.config), self.out, self.execution, self.resume)
+        run_search(Search(**plan, config=self.config), self.out, self.execution, self.again)

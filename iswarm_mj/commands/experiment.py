@@ -1,19 +1,17 @@
-"""`iswarm experiment` and `iswarm infer`."""
+"""`iswarm experiment`."""
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import ClassVar
 
 import tyro
 
 from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.commands.options import ManyRunsOptions
-from iswarm_mj.experiments.runner.limits import Combinations
-from iswarm_mj.strategy.genome import Genome, load_genome
-from iswarm_mj.utils.constraints import Needs, validate
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.strategy.genome import load_genome
+from iswarm_mj.utils.errors import UserError, closest, shown
 
-OWN_GENOMES = ("types", "time-step")
+OWN_GENOMES = ("types", "time-step", "infer")
 """Experiments that take the presets."""
 
 
@@ -39,7 +37,7 @@ class Experiment(ManyRunsOptions):
     def run(self) -> None:
         """Run the command."""
         from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
-        from iswarm_mj.experiments.studies.registry import EXPERIMENTS, experiment, listing
+        from iswarm_mj.experiments.studies.registry import EXPERIMENTS, listing
 
         if self.list:
             refuse(self, [name for name in changed(self) if name not in ("list", "name")], "with `list`")
@@ -49,35 +47,10 @@ class Experiment(ManyRunsOptions):
             return
         if self.name in OWN_GENOMES:
             refuse(self, ["genome"], f"in the experiment {self.name}, which has its own")
-        if not self.name:
-            raise UserError(f"no experiment was named; choose {', '.join(EXPERIMENTS)}, which --list describes")
+        if self.name not in EXPERIMENTS:
+            similar = f"; perhaps you meant {match}" if (match := closest(self.name, EXPERIMENTS)) else ""
+            remedy = f"choose {', '.join(EXPERIMENTS)}, which --list describes"
+            raise UserError(f"there is no experiment {shown(self.name)!r}{similar}; {remedy}")
         plan = Plan(self.config, load_genome(self.genome), self.seed, self.quick)
         out = self.out or Path("runs/experiments") / (f"{self.name}-quick" if self.quick else self.name)
-        run_experiment(experiment(self.name), plan, out, self.execution, self.again)
-
-
-@dataclass(frozen=True)
-class Infer(ManyRunsOptions):
-    """Run combinations of interpretations on the paper's figures and report which agree with its numbers."""
-
-    MAIN: ClassVar = ("combinations", "quick", "seed", "engine", "workers", "again", "out")
-
-    combinations: Annotated[Combinations, Needs("quick", (False,))] = 512
-    """Number of combinations, drawn evenly over all choices."""
-    quick: bool = False
-    """A version of about a minute, with 8 combinations and short runs."""
-    again: bool = False
-    """Repeat runs that --out already holds."""
-    out: Path = Path("runs/infer")
-    """Directory for the results; an interrupted run resumes there."""
-
-    def __post_init__(self):
-        validate(self)
-
-    def run(self) -> None:
-        """Run the command."""
-        from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
-        from iswarm_mj.experiments.studies.infer import experiment_of
-
-        plan = Plan(self.config, Genome(), self.seed, self.quick)
-        run_experiment(experiment_of(self.combinations), plan, self.out, self.execution, self.again)
+        run_experiment(EXPERIMENTS[self.name], plan, out, self.execution, self.again)

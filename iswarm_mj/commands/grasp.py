@@ -12,6 +12,7 @@ from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 _PROTOCOL = ("start_gap", "approach_time", "press", "dwell", "rise_time", "peel", "peel_time")
 _BALL = ("radius", "rh", "work_tool_object", "work_object_substrate", "probe_radius", "ball_density")
+_BALL += ("ball_material", "tool_material", "plate_material", "tip_curvature")
 _PARTS = {"protocol": _PROTOCOL, "tool": Surface._fields, "plate": Surface._fields, "contacts": Contacts._fields}
 OF_CURVES = {*_BALL, "force_curve", "voltages", "out", *(f"{part}.{name}" for part in _PARTS for name in _PARTS[part])}
 """Settings that force-distance curves follow."""
@@ -21,7 +22,7 @@ OF_CURVES = {*_BALL, "force_curve", "voltages", "out", *(f"{part}.{name}" for pa
 class Grasp(GraspSettings):
     """Grasp and release single balls on the bench; writes trials.parquet, trials.csv, figures and recordings."""
 
-    MAIN: ClassVar = ("radius", "rh", "repeats", "seed", "engine", "record", "force_curve", "voltages", "out")
+    MAIN: ClassVar = ("radius", "rh", "repeats", "seed", "record", "force_curve", "voltages", "out")
 
     record: Annotated[tuple[int, ...], Within(0)] = (0,)
     """Indices of the trials to record, ordered by radius, then humidity, then repeat; none if empty."""
@@ -40,6 +41,12 @@ class Grasp(GraspSettings):
             given = changed(self)
             refuse(self, [name for name in given if name not in OF_CURVES], "with `force_curve`")
             check("rh", self.rh, "one relative humidity with `force_curve`", len(self.rh) == 1 or "rh" not in given)
+            check(
+                "tip_curvature",
+                self.tip_curvature,
+                "left out with `force_curve`, whose forces at a distance are those of flat tips",
+                self.tip_curvature is None,
+            )
             n_curves = len(self.radii) * len(self.voltages)
             check("voltages", self.voltages, "such that there are 1 to 100 curves in all", 1 <= n_curves <= 100)
             run_force_curves(self, self.voltages, self.out)

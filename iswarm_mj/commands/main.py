@@ -13,7 +13,7 @@ from iswarm_mj import __version__
 from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.evolve import Evolve
-from iswarm_mj.commands.experiment import Experiment, Infer
+from iswarm_mj.commands.experiment import Experiment
 from iswarm_mj.commands.flags import check_effects, in_flags, settings
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.parser import explained
@@ -30,7 +30,7 @@ COMMANDS: dict[str, type] = {
     cls.__name__.lower(): cls
     for cls in (
         *(Clean, Run, Play, Sweep, Inspect, Picture, Bench, Grasp),
-        *(Evolve, Train, Experiment, Infer, Report, Reproduce, Replay, Video),
+        *(Evolve, Train, Experiment, Report, Reproduce, Replay, Video),
     )
 }
 """Subcommands by their names: dataclasses of their flags with a method `run`."""
@@ -105,9 +105,7 @@ def _kept(command: Any) -> str:
     match command:
         case Clean():  # and run
             return "; anything recorded so far is kept"
-        case Evolve() | Train():
-            return "; finished generations and runs are kept; pass --resume to continue"
-        case Experiment() | Infer() | Reproduce() | Sweep():
+        case Evolve() | Train() | Experiment() | Reproduce() | Sweep():
             return "; finished runs are kept; repeat the command to continue"
     return ""
 

@@ -109,8 +109,8 @@ class Replay:
     """Control step with which it ends; by default that of the run, at most 200 after the first."""
     speed: Annotated[float, Within(0.1, 100, "1/s")] = 8.0
     """Control steps a second."""
-    frames_per_step: Annotated[int, Within(1, 24)] = 2
-    """Pictures for each control step; more are smoother, and the file is larger."""
+    frames_per_step: Annotated[float, Within(0.001, 24)] = 2.0
+    """Pictures for each control step; more are smoother, and the file is larger; below 1 not all steps are shown."""
     colour_by: str = "state"
     """What colours the robots: state; or hops to, says or remembers, and a name, as "hops to dust"."""
     draw: tuple[str, ...] = ("links",)

@@ -1,9 +1,9 @@
 """`iswarm report` and `iswarm reproduce`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.commands.options import ManyRunsOptions
@@ -37,7 +37,6 @@ class Reproduce(ManyRunsOptions):
         "only",
         "list",
         "tables",
-        "figures",
         "quick",
         "again",
         "reading",
@@ -52,14 +51,10 @@ class Reproduce(ManyRunsOptions):
     """Say which parts are there, and why the others have to be made."""
     tables: bool = False
     """Rewrite the findings and the tables from existing results, without runs."""
-    figures: bool = False
-    """Redraw the figures of the results from their tables, without runs."""
     quick: bool = False
     """A trial of some minutes with few and short runs, away from the results and without tables in README and docs."""
     again: bool = False
     """Make also what is there, from the beginning."""
-    same_engine: bool = False
-    """Make again what another engine than --engine computed."""
     replicates: Annotated[Repeats, Needs("quick", (False,))] = 16
     """Of each search."""
     trials: Annotated[int, Within(1, 10_000), Needs("quick", (False,))] = 20
@@ -76,26 +71,24 @@ class Reproduce(ManyRunsOptions):
 
     def run(self) -> None:
         """Run the command."""
-        allowed = {"tables": {"results", "out", "pages"}, "figures": {"results"}}
-        for mode in [mode for mode in allowed if getattr(self, mode)]:
-            others = [name for name in changed(self) if name not in allowed[mode] | {mode}]
-            refuse(self, others, f"with `{mode}`, which makes no runs")
+        if self.tables:
+            others = [name for name in changed(self) if name not in ("tables", "results", "out", "pages")]
+            refuse(self, others, "with `tables`, which makes no runs")
         refuse(self, ["again"] if self.list else [], "with `list`")
-        from iswarm_mj.experiments.report.reproduce import Places, listing, parts_of, redraw, reproduce, rewrite
+        from iswarm_mj.experiments.report.reproduce import listing, parts_of, reproduce, rewrite
+        from iswarm_mj.experiments.runner.experiment import Plan
 
         out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
         results = self.results or (out / "results" if self.quick else Path("results"))
-        places = Places(results, out, self._pages)
-        if self.figures:
-            print("\n".join(map(str, redraw(results))))
-            return
         if self.tables:
-            rewrite(places)
+            rewrite(results, self._pages)
             return
+        plan = Plan(self.config, seed=self.seed, quick=self.quick)
+        parts = parts_of(plan, self.execution, self.replicates, self.trials, self.only)
         if self.list:
-            print(listing(parts_of(self._plans, self.only), results, self.same_engine))
+            print(listing(parts, results))
         else:
-            reproduce(self._plans, places, self.only, self.again, self.same_engine)
+            reproduce(parts, results, out, self._pages, self.again)
 
     @property
     def _pages(self) -> Sequence[Path]:
@@ -107,27 +100,3 @@ class Reproduce(ManyRunsOptions):
             for path in (Path("README.md"), *sorted(Path("docs").glob("*.md")), Path("results/README.md"))
             if path.is_file()
         ]
-
-    @property
-    def _plans(self) -> Any:
-        """Settings of all parts; the quick ones are just enough for each step to be taken."""
-        from iswarm_mj.experiments.analysis.bench_statements import TRANSPORT
-        from iswarm_mj.experiments.report.reproduce import Plans
-        from iswarm_mj.experiments.runner.experiment import Plan
-        from iswarm_mj.experiments.runner.search_settings import Search
-        from iswarm_mj.gripper.bench.contacts import Contacts
-        from iswarm_mj.gripper.bench.protocol import Protocol
-        from iswarm_mj.workflows.grasp_settings import GraspSettings
-
-        search, repeats = Search(config=self.config, seed=self.seed, replicates=self.replicates), self.trials
-        if self.quick:
-            search, repeats = replace(search, generations=3, population=4, steps=60, replicates=2), 1
-        trials = GraspSettings(
-            ("15e-6:25e-6:6",),
-            (5.0, 10.0, 30.0, 50.0),
-            repeats=repeats,
-            seed=self.seed,
-            protocol=Protocol(transport=TRANSPORT),
-            contacts=Contacts(rolling=50e-9),
-        )
-        return Plans(Plan(self.config, seed=self.seed, quick=self.quick), search, trials, self.execution)

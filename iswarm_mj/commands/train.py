@@ -12,20 +12,20 @@ from iswarm_mj.experiments.runner.training_plan import TrainingPlan
 
 @dataclass(frozen=True)
 class Train(TrainingPlan, ConfigOptions):
-    """Train the weights of a policy; writes weights.npz, learning.csv, a figure, and a checkpoint to resume from."""
+    """Train the weights of a policy; writes weights.npz, learning.csv, a figure, and a checkpoint."""
 
     MAIN: ClassVar = (
         *("controller", "robots", "steps", "generations", "population", "worlds"),
-        *("spread", "seed", "engine", "out", "resume"),
+        *("spread", "seed", "engine", "out", "again"),
     )
 
     controller: Annotated[str, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = "neural"
     """What is trained: a strategy with weights; its fields become flags, see --strategy ... --help."""
     engine: EngineName = "planar"
     out: Path = Path("runs/train")
-    """Directory for the results. To continue a training in it, pass --resume."""
-    resume: bool = False
-    """Resume the training in --out with the same settings, or start it if there is none."""
+    """Directory for the results. A training in it goes on."""
+    again: bool = False
+    """Repeat generations that --out already holds."""
 
     task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
     """What the robots are to do, cleaning by default; see `run`."""
@@ -47,4 +47,4 @@ class Train(TrainingPlan, ConfigOptions):
         plan = {f.name: getattr(self, f.name) for f in fields(TrainingPlan)}
         training = Training(**plan, config=self.config)
         engine = self.engine_settings.for_batches()
-        train(training, strategy, self.out, engine, task=task, robot_file=self.robot, resume=self.resume)
+        train(training, strategy, self.out, engine, task=task, robot_file=self.robot, again=self.again)

@@ -1,4 +1,4 @@
-"""Models of the gripper for MJX: without plugins, and with balls and tools of other sizes."""
+"""Models of the gripper for MJX: without plugins, and with balls of other sizes."""
 
 import jax.numpy as jnp
 import mujoco
@@ -29,29 +29,20 @@ def mjx_compatible(spec: mujoco.MjSpec) -> mujoco.MjModel:
     return spec.compile()
 
 
-def resize(
-    forces: GripperForces,
-    model: mjx.Model,
-    radius: Array,
-    probe_radius: Array | None = None,
-    density: Array | float = 1.0,
-) -> mjx.Model:
+def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
     """MJX model whose ball, the only geom of a body with a free joint, has another radius, mass and inertia.
 
     Args:
         forces: of the model.
         model: of `mjx_compatible`.
         radius: [um]; for a batch use `vmap`.
-        probe_radius: another one of the probe [um].
-        density: of the ball over that of the model.
     """
     joint = forces.joints[forces.ball][0]
     ratio = radius / model.geom_size[forces.ball, 0]
-    mass, inertia = density * ratio**3, density * ratio**5
+    mass, inertia = ratio**3, ratio**5
     loose = jnp.repeat(jnp.stack([1 / mass, 1 / inertia]), 3)
-    sizes = model.geom_size.at[forces.ball, 0].set(radius)
     return model.replace(
-        geom_size=sizes if probe_radius is None else sizes.at[forces.probe, :2].set(probe_radius),
+        geom_size=model.geom_size.at[forces.ball, 0].set(radius),
         geom_rbound=model.geom_rbound.at[forces.ball].set(radius),
         geom_aabb=model.geom_aabb.at[forces.ball].multiply(ratio),
         body_mass=model.body_mass.at[joint.body].multiply(mass),

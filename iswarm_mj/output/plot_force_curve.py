@@ -59,7 +59,7 @@ def pull_off(curve: Curve) -> tuple[float, float]:
     return float(curve.gap[place]), float(curve.force[place])
 
 
-def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path:
+def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> None:
     """Draw force-distance curves, as a whole and near pull-off.
 
     A colour for each voltage, dashes for each radius; approach is thin, retract is thick.
@@ -68,12 +68,9 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path
         rows: in the order of time; gap between tool and ball [m], voltage [V], direction ("approach" or "retract"),
             the force total [N], negative if it attracts, and radius [m].
         settings: of the run; `relative_humidity` [%] goes into the caption if it is one number.
-        out: directory.
-
-    Returns:
-        Path of the PNG file.
+        out: directory of force_curve.png and .svg.
     """
-    path, curves = out / "force_curve", curves_of(rows)
+    curves = curves_of(rows)
     hues = dict(zip(sorted({curve.voltage for curve in curves}), cycle(_HUES)))
     dashes = dict(zip(sorted({curve.radius for curve in curves}), cycle(_DASHES)))
     humidity = settings.get("relative_humidity")
@@ -84,7 +81,7 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path
     )
     lowest = min(-1.0, *(float(curve.force.min()) for curve in curves))
     least = min(float(curve.gap.min()) for curve in curves)
-    with figure(path, columns=2, size=(4.3, 3.6), caption=caption) as (whole, near):
+    with figure(out / "force_curve", columns=2, size=(4.3, 3.6), caption=caption) as (whole, near):
         for axes, title in ((whole, "(a) near contact"), (near, "(b) attraction, magnified")):
             for curve in curves:
                 label = f"{curve.voltage:g} V, R = {curve.radius * UM:g} µm" if curve.direction == "retract" else None
@@ -103,4 +100,3 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> Path
             )
         near.set_ylim(1.15 * lowest, -0.3 * lowest)
         whole.legend(fontsize=7)
-    return path.with_name(path.name + ".png")

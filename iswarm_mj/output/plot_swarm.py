@@ -18,7 +18,7 @@ from iswarm_mj.utils.geometry import rotate
 _MM = 1e3
 
 
-def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> Path:
+def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> None:
     """Draw a step of a run from above.
 
     Robots are drawn to scale in the colours of their states. From each leads the vector that it would follow: of an
@@ -28,10 +28,7 @@ def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> Path:
         frames: arrays of a trajectory, those of `Frames` and with the prefix scene_ of `Scene`.
         step: control step, from 0 for the start.
         title: of the drawing.
-        path: of the files, without suffix.
-
-    Returns:
-        Path of the PNG file.
+        path: of the PNG and the SVG file, without suffix.
     """
     with figure(path, size=(6.5, 7.3)) as (axes,):
         half = float(frames["scene_arena_size"]) / 2 * _MM
@@ -64,7 +61,6 @@ def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> Path:
         handles += [Line2D([], [], color=EMPTY, linewidth=0.8, label="vector followed")]
         handles += [Line2D([], [], color=GREY, label="link")]
         axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=6, fontsize=8)
-    return path.with_name(path.name + ".png")
 
 
 def outlines(pose: Float[np.ndarray, "N 3"], size: Float[np.ndarray, "*#N 2"]) -> Float[np.ndarray, "N 4 2"]:

@@ -31,15 +31,14 @@ _MANY = 2000
 """Number of points above which they are rasterized in the SVG file."""
 _FITTED = {
     "grasp": (
-        "Fitted: $W_{TO}$ to the paper's release band, $W_{OS}$ to its grasp band at 10 % RH given $D_{eff}$,\n"
-        "their spreads to the widths of the bands. Not fitted: that the radius does not matter."
+        "Fitted: W_TO to the paper's release band, W_OS to its grasp band at 10 % RH given D_eff,\n"
+        "their spreads to the widths of the bands."
     ),
     "release": (
-        "Fitted: $W_{TO}$ and its spread, to the paper's release band at 10 % RH.\n"
-        "Not fitted: that the radius does not matter, that a landed ball stays."
+        "Fitted: W_TO and its spread, to the paper's release band at 10 % RH.\nNot fitted: that a landed ball stays."
     ),
     "no_contact": (
-        f"Fitted: $D_{{eff}}$, such that no ball is lifted below {PAPER_NO_CONTACT:g} V from gaps of 1 µm and more."
+        f"Fitted: D_eff, such that no ball is lifted below {PAPER_NO_CONTACT:g} V from gaps of 1 µm and more."
     ),
 }
 
@@ -64,17 +63,14 @@ class Laws:
         return release_voltage(radius, self._tool * humidity_factor(percent), gap, self._probe)
 
 
-def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Path]:
-    """Draw what the rows have: grasp voltages, release voltages, attempts without contact.
+def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> None:
+    """Draw what the rows have, as PNG and SVG: grasp voltages, release voltages, attempts without contact.
 
     Args:
         rows: of the table of trials, SI. Those that are faulty are left out, and the figure says how many.
         settings: of the run; its `calibration`, constants of `detachment` by their names, is behind the lines of the
             force laws. Absent ones are those of `detachment` itself.
         out: directory.
-
-    Returns:
-        Paths of the PNG files; an SVG file lies beside each.
     """
     laws = Laws(settings)
     grasp, release, attempts = (
@@ -85,11 +81,14 @@ def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> list[Pat
     for gap in sorted({row["gap"] for row in release}):
         name = "release_voltage" if gap == RELEASE_GAP else f"release_voltage_{gap * UM:g}um"
         groups[name] = [row for row in release if row["gap"] == gap]
-    drawn = [_draw_voltages(out / name, group, laws) for name, group in groups.items() if group]
-    return drawn + ([_draw_attempts(out / "no_contact", attempts, laws)] if attempts else [])
+    for name, group in groups.items():
+        if group:
+            _draw_voltages(out / name, group, laws)
+    if attempts:
+        _draw_attempts(out / "no_contact", attempts, laws)
 
 
-def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
+def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> None:
     """Draw the least voltages of grasp or of release trials against the radius, a colour for each humidity.
 
     Args:
@@ -114,11 +113,12 @@ def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> Path:
         title = f"{name.capitalize()} voltage at {', '.join(f'{percent:g}' for percent in humidities)} % RH"
         title += f", gap {gap * UM:g} µm" if name == "release" else ""
         caption = _FITTED[name] + ("\nHumidity: the empirical factor on both works." if len(humidities) > 1 else "")
-        counts = Counter((row["radius"], row["relative_humidity"]) for row in _sound(rows)).values() or [0]
-        span = " to ".join(map(str, sorted({min(counts), max(counts)})))
-        caption += f"\nn = {span} trials at each radius and humidity. Tests stand in the findings."
+        counts = Counter((row["radius"], row["relative_humidity"]) for row in _sound(rows))
+        caption += " Not fitted: that the radius does not matter." * (len({radius for radius, _ in counts}) > 1)
+        least, most = min(counts.values(), default=0), max(counts.values(), default=0)
+        span = " to ".join(map(str, sorted({least, most})))
+        caption += f"\nn = {span} trials at each radius and humidity; test statistics: findings.csv."
         _finish(axes, title, rows, caption + (_landings(rows) if name == "release" else ""))
-    return path.with_name(path.name + ".png")
 
 
 def _draw_group(axes: Axes, rows: Rows, law: Callable[..., Quantity], hue: str, mark: str) -> None:
@@ -146,7 +146,7 @@ def _points(axes: Axes, rows: Rows, x: str, y: str, **style: Any) -> None:
         axes.plot(column(rows, x) * UM, column(rows, y), ls="none", mfc="none", rasterized=many, **style)
 
 
-def _draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
+def _draw_attempts(path: Path, rows: Rows, laws: Laws) -> None:
     """Draw attempts to lift a ball across a gap: where it was lifted, or up to which voltage it was not.
 
     Args:
@@ -169,7 +169,6 @@ def _draw_attempts(path: Path, rows: Rows, laws: Laws) -> Path:
         axes.set(xlabel="gap between tool and ball at the start [µm]", ylabel="voltage [V]")
         axes.set_ylim(0, 2 * max(PAPER_NO_CONTACT, *column(rows, "limit_voltage")))
         _finish(axes, "Attempts without contact", rows, _FITTED["no_contact"])
-    return path.with_name(path.name + ".png")
 
 
 def column(rows: Rows, name: str) -> np.ndarray:

@@ -17,9 +17,9 @@ from iswarm_mj.output import shapes as geometry
 from iswarm_mj.output import swarm_classes as classes
 from iswarm_mj.output.memory import hop_colours, hop_counts, is_known, numbers, vectors
 from iswarm_mj.output.message_columns import shown_fields
-from iswarm_mj.output.rerun_names import BALLS, LINKS, ROBOTS, shown_values
+from iswarm_mj.output.rerun_names import shown_values
 from iswarm_mj.output.rerun_states import states, states_of
-from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.schema import BALLS, LINKS, ROBOTS, Frames
 from iswarm_mj.output.trajectory import AREA, METRIC, Scene
 
 

@@ -47,11 +47,7 @@ def states(scene: Scene) -> list[State]:
     """Return the states that robots of this scene can have."""
     recorded = {"", *(vector.name for vector in vectors(scene.memory))}
     return [
-        state
-        for state in STATES
-        if state.vector in recorded
-        and (not state.is_loaded or len(scene.ball_radius) > 0)
-        and (state != DEAD or not np.all(scene.is_alive))
+        state for state in STATES if state.vector in recorded and (not state.is_loaded or len(scene.ball_radius) > 0)
     ]
 
 
@@ -62,7 +58,7 @@ def states_of(scene: Scene, frames: Frames) -> UInt8[np.ndarray, "T N"]:
     found = np.zeros(frames.is_loaded.shape, np.uint8)
     for place, state in enumerate(states(scene)):
         is_in = (frames.is_loaded == state.is_loaded) & known.get(state.vector, True) & (stands | (not state.stands))
-        found[is_in if state != DEAD else np.broadcast_to(~np.asarray(scene.is_alive), stands.shape)] = place
+        found[is_in if state != DEAD else ~frames.is_alive] = place
     return found
 
 

@@ -9,7 +9,8 @@ from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMa
 from iswarm_mj.output import rerun_swarm_view as look
 from iswarm_mj.output.memory import numbers, vectors
 from iswarm_mj.output.rerun_format import blueprint, space, time_series
-from iswarm_mj.output.rerun_names import ARROWS, BALL_MARKERS, COUNTS, LINKS, MEMORY, METRICS, ROBOTS, SHARES, TRAILS
+from iswarm_mj.output.rerun_names import ARROWS, BALL_MARKERS, COUNTS, MEMORY, METRICS, SHARES, TRAILS
+from iswarm_mj.output.schema import LINKS, ROBOTS
 from iswarm_mj.output.trajectory import Scene
 
 

@@ -13,8 +13,9 @@ from jaxtyping import Float
 from iswarm_mj.output import palette, rerun_names
 from iswarm_mj.output.memory import vectors
 from iswarm_mj.output.palette import Rgb, rgb
-from iswarm_mj.output.rerun_names import AREAS, BALLS, LINKS, METRICS, ROBOTS, SERIES, SHARES, UNITS
-from iswarm_mj.output.shapes import FRONT_RADIUS, MILLIMETRES, SHEET, Boxes, arena_boxes
+from iswarm_mj.output.rerun_names import AREAS, METRICS, SERIES, SHARES, UNITS
+from iswarm_mj.output.schema import BALLS, LINKS, ROBOTS
+from iswarm_mj.output.shapes import FRONT_RADIUS, MILLIMETRES, SHEET, Boxes, arena_boxes, floor
 from iswarm_mj.output.swarm_classes import BALL_CLASSES, LINK_CLASSES, shown_classes
 from iswarm_mj.output.trajectory import Scene
 
@@ -93,6 +94,11 @@ def static_entities(scene: Scene) -> Iterator[tuple[str, rr.AsComponents]]:
     yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
     yield "world", rr.AnnotationContext([*shown_classes(scene), *BALL_CLASSES, *LINK_CLASSES])
     yield KEY, rr.TextDocument(legend(scene), media_type=rr.MediaType.MARKDOWN)
+    corners, triangles = floor(scene)
+    yield (
+        f"{AREAS}/floor",
+        rr.Mesh3D(vertex_positions=corners, triangle_indices=triangles, albedo_factor=rgb(palette.FLOOR)),
+    )
     for boxes in arena_boxes(scene):
         yield f"{AREAS}/{boxes.name}", _boxes(boxes)
     for name, colour, shape in zip(scene.area_names, scene.area_colours, scene.area_shapes, strict=True):

@@ -70,12 +70,11 @@ def acted(arrays: Arrays) -> Bool[np.ndarray, "T 1"]:
 
 def spoke(arrays: Arrays) -> Bool[np.ndarray, "T N"]:
     """Which robots sent messages; the dead keep silent."""
-    return acted(arrays) & arrays["scene_is_alive"]
+    return acted(arrays) & arrays["is_alive"]
 
 
 SCENE_COLUMNS = {
     "is_scout": Column("is_scout", "", "it scouts"),
-    "is_alive": Column("is_alive", "", "it moves; a dead robot only stands in the way"),
     "ball_radius": Column("radius", "m", "of the ball"),
 }
 """Constants of robots and balls that tables repeat in each step."""
@@ -116,6 +115,9 @@ class Frames:
         Column("x", "m", f"{_PLACE}; the arena is centred on the origin"),
         Column("y", "m", _PLACE),
         Column("yaw", "rad", "after the step, anticlockwise from the x axis, not wrapped"),
+    )
+    is_alive: Bool[np.ndarray, "T N"] = quantity(
+        "record.swarm.is_alive", Column("is_alive", "", "it moves; a dead robot only stands in the way")
     )
     is_loaded: Bool[np.ndarray, "T N"] = quantity("record.swarm.is_loaded", Column("is_loaded", "", "it holds a ball"))
     has_priority: Bool[np.ndarray, "T N"] = quantity("record.has_priority")

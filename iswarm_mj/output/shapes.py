@@ -34,17 +34,26 @@ class Boxes(NamedTuple):
     colour: str
 
 
+def outline(scene: Scene) -> Float[np.ndarray, "W 2"]:
+    """Return the corners of the arena, anticlockwise."""
+    half, corners = scene.arena_size / 2, np.asarray(scene.corners)
+    return MILLIMETRES * (corners if len(corners) else half * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)]))
+
+
+def floor(scene: Scene) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "_ 3"]]:
+    """Return vertices and triangles of the floor, which is convex."""
+    corners = outline(scene)
+    second = np.arange(1, len(corners) - 1)
+    return np.column_stack([corners, np.zeros(len(corners))]), np.column_stack([0 * second, second, second + 1])
+
+
 def arena_boxes(scene: Scene) -> Iterator[Boxes]:
-    """Yield floor, walls around it, dump, dust areas and obstacles, as far as the scene has them."""
-    half, height = scene.arena_size * MILLIMETRES / 2, scene.height * MILLIMETRES
-    corners = np.asarray(scene.corners) * MILLIMETRES
-    corners = corners if len(corners) else half * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)])
+    """Yield the walls around the floor, dump, dust areas and obstacles, as far as the scene has them."""
+    corners, height = outline(scene), scene.height * MILLIMETRES
     along, thick = np.roll(corners, -1, axis=0) - corners, height / 4
     length, yaw = np.hypot(*along.T), np.arctan2(-along[:, 0], along[:, 1])  # the normals' direction
     middle = corners + along / 2 + thick * np.column_stack([np.cos(yaw), np.sin(yaw)])
     walls = np.column_stack([middle, np.full(len(yaw), thick), length / 2 + 2 * thick, yaw])
-    (low_x, low_y), (high_x, high_y) = corners.min(axis=0), corners.max(axis=0)
-    floor = [(low_x + high_x) / 2, (low_y + high_y) / 2, (high_x - low_x) / 2, (high_y - low_y) / 2, 0]
     dump = np.reshape(scene.dump, (-1, 4))[: int(scene.dump[2] > scene.dump[0])]
     painted = {}
     for name, rectangles in (("dump", dump), ("dust_areas", np.reshape(scene.dust_areas, (-1, 4)))):
@@ -52,7 +61,6 @@ def arena_boxes(scene: Scene) -> Iterator[Boxes]:
         painted[name] = np.hstack([(low + high) / 2, (high - low) / 2, 0 * low[:, :1]])
     obstacles = np.reshape(scene.obstacles, (-1, 5)) * [*[MILLIMETRES] * 4, 1]
     for boxes in (
-        Boxes("floor", np.array([floor]), -SHEET, 0.0, palette.FLOOR),
         Boxes("walls", walls, 0.0, height, palette.WALL),
         Boxes("dump", painted["dump"], SHEET, 2 * SHEET, palette.DUMP),
         Boxes("dust_areas", painted["dust_areas"], SHEET, 2 * SHEET, palette.DUST),

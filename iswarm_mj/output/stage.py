@@ -3,6 +3,7 @@
 import importlib
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,10 +14,11 @@ from jaxtyping import Bool, Float, UInt8
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.robot_file import as_robot_file
-from iswarm_mj.output.palette import DUMP, DUST, rgb
+from iswarm_mj.output.palette import DUMP, DUST, FLOOR, rgb
 from iswarm_mj.output.saved import SavedRun, load, scene_of
+from iswarm_mj.output.shapes import floor
 from iswarm_mj.output.swarm_classes import robot_classes, shown_classes
-from iswarm_mj.output.trajectory import AREA, SCENE, Arrays
+from iswarm_mj.output.trajectory import AREA, SCENE, Arrays, Scene
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import RobotFile
@@ -70,7 +72,9 @@ class Stage:
     def __init__(self, config: SwarmConfig, frames: Arrays, shot: Shot, robot_file: RobotFile = None):
         n_robots = frames["pose"].shape[1]
         file = as_robot_file(robot_file)
-        arena = compile_arena(config, n_robots, frames["scene_ball_radius"], visual=True, robot_file=file)
+        scene = scene_of(frames)
+        tune = partial(_lay_floor, scene) if config.arena.outline else None
+        arena = compile_arena(config, n_robots, frames["scene_ball_radius"], True, tune, file)
         size = 2 * MM * arena.robot.each("half_edges", n_robots)
         recorded = np.broadcast_to(frames["scene_robot_size"], size.shape)
         differs = ~np.isclose(recorded, size, rtol=1e-6).all(axis=1)
@@ -99,7 +103,7 @@ class Stage:
             quality = model.vis.quality
             quality.numslices, quality.numstacks, quality.offsamples = 8, 4, 4
         model.vis.global_.offwidth, model.vis.global_.offheight = shot.size
-        self._arena, self._camera, self._scene = arena, shot.camera, scene_of(frames)
+        self._arena, self._camera, self._scene = arena, shot.camera, scene
         self._data = mujoco.MjData(model)
         if shot.camera == "oblique":
             _step_back(model, self._data, shot, mm_from_rd(config.arena.size) / 2)
@@ -158,6 +162,15 @@ class Stage:
                 mujoco.mjv_initGeom(scene.geoms[scene.ngeom], kind, size, [x, y, -_FLAT], np.eye(3).ravel(), colour)
                 scene.ngeom += 1
         return self._renderer.render()
+
+
+def _lay_floor(scene: Scene, spec: mujoco.MjSpec) -> None:
+    """Put a floor within the walls in place of the rectangle, a plane."""
+    top = floor(scene)[0] - [0, 0, 2 * _FLAT]
+    spec.add_mesh(name="floor", uservert=np.concatenate([top, top - [0, 0, 1]]).ravel())  # a prism, their hull
+    geom = spec.geom("floor")
+    geom.type, geom.meshname, geom.pos = mujoco.mjtGeom.mjGEOM_MESH, "floor", [0, 0, 0]
+    geom.material, geom.rgba[:3] = "", np.array(rgb(FLOOR)) / 255
 
 
 def _draw_without_display() -> None:

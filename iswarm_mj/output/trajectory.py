@@ -44,7 +44,7 @@ class Scene(NamedTuple):
     control_period: float
     """Time between two frames [s]."""
     is_alive: Bool[np.ndarray, "N"]
-    """The others are dead: they only stand in the way."""
+    """At the start; the others are dead, they only stand in the way."""
     payload: str
     """What messages carry, in JSON; with it and `n_leds`, `message_columns` decodes the frames' messages."""
     world: int

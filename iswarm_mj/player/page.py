@@ -138,7 +138,7 @@ class Page:
         past = [one for one in past if one.step < session.shown + 1]
         share = session.shown - past[-1].step + 1
         with self._server.atomic():
-            self._view.show([one.frames for one in past], share, session.is_alive, past[-1].energy)
+            self._view.show([one.frames for one in past], share, past[-1].energy)
         while not session.messages.empty():
             text = session.messages.get()
             for client in self._server.get_clients().values():

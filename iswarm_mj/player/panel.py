@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from iswarm_mj.player.inspection import described
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
 from iswarm_mj.player.widgets import AXIS, copied, show, spots, widget
+from iswarm_mj.strategy.library import STRATEGIES
+from iswarm_mj.tasks.library import TASKS
 from iswarm_mj.utils.obstacles import Obstacle, distances, numbers
 from iswarm_mj.utils.units import RD
 
@@ -204,7 +207,8 @@ class Panel:
             obstacles = session.wanted.config.arena.obstacles
             self._pending += ["obstacles"] * (obstacles != session.now.config.arena.obstacles)
             view.wish(obstacles if "obstacles" in self._pending else ())
-        lines = [f"**step {session.step}** · {session.run.settings.n_robots} robots"]
+        names = [Path(session.now.named(offer)).name for offer in (TASKS, STRATEGIES)]
+        lines = [f"**step {session.step}** · {session.run.settings.n_robots} robots · {', '.join(names)}"]
         if session.is_busy and math.isinf(session.rate):
             lines.append("Preparing the first control step, which is compiled once for each number of robots.")
         elif math.isfinite(session.rate):

@@ -1,12 +1,11 @@
 """A recorded run as one HTML file, which opens without a server and without this package."""
 
 import html
+import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from iswarm_mj.output.memory import vectors
 from iswarm_mj.output.palette import Rgb
@@ -38,8 +37,8 @@ class Film(NamedTuple):
     """Control step; None for the last one."""
     speed: float = 8.0
     """Control steps a second."""
-    frames_per_step: int = 2
-    """Pictures for each control step."""
+    frames_per_step: float = 2.0
+    """Pictures for each control step; below 1 not all steps are shown."""
     by: str = arrays.STATE
     """What colours robots, see `scene.ways_to_colour`."""
     draws: tuple[str, ...] = ("links",)
@@ -70,14 +69,14 @@ def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]]]:
         view = SwarmView(server.scene, scene)
         view.by, view.shows, view.is_coarse = film.by, set(film.draws), True
         each = film.frames_per_step
-        for picture in range(film.first * each, last * each + 1):
-            step, part = divmod(picture, each)
-            past = range(max(0, step + bool(part) - TRAIL_FRAMES), step + bool(part) + 1)
-            shown = [frames[k : k + 1] for k in past]
-            view.show(shown, part / each if part else 1.0, np.asarray(scene.is_alive))
+        for picture in range(round((last - film.first) * each) + 1):
+            time = round(film.first + picture / each, 6)  # in control steps
+            after = math.ceil(time)
+            shown = [frames[k : k + 1] for k in range(max(0, after - TRAIL_FRAMES), after + 1)]
+            view.show(shown, time - after + 1)
             yield 1 / (film.speed * each)
 
-    return draw, arrays.legend(scene, film.by, np.asarray(scene.is_alive))
+    return draw, arrays.legend(scene, film.by, frames[film.first : last + 1].is_alive)
 
 
 def serialized(draw: Draw) -> Any:

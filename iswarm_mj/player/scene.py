@@ -107,15 +107,12 @@ def ways_to_colour(scene: Scene, frames: Frames, energy: np.ndarray | None = Non
     return [STATE, *numbers_of(scene, frames, energy)]
 
 
-def colours(
-    scene: Scene, frames: Frames, is_alive: Bool[np.ndarray, "N"], by: str, energy: np.ndarray | None = None
-) -> UInt8[np.ndarray, "N 3"]:
+def colours(scene: Scene, frames: Frames, by: str, energy: np.ndarray | None = None) -> UInt8[np.ndarray, "N 3"]:
     """Return the colours of the robots; the dead are dark grey.
 
     Args:
         scene: of the world.
         frames: one frame.
-        is_alive: which robots are.
         by: one of `ways_to_colour`.
         energy: in the capacitors (N,) [J], where there are some.
     """
@@ -126,10 +123,10 @@ def colours(
     else:
         words = hop_colours(np.rint(numbers_of(scene, frames, energy)[by]).astype(np.int8))
         found = np.stack([words >> 24, words >> 16 & 255, words >> 8 & 255], axis=-1).astype(np.uint8)
-    return np.where(is_alive[:, None], found, np.array(DEAD, np.uint8))
+    return np.where(frames.is_alive[0, :, None], found, np.array(DEAD, np.uint8))
 
 
-def legend(scene: Scene, by: str, is_alive: Bool[np.ndarray, "N"]) -> list[tuple[str, Rgb]]:
+def legend(scene: Scene, by: str, is_alive: Bool[np.ndarray, "..."]) -> list[tuple[str, Rgb]]:
     """Return what the colours mean: labels and colours of robots and balls."""
     if by == STATE:
         robots = [(label, colour) for _, label, colour in shown_classes(scene)]

@@ -5,6 +5,7 @@ import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from statistics import median
@@ -58,7 +59,6 @@ class Session:
         now: with the settings that were changed since.
         wanted: also with those that wait for a reset.
         made: changes of this run, in their order.
-        is_alive: which robots are (N,), those just killed left out.
         waiting: changes that are still to be made.
         is_playing: control steps are taken one after the other.
         is_busy: something is computed at present.
@@ -108,7 +108,6 @@ class Session:
             self.lines: dict[str, deque[float]] = {}
             self.version += 1
             self._laps: deque[float] = deque(maxlen=9)
-            self.is_alive = np.asarray(run.start.swarm.is_alive)[0, 0]
             self._seen(run.start, None)
 
     @property
@@ -120,6 +119,11 @@ class Session:
     def step(self) -> int:
         """Control steps taken."""
         return self.snapshots[-1].step
+
+    @property
+    def is_alive(self) -> np.ndarray:
+        """Which robots are (N,), those just killed left out."""
+        return self.snapshots[-1].frames.is_alive[0]
 
     def post(self, call: Callable[[], None]) -> None:
         """Have something done between two control steps, by the thread that works on this session."""
@@ -197,7 +201,8 @@ class Session:
         change = Change(self.step, what, value)
         if what in EDITS:
             self.run.edit(edit(self.run, change))
-            self.is_alive = np.asarray(self.run.arrays()[1].swarm.is_alive)[0]
+            last, alive = self.snapshots[-1], np.asarray(self.run.arrays()[1].swarm.is_alive)
+            self.snapshots[-1] = last._replace(frames=replace(last.frames, is_alive=alive[:1]))
         else:
             now = self.now.set(what, parsed(self.now, what, value))
             task = now.task if now.task != self.now.task else None

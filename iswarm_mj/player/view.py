@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from iswarm_mj.output import shapes
 from iswarm_mj.output.memory import vectors
-from iswarm_mj.output.palette import BOX, GREEN, PINK, SKY, WALL, YELLOW, rgb
+from iswarm_mj.output.palette import BOX, FLOOR, GREEN, PINK, SKY, WALL, YELLOW, rgb
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.player import scene as arrays
@@ -49,6 +49,7 @@ class SwarmView:
         self._drawn, self._step = drawn, None
         drawn.remove_by_name(_ROOT)
         self.root = drawn.add_frame(_ROOT, show_axes=False)
+        drawn.add_mesh_simple(f"{_ROOT}/floor", *shapes.floor(scene), color=rgb(FLOOR), side="double")
         for boxes in shapes.arena_boxes(scene):
             for k, (x, y, half_x, half_y, yaw) in enumerate(boxes.places):
                 drawn.add_box(
@@ -68,7 +69,8 @@ class SwarmView:
             "robots": self._batch("robots", trimesh.creation.box((1, 1, 1)), n, (0, 0, 0), batched_scales=sizes),
             "fronts": self._batch("fronts", front, n, (255, 255, 255), batched_scales=sizes),
         }
-        self._balls = self._batch("balls", trimesh.creation.icosphere(1, 0.25 * length), k, (0, 0, 0)) if k else None
+        ball, radii = trimesh.creation.icosphere(1, 0.25 * length), np.float32(scene.ball_radius)
+        self._balls = self._batch("balls", ball, k, (0, 0, 0), batched_scales=radii / radii.mean()) if k else None
         self._boxes = (
             self._batch("boxes", trimesh.creation.box((2, 2, height)), 0, rgb(BOX)) if len(scene.boxes) else None
         )
@@ -125,7 +127,6 @@ class SwarmView:
         self,
         past: Sequence[Frames],
         share: float,
-        is_alive: Bool[np.ndarray, "N"],
         energy: Float[np.ndarray, "N"] | None = None,
     ) -> None:
         """Draw a time between two control steps.
@@ -133,7 +134,6 @@ class SwarmView:
         Args:
             past: frames of one step each, of which the last two are those before and after.
             share: of the step that has passed.
-            is_alive: which robots are.
             energy: in the robots' capacitors [J], where there are some.
         """
         scene, after = self.scene, past[-1]
@@ -152,11 +152,11 @@ class SwarmView:
             self._ring.visible = self.selected is not None
         if self.selected is not None:
             self._ring.position = (*now.centre[self.selected, :2], 0.1)
-        key = (int(after.step[0]), self.by, frozenset(self.shows), is_alive.tobytes())
+        key = (int(after.step[0]), self.by, frozenset(self.shows), after.is_alive.tobytes())
         if key == self._step:
             return
         self._step = key
-        self.nodes["robots"].batched_colors = linear(arrays.colours(scene, after, is_alive, self.by, energy))
+        self.nodes["robots"].batched_colors = linear(arrays.colours(scene, after, self.by, energy))
         if self._balls is not None:
             self._balls.batched_colors = linear(now.ball_colour)
         ends = arrays.arrows(scene, after, now.centre)
@@ -221,11 +221,12 @@ def aim(camera: Any, scene: Scene, aspect: float = 4 / 3, is_low: bool = False) 
         is_low: look at the middle from the side.
     """
     size = scene.arena_size * shapes.MILLIMETRES
-    target, from_ = ((0, 0, 0.12 * size), (0, -0.93, 0.37)) if is_low else ((0, -0.05 * size, 0), (0, -0.62, 0.78))
+    target, from_ = ((0, 0, 0.12 * size), (0, -0.93, 0.37)) if is_low else ((0, -0.06 * size, 0), (0, -0.5, 0.866))
+    camera.fov = np.radians(35)
     right, ahead = np.array([1.0, 0, 0]), -np.array(from_)
     corners = 0.53 * size * np.array([(x, y, 0) for x in (-1, 1) for y in (-1, 1)]) - target
     high = np.tan(camera.fov / 2)  # of what is seen, over its distance
     needed = np.maximum(np.abs(corners @ right) / (aspect * high), np.abs(corners @ np.cross(right, ahead)) / high)
-    away = 0.59 * size if is_low else float(max(needed - corners @ ahead))
+    away = 1.4 * size if is_low else float(max(needed - corners @ ahead))
     camera.position = tuple(target - away * ahead)  # which moves what a camera looks at
     camera.look_at = target

@@ -164,26 +164,3 @@ def remove_parts(out: Path, *names: str) -> None:
         for part in out.glob(f".*-{name}"):
             if _PART.match(part.name):
                 remove(part)
-
-
-def check_resumable(out: Path, kind: str, journal: str, results: tuple[str, ...], resume: bool, again: bool) -> None:
-    """Make sure that no search or training in a directory is overwritten.
-
-    Args:
-        out: the directory.
-        kind: what it is to hold, a search or a training.
-        journal: name of the file from which it goes on.
-        results: names of other files of it.
-        resume: go on with what is there.
-        again: remove it instead.
-
-    Raises:
-        ConfigError: there is one, without `resume`; or one without its journal.
-        UserError: it cannot be removed.
-    """
-    for name in (*results, journal) if again else ():
-        remove(out / name)
-    if (out / journal).exists() and not resume:
-        raise ConfigError("out", out, f"a directory without a {kind}", f"continue the {kind} with `resume`")
-    if any((out / name).exists() for name in results) and not (out / journal).exists():
-        raise ConfigError("out", out, f"a directory without a {kind}", f"this one lacks its {journal}")

@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from statistics import fmean
@@ -12,6 +13,7 @@ from typing import Any
 from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING, RESULT
 from iswarm_mj.simulation.run import Run
+from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.utils.files import make_output_directory
@@ -116,16 +118,16 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
     how = "; averages and ranges" if content["n_worlds"] > MAX_LISTED else ""
     goal = "no goal" if content["stop_at"] is None else f"goal {content['stop_at']}"
     lines = [("robots", f"{content['n_robots']} in {content['n_worlds']} world(s), seed {content['seed']}{how}")]
-    is_cleaning = "delivered" in content
+    lines += [("strategy", strategy_of(content)), ("task", content["task"].get("class", "Cleaning"))]
+    metrics, units = content.get("metrics") or {}, content.get("units", {})
+    is_cleaning = "delivered" in content and (not metrics or "delivered" in metrics)  # not another task with its balls
     if is_cleaning:
         lines += [("delivered", f"{show('delivered')} of {content['n_dust']} balls; picked up {show('picked')}")]
-    else:
-        lines += [("task", content["task"]["class"])]
-        units = content.get("units", {})
-        lines += [
-            (name.replace("_", " "), show(name, content["metrics"], "z.3g", units.get(name, "")))
-            for name in content["metrics"]
-        ]
+    lines += [
+        (name.replace("_", " "), show(name, metrics, "z.3g", units.get(name, "")))
+        for name in metrics
+        if name not in content
+    ]
     lines += [("finished at", f"step {show('finished_at')} ({goal}; ran {steps} steps)")]
     lines += [("carriage", show("mean_carriage_steps", unit="steps on average"))] if is_cleaning else []
     lines += [("collisions", show("collisions"))]
@@ -135,6 +137,14 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
         ("results", str(out)),
     ]
     return "\n".join(f"{name:>12}  {text}" for name, text in lines)
+
+
+def strategy_of(content: Mapping[str, Any]) -> str:
+    """Return the name of the strategy, by result.json: of its class, or of the preset of the paper's."""
+    own = content.get("strategy")
+    if isinstance(own, Mapping):
+        return own["class"]
+    return next((name for name, preset in PRESETS.items() if asdict(preset) == content.get("genome")), "own genome")
 
 
 def _speed(content: Mapping[str, Any]) -> str:

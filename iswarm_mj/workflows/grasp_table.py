@@ -1,6 +1,7 @@
 """The table of the gripper's experiments, a row for each experiment on each ball, and its summary."""
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
@@ -8,8 +9,9 @@ import numpy as np
 
 from iswarm_mj.gripper.bench.run_trials import Outcomes
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
-from iswarm_mj.gripper.laws.humidity import humid_work
+from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.melting import melts
+from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.workflows.grasp_settings import Case, GraspSettings
 
 
@@ -29,10 +31,6 @@ class TrialRow(NamedTuple):
     """W_TO at the trial's humidity [J/m^2]."""
     work_object_substrate: float
     """W_OS at the trial's humidity [J/m^2]."""
-    engine: str
-    """"mujoco" or "mjx"."""
-    impl: str
-    """"c", "jax" or "warp"."""
     experiment: str
     """"grasp", "release" or "no_contact"."""
     gap: float
@@ -71,16 +69,16 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
     """Rows of the i-th case."""
     protocol, trial = settings.protocol, case.trial
     tool, substrate = (
-        float(humid_work(work, trial.relative_humidity))
+        float(work * humidity_factor(trial.relative_humidity))
         for work in (trial.work_tool_object, trial.work_object_substrate)
     )
-    impl, ramp_step = settings.impl if settings.engine == "mjx" else "c", protocol.ramp_rate * outcomes.timestep
+    ramp_step = protocol.ramp_rate * outcomes.timestep
 
     def row(experiment: str, gap: float, found: Any, limit: float, step: float, law: Any, **more: Any) -> TrialRow:
         """A row from an outcome, up to a voltage, and from the law."""
         return TrialRow(
             *(trial.radius, case.humidity, trial.relative_humidity, case.repeat, settings.seed, tool, substrate),
-            *(settings.engine, impl, experiment, gap, _number(found.voltage[i]), limit, step),
+            *(experiment, gap, _number(found.voltage[i]), limit, step),
             quasi_static_voltage=float(law),
             faulty=bool(found.faulty[i]),
             **({"melted": False} | more),
@@ -103,13 +101,46 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
 
 def _melted(settings: GraspSettings, case: Case, voltage: float) -> bool:
     """Whether a ball melts between plate and tool at the highest voltage that is applied [V]."""
-    contacts = settings.contacts
+    contacts = settings.used.contacts
     time = settings.protocol.contact_time
     return bool(melts(voltage, case.trial.radius, contacts.breaks_at, contacts.supply, time))
 
 
 def _number(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
+
+
+def units() -> dict[str, str]:
+    """Return the unit of each column that has one."""
+    found = {name: re.search(r"\[(.*)\]", text) for name, text in field_docs(TrialRow).items()}
+    return {name: match[1] for name, match in found.items() if match}
+
+
+def measures(rows: Sequence[TrialRow]) -> list[dict[str, Any]]:
+    """Return for each experiment, gap [m] and humidity [%] trials, those with a voltage, its mean and range [V]."""
+    groups: dict[tuple[str, float, float], list[TrialRow]] = {}
+    for row in rows:
+        groups.setdefault((row.experiment, row.gap, row.relative_humidity), []).append(row)
+    found = []
+    for (experiment, gap, humidity), group in groups.items():
+        voltages = [row.voltage for row in group if row.voltage is not None]
+        about = {"experiment": experiment, "gap": gap, "relative_humidity": humidity, "trials": len(group)}
+        shown = {"mean": np.mean(voltages).item(), "least": min(voltages), "most": max(voltages)} if voltages else {}
+        found.append(about | {"with_voltage": len(voltages), "voltage": shown or None})
+    return found
+
+
+def pull_offs(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the pull-off of each retraction of force-distance curves: radius [m], voltage [V], force [N], gap [m]."""
+    least: dict[tuple[float, float], Mapping[str, Any]] = {}
+    for row in rows:
+        key = row["radius"], row["voltage"]
+        if row["direction"] == "retract" and (key not in least or row["total"] < least[key]["total"]):
+            least[key] = row
+    return [
+        {"radius": radius, "voltage": voltage, "pull_off": row["total"], "gap": row["gap"]}
+        for (radius, voltage), row in least.items()
+    ]
 
 
 def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
@@ -124,6 +155,9 @@ def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str
             lines.append((name, f"{rh:g} % RH{where}: {_voltage_text(here)}"))
     fell = _fallen(settings, rows)
     lines += [("fell", f"{fell} lifted balls before a release")] if fell else []
+    lines += [("no contact", "not computed for a rounded tip")] if settings.tip_curvature else []
+    beyond = ", ".join(settings.beyond_the_fit)
+    lines += [("warning", f"beyond the fit, so that voltages are predictions: {beyond}")] if beyond else []
     faulty = sum(row.faulty for row in rows)
     return [*lines, ("faulty", f"{faulty} rows, whose state was not finite")] if faulty else lines
 

@@ -35,7 +35,6 @@ WARP, CURVE = "--engine planar --impl warp", "--force-curve"
         ("experiment types --genome type2", "--genome", "in the experiment types"),
         ("experiment hop-count --engine mjx --workers 2", "--workers", "with runs in batches"),
         ("evolve --method cmaes --operators.span 0.1", "--operators.span", "with --method cmaes"),
-        ("infer --quick --combinations 99", "--combinations", "with --quick"),
         ("reproduce --tables --engine planar", "--engine", "with --tables"),
         ("reproduce --list --again", "--again", "with --list"),
     ],

@@ -30,7 +30,7 @@ def test_a_run(run, capfd):
     main(["inspect", str(run)])
     text = capfd.readouterr().out
     content = json.loads((run / "result.json").read_text())
-    assert text.startswith("cleaning run with the paper's strategy on planar, version ")
+    assert text.startswith("cleaning run on planar, version ")
     assert f"picked up {content['picked']}" in text and "20 in 1 world(s), seed 0" in text
     lines = {line.split("  ")[0]: line for line in text.splitlines() if "." in line.split("  ")[0]}
     assert f"rerun {shlex.quote(str(run / 'clean.rrd'))}" in lines["clean.rrd"]
@@ -84,7 +84,7 @@ def test_a_search_that_was_killed_has_a_table(tmp_path, ended):
         shutil.copy(ROOT / "results/evolve-cmaes" / name, tmp_path)
     journal_of_two(tmp_path / "checkpoint.sqlite")
     text = inspection(tmp_path)
-    assert ("interrupted: 2 finished runs of a search" in text and "--resume goes on" in text) != ended
+    assert ("interrupted: 2 finished runs of a search" in text and "same command goes on" in text) != ended
 
 
 def test_faults_that_are_no_list(run, tmp_path):

@@ -9,6 +9,7 @@ from helpers_jobs import jobs_of, outcomes_of
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import batches
+from iswarm_mj.experiments.runner import jobs as jobs_module
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.simulation import memory_check
@@ -49,7 +50,7 @@ def tried(monkeypatch):
         def measures(self, world):
             return Measures(self.sizes[world], 0, 0, None, None)
 
-    monkeypatch.setattr(batches, "Run", Crowded)
+    monkeypatch.setattr(jobs_module, "Run", Crowded)
     return Crowded, begun
 
 
@@ -95,10 +96,10 @@ class TestPlanarInBatches:
             Execution(PlanarSettings.usual(), backend="ray")
         assert not Execution().in_batches
 
-    def test_a_job_that_finishes_early_took_so_many_steps(self, small, monkeypatch):
+    def test_a_job_that_finishes_early_took_so_many_steps(self, small, tried, monkeypatch):
         """The other of the batch took all."""
         measures = [Measures(24, 24, 0, 5.0, 13), Measures(3, 4, 0, 5.0, None)]
-        monkeypatch.setattr(batches, "_measured", lambda *_: measures)
+        monkeypatch.setattr(tried[0], "measures", lambda _, world: measures[world])
         jobs = [Job(small, Genome(), 12, seed, steps=20) for seed in range(2)]
         found = dict(batches.run_batches(jobs, PlanarSettings()))
         assert [found[index].steps for index in range(2)] == [13, 20]
@@ -113,7 +114,7 @@ class TestPlanarInBatches:
             begun.append(len(parts["worlds"]))
             return Run(*arguments, **parts)
 
-        monkeypatch.setattr(batches, "Run", run)
+        monkeypatch.setattr(jobs_module, "Run", run)
         batched = outcomes_of(jobs, Execution(PlanarSettings(impl="warp")))
         assert begun == [2, 1]
         assert batched == [run_job(job, PlanarSettings(impl="warp")) for job in jobs]

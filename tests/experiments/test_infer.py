@@ -21,6 +21,7 @@ from iswarm_mj.experiments.analysis.support import (
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.runner.variation import varied
+from iswarm_mj.experiments.studies import infer
 from iswarm_mj.experiments.studies.infer import (
     ALONE,
     DEFAULTS,
@@ -61,7 +62,9 @@ def outcome(entry, like_the_paper):
 
 @cache
 def listed():
-    return entries(N, Plan())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(infer, "COMBINATIONS", N)
+        return entries(Plan())
 
 
 def rows_where(like_the_paper):

@@ -47,7 +47,7 @@ def test_jobs_and_outcomes_travel(small):
 
 
 def test_faults_name_the_job(small, monkeypatch):
-    monkeypatch.setattr(Run, "faults", [SimulationFault("gone", step=1)])
+    monkeypatch.setattr(Run, "fault_of_each", [SimulationFault("gone", step=1)])
     with pytest.raises(SimulationFault, match=r"^run of 30 robots with seed 7: step 1: gone$"):
         run_job(Job(small, GENOME, 30, seed=7, steps=3))
 

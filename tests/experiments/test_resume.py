@@ -46,7 +46,7 @@ class TestResume:
             with pytest.raises(KeyboardInterrupt):
                 run_search(search, out, execution=Execution(find_engine(engine).usual(), workers=2))
             begun = pretend(monkeypatch)
-            run_search(search, out, resume=True, execution=Execution(find_engine(engine).usual(), workers=3))
+            run_search(search, out, execution=Execution(find_engine(engine).usual(), workers=3))
             assert contents(out) == contents(tmp_path / "whole")
             assert len(begun) == 120 - (breaks_after if engine == "mujoco" else breaks_after // 20 * 20)
 
@@ -55,7 +55,7 @@ class TestResume:
         run_search(SEARCH, tmp_path / "out")
         before = contents(tmp_path / "out")
         begun = pretend(monkeypatch)
-        run_search(SEARCH, tmp_path / "out", resume=True)
+        run_search(SEARCH, tmp_path / "out")
         assert contents(tmp_path / "out") == before and begun == []
 
     def test_the_table_is_there_after_each_generation(self, monkeypatch, tmp_path):
@@ -80,22 +80,17 @@ class TestResume:
         run_search(SEARCH, tmp_path)
         before = contents(tmp_path)
         refusals = [
-            (
-                SEARCH,
-                False,
-                r"^out must be .* without a search \(got .*\); continue the search with `resume`$",
-            ),
-            (replace(SEARCH, seed=4), True, r"different settings \(seed: 3 there, 4 now\)"),
-            (replace(SEARCH, replicates=3), True, r"\(replicates: 1 there, 3 now\)"),
-            (replace(SEARCH, operators=Operators(span=0.1)), True, r"\(operators\.span: 0\.05 there, 0\.1 now\)"),
+            (replace(SEARCH, seed=4), r"different settings \(seed: 3 there, 4 now\)"),
+            (replace(SEARCH, replicates=3), r"\(replicates: 1 there, 3 now\)"),
+            (replace(SEARCH, operators=Operators(span=0.1)), r"\(operators\.span: 0\.05 there, 0\.1 now\)"),
         ]
-        for search, resume, message in refusals:
+        for search, message in refusals:
             with pytest.raises(UserError, match=message):
-                run_search(search, tmp_path, resume=resume)
+                run_search(search, tmp_path)
             assert contents(tmp_path) == before
-        (tmp_path / CHECKPOINT).unlink()
-        with pytest.raises(UserError, match=r"without a search \(got .*\); this one lacks its checkpoint\.sqlite$"):
-            run_search(SEARCH, tmp_path, resume=True)
+        begun = pretend(monkeypatch)
+        run_search(replace(SEARCH, seed=4), tmp_path, again=True)
+        assert len(begun) == 60 and contents(tmp_path) != before
 
 
 TINY = [
@@ -142,7 +137,7 @@ def test_killed_and_resumed(tmp_path):
     given = [sys.executable, "-c", KILLED, *command(tmp_path / "out", *flags)[3:]]
     assert subprocess.run(given, stdout=subprocess.DEVNULL, timeout=600).returncode == -signal.SIGKILL
     assert count(tmp_path / "out" / CHECKPOINT) == 5
-    cli.main([*command(tmp_path / "out", *flags)[3:], "--resume"])
+    cli.main(command(tmp_path / "out", *flags)[3:])
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
     rows, _ = read_table(tmp_path / "out" / TABLE)
     assert len(rows) == 12 and {row["n_robots"] for row in rows} == {12} and len({row["fitness"] for row in rows}) > 6
@@ -170,5 +165,5 @@ def test_generations_as_batches(small, tmp_path):
         assert (row["steps"], row["delivered"], row["picked"]) == (6, *alone.measures[:2])
     assert sum(row["picked"] for row in rows) > 0
     before = contents(out)
-    cli.main([*command(out, *flags)[3:], "--resume"])
+    cli.main(command(out, *flags)[3:])
     assert contents(out) == before

@@ -79,7 +79,7 @@ class TestResume:
             if broken:
                 assert pyarrow.csv.read_csv(out / CURVE).num_rows == broken
             asked = pretend(monkeypatch)
-            trained(out, resume=True)
+            trained(out)
             assert len(asked) == 5 - broken and contents(out) == contents(tmp_path / "whole")
 
     def test_it_goes_on_for_longer(self, monkeypatch, tmp_path):
@@ -87,23 +87,18 @@ class TestResume:
         trained(tmp_path / "long", replace(TRAINING, generations=7))
         trained(tmp_path / "out")
         asked.clear()
-        trained(tmp_path / "out", replace(TRAINING, generations=7), resume=True)
+        trained(tmp_path / "out", replace(TRAINING, generations=7))
         assert len(asked) == 2 and contents(tmp_path / "out") == contents(tmp_path / "long")
 
     def test_what_is_in_the_way_is_refused(self, monkeypatch, tmp_path):
         pretend(monkeypatch)
         trained(tmp_path)
-        with pytest.raises(UserError, match="out must be a directory without a training"):
-            trained(tmp_path)
         with pytest.raises(UserError, match=r"different settings \(.*task"):
-            train(TRAINING, Three(jnp.zeros(3)), tmp_path, PlanarSettings(1), task=Aggregation(), resume=True)
+            train(TRAINING, Three(jnp.zeros(3)), tmp_path, PlanarSettings(1), task=Aggregation())
         with pytest.raises(UserError, match=r"different settings \(.*seed"):
-            trained(tmp_path, replace(TRAINING, seed=4), resume=True)
+            trained(tmp_path, replace(TRAINING, seed=4))
         with pytest.raises(UserError, match="different settings"):
-            train(TRAINING, Three(jnp.zeros(3)), tmp_path, MujocoSettings(1), task=CLEANING, resume=True)
-        (tmp_path / CHECKPOINT).unlink()
-        with pytest.raises(UserError, match="this one lacks its checkpoint"):
-            trained(tmp_path)
+            train(TRAINING, Three(jnp.zeros(3)), tmp_path, MujocoSettings(1), task=CLEANING)
         assert len(trained(tmp_path, again=True)) == 3
 
 
@@ -151,7 +146,7 @@ def test_the_command_forwards_all_flags(tmp_path, monkeypatch):
     monkeypatch.setattr(training, "train", lambda *args, **options: given.update(options, args=args))
     path = robot_file(tmp_path, "five")
     flags = [*FLAGS, "--validation=6", "--spread=0.25", "--sizes", "15", "20", "--arena.n-dust=6"]
-    cli.main(["train", *flags, f"--out={tmp_path / 'out'}", f"--robot={path}", "--resume"])
+    cli.main(["train", *flags, f"--out={tmp_path / 'out'}", f"--robot={path}", "--again"])
     plan, strategy, out, engine = given.pop("args")
     assert plan == Training(
         config=SMALL,
@@ -166,9 +161,9 @@ def test_the_command_forwards_all_flags(tmp_path, monkeypatch):
         seed=5,
     )
     assert (strategy, out, engine) == (Neural(), tmp_path / "out", PlanarSettings(1).for_batches())
-    assert given == {"task": CLEANING, "robot_file": path, "resume": True}
+    assert given == {"task": CLEANING, "robot_file": path, "again": True}
     cli.main(["train", "--task=aggregation", "--out", str(tmp_path / "out"), "--engine=mjx", "--impl=warp"])
-    assert isinstance(given["task"], Aggregation) and given["robot_file"] is None and not given["resume"]
+    assert isinstance(given["task"], Aggregation) and given["robot_file"] is None and not given["again"]
     assert given["args"][0] == Training() and given["args"][3] == MjxSettings("warp").for_batches() != MjxSettings(
         "warp"
     )
@@ -179,7 +174,7 @@ def test_killed_and_resumed(tmp_path):
     """In processes that are killed, at any moment, files end up byte for byte as without."""
 
     def begin(out):
-        command = [sys.executable, "-m", "iswarm_mj", "train", *FLAGS, f"--out={out}", "--resume"]
+        command = [sys.executable, "-m", "iswarm_mj", "train", *FLAGS, f"--out={out}"]
         return subprocess.Popen(command, env=os.environ, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
 
     assert begin(tmp_path / "whole").wait(600) == 0

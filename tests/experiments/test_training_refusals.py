@@ -34,13 +34,13 @@ def test_fewer_generations_than_there_are_leave_all_as_it_is(out):
     before = {name: (out / name).read_bytes() for name in (WEIGHTS, CURVE)}
     with pytest.raises(UserError, match="generations must be at least 5, which the training has"):
         fewer = replace(TRAINING, generations=4)
-        train(fewer, Three(jnp.zeros(3)), out, PlanarSettings(1), task=CLEANING, resume=True)
+        train(fewer, Three(jnp.zeros(3)), out, PlanarSettings(1), task=CLEANING)
     assert before == {name: (out / name).read_bytes() for name in before}
 
 
 def test_other_weights_at_the_start_are_another_training(out):
     with pytest.raises(UserError, match="different settings"):
-        train(TRAINING, Three(jnp.array([0.0, 1.0, 0.0])), out, PlanarSettings(1), task=CLEANING, resume=True)
+        train(TRAINING, Three(jnp.array([0.0, 1.0, 0.0])), out, PlanarSettings(1), task=CLEANING)
 
 
 @pytest.mark.parametrize("first", [[0.5], [0.0, np.nan], [np.inf, 0.0], [2e6, 0.0]])

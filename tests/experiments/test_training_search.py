@@ -63,7 +63,7 @@ class TestSearch:
         rows = pyarrow.csv.read_csv(tmp_path / "out" / CURVE).to_pylist()
         validated = [row["generation"] for row in rows if row["validation"] is not None]
         assert validated == [10, 20, 30] and rows[19]["validation"] > rows[29]["validation"]
-        np.testing.assert_array_equal(trained(tmp_path / "out", wanted, resume=True), found)
+        np.testing.assert_array_equal(trained(tmp_path / "out", wanted), found)
 
     def test_worlds_of_a_candidate_have_the_numbers_of_robots_and_the_arenas_in_turn(self, monkeypatch, tmp_path):
         pretend(monkeypatch)
@@ -186,7 +186,7 @@ class TestSearch:
         trained(tmp_path / "out", robot_file=path)
         assert given == 5 * [path] and policy(Neural(), SMALL, 4, path).robot == read_robot(path)
         with pytest.raises(UserError, match=r"different settings \(.*robot"):
-            trained(tmp_path / "out", robot_file=None, resume=True)
+            trained(tmp_path / "out", robot_file=None)
 
     def test_the_strategy_is_made_for_the_most_robots(self, monkeypatch, tmp_path):
         class Counted:

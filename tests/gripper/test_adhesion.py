@@ -14,14 +14,7 @@ from iswarm_mj.gripper.laws.adhesion import (
     jkr_pull_off,
     van_der_waals_force,
 )
-from iswarm_mj.gripper.laws.humidity import (
-    WATER_SURFACE_TENSION,
-    humid_work,
-    humidity_factor,
-    kelvin_radius,
-    meniscus_work,
-)
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.gripper.laws.humidity import humidity_factor
 
 MAUGIS = np.loadtxt(Path(__file__).parents[1] / "data/maugis_dugdale.csv", delimiter=",", skiprows=2)
 
@@ -90,38 +83,11 @@ def test_humidity_is_least_at_ten_percent_and_double_at_eighty():
     np.testing.assert_allclose(humidity_factor(np.array([30, 50])), [9 / 7, 11 / 7])
 
 
-def test_kelvin_radius():
-    assert kelvin_radius(100 / math.e) == pytest.approx(0.5248e-9, rel=1e-4)
-    assert kelvin_radius(50.0) / kelvin_radius(25.0) == pytest.approx(2, rel=1e-12)
-    assert kelvin_radius(50.0, 2 * 298.15) == pytest.approx(kelvin_radius(50.0) / 2, rel=1e-12)
-
-
-def test_meniscus_has_a_threshold_and_the_smooth_limit():
-    relative_humidity = np.linspace(5, 95, 181)
-    onset = relative_humidity[np.argmax(meniscus_work(relative_humidity) > 0)]
-    assert 60 < onset < 70
-    angle = 0.5
-    smooth = dmt_pull_off(20e-6, meniscus_work(50.0, rough_gap=0.0, contact_angle=angle))
-    assert smooth == pytest.approx(4 * math.pi * 20e-6 * WATER_SURFACE_TENSION * math.cos(angle), rel=1e-12)
-    half = meniscus_work(50.0, rough_gap=kelvin_radius(50.0))
-    assert half == pytest.approx(WATER_SURFACE_TENSION, rel=1e-12)
-
-
-def test_models_of_humid_work():
-    assert humid_work(1e-3, 80.0) == pytest.approx(2e-3)
-    assert humid_work(1e-3, 40.0, "meniscus") == 1e-3
-    assert humid_work(1e-3, 90.0, "meniscus") > 2e-2
-    with pytest.raises(UserError, match="'dry' is unknown; give"):
-        humid_work(1e-3, 40.0, "dry")
-
-
 LAWS = {
     "jkr": (jkr_pull_off, [20e-6, 1e-3]),
     "dmt": (dmt_pull_off, [20e-6, 1e-3]),
     "van_der_waals": (van_der_waals_force, [1e-19, 20e-6, 1e-9]),
     "humidity": (humidity_factor, [35.0]),
-    "kelvin": (kelvin_radius, [35.0, 290.0]),
-    "meniscus": (meniscus_work, [85.0, 2e-9, 0.3, 290.0]),
 }
 
 

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers_capacitance import capacitance
 from helpers_energy import energy_balance
 
 from iswarm_mj.gripper.bench.contacts import Contacts
@@ -13,7 +14,6 @@ from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.bench.tracing import trace_of, trace_trial
 from iswarm_mj.gripper.bench.trial import Trial, draw
-from iswarm_mj.gripper.laws.capacitance import capacitance
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
 
 GAP = 5e-6

@@ -5,9 +5,8 @@ import math
 import pytest
 
 from iswarm_mj.gripper import contact
-from iswarm_mj.gripper.bench.base import Watch
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.script import Progress, Ramp, released
+from iswarm_mj.gripper.bench.script import Progress, Ramp, Watch, released
 from iswarm_mj.gripper.laws.detachment import ball_weight, grasp_deficit
 from iswarm_mj.gripper.laws.numbers import numbers_of
 

@@ -15,7 +15,7 @@ from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.gripper.laws.humidity import humid_work
+from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
 from iswarm_mj.workflows.grasp_table import summary, trial_rows
 
@@ -128,6 +128,6 @@ def test_humidities_of_trials_spread_evenly_about_their_setting():
 def test_the_spread_of_the_humidity_is_a_part_of_the_calibrated_one(spread):
     """At 10 % RH works have the calibrated mean and spread; the largest has its mean within 3 standard errors."""
     drawn = [case.trial for case in cases(GraspSettings(("20e-6",), (10.0,), 4000, rh_spread=spread))]
-    works = np.array([humid_work(t.work_tool_object, t.relative_humidity) for t in drawn])
+    works = np.array([t.work_tool_object * humidity_factor(t.relative_humidity) for t in drawn])
     assert works.mean() == pytest.approx(WORK_TOOL_OBJECT * (1 + 0.12**2) ** 0.5, rel=3 * 0.12 / 4000**0.5)
     assert works.std() / works.mean() == pytest.approx(0.12, rel=0.05)

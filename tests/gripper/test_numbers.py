@@ -7,8 +7,9 @@ import pytest
 
 from iswarm_mj.gripper import contact
 from iswarm_mj.gripper.laws import spline
-from iswarm_mj.gripper.laws.capacitance import capacitance, tables
+from iswarm_mj.gripper.laws.capacitance import tables
 from iswarm_mj.gripper.laws.numbers import in_arrays, numbers_of
+from iswarm_mj.gripper.laws.probe_table import probe_factor
 from iswarm_mj.gripper.native.fields import compiled
 
 SPLINES, AXES = tables()
@@ -63,7 +64,9 @@ def test_shapes_are_those_of_the_laws(task):
     gaps, probe = random.uniform(-0.1, 20, 50), random.uniform(2, 60, 50)
     in_numba = numbers_of(spline, {}, compiled)
     found = [in_numba.shape_of(task, 20.0, gap, 0.2, r, SPLINES, AXES) for gap, r in zip(gaps, probe, strict=True)]
-    law = capacitance(("pick", "release")[task], gaps * 1e-6, 20e-6, probe * 1e-6, 0.2e-6)
-    np.testing.assert_allclose(np.array(found)[:, 1] * 1e-15, law, rtol=1e-12)
+    law = in_arrays(spline, np).shape_of(task, 20.0, gaps, 0.2, probe, SPLINES, AXES)
+    np.testing.assert_allclose(np.array(found), np.transpose(law), rtol=1e-12)
+    factor = probe_factor(("pick", "release")[task], np.maximum(gaps, 0.2) / 20, probe / 20)
+    np.testing.assert_allclose(law[0], factor, rtol=1e-12)
     far, edge = (spline.shape_of(task, 20.0, gap, 0.2, 13.0, SPLINES, AXES)[0] for gap in (1e3, 80.0))
     assert far == pytest.approx(edge, rel=1e-12)

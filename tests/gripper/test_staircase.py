@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.base import Watch
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.script import Watch
 from iswarm_mj.gripper.bench.staircase import staircase
 
 
-class Benches:
+class Benches(MujocoBench):
     """Each lifts its ball between two voltages, and drops it at once at those where it `bounces`."""
 
     timestep, steps = 1e-6, 0

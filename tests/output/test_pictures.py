@@ -5,6 +5,7 @@ import sys
 from unittest.mock import MagicMock
 
 import imageio_ffmpeg
+import mujoco
 import numpy as np
 import pytest
 from helpers_files import full_disk
@@ -12,12 +13,16 @@ from helpers_opengl import needs_opengl, of_colour
 from helpers_recorded import write_run
 from PIL import Image
 
+from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.render import render
 from iswarm_mj.output.saved import load
+from iswarm_mj.output.shapes import floor
 from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.output.video import RATE, Film, encode, interpolated, write_video
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import ROBOT_DIAMETER, mm_from_rd
+from iswarm_mj.utils.walls import area_of
 
 N = 330
 """More than 280: MuJoCo's memory for collisions must not limit a picture."""
@@ -120,6 +125,28 @@ def test_the_floor_has_the_colours_of_recordings(tmp_path, monkeypatch):
         for material, colour in (("dump", DUMP), ("dust", DUST)):
             shown = stage._arena.model.material(material).rgba[:3]
             np.testing.assert_allclose(255 * shown, rgb(colour), atol=1e-3)
+
+
+@pytest.mark.parametrize("corners", [((0, -12), (12, -4), (5, 13), (-12, 2)), ((20, 30),)])
+def test_the_floor_ends_at_the_walls(corners, tmp_path, monkeypatch):
+    """In pictures, and in what recordings and the page draw: as large as the arena, with corners at its corners."""
+    monkeypatch.setattr("mujoco.Renderer", MagicMock())
+    arena = ArenaConfig(outline=corners, n_dust=2, dump_size=4, dust_area_size=2, dust_area_offset=5)
+    frames = {"scene_corners": np.array(arena.corners) * ROBOT_DIAMETER, "scene_arena_size": np.array(0.1)}
+    run = load(write_run(tmp_path, SwarmConfig(arena), **frames))
+    vertices, triangles = floor(run.scene)
+    np.testing.assert_allclose(vertices[:, :2], mm_from_rd(np.array(arena.corners)))
+    first, second, third = vertices[triangles].swapaxes(0, 1)
+    area = np.cross(second - first, third - first)[:, 2] / 2
+    assert area.min() > 0 and area.sum() == pytest.approx(area_of(mm_from_rd(np.array(arena.corners))))
+    with Stage(run.config, run.arrays, Shot(size=(64, 64))) as stage:
+        model = stage._arena.model
+        geom = model.geom("floor")
+        turned = np.zeros(9)
+        mujoco.mju_quat2Mat(turned, geom.quat)
+        seen = model.mesh_vert @ turned.reshape(3, 3).T + geom.pos
+    top = seen[np.isclose(seen[:, 2], -0.004, atol=1e-6)][:, :2]
+    np.testing.assert_allclose(np.sort(top, axis=0), np.sort(vertices[:, :2], axis=0), atol=1e-4)
 
 
 @pytest.mark.parametrize(

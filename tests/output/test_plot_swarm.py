@@ -53,8 +53,8 @@ def test_robots_have_the_colours_of_their_states(tmp_path):
         "ball_position": np.zeros((1, 1, 3)),
         "ball_state": np.array([[2]]),
     }
-    path = draw_swarm(frames, 0, "three robots", tmp_path / "a")
-    with Image.open(path) as image:
+    draw_swarm(frames, 0, "three robots", tmp_path / "a")
+    with Image.open(tmp_path / "a.png") as image:
         pixels = np.asarray(image.convert("RGB")).astype(int)
     band = pixels[: len(pixels) // 2]  # the dump and the legend are lower
     counts = [(np.abs(band - rgb(colour)).max(axis=-1) < 30).sum() for colour in (EMPTY, LOADED, SCOUT)]

@@ -87,9 +87,9 @@ def bands(axes):
 
 
 def test_grasp_at_10_percent(tmp_path, shown):
-    paths = draw_figures(make_rows("grasp"), {}, tmp_path)
-    assert paths == [tmp_path / "grasp_voltage.png"]
+    draw_figures(make_rows("grasp"), {}, tmp_path)
     (axes,) = shown["grasp_voltage"]
+    assert len(shown) == 1
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("radius of the ball [µm]", "grasp voltage [V]")
     trials = line(axes, "each trial")
     np.testing.assert_allclose(trials[:, 0], [15, 15, 20, 20, 25, 25])
@@ -161,9 +161,9 @@ def test_attempts_without_contact(tmp_path, shown):
 
 def test_figures_are_written(tmp_path):
     rows = [*make_rows("grasp"), make_row("grasp", voltage=None), make_row("no_contact")]
-    paths = draw_figures(rows, {}, tmp_path)
-    assert [path.stem for path in paths] == ["grasp_voltage", "no_contact"]
-    assert all(path.with_suffix(end).stat().st_size > 10_000 for path in paths for end in (".png", ".svg"))
+    draw_figures(rows, {}, tmp_path)
+    names = {f"{name}.{end}" for name in ("grasp_voltage", "no_contact") for end in ("png", "svg")}
+    assert {path.name for path in tmp_path.iterdir() if path.stat().st_size > 10_000} == names
 
 
 def test_faulty_trials_do_not_count_as_released():

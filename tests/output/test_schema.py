@@ -47,12 +47,12 @@ def test_a_quantity_is_everywhere(done, name):
             known = found != None  # noqa: E711, element by element
             assert known.any() or column.name == "holder"
             np.testing.assert_array_equal(found[known].astype(own.dtype), own[known])
-        for shown, *_ in (each for each in SHOWN if each[-1] == column):
+        for component, *_ in (each for each in SHOWN if each[-1] == column):
             unit, factor = UNITS.get(column.unit, (column.unit, 1))
-            there = np.array([x for row in recorded[f"/{shown.entity}"][shown.component] for x in row])
+            there = np.array([x for row in recorded[f"/{column.shown}"][component] for x in row])
             if column.name != "holder":
                 np.testing.assert_allclose(there, own * factor, rtol=1e-6)
-            assert shown.unit == unit and f"| `{shown.entity}` | `{shown.component}` | {unit} |" in page
+            assert f"| `{column.shown}` | `{component}` | {unit} |" in page
     assert field.metadata["columns"] or name in ("step", "has_priority", "link_valid")
 
 

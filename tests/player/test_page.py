@@ -74,6 +74,7 @@ def test_clicks_select_kill_and_drop(played):
     panel.clicked(x + 0.1, y, 1.6)
     assert panel.view.selected == 5
     panel.update()
+    assert "20 robots · cleaning, type1" in panel._status.content
     assert "**Robot 5**" in panel.described and "| remembers |" in panel.described
     panel.click = LIFE
     panel.clicked(x, y, 1.6)

@@ -1,6 +1,7 @@
 """What is drawn is where robots and balls are, in millimetres."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,6 +47,16 @@ def test_robots_and_balls_are_where_the_engine_has_them(session):
     colours = {label: colour for _, label, colour in BALL_CLASSES}
     expected = np.where(balls.is_held[0], 1, np.where(balls.is_delivered[0], 2, 0))
     np.testing.assert_array_equal(shown.ball_colour, np.array(list(colours.values()))[expected])
+
+
+def test_balls_are_drawn_as_large_as_they_are(session):
+    server = open_server(9300)
+    try:
+        view = SwarmView(server.scene, session.scene)
+        np.testing.assert_allclose(view._balls.batched_scales, session.scene.ball_radius / 20e-6, rtol=0.2)
+        assert np.corrcoef(view._balls.batched_scales, session.scene.ball_radius)[0, 1] > 0.9999
+    finally:
+        close_server(server)
 
 
 def test_between_two_steps_robots_are_between(session):
@@ -96,14 +107,14 @@ def test_colours_of_states_deaths_and_hops(session):
     scene, _, after = last(session)
     alive = np.ones(20, bool)
     alive[1] = False
-    found = arrays.colours(scene, after, alive, arrays.STATE)
+    found = arrays.colours(scene, replace(after, is_alive=alive[None]), arrays.STATE)
     loaded = after.is_loaded[0] & ~after.has_priority[0] & alive
     assert (found[loaded] == rgb(LOADED)).all() and tuple(found[1]) == arrays.DEAD
     assert arrays.ways_to_colour(scene, after, np.ones(20)) == ["state", "hops to dust", "hops to dump", "energy"]
-    hops = arrays.colours(scene, after, np.ones(20, bool), "hops to dust")
+    hops = arrays.colours(scene, after, "hops to dust")
     unknown = ~after.memory["dust_known"][0]
     assert len(np.unique(hops[unknown], axis=0)) <= 1
-    energy = arrays.colours(scene, after, np.ones(20, bool), "energy", np.arange(20.0))
+    energy = arrays.colours(scene, after, "energy", np.arange(20.0))
     assert len(np.unique(energy, axis=0)) == 16  # of 0 to 15
 
 
@@ -123,7 +134,7 @@ def test_hulls_are_drawn_with_their_sizes(tmp_path):
     server = open_server(8300)
     try:
         view = SwarmView(server.scene, session.scene)
-        view.show([one.frames for one in session.snapshots], 1.0, session.is_alive)
+        view.show([one.frames for one in session.snapshots], 1.0)
         hull, front = view.nodes["robots"], view.nodes["fronts"]
         for sizes in (hull.batched_scales, front.batched_scales):
             drawn = np.ptp(hull.vertices, axis=0) * sizes

@@ -234,7 +234,7 @@ def test_journals(attack, tmp_path, monkeypatch, kind, capsys):
 
     def read():
         if kind == "search":
-            search.run_search(Search(generations=3, population=4), tmp_path, resume=True)
+            search.run_search(Search(generations=3, population=4), tmp_path)
         else:
             experiment.run_experiment(made, plan, tmp_path)
         capsys.readouterr()

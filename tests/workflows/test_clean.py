@@ -11,7 +11,7 @@ from helpers_runs import engine_of, first_step, records, run_of, spoil
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.schema import ARRAYS
 from iswarm_mj.output.trajectory import ABOUT, Scene
-from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows.clean import clean, summary
@@ -114,6 +114,20 @@ def test_same_seed_same_result_without_a_recording_and_at_another_number_of_thre
     assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
 
 
+def test_the_summary_names_the_strategy_and_what_another_task_with_balls_measures(done):
+    """And of cleaning what it does: balls; not of a task that has them, which may never deliver any."""
+    content = done[1]
+    preset, own = asdict(Genome()), asdict(Genome(p_vector_forget=0.5))
+    changed = {"task": {"class": "Sort"}, "strategy": {"class": "BySize"}, "metrics": {"sorted": 0.75}}
+    for change, told, untold in (
+        ({"genome": preset}, ("strategy  type1", "delivered"), "sorted"),
+        ({"genome": own}, ("strategy  own genome", "fitness"), "sorted"),
+        (changed, ("strategy  BySize", "task  Sort", "sorted  0.75"), "delivered"),
+    ):
+        text = summary(content | change, done[0])
+        assert all(part in text for part in told) and untold not in text
+
+
 def test_of_many_worlds_the_summary_states_averages_and_ranges(done):
     listed = {
         "n_worlds": 12,
@@ -123,8 +137,8 @@ def test_of_many_worlds_the_summary_states_averages_and_ranges(done):
     }
     told = summary(done[1] | listed, done[0]).splitlines()
     assert told[0].endswith("in 12 world(s), seed 3; averages and ranges")
-    assert "  5.5 (0 to 11) of " in told[1] and "step 25.0 (20 to 30) in 2 worlds (goal" in told[2]
-    assert told[4].endswith("collisions  -")
+    assert "  5.5 (0 to 11) of " in told[3] and "step 25.0 (20 to 30) in 2 worlds (goal" in told[4]
+    assert told[6].endswith("collisions  -")
     carriage = {"mean_carriage_steps": [None, 33.0, 241.0, *[134.0] * 9]}
     told = summary(done[1] | listed | carriage, done[0])
     assert "carriage  134.5 (33 to 241) steps on average in 11 worlds\n" in told

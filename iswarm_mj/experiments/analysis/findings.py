@@ -40,7 +40,7 @@ class Finding(NamedTuple):
     paper: str
     """The paper's value."""
     kind: str
-    """What the verdict is about, one of `KINDS`; of what `iswarm infer` asks also whether it selects or is held out."""
+    """What the verdict is about, one of `KINDS`; of what `infer` asks also whether it selects or is held out."""
     ours: str = ""
     """Our value; empty without results."""
     statistics: str = ""

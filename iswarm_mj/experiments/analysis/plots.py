@@ -1,6 +1,6 @@
 """Figures of the experiments: bars in the form of the paper's Figs. 15 and 17, effects.
 
-Each is written as PNG and SVG; functions take the path without suffix and return the paths of the PNG files.
+Each is written as PNG and SVG; functions take the path without suffix.
 """
 
 from collections.abc import Callable, Sequence
@@ -30,11 +30,6 @@ class Effect(NamedTuple):
     """Text at the right edge."""
 
 
-def png(path: Path) -> list[Path]:
-    """The PNG file of a figure, in a list."""
-    return [path.with_name(path.name + ".png")]
-
-
 def _sizes(groups: Sequence[Rows]) -> str:
     """What triangles mean, if there are runs that did not reach their goal; the numbers of runs in groups."""
     late = [row for group in groups for row in group if row["finished_at"] is None]
@@ -61,7 +56,7 @@ def draw_bars(
     name: Callable[..., str],
     path: Path,
     measures: Sequence[Measure] = MEASURES,
-) -> list[Path]:
+) -> None:
     """Draw four measures: a bar from zero to the median, a line up to the third quartile, a dot per run.
 
     Runs that did not reach their goal are triangles at the time limit. Of two groups, each panel has the p of the test.
@@ -98,10 +93,9 @@ def draw_bars(
             axes.set_ylim(bottom=0)
             axes.set(xlabel=label, ylabel=measure.label)
             axes.set_title(f"({letter}){p}", loc="left", fontsize=9)
-    return png(path)
 
 
-def draw_forest(effects: Sequence[Effect], label: str, path: Path, caption: str) -> list[Path]:
+def draw_forest(effects: Sequence[Effect], label: str, path: Path, caption: str) -> None:
     """Draw effects with their intervals as a forest plot, by groups; zero means no effect.
 
     Args:
@@ -133,4 +127,3 @@ def draw_forest(effects: Sequence[Effect], label: str, path: Path, caption: str)
         for limit in (-100, 100):
             axes.axvline(limit, color="0.7", linewidth=0.6, linestyle=":")
         axes.set_xlabel(f"{label}\nlinear between the dotted lines, logarithmic beyond")
-    return png(path)

@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 
 from iswarm_mj.experiments.analysis.evolution import FITTEST, PLATEAU, Evolution, by_replicate, samples_of
 from iswarm_mj.experiments.analysis.findings import Rows
-from iswarm_mj.experiments.analysis.plots import BLUE, ORANGE, PALE, TESTS, png
+from iswarm_mj.experiments.analysis.plots import BLUE, ORANGE, PALE, TESTS
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.analysis.support import Combination, accepted
 from iswarm_mj.output.palette import BLUE as STRONG
@@ -22,7 +22,7 @@ _DASHES = ("-", (0, (3, 3)), (0, (1, 5)))
 """Of lines that may lie upon each other, which all are seen then."""
 
 
-def draw_fitness(rows: Rows, n_dust: int, path: Path) -> list[Path]:
+def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
     """Draw Fig. 14(a), fitness over the generations: the best so far of each replicate as a thin line and their median
     as a thick one; the median and the range of the generations' means.
 
@@ -52,10 +52,9 @@ def draw_fitness(rows: Rows, n_dust: int, path: Path) -> list[Path]:
         axes.set(xlabel="generation", ylabel="fitness [points]")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8)
-    return png(path)
 
 
-def draw_trade(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], path: Path) -> list[Path]:
+def draw_trade(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], path: Path) -> None:
     """Draw Fig. 14(b), scouts and forgetting of the fittest, with a line per replicate of the paper's evolution.
 
     Args:
@@ -64,7 +63,7 @@ def draw_trade(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], path: Pat
     """
     tops = [one.top for one in samples_of(searches).get("paper", []) if one.top]
     if not tops:
-        return []
+        return
     caption = (
         f"Dots: the {FITTEST} fittest runs of generations {PLATEAU[0]} to {PLATEAU[1]}; dashed: least squares.\n"
         f"n = {len(tops)} searches, a colour each. {TESTS}"
@@ -77,12 +76,11 @@ def draw_trade(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], path: Pat
                 ends = np.array([x.min(), x.max()])
                 axes.plot(ends, np.polyval(np.polyfit(x, y, 1), ends), "--", color=f"C{place % 10}", linewidth=1)
         axes.set(xlabel="fraction-scouts", ylabel="p(vector-forget)", xlim=(0, None), ylim=(0, None))
-    return png(path)
 
 
 def draw_support(
     every: Sequence[Combination], shares: Mapping[str, Mapping[str, Interval]], asked: Sequence[str], path: Path
-) -> list[Path]:
+) -> None:
     """Draw three panels: statements per combination, each statement's share, the support of each choice.
 
     Args:
@@ -138,7 +136,6 @@ def draw_support(
         )
         for axes, title in zip((left, middle, right), titles, strict=True):
             axes.set_title(title, loc="left", fontsize=9)
-    return png(path)
 
 
 def draw_learning(rows: Rows, path: Path) -> None:

@@ -1,7 +1,7 @@
 """The statements of section 4.6 of the paper on swarms (Figs. 15 to 17, Table 2), each with its test.
 
 Most rules were fixed before the runs that they judge; margins that were widened when first results had been seen are
-named in docs/comparison.md. `ASKED` has what `iswarm infer` asks of single sets of runs.
+named in docs/comparison.md. `ASKED` has what the study `infer` asks of single sets of runs.
 """
 
 import math
@@ -217,4 +217,4 @@ ASKED: Mapping[str, Asked] = {
     "Type 1 loses 9 points by collisions": Asked("types", partial(_penalty_agrees, "type1"), True),
     "Type 2 loses 4 points by collisions": Asked("types", partial(_penalty_agrees, "type2"), True),
 }
-"""Of `iswarm infer`: Fig. 17 and the penalties in Table 2 select, Fig. 15 and the times of both types are held out."""
+"""Of `infer`: Fig. 17 and the penalties in Table 2 select, Fig. 15 and the times of both types are held out."""

@@ -21,7 +21,7 @@ from iswarm_mj.output.reading import read_result
 from iswarm_mj.output.trajectory import RESULT
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import aligned, read_table
-from iswarm_mj.workflows.clean import summary
+from iswarm_mj.workflows.clean import strategy_of, summary
 from iswarm_mj.workflows.grasp import CURVES
 
 _JOURNALS = {RUNS: "an experiment or a sweep", CHECKPOINT: "a search"}
@@ -34,7 +34,7 @@ FILES = {
     "*.rrd": "recording: rerun {path}",
     "best*.json": "best genome: iswarm clean --genome {path}",
     "runs.sqlite": "finished runs, which are not repeated",
-    "checkpoint.sqlite": "finished runs, with which --resume goes on",
+    "checkpoint.sqlite": "finished runs, with which the same command goes on",
     "findings.csv": "statements and verdicts, a row each",
     "*.parquet": "table: pyarrow.parquet.read_table({path!r})",
     "*.csv": "the same table for spreadsheets",
@@ -59,7 +59,8 @@ def inspection(directory: Path) -> str:
         raise UserError(f"{directory} holds no results; give the --out of a command, or a directory of such.")
     if directory in found:
         return "\n".join([*_about(directory), "", *_files(directory), *_recordings(directory)])
-    if len(found) > 1 and all((place / RESULT).is_file() for place in found):
+    results = [place / RESULT for place in found]
+    if len(found) > 1 and all(path.is_file() and not _is_of_bench(path) for path in results):
         return "\n".join(_of_many({place: read_result(place / RESULT) for place in found}))
     paragraphs = ([str(place), *(f"  {line}" for line in (*_about(place), *_recordings(place, 1)))] for place in found)
     return "\n\n".join(map("\n".join, paragraphs))
@@ -77,16 +78,20 @@ def _of_many(runs: Mapping[Path, Mapping[str, Any]]) -> list[str]:
         ["directory", "rules", "engine", "robots", "worlds", "steps", *(name.replace("_", " ") for name in measures)]
     ]
     for place, content in runs.items():
-        own = content.get("strategy")
-        rules = own.get("class") if isinstance(own, Mapping) else "genome"
-        facts = (rules, *(content.get(name) for name in ("engine", "n_robots", "n_worlds", "steps")))
+        facts = (strategy_of(content), *(content.get(name) for name in ("engine", "n_robots", "n_worlds", "steps")))
         lines.append([str(place), *map(str, facts), *(mean(content.get(name)) for name in measures)])
     return aligned(lines)
+
+
+def _is_of_bench(result: Path) -> bool:
+    """Whether a result.json is of `iswarm grasp`, whose tables say more."""
+    return any((result.parent / name).is_file() for name in (TRIALS, CURVES))
 
 
 def _about(directory: Path) -> Iterator[str]:
     """Say what ran, and its outcome."""
     there = [directory / name for name in (RESULT, *_TABLES) if (directory / name).is_file()]
+    there = [path for path in there if not (path.name == RESULT and _is_of_bench(path))]
     for path in there:
         try:
             with as_named(path):
@@ -96,19 +101,16 @@ def _about(directory: Path) -> Iterator[str]:
     for name, kind in _JOURNALS.items():
         if (directory / name).is_file():
             kept = f"{count(directory / name)} finished runs of {kind} are kept in {name}"
-            flag = " with --resume" * (name == CHECKPOINT)
             # A search writes its table as it goes on, and its best genome at the end.
             ended = (directory / BEST).is_file() if name == CHECKPOINT else bool(there)
-            yield kept if ended else f"interrupted: {kept}; the same command{flag} goes on"
+            yield kept if ended else f"interrupted: {kept}; the same command goes on"
 
 
 def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
     """Of `iswarm clean` and `iswarm run`."""
     engine = " ".join(str(content[name]) for name in ("engine", "impl") if name in content)
-    own = content.get("strategy")
-    what = f"strategy {own['class']}" if isinstance(own, Mapping) and "class" in own else "the paper's strategy"
     kind = "cleaning run" if "delivered" in content else "run of a task"
-    yield f"{kind} with {what} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
+    yield f"{kind} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
     if content.get("interrupted"):
         yield f"interrupted after {content.get('steps')} of {content.get('max_steps')} control steps"
     yield summary(content, directory)
@@ -127,7 +129,8 @@ def _table(path: Path) -> list[str]:
             f"sweep of {arguments}, {len(rows)} worlds, version {settings['version']}",
             *sweep_summary(rows, settings["over"]),
         ]
-    of = f"{len(rows)} runs, version {settings.get('version')}, seed {settings.get('seed')}"
+    about = f"version {settings.get('version')}, seed {settings.get('seed')}"
+    of = f"{len(rows)} runs, {about}"
     name = settings.get("experiment")
     if path.name == SEARCH:
         best, made = best_of(rows), len({row["generation"] for row in rows})
@@ -136,7 +139,9 @@ def _table(path: Path) -> list[str]:
             f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s), in {BEST}",
         ]
     if path.name in (TRIALS, CURVES):
-        return [f"{path.stem} on {settings['engine']}: {of}"]
+        n_trials = len({(row["radius"], row["relative_humidity"], row["repeat"]) for row in rows if "repeat" in row})
+        what = f"{n_trials} trials in {len(rows)} rows" if n_trials else f"{len(rows)} rows"
+        return [f"{path.stem}: {what}, {about}"]
     title = f"experiment {name}{' --quick' * bool(settings['quick'])} on {settings['engine']}: {of}"
     findings = EXPERIMENTS[str(name)].findings(rows)
     return [title, *(f"  {each.verdict or '-'}: {each.claim}: {each.ours}" for each in findings)]
@@ -149,7 +154,9 @@ def _files(directory: Path) -> Iterator[str]:
     width = max(map(len, names), default=0)
     for name, path in zip(names, files, strict=False):
         text = opening(path)
-        if path.name == RESULT and "delivered" not in read_result(path):
+        if path.name == RESULT and _is_of_bench(path):
+            text = f"measures and settings: iswarm grasp --config {shlex.quote(str(path))} repeats it"
+        elif path.name == RESULT and "delivered" not in read_result(path):
             text = text.replace("iswarm clean", "iswarm run")
         yield f"{name:<{width}}  {tqdm.format_sizeof(path.stat().st_size, 'B'):>8}  {text}"
     if len(files) > _MAX_LISTED:

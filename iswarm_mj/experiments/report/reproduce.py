@@ -6,11 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from iswarm_mj import __version__
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.registry import IDENTITY
+from iswarm_mj.experiments.analysis.bench_statements import TRANSPORT
 from iswarm_mj.experiments.report.results import (
     GRASP,
     METHODS,
@@ -29,7 +30,9 @@ from iswarm_mj.experiments.runner.search import run_search
 from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
 from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.output.plot_light import draw_light
+from iswarm_mj.gripper.bench.contacts import Contacts
+from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory, remove
 from iswarm_mj.utils.lock import locked
@@ -39,31 +42,8 @@ from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 OWN_ENGINE = ("time-step", "resolved-grasps")
 """Experiments that are about planar with MuJoCo's time step, or have too many runs for others."""
-LIGHT = "light"
-"""Figure of the pattern of a robot's light, which needs no runs."""
 PUBLISHED = ("*.png", "best*.json")
 """What is kept of a part beside its table."""
-
-
-class Plans(NamedTuple):
-    """Settings of all parts."""
-
-    experiment: Plan
-    search: Search
-    """Its method is replaced."""
-    trials: GraspSettings
-    execution: Execution
-
-
-class Places(NamedTuple):
-    """Where things are read and written."""
-
-    results: Path
-    """Directory of the parts."""
-    out: Path
-    """Directory where parts are made, a directory each, and of the report."""
-    pages: Sequence[Path]
-    """Markdown files with blocks of results."""
 
 
 @dataclass(frozen=True)
@@ -79,13 +59,8 @@ class Part:
     make: Callable[..., Any]
     """Writes the results into a directory, resuming what is there unless called with `again`."""
 
-    def lacks(self, results: Path, same_engine: bool = False) -> str:
-        """Why the part has to be made, in words; empty if its table is there.
-
-        Args:
-            results: directory of all parts.
-            same_engine: whether a table that another engine computed does not do.
-        """
+    def lacks(self, results: Path) -> str:
+        """Why the part has to be made, in words; empty if its table is there below `results`, of whichever engine."""
         path = results / self.name / self.table
         if not path.is_file():
             return "not there"
@@ -94,7 +69,7 @@ class Part:
         except UserError:
             return "not readable"
         wanted = json.loads(json.dumps({**self.settings, "version": __version__}))
-        ignored = () if same_engine or self.name in OWN_ENGINE else IDENTITY
+        ignored = () if self.name in OWN_ENGINE else IDENTITY
         names = {name for name in {*wanted, *settings} if wanted.get(name) != settings.get(name)}.difference(ignored)
         return f"made with another {', another '.join(sorted(names))}" if names else ""
 
@@ -114,96 +89,91 @@ class Part:
                     shutil.copyfile(path, part)
 
 
-def parts_of(plans: Plans, only: Sequence[str] = ()) -> list[Part]:
+def parts_of(plan: Plan, execution: Execution, replicates: int, repeats: int, only: Sequence[str] = ()) -> list[Part]:
     """Parts of these names, all if there are none; searches last, since they take longest.
+
+    Args:
+        plan: settings of the experiments. Quick searches and trials are just enough for each step to be taken.
+        execution: how to run jobs.
+        replicates: of each search.
+        repeats: grasps at each radius and humidity.
+        only: names.
 
     Raises:
         UserError: there is none of a name.
     """
-    plan, execution, trials = plans.experiment, plans.execution, plans.trials
+    search = Search(config=plan.config, seed=plan.seed, replicates=replicates)
+    if plan.quick:
+        search, repeats = replace(search, generations=3, population=4, steps=60, replicates=2), 1
+    trials = GraspSettings(
+        ("15e-6:25e-6:6",),
+        (5.0, 10.0, 30.0, 50.0),
+        repeats=repeats,
+        seed=plan.seed,
+        protocol=Protocol(transport=TRANSPORT),
+        contacts=Contacts(rolling=50e-9),
+    )
     found = [Part(GRASP, TRIALS, trials.metadata(), lambda out, again: run_grasp(trials, out, record=()))]
     for name, each in EXPERIMENTS.items():
         planar = replace(PlanarSettings.usual(), refinement=1)
         own = replace(execution, engine=planar) if name in OWN_ENGINE else execution
-        make = partial(run_experiment, each, plan, execution=own)
-        found.append(Part(name, each.table, settings_of(each, plan, own), make))
+        found.append(
+            Part(name, each.table, settings_of(each, plan, own), partial(run_experiment, each, plan, execution=own))
+        )
     for name, method in zip(SEARCHES, METHODS, strict=True):
-        search = replace(plans.search, method=method)
-        make = partial(run_search, search, execution=execution, resume=True)
-        found.append(Part(name, SEARCH, settings_of_search(search, execution), make))
-    if unknown := [name for name in only if name not in (names := [part.name for part in found])]:
-        raise UserError(f"The part was {unknown[0]!r}; there are {', '.join(names)}: choose of these with `only`.")
+        one = replace(search, method=method)
+        found.append(
+            Part(name, SEARCH, settings_of_search(one, execution), partial(run_search, one, execution=execution))
+        )
+    check("only", " ".join(only), " or ".join(part.name for part in found), {*only} <= {part.name for part in found})
     return [part for part in found if not only or part.name in only]
 
 
-def listing(parts: Sequence[Part], results: Path, same_engine: bool = False) -> str:
+def listing(parts: Sequence[Part], results: Path) -> str:
     """What is there and what has to be made, a line each."""
     width = max(len(part.name) for part in parts)
-    return "\n".join(f"{part.name:{width}}  {part.lacks(results, same_engine) or 'there'}" for part in parts)
+    return "\n".join(f"{part.name:{width}}  {part.lacks(results) or 'there'}" for part in parts)
 
 
-def reproduce(
-    plans: Plans, places: Places, only: Sequence[str] = (), again: bool = False, same_engine: bool = False
-) -> None:
+def reproduce(parts: Sequence[Part], results: Path, out: Path, pages: Sequence[Path], again: bool = False) -> None:
     """Make the parts that are not there, then findings, tables and the report from all results.
 
     A part is made in a directory of its own, from which it can go on after an interruption, and its table, figures and
     best genomes are copied into the results when it is complete.
 
     Args:
-        plans: settings of all parts.
-        places: where.
-        only: names of the parts to make; all if there are none.
+        parts: to make.
+        results: directory of the parts.
+        out: where parts are made, a directory each, and of the report.
+        pages: Markdown files with blocks of results.
         again: make all of them, from the beginning.
-        same_engine: make those too that another engine computed.
 
     Raises:
         UserError: a table is damaged, a page has an unknown block, or something cannot be written.
         SimulationFault: a run could not go on.
     """
-    parts = parts_of(plans, only)
-    make_output_directory(places.results, setting="results")
-    with locked(places.out):
-        print(listing(parts, places.results, same_engine), flush=True)
+    make_output_directory(results, setting="results")
+    with locked(out):
+        print(listing(parts, results), flush=True)
         for part in parts:
-            if again or part.lacks(places.results, same_engine):
-                part.make(places.out / part.name, again=again)
-                part.publish(places.out / part.name, places.results)
-        for path in draw_light(places.out / LIGHT):
-            shutil.copyfile(path, places.results / path.name)
-        rewrite(places)
-        report([places.results], places.out / "report.html")
+            if again or part.lacks(results):
+                part.make(out / part.name, again=again)
+                part.publish(out / part.name, results)
+        rewrite(results, pages)
+        report([results], out / "report.html")
 
 
-def rewrite(places: Places) -> None:
+def rewrite(results: Path, pages: Sequence[Path]) -> None:
     """Write the findings beside the tables, and the blocks of the pages, from the results that are there.
 
     Raises:
         UserError: a block has an unknown name, or a file cannot be written; in the first case nothing is written.
     """
-    topics = topics_of(collect([places.results]))
-    texts = new_texts(places.pages, Tables().content)
-    with locked(places.results):
+    topics, texts = topics_of(collect([results])), new_texts(pages, Tables().content)
+    with locked(results):
         for path, findings in findings_files(topics).items():
             write_csv(path, [finding._asdict() for finding in findings])
     for path, text in texts.items():
         with atomic_write(path) as part:
             part.write_text(text, encoding="utf-8")
-    print(f"findings in {places.results}" + "".join(f"\ntables in {path}" for path in texts))
-
-
-def redraw(results: Path) -> list[Path]:
-    """Draw the figures of all tables below a directory, each beside its table; return the paths of the PNG files.
-
-    Drawings of single runs stay as they are, since tables do not have them. An SVG file is kept where one was before.
-
-    Raises:
-        UserError: there is no such directory, or a file cannot be written.
-    """
-    kept = set(results.glob("**/*.svg"))
-    drawn = [path for result in collect([results]).values() for path in result.draw(result.path.parent)]
-    drawn += draw_light(results / LIGHT)
-    for path in drawn:
-        if (drawing := path.with_suffix(".svg")) not in kept:
-            remove(drawing)
-    return drawn
+    print(f"findings in {results}" + "".join(f"\ntables in {path}" for path in texts))

@@ -40,14 +40,15 @@ class Result(NamedTuple):
     rows: Rows
     settings: Mapping[str, Any]
 
-    def draw(self, out: Path) -> list[Path]:
-        """Draw its figures into a directory; return the paths of the PNG files."""
+    def draw(self, out: Path) -> None:
+        """Draw its figures into a directory."""
         with as_named(self.path):
             if self.name == GRASP:
-                return draw_figures(self.rows, self.settings, out)
-            if self.name in SEARCHES:
-                return draw_fitness(self.rows, self.settings["config"]["arena"]["n_dust"], out / FIGURE)
-            return EXPERIMENTS[self.name].draw(self.rows, out)
+                draw_figures(self.rows, self.settings, out)
+            elif self.name in SEARCHES:
+                draw_fitness(self.rows, self.settings["config"]["arena"]["n_dust"], out / FIGURE)
+            else:
+                EXPERIMENTS[self.name].draw(self.rows, out)
 
 
 class Picture(NamedTuple):

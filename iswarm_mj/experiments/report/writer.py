@@ -79,13 +79,17 @@ def _section(topic: Topic) -> Topic:
     """A topic with the figures of its tables."""
     pictures = []
     with TemporaryDirectory() as directory:
-        drawn = Path(directory)
         for result in topic.results:
-            paths = [*result.draw(drawn), *(files_in(result.path.parent, OF_RUNS) if topic.name == "types" else ())]
-            pictures += [Picture(f"{result.name}, {path.stem.replace('_', ' ')}", data_uri(path)) for path in paths]
+            drawn = Path(directory, result.name)
+            drawn.mkdir()
+            result.draw(drawn)
+            of_runs = files_in(result.path.parent, OF_RUNS) if topic.name == "types" else ()
+            for path in (*sorted(drawn.glob("*.png")), *of_runs):
+                pictures.append(Picture(f"{result.name}, {path.stem.replace('_', ' ')}", data_uri(path)))
         if topic.name == EVOLUTION:
-            paths = draw_trade(searches_of(topic.results), drawn / "trade")
-            pictures += [Picture("Forgetting and scouts among the fittest", data_uri(path)) for path in paths]
+            draw_trade(searches_of(topic.results), Path(directory, "trade"))
+            for path in Path(directory).glob("trade.png"):
+                pictures.append(Picture("Forgetting and scouts among the fittest", data_uri(path)))
     quick = ": the quick version, with few and short runs" * any(r.settings.get("quick") for r in topic.results)
     return topic._replace(title=topic.title + quick, pictures=pictures)
 

@@ -67,8 +67,8 @@ class Experiment:
     entries: Callable[[Plan], list[Entry]]
     findings: Callable[[Rows], list[Finding]]
     """Computed from the rows of its table; without rows, the findings say that it was not run."""
-    figure: Callable[[Rows, Path], list[Path]]
-    """Draws figures as PNG and SVG files with this path, without suffix; returns the paths of the PNG files."""
+    figure: Callable[[Rows, Path], None]
+    """Draws figures as PNG and SVG files with this path, without suffix."""
     extra: Callable[[Plan, Path, list[dict[str, Any]]], None] | None = None
     """Writes further files into its directory; may add columns to the rows."""
 
@@ -77,9 +77,9 @@ class Experiment:
         """Name of its table."""
         return f"{self.name.replace('-', '_')}.parquet"
 
-    def draw(self, rows: Rows, out: Path) -> list[Path]:
-        """Draw its figures into a directory; return the paths of the PNG files."""
-        return self.figure(rows, (out / self.table).with_suffix(""))
+    def draw(self, rows: Rows, out: Path) -> None:
+        """Draw its figures into a directory."""
+        self.figure(rows, (out / self.table).with_suffix(""))
 
 
 def run_seed(seed: int, *place: int) -> int:

@@ -5,10 +5,13 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.tasks.layout import free_cells
 from iswarm_mj.tasks.measures import Measures, fitness
 from iswarm_mj.utils.errors import SimulationFault
 
@@ -33,10 +36,6 @@ class Job:
     failed_fraction: float = 0.0
     """Fraction of the robots that are dead from the start."""
 
-    def fault(self, fault: SimulationFault) -> SimulationFault:
-        """Return a fault that names the job in which it occurred."""
-        return SimulationFault(f"run of {self.n_robots} robots with seed {self.seed}: {fault}")
-
 
 class Outcome(NamedTuple):
     """What a finished job came to."""
@@ -46,11 +45,6 @@ class Outcome(NamedTuple):
     """Number of control steps taken."""
     fitness: float
     """The paper's fitness over the job's steps."""
-
-    @classmethod
-    def of(cls, job: Job, measures: Measures, steps: int) -> "Outcome":
-        """Return the outcome of a job with these measures after `steps` control steps."""
-        return cls(measures, steps, fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps))
 
     @classmethod
     def read(cls, values: Sequence[Any]) -> "Outcome":
@@ -68,32 +62,42 @@ NumberedOutcomes = Generator[tuple[int, Outcome], None, None]
 """Outcomes with the indices of their jobs, in the order in which they finish."""
 
 
-def run_job(job: Job, engine: EngineSettings | None = None) -> Outcome:
-    """Run a job in this process, on the CPU.
-
-    Args:
-        job: the run.
-        engine: settings of its physics, by default those of MuJoCo in C.
+def outcomes(jobs: Sequence[Job], engine: EngineSettings) -> list[Outcome]:
+    """Run jobs that share all but what worlds may differ in, as worlds of one run; the first fault is raised.
 
     Raises:
         UserError: the arena is too small for the robots.
-        SimulationFault: the run cannot go on; the message names the job.
+        SimulationFault: a run cannot go on; the message names the job.
     """
+    job, sizes = jobs[0], [job.n_robots for job in jobs]
+    capacity = largest = max(sizes)
+    if engine.on_host or min(sizes) < largest:
+        capacity = -(-largest // CAPACITY_STEP) * CAPACITY_STEP
+    if not engine.on_host:
+        capacity = min(capacity, len(free_cells(job.config.arena)))
     settings = RunSettings(
-        job.n_robots,
-        job.steps,
-        job.seed,
-        stop_at=job.stop_at,
-        failed_fraction=job.failed_fraction,
-        capacity=-(-job.n_robots // CAPACITY_STEP) * CAPACITY_STEP,
-        record_worlds=(),
+        largest, job.steps, n_worlds=len(jobs), stop_at=job.stop_at, capacity=capacity, record_worlds=()
     )
-    run = Run(job.config, job.genome, settings, engine)
+    worlds = [
+        World(one.genome, one.n_robots, one.seed, failed_fraction=one.failed_fraction, config=one.config)
+        for one in jobs
+    ]
+    run = Run(job.config, job.genome, settings, engine, worlds=worlds)
     while not run.is_over:
         run.advance()
-    if run.faults:
-        raise job.fault(run.faults[0])
-    return Outcome.of(job, run.measures(0), run.step)
+    found = []
+    for world, (one, fault) in enumerate(zip(jobs, run.fault_of_each, strict=True)):
+        if fault is not None:
+            raise SimulationFault(f"run of {one.n_robots} robots with seed {one.seed}: {fault}")
+        measures = run.measures(world)
+        points = fitness(measures, one.n_robots, one.config.arena.n_dust, one.steps)
+        found.append(Outcome(measures, measures.finished_at or one.steps, points))
+    return found
+
+
+def run_job(job: Job, engine: EngineSettings | None = None) -> Outcome:
+    """Run a job in this process, on the CPU, by default in MuJoCo in C; see `outcomes`."""
+    return outcomes([job], engine or MujocoSettings())[0]
 
 
 def run_numbered(index: int, job: Job, engine: EngineSettings) -> tuple[int, Outcome]:

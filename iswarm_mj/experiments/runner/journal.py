@@ -4,11 +4,8 @@ Each run is a transaction of its own, on disk before the next begins. All else f
 from the settings, genomes from the fitness of earlier ones.
 """
 
-import errno
 import json
-import os
 import sqlite3
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from importlib.metadata import version
@@ -22,8 +19,7 @@ from iswarm_mj.utils.files import flat, write_error
 Key = tuple[int, ...]
 _HEAD = b"SQLite format 3\0"
 """How its files begin; SQLite writes over shorter ones."""
-_REFUSED = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
-"""Codes of errors of the disk, not of the content."""
+_INSERT = "INSERT OR REPLACE INTO runs (key, entry) VALUES (?, ?)"
 
 
 def versions() -> dict[str, str]:
@@ -54,18 +50,12 @@ class Journal:
             self._file = sqlite3.connect(path)
             try:
                 # One that is refused stays as it is, so that nothing is written before it is read.
-                has_table = self._file.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]
-                rows = list(self._file.execute("SELECT * FROM runs")) if has_table else []
-                if not rows:
-                    rows = [_row((), wanted)]
+                if not self._file.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
                     with self._file:
-                        self._file.execute(
-                            "CREATE TABLE IF NOT EXISTS runs (key TEXT PRIMARY KEY, entry TEXT, crc INT)"
-                        )
-                        self._file.execute("INSERT INTO runs VALUES (?, ?, ?)", *rows)
-                self.entries: dict[Key, Any] = {tuple(json.loads(key)): json.loads(entry) for key, entry, _ in rows}
-                if rows != [_row(key, entry) for key, entry in self.entries.items()]:
-                    raise ValueError("a checksum differs")
+                        self._file.execute("CREATE TABLE runs (key TEXT PRIMARY KEY, entry TEXT)")
+                        self._file.execute(_INSERT, ("[]", json.dumps(wanted)))
+                rows = self._file.execute("SELECT key, entry FROM runs")
+                self.entries: dict[Key, Any] = {tuple(json.loads(key)): json.loads(entry) for key, entry in rows}
                 self._compare(self.entries.pop(()), wanted)
             except BaseException:
                 self._file.close()
@@ -86,7 +76,7 @@ class Journal:
             UserError: the file cannot be written, for example because the disk is full.
         """
         with self._explained(), self._file:
-            self._file.execute("INSERT OR REPLACE INTO runs VALUES (?, ?, ?)", _row(key, entry))
+            self._file.execute(_INSERT, (json.dumps(key), json.dumps(entry, sort_keys=True)))
         self.entries[key] = entry
 
     def _compare(self, had: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
@@ -97,7 +87,7 @@ class Journal:
             if different := [f"{n}: {shown(was.get(n))} there, {shown(now.get(n))} now" for n in names]:
                 raise UserError(
                     f"{self._path} was created with different {what} ({', '.join(different[:3])}); "
-                    "resume with those it was created with, or choose another `out`"
+                    "repeat it with those it was created with, or choose another `out`"
                 )
 
     @contextmanager
@@ -105,20 +95,12 @@ class Journal:
         """Raise errors of SQLite, and of content that is none of a journal's, as a UserError."""
         try:
             yield
+        except sqlite3.OperationalError as error:
+            raise write_error(self._path, OSError(str(error))) from None
         except (sqlite3.Error, ValueError, TypeError, KeyError, RecursionError) as error:
-            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-            if code in _REFUSED:
-                full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-                raise write_error(self._path, full if code == sqlite3.SQLITE_FULL else OSError(str(error))) from None
             raise UserError(
                 f"{self._path} is not a journal of iswarm, or damaged ({error}); begin again in another `out`"
             ) from None
-
-
-def _row(key: Key, entry: Any) -> tuple[str, str, int]:
-    """Row of a table; SQLite itself has no checksums of what a disk changed."""
-    texts = json.dumps(key), json.dumps(entry, sort_keys=True)
-    return *texts, zlib.crc32("".join(texts).encode())
 
 
 def count(path: Path) -> int:

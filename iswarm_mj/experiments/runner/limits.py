@@ -4,12 +4,9 @@ from typing import Annotated
 
 from iswarm_mj.utils.constraints import Within
 
-LEAST_COMBINATIONS = 20
-"""Combinations of readings of which `iswarm infer` can accept the share `support.ACCEPTED`."""
 Seed = Annotated[int, Within(0, 2**32 - 2)]
 Steps = Annotated[int, Within(1, 1_000_000)]
 Workers = Annotated[int, Within(0, 1024)]
 Generations = Annotated[int, Within(1, 100_000)]
 Population = Annotated[int, Within(2, 10_000)]
 Repeats = Annotated[int, Within(1, 1000)]
-Combinations = Annotated[int, Within(LEAST_COMBINATIONS, 100_000)]

@@ -20,7 +20,7 @@ from iswarm_mj.experiments.runner.optimisers import Individual, proposals
 from iswarm_mj.experiments.runner.pool import Execution, progress, run_missing
 from iswarm_mj.experiments.runner.search_settings import Search
 from iswarm_mj.tasks.layout import robots_for
-from iswarm_mj.utils.files import atomic_write, check_resumable, remove_parts
+from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.tables import write_table
 
@@ -40,9 +40,7 @@ def settings_of(search: Search, execution: Execution) -> dict[str, Any]:
     return {**asdict(search), **execution.identity}
 
 
-def run_search(
-    search: Search, out: Path, execution: Execution | None = None, resume: bool = False, again: bool = False
-) -> Best:
+def run_search(search: Search, out: Path, execution: Execution | None = None, again: bool = False) -> Best:
     """Search, write the results into a directory, print a summary; return the best genome.
 
     Files: evolution.parquet, a row per run: its place, the genome and where that comes from, seed, measures, `fitness`,
@@ -58,18 +56,18 @@ def run_search(
         search: what to do.
         out: directory of the results.
         execution: how to run the jobs, by default on all cores; a search must be resumed with its own engine.
-        resume: continue the search in `out`, if there is one.
-        again: discard the search in `out`.
+        again: discard the search in `out`, which otherwise goes on.
 
     Raises:
-        UserError: the directory is not writable or in use, contains a search that is not to be resumed, a different or
-            a damaged one; or a file cannot be written later.
+        UserError: the directory is not writable or in use, contains a different search or a damaged one; or a file
+            cannot be written later.
         SimulationFault: a run could not go on.
     """
     execution = execution or Execution()
     settings = settings_of(search, execution)
     with locked(out):
-        check_resumable(out, "search", CHECKPOINT, (BEST, TABLE), resume, again)
+        if again:
+            remove(out / CHECKPOINT)
         with Journal(out / CHECKPOINT, settings) as journal:
             remove_parts(out, TABLE, BEST, "best-*.json", f"{FIGURE}.png", f"{FIGURE}.svg")
             if execution.in_batches:  # a generation is run as a whole

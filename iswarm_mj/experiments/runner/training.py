@@ -30,7 +30,7 @@ from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.tasks.rewarded import REWARD, rewarded
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import check_resumable, remove, remove_parts
+from iswarm_mj.utils.files import remove, remove_parts
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_csv
@@ -98,7 +98,6 @@ def train(
     *,
     task: Any,
     robot_file: Path | None = None,
-    resume: bool = False,
     again: bool = False,
 ) -> Any:
     """Train the weights of a strategy, write the results into `out`, and return the weights.
@@ -116,12 +115,11 @@ def train(
         engine: in which the worlds run; a training must be resumed with its own.
         task: what the robots are to do.
         robot_file: MJCF file of the robots; None for `models/robot.xml`.
-        resume: continue the training in `out`, if there is one.
-        again: discard the training in `out`.
+        again: discard the training in `out`, which otherwise goes on.
 
     Raises:
-        UserError: the strategy cannot be trained; `out` is not writable or in use, contains a training that is not to
-            be resumed, or a different one.
+        UserError: the strategy cannot be trained; `out` is not writable or in use, contains a different
+            training.
     """
     made = policy(strategy, training.config, max(training.robots), robot_file)
     is_scored = isinstance(task, ScoredTask)
@@ -141,7 +139,8 @@ def train(
     given = {"engine": engine, "task": aim, "robot_file": robot_file}
     with ExitStack() as stack:
         stack.enter_context(locked(out))
-        check_resumable(out, "training", CHECKPOINT, (CURVE, WEIGHTS), resume, again)
+        if again:
+            remove(out / CHECKPOINT)
         journal = stack.enter_context(Journal(out / CHECKPOINT, settings))
         stack.callback(lambda: journal.entries or remove(out / CHECKPOINT))  # nothing was done
         least = f"at least {len(journal.entries)}, which the training has"

@@ -21,7 +21,7 @@ class TrainingPlan:
     steps: Steps = 200
     """Control steps of a world."""
     generations: Generations = 30
-    """Total generations; to continue a finished training, pass more and --resume."""
+    """Total generations; to continue a finished training, pass more."""
     population: Population = 16
     """Candidates in a generation."""
     worlds: Repeats = 2

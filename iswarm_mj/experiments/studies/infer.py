@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import cache, partial
+from functools import cache
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,13 +36,14 @@ from iswarm_mj.experiments.analysis.support import (
 )
 from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Experiment, Plan, run_seed
 from iswarm_mj.experiments.runner.jobs import Job
-from iswarm_mj.experiments.runner.limits import LEAST_COMBINATIONS
 from iswarm_mj.experiments.runner.variation import Values, varied
 from iswarm_mj.experiments.studies.plans import DENSITIES
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
 
 COMBINATIONS = 512
+LEAST_COMBINATIONS = 20
+"""Of which the share `support.ACCEPTED` can be accepted."""
 NAMED = ("paper", "initial")
 """Readings that are run beside the sample."""
 NAMED_REPEATS = 12
@@ -130,10 +131,10 @@ def design(n: int, seed: int) -> list[dict[str, str]]:
     ]
 
 
-def entries(combinations: int, plan: Plan) -> list[Entry]:
+def entries(plan: Plan) -> list[Entry]:
     """Runs of all combinations; and of the named readings, and of the paper's with one value changed, which are not
     part of the sample and have negative numbers."""
-    n, named = (8, 1) if plan.quick else (combinations, NAMED_REPEATS)
+    n, named = (8, 1) if plan.quick else (COMBINATIONS, NAMED_REPEATS)
     listed = []
     for place, name in enumerate(NAMED):
         labels = dict.fromkeys(FACTORS) | {"combination": place - len(NAMED), "reading": name}
@@ -238,23 +239,18 @@ def findings(rows: Rows) -> list[Finding]:
     return listed
 
 
-def draw(rows: Rows, path: Path) -> list[Path]:
+def draw(rows: Rows, path: Path) -> None:
     """Draw how many statements are reproduced, and the support of each choice."""
     every = [c for c in combinations_of(rows) if c.reading is None or c.is_named]
     texts = sorted(ASKED, key=lambda text: not ASKED[text].selects)  # those that select first
-    return draw_support(every, supported([c for c in every if c.reading is None]), texts, path)
+    draw_support(every, supported([c for c in every if c.reading is None]), texts, path)
 
 
-def experiment_of(combinations: int = COMBINATIONS) -> Experiment:
-    """Return the experiment with a number of combinations."""
-    return Experiment(
-        name="infer",
-        title=f"{combinations} combinations of readings on Figs. 15 and 17 and both types",
-        source="section 4.6",
-        entries=partial(entries, combinations),
-        findings=findings,
-        figure=draw,
-    )
-
-
-EXPERIMENT = experiment_of()
+EXPERIMENT = Experiment(
+    name="infer",
+    title=f"{COMBINATIONS} combinations of readings on Figs. 15 and 17 and both types",
+    source="section 4.6",
+    entries=entries,
+    findings=findings,
+    figure=draw,
+)

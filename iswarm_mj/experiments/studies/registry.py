@@ -1,5 +1,6 @@
 """All experiments by their names: source, title, runs, figures."""
 
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +19,6 @@ from iswarm_mj.experiments.analysis.plots import (
 from iswarm_mj.experiments.runner.experiment import Experiment
 from iswarm_mj.experiments.studies import infer, observed, plans
 from iswarm_mj.utils.constraints import constraint_of
-from iswarm_mj.utils.errors import UserError, closest, shown
 
 
 def findings(name: str, rows: Rows) -> list[Finding]:
@@ -26,27 +26,21 @@ def findings(name: str, rows: Rows) -> list[Finding]:
     return [one.finding(rows) for one in statements.STATEMENTS + beyond_statements.STATEMENTS if one.study == name]
 
 
-def _hop_count(rows: Rows, path: Path) -> list[Path]:
-    return draw_bars(rows, ["use_hop_count"], "hop counts", lambda flag: "with" if flag else "without", path)
+def _bars(columns: Sequence[str], label: str, name: Callable[..., str], *measures: m.Measure) -> Callable:
+    """What draws the bars of a study, see `draw_bars`."""
+    return lambda rows, path: draw_bars(rows, columns, label, name, path, measures or m.MEASURES)
 
 
-def _density(rows: Rows, path: Path) -> list[Path]:
-    return draw_bars(rows, ["density"], "density of robots", "{:g}".format, path)
+def _with(flag: bool) -> str:
+    return "with" if flag else "without"
 
 
-def _message_time(rows: Rows, path: Path) -> list[Path]:
-    def name(setting: str, flag: bool) -> str:
-        lines = setting.replace(" bit", "\nbit").replace(", all photodiodes", "\nall")
-        return f"{lines}\n{'with' if flag else 'without'}"
-
-    return draw_bars(rows, ["setting", "use_hop_count"], "messages, hop counts", name, path)
+def _message(setting: str, flag: bool) -> str:
+    lines = setting.replace(" bit", "\nbit").replace(", all photodiodes", "\nall")
+    return f"{lines}\n{_with(flag)}"
 
 
-def _types(rows: Rows, path: Path) -> list[Path]:
-    return draw_bars(rows, ["type"], "type", str, path, (m.FITNESS, m.TIME, m.COLLISIONS, m.AGGREGATION))
-
-
-def _sensitivity(rows: Rows, path: Path) -> list[Path]:
+def _sensitivity(rows: Rows, path: Path) -> None:
     """The effects in the manner of a forest plot."""
     usual, effects = select(rows, choice=DEFAULT), []
     for change in changes(rows):
@@ -59,27 +53,17 @@ def _sensitivity(rows: Rows, path: Path) -> list[Path]:
         f"n = {len(usual)} runs each; 95 % intervals of the difference of means, by bootstrap.\n"
         f"Runs that did not reach the goal count as {usual[0]['max_steps']} steps. {TESTS}"
     )
-    return draw_forest(effects, label, path, caption) if effects else []
+    if effects:
+        draw_forest(effects, label, path, caption)
 
 
-def _robustness(rows: Rows, path: Path) -> list[Path]:
-    return draw_bars(
-        rows, ["fraction", "kind"], "failed robots", lambda part, kind: f"{100 * part:.0f} %\n{kind}", path
-    )
-
-
-def _time_step(rows: Rows, path: Path) -> list[Path]:
-    return draw_bars(rows, ["type", "rate"], "physics steps a second", "{}\n{}".format, path)
-
-
-def _resolved_grasps(rows: Rows, path: Path) -> list[Path]:
+def _resolved_grasps(rows: Rows, path: Path) -> None:
     """By the voltage in the dampest air, a figure for each type."""
-    drawn, damp = [], max(row["relative_humidity"] for row in rows)
+    damp = max(row["relative_humidity"] for row in rows)
     label, measures = f"voltage while lifting, at {damp:g} % RH", (m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK)
     for name, mine in by(select(rows, relative_humidity=damp), "type").items():
         at = path.with_name(f"{path.name}_{name}")
-        drawn += draw_bars(mine, ["grasp_voltage", "resolution"], label, _grip, at, measures)
-    return drawn
+        draw_bars(mine, ["grasp_voltage", "resolution"], label, _grip, at, measures)
 
 
 def _grip(voltage: float, resolution: str) -> str:
@@ -88,36 +72,38 @@ def _grip(voltage: float, resolution: str) -> str:
 
 _UNTIL = "until 66 of 72 balls or 1200 steps"
 _LISTED = (
-    ("hop-count", "Fig. 15", f"with and without hop counts, 12 runs each, {_UNTIL}", _hop_count),
-    ("density", "Fig. 17", f"densities from 0.05 to 0.4, 12 runs each, {_UNTIL}", _density),
     (
-        "types",
-        "Fig. 16, Table 2",
-        "times and fitness of both evolved types over 96 runs, with drawings",
-        _types,
+        *("hop-count", "Fig. 15", f"with and without hop counts, 12 runs each, {_UNTIL}"),
+        _bars(["use_hop_count"], "hop counts", _with),
     ),
     (
-        "sensitivity",
-        NOT_IN_PAPER,
+        *("density", "Fig. 17", f"densities from 0.05 to 0.4, 12 runs each, {_UNTIL}"),
+        _bars(["density"], "density of robots", "{:g}".format),
+    ),
+    (
+        *("types", "Fig. 16, Table 2", "times and fitness of both evolved types over 96 runs, with drawings"),
+        _bars(["type"], "type", str, m.FITNESS, m.TIME, m.COLLISIONS, m.AGGREGATION),
+    ),
+    (
+        *("sensitivity", NOT_IN_PAPER),
         "each choice that the paper leaves open, one at a time about the default, 10 runs each",
         _sensitivity,
     ),
     (
-        "robustness",
-        NOT_IN_PAPER,
-        f"0 to 50 % of the robots dead, or left out, 12 runs each, {_UNTIL}",
-        _robustness,
+        *("robustness", NOT_IN_PAPER, f"0 to 50 % of the robots dead, or left out, 12 runs each, {_UNTIL}"),
+        _bars(["fraction", "kind"], "failed robots", lambda part, kind: f"{100 * part:.0f} %\n{kind}"),
     ),
-    ("time-step", NOT_IN_PAPER, f"both types at 2 to 100 physics steps a second, 24 runs each, {_UNTIL}", _time_step),
     (
-        "message-time",
-        "section 4.1, Fig. 15",
+        *("time-step", NOT_IN_PAPER, f"both types at 2 to 100 physics steps a second, 24 runs each, {_UNTIL}"),
+        _bars(["type", "rate"], "physics steps a second", "{}\n{}".format),
+    ),
+    (
+        *("message-time", "section 4.1, Fig. 15"),
         "hop counts on and off where messages take time, at three baud rates, 12 runs each",
-        _message_time,
+        _bars(["setting", "use_hop_count"], "messages, hop counts", _message),
     ),
     (
-        "resolved-grasps",
-        NOT_IN_PAPER,
+        *("resolved-grasps", NOT_IN_PAPER),
         "grasps by trials and by the balance of the forces, three humidities and voltages, 24 pairs of runs each",
         _resolved_grasps,
     ),
@@ -127,19 +113,6 @@ EXPERIMENTS = {
     name: Experiment(name, title, source, plans.ENTRIES[name], partial(findings, name), figure, _EXTRA.get(name))
     for name, source, title, figure in _LISTED
 } | {"infer": infer.EXPERIMENT}
-
-
-def experiment(name: str) -> Experiment:
-    """Return an experiment by its name.
-
-    Raises:
-        UserError: there is none of this name.
-    """
-    if name not in EXPERIMENTS:
-        match = closest(name, EXPERIMENTS)
-        similar = f"; perhaps you meant {match}" if match else ""
-        raise UserError(f"there is no experiment {shown(name)!r}{similar}; choose {', '.join(EXPERIMENTS)}")
-    return EXPERIMENTS[name]
 
 
 def listing() -> str:

@@ -11,7 +11,7 @@ from iswarm_mj.config import GripperConfig
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
 from iswarm_mj.gripper.bench import leap_laws, script
-from iswarm_mj.gripper.bench.engine_mjx import MjxBench, Parameters, prepared, watched
+from iswarm_mj.gripper.bench.engine_mjx import MjxBench, mjx_bench, single, watched
 from iswarm_mj.gripper.bench.leap_laws import Hanging
 from iswarm_mj.gripper.bench.script import START, Progress
 from iswarm_mj.gripper.bench.swarm_trials import (
@@ -24,10 +24,10 @@ from iswarm_mj.gripper.bench.swarm_trials import (
     TIMESTEP,
     ramp_to,
 )
-from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
+from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS
 from iswarm_mj.gripper.laws.numbers import in_arrays
 from iswarm_mj.gripper.mjx_forces import Force, GripperForces, State, first_state
+from iswarm_mj.gripper.mjx_model import resize
 from iswarm_mj.gripper.units import MS, NN, UM
 from iswarm_mj.utils.arrays import Array
 
@@ -76,16 +76,10 @@ def by_batch(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
     )
 
 
-def _bench() -> MjxBench:
-    """A bench whose numbers are replaced by those of attempts, for the program that is being traced."""
-    with jax.ensure_compile_time_eval():
-        trial = Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE)
-        return MjxBench([trial], PROTOCOL.start_gap, timestep=TIMESTEP)
-
-
 def _run(gap: float, attempts: Attempts, is_real: Array) -> Slot:
     """Carry M trials to their ends; those that are not real are over at once."""
-    bench = _bench()
+    with jax.ensure_compile_time_eval():
+        bench = mjx_bench(TIMESTEP)
 
     def goes_on(carry: tuple[Slot, Int[Array, ""]]) -> Array:
         return ~carry[0].at.is_over.all() & (carry[1] < round(_LIMIT / PROTOCOL.watch_time))
@@ -101,26 +95,22 @@ def _run(gap: float, attempts: Attempts, is_real: Array) -> Slot:
 def _begin(bench: MjxBench, gap: float, attempt: Attempts) -> Slot:
     """A trial as it begins, see `swarm_trials`."""
     where, radius = bench.where, attempt.radius / UM
-    is_pressed = attempt.lifts & (attempt.misalignment < bench.parameters.probe_radius[0] * UM)
+    is_pressed = attempt.lifts & (attempt.misalignment < PROBE_RADIUS)
     lying = jnp.where(is_pressed, PRESSED_GAP, jnp.array(script.first_gaps(PROTOCOL.start_gap)))
     hanging = jnp.array(script.first_gaps(PROTOCOL.start_gap, gap))
     above, below = jnp.where(attempt.releases, hanging, lying) / UM
-    qpos = bench.physics.data.qpos.at[where.ball + 2].set(radius + below)
+    qpos = bench.data.qpos.at[where.ball + 2].set(radius + below)
     qpos = qpos.at[where.slide].set(2 * radius + above + below - where.tip_height)
     qpos = qpos.at[where.aside].set(attempt.misalignment / UM)
-    ctrl = jnp.zeros_like(bench.physics.data.ctrl).at[where.tip].set(qpos[where.slide])
-    data = bench.physics.data.replace(qpos=qpos, ctrl=ctrl.at[where.aside_servo].set(qpos[where.aside]))
-    ball, at = (_single(values) for values in (first_state(bench.physics.forces), START))
+    ctrl = jnp.zeros_like(bench.data.ctrl).at[where.tip].set(qpos[where.slide])
+    data = bench.data.replace(qpos=qpos, ctrl=ctrl.at[where.aside_servo].set(qpos[where.aside]))
+    ball, at = (single(values) for values in (first_state(bench.forces), START))
     return Slot(data, ball, at, jnp.where(is_pressed, PRESSED, jnp.float32(0.0)))
-
-
-def _single(values: Any) -> Any:
-    return jax.tree.map(lambda a: jnp.asarray(a, None if isinstance(a, bool) else jnp.float32), values)
 
 
 def _advanced(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot:
     """A trial at the next look; what is over keeps its outcome."""
-    where, ready, ramp = bench.where, prepared(bench.physics, _parameters(bench, attempt)), ramp_to(attempt.voltage)
+    where, ready, ramp = bench.where, _ready(bench, attempt), ramp_to(attempt.voltage)
 
     def control(k: Array) -> Array:
         time = slot.time + (k + 1) * TIMESTEP
@@ -177,9 +167,8 @@ def _gaps(bench: MjxBench, ready: tuple[GripperForces, mjx.Model], data: mjx.Dat
     return data.qpos[where.slide] + where.tip_height - height - radius, height - radius
 
 
-def _parameters(bench: MjxBench, attempt: Attempts) -> Parameters:
-    """Numbers of a trial with an attempt's ball, whose works are those at the air's humidity."""
-    usual = jax.tree.map(lambda a: a[0], bench.parameters)
+def _ready(bench: MjxBench, attempt: Attempts) -> tuple[GripperForces, mjx.Model]:
+    """Forces and model with an attempt's ball, whose works are those at the air's humidity."""
     works = {"adhesion_probe": attempt.work_tool_object, "adhesion_plate": attempt.work_object_substrate}
-    works = {(surface, "work"): work * (UM / NN) for surface, work in works.items()}
-    return usual._replace(radius=attempt.radius / UM, numbers=usual.numbers | works)
+    forces = bench.forces.having({(surface, "work"): work * (UM / NN) for surface, work in works.items()})
+    return forces, resize(forces, bench.model, attempt.radius / UM)

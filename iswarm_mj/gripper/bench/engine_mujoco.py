@@ -1,4 +1,4 @@
-"""Benches in MuJoCo's C engine: many at once on a thread pool, with the plugins."""
+"""B benches in MuJoCo's C engine, each with a ball and a tool that can be moved: all at once on a thread pool."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -11,7 +11,6 @@ from mujoco.batch import Batch
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.engines.mujoco_warnings import keep_no_log
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.base import Mask, Voltages, Watch
 from iswarm_mj.gripper.bench.model import (
     STATE,
     Recorded,
@@ -22,7 +21,7 @@ from iswarm_mj.gripper.bench.model import (
     start,
     usual_model,
 )
-from iswarm_mj.gripper.bench.script import first_gaps
+from iswarm_mj.gripper.bench.script import Mask, Voltages, Watch, first_gaps
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
 
@@ -32,7 +31,9 @@ PART = 4096
 
 
 class MujocoBench:
-    """`Bench` on `mujoco.batch`; bit-identical at any number of threads, 0 for one a core.
+    """Benches on `mujoco.batch`; bit-identical at any number of threads, 0 for one a core.
+
+    At the start the balls rest on the plate, the tools are above them, and there is no voltage.
 
     Attributes:
         model: of the first bench.
@@ -88,7 +89,16 @@ class MujocoBench:
         active: Mask | None = None,
         aside: float | None = None,
     ) -> Watch:
-        """See `Bench.move`."""
+        """Integrate the physics while the tool moves along `minimum_jerk` and the voltage linearly to their targets.
+
+        Args:
+            phase: name of the phase, for recordings.
+            duration: rounded to a multiple of the time step [s].
+            tip: target height of the tool above its first touch of the ball at rest [m].
+            voltage: target voltage, one for all benches or one each (B,) [V].
+            active: (B,) benches of interest; all by default. The others stand still, and their results are meaningless.
+            aside: shift of the tool from where it started, by default none in this move [m].
+        """
         ids = np.arange(len(self._touch)) if active is None else np.flatnonzero(active)
         n_steps = max(1, round(duration / self.timestep))
         self.steps += n_steps * len(ids)
@@ -110,7 +120,7 @@ class MujocoBench:
         return self._watch(ids, began)
 
     def off_axis(self) -> Float[np.ndarray, "B"]:
-        """See `Bench.off_axis`."""
+        """Return how far each ball is from the tool's axis, along the way aside [m]."""
         return (self._qpos[:, self.where.ball] - self._qpos[:, self.where.aside]) * UM
 
     def _way(self, begin: np.ndarray, end: np.ndarray, shares: np.ndarray) -> np.ndarray:
@@ -142,11 +152,11 @@ class MujocoBench:
         return Watch(*full)
 
     def save(self) -> Float[np.ndarray, "B n"]:
-        """See `Bench.save`."""
+        """Return the state of all benches."""
         return self._batch.state.copy()
 
     def restore(self, state: Float[np.ndarray, "B n"]) -> None:
-        """See `Bench.restore`."""
+        """Return to a saved state."""
         self._batch.state[:] = state
 
 

@@ -1,4 +1,4 @@
-"""Voltage ramps: the release of a hanging ball, and attempts to lift one without contact, on a bench of any engine.
+"""Voltage ramps: the release of a hanging ball, and attempts to lift one without contact.
 
 Source: section 3.2.3, protocol. The release voltage is the voltage at which the ball last touched the tool; the ramp
 stops there.
@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.bench import script
-from iswarm_mj.gripper.bench.base import Bench, Mask
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.script import START, Progress, Ramp
+from iswarm_mj.gripper.bench.script import START, Mask, Progress, Ramp
 from iswarm_mj.gripper.laws.numbers import in_arrays
 
 _script = in_arrays(script, np)
@@ -47,7 +47,7 @@ class Attempt(NamedTuple):
 
 
 def release(
-    bench: Bench,
+    bench: MujocoBench,
     protocol: Protocol,
     held: Mask,
     gap: float,
@@ -86,7 +86,7 @@ def release(
     )
 
 
-def no_contact(bench: Bench, protocol: Protocol, gap: float, count: int) -> Attempt:
+def no_contact(bench: MujocoBench, protocol: Protocol, gap: float, count: int) -> Attempt:
     """Stop the tool at a gap before the ball [m] and ramp the voltage, on `count` new benches."""
     bench.move("approach", protocol.approach_time, gap, 0.0)
     ramp, period = _ramp(protocol, protocol.no_contact_rate, protocol.no_contact_limit), _period(bench, protocol)
@@ -107,6 +107,6 @@ def _ramp(protocol: Protocol, rate: float, limit: float) -> Ramp:
     return Ramp(rate, limit, limit / rate + protocol.dwell)
 
 
-def _period(bench: Bench, protocol: Protocol) -> float:
+def _period(bench: MujocoBench, protocol: Protocol) -> float:
     """Interval between two looks, a multiple of the time step [s]."""
     return max(1, round(protocol.watch_time / bench.timestep)) * bench.timestep

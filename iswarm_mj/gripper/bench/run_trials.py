@@ -1,35 +1,19 @@
-"""Batches of trials, in any engine."""
+"""Batches of trials."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.base import Bench
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.ramps import Attempt, Release, no_contact, release
 from iswarm_mj.gripper.bench.staircase import Grasp, hang, staircase
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP
-from iswarm_mj.utils.errors import ConfigError
 
-LARGEST_BATCH = {"mujoco": 1024, "mjx": 16384}
+LARGEST_BATCH = 1024
 """Trials that run at once."""
-
-
-class EngineChoice(NamedTuple):
-    """The engine in which benches run."""
-
-    name: str = "mujoco"
-    """"mujoco", in C with the plugins, or "mjx"."""
-    impl: str = "jax"
-    """Implementation of MJX, "jax" or "warp"."""
-    threads: int = 0
-    """Threads of the C engine, 0 for one a core; results do not depend on it."""
-
-
-C_ENGINE = EngineChoice()
 
 
 class Gaps(NamedTuple):
@@ -59,8 +43,8 @@ class Outcomes(NamedTuple):
 def run_trials(
     trials: Sequence[Trial],
     protocol: Protocol,
-    engine: EngineChoice = C_ENGINE,
     gaps: Gaps = PAPER_GAPS,
+    threads: int = 0,
     progress: Callable[[int], object] = lambda done: None,
 ) -> Outcomes:
     """Run each trial: attempts without contact, staircase of grasps, and releases of the lifted ball.
@@ -68,19 +52,14 @@ def run_trials(
     Args:
         trials: N trials.
         protocol: motion and voltage of the tool.
-        engine: where to run.
         gaps: of releases and of attempts without contact.
+        threads: 0 for one a core; results do not depend on it.
         progress: called with the number of trials that have finished since the last call.
-
-    Raises:
-        ConfigError: unknown engine.
     """
-    make = bench_maker(engine)
-    size = LARGEST_BATCH[engine.name]
     parts = []
-    for first in range(0, len(trials), size):
-        batch = trials[first : first + size]
-        parts.append(_run(make, batch, protocol, gaps))
+    for first in range(0, len(trials), LARGEST_BATCH):
+        batch = trials[first : first + LARGEST_BATCH]
+        parts.append(_run(MujocoBench(batch, protocol.start_gap, threads), len(batch), protocol, gaps))
         progress(len(batch))
     return Outcomes(
         _joined([part.grasp for part in parts]),
@@ -90,29 +69,8 @@ def run_trials(
     )
 
 
-def bench_maker(engine: EngineChoice) -> Callable[[Sequence[Trial], float], Bench]:
-    """Constructor of benches in an engine, from trials and the initial gap between tool and ball [m].
-
-    Raises:
-        ConfigError: unknown engine.
-    """
-    if engine.name == "mujoco":
-        from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-
-        return partial(MujocoBench, threads=engine.threads)
-    if engine.name == "mjx":
-        from iswarm_mj.gripper.bench.engine_mjx import MjxBench
-
-        return partial(MjxBench, impl=engine.impl)
-    raise ConfigError("engine", engine.name, "mujoco or mjx")
-
-
-def _run(
-    make: Callable[[Sequence[Trial], float], Bench], trials: Sequence[Trial], protocol: Protocol, gaps: Gaps
-) -> Outcomes:
-    bench, count = make(trials, protocol.start_gap), len(trials)
-    start = bench.save()
-    attempts = {}
+def _run(bench: MujocoBench, count: int, protocol: Protocol, gaps: Gaps) -> Outcomes:
+    start, attempts = bench.save(), {}
     for gap in gaps.no_contact:
         bench.restore(start)
         attempts[gap] = no_contact(bench, protocol, gap, count)

@@ -1,7 +1,7 @@
 """The script of a trial: what the tool does, when it frees a ball, and when the ball has come to rest.
 
 Functions of numbers, see `laws.numbers`, of one trial or of many. Batches of trials look at their balls at intervals,
-on a `Bench` of any engine (`staircase`, `ramps`); attempts of a swarm look in each physics step, one after the other in
+on a `MujocoBench` (`staircase`, `ramps`); attempts of a swarm look in each physics step, one after the other in
 C (`swarm_trials`) and all at once in a program of JAX (`batch_trials`).
 
 Source: section 3.2.3, protocol.
@@ -9,9 +9,11 @@ Source: section 3.2.3, protocol.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
-from iswarm_mj.gripper.bench.base import Each, Move, Voltages, Watch
+import numpy as np
+from jaxtyping import Bool, Float
+
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.laws.detachment import GRAVITY
 from iswarm_mj.gripper.laws.numbers import clip, where
@@ -24,6 +26,45 @@ TOUCH = 5e-9
 
 SINK = 2e-10
 """Depth to which a ball is pressed into what it touches at the start [m]."""
+
+
+Voltages: TypeAlias = float | Float[np.ndarray, "B"]
+Mask: TypeAlias = Bool[np.ndarray, "B"]
+Each: TypeAlias = Any
+"""A number or a truth of one bench, or an array (B,) of those of many, of NumPy or JAX."""
+
+
+class Move(NamedTuple):
+    """A move of the tool and its voltage to their targets, see `MujocoBench.move`."""
+
+    phase: str
+    duration: float
+    """[s]"""
+    tip: float
+    """[m]"""
+    voltage: Voltages
+    """[V]"""
+
+
+class Watch(NamedTuple):
+    """What happened on each of B benches since the last look; times count from there."""
+
+    last_tool: Each
+    """Time of the ball's last contact with the tool [s]; -infinite: there was none."""
+    last_plate: Each
+    """Time of its last contact with the plate [s]; -infinite: there was none."""
+    first_plate: Each
+    """Time of its first contact with the plate [s]; infinite: there was none."""
+    landing_speed: Each
+    """Downward speed with which that began [m/s]; 0 if the ball touched the plate before."""
+    gap_tool: Each
+    """Gap to the tool one physics step before the end [m]."""
+    gap_plate: Each
+    """Gap to the plate one physics step before the end [m]."""
+    speed: Each
+    """Speed of the ball at the end [m/s]."""
+    finite: Each
+    """Whether the state is finite."""
 
 
 class Ramp(NamedTuple):

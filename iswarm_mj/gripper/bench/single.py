@@ -12,9 +12,9 @@ import numpy as np
 
 from iswarm_mj.engines.mujoco_warnings import keep_no_log
 from iswarm_mj.gripper import plugin
-from iswarm_mj.gripper.bench.base import Watch
 from iswarm_mj.gripper.bench.leap_laws import Hanging, leap
 from iswarm_mj.gripper.bench.model import layout, plugin_numbers, resized, start, usual_model
+from iswarm_mj.gripper.bench.script import Watch
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
 

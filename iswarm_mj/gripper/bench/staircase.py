@@ -1,4 +1,4 @@
-"""Staircase of grasps: the first voltage that lifts when the voltage is raised, on a bench of any engine.
+"""Staircase of grasps: the first voltage that lifts when the voltage is raised.
 
 Source: section 3.2.3, protocol. On each rung the tool touches the ball, the voltage rises, the tool retracts and its
 voltage is switched off; the ball came along or it did not. A ramp alone would decide nothing here, since a ball held
@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.gripper.bench.base import Bench, Mask, Voltages, Watch
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.script import hangs, is_lifted, lifting, touching
+from iswarm_mj.gripper.bench.script import Mask, Voltages, Watch, hangs, is_lifted, lifting, touching
 
 STRIDE = 1.0
 """Step in which the voltage rises until a ball is lifted [V]."""
@@ -29,13 +29,13 @@ class Grasp(NamedTuple):
     """Whether the state became infinite or nan."""
 
 
-def touch(bench: Bench, protocol: Protocol) -> None:
+def touch(bench: MujocoBench, protocol: Protocol) -> None:
     """Bring the tool into contact, without voltage."""
     for move in touching(protocol):
         bench.move(*move)
 
 
-def rung(bench: Bench, protocol: Protocol, voltage: Voltages, active: Mask | None = None) -> Watch:
+def rung(bench: MujocoBench, protocol: Protocol, voltage: Voltages, active: Mask | None = None) -> Watch:
     """Try to lift a ball that the tool touches; what happened in the last of the moves, see `script.is_lifted`."""
     *first, last = lifting(protocol, voltage)
     for move in first:
@@ -43,7 +43,7 @@ def rung(bench: Bench, protocol: Protocol, voltage: Voltages, active: Mask | Non
     return bench.move(*last, active)
 
 
-def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:
+def staircase(bench: MujocoBench, protocol: Protocol, count: int) -> Grasp:
     """Find the first voltage that lifts, on `count` new benches; in the end the balls that can be lifted are lifted."""
     touch(bench, protocol)
     start = bench.save()
@@ -70,7 +70,7 @@ def staircase(bench: Bench, protocol: Protocol, count: int) -> Grasp:
     return Grasp(np.where(high <= top, voltage, np.nan), faulty)
 
 
-def hang(bench: Bench, protocol: Protocol, gap: float, active: Mask | None = None) -> Mask:
+def hang(bench: MujocoBench, protocol: Protocol, gap: float, active: Mask | None = None) -> Mask:
     """Bring a lifted ball to a gap above the plate [m] and to the target aside, if there is one, and wait.
 
     Returns:

@@ -12,9 +12,8 @@ from iswarm_mj.config import GripperConfig
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
 from iswarm_mj.gripper.bench import script
-from iswarm_mj.gripper.bench.base import Each
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.script import START, Ramp, hangs
+from iswarm_mj.gripper.bench.script import START, Each, Ramp, hangs
 from iswarm_mj.gripper.bench.single import SingleBench
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.numbers import in_arrays

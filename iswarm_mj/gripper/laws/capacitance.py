@@ -1,4 +1,4 @@
-"""Capacitances of a ball to probe and plate, of which the tabulated forces are the derivatives."""
+"""Capacitances of a ball to probe and plate, whose derivatives are the tabulated forces; see `spline.shape_of`."""
 
 import math
 from functools import cache
@@ -10,44 +10,24 @@ from iswarm_mj.gripper.laws.probe_table import (
     GAP_EXPONENTS,
     PROBE_EXPONENTS,
     coefficients_of,
-    interpolated,
     probe_factor,
     spline_coefficients,
 )
-from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
-from iswarm_mj.utils.arrays import Quantity, array_module
-
-
-def capacitance(task: str, gap: Quantity, radius: Quantity, probe_radius: Quantity, least: Quantity = 0.0) -> Quantity:
-    """Capacitance of a ball to the probe ("pick") or to the plate ("release") across a gap.
-
-    The force of `pick_force` or `release_force` on a ball at a fixed voltage is V^2 / 2 times its derivative, so that
-    work and energy agree. Source: integral of `probe_factor` from the table's largest gap, 4 R, on. What is left there
-    is a choice: to the plate next to nothing, which the probe takes, and to the probe as much as if the factor fell
-    with the square of the gap. Boundary elements find up to 20 % more to the probe, and to the plate the same within
-    3 % (`tests/gripper/test_capacitance.py`).
-
-    Args:
-        task: "pick" or "release".
-        gap: from the ball to that electrode [m].
-        radius: of the ball [m].
-        probe_radius: [m].
-        least: effective gap of a contact; below it the force stays, and the capacitance goes on rising evenly [m].
-
-    Returns:
-        Capacitance [F].
-    """
-    xp = array_module(gap, radius, probe_radius, least)
-    wide = xp.maximum(gap, least)
-    ratios = wide / radius, probe_radius / radius
-    share = interpolated(capacitance_spline(task), *ratios)
-    share = share + probe_factor(task, *ratios) / 2 * (1 - gap / wide)
-    return 4 * math.pi * VACUUM_PERMITTIVITY * radius * share
 
 
 @cache
 def capacitance_spline(task: str) -> np.ndarray:
-    """Spline coefficients of ln(C / (4 pi eps0 R)), like those of `probe_table.spline_coefficients`."""
+    """Spline coefficients of ln(C / (4 pi eps0 R)), like those of `probe_table.spline_coefficients`.
+
+    The force of `pick_force` or `release_force` on a ball at a fixed voltage is V^2 / 2 times the derivative of C, so
+    that work and energy agree. Source: integral of `probe_factor` from the table's largest gap, 4 R, on. What is left
+    there is a choice: to the plate next to nothing, which the probe takes, and to the probe as much as if the factor
+    fell with the square of the gap. Boundary elements find up to 20 % more to the probe, and to the plate the same
+    within 3 % (`tests/gripper/test_capacitance.py`).
+
+    Args:
+        task: "pick", to the probe, or "release", to the plate.
+    """
     node, weight = np.polynomial.legendre.leggauss(6)
     step = GAP_EXPONENTS[1] - GAP_EXPONENTS[0]
     places = GAP_EXPONENTS[:-1, None] + step * (node + 1) / 2

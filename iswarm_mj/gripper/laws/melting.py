@@ -23,20 +23,8 @@ class Supply(NamedTuple):
     """In series, of a voltage amplifier that limits its current [Ohm]."""
     contact: float = 1e3
     """Of the contact after its oxide broke down [Ohm]."""
-    capacitor: float = math.inf
-    """That holds the voltage; infinite for an amplifier [F]."""
     conductance: float = 4e-6
     """Heat that flows off per kelvin: 2 k a through the spot on the steel plate, k = 16 W/(m K), a = 0.13 um [W/K]."""
-
-
-def melting_energy(radius: Quantity, density: Quantity = BALL_DENSITY) -> Quantity:
-    """Heat that melts a ball from room temperature, m (c dT + L) [J]; 11 uJ for a radius of 15 um.
-
-    Args:
-        radius: [m].
-        density: [kg/m^3].
-    """
-    return 4 / 3 * math.pi * radius**3 * density * (HEAT_CAPACITY * MELTING_RISE + LATENT_HEAT)
 
 
 def contact_power(voltage: Quantity, supply: Supply) -> Quantity:
@@ -55,7 +43,7 @@ def melts(
         voltage: of the tool against the plate [V].
         radius: of the ball [m].
         breaks_at: voltage at which the tool's oxide breaks down [V].
-        supply: resistances, capacitor, loss.
+        supply: resistances, loss.
         time: for which ball, plate and tool touch under the voltage [s].
 
     Returns:
@@ -68,23 +56,18 @@ def melts(
 def melting_time(voltage: Quantity, radius: Quantity, supply: Supply) -> Quantity:
     """Time in which a discharge melts a ball of uniform temperature; infinite if it never does.
 
-    The ball warms with C dT / dt = P - K dT to the melting point and melts with what is left, P - K dT_m. Of the energy
-    of a finite capacitor, C V^2 / 2, the contact gets the share R_c / (R_s + R_c), all at once.
+    The ball warms with C dT / dt = P - K dT to the melting point and melts with what is left, P - K dT_m.
 
     Args:
         voltage: across the supply and the contact [V].
         radius: of the ball [m].
-        supply: resistances, capacitor, loss.
+        supply: resistances, loss.
 
     Returns:
-        Time [s]; 0 if a capacitor's energy suffices.
+        Time [s].
     """
     xp = array_module(voltage, radius)
     mass = 4 / 3 * math.pi * radius**3 * BALL_DENSITY
-    if math.isfinite(supply.capacitor):
-        share = supply.contact / (supply.resistance + supply.contact)
-        energy = supply.capacitor * voltage**2 / 2 * share
-        return xp.where(energy >= melting_energy(radius), 0.0, math.inf)
     power, loss = contact_power(voltage, supply), supply.conductance * MELTING_RISE
     suffices = power > loss
     safe = xp.where(suffices, power, 2 * loss)

@@ -68,7 +68,8 @@ def shape_of(
 ) -> tuple[Quantity, Quantity]:
     """Shape factor of the force to the probe (task 0) or to the plate (1), and the ball's capacitance to it [fF].
 
-    See `capacitance.capacitance`, and `capacitance.tables` for `splines` and `axes`. Lengths in um.
+    Below the least gap, the effective one of a contact, the force stays, and the capacitance goes on rising evenly. See
+    `capacitance.tables` for `splines` and `axes`. Lengths in um.
     """
     wide = where(gap < least, least, gap)
     place = place_of(wide / radius, probe / radius, axes)

@@ -1,4 +1,4 @@
-"""The light of a robot at another one, in the manner of the paper's Fig. 1: a map, and curves over the distance."""
+"""Draw results/light.png: the light of a robot at another one, as in the paper's Fig. 1, and over the distance."""
 
 import math
 from dataclasses import replace
@@ -40,8 +40,8 @@ def light(
     return ((mm_from_rd(optics.communication_radius) - beside) / (found - beside)) ** 2
 
 
-def draw_light(path: Path) -> list[Path]:
-    """Draw the pattern of the default optics in `power` mode; return the path of the PNG file.
+def draw_light(path: Path) -> None:
+    """Draw the pattern of the default optics in `power` mode.
 
     Args:
         path: of the files, without suffix.
@@ -77,4 +77,8 @@ def draw_light(path: Path) -> list[Path]:
         curves.minorticks_off()
         curves.set(xlabel="distance of the centres [rd]", ylabel="light over the default threshold", title="Range")
         curves.legend(fontsize=7)
-    return [path.with_name(path.name + ".png")]
+
+
+if __name__ == "__main__":
+    draw_light(Path("results/light"))
+    Path("results/light.svg").unlink()

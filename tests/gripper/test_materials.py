@@ -1,0 +1,105 @@
+"""Materials and tips of the bench: what they change, what a run says of them, and that result.json repeats it."""
+
+import json
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from helpers_cli import code_of, refused
+
+import iswarm_mj
+from iswarm_mj.gripper.bench.contacts import Contacts
+from iswarm_mj.gripper.laws import detachment, materials
+from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
+from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.workflows.grasp_settings import GraspSettings, Used, cases
+
+SMALL = {"radius": ("20e-6",), "rh": (10.0,), "repeats": 2, "rh_spread": 0.0}
+
+
+def test_the_default_materials_are_the_fitted_ones():
+    used = GraspSettings().used
+    fitted = detachment.WORK_TOOL_OBJECT, detachment.WORK_OBJECT_SUBSTRATE, detachment.BALL_DENSITY
+    assert used == Used(*fitted, Contacts()) and GraspSettings().beyond_the_fit == []
+    solder, aluminium, steel = (materials.MATERIALS[name] for name in (materials.BALL, materials.TOOL, materials.PLATE))
+    assert materials.reduced_modulus(solder, steel) == pytest.approx(Contacts().plate_modulus, rel=5e-3)
+    assert materials.reduced_modulus(solder, aluminium) == pytest.approx(Contacts().probe_modulus, rel=5e-3)
+    assert aluminium.breakdown == Contacts().breakdown and solder.yield_pressure == Contacts().yield_pressure
+
+
+def test_works_go_with_the_geometric_mean_of_the_surface_energies():
+    """Tin has 0.71 J/m^2, copper 1.79; a plate with 2.42 / 4 instead of those of steel holds half as well."""
+    used = GraspSettings(ball_material="copper", plate_material="0.605", **SMALL).used
+    ratio = np.sqrt(1.79 / 0.71)
+    assert used.work_tool_object == pytest.approx(1.41e-3 * ratio)
+    assert used.work_object_substrate == pytest.approx(14.7e-3 * ratio / 2)
+    assert used.ball_density == 8960
+    stiffness = (1 - 0.34**2) / 130e9 + (1 - 0.29**2) / 200e9
+    assert used.contacts.plate_modulus == pytest.approx(1 / stiffness)
+
+
+def test_numbers_that_are_given_win():
+    given = {"work_tool_object": 2e-3, "ball_density": 5000.0, "contacts": Contacts(yield_pressure=9e6, breakdown=2e9)}
+    used = GraspSettings(ball_material="copper", tool_material="silicon", **given, **SMALL).used
+    assert (used.work_tool_object, used.ball_density) == (2e-3, 5000.0)
+    assert (used.contacts.yield_pressure, used.contacts.breakdown) == (9e6, 2e9)
+    assert used.work_object_substrate == pytest.approx(14.7e-3 * np.sqrt(1.79 / 0.71))
+
+
+@pytest.mark.parametrize("name", ["gould", "-1", "nan", "1e9", ""])
+def test_what_is_no_material_is_refused(name):
+    with pytest.raises(ConfigError, match="tool_material must be solder, gold"):
+        GraspSettings(tool_material=name)
+
+
+@pytest.mark.parametrize("more", [{"ball_material": "copper"}, {"tip_curvature": 20e-6}])
+def test_voltages_on_the_bench_are_those_of_the_laws(more):
+    """A tip as round as the ball: half of the adhesion, and twice the gap, as of spheres against a plane."""
+    settings = GraspSettings(**SMALL, **more)
+    rows = iswarm_mj.run_grasp(settings)
+    for case in cases(settings):
+        here = {row.experiment: row for row in rows if row.repeat == case.repeat}
+        usual = cases(GraspSettings(**SMALL))[case.repeat].trial
+        tool, plate, gap = usual.work_tool_object, usual.work_object_substrate, detachment.CONTACT_GAP
+        if "tip_curvature" in more:
+            tool, gap = tool / 2, 2 * gap
+        else:
+            tool, plate = tool * np.sqrt(1.79 / 0.71), plate * np.sqrt(1.79 / 0.71)
+        assert here["grasp"].voltage == pytest.approx(grasp_voltage(20e-6, tool, plate, gap), abs=0.4)
+        assert here["release"].voltage == pytest.approx(release_voltage(20e-6, tool), rel=0.06)
+    assert ("no_contact" in {row.experiment for row in rows}) == ("tip_curvature" not in more)
+
+
+def test_a_run_says_what_is_not_as_in_the_fit_and_result_json_repeats_it(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    flags = ["--radius=12e-6", "--rh=10", "--repeats=1", "--plate-material=silica", "--tool.roughness=1e-9", "--record"]
+    flags += ["--contacts.oxide=6e-8", "--protocol.hold-time=0.002", "--no-contact-gap=2e-6"]
+    assert code_of("grasp", *flags, "--out=one") == 0
+    said = capfd.readouterr().out
+    assert "warning" in said and "radius 12 to 12 um, not 15 to 25, plate_material silica" in said
+    result = json.loads((tmp_path / "one/result.json").read_text())
+    assert len(result["beyond_the_fit"]) == 2
+    assert {row["experiment"]: row["trials"] for row in result["measures"]}["grasp"] == 1
+    assert code_of("grasp", "--config=one/result.json", "--out=two") == 0
+    one, two = (tmp_path / name / "trials.csv" for name in ("one", "two"))
+    assert one.read_text() == two.read_text() and len(one.read_text().splitlines()) == 4
+    fields = {
+        field.name: field.metadata[b"unit"].decode() for field in pyarrow.parquet.read_schema("one/trials.parquet")
+    }
+    assert fields["voltage"] == "V" and fields["work_tool_object"] == "J/m^2" and fields["experiment"] == ""
+    capfd.readouterr()
+    assert code_of("inspect", "one") == 0
+    said = capfd.readouterr().out
+    assert said.startswith("trials: 1 trials in 3 rows") and "iswarm grasp --config one/result.json" in said
+    assert "is of iswarm grasp" in refused(capfd, tmp_path, "clean", "--config=one/result.json")
+
+
+def test_pull_offs_are_the_least_forces_of_retractions(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    assert code_of("grasp", "--force-curve", "--radius=20e-6", "--voltages", 0, 30, "--out=curves") == 0
+    table = pyarrow.parquet.read_table("curves/force_curve.parquet").to_pylist()
+    for found in json.loads((tmp_path / "curves/result.json").read_text())["measures"]:
+        rows = [row for row in table if row["voltage"] == found["voltage"] and row["direction"] == "retract"]
+        assert found["pull_off"] == min(row["total"] for row in rows) < -0.1e-6
+    capfd.readouterr()
+    assert "flat tips" in refused(capfd, tmp_path, "grasp", "--force-curve", "--tip-curvature=1e-5")
