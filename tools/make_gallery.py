@@ -153,7 +153,8 @@ def bench() -> None:
         light(server.scene)
         aim(server.initial_camera, Session(Scenario(robots=1)).scene, is_low=True)
         shown = Bench(server, 139 / 6)
-        shown.root.visible, shown.trace = True, shown.settings.trace()
+        shown.root.visible = True
+        shown.take(shown.settings.trace())
 
         def draw(_: Any) -> Iterator[float]:
             for moment in range(0, 100, 2):
