@@ -73,7 +73,9 @@ CARDS = {
         "--maze examples/maze.png --arena.dump-size 1",
         film(0, 400, 0.1),
     ),
-    "failures": Card(f"run {own('failures', 'Failures')} --robots 80 --steps 400 {MEDIUM}", film(0, 210, 0.15)),
+    "failures": Card(
+        f"run {own('failures', 'Failures')} --until 150 --robots 80 --steps 400 {MEDIUM}", film(0, 210, 0.15)
+    ),
     "two_kinds": Card(
         f"run {own('two_kinds', 'ByKind')} --strategy beeclust --robot models/robot.xml:60 large.xml:40 --steps 400 "
         "--arena.size 34 --spot-radius 6 --spot-offset 9",
