@@ -1,7 +1,7 @@
 """Boxes that one robot cannot move: many push them to the eastern wall, and do not know of each other.
 
-    iswarm run --task examples/boxes.py:Push --strategy examples/boxes.py:Sweep --robots 80 --steps 600 \
-        --arena.size 30 --arena.boxes 0 6 1 1 0 1e-5 0.005  -4 -5 1.5 0.8 30 1e-5 0.005  5 -7 0.8 0.8 0 8e-6 0.005
+    iswarm run --task examples/boxes.py:Push --strategy examples/boxes.py:Sweep --robots 120 --steps 400 --seed 1 \
+        --arena.size 30 --arena.boxes 0 6 1 1 0 1e-5 0.004  -4 -4 0.8 1.5 10 1e-5 0.004  5 -8 0.8 0.8 0 8e-6 0.004
 
 Each box is x, y, half edges [rd], yaw [deg], mass [kg] and friction with the floor; a drive pushes with up to 0.24 uN.
 """
@@ -58,12 +58,12 @@ class Push:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Robots sweep to the east and return to the west, each in its own time; on the way back they turn before boxes."""
+    """Robots sweep to the east and return, each in its own time; they push what is ahead, and turn on the way back."""
 
-    sweep: Annotated[float, Within(1, 1000)] = 60.0
+    sweep: Annotated[float, Within(1, 1000)] = 120.0
     """Control steps of each way."""
-    wander: Annotated[float, Within(0, 90, "deg")] = 25.0
-    """Largest random turn [deg]."""
+    wander: Annotated[float, Within(0, 90, "deg")] = 50.0
+    """Largest random turn on the way back [deg]."""
 
     def init(self, n_robots, key):
         return jax.random.uniform(key, (n_robots,), maxval=2 * self.sweep)
@@ -72,8 +72,9 @@ class Sweep:
         return memory < 0
 
     def act(self, memory, seen, key):
-        away = jnp.where(memory < self.sweep, 0.0, jnp.pi) + seen.sensed["east"]
-        chance = jax.random.uniform(key, memory.shape, minval=-1)
-        turn = jnp.arctan2(jnp.sin(away), jnp.cos(away)) + jnp.deg2rad(self.wander) * chance
-        turn = jnp.where((memory >= self.sweep) & seen.sees_wall[:, 0], jnp.sign(chance) * jnp.pi / 2, turn)
+        goes_east, chance = memory < self.sweep, jax.random.uniform(key, memory.shape, minval=-1)
+        away = jnp.where(goes_east, 0.0, jnp.pi) + seen.sensed["east"]
+        most = jnp.where(goes_east, jnp.where(seen.sees_wall[:, 0], 0.0, 20.0), self.wander)  # it pushes straight on
+        turn = jnp.arctan2(jnp.sin(away), jnp.cos(away)) + jnp.deg2rad(most) * chance
+        turn = jnp.where(~goes_east & seen.sees_wall[:, 0], jnp.sign(chance) * jnp.pi / 2, turn)
         return (memory + 1) % (2 * self.sweep), Command(turn, jnp.full_like(turn, mm_from_rd(0.5)))

@@ -13,8 +13,9 @@ import numpy as np
 
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import free_cells, place_robots
-from iswarm_mj.tasks.protocol import Quantity, only
+from iswarm_mj.tasks.protocol import Look, Quantity, only
 from iswarm_mj.utils.constraints import Within
+from iswarm_mj.utils.units import mm_from_rd
 
 
 class Floor(NamedTuple):
@@ -27,6 +28,7 @@ class Floor(NamedTuple):
 @dataclass(frozen=True)
 class Coverage:
     measured: ClassVar = {"covered": Quantity("share of the cells that have been visited", high=1.0)}
+    drawn: ClassVar = {"visited": Look((185, 215, 185), "square")}
     unused: ClassVar = ("gripper", "arena.n_dust")
 
     def lay_out(self, config, n_robots, rng, shared, cell):
@@ -50,6 +52,9 @@ class Coverage:
 
     def metrics(self, state):
         return {"covered": state.visited.mean()}
+
+    def areas(self, config, state):
+        return {"visited": jnp.column_stack([state.cells, mm_from_rd(0.5) * state.visited])}
 
 
 @dataclass(frozen=True)

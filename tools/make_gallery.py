@@ -53,9 +53,10 @@ def film(
 
 SMALL = "--arena.size 24 --arena.dust-area-offset 7 --arena.dust-area-size 5 --arena.n-dust 36"
 TWO_SIZES = "--arena.size 30 --arena.ball-radius-min 12e-6 --arena.ball-radius-max 28e-6"
-BOXES = "--arena.size 30 --arena.boxes 0 6 1 1 0 1e-5 0.005 -4 -5 1.5 0.8 30 1e-5 0.005 5 -7 0.8 0.8 0 8e-6 0.005"
+BOXES = "--arena.size 30 --arena.boxes 0 6 1 1 0 1e-5 0.004 -4 -4 0.8 1.5 10 1e-5 0.004 5 -8 0.8 0.8 0 8e-6 0.004"
+MEDIUM = "--arena.size 30 --arena.dust-area-offset 9"
 CARDS = {
-    "cleaning": Card("clean --steps 100", film(55, 80, draws=("links",))),
+    "cleaning": Card("clean --steps 100", film(60, 80, draws=("links",))),
     "hops": Card("clean --genome type2 --steps 100", film(60, 82, by="hops to dump", draws=("links",))),
     "foraging": Card(
         "run --task foraging --strategy forager --robots 60 --steps 150", film(110, 140, draws=("trails", "home"))
@@ -66,15 +67,18 @@ CARDS = {
     ),
     "sort": Card(f"run {own('sort', 'Sort', 'BySize')} --robots 80 --steps 200 {TWO_SIZES}", film(0, 160, 0.25)),
     "clusters": Card(f"run {own('clusters', 'Clusters', 'Cluster')} --steps 3000", film(0, 3000, 0.01)),
-    "boxes": Card(f"run {own('boxes', 'Push', 'Sweep')} --robots 80 --steps 600 {BOXES}", film(0, 600, 0.05)),
+    "boxes": Card(f"run {own('boxes', 'Push', 'Sweep')} --robots 120 --steps 400 --seed 1 {BOXES}", film(0, 320, 0.1)),
     "explore": Card(
         f"run {own('explore', 'Coverage', 'Explore')} --robots 40 --steps 400 "
         "--maze examples/maze.png --arena.dump-size 1",
         film(0, 400, 0.1),
     ),
-    "failures": Card(f"run {own('failures', 'Failures')} --robots 200 --steps 400", film(0, 400, 0.1)),
+    "failures": Card(
+        f"run {own('failures', 'Failures')} --until 150 --robots 80 --steps 400 {MEDIUM}", film(0, 210, 0.15)
+    ),
     "two_kinds": Card(
-        f"run {own('two_kinds', 'ByKind')} --strategy beeclust --robot models/robot.xml:60 large.xml:40 --steps 400",
+        f"run {own('two_kinds', 'ByKind')} --strategy beeclust --robot models/robot.xml:60 large.xml:40 --steps 400 "
+        "--arena.size 34 --spot-radius 6 --spot-offset 9",
         film(0, 400, 0.1),
     ),
     "six": Card(f"clean --robot models/robot6.xml --robots 40 {SMALL} --steps 60", film(30, 60, draws=("links",))),
@@ -151,7 +155,8 @@ def bench() -> None:
         light(server.scene)
         aim(server.initial_camera, Session(Scenario(robots=1)).scene, is_low=True)
         shown = Bench(server, 139 / 6)
-        shown.root.visible, shown.trace = True, shown.settings.trace()
+        shown.root.visible = True
+        shown.take(shown.settings.trace())
 
         def draw(_: Any) -> Iterator[float]:
             for moment in range(0, 100, 2):

@@ -21,6 +21,7 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.constraints import choices, constraint_of
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.errors import FaultKind, SimulationFault
+from iswarm_mj.workflows.grasp_table import TrialRow, units
 
 DOCS = Path(__file__).parents[1] / "docs"
 BLOCK = re.compile(r"(<!-- made: ([\w-]+) -->\n).*?(<!-- made -->)", re.DOTALL)
@@ -153,7 +154,15 @@ def settings() -> str:
     return "\n\n".join(parts)
 
 
+def trials() -> str:
+    """Return the columns of the table of the gripper's trials."""
+    docs, made = field_docs(TrialRow), units()
+    rows = [(f"`{name}`", made.get(name, ""), _UNIT.sub("", docs.get(name, ""))) for name in TrialRow._fields]
+    return table("column | unit | meaning", rows)
+
+
 MADE = {
+    "trials": trials,
     **{name: lambda name=name: columns(name) for name in TABLES},
     "Observation": lambda: of_arrays(Observation),
     "Command": lambda: of_arrays(Command),

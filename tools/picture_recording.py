@@ -13,6 +13,16 @@ from pathlib import Path
 from rerun.experimental import ViewerClient
 
 
+def patient(call, *given, **named):
+    """Return what a call of the viewer returns; it is asked again where a busy machine let it answer too late."""
+    for _ in range(4):
+        try:
+            return call(*given, **named)
+        except TimeoutError:
+            time.sleep(5)
+    return call(*given, **named)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("recording", type=Path)
@@ -21,12 +31,12 @@ def main():
     parser.add_argument("--port", type=int, default=9977)
     parser.add_argument("--patience", type=float, default=20.0, help="for the viewer to show it [s]")
     args = parser.parse_args()
-    with ViewerClient.spawn(headless=True, port=args.port, hide_welcome_screen=True) as viewer:
-        viewer.open(str(args.recording.absolute()))
+    with patient(ViewerClient.spawn, headless=True, port=args.port, hide_welcome_screen=True) as viewer:
+        patient(viewer.open, str(args.recording.absolute()))
         time.sleep(args.patience)
-        viewer.set_time("sim_time", duration=timedelta(seconds=args.time), play_state="paused")
+        patient(viewer.set_time, "sim_time", duration=timedelta(seconds=args.time), play_state="paused")
         time.sleep(args.patience)
-        viewer.save_screenshot(str(args.picture.absolute()))
+        patient(viewer.save_screenshot, str(args.picture.absolute()))
         time.sleep(args.patience / 4)
 
 

@@ -16,7 +16,7 @@ from iswarm_mj.output.palette import Rgb, rgb
 from iswarm_mj.output.rerun_names import AREAS, METRICS, SERIES, SHARES, UNITS
 from iswarm_mj.output.schema import BALLS, LINKS, ROBOTS
 from iswarm_mj.output.shapes import FRONT_RADIUS, MILLIMETRES, SHEET, Boxes, arena_boxes, floor
-from iswarm_mj.output.swarm_classes import BALL_CLASSES, LINK_CLASSES, shown_classes
+from iswarm_mj.output.swarm_classes import BALL_CLASSES, LINK_CLASSES, groups, shown_classes
 from iswarm_mj.output.trajectory import Scene
 
 CONFIG, KEY = "config", "legend"
@@ -71,8 +71,8 @@ def legend(scene: Scene) -> str:
         "hops": not any(vector.hop in scene.memory_names for vector in vectors(scene.memory)),
         "floor": scene.dump[2] <= scene.dump[0] and not np.size(scene.dust_areas),
     }
-    teams = f"**Robots** by team: {', '.join(scene.team_names)}; darker: loaded. A dot marks the front."
-    own = {"": teams} if scene.team_names else {}
+    names = groups(scene)[1]
+    own = {"": f"**Robots** by group: {', '.join(names)}; darker: loaded. A dot marks the front."} if names else {}
     return "\n\n".join(own.get(name, text) for name, text in _LEGEND.items() if not absent.get(name))
 
 

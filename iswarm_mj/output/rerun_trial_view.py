@@ -29,7 +29,7 @@ _PLAYED = 15.0
 LEGEND = """**Green** what is between ball and tool, **orange** between ball and plate: gaps, adhesion, paler contact
 forces. **Yellow** the electrostatic force, above 0 towards the tool; **grey** the weight; **blue** the voltage.
 
-**Arrows** beside the ball: these forces on it. Their lengths go with the square root of the force: one radius for 4 µN.
+**Arrows** beside the ball: these forces on it. Their lengths go with the square root of the force: one radius for 1 µN.
 
 **Ball**: orange while it has the plate's potential, green while it has the probe's; the dot turns with it.
 

@@ -3,7 +3,7 @@
 from itertools import cycle
 
 import numpy as np
-from jaxtyping import Bool, UInt16
+from jaxtyping import Bool, Int, UInt16
 
 from iswarm_mj.output.palette import EMPTY, LOADED, PINK, PURPLE, SCOUT, SKY, YELLOW, Rgb, rgb
 from iswarm_mj.output.trajectory import Scene
@@ -34,23 +34,32 @@ TEAM_COLOURS = tuple(map(rgb, (EMPTY, LOADED, SCOUT, PINK, YELLOW, SKY)))
 """In turn."""
 
 
+def groups(scene: Scene) -> tuple[Int[np.ndarray, "N"], tuple[str, ...]]:
+    """Return to which team each robot belongs, or else to which kind, and their names; none if all are alike."""
+    if scene.team_names:
+        return scene.team, scene.team_names
+    kinds = int(np.max(scene.kind, initial=0)) + 1
+    return scene.kind, tuple(f"kind {number}" for number in range(kinds)) if kinds > 1 else ()
+
+
 def robot_classes(
     scene: Scene, is_loaded: Bool[np.ndarray, "*T N"], has_priority: Bool[np.ndarray, "*T N"]
 ) -> UInt16[np.ndarray, "*T N"]:
     """Return classes of `ROBOT_CLASSES`: load before scout before worker, twice that, plus priority; or of teams."""
-    if scene.team_names:
-        return (TEAM_CLASS_OFFSET + 2 * scene.team + is_loaded).astype(np.uint16)
+    number, names = groups(scene)
+    if names:
+        return (TEAM_CLASS_OFFSET + 2 * number + is_loaded).astype(np.uint16)
     return (np.where(is_loaded, 4, np.where(scene.is_scout, 2, 0)) + has_priority).astype(np.uint16)
 
 
 def shown_classes(scene: Scene) -> list[tuple[int, str, Rgb]]:
     """Return class, label and colour of the robots that a scene can show; loaded ones of a team are darker."""
-    has_balls = len(scene.ball_radius) > 0
-    if not scene.team_names:
+    has_balls, names = len(scene.ball_radius) > 0, groups(scene)[1]
+    if not names:
         there = {0, 1, *((2, 3) if np.any(scene.is_scout) else ()), *((4, 5) if has_balls else ())}
         return [one for one in ROBOT_CLASSES if one[0] in there]
     found = []
-    for number, (name, colour) in enumerate(zip(scene.team_names, cycle(TEAM_COLOURS))):
+    for number, (name, colour) in enumerate(zip(names, cycle(TEAM_COLOURS))):
         place, dark = TEAM_CLASS_OFFSET + 2 * number, (colour[0] * 3 // 5, colour[1] * 3 // 5, colour[2] * 3 // 5)
         found += [(place, name, colour), (place + 1, f"{name}, loaded", dark)][: 1 + has_balls]
     return found

@@ -11,7 +11,7 @@ from iswarm_mj.output.trace_lines import UM
 
 PROBE_LENGTH = 100.0
 """Length of the probe in the view [um]."""
-ARROW_FORCE = 4e-6
+ARROW_FORCE = 1e-6
 """Force whose arrow is one radius long; lengths go with the square root [N]."""
 
 

@@ -13,13 +13,15 @@ from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.gripper.laws import detachment as usual
+from iswarm_mj.gripper.laws.materials import Name
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PALE, WALL, YELLOW, rgb
 from iswarm_mj.output.trace_lines import NN, UM
 from iswarm_mj.output.trial_shapes import PROBE_LENGTH, trial_shapes
 from iswarm_mj.player.controls import declared
 from iswarm_mj.player.view import linear
-from iswarm_mj.player.widgets import AXIS, spots, widget
+from iswarm_mj.player.widgets import AXIS, show, spots, widget
 from iswarm_mj.utils.constraints import Within, validate
+from iswarm_mj.workflows.grasp_settings import GraspSettings, Used
 
 _ROOT = "/bench"
 FORCES = (("electrostatic", YELLOW), ("adhesion to the tool", GREEN), ("adhesion to the plate", ORANGE))
@@ -27,6 +29,9 @@ SAMPLES = 600
 """Of a trial that is shown; they are dense where the ball moves."""
 SHOWN_S = 15.0
 """In which a trial is shown [s]."""
+
+
+_MATERIALS = ("ball_material", "tool_material", "plate_material")
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,12 @@ class BenchSettings:
     """Of the ball [µm]."""
     probe_radius: Annotated[float, Within(2, 50, "µm")] = usual.PROBE_RADIUS * UM
     """Of the tool's flat face [µm]."""
+    ball_material: Name = "solder"
+    """Of the ball; sets the works of adhesion, its density and its contacts."""
+    tool_material: Name = "aluminium"
+    """Of the tool."""
+    plate_material: Name = "steel"
+    """Of the plate."""
     work_tool_object: Annotated[float, Within(0.1, 100, "mJ/m²")] = usual.WORK_TOOL_OBJECT * 1e3
     """Work of adhesion between tool and ball at 10 % RH [mJ/m²]."""
     work_object_substrate: Annotated[float, Within(0.1, 100, "mJ/m²")] = usual.WORK_OBJECT_SUBSTRATE * 1e3
@@ -52,10 +63,25 @@ class BenchSettings:
         validate(self)
 
     @property
+    def used(self) -> Used:
+        """Numbers of the materials, see `GraspSettings.used`."""
+        return GraspSettings(**{name: getattr(self, name) for name in _MATERIALS}).used
+
+    def changed(self, name: str, value: Any) -> "BenchSettings":
+        """Return settings with another value; another material changes the works of adhesion, too."""
+        if name not in _MATERIALS:
+            return replace(self, **{name: float(value)})
+        used = replace(self, **{name: value}).used
+        works = 1e3 * used.work_tool_object, 1e3 * used.work_object_substrate
+        return replace(self, **{name: value}, work_tool_object=works[0], work_object_substrate=works[1])
+
+    @property
     def trial(self) -> Trial:
         """The ball on the bench."""
-        works = self.work_tool_object * 1e-3, self.work_object_substrate * 1e-3
-        return Trial(self.radius / UM, *works, self.relative_humidity, probe_radius=self.probe_radius / UM)
+        works, used = (self.work_tool_object * 1e-3, self.work_object_substrate * 1e-3), self.used
+        probe = self.probe_radius / UM
+        own = {"probe_radius": probe, "density": used.ball_density, "contacts": used.contacts}
+        return Trial(self.radius / UM, *works, self.relative_humidity, **own)
 
     def trace(self) -> Trace:
         """Return the trial with this voltage, thinned."""
@@ -109,7 +135,7 @@ class Bench:
         self._probe = drawn.add_cylinder(f"{_ROOT}/probe", 1.0, k * PROBE_LENGTH, rgb(PALE), opacity=0.7)
         self._probe.cast_shadow = False
         drawn.add_box(f"{_ROOT}/plate", rgb(WALL), (150 * k, 150 * k, 2 * k), position=(0, 0, -k), cast_shadow=False)
-        colours, radii = linear(np.array([rgb(colour) for _, colour in FORCES])), [0.6 * k, 1.2 * k, 2 * k]
+        colours, radii = linear(np.array([rgb(colour) for _, colour in FORCES])), [1.0 * k, 2.2 * k, 3 * k]
         sizes = dict(zip(("shaft_radius", "head_radius", "head_length"), radii, strict=True))
         self._arrows = drawn.add_arrows(f"{_ROOT}/forces", np.zeros((3, 2, 3), np.float32), colours, **sizes)
         self._try = gui.add_button("Lift and release the ball", icon="player-play")
@@ -117,8 +143,10 @@ class Bench:
         self._said = gui.add_markdown("")
         self._moment = gui.add_slider("moment [%]", 0.0, 100.0, 0.1, 0.0)
         self._plays = gui.add_checkbox("plays", True)
-        for control in declared(self.settings):
-            widget(gui, control, partial(self._moved, control.name))
+        self._handles = {
+            control.name: widget(gui, control, partial(self._moved, control.name))
+            for control in declared(self.settings)
+        }
         gui.add_html(spots([(name, rgb(colour)) for name, colour in FORCES]))
         axes = (AXIS | {"label": "height of the tool above touch [µm]"}, AXIS | {"label": "force [nN]"})
         lines = (("approach", GREEN), ("retract", BLUE))
@@ -135,13 +163,20 @@ class Bench:
         self.root.visible = is_shown
         self._due |= {"curve"} if is_shown else set()
 
+    def take(self, trace: Trace) -> None:
+        """Show a trial, from its start."""
+        self._where, self.trace, self._began = trial_shapes(trace), trace, time.monotonic()
+        self._said.content = outcome(trace)
+
     def hold(self, moment: float) -> None:
         """Stop at a moment of the trial [%], and show it."""
         self._plays.value, self._moment.value = False, moment
         self.show()
 
     def _moved(self, name: str, value: Any) -> None:
-        self.settings = replace(self.settings, **{name: float(value)})
+        self.settings = self.settings.changed(name, value)
+        for own, handle in self._handles.items():
+            show(handle, "value", getattr(self.settings, own))
         self.trace = None
         self._due.add("curve")
         self.show()
@@ -158,8 +193,7 @@ class Bench:
             trace = settings.trace()
             self._due.discard("trial")
             if settings == self.settings:
-                self._where, self.trace, self._began = trial_shapes(trace), trace, time.monotonic()
-                self._said.content = outcome(trace)
+                self.take(trace)
         else:
             return False
         return True

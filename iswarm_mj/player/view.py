@@ -227,6 +227,6 @@ def aim(camera: Any, scene: Scene, aspect: float = 4 / 3, is_low: bool = False) 
     corners = 0.53 * size * np.array([(x, y, 0) for x in (-1, 1) for y in (-1, 1)]) - target
     high = np.tan(camera.fov / 2)  # of what is seen, over its distance
     needed = np.maximum(np.abs(corners @ right) / (aspect * high), np.abs(corners @ np.cross(right, ahead)) / high)
-    away = 1.4 * size if is_low else float(max(needed - corners @ ahead))
+    away = 0.9 * size if is_low else float(max(needed - corners @ ahead))
     camera.position = tuple(target - away * ahead)  # which moves what a camera looks at
     camera.look_at = target

@@ -27,6 +27,7 @@ class TrialRow(NamedTuple):
     repeat: int
     """Number of the trial at this radius and humidity."""
     seed: int
+    """Of the run."""
     work_tool_object: float
     """W_TO at the trial's humidity [J/m^2]."""
     work_object_substrate: float
@@ -38,7 +39,7 @@ class TrialRow(NamedTuple):
     voltage: float | None
     """At which it happened; None: not up to `limit_voltage` [V]."""
     limit_voltage: float
-    """[V]"""
+    """Highest voltage of the attempt [V]."""
     step_voltage: float
     """Resolution of `voltage` [V]."""
     melted: bool

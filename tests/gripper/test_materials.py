@@ -1,6 +1,7 @@
 """Materials and tips of the bench: what they change, what a run says of them, and that result.json repeats it."""
 
 import json
+from typing import get_args
 
 import numpy as np
 import pyarrow.parquet
@@ -15,6 +16,10 @@ from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.workflows.grasp_settings import GraspSettings, Used, cases
 
 SMALL = {"radius": ("20e-6",), "rh": (10.0,), "repeats": 2, "rh_spread": 0.0}
+
+
+def test_each_name_is_a_material():
+    assert get_args(materials.Name) == tuple(materials.MATERIALS)
 
 
 def test_the_default_materials_are_the_fitted_ones():

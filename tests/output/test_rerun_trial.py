@@ -67,7 +67,7 @@ def test_arrows_are_the_forces_on_the_ball(recorded):
     arrows = np.array(recorded[1]["/world/forces"][1]["Arrows3D:vectors"])
     assert not arrows[..., :2].any()
     up = np.stack([trace.electrostatic, trace.adhesion_tool, -trace.adhesion_plate], axis=1)
-    np.testing.assert_allclose(np.sign(arrows[..., 2]) * (arrows[..., 2] / 20) ** 2 * 4e-6, up, rtol=1e-5, atol=1e-15)
+    np.testing.assert_allclose(np.sign(arrows[..., 2]) * (arrows[..., 2] / 20) ** 2 * 1e-6, up, rtol=1e-5, atol=1e-15)
 
 
 def test_states_change_when_they_change(recorded):

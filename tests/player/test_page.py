@@ -101,6 +101,11 @@ def test_the_bench_draws_the_curve_of_its_sliders_and_a_trial(played):
         wait(lambda before=before: bench._curve.data is not before)
         pull_offs.append(-bench._curve.data[2].min())
     assert pull_offs[0] < pull_offs[1]
+    works = [bench._handles["work_object_substrate"].value]
+    bench._moved("plate_material", "silica")
+    works.append(bench._handles["work_object_substrate"].value)
+    assert works[1] == pytest.approx(works[0] * (0.26 / 2.42) ** 0.5)
+    bench._moved("plate_material", "steel")
     bench._due.add("trial")
     wait(lambda: bench.trace is not None)
     assert bench.trace.voltage.max() >= 40

@@ -4,7 +4,7 @@ The fitted works are those of the paper's surfaces as they were, rough and in ai
 Another material scales them; it predicts a trend, and no value to rely on before a fit.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from iswarm_mj.utils.errors import ConfigError, closest
 
@@ -26,7 +26,10 @@ class Material(NamedTuple):
     """Field that breaks its oxide [V/m]; None: it grows none, or it is unknown."""
 
 
-MATERIALS = {
+Name = Literal[
+    "solder", "gold", "silver", "copper", "aluminium", "steel", "tungsten", "silicon", "silica", "polystyrene"
+]
+MATERIALS: dict[str, Material] = {
     "solder": Material(0.71, 7400.0, 50e9, 0.36, 64e6),
     "gold": Material(1.51, 19300.0, 78e9, 0.44, 123e6),
     "silver": Material(1.25, 10500.0, 83e9, 0.37, 143e6),
