@@ -24,6 +24,7 @@ from iswarm_mj.experiments.report.results import (
 )
 from iswarm_mj.experiments.report.tables import Tables, new_texts
 from iswarm_mj.experiments.report.writer import report
+from iswarm_mj.experiments.runner.evolution import Operators
 from iswarm_mj.experiments.runner.experiment import Plan, run_experiment, settings_of
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import run_search
@@ -94,6 +95,7 @@ def parts_of(plan: Plan, execution: Execution, replicates: int, repeats: int, on
 
     Args:
         plan: settings of the experiments. Quick searches and trials are just enough for each step to be taken.
+            Searches have densities up to 0.5, since a batch waits for its densest world.
         execution: how to run jobs.
         replicates: of each search.
         repeats: grasps at each radius and humidity.
@@ -102,7 +104,7 @@ def parts_of(plan: Plan, execution: Execution, replicates: int, repeats: int, on
     Raises:
         UserError: there is none of a name.
     """
-    search = Search(config=plan.config, seed=plan.seed, replicates=replicates)
+    search = Search(config=plan.config, seed=plan.seed, replicates=replicates, operators=Operators(density_max=0.5))
     if plan.quick:
         search, repeats = replace(search, generations=3, population=4, steps=60, replicates=2), 1
     trials = GraspSettings(
