@@ -48,7 +48,7 @@ class ArenaModel(NamedTuple):
     mocap: np.ndarray
     """(K,) mocap ids of the balls."""
     servo_gain: np.ndarray
-    """(N, 3) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s]."""
+    """(N + M, 3) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s]; 0 without a drive."""
     robot: Robots
     """Geometry and mass of the robots of the swarm."""
     kind: np.ndarray
@@ -131,7 +131,7 @@ def compile_arena(
         obstacles=np.array([model.geom(f"obstacle{k}").id for k in range(len(config.arena.obstacles))], int),
         qpos=np.array(qpos),
         mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))], int),
-        servo_gain=model.dof_damping[np.array(qpos)[: len(kind)]],
+        servo_gain=model.dof_damping[np.array(qpos)],
         robot=robot,
         kind=kind,
         refinement=refinement,

@@ -44,7 +44,7 @@ class Env:
             n_worlds: see `Env.n_worlds`.
             on_host: the engine computes on the host.
         """
-        self.core, self.n_worlds, self.n_robots = core, n_worlds, core.poses.shape[1]
+        self.core, self.n_worlds, self.n_robots = core, n_worlds, core.n_robots
         self.observations, self.actions, self.dt = core.observations, core.actions, core.config.drive.control_period
         self.observation_size, self.action_size = (
             sum(row.size for row in t) for t in (core.observations, core.actions)
@@ -112,8 +112,9 @@ class Env:
     def _reset(self, key: jax.Array) -> State:
         data, poses = self._begin(key)
         is_new, zero = self._committed(jnp.ones(self._axes, bool)), jnp.zeros(self._axes, jnp.int32)
-        bodies = self._engine.place(*self._given((poses, jnp.ones(poses.shape[:-1], bool))))
-        intent = self._act(data, is_new, jnp.zeros((*self._axes, self.n_robots, self.action_size)), poses)
+        bodies = self._engine.place(*self._given((poses, jnp.ones((*self._axes, self.n_robots), bool))))
+        still, poses = jnp.zeros((*self._axes, self.n_robots, self.action_size)), poses[..., : self.n_robots, :]
+        intent = self._act(data, is_new, still, poses)
         return self._seen(data, is_new, intent, Motion(bodies, self._given(data.world.touching), zero, zero))
 
     def _step(self, state: State, action: jax.Array) -> State:
@@ -142,7 +143,7 @@ class Env:
         if isinstance(self._engine, StatefulEngine):
             return self._engine.replace(bodies, np.flatnonzero(is_new), poses[is_new])
         xp = np if self._on_host else jnp
-        placed = self._engine.place(poses, xp.ones(poses.shape[:-1], bool))
+        placed = self._engine.place(poses, xp.ones((*self._axes, self.n_robots), bool))
         return jax.tree.map(lambda new, old: xp.where(_over(is_new, new), new, old), placed, bodies)
 
     def _of_worlds(self, name: str) -> Callable[..., Any]:

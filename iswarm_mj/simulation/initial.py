@@ -1,5 +1,6 @@
 """How a world begins: what its task lays out, and which robots are dead."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,6 +12,7 @@ from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.layout import cell_of
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import check_layout
+from iswarm_mj.utils.obstacles import Box
 from iswarm_mj.utils.robot import Robots
 
 
@@ -22,6 +24,9 @@ class Start(NamedTuple):
     task: Any
     """State of the task, see `tasks.protocol.Task.lay_out`."""
     is_alive: Bool[np.ndarray, "N"]
+    boxes: Sequence[Box] | None = None
+    """As `ArenaConfig.boxes`, of which sizes, masses and friction are those of the run; None: where the arena has them.
+    """
 
 
 def draw_start(
@@ -62,4 +67,4 @@ def start_with(
     check_poses(f"poses of {name}", poses, robot, config.arena)
     is_alive = np.ones(n_robots, bool)
     is_alive[rng.permutation(n_robots)[: round(failed_fraction * n_robots)]] = False
-    return Start(poses, state, is_alive)
+    return Start(poses, state, is_alive, config.arena.boxes)

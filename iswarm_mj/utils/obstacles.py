@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import beyond, rows_of
@@ -85,6 +86,16 @@ def numbers(obstacles: Sequence[Sequence[float]], scale: float = 1.0) -> Float[n
     each = np.array([one[: len(FIELDS)] for one in obstacles], float).reshape(-1, len(FIELDS))
     yaw = np.deg2rad(each[:, 4])
     return np.column_stack([scale * each[:, :2], np.cos(yaw), np.sin(yaw), scale * each[:, 2:4]])
+
+
+def with_poses(
+    fixed: Float[Array, "K F"], poses: Float[Array, "*B M 3"], halves: Float[Array, "M 2"]
+) -> Float[Array, "*B KM F"]:
+    """Return what stands still, as `numbers` has it, with boxes at these poses (mm, rad) and of these half edges."""
+    xp, axes = array_module(poses), poses.shape[:-2]
+    yaw, halves = poses[..., 2:], xp.broadcast_to(xp.asarray(halves, poses.dtype), (*poses.shape[:-1], 2))
+    boxes = xp.concatenate([poses[..., :2], xp.cos(yaw), xp.sin(yaw), halves], axis=-1)
+    return xp.concatenate([xp.broadcast_to(xp.asarray(fixed), (*axes, *fixed.shape)), boxes], axis=-2)
 
 
 def corners(boxes: Float[np.ndarray, "M 6"]) -> Float[np.ndarray, "M 4 2"]:
