@@ -32,6 +32,8 @@ class Phase(NamedTuple):
     """Of `config.drive.timestep` each."""
     velocity: Callable[[Array], Array]
     """From the poses (*B, N, 3) as the phase begins to world velocities (*B, N, 3) [mm/s, mm/s, rad/s]."""
+    boxes: Float[Array, "*B M 3"] | None = None
+    """Velocities of driven boxes, likewise; those of others have no effect. None: they stand still."""
 
 
 class Motion(NamedTuple):
@@ -86,7 +88,7 @@ def with_boxes(of_robots: Shaped[Array, "*B N"], n_boxes: int) -> Shaped[Array, 
 def set_points(phase: Phase, poses: Float[Array, "*B NM 3"], n_robots: int) -> Float[Array, "*B NM 3"]:
     """Return the velocities that the drives of robots and boxes hold in a phase which begins at these poses."""
     xp, robots = array_module(poses), phase.velocity(poses[..., :n_robots, :])
-    boxes = xp.zeros_like(poses[..., n_robots:, :])
+    boxes = xp.zeros_like(poses[..., n_robots:, :]) if phase.boxes is None else phase.boxes
     return xp.concatenate([robots, boxes], axis=-2) if boxes.size else robots
 
 

@@ -25,7 +25,7 @@ from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.protocol import Quantity
+from iswarm_mj.tasks.protocol import DrivingTask, Quantity
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import RobotFile, Robots
 
@@ -54,6 +54,8 @@ class Intent(NamedTuple):
     """The robot lights its LEDs after the step."""
     energy: Float[Array, "*B N"] | None
     """Left in the capacitors [J]; None where there are none."""
+    boxes: Float[Array, "*B M 3"] | None
+    """See `Decision`."""
 
 
 _ARRAYS = "params", "poses", "worlds"
@@ -129,9 +131,9 @@ class Core:
         said = jax.tree.map(partial(jnp.where, is_new), actions.silence(self.payload, len(action)), said)
         energy = jax.tree.map(partial(jnp.where, is_new), swarm.energy, done.energy)
         emits = is_emitting(self.config, swarm.is_alive, energy)
-        return Intent(
-            done.command, said, is_refused, done.is_blocked & ~is_new, ~is_new & ~is_refused.any(), emits, energy
-        )
+        boxes = self.params.task.drive_boxes(swarm.task) if isinstance(self.params.task, DrivingTask) else None
+        blocked, runs = done.is_blocked & ~is_new, ~is_new & ~is_refused.any()
+        return Intent(done.command, said, is_refused, blocked, runs, emits, energy, boxes)
 
     def observe(
         self,

@@ -17,7 +17,8 @@ Obstacle = tuple[float, float, float, float, float]
 _ROUNDING = 1e-9  # of the corners of boxes at walls [rd]
 FIELDS = ("x", "y", "half_x", "half_y", "yaw")
 Box = tuple[float, float, float, float, float, float, float]
-"""An obstacle that robots push: also its mass [kg], and the coefficient of its friction with the floor."""
+"""An obstacle that robots push: also its mass [kg], and the coefficient of its friction with the floor. One of mass 0
+is driven: it stands, or moves as its task says."""
 OF_BOX = (*FIELDS, "mass", "friction")
 
 
@@ -54,8 +55,12 @@ def check_boxes(boxes: Sequence[Box], obstacles: Sequence[Obstacle]) -> None:
     there = numbers([*obstacles, *boxes])
     for number, one in enumerate(boxes):
         place, before = f"arena.boxes[{number}]", there[: len(obstacles) + number]
-        if not LIGHTEST <= one[5] <= HEAVIEST:
-            raise ConfigError(place, one, f"a box with a mass from {LIGHTEST:g} to {HEAVIEST:g} kg")
+        if one[5] and not LIGHTEST <= one[5] <= HEAVIEST:
+            raise ConfigError(
+                place, one, f"a box with a mass from {LIGHTEST:g} to {HEAVIEST:g} kg, or 0 where robots cannot push it"
+            )
+        if not one[5] and one[6]:
+            raise ConfigError(place, one, "a box without friction where its mass is 0")
         if not 0 <= one[6] <= ROUGHEST:
             raise ConfigError(place, one, f"a box with a coefficient of friction from 0 to {ROUGHEST:g}")
         if overlap(np.broadcast_to(there[len(before)], before.shape), before).any():

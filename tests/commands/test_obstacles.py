@@ -61,7 +61,7 @@ def test_boxes_that_cannot_be(box, sentence):
 def test_an_engine_without_boxes_refuses_them():
     engine = find_engine(f"{Path(__file__).parents[1]}/data/teleport.py:TeleportSettings")()
     config = SwarmConfig(ArenaConfig(boxes=((8, 8, 1, 1, 0, 1e-5, 0.1),)))
-    with pytest.raises(UserError, match="arena.boxes must be left out with the engine teleport, which has none"):
+    with pytest.raises(UserError, match=r"arena.boxes must be left out with the engine teleport, which has none"):
         Run(config, settings=RunSettings(3, 5), engine=engine)
 
 
