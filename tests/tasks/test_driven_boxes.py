@@ -82,9 +82,9 @@ def engines(boxes, n_robots):
 @pytest.mark.parametrize("name", ["mujoco", "planar", "mjx"])
 def test_a_driven_box_pushes_and_is_not_pushed(name):
     """It walks 4 mm east through a robot and a box, which drive against it."""
-    boxes = ((-3.0, 1.0, 0.5, 1.0, 0.0, 0.0, 0.0), (-1.5, 1.5, 0.4, 0.4, 45.0, 1e-5, 0.001))
+    boxes = ((-3.0, 4.5, 0.5, 1.2, 0.0, 0.0, 0.0), (-1.5, 5.2, 0.4, 0.4, 45.0, 1e-5, 0.001))
     engine, velocity = engines(boxes, 2)[name], np.float32([[2.0, 0, 0.0], [9, 9, 9]])
-    robots = np.float32([[9.0, -9.0, 0.0], [-3 * RD + 3.0, 0.5 * RD, np.pi]])
+    robots = np.float32([[9.0, -9.0, 0.0], [-3 * RD + 3.0, 4.0 * RD, np.pi]])
     phase = Phase(20, lambda poses: jnp.float32([[0.0, 0, 0], [-2.4, 0, 0]]) + 0 * poses, velocity)
     if name == "mjx":
         start, present = np.concatenate([robots, np.float32(poses_of(boxes))]), jnp.ones(2, bool)
@@ -128,7 +128,7 @@ WRONG = {
     "no numbers": (Odd("none"), r"boxes of Odd.lay_boxes: arena.boxes must be boxes of 7 numbers each"),
     "beyond": (Odd(((9, 0, 1, 1, 0, 0, 0),)), r"boxes of Odd.lay_boxes: arena.boxes\[0\] must be inside the walls"),
     "friction": (Odd(((4, 0, 1, 1, 0, 0, 0.1),)), "a box without friction where its mass is 0"),
-    "mass": (Odd(((4, 0, 1, 1, 0, 2, 0.1),)), "a mass from 1e-08 to 0.01 kg, or 0 if"),
+    "mass": (Odd(((4, 0, 1, 1, 0, 2, 0.1),)), "a mass from 1e-08 to 0.01 kg, or 0 where robots cannot push it"),
 }
 
 
