@@ -19,7 +19,7 @@ from iswarm_mj.engines.robot_file import (
     robot_spec,
     without_visual,
 )
-from iswarm_mj.utils.obstacles import Box, mean_distance, numbers
+from iswarm_mj.utils.obstacles import HEAVIEST, Box, mean_distance, numbers
 from iswarm_mj.utils.robot import Robot, RobotFile, Robots
 from iswarm_mj.utils.units import RD, mg_from_kg, mm_from_m, mm_from_rd
 from iswarm_mj.utils.walls import in_mm
@@ -48,7 +48,7 @@ class ArenaModel(NamedTuple):
     mocap: np.ndarray
     """(K,) mocap ids of the balls."""
     servo_gain: np.ndarray
-    """(N, 3) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s]."""
+    """(N + M, 3) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s]; 0 without a drive."""
     robot: Robots
     """Geometry and mass of the robots of the swarm."""
     kind: np.ndarray
@@ -131,7 +131,7 @@ def compile_arena(
         obstacles=np.array([model.geom(f"obstacle{k}").id for k in range(len(config.arena.obstacles))], int),
         qpos=np.array(qpos),
         mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))], int),
-        servo_gain=model.dof_damping[np.array(qpos)[: len(kind)]],
+        servo_gain=model.dof_damping[np.array(qpos)],
         robot=robot,
         kind=kind,
         refinement=refinement,
@@ -195,13 +195,16 @@ _BOX = [0.54, 0.43, 0.31, 1.0]
 
 
 def _add_box(spec: mujoco.MjSpec, prefix: str, box: Box, hull: mujoco.MjsGeom) -> None:
-    """Add a box that robots push: on their joints, with the contacts and the height of their hulls, without a drive.
+    """Add a box: on the joints of robots, with the contacts and the height of their hulls.
+
+    One of mass 0 is the heaviest box with a drive as fast as a robot's, and without friction.
 
     The floor's friction is that of joints, and of tendons that slide along the diagonals: together they let go at the
     weight times the coefficient along the axes and the diagonals, at up to 8 % more in between, whatever else pushes.
     About the vertical axis it is that of a box whose weight is spread evenly. What one sees is another geom.
     """
     _, _, half_x, half_y, _, mass, friction = box
+    is_driven, mass = mass == 0, mass or HEAVIEST
     (a, b), (slide, hinge) = mm_from_rd(np.array([half_x, half_y])), JOINTS[1:]
     grip = friction * mg_from_kg(mass) * -spec.option.gravity[2]
     soft = {
@@ -212,8 +215,10 @@ def _add_box(spec: mujoco.MjSpec, prefix: str, box: Box, hull: mujoco.MjsGeom) -
     body = spec.worldbody.add_body(name=prefix + "box", pos=[0.0, 0.0, hull.size[2]])
     for name, kind, axis in (("x", slide, [1, 0, 0]), ("y", slide, [0, 1, 0]), ("yaw", hinge, [0, 0, 1])):
         most = each if kind == slide else grip * mean_distance(a, b)
-        body.add_joint(name=prefix + name, type=kind, axis=axis, frictionloss=most, **soft)
-    for name, left in (("left", 1.0), ("right", -1.0)):
+        joint = body.add_joint(name=prefix + name, type=kind, axis=axis, frictionloss=most, **soft)
+        moved = mg_from_kg(mass) * (1.0 if kind == slide else (a * a + b * b) / 3)
+        joint.damping[0] = is_driven * moved / spec.option.timestep
+    for name, left in (("left", 1.0), ("right", -1.0)) if grip else ():
         tendon = spec.add_tendon(name=prefix + name, frictionloss=each, **soft)
         tendon.wrap_joint(prefix + "x", math.sqrt(0.5))
         tendon.wrap_joint(prefix + "y", left * math.sqrt(0.5))

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
-import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Shaped
 
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array, array_module
@@ -33,6 +32,8 @@ class Phase(NamedTuple):
     """Of `config.drive.timestep` each."""
     velocity: Callable[[Array], Array]
     """From the poses (*B, N, 3) as the phase begins to world velocities (*B, N, 3) [mm/s, mm/s, rad/s]."""
+    boxes: Float[Array, "*B M 3"] | None = None
+    """Velocities of driven boxes, likewise; those of others have no effect. None: they stand still."""
 
 
 class Motion(NamedTuple):
@@ -78,13 +79,17 @@ class FreeBodies(NamedTuple):
     """The others touch and hide nothing."""
 
 
-def with_still(
-    poses: Float[Array, "B N 3"], is_present: Bool[Array, "B N"], boxes: Float[np.ndarray, "M 3"]
-) -> tuple[Float[Array, "B NM 3"], Bool[Array, "B NM"]]:
-    """Return robots with boxes after them, which are all present."""
-    xp, shape = array_module(poses), (len(poses), len(boxes))
-    there = xp.broadcast_to(xp.asarray(boxes, poses.dtype), (*shape, 3))
-    return xp.concatenate([poses, there], axis=1), xp.concatenate([is_present, xp.ones(shape, bool)], axis=1)
+def with_boxes(of_robots: Shaped[Array, "*B N"], n_boxes: int) -> Shaped[Array, "*B NM"]:
+    """Return flags of robots with those of boxes after them, which are all present."""
+    xp = array_module(of_robots)
+    return xp.concatenate([of_robots, xp.ones((*of_robots.shape[:-1], n_boxes), bool)], axis=-1)
+
+
+def set_points(phase: Phase, poses: Float[Array, "*B NM 3"], n_robots: int) -> Float[Array, "*B NM 3"]:
+    """Return the velocities that the drives of robots and boxes hold in a phase which begins at these poses."""
+    xp, robots = array_module(poses), phase.velocity(poses[..., :n_robots, :])
+    boxes = xp.zeros_like(poses[..., n_robots:, :]) if phase.boxes is None else phase.boxes
+    return xp.concatenate([robots, boxes], axis=-2) if boxes.size else robots
 
 
 Take = Callable[[Any, Array, int, Array, Array], tuple[Any, Array, Array]]
@@ -112,13 +117,11 @@ def take_phases(
         n_robots: N; bodies beyond them have no drives.
         take: takes the steps of a phase.
     """
-    xp, n_boxes = array_module(bodies.poses), bodies.is_present.shape[-1] - n_robots
+    xp = array_module(bodies.poses)
     moved, fault = bodies, xp.zeros(is_running.shape, xp.int32)
     touching = xp.zeros((*is_running.shape, robot.most_partners, n_robots), xp.int32)
     for phase in phases:
-        targets, runs = phase.velocity(moved.poses[..., :n_robots, :]), is_running & (fault == 0)
-        if n_boxes:
-            targets = xp.concatenate([targets, xp.zeros_like(targets, shape=(*is_running.shape, n_boxes, 3))], axis=-2)
+        targets, runs = set_points(phase, moved.poses, n_robots), is_running & (fault == 0)
         moved, touching, failure = take(moved, targets, phase.n_substeps, runs, touching)
         fault = fault | failure
     return concluded(bodies, moved, touching, fault, is_running, walls)
@@ -153,8 +156,11 @@ class Engine(Protocol[Bodies]):
         """Geometry and mass of the robots."""
         ...
 
-    def place(self, poses: Float[Array, "*B N 3"], is_present: Bool[Array, "*B N"]) -> Bodies:
-        """Return robots at rest at x, y [mm] and yaw [rad]; those not present neither touch nor hide anything."""
+    def place(self, poses: Float[Array, "*B NM 3"], is_present: Bool[Array, "*B N"]) -> Bodies:
+        """Return robots, and boxes after them, at rest at x, y [mm] and yaw [rad].
+
+        Robots that are not present neither touch nor hide anything; a `PushingEngine` alone is given boxes.
+        """
         ...
 
     def poses(self, bodies: Bodies) -> Float[Array, "*B N 3"]:
@@ -184,14 +190,14 @@ class Engine(Protocol[Bodies]):
 class StatefulEngine(Engine[Bodies], Protocol[Bodies]):
     """An engine that keeps part of its state to itself, so that its latest bodies alone can be moved."""
 
-    def replace(self, bodies: Bodies, worlds: Int[Array, "W"], poses: Float[Array, "W N 3"]) -> Bodies:
-        """Return bodies of which the robots of some worlds rest elsewhere, as if they had always been there."""
+    def replace(self, bodies: Bodies, worlds: Int[Array, "W"], poses: Float[Array, "W NM 3"]) -> Bodies:
+        """Return bodies of which those of some worlds rest elsewhere, as if they had always been there."""
         ...
 
 
 @runtime_checkable
 class PushingEngine(Engine[Bodies], Protocol[Bodies]):
-    """An engine with boxes (`ArenaConfig.boxes`) that robots push; `place` puts them where they start."""
+    """An engine with boxes (`ArenaConfig.boxes`) that robots push."""
 
     def boxes(self, bodies: Bodies) -> Float[Array, "*B M 3"]:
         """Return x, y [mm] and yaw [rad] of the boxes; yaw is not wrapped."""

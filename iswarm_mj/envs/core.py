@@ -25,7 +25,7 @@ from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.protocol import Quantity
+from iswarm_mj.tasks.protocol import DrivingTask, Quantity
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import RobotFile, Robots
 
@@ -54,6 +54,8 @@ class Intent(NamedTuple):
     """The robot lights its LEDs after the step."""
     energy: Float[Array, "*B N"] | None
     """Left in the capacitors [J]; None where there are none."""
+    boxes: Float[Array, "*B M 3"] | None
+    """See `Decision`."""
 
 
 _ARRAYS = "params", "poses", "worlds"
@@ -71,7 +73,7 @@ class Core:
         robot: its geometry.
         robot_file: MJCF file of the robots, as an absolute path, or several; None for `models/robot.xml`.
         params: of all worlds, but for their keys.
-        poses: (K, N, 3) x, y [mm] and yaw [rad] of K beginnings of an episode.
+        poses: (K, N + M, 3) x, y [mm] and yaw [rad] of robots and boxes in K beginnings of an episode.
         worlds: likewise, states without bodies.
         steps: of an episode at most.
         payload: what messages carry.
@@ -83,7 +85,7 @@ class Core:
     robot: Robots
     robot_file: RobotFile
     params: WorldParams
-    poses: Float[Array, "K N 3"]
+    poses: Float[Array, "K NM 3"]
     worlds: WorldState
     steps: int
     payload: Payload
@@ -99,16 +101,21 @@ class Core:
         """See `actions.rows`."""
         return actions.rows(self.given, self.payload)
 
-    def begin(self, key: Array) -> tuple[Episode, Float[Array, "N 3"]]:
-        """Return an episode that begins, and where its robots stand."""
+    @property
+    def n_robots(self) -> int:
+        """N."""
+        return self.params.is_present.shape[-1]
+
+    def begin(self, key: Array) -> tuple[Episode, Float[Array, "NM 3"]]:
+        """Return an episode that begins, and where its robots and boxes stand."""
         start_key, key, next_key = jax.random.split(key, 3)
         index = jax.random.randint(start_key, (), 0, len(self.poses))
         poses, world = jax.tree.map(lambda a: a[index], (self.poses, self.worlds))
-        n_robots = len(poses)
-        return Episode(world, key, next_key, jnp.int32(0), jnp.zeros(n_robots, bool), jnp.zeros(n_robots)), poses
+        no, zero = jnp.zeros(self.n_robots, bool), jnp.zeros(self.n_robots)
+        return Episode(world, key, next_key, jnp.int32(0), no, zero), poses
 
-    def auto_reset(self, data: Episode, is_new: Bool[Array, ""]) -> tuple[Episode, Float[Array, "N 3"]]:
-        """Return the episode, or the next one if it is over, and where the robots of the next one stand."""
+    def auto_reset(self, data: Episode, is_new: Bool[Array, ""]) -> tuple[Episode, Float[Array, "NM 3"]]:
+        """Return the episode, or the next one if it is over, and where robots and boxes of the next one stand."""
         fresh, poses = self.begin(data.next_key)
         return jax.tree.map(partial(jnp.where, is_new), fresh, data), poses
 
@@ -124,9 +131,9 @@ class Core:
         said = jax.tree.map(partial(jnp.where, is_new), actions.silence(self.payload, len(action)), said)
         energy = jax.tree.map(partial(jnp.where, is_new), swarm.energy, done.energy)
         emits = is_emitting(self.config, swarm.is_alive, energy)
-        return Intent(
-            done.command, said, is_refused, done.is_blocked & ~is_new, ~is_new & ~is_refused.any(), emits, energy
-        )
+        boxes = self.params.task.drive_boxes(swarm.task) if isinstance(self.params.task, DrivingTask) else None
+        blocked, runs = done.is_blocked & ~is_new, ~is_new & ~is_refused.any()
+        return Intent(done.command, said, is_refused, blocked, runs, emits, energy, boxes)
 
     def observe(
         self,

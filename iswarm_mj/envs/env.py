@@ -13,7 +13,7 @@ from iswarm_mj.envs import observations
 from iswarm_mj.envs.actions import checked
 from iswarm_mj.envs.core import Core
 from iswarm_mj.envs.state import Episode, State
-from iswarm_mj.simulation.actuate import drive_phases
+from iswarm_mj.simulation.actuate import drive_phases, velocity_towards
 from iswarm_mj.simulation.decide import pad_singleton_batch
 from iswarm_mj.utils.errors import UserError, shown
 
@@ -44,7 +44,7 @@ class Env:
             n_worlds: see `Env.n_worlds`.
             on_host: the engine computes on the host.
         """
-        self.core, self.n_worlds, self.n_robots = core, n_worlds, core.poses.shape[1]
+        self.core, self.n_worlds, self.n_robots = core, n_worlds, core.n_robots
         self.observations, self.actions, self.dt = core.observations, core.actions, core.config.drive.control_period
         self.observation_size, self.action_size = (
             sum(row.size for row in t) for t in (core.observations, core.actions)
@@ -112,8 +112,9 @@ class Env:
     def _reset(self, key: jax.Array) -> State:
         data, poses = self._begin(key)
         is_new, zero = self._committed(jnp.ones(self._axes, bool)), jnp.zeros(self._axes, jnp.int32)
-        bodies = self._engine.place(*self._given((poses, jnp.ones(poses.shape[:-1], bool))))
-        intent = self._act(data, is_new, jnp.zeros((*self._axes, self.n_robots, self.action_size)), poses)
+        bodies = self._engine.place(*self._given((poses, jnp.ones((*self._axes, self.n_robots), bool))))
+        still, poses = jnp.zeros((*self._axes, self.n_robots, self.action_size)), poses[..., : self.n_robots, :]
+        intent = self._act(data, is_new, still, poses)
         return self._seen(data, is_new, intent, Motion(bodies, self._given(data.world.touching), zero, zero))
 
     def _step(self, state: State, action: jax.Array) -> State:
@@ -121,7 +122,9 @@ class Env:
         data, poses = self._auto_reset(state.data._replace(world=world._replace(bodies=None)), is_new)
         before = self._committed(jnp.asarray(self._engine.poses(world.bodies), jnp.float32))
         intent = self._act(data, is_new, action, before)
-        phases = drive_phases(self.core.config.drive, self._given(intent.command))
+        drive, there = self.core.config.drive, boxes_of(self._engine, world.bodies)
+        boxes = velocity_towards(drive, self._given(intent.boxes), there)
+        phases = drive_phases(drive, self._given(intent.command), boxes)
         motion = self._engine.move(world.bodies, phases, self._given(intent.is_running))
         return self._seen(data, is_new, intent, motion._replace(bodies=self._placed(motion.bodies, is_new, poses)))
 
@@ -142,7 +145,7 @@ class Env:
         if isinstance(self._engine, StatefulEngine):
             return self._engine.replace(bodies, np.flatnonzero(is_new), poses[is_new])
         xp = np if self._on_host else jnp
-        placed = self._engine.place(poses, xp.ones(poses.shape[:-1], bool))
+        placed = self._engine.place(poses, xp.ones((*self._axes, self.n_robots), bool))
         return jax.tree.map(lambda new, old: xp.where(_over(is_new, new), new, old), placed, bodies)
 
     def _of_worlds(self, name: str) -> Callable[..., Any]:

@@ -74,6 +74,7 @@ def make_env(
     settings = RunSettings(n_robots, steps, seed, n_worlds=1 if n_worlds is None else n_worlds, stop_at=stop_at)
     layouts = [World(PRESETS["type1"], int(n_robots), int(seed), index) for index in range(n_starts)]
     setup = set_up(config, settings, engine, task_of(task), layouts, robot_file)
+    config = setup.config
     speaker: Any = Speaker(as_payload(payload))
     speaker.payload.check_room(len(setup.robot.sides))
     params = world_params(config, layouts[:1], speaker, setup.job.task, setup.target, setup.capacity)

@@ -5,6 +5,7 @@ from functools import partial
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
@@ -111,7 +112,20 @@ def enters_taken_cell(places: Places, command: Command) -> Bool[Array, "N"]:
     return found & (then != now)
 
 
-def drive_phases(drive: DriveConfig, command: Command) -> tuple[Phase, Phase]:
+FASTEST = (5.0, 5.0, 0.5)
+"""Velocities of driven boxes at most [mm/s, mm/s, rad/s], so that they run through no robot."""
+
+
+def velocity_towards(drive: DriveConfig, wanted: Array | None, boxes: Array | None) -> Array | None:
+    """Return the velocities (*B, M, 3) with which boxes get to poses in a control step, as far as they can."""
+    if wanted is None or boxes is None:
+        return None
+    xp, most = array_module(boxes), np.array(FASTEST)
+    duration = (drive.turn_substeps + drive.walk_substeps) * drive.timestep
+    return xp.clip((wanted - boxes) / duration, -most, most).astype(boxes.dtype)
+
+
+def drive_phases(drive: DriveConfig, command: Command, boxes: Array | None = None) -> tuple[Phase, Phase]:
     """Turn on the spot, then walk ahead, along the heading as it is then.
 
     A robot that a contact turns while it walks keeps its direction over the ground until the next control step.
@@ -119,6 +133,7 @@ def drive_phases(drive: DriveConfig, command: Command) -> tuple[Phase, Phase]:
     Args:
         drive: durations of the phases.
         command: turns [rad] and distances [mm] (*B, N).
+        boxes: see `Phase.boxes`.
     """
     xp = array_module(command.turn)
 
@@ -131,4 +146,4 @@ def drive_phases(drive: DriveConfig, command: Command) -> tuple[Phase, Phase]:
         speed, yaw = command.forward / (drive.walk_substeps * drive.timestep), poses[..., 2]
         return xp.stack([speed * xp.cos(yaw), speed * xp.sin(yaw), xp.zeros_like(yaw)], axis=-1)
 
-    return Phase(drive.turn_substeps, spin), Phase(drive.walk_substeps, walk)
+    return Phase(drive.turn_substeps, spin, boxes), Phase(drive.walk_substeps, walk, boxes)

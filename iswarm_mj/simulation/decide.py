@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.links import Links
@@ -20,6 +20,7 @@ from iswarm_mj.strategy.declared import led_power, said
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, ReleasingStrategy, Strategy
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
+from iswarm_mj.tasks.protocol import DrivingTask
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
@@ -44,6 +45,8 @@ class Decision(NamedTuple):
     links: Links | None
     """See `Perceived`; None where they are those of the inputs."""
     spoken: Spoken
+    boxes: Float[Array, "*B M 3"] | None
+    """See `DrivingTask.drive_boxes`; None where the task drives none."""
 
 
 def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
@@ -86,7 +89,8 @@ def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: Swarm
     flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
     progress = params.task.progress(kept.task)
     links = seen.links if config.optics.baud_rate else None
-    return Decision(kept, done.command, done.is_refused, done.is_blocked, progress, flag, links, seen.spoken)
+    boxes = params.task.drive_boxes(kept.task) if isinstance(params.task, DrivingTask) else None
+    return Decision(kept, done.command, done.is_refused, done.is_blocked, progress, flag, links, seen.spoken, boxes)
 
 
 def decide_worlds(

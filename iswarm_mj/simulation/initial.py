@@ -1,5 +1,7 @@
 """How a world begins: what its task lays out, and which robots are dead."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,8 +11,10 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.start_check import check_poses
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.layout import cell_of
-from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.tasks.protocol import DrivingTask, LayingTask, Task
 from iswarm_mj.tasks.signatures import check_layout
+from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.obstacles import Box
 from iswarm_mj.utils.robot import Robots
 
 
@@ -22,6 +26,9 @@ class Start(NamedTuple):
     task: Any
     """State of the task, see `tasks.protocol.Task.lay_out`."""
     is_alive: Bool[np.ndarray, "N"]
+    boxes: Sequence[Box] | None = None
+    """As `ArenaConfig.boxes`, of which sizes, masses and friction are those of the run; None: where the arena has them.
+    """
 
 
 def draw_start(
@@ -55,6 +62,11 @@ def start_with(
     Raises:
         UserError: what the task lays out is no layout, or robots stand beyond the walls or in each other.
     """
+    if isinstance(task, LayingTask):
+        name = f"{type(task).__name__}.lay_boxes"
+        with user_code(name):
+            boxes = task.lay_boxes(config, rng, shared)
+        config = with_boxes(config, boxes, name)
     name = f"{type(task).__name__}.lay_out"
     with user_code(name):
         poses, state = task.lay_out(config, n_robots, rng, shared, cell_of(robot))
@@ -62,4 +74,29 @@ def start_with(
     check_poses(f"poses of {name}", poses, robot, config.arena)
     is_alive = np.ones(n_robots, bool)
     is_alive[rng.permutation(n_robots)[: round(failed_fraction * n_robots)]] = False
-    return Start(poses, state, is_alive)
+    return Start(poses, state, is_alive, config.arena.boxes)
+
+
+def with_boxes(config: SwarmConfig, boxes: Any, name: str) -> SwarmConfig:
+    """Return a configuration with other boxes, which `name` gave.
+
+    Raises:
+        UserError: they are none, or cannot lie so.
+    """
+    try:
+        return replace(config, arena=replace(config.arena, boxes=boxes))
+    except ConfigError as error:
+        raise UserError(f"boxes of {name}: {error}") from None
+
+
+def check_boxes(task: Task, starts: Sequence[Start]) -> None:
+    """Raise a UserError if worlds of a run have different boxes, or a task drives boxes and there are none."""
+    name = type(task).__name__
+    each = [[(*box[2:4], *box[5:]) for box in start.boxes or ()] for start in starts]
+    if different := [world for world, boxes in enumerate(each) if boxes != each[0]]:
+        raise UserError(
+            f"world {different[0]} of {name} has other boxes than the first; worlds of a run may differ in x, y and "
+            "yaw of their boxes, not in number, half edges, mass and friction"
+        )
+    if isinstance(task, DrivingTask) and not any(mass == 0 for *_, mass, _ in each[0]):
+        raise UserError(f"{name}.drive_boxes moves boxes of mass 0, of which there are none; add one to `arena.boxes`")

@@ -80,7 +80,7 @@ class HostLoop:
             make_engine: makes an engine for a number of worlds and of threads.
             config: what all worlds share.
             params: of B worlds.
-            start: poses (B, N, 3) x, y [mm] and yaw [rad], and the state but for the bodies.
+            start: poses (B, N + M, 3) x, y [mm] and yaw [rad], and the state but for the bodies.
             n_threads: threads, 0 for one a core.
             watch: takes the times of the stages.
         """

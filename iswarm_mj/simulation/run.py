@@ -133,7 +133,7 @@ class Run(Standing):
         setup = set_up(config, settings, engine, task, genome if worlds is None else worlds, robot_file)
         n_worlds = len(setup.worlds)
         check("worlds", n_worlds, f"as many as n_worlds, {settings.n_worlds}", n_worlds == settings.n_worlds)
-        self.config, self.genome, self.settings, self.engine = config, genome, settings, setup.engine
+        self.config, self.genome, self.settings, self.engine = setup.config, genome, settings, setup.engine
         self.worlds, self.starts, self.task, self.goal = list(setup.worlds), setup.starts, setup.task, setup.goal
         self.robot, self.robot_file, self._job = setup.robot, setup.robot_file, setup.job
         self.strategy, self._is_per_world, n_leds = strategy, strategy_per_world, len(setup.robot.sides)

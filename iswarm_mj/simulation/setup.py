@@ -1,6 +1,7 @@
 """What runs and environments are made of: what the user gives, checked once, and the engine that it asks for."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import jax
@@ -12,7 +13,7 @@ from iswarm_mj.engines.registry import ENGINES, check_settings
 from iswarm_mj.engines.robot_file import as_robot_file, check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.simulation.common import program_config
-from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.initial import Start, check_boxes, with_boxes
 from iswarm_mj.simulation.memory_check import check_memory, devices_of
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.tasks import ENDLESS, Job, goal_of, job_of
@@ -110,8 +111,6 @@ def set_up(
     file = as_robot_file(robot_file)
     check_total(file, settings.n_robots)
     robot = read_robots(file)
-    known = config.arena.boxes == () or engine.has_boxes
-    check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)
     check_memory(engine, settings.n_worlds, settings.capacity or settings.n_robots)
     worlds = worlds_of_seed(worlds, settings) if isinstance(worlds, Genome) else worlds
     are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
@@ -126,6 +125,11 @@ def set_up(
     is_long = not config.optics.baud_rate or slots >= n_leds
     check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
     starts = starts_of(config, task, robot, worlds)
+    check_boxes(task, starts)
+    config, *owns = (with_boxes(c, starts[0].boxes, "start") if c else c for c in (config, *(w.config for w in worlds)))
+    worlds = [replace(world, config=own) for world, own in zip(worlds, owns, strict=True)]
+    known = config.arena.boxes == () or engine.has_boxes
+    check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)
     program = program_config(config, task, engine.on_host)
     job = job_of(task, program, robot, starts, settings.capacity or largest, len(config.arena.boxes))
     return Setup(config, program, settings, engine, robot, file, task, job, goal, worlds, starts)

@@ -76,9 +76,8 @@ class Share:
             poses, boxes = jax.tree.map(lambda a: a.astype(np.float32), (begin.poses, begin.boxes))
             begin = begin._replace(poses=poses, boxes=boxes)
             decision = decide_packed(self._config, self.engine.robot, self._packed_params, swarm, begin)
-            needed = decision.command, decision.is_refused, decision.is_blocked, decision.progress
-            command, is_refused, is_blocked, progress = jax.tree.map(np.asarray, needed)
-            return decision._replace(command=command, is_refused=is_refused, is_blocked=is_blocked, progress=progress)
+            names = "command", "is_refused", "is_blocked", "progress", "boxes"
+            return decision._replace(**{name: jax.tree.map(np.asarray, getattr(decision, name)) for name in names})
 
 
 def rows(tree: Any, worlds: slice) -> Any:

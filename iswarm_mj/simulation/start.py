@@ -15,7 +15,6 @@ from iswarm_mj.simulation.state import StepRecord, WorldState
 from iswarm_mj.simulation.worlds import first_memories, first_state, world_params
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.protocol import Strategy
-from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robots
 
@@ -35,8 +34,8 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Loop
     params = world_params(config, setup.worlds, strategy, setup.job.task, setup.target, capacity)
     first = first_memories(strategy, params.key, capacity)
     poses, state = first_state(config, setup.starts, setup.task, setup.robot, capacity, first)
-    boxes = np.tile(poses_of(config.arena.boxes), (len(poses), 1, 1)) if config.arena.boxes else None
-    start = start_record(state, poses, settings.record_worlds, setup.robot, boxes)
+    boxes = poses[:, capacity:] if poses.shape[1] > capacity else None
+    start = start_record(state, poses[:, :capacity], settings.record_worlds, setup.robot, boxes)
     if setup.engine.on_host:
         n_threads = getattr(setup.engine, "threads", 0)
         return HostLoop(setup.host_engine(), program, params, (poses, state), n_threads, watch), start

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine, Motion, boxes_of
-from iswarm_mj.simulation.actuate import drive_phases
+from iswarm_mj.simulation.actuate import drive_phases, velocity_towards
 from iswarm_mj.simulation.decide import Decision
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.power import is_emitting
@@ -53,7 +53,8 @@ def control_step(
     begin = StepInputs(engine.poses(state.bodies), sight, step, is_running, boxes_of(engine, state.bodies))
     decision = stepper.decide(params, swarm, begin)
     moves = is_running & ~decision.is_refused.any(axis=-1)
-    motion = engine.move(state.bodies, drive_phases(config.drive, decision.command), moves)
+    boxes = velocity_towards(config.drive, decision.boxes, begin.boxes)
+    motion = engine.move(state.bodies, drive_phases(config.drive, decision.command, boxes), moves)
     moved = after_motion(state, motion, decision.is_refused, decision.is_blocked, step, is_running)
     new = after_task(params, moved._replace(swarm=decision.swarm), decision.progress, step, is_running)
     return new, record(stepper, params, new, decision, begin) if stepper.records else None

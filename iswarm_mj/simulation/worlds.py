@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.common import check_common, common
-from iswarm_mj.simulation.initial import Start, draw_start
+from iswarm_mj.simulation.initial import Start, draw_start, with_boxes
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.start_check import check_array, check_balls, check_poses, check_shapes
 from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState, no_fault
@@ -27,6 +27,7 @@ from iswarm_mj.tasks.protocol import BallTask, Task, balls_of
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, check_kind, validate
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.robot import Robots
 
 
@@ -134,8 +135,8 @@ def _stacked(task: Task, states: Sequence[Any]) -> Any:
 
 def first_state(
     config: SwarmConfig, starts: Sequence[Start], task: Task, robot: Robots, capacity: int, first: Any = (None, None)
-) -> tuple[Float[np.ndarray, "B N 3"], WorldState]:
-    """Return the poses of B worlds at the start and their state but for the bodies, which the engine knows.
+) -> tuple[Float[np.ndarray, "B NM 3"], WorldState]:
+    """Return the poses of robots and boxes of B worlds at the start, and their state but for the engine's bodies.
 
     Args:
         config: of the run; robots have full capacitors, if any.
@@ -166,7 +167,8 @@ def first_state(
         progress=zero,
         fault=no_fault(zero),
     )
-    return _padded([start.poses for start in starts], capacity), state
+    boxes = np.stack([poses_of(start.boxes or ()) for start in starts])
+    return np.concatenate([_padded([start.poses for start in starts], capacity), boxes], axis=1), state
 
 
 def _loaded(task: Task, start: Start) -> Bool[np.ndarray, "N"]:
@@ -222,6 +224,8 @@ def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: 
         if given is None:
             return drawn
     check_kind("start", given, Start)
+    given = given._replace(boxes=own.arena.boxes) if given.boxes is None else given
+    own = with_boxes(own, given.boxes, "start")
     check_array("start.poses", given.poses, (n_robots, 3), "f")
     check_array("start.is_alive", given.is_alive, (n_robots,), "b")
     check_poses("start.poses", np.asarray(given.poses), robot, own.arena)

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from iswarm_mj.strategy.beside import add_folder
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 from iswarm_mj.utils.files import check_file
@@ -138,9 +139,7 @@ def _imported(offer: Offer, path: Path) -> ModuleType:
         raise UserError(f"{offer.word} file {shown(path)} {fault}; give {offer.form}")
     module = importlib.util.module_from_spec(spec)
     sys.modules[module.__name__] = module  # dataclasses look for their types there
-    folder = str(path.resolve().parent)
-    if folder not in sys.path:
-        sys.path.append(folder)
+    add_folder(path.resolve().parent)
     with user_code(f"{offer.word} file {path.name}"):
         spec.loader.exec_module(module)
     return module

@@ -1,6 +1,6 @@
 """What a task is: how worlds begin, what robots sense of it, what becomes of it, and how well they do."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
 
 import jax.numpy as jnp
@@ -201,6 +201,35 @@ class DeadlyTask(Task, Protocol):
     def survives(self, state: Any) -> Bool[Array, "N"]:
         """Return which robots do not fail in a step that `advance` ends with this state; others only stand in the way
         from then on; JAX."""
+        ...
+
+
+@runtime_checkable
+class LayingTask(Task, Protocol):
+    """A task with boxes of its own."""
+
+    def lay_boxes(
+        self, config: SwarmConfig, rng: np.random.Generator, shared: np.random.Generator
+    ) -> Sequence[Sequence[float]]:
+        """Return the boxes of a world, seven numbers each as in `ArenaConfig.boxes`, whose place they take.
+
+        They lie as those must. Worlds of a run may differ in x, y and yaw alone. `lay_out` finds them in its `config`.
+
+        Args: as for `lay_out`.
+        """
+        ...
+
+
+@runtime_checkable
+class DrivingTask(Task, Protocol):
+    """A task that moves boxes of mass 0: doors, lifts, walls."""
+
+    def drive_boxes(self, state: Any) -> Float[Array, "M 3"]:
+        """Return where boxes are to be after a step that `advance` ends with this state: x, y [mm], yaw [rad]; JAX.
+
+        They move there by at most `actuate.FASTEST`, and push robots and other boxes aside. Those with a mass stay as
+        robots and friction leave them, whatever their rows are.
+        """
         ...
 
 

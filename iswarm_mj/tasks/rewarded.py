@@ -58,7 +58,7 @@ def _rewarded(kind: Any) -> Any:
 
         return method
 
-    for name in ("progress", "reward", "areas", "balls", "conditions", "survives"):
+    for name in ("progress", "reward", "areas", "balls", "conditions", "survives", "drive_boxes"):
         if hasattr(kind, name):
             setattr(Rewarded, name, of_own(name))
     Rewarded.__name__ = Rewarded.__qualname__ = kind.__name__

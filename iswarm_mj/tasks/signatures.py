@@ -13,7 +13,7 @@ from iswarm_mj.strategy.contract import check_has, compare
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_pytree
 from iswarm_mj.strategy.user_code import user_code
-from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
+from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, DrivingTask, Sensed, TaskInputs
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
 
@@ -151,6 +151,8 @@ def _check_shapes(
         compare(f"{name}.conditions", changed, conditions, "conditions")
     if isinstance(task, DeadlyTask):
         compare(f"{name}.survives", shapes("survives", after), flags)
+    if isinstance(task, DrivingTask):
+        compare(f"{name}.drive_boxes", shapes("drive_boxes", after), boxes)
     for key, found in _declared(f"{name}.metrics", "measured", task, shapes("metrics", before)).items():
         if found.shape != () or found.dtype not in _SCALARS:
             got = f"{found.dtype}{list(found.shape)}"

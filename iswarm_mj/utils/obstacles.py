@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import beyond, rows_of
@@ -16,7 +17,8 @@ Obstacle = tuple[float, float, float, float, float]
 _ROUNDING = 1e-9  # of the corners of boxes at walls [rd]
 FIELDS = ("x", "y", "half_x", "half_y", "yaw")
 Box = tuple[float, float, float, float, float, float, float]
-"""An obstacle that robots push: also its mass [kg], and the coefficient of its friction with the floor."""
+"""An obstacle that robots push: also its mass [kg], and the coefficient of its friction with the floor. One of mass 0
+is driven: it stands, or moves as its task says."""
 OF_BOX = (*FIELDS, "mass", "friction")
 
 
@@ -53,8 +55,12 @@ def check_boxes(boxes: Sequence[Box], obstacles: Sequence[Obstacle]) -> None:
     there = numbers([*obstacles, *boxes])
     for number, one in enumerate(boxes):
         place, before = f"arena.boxes[{number}]", there[: len(obstacles) + number]
-        if not LIGHTEST <= one[5] <= HEAVIEST:
-            raise ConfigError(place, one, f"a box with a mass from {LIGHTEST:g} to {HEAVIEST:g} kg")
+        if one[5] and not LIGHTEST <= one[5] <= HEAVIEST:
+            raise ConfigError(
+                place, one, f"a box with a mass from {LIGHTEST:g} to {HEAVIEST:g} kg, or 0 where robots cannot push it"
+            )
+        if not one[5] and one[6]:
+            raise ConfigError(place, one, "a box without friction where its mass is 0")
         if not 0 <= one[6] <= ROUGHEST:
             raise ConfigError(place, one, f"a box with a coefficient of friction from 0 to {ROUGHEST:g}")
         if overlap(np.broadcast_to(there[len(before)], before.shape), before).any():
@@ -85,6 +91,16 @@ def numbers(obstacles: Sequence[Sequence[float]], scale: float = 1.0) -> Float[n
     each = np.array([one[: len(FIELDS)] for one in obstacles], float).reshape(-1, len(FIELDS))
     yaw = np.deg2rad(each[:, 4])
     return np.column_stack([scale * each[:, :2], np.cos(yaw), np.sin(yaw), scale * each[:, 2:4]])
+
+
+def with_poses(
+    fixed: Float[Array, "K F"], poses: Float[Array, "*B M 3"], halves: Float[Array, "M 2"]
+) -> Float[Array, "*B KM F"]:
+    """Return what stands still, as `numbers` has it, with boxes at these poses (mm, rad) and of these half edges."""
+    xp, axes = array_module(poses), poses.shape[:-2]
+    yaw, halves = poses[..., 2:], xp.broadcast_to(xp.asarray(halves, poses.dtype), (*poses.shape[:-1], 2))
+    boxes = xp.concatenate([poses[..., :2], xp.cos(yaw), xp.sin(yaw), halves], axis=-1)
+    return xp.concatenate([xp.broadcast_to(xp.asarray(fixed), (*axes, *fixed.shape)), boxes], axis=-2)
 
 
 def corners(boxes: Float[np.ndarray, "M 6"]) -> Float[np.ndarray, "M 4 2"]:

@@ -6,8 +6,9 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
+from helpers_boxes import ARENA, BOXES, placed
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
@@ -17,14 +18,6 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.units import RD
 
-ARENA = ArenaConfig(size=15, dump_size=3, dust_area_size=2, dust_area_offset=5.5, n_dust=2)
-BOXES = (
-    (4.0, 3.0, 1.0, 0.6, 30.0, 4e-6, 0.005),
-    (-4.0, -3.0, 0.7, 0.7, 45.0, 8e-6, 0.01),
-    (0.0, 5.0, 2.4 / RD / 2, 1.6 / RD / 2, 0.0, 5e-6, 0.003),
-    (-5.0, 4.0, 1.2, 0.3, 10.0, 1e-5, 0.002),
-    (3.0, -4.0, 0.6, 0.6, 0.0, 3e-5, 0.5),
-)
 N, GRAVITY, DRIVE = 40, 9810.0, 10.0 / 0.1
 """Drive: force of a robot per speed [mg/s]."""
 
@@ -41,9 +34,9 @@ def engines_of(*boxes, n_robots=1, n_worlds=1, warp=False):
     return mujoco, read_engine(one, config, jax.default_backend())
 
 
-def pushed(engine, robots, velocity, n_steps=40):
+def pushed(engine, robots, boxes, velocity, n_steps=40):
     """Robots (N, 3) and boxes (M, 3) after each of some steps in which drives want this velocity."""
-    bodies, running = engine.place(np.array([robots], float), np.ones((1, len(robots)), bool)), np.ones(1, bool)
+    bodies, running = placed(engine, [robots], boxes), np.ones(1, bool)
     found, targets = [], np.broadcast_to(np.asarray(velocity, float), (1, len(robots), 3))
     for _ in range(n_steps):
         motion = engine.move(bodies, [Phase(1, lambda _: targets)], running)
@@ -73,8 +66,9 @@ def test_friction_stops_a_sliding_box(angle):
     expected = h * (n * speed - slower * n * (n + 1) / 2)
     assert expected == pytest.approx(speed**2 * h / (2 * slower) - speed * h / 2, rel=0.02)
     along = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
-    for engine in engines_of((3.0, 3.0, 0.5, 0.5, 0.0, 1e-5, friction)):
-        bodies = engine.place(np.zeros((1, 1, 3)), np.ones((1, 1), bool))
+    box = (3.0, 3.0, 0.5, 0.5, 0.0, 1e-5, friction)
+    for engine in engines_of(box):
+        bodies = placed(engine, np.zeros((1, 1, 3)), [box])
         start = np.array([[[-9.0, -9.0, 0.0], [0.0, 0.0, 0.0]]])
         bodies = at_start(engine, bodies, start, [[[0, 0, 0], [*(speed * along), 0]]])
         for _ in range(20):
@@ -95,7 +89,7 @@ def test_a_push_without_friction_keeps_momentum(engine):
 
     whole = compile_arena(config, 1, np.zeros(0), tune=without_drive)
     made = MujocoEngine(config, whole, 1, 1, 1) if isinstance(engine, MujocoEngine) else PlanarEngine(config, whole, 1)
-    bodies = made.place(np.zeros((1, 1, 3)), np.ones((1, 1), bool))
+    bodies = placed(made, np.zeros((1, 1, 3)), arena.boxes)
     start = np.array([[[0.0, 0.0, 0.0], [3.0, 0.2, 0.0]]])
     bodies = at_start(made, bodies, start, [[[6.0, 0, 0], [0, 0, 0]]])
     for _ in range(5):
@@ -118,7 +112,7 @@ def test_what_a_drive_can_push_and_what_not(turned):
         box = (3.0, 0.0, 0.5, 0.5, turned, 1e-5, share * limit / 10.0)
         at = 3 * RD - RD / 2 * (math.sqrt(2) if turned else 1) - 1.0
         for engine in engines_of(box):
-            robots, boxes = pushed(engine, [[at, 0, 0]], [speed, 0, 0])
+            robots, boxes = pushed(engine, [[at, 0, 0]], [box], [speed, 0, 0])
             way = boxes[-1, 0] - [3 * RD, 0, math.radians(turned)]
             np.testing.assert_allclose(way[1:], 0, atol=1e-6)
             steady = (boxes[-1, 0, 0] - boxes[-2, 0, 0]) / 0.1
@@ -133,8 +127,8 @@ def test_steps_agree(impl):
         pytest.importorskip("warp")
     both, rng = engines_of(*BOXES, n_robots=N, n_worlds=3, warp=impl == "warp"), np.random.default_rng(1)
     robots = np.stack([place_robots(replace(ARENA, boxes=BOXES), N, rng) for _ in range(3)])
-    present, running = np.ones((3, N), bool), np.ones(3, bool)
-    mujoco, planar = (engine.place(robots, present) for engine in both)
+    running = np.ones(3, bool)
+    mujoco, planar = (placed(engine, robots, BOXES) for engine in both)
     start, off = np.array(mujoco.poses[0, N:]), []
     for _ in range(20):
         command = Command(rng.uniform(-0.3, 0.3, (3, N)), np.full((3, N), 1.4))
@@ -158,7 +152,7 @@ def test_light_agrees():
         robots = np.stack([place_robots(replace(ARENA, boxes=BOXES), N, rng) for _ in range(3)])
         sights = []
         for engine in both:
-            bodies = engine.place(robots, present)
+            bodies = placed(engine, robots, BOXES)
             poses = bodies.poses.copy()
             poses[:, N:] += np.array([[0.3], [-0.4], [0.2]])[:, None] * [1, 1, 0.5]
             bodies = at_start(engine, bodies, poses, np.zeros_like(poses))
@@ -175,10 +169,11 @@ def test_light_agrees():
 
 def test_a_shadow_by_hand():
     """A box between two robots hides them from each other until it is pushed away."""
-    for engine in engines_of((0.0, 3.0, 0.5, 0.5, 0.0, 1e-5, 0.1), n_robots=2):
+    box = (0.0, 3.0, 0.5, 0.5, 0.0, 1e-5, 0.1)
+    for engine in engines_of(box, n_robots=2):
         y, present = 3 * RD, np.ones((1, 2), bool)
         robots = np.array([[[-4.0, y, 0.0], [4.0, y, math.pi]]])
-        bodies = engine.place(robots, present)
+        bodies = placed(engine, robots, [box])
         sight = engine.sense(bodies, present, np.ones(1, bool))
         assert not sight.links.valid.any() and sight.sees_wall[0, :, 0].all()
         away = np.concatenate([robots, [[[0.0, y - 3.0, 0.0]]]], axis=1)

@@ -1,11 +1,13 @@
 """Obstacles by flags and files, and those that cannot be."""
 
+from pathlib import Path
+
 import pytest
 
 from iswarm_mj.commands.main import parse
 from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.layout import free_cells
@@ -56,10 +58,11 @@ def test_boxes_that_cannot_be(box, sentence):
         ArenaConfig(obstacles=((9.0, 9.0, 0.5, 0.5, 0.0),), boxes=(box,))
 
 
-def test_mjx_refuses_boxes():
+def test_an_engine_without_boxes_refuses_them():
+    engine = find_engine(f"{Path(__file__).parents[1]}/data/teleport.py:TeleportSettings")()
     config = SwarmConfig(ArenaConfig(boxes=((8, 8, 1, 1, 0, 1e-5, 0.1),)))
-    with pytest.raises(UserError, match="boxes"):
-        Run(config, settings=RunSettings(3, 5), engine=MjxSettings())
+    with pytest.raises(UserError, match=r"arena.boxes must be left out with the engine teleport, which has none"):
+        Run(config, settings=RunSettings(3, 5), engine=engine)
 
 
 def test_no_room_is_left():

@@ -1,7 +1,11 @@
 """Files of a user's module: those that it imports, from beside it and from packages, but nobody else's."""
 
+import sys
+
+import numba
 import pytest
 
+from iswarm_mj.strategy.library import find_strategy
 from iswarm_mj.strategy.sources import sources
 
 FILES = {
@@ -30,3 +34,29 @@ def test_all_that_is_imported_is_found(folder):
 
 def test_a_file_that_imports_nothing_is_alone(folder):
     assert sources(folder / "unused.py") == [(folder / "unused.py").resolve()]
+
+
+WALK = """
+from dataclasses import dataclass
+
+from twin_of_a_package import STEP
+from iswarm_mj.strategy.vector_strategy import VectorStrategy
+
+
+class coverage(VectorStrategy):
+    step = STEP
+"""
+
+
+def test_only_users_import_what_is_beside_their_file(tmp_path):
+    """A package that looks for a module which is not installed does not find a user's file of this name."""
+    (tmp_path / "twin_of_a_package.py").write_text("STEP = 7\n")
+    (tmp_path / "late_twin.py").write_text("")
+    (tmp_path / "walk.py").write_text(WALK)
+    assert find_strategy(f"{tmp_path}/walk.py:coverage").step == 7
+    in_numba = {"__name__": "numba.misc"}
+    for name in ("late_twin", "walk"):
+        with pytest.raises(ModuleNotFoundError, match=name):
+            exec(compile(f"import {name}", numba.__file__, "exec"), in_numba)
+    assert str(tmp_path) not in sys.path
+    assert (tmp_path / "twin_of_a_package.py").resolve() in sources(tmp_path / "walk.py")

@@ -1,8 +1,7 @@
 """The arena in MJX: capacities, model and template data, for `impl="jax"` and `impl="warp"`."""
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import jax
@@ -11,7 +10,7 @@ import mujoco
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.arena import ArenaModel, compile_arena
+from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.obstacles import numbers
@@ -19,7 +18,7 @@ from iswarm_mj.utils.robot import RobotFile, Robots
 from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import area_of
 
-_LINE_SEARCH = 8  # iterations; more do not change the end of the search
+_LINE_SEARCH = 8, 50  # iterations of conjugate gradients, and of Newton; more do not change the end of the search
 _PARKED = -1000.0  # height of the robots that are absent [mm]
 
 
@@ -27,7 +26,7 @@ class ContactCapacity(NamedTuple):
     """Sizes of MJX's contact buffers for one world; MJX's arrays have fixed shapes."""
 
     pairs: int
-    """Pairs of robots, or of an obstacle and a robot, whose boxes are compared (JAX)."""
+    """Pairs of robots, boxes and obstacles that are compared (JAX)."""
     contacts: int
     """Contact points, each a constraint row, in one world."""
 
@@ -39,36 +38,40 @@ def contact_capacity(config: SwarmConfig, n_robots: int, factor: float = 1.0) ->
     twice the most that type 1 showed in the first 60 steps at densities from 0.12 to 0.4. Swarms that jam, such as
     those whose robots hardly avoid each other, need more. A full buffer is a fault that names world and step.
 
-    Each obstacle has room for twice the robots that the circle around it has at this density, and for four contact
-    points of each robot in a row along its edges.
+    Each obstacle and each box has room for twice the robots that the circle around it has at this density, and for four
+    contact points of each robot in a row along its edges.
 
     Args:
         config: the arena.
         n_robots: N.
         factor: times the rule.
     """
-    density = n_robots / area_of(config.arena.corners)
+    arena, n_bodies = config.arena, n_robots + len(config.arena.boxes)
+    density = n_robots / area_of(arena.corners)
     pairs, contacts = 16 + n_robots * (0.4 + 1.2 * density), 64 + n_robots * (0.7 + 2.4 * density)
-    for *_, half_x, half_y, _ in config.arena.obstacles:
+    for *_, half_x, half_y, _ in (one[:5] for one in arena.standing):
         around = math.pi * (math.hypot(half_x, half_y) + 1) ** 2
-        pairs += min(n_robots, 8 + 2 * density * around)
+        pairs += min(n_bodies, 8 + 2 * density * around)
         contacts += 8 + 16 * density * (half_x + half_y)
-    most = n_robots * (n_robots - 1) // 2 + n_robots * len(config.arena.obstacles)
+    most = n_bodies * (n_bodies - 1) // 2 + n_bodies * len(arena.obstacles)
     return ContactCapacity(min(math.ceil(factor * pairs), max(1, most)), math.ceil(factor * contacts))
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class MjxArena:
-    """A compiled arena of N robots; balls are points of the swarm's state and no bodies here. Units: mm, mg, s.
+    """A compiled arena of N robots and M boxes; balls are points of the swarm's state. Units: mm, mg, s.
 
     Attributes:
         model: MJX's.
         data: MJX's, of one world at rest, from which each control step begins.
-        sight: MJX model of the JAX implementation that `mjx.ray` looks at, without collisions.
+        sight: MJX model of the JAX implementation that `mjx.ray` looks at: robots and walls, without collisions.
         view: its data.
-        servo_gain: (N, 3) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s].
-        boxes: (M, 6) obstacles, see `utils.obstacles.numbers` [mm].
+        servo_gain: (N + M, 3) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s].
+        obstacles: (O, 6) see `utils.obstacles.numbers` [mm].
+        halves: (M, 2) half edges of the boxes [mm].
+        geoms: (N + M + O,) geoms of robots, boxes and obstacles.
+        near: gap of the spheres around two of these beyond which they cannot touch [mm].
         n_robots: N.
         hull: geom of the first robot in `sight`; the others follow.
         impl: "jax" or "warp".
@@ -82,7 +85,10 @@ class MjxArena:
     sight: mjx.Model
     view: mjx.Data
     servo_gain: Array
-    boxes: Array
+    obstacles: Array
+    halves: Array
+    geoms: Array
+    near: Array
     walls: Array
     n_robots: int = field(metadata={"static": True})
     hull: int = field(metadata={"static": True})
@@ -111,49 +117,58 @@ def compile_mjx_arena(
         iterations: of the contact solver at most, 100 for MuJoCo's own result.
         robot_file: MJCF file of a robot, by default `models/robot.xml`; or those of several kinds.
     """
+    room = contact_capacity(config, n_robots) if capacity is None else capacity
 
-    def compiled(tune: Callable[[mujoco.MjSpec], None]) -> ArenaModel:
-        return compile_arena(config, n_robots, np.zeros(0), tune=tune, robot_file=robot_file)
+    def tune(spec: mujoco.MjSpec) -> None:
+        _tune(spec, impl, room, iterations)
 
-    capacity = contact_capacity(config, n_robots) if capacity is None else capacity
-    arena = compiled(lambda spec: _tune(spec, impl, capacity, iterations))
-    sight = compiled(_only_to_be_seen)
+    arena = compile_arena(config, n_robots, np.zeros(0), tune=tune, robot_file=robot_file)
+    geoms = np.concatenate([arena.hull, arena.obstacles])
+    only_robots = replace(config, arena=replace(config.arena, obstacles=(), boxes=()))
+    sight = compile_arena(only_robots, n_robots, np.zeros(0), tune=_only_to_be_seen, robot_file=robot_file)
     own = jax.local_devices()[0]  # MJX would take the first of all hosts
-    sizes: Any = {} if impl == "jax" else {"naconmax": capacity.contacts * n_worlds, "njmax": capacity.contacts}
+    rows = room.contacts + 5 * len(config.arena.boxes)  # of friction
+    sizes: Any = {} if impl == "jax" else {"naconmax": room.contacts * n_worlds, "njmax": rows}
     return MjxArena(
         model=put_model(arena.model, impl, own),
         data=mjx.make_data(arena.model, own, impl, **sizes),
         sight=put_model(sight.model, "jax", own),
         view=_at_rest(sight.model, own),
         servo_gain=jnp.asarray(arena.servo_gain, jnp.float32),
-        boxes=jnp.asarray(numbers(config.arena.obstacles, RD), jnp.float32),
+        obstacles=jnp.asarray(numbers(config.arena.obstacles, RD), jnp.float32),
+        halves=jnp.asarray(numbers(config.arena.boxes, RD)[:, 4:], jnp.float32),
+        geoms=jnp.asarray(geoms),
+        near=jnp.float32(_largest_gap(arena.model, geoms)),
         walls=jnp.asarray(arena.planes, jnp.float32),
         n_robots=n_robots,
         hull=int(sight.hull[0]),
         impl=impl,
-        capacity=capacity,
+        capacity=room,
         robot=arena.robot,
     )
 
 
 def without_absent(model: mjx.Model, is_present: Array) -> mjx.Model:
-    """Model whose robots that are not present wait deep under the floor, each at a height of its own.
+    """Model whose bodies that are not present wait deep under the floor, each at a height of its own.
 
     Args:
         model: MJX's, of an arena.
-        is_present: (N,) bool.
+        is_present: (N + M,) bool.
     """
-    n_robots = len(is_present)
-    depth = _PARKED - 10.0 * jnp.arange(n_robots)
+    depth = _PARKED - 10.0 * jnp.arange(len(is_present))
     height = jnp.where(is_present, model.body_pos[1:, 2], depth)
     return model.replace(body_pos=model.body_pos.at[1:, 2].set(height))
 
 
 def _tune(spec: mujoco.MjSpec, impl: str, capacity: ContactCapacity, iterations: int) -> None:
-    """Options that suit MJX: sparse inertia, and conjugate gradients, since its Newton solvers are dense."""
+    """Options that suit MJX: sparse inertia, and conjugate gradients, since its Newton solvers are dense.
+
+    The friction of boxes with the floor takes Newton's method: gradients end up to 0.5 mm off in single precision.
+    """
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
-    spec.option.solver = mujoco.mjtSolver.mjSOL_CG
-    spec.option.iterations, spec.option.ls_iterations = iterations, _LINE_SEARCH
+    rubs = any(joint.frictionloss for joint in spec.joints)
+    spec.option.solver = mujoco.mjtSolver.mjSOL_NEWTON if rubs else mujoco.mjtSolver.mjSOL_CG
+    spec.option.iterations, spec.option.ls_iterations = iterations, _LINE_SEARCH[rubs]
     unknown_to_warp = mujoco.mjtDisableBit.mjDSBL_MIDPHASE, mujoco.mjtDisableBit.mjDSBL_AUTORESET
     spec.option.disableflags &= ~sum(int(flag) for flag in unknown_to_warp)
     if impl == "warp":
@@ -167,6 +182,14 @@ def _tune(spec: mujoco.MjSpec, impl: str, capacity: ContactCapacity, iterations:
         spec.option.tolerance = 1e-9
         spec.add_numeric(name="max_geom_pairs", data=[capacity.pairs], size=1)
         spec.add_numeric(name="max_contact_points", data=[capacity.contacts], size=1)
+
+
+def _largest_gap(model: mujoco.MjModel, geoms: np.ndarray) -> float:
+    """Largest gap of the spheres around two upright boxes that touch, seen from above [mm]; see `MjxArena.near`."""
+    around, half = model.geom_rbound[geoms], np.hypot(*model.geom_size[geoms, :2].T)
+    lifted = model.geom_pos[geoms, 2] + model.body_pos[model.geom_bodyid[geoms], 2]
+    apart = np.hypot(half[:, None] + half, lifted[:, None] - lifted)
+    return float((apart - around[:, None] - around).max())
 
 
 def _only_to_be_seen(spec: mujoco.MjSpec) -> None:

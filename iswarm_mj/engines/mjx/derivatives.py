@@ -47,7 +47,8 @@ def _solve(search: Callable[[mjx.Model, mjx.Data], mjx.Data], model: mjx.Model, 
 
     def gradient(acceleration: jax.Array) -> jax.Array:
         beyond = rows.efc_J @ acceleration - rows.efc_aref
-        force = jnp.where(beyond < 0, -rows.efc_D * beyond, 0.0)
+        most, pull = rows.efc_frictionloss, -rows.efc_D * beyond
+        force = jnp.where(most > 0, jnp.clip(pull, -most, most), jnp.where(beyond < 0, pull, 0.0))
         return mul_m(model, data, acceleration) - data.qfrc_smooth - rows.efc_J.T @ force
 
     def find(_: Callable[[Array], Array], __: Array) -> tuple[Array, tuple[Array, Array]]:

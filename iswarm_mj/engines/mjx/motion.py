@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Int
 
-from iswarm_mj.engines.base import FreeBodies, Motion, Phase, concluded
+from iswarm_mj.engines.base import FreeBodies, Motion, Phase, concluded, set_points
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.engines.mjx.arena import MjxArena, without_absent
 from iswarm_mj.engines.mjx.contacts import planar_contacts
@@ -27,7 +27,7 @@ def move(
 
     Args:
         arena: compiled.
-        bodies: N robots.
+        bodies: N robots and M boxes.
         phases: what the robots do, one after the other.
         is_running: whether the world moves.
         is_masked: some robots may be absent.
@@ -40,7 +40,7 @@ def move(
         data, velocity, before, overflow = carry
         poses = data.qpos.reshape(shape)
         for phase, end in zip(phases, ends, strict=True):
-            velocity = jnp.where(k == end - phase.n_substeps, phase.velocity(poses), velocity)
+            velocity = jnp.where(k == end - phase.n_substeps, set_points(phase, poses, arena.n_robots), velocity)
         before = jnp.where((k == jnp.array(ends) - 1)[:, None, None], poses, before)
         data = mjx.step(model, data.replace(qfrc_applied=(arena.servo_gain * velocity).ravel()))
         return (data, velocity, before, overflow | _overflow(arena, data)), None
@@ -50,8 +50,9 @@ def move(
     start = data, jnp.zeros_like(bodies.poses), jnp.zeros((len(phases), *shape)), jnp.int32(0)
     with jax.default_matmul_precision("highest"), planar_contacts(), implicit_contacts(), quick_trees():
         (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
-    touching = jnp.stack([overlapping(poses, arena.robot) for poses in before]).any(axis=0)
-    touching &= bodies.is_present & bodies.is_present[:, None]
+    touching = jnp.stack([overlapping(poses[: arena.n_robots], arena.robot) for poses in before]).any(axis=0)
+    there = bodies.is_present[: arena.n_robots]
+    touching &= there & there[:, None]
     moved = FreeBodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
     return concluded(bodies, moved, _partners(touching, arena.robot.most_partners), overflow, is_running, arena.walls)
 
@@ -69,19 +70,13 @@ def _overflow(arena: MjxArena, data: mjx.Data) -> Array:
         bits = data._impl.overflow.ravel()[0] & ~_SOLVER_LIMITS
         return jnp.where(bits != 0, int(FaultKind.TOO_MANY_CONTACTS), 0)
     distance = data._impl.contact.dist
-    crowded = jnp.where((distance < 0).all(), int(FaultKind.TOO_MANY_CONTACTS), 0) if arena.n_robots > 1 else 0
-    centre = data.xpos[1:]
-    apart2 = ((centre[:, None] - centre[None]) ** 2).sum(axis=-1)
-    radius = jnp.asarray(arena.robot.each("circumradius", arena.n_robots), jnp.float32)
-    farthest = radius[:, None] + radius + 1e-3  # robots farther apart than this cannot touch [mm]
-    n_near = ((apart2 < farthest**2).sum() - arena.n_robots) // 2
-    if len(arena.boxes):  # MJX compares boxes whose spheres meet; those of obstacles are wide and come first
-        around = jnp.hypot(arena.boxes[:, 4], arena.boxes[:, 5])
-        around += jnp.linalg.norm(jnp.asarray(arena.robot.each("half_edges", arena.n_robots)), axis=1)[:, None]
-        reach2 = ((centre[:, None, :2] - arena.boxes[None, :, :2]) ** 2).sum(axis=-1)
-        is_level = jnp.abs(centre[:, 2] - arena.robot.ray_height) < arena.robot.ray_height  # the others are absent
-        n_near += ((reach2 < around**2) & is_level[:, None]).sum()
-    return crowded | jnp.where(n_near > arena.capacity.pairs, int(FaultKind.TOO_MANY_PAIRS), 0)
+    crowded = jnp.where((distance < 0).all(), int(FaultKind.TOO_MANY_CONTACTS), 0)
+    centre, around = data.geom_xpos[arena.geoms], arena.model.geom_rbound[arena.geoms]
+    n_bodies = len(centre) - len(arena.obstacles)
+    apart2 = ((centre[:n_bodies, None] - centre[None]) ** 2).sum(axis=-1)
+    farthest = around[:n_bodies, None] + around + arena.near + 1e-3  # MJX compares those whose spheres are nearest
+    is_near = (apart2 < farthest**2) & (jnp.arange(n_bodies)[:, None] < jnp.arange(len(centre)))
+    return crowded | jnp.where(is_near.sum() > arena.capacity.pairs, int(FaultKind.TOO_MANY_PAIRS), 0)
 
 
 def overlapping(poses: Array, robot: Robots) -> Array:

@@ -23,12 +23,14 @@ _HIDDEN = -1e3  # height of robots that are absent [mm]
 
 
 class Crowd(NamedTuple):
-    """The robots of a world, as light meets them."""
+    """A world, as light meets it."""
 
     poses: Float[Array, "N 3"]
     """x, y [mm] and yaw [rad]."""
     is_present: Bool[Array, "N"]
     """The others neither send nor stand in the way."""
+    solid: Float[Array, "M 6"]
+    """Obstacles and boxes, see `utils.obstacles.numbers` [mm]."""
 
 
 class Paths(NamedTuple):
@@ -84,8 +86,8 @@ def in_sight(arena: MjxArena, crowd: Crowd, paths: Paths, asked: Bool[Array, "P"
     between = crowd.is_present & (index != paths.receiver[:, None]) & (index != paths.sender[:, None])
     gap = jnp.where(between, beyond**2 + (dy * along[:, :1] - dx * along[:, 1:]) ** 2, jnp.inf)
     around = circles(arena.robot, arena.n_robots)
-    if len(arena.boxes):
-        asked &= (paths.sender == arena.n_robots) | jnp.isinf(entries(paths.origin, path, arena.boxes))
+    if len(crowd.solid):
+        asked &= (paths.sender == arena.n_robots) | jnp.isinf(entries(paths.origin, path, crowd.solid))
     is_clear, is_open = (asked & (gap > radius**2).all(axis=1) for radius in (around.outer, around.inner))
     is_open &= ~is_clear
     return _by_rays(arena, crowd, paths, is_clear, is_open)

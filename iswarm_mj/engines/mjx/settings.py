@@ -22,6 +22,7 @@ class MjxSettings(EngineSettings):
     """MJX: all worlds in a program compiled by JAX, on GPUs and CPUs."""
 
     name: ClassVar[str] = "mjx"
+    has_boxes: ClassVar[bool] = True
 
     impl: Literal["jax", "warp"] = "jax"
     """Implementation: jax (everywhere) or warp (NVIDIA GPUs; slow on CPUs)."""

@@ -152,8 +152,8 @@ def find_walls(config: SwarmConfig, arena: MjxArena, crowd: Crowd) -> Bool[Array
     way = led_axes(crowd.poses, arena.robot) * mm_from_rd(config.optics.wall_range)
     ends, inside = leds + way, jnp.zeros(leds.shape[:-1], bool)
     asked = (beyond(ends, arena.walls) > 0) & crowd.is_present[:, None]
-    if len(arena.boxes):
-        share = entries(leds, way, arena.boxes)
+    if len(crowd.solid):
+        share = entries(leds, way, crowd.solid)
         inside = (share == 0) & crowd.is_present[:, None]
         asked |= (share <= 1) & crowd.is_present[:, None]
         ends = leds + jnp.minimum(share * (1 + _INTO), 1.0)[..., None] * way

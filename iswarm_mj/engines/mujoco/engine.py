@@ -10,12 +10,11 @@ from mujoco.batch import Batch, SimulationError
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases, with_still
+from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases, with_boxes
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco.timers import without_timers
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.obstacles import poses_of
 
 JAM = 4000
 """Contact points above which conjugate gradients solve for a world's contact forces: Newton's method, several times
@@ -43,15 +42,15 @@ class MujocoEngine:
         """Allocate the worlds.
 
         Args:
-            config: arena with its boxes, and optics.
+            config: arena and optics.
             arena: compiled; its N robots are the largest number that a world has.
             n_worlds: B.
             n_threads: threads, 0 for one a core.
             capacity: P, number of robots of the arrays that pass in and out; at least N.
         """
         self._arena, self._capacity, self._n_robots = arena, capacity, arena.n_robots
-        self._boxes = poses_of(config.arena.boxes)
-        self._there = np.r_[: arena.n_robots, capacity : capacity + len(self._boxes)]  # of the places, those of bodies
+        self._n_boxes = len(arena.hull) - arena.n_robots
+        self._there = np.r_[: arena.n_robots, capacity : capacity + self._n_boxes]  # of the places, those of bodies
         self._batch = Batch(arena.model, n_worlds, n_threads, persistent=True)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._force = self._batch.bind("qfrc_applied")
@@ -62,7 +61,7 @@ class MujocoEngine:
         self._height: np.ndarray | None = None  # of the bodies in each world, once some robots are absent
         self.robot = arena.robot
 
-    def place(self, poses: Float[Array, "B P 3"], is_present: Bool[Array, "B P"]) -> Bodies:
+    def place(self, poses: Float[Array, "B PM 3"], is_present: Bool[Array, "B P"]) -> Bodies:
         """See `Engine.place`."""
         self._is_present = is_present[:, : self._n_robots]
         if not self._is_present.all():
@@ -72,18 +71,15 @@ class MujocoEngine:
             standing = self._arena.model.body_pos[self._robots(self._arena.body), 2]
             self._height[:, self._robots(self._arena.body)] = np.where(self._is_present, standing, depth)
         self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
-        start, there = with_still(np.asarray(poses)[:, : self._n_robots], self._is_present, self._boxes)
-        self._qpos[:, self._arena.qpos] = start
+        self._qpos[:, self._arena.qpos] = np.asarray(poses)[:, self._there]
         self._batch.forward()
-        return Bodies(
-            self._padded(self._qpos[:, self._arena.qpos]), self._padded(np.asarray(there)), np.zeros(len(poses), int)
-        )
+        there = self._padded(np.asarray(with_boxes(self._is_present, self._n_boxes)))
+        return Bodies(self._padded(self._qpos[:, self._arena.qpos]), there, np.zeros(len(poses), int))
 
-    def replace(self, bodies: Bodies, worlds: Int[np.ndarray, "W"], poses: Float[np.ndarray, "W P 3"]) -> Bodies:
-        """Return bodies of which the robots of some worlds rest elsewhere, as if they had always been there."""
+    def replace(self, bodies: Bodies, worlds: Int[np.ndarray, "W"], poses: Float[np.ndarray, "W PM 3"]) -> Bodies:
+        """See `StatefulEngine.replace`."""
         self._batch.reset(ids=worlds, stage=mujoco.mjtStage.mjSTAGE_NONE)
-        start, _ = with_still(poses[:, : self._n_robots], self._is_present[worlds], self._boxes)
-        self._qpos[np.ix_(worlds, self._arena.qpos.ravel())] = start.reshape(len(worlds), -1)
+        self._qpos[np.ix_(worlds, self._arena.qpos.ravel())] = poses[:, self._there].reshape(len(worlds), -1)
         self._batch.forward(ids=worlds)
         n_contacts = bodies.n_contacts.copy()
         n_contacts[worlds] = 0
@@ -126,7 +122,7 @@ class MujocoEngine:
         self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[Bodies, Array, Array]:
         """See `Take`."""
-        self._force[:, self._robots(self._arena.qpos)] = self._arena.servo_gain * targets[:, : self._n_robots]
+        self._force[:, self._arena.qpos] = self._arena.servo_gain * targets[:, self._there]
         worlds, n_contacts, fault = np.flatnonzero(runs), bodies.n_contacts.copy(), np.zeros(len(runs), np.int32)
         fault[self._step(n_substeps, worlds, n_contacts[worlds] > JAM)] = FaultKind.SOLVER_FAILED
         for world in worlds.tolist():
@@ -168,7 +164,7 @@ class MujocoEngine:
         """Values of robots and boxes, with zeros, or false, for the places between them."""
         if self._capacity == self._n_robots:
             return values
-        filled = np.zeros((len(values), self._capacity + len(self._boxes), *values.shape[2:]), values.dtype)
+        filled = np.zeros((len(values), self._capacity + self._n_boxes, *values.shape[2:]), values.dtype)
         filled[:, self._there] = values
         return filled
 

@@ -9,7 +9,7 @@ from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.sensors.links import find_links
 from iswarm_mj.sensors.optics import led_axes, led_positions
-from iswarm_mj.utils.obstacles import distances, numbers
+from iswarm_mj.utils.obstacles import distances, numbers, with_poses
 from iswarm_mj.utils.units import RD, mm_from_rd
 from iswarm_mj.utils.walls import beyond
 
@@ -36,10 +36,7 @@ class Scene:
 
     def solid(self, boxes: Float[np.ndarray, "B M 3"]) -> Float[np.ndarray, "B OM 6"]:
         """Return obstacles and boxes at these poses, see `utils.obstacles.numbers` [mm]."""
-        n_worlds, yaw = len(boxes), boxes[..., 2:]
-        size = np.broadcast_to(self._size, (n_worlds, *self._size.shape))
-        there = np.concatenate([boxes[..., :2], np.cos(yaw), np.sin(yaw), size], axis=-1)
-        return np.concatenate([np.broadcast_to(self._fixed, (n_worlds, *self._fixed.shape)), there], axis=1)
+        return np.asarray(with_poses(self._fixed, boxes, self._size))
 
     def cast_rays(
         self,

@@ -12,18 +12,26 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight, take_phases, with_still
+from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight, take_phases, with_boxes
 from iswarm_mj.engines.planar.gpu import physics, sight, surroundings
 from iswarm_mj.engines.planar.gpu.cells import n_cells
 from iswarm_mj.engines.planar.gpu.functions import jax_kernel, words_of
 from iswarm_mj.engines.planar.gpu.memory import shared_bytes
 from iswarm_mj.engines.planar.in_sight import search_radius
 from iswarm_mj.engines.planar.physics import SKIN
-from iswarm_mj.engines.planar.plane import FINEST, Kind, Plane, of_bodies, read_kinds, read_plane, solids_of, with_boxes
+from iswarm_mj.engines.planar.plane import (
+    FINEST,
+    Kind,
+    Plane,
+    of_bodies,
+    read_kinds,
+    read_plane,
+    solids_of,
+    solids_with,
+)
 from iswarm_mj.engines.planar.reception import Light, points_of, read_light
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.robot import Robots
 
 ROBOTS_PER_WARP = 70
@@ -42,7 +50,6 @@ class PlanarBatchEngine:
         robot: geometry.
         on_gpu: for NVIDIA GPUs; on a CPU worlds are computed one after the other.
         solids: walls and obstacles, see `plane.solids_of` [mm].
-        start: x, y [mm] and yaw [rad] at which boxes start.
     """
 
     plane: Plane = field(metadata={"static": True})
@@ -51,17 +58,15 @@ class PlanarBatchEngine:
     robot: Robots = field(metadata={"static": True})
     on_gpu: bool = field(metadata={"static": True})
     solids: tuple[tuple[float, ...], ...] = field(metadata={"static": True})
-    start: tuple[tuple[float, ...], ...] = field(metadata={"static": True})
 
     def mapping(self, platform: str) -> Mapping:
         """See `CompiledEngine.mapping`."""
         return "batch"
 
-    def place(self, poses: Float[Array, "B N 3"], is_present: Bool[Array, "B N"]) -> FreeBodies:
+    def place(self, poses: Float[Array, "B NM 3"], is_present: Bool[Array, "B N"]) -> FreeBodies:
         """See `Engine.place`."""
-        start = np.reshape(self.start, (-1, 3))
-        poses, is_present = with_still(jnp.asarray(poses, jnp.float32), jnp.asarray(is_present), start)
-        return FreeBodies(poses, jnp.zeros_like(poses), is_present)
+        poses, there = jnp.asarray(poses, jnp.float32), with_boxes(jnp.asarray(is_present), self._n_boxes)
+        return FreeBodies(poses, jnp.zeros_like(poses), there)
 
     def poses(self, bodies: FreeBodies) -> Float[Array, "B N 3"]:
         """See `Engine.poses`."""
@@ -71,8 +76,12 @@ class PlanarBatchEngine:
         """See `PushingEngine.boxes`."""
         return bodies.poses[:, self._n_robots(bodies) :]
 
+    @property
+    def _n_boxes(self) -> int:
+        return len(self.kinds) - len(self.robot.kinds)
+
     def _n_robots(self, bodies: FreeBodies) -> int:
-        return bodies.poses.shape[1] - len(self.start)
+        return bodies.poses.shape[1] - self._n_boxes
 
     def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
@@ -90,7 +99,7 @@ class PlanarBatchEngine:
             launch_dims=n_worlds * n_threads,
             output_dims=surroundings.cell_places(n_worlds, n_robots, grid, n_threads),
         )
-        n_sides, solids = len(self.robot.sides), with_boxes(self._solids(), self.boxes(bodies), self.kinds)
+        n_sides, solids = len(self.robot.sides), solids_with(self._solids(), self.boxes(bodies), self.kinds, self.robot)
         near = self._kernel(surroundings.look_around, None, 3)(
             *(place, end, robot, emits, is_present, plane, kinds, light, points, radius),
             launch_dims=(n_worlds, n_robots),
@@ -162,7 +171,7 @@ def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str, tolerance
 
     Args:
         arena: compiled; one robot of each kind stands for all.
-        config: optics, obstacles and boxes.
+        config: optics and obstacles.
         platform: of the devices, as JAX calls it.
         tolerance: see `read_plane`.
 
@@ -170,6 +179,5 @@ def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str, tolerance
         UserError: the model has features that this engine does not simulate.
     """
     solids = tuple(map(tuple, solids_of(arena, config.arena.obstacles).tolist()))
-    start = tuple(map(tuple, poses_of(config.arena.boxes).tolist()))
     light, kinds = read_light(arena.robot, config.optics), read_kinds(arena)
-    return PlanarBatchEngine(read_plane(arena, tolerance), kinds, light, arena.robot, platform != "cpu", solids, start)
+    return PlanarBatchEngine(read_plane(arena, tolerance), kinds, light, arena.robot, platform != "cpu", solids)

@@ -10,14 +10,13 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases, with_still
+from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases, with_boxes
 from iswarm_mj.engines.planar.physics import Bodies, take_steps
-from iswarm_mj.engines.planar.plane import FINEST, read_kinds, read_plane, solids_of, table_of, with_boxes
+from iswarm_mj.engines.planar.plane import FINEST, read_kinds, read_plane, solids_of, solids_with, table_of
 from iswarm_mj.engines.planar.reception import points_of, read_light
 from iswarm_mj.engines.planar.sight import empty_sight, sense
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.obstacles import poses_of
 
 _SHARES = 4  # of the worlds for each thread, so that none waits long for another
 
@@ -34,7 +33,7 @@ class PlanarEngine:
         """Read the model.
 
         Args:
-            config: optics, obstacles and boxes.
+            config: optics and obstacles.
             arena: compiled; one robot of each kind stands for all.
             n_threads: threads, 0 for one a core.
             tolerance: see `read_plane`.
@@ -44,15 +43,14 @@ class PlanarEngine:
         """
         self.plane, self.kinds, self.robot = read_plane(arena, tolerance), read_kinds(arena), arena.robot
         self._light, self._points = read_light(arena.robot, config.optics), points_of(arena.robot)
-        self._solids, self._boxes = solids_of(arena, config.arena.obstacles), poses_of(config.arena.boxes)
+        self._solids = solids_of(arena, config.arena.obstacles)
         self._n_threads = n_threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
 
-    def place(self, poses: Float[Array, "B N 3"], is_present: Bool[Array, "B N"]) -> Bodies:
+    def place(self, poses: Float[Array, "B NM 3"], is_present: Bool[Array, "B N"]) -> Bodies:
         """See `Engine.place`."""
-        there = with_still(np.asarray(poses, float), np.asarray(is_present, bool), self._boxes)
-        poses, is_present = map(np.array, there)
-        return Bodies(poses, np.zeros_like(poses), is_present, np.zeros(len(poses)))
+        poses, there = np.array(poses, float), with_boxes(np.asarray(is_present, bool), self._n_boxes)
+        return Bodies(poses, np.zeros_like(poses), np.array(there), np.zeros(len(poses)))
 
     def poses(self, bodies: Bodies) -> Float[np.ndarray, "B N 3"]:
         """See `Engine.poses`."""
@@ -62,15 +60,19 @@ class PlanarEngine:
         """See `PushingEngine.boxes`."""
         return bodies.poses[:, self._n_robots(bodies) :]
 
+    @property
+    def _n_boxes(self) -> int:
+        return len(self.kinds) - len(self.robot.kinds)
+
     def _n_robots(self, bodies: Bodies) -> int:
-        return bodies.poses.shape[1] - len(self._boxes)
+        return bodies.poses.shape[1] - self._n_boxes
 
     def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
         n_worlds, n_robots = len(bodies.poses), self._n_robots(bodies)
         sight = empty_sight(n_worlds, n_robots, len(self.robot.sides), self._light.n_senders)
         worlds, emits = np.flatnonzero(is_running), np.array(emits, float)  # a copy: JAX's arrays are of another type
-        solids = with_boxes(self._solids, self.boxes(bodies), self.kinds)
+        solids = solids_with(self._solids, self.boxes(bodies), self.kinds, self.robot)
         lit = emits, bodies.is_present, sight, self._light, self._points
         self._spread(sense, worlds, bodies.poses, *lit, solids, table_of(self.kinds, self.robot, n_robots))
         if self._light.n_senders > 1:

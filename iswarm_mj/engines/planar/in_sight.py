@@ -96,7 +96,7 @@ def next_in_sight(
         light: optics.
         points: see `reception.points_of`.
         plane: robots and walls.
-        solids: (W + M, 6) walls, obstacles and boxes, see `plane.with_boxes`.
+        solids: (W + M, 6) walls, obstacles and boxes, see `plane.solids_with`.
 
     Returns:
         Effective distance and code; a code of -1 if there is none.

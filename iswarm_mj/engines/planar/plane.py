@@ -12,8 +12,8 @@ from jaxtyping import Float
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.requirements import check_model
-from iswarm_mj.utils.arrays import Array, array_module
-from iswarm_mj.utils.obstacles import Obstacle, numbers
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.obstacles import Obstacle, numbers, with_poses
 from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import RD
 
@@ -129,8 +129,7 @@ def _kind(arena: ArenaModel, body: int, number: int) -> Kind:
     model, dofs, h = arena.model, arena.qpos[body], arena.model.opt.timestep
     inertia, (half_x, half_y, _) = model.dof_M0[dofs], model.geom_size[arena.hull[body]].tolist()
     radius = math.sqrt(half_x * half_x + half_y * half_y)
-    is_robot = body < arena.n_robots
-    drive = (arena.servo_gain[body] * h / inertia).tolist() if is_robot else (0.0, 0.0, 0.0)
+    drive = (arena.servo_gain[body] * h / inertia).tolist()
     along, _, about = (model.dof_frictionloss[dofs] * h).tolist()
     return Kind(
         half_x=half_x,
@@ -144,7 +143,7 @@ def _kind(arena: ArenaModel, body: int, number: int) -> Kind:
         drive_yaw=drive[2],
         grip=along * (1.0 + math.sqrt(2.0)),
         twist=about,
-        points=5 * len(arena.robot.sides) * number if is_robot else 0,
+        points=5 * len(arena.robot.sides) * number if body < arena.n_robots else 0,
     )
 
 
@@ -153,18 +152,12 @@ def solids_of(arena: ArenaModel, obstacles: Sequence[Obstacle]) -> Float[np.ndar
     return np.vstack([np.pad(arena.planes, ((0, 0), (0, 3))), numbers(obstacles, RD)])
 
 
-def with_boxes(solids: Array, poses: Float[Array, "B M 3"], kinds: Sequence[Kind]) -> Float[Array, "B WOM 6"]:
-    """Return what light meets beside robots in B worlds: walls and obstacles (W + O, 6), and boxes at these poses.
-
-    The kinds are those of `read_kinds`, whose last ones are of boxes.
-    """
-    xp, (n_worlds, n_boxes, _) = array_module(poses), poses.shape
-    if not n_boxes:
-        return xp.tile(solids, (n_worlds, 1, 1))
-    halves = xp.asarray([kind[:2] for kind in kinds[-n_boxes:]], poses.dtype).reshape(-1, 2)
-    yaw, halves = poses[..., 2:], xp.broadcast_to(halves, (n_worlds, *halves.shape))
-    boxes = xp.concatenate([poses[..., :2], xp.cos(yaw), xp.sin(yaw), halves], axis=-1)
-    return xp.concatenate([xp.broadcast_to(solids, (n_worlds, *solids.shape)), boxes], axis=1)
+def solids_with(
+    solids: Array, poses: Float[Array, "B M 3"], kinds: tuple[Kind, ...], robot: Robots
+) -> Float[Array, "B WOM 6"]:
+    """Return what light meets beside robots in B worlds: walls and obstacles (W + O, 6), and boxes at these poses."""
+    halves = np.reshape([kind[:2] for kind in kinds[len(robot.kinds) :]], (-1, 2))
+    return with_poses(solids, poses, halves)
 
 
 def _law(model: mujoco.MjModel, first: int, second: int) -> ContactLaw:

@@ -48,7 +48,7 @@ def sense(
         sight: of all worlds, the output.
         light: optics.
         points: (K 5 S, 2) see `reception.points_of`.
-        solids: (B, W + M, 6) walls, obstacles and boxes, see `plane.with_boxes`.
+        solids: (B, W + M, 6) walls, obstacles and boxes, see `plane.solids_with`.
         kinds: (N,) of the robots.
         plane: the arena.
     """

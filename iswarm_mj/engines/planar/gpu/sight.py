@@ -38,7 +38,7 @@ def find_light(
         kind_words: likewise, of all bodies.
         light_words: likewise.
         points: (K 5 S, 2) see `reception.points_of`.
-        solids: (B, W + M, 6) walls, obstacles and boxes, see `plane.with_boxes`.
+        solids: (B, W + M, 6) walls, obstacles and boxes, see `plane.solids_with`.
         n_near: (B, N) of `surroundings.look_around`.
         near: (B, M, N) likewise.
         effective: (B, M, N) likewise.

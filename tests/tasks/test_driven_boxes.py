@@ -1,0 +1,172 @@
+"""Tasks that lay boxes, elsewhere in each world, and drive those of mass 0. Units: mm, s."""
+
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_boxes import ARENA, placed
+from helpers_mjx import ran
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.base import Phase
+from iswarm_mj.engines.mjx.arena import compile_mjx_arena
+from iswarm_mj.engines.mjx.engine import MjxEngine
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.tasks.aggregation import Beeclust
+from iswarm_mj.tasks.layout import place_robots
+from iswarm_mj.tasks.protocol import Quantity, only
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.obstacles import numbers, overlap, poses_of
+from iswarm_mj.utils.units import RD
+
+N, STEPS, WORLDS = 12, 6, 2
+CONFIG, SETTINGS = SwarmConfig(ARENA), RunSettings(N, STEPS, seed=3, n_worlds=WORLDS, record_worlds=(0, 1))
+
+
+@dataclass(frozen=True)
+class Lift:
+    """A driven box at a random place goes to a corner, which is farther than a step; another one can be pushed."""
+
+    boxes: Any = ()
+    measured: ClassVar = {"off": Quantity("distance of the driven box", "mm")}
+    senses: ClassVar = {"light": Quantity("none")}
+
+    def lay_boxes(self, config, rng, shared):
+        return [
+            (4, rng.uniform(-4, 4), 0.6, 0.4, rng.uniform(0, 90), 0, 0),
+            (-4, rng.uniform(-4, 4), 0.6, 0.4, 45, 1e-5, 0.01),
+        ]
+
+    def lay_out(self, config, n_robots, rng, shared, cell):
+        boxes = poses_of(config.arena.boxes).astype(np.float32)
+        return place_robots(config.arena, n_robots, rng, cell), boxes
+
+    def goal(self, config, n_robots):
+        return None
+
+    def advance(self, state, inputs, key):
+        return inputs.boxes, only(len(inputs.poses), light=jnp.zeros(len(inputs.poses)))
+
+    def drive_boxes(self, state):
+        return state.at[0].set(jnp.array([-20.0, -20.0, 9.0]))
+
+    def progress(self, state):
+        return jnp.int32(0)
+
+    def reward(self, before, after, inputs):
+        return jnp.zeros(len(inputs.poses))
+
+    def metrics(self, state):
+        return {"off": jnp.hypot(state[0, 0], state[0, 1])}
+
+
+def engines(boxes, n_robots):
+    config = SwarmConfig(replace(ARENA, boxes=boxes))
+    arena = compile_arena(config, n_robots, np.zeros(0))
+    return {
+        "mujoco": MujocoEngine(config, arena, 1, 1, n_robots),
+        "planar": PlanarEngine(config, arena, 1),
+        "mjx": MjxEngine(compile_mjx_arena(config, n_robots, "jax", 1), config, False),
+    }
+
+
+@pytest.mark.parametrize("name", ["mujoco", "planar", "mjx"])
+def test_a_driven_box_pushes_and_is_not_pushed(name):
+    """It walks 4 mm east through a robot and a box, which drive against it."""
+    boxes = ((-3.0, 4.5, 0.5, 1.2, 0.0, 0.0, 0.0), (-1.5, 5.2, 0.4, 0.4, 45.0, 1e-5, 0.001))
+    engine, velocity = engines(boxes, 2)[name], np.float32([[2.0, 0, 0.0], [9, 9, 9]])
+    robots = np.float32([[9.0, -9.0, 0.0], [-3 * RD + 3.0, 4.0 * RD, np.pi]])
+    phase = Phase(20, lambda poses: jnp.float32([[0.0, 0, 0], [-2.4, 0, 0]]) + 0 * poses, velocity)
+    if name == "mjx":
+        start, present = np.concatenate([robots, np.float32(poses_of(boxes))]), jnp.ones(2, bool)
+        move = jax.jit(lambda start: engine.move(engine.place(start, present), [phase], jnp.bool_(True)))
+        poses = np.asarray(move(start).bodies.poses)
+    else:
+        one = phase._replace(velocity=lambda poses: np.asarray(phase.velocity(poses)), boxes=velocity[None])
+        poses = engine.move(placed(engine, robots[None], boxes), [one], np.ones(1, bool)).bodies.poses[0]
+    np.testing.assert_allclose(poses[2] - poses_of(boxes)[0], [4.0, 0, 0], atol=0.02)
+    edge = poses[2, 0] + RD / 2
+    assert poses[1, 0] > edge + 0.7 and robots[1, 0] < edge  # the second robot was pushed back
+    assert poses[3, 0] > edge and poses_of(boxes)[1, 0] - 0.56 * RD < edge
+
+
+@pytest.mark.parametrize("engine", [MujocoSettings(1), PlanarSettings(1)], ids=["mujoco", "planar"])
+def test_a_run(engine):
+    """Boxes lie elsewhere in each world, robots beside them; the driven one goes as fast as it may."""
+    run = Run(CONFIG, Beeclust(), SETTINGS, engine, task=Lift())
+    record = ran(run)
+    start = run.start.boxes[0]
+    assert not run.faults and np.abs(start[0] - start[1])[:, 1].min() > 0.1 and len(run.config.arena.boxes) == 2
+    for world in range(WORLDS):
+        np.testing.assert_allclose(poses_of(run.starts[world].boxes), start[world], atol=1e-5)
+        hulls = np.column_stack([run.start.poses[0, world][:, :2], np.ones(N), np.zeros((N, 1)), np.ones((N, 2))])
+        for box in numbers(run.starts[world].boxes, RD):
+            assert not overlap(hulls, np.broadcast_to(box, hulls.shape)).any()
+    drive = CONFIG.drive
+    duration = (drive.turn_substeps + drive.walk_substeps) * drive.timestep
+    way = np.diff(np.concatenate([run.start.boxes, record.boxes]), axis=0)[:2, :, 0]
+    np.testing.assert_allclose(way, np.broadcast_to(duration * np.array([-5, -5, 0.5]), way.shape), atol=0.05)
+
+
+class Odd(Lift):
+    drive_boxes = property()
+
+    def lay_boxes(self, config, rng, shared):
+        return self.boxes
+
+
+WRONG = {
+    "no numbers": (Odd("none"), r"boxes of Odd.lay_boxes: arena.boxes must be boxes of 7 numbers each"),
+    "beyond": (Odd(((9, 0, 1, 1, 0, 0, 0),)), r"boxes of Odd.lay_boxes: arena.boxes\[0\] must be inside the walls"),
+    "friction": (Odd(((4, 0, 1, 1, 0, 0, 0.1),)), "a box without friction where its mass is 0"),
+    "mass": (Odd(((4, 0, 1, 1, 0, 2, 0.1),)), "a mass from 1e-08 to 0.01 kg, or 0 where robots cannot push it"),
+}
+
+
+@pytest.mark.parametrize("task, sentence", WRONG.values(), ids=WRONG)
+def test_boxes_that_cannot_be(task, sentence):
+    with pytest.raises(UserError, match=sentence):
+        Run(CONFIG, Beeclust(), SETTINGS, task=task)
+
+
+class Still(Lift):
+    def lay_boxes(self, config, rng, shared):
+        return [(4, 0, 0.6, 0.4, 0, 1e-5, 0)]
+
+
+class Various(Lift):
+    def lay_boxes(self, config, rng, shared):
+        return [(4, 0, rng.uniform(0.5, 1), 0.4, 0, 0, 0)]
+
+
+class Fewer(Lift):
+    def drive_boxes(self, state):
+        return state[:1]
+
+
+class Broken(Lift):
+    def lay_boxes(self, config, rng, shared):
+        return [1 / 0]
+
+
+METHODS = {
+    Still: r"Still.drive_boxes moves boxes of mass 0, of which there are none; add one to `arena.boxes`",
+    Various: "world 1 of Various has other boxes than the first; worlds of a run may differ in x, y and yaw",
+    Fewer: r"Fewer.drive_boxes must return .*\[2, ?3\]",
+    Broken: r"Broken.lay_boxes .*(division by zero|ZeroDivisionError)",
+}
+
+
+@pytest.mark.parametrize("task, sentence", METHODS.items(), ids=lambda given: getattr(given, "__name__", ""))
+def test_methods_that_cannot_be(task, sentence):
+    with pytest.raises(UserError, match=sentence):
+        Run(CONFIG, Beeclust(), SETTINGS, task=task())
