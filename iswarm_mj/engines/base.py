@@ -206,7 +206,8 @@ class PushingEngine(Engine[Bodies], Protocol[Bodies]):
 
 def boxes_of(engine: Engine, bodies: Any) -> Float[Array, "*B M 3"] | None:
     """Return x, y [mm] and yaw [rad] of the boxes; None where there are none."""
-    boxes = engine.boxes(bodies) if isinstance(engine, PushingEngine) else None
+    find = getattr(engine, "boxes", None)  # since asking whether it is a `PushingEngine` takes 0.05 ms
+    boxes = None if find is None else find(bodies)
     return boxes if boxes is not None and boxes.shape[-2] else None
 
 
