@@ -82,5 +82,5 @@ def test_the_page_s_table_of_evolutions(results, column):
 
 
 def test_the_page_s_table_of_stops():
-    parts = ("results-cells/evolve-paper", *(f"results-stops/{name}" for name in ("share-25", "evolve-paper", "share-50")))
+    parts = ["results-cells/evolve-paper", *(f"results-stops/{p}" for p in ("share-25", "evolve-paper", "share-50"))]
     assert [row[1:] for row in table("| stops, with `cells`")] == [told(part)[:3] for part in parts]
