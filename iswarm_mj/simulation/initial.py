@@ -83,6 +83,8 @@ def with_boxes(config: SwarmConfig, boxes: Any, name: str) -> SwarmConfig:
     Raises:
         UserError: they are none, or cannot lie so.
     """
+    if boxes == config.arena.boxes:
+        return config
     try:
         return replace(config, arena=replace(config.arena, boxes=boxes))
     except ConfigError as error:

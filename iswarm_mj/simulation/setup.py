@@ -126,8 +126,9 @@ def set_up(
     check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
     starts = starts_of(config, task, robot, worlds)
     check_boxes(task, starts)
-    config, *owns = (with_boxes(c, starts[0].boxes, "start") if c else c for c in (config, *(w.config for w in worlds)))
-    worlds = [replace(world, config=own) for world, own in zip(worlds, owns, strict=True)]
+    if (boxes := starts[0].boxes) != config.arena.boxes:
+        config = with_boxes(config, boxes, "start")
+        worlds = [replace(w, config=w.config and with_boxes(w.config, boxes, "start")) for w in worlds]
     known = config.arena.boxes == () or engine.has_boxes
     check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)
     program = program_config(config, task, engine.on_host)
