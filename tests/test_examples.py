@@ -50,4 +50,24 @@ def test_an_example_runs(name, engine, tmp_path, monkeypatch):
     saved = iswarm_mj.load("runs/task")
     assert saved.result["steps"] == 40
     assert AT_END.get(name, {}).items() <= saved.metrics[0].items()
-AT_END = {"failures": {"failed": 4}, "door": {"through": 0.0}}
+
+
+def test_tables_say_when_robots_failed_and_that_they_are_silent_then(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert code_of("run", *ARGUMENTS["failures"], "--robots=16", "--steps=25", "--engine=planar") == 0
+    robots = iswarm_mj.load("runs/task").robots
+    alive, message = (robots[name].to_numpy(zero_copy_only=False).reshape(26, 16) for name in ("is_alive", "message"))
+    assert alive[0].all() and alive[-1].sum() == 12 and 12 < alive[10].sum() < 16
+    np.testing.assert_array_equal(np.isnan(message[1:].astype(float)), ~alive[1:])
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "planar"])
+def test_balls_are_sorted_by_size_and_each_lies_where_it_belongs(engine, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert code_of("run", *ARGUMENTS["sort"], "--robots=80", "--steps=150", f"--engine={engine}") == 0
+    arrays = iswarm_mj.load("runs/task").arrays
+    before, after = arrays["ball_position"][[0, -1], :, 0] > 0
+    is_large = arrays["scene_ball_radius"] > 20e-6
+    assert (before == is_large).mean() < 0.7
+    assert (after == is_large).mean() > 0.95
+    assert arrays["metric_sorted"][-1] == pytest.approx((after == is_large).mean())
