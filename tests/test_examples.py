@@ -22,6 +22,10 @@ ARGUMENTS = {
         *("--task", f"{EXAMPLES}/boxes.py:Push", "--strategy", f"{EXAMPLES}/boxes.py:Sweep"),
         *("--arena.boxes", "0", "8", "1", "1", "0", "1e-5", "0.005"),
     ),
+    "door": (
+        *("--task", f"{EXAMPLES}/door.py:Door", "--strategy", f"{EXAMPLES}/explore.py:Explore"),
+        *("--arena.size=30", "--arena.dump-size=1", "--n-crates=2"),
+    ),
     "two_kinds": (
         *("--task", f"{EXAMPLES}/two_kinds.py:ByKind", "--strategy", "beeclust"),
         *("--robot", f"{EXAMPLES.parent}/models/robot.xml:9", "large.xml:7"),
@@ -32,7 +36,7 @@ ARGUMENTS = {
     ),
     "clusters": ("--task", f"{EXAMPLES}/clusters.py:Clusters", "--strategy", f"{EXAMPLES}/clusters.py:Cluster", *FLAGS),
 }
-AT_END = {"failures": {"failed": 4}}
+AT_END = {"failures": {"failed": 4}, "door": {"through": 0.0}}
 """Metrics that are certain."""
 
 

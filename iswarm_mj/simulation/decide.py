@@ -45,7 +45,7 @@ class Decision(NamedTuple):
     links: Links | None
     """See `Perceived`; None where they are those of the inputs."""
     spoken: Spoken
-    boxes: Float[Array, "*B M 3"] | None
+    boxes: Float[Array, "*B M 3"] | None = None
     """See `DrivingTask.drive_boxes`; None where the task drives none."""
 
 

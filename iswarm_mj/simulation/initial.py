@@ -66,7 +66,7 @@ def start_with(
         name = f"{type(task).__name__}.lay_boxes"
         with user_code(name):
             boxes = task.lay_boxes(config, rng, shared)
-        config = with_boxes(config, boxes, name)
+        config = boxed(config, boxes, name)
     name = f"{type(task).__name__}.lay_out"
     with user_code(name):
         poses, state = task.lay_out(config, n_robots, rng, shared, cell_of(robot))
@@ -77,12 +77,14 @@ def start_with(
     return Start(poses, state, is_alive, config.arena.boxes)
 
 
-def with_boxes(config: SwarmConfig, boxes: Any, name: str) -> SwarmConfig:
+def boxed(config: SwarmConfig, boxes: Any, name: str) -> SwarmConfig:
     """Return a configuration with other boxes, which `name` gave.
 
     Raises:
         UserError: they are none, or cannot lie so.
     """
+    if boxes == config.arena.boxes:
+        return config
     try:
         return replace(config, arena=replace(config.arena, boxes=boxes))
     except ConfigError as error:

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -14,7 +13,7 @@ from iswarm_mj.engines.registry import ENGINES, check_settings
 from iswarm_mj.engines.robot_file import as_robot_file, check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.simulation.common import program_config
-from iswarm_mj.simulation.initial import Start, check_boxes, with_boxes
+from iswarm_mj.simulation.initial import Start, check_boxes, boxed
 from iswarm_mj.simulation.memory_check import check_memory, devices_of
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.tasks import ENDLESS, Job, goal_of, job_of
@@ -127,8 +126,9 @@ def set_up(
     check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
     starts = starts_of(config, task, robot, worlds)
     check_boxes(task, starts)
-    boxed = partial(with_boxes, boxes=starts[0].boxes, name="start")
-    config, worlds = boxed(config), [replace(w, config=w.config and boxed(w.config)) for w in worlds]
+    if (boxes := starts[0].boxes) != config.arena.boxes:
+        config = boxed(config, boxes, "start")
+        worlds = [replace(w, config=w.config and boxed(w.config, boxes, "start")) for w in worlds]
     known = config.arena.boxes == () or engine.has_boxes
     check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)
     program = program_config(config, task, engine.on_host)

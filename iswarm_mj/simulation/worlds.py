@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.common import check_common, common
-from iswarm_mj.simulation.initial import Start, draw_start, with_boxes
+from iswarm_mj.simulation.initial import Start, draw_start, boxed
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.start_check import check_array, check_balls, check_poses, check_shapes
 from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState, no_fault
@@ -225,7 +225,7 @@ def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: 
             return drawn
     check_kind("start", given, Start)
     given = given._replace(boxes=own.arena.boxes) if given.boxes is None else given
-    own = with_boxes(own, given.boxes, "start")
+    own = boxed(own, given.boxes, "start")
     check_array("start.poses", given.poses, (n_robots, 3), "f")
     check_array("start.is_alive", given.is_alive, (n_robots,), "b")
     check_poses("start.poses", np.asarray(given.poses), robot, own.arena)

@@ -45,7 +45,10 @@ def test_what_cannot_be(box, sentence):
 
 WRONG_BOXES = {
     "numbers": ((8, 8, 1, 1, 0, 1e-5), "arena.boxes must be boxes of 7 numbers each, .*friction"),
-    "mass": ((8, 8, 1, 1, 0, -1e-5, 0.1), r"arena.boxes\[0\] must be a box with a mass from 1e-08 to 0.01 kg \(got"),
+    "mass": (
+        (8, 8, 1, 1, 0, -1e-5, 0.1),
+        r"arena.boxes\[0\] must be a box with a mass from 1e-08 to 0.01 kg, or 0 where robots",
+    ),
     "friction": ((8, 8, 1, 1, 0, 1e-5, -0.1), r"arena.boxes\[0\] must be a box with a coefficient of friction from 0"),
     "wall": ((24, 0, 1, 1, 0, 1e-5, 0.1), r"arena.boxes\[0\] must be inside the walls"),
     "obstacle": ((8, 8, 1, 1, 45, 1e-5, 0.1), r"arena.boxes\[0\] must be outside obstacles and other boxes"),
