@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.common import check_common, common
-from iswarm_mj.simulation.initial import Start, draw_start, boxed
+from iswarm_mj.simulation.initial import Start, boxed, draw_start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.start_check import check_array, check_balls, check_poses, check_shapes
 from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState, no_fault
