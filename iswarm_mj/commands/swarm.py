@@ -25,7 +25,24 @@ GenomeOverrides = make_dataclass(
 
 
 @dataclass(frozen=True)
-class Swarm(ConfigOptions):
+class RobotOptions:
+    """Of what robots a swarm consists."""
+
+    robot: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE[:ROBOTS]")] = ()
+    """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and photodiodes. Several
+    share the swarm as kinds, with the number of the robots of each: a.xml:200 b.xml:80."""
+
+    @property
+    def robot_file(self) -> Any:
+        """The file of the robots, or the files of their kinds, see `RobotFile`."""
+        from iswarm_mj.engines.robot_file import as_robot_file
+
+        is_one = len(self.robot) == 1 and not re.search(r":\d+$", self.robot[0])
+        return as_robot_file(self.robot[0] if is_one else self.robot or None)
+
+
+@dataclass(frozen=True)
+class Swarm(ConfigOptions, RobotOptions):
     """Settings that the commands on a swarm share."""
 
     MAIN: ClassVar[tuple[str, ...]] = ("genome", "controller", "robots", "seed", "worlds", "engine")
@@ -39,9 +56,6 @@ class Swarm(ConfigOptions):
     """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters."""
     robots: Annotated[int | None, constraint_of(RunSettings, "n_robots")] = None
     """Number of robots; by default it follows from the density."""
-    robot: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE[:ROBOTS]")] = ()
-    """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and photodiodes. Several
-    share the swarm as kinds, with the number of the robots of each: a.xml:200 b.xml:80."""
     density: Annotated[float | None, Above(0, 1)] = None
     """Robots per 1 x 1 rd cell outside the dump; by default the genome's."""
     seed: Annotated[int, constraint_of(RunSettings, "seed")] = 0
@@ -73,14 +87,6 @@ class Swarm(ConfigOptions):
         from iswarm_mj.tasks.cleaning import CLEANING
 
         return CLEANING
-
-    @property
-    def robot_file(self) -> Any:
-        """The file of the robots, or the files of their kinds, see `RobotFile`."""
-        from iswarm_mj.engines.robot_file import as_robot_file
-
-        is_one = len(self.robot) == 1 and not re.search(r":\d+$", self.robot[0])
-        return as_robot_file(self.robot[0] if is_one else self.robot or None)
 
     def _n_robots(self, config: SwarmConfig, genome: Genome) -> int:
         from iswarm_mj.engines.robot_file import check_total, files_of, read_robots

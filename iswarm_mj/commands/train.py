@@ -7,11 +7,12 @@ from typing import Annotated, Any, ClassVar
 import tyro
 
 from iswarm_mj.commands.options import ConfigOptions, EngineName
+from iswarm_mj.commands.swarm import RobotOptions
 from iswarm_mj.experiments.runner.training_plan import TrainingPlan
 
 
 @dataclass(frozen=True)
-class Train(TrainingPlan, ConfigOptions):
+class Train(TrainingPlan, ConfigOptions, RobotOptions):
     """Train the weights of a policy; writes weights.npz, learning.csv, a figure, and a checkpoint."""
 
     MAIN: ClassVar = (
@@ -29,8 +30,6 @@ class Train(TrainingPlan, ConfigOptions):
 
     task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
     """What the robots are to do, cleaning by default; see `run`."""
-    robot: Path | None = None
-    """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and photodiodes."""
     own: Any = None
     """The strategy with the values of its flags, where one is named."""
     own_task: Any = None
@@ -47,4 +46,4 @@ class Train(TrainingPlan, ConfigOptions):
         plan = {f.name: getattr(self, f.name) for f in fields(TrainingPlan)}
         training = Training(**plan, config=self.config)
         engine = self.engine_settings.for_batches()
-        train(training, strategy, self.out, engine, task=task, robot_file=self.robot, again=self.again)
+        train(training, strategy, self.out, engine, task=task, robot_file=self.robot_file, again=self.again)

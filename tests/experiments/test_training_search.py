@@ -9,12 +9,13 @@ import jax.numpy as jnp
 import numpy as np
 import pyarrow.csv
 import pytest
-from helpers_robots import robot_file
+from helpers_robots import robot_file, two_kinds
 from helpers_search import contents
 from helpers_training import GOAL, SMALL, TRAINING, Three, pretend, trained
 
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.engines.robot_file import read_robots
 from iswarm_mj.experiments.runner import training
 from iswarm_mj.experiments.runner.training import CHECKPOINT, CURVE, WEIGHTS, policy, train
 from iswarm_mj.strategy.network import load_weights
@@ -187,6 +188,14 @@ class TestSearch:
         assert given == 5 * [path] and policy(Neural(), SMALL, 4, path).robot == read_robot(path)
         with pytest.raises(UserError, match=r"different settings \(.*robot"):
             trained(tmp_path / "out", robot_file=None)
+
+    def test_robots_may_be_of_two_kinds(self, monkeypatch, tmp_path):
+        pretend(monkeypatch)
+        kinds, other = two_kinds(tmp_path, 4), two_kinds(tmp_path, 5)
+        trained(tmp_path / "out", robot_file=kinds)
+        assert policy(Neural(), SMALL, 4, kinds).robot == read_robots(kinds)
+        with pytest.raises(UserError, match=r"n_robots must be as many as the kinds .* have together, 5 \(got 4\)"):
+            trained(tmp_path / "out", robot_file=other, again=True)
 
     def test_the_strategy_is_made_for_the_most_robots(self, monkeypatch, tmp_path):
         class Counted:

@@ -15,7 +15,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Float
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.robot_file import check_total, files_of, read_robots
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.analysis.plots_of_searches import draw_learning
 from iswarm_mj.experiments.runner.journal import Journal
@@ -33,6 +33,7 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import remove, remove_parts
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
+from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.tables import write_csv
 from iswarm_mj.workflows.rollout import Rollout, rollout
 
@@ -97,7 +98,7 @@ def train(
     engine: EngineSettings,
     *,
     task: Any,
-    robot_file: Path | None = None,
+    robot_file: RobotFile = None,
     again: bool = False,
 ) -> Any:
     """Train the weights of a strategy, write the results into `out`, and return the weights.
@@ -114,20 +115,22 @@ def train(
         out: directory of the results.
         engine: in which the worlds run; a training must be resumed with its own.
         task: what the robots are to do.
-        robot_file: MJCF file of the robots; None for `models/robot.xml`.
+        robot_file: MJCF file of the robots, or of each kind (`RobotFile`); None for `models/robot.xml`.
         again: discard the training in `out`, which otherwise goes on.
 
     Raises:
         UserError: the strategy cannot be trained; `out` is not writable or in use, contains a different
             training.
     """
+    for number in {number for _, numbers in training.scenes for number in numbers}:
+        check_total(robot_file, number)
     made = policy(strategy, training.config, max(training.robots), robot_file)
     is_scored = isinstance(task, ScoredTask)
     if hasattr(task, "fitness") and not is_scored:
         raise UserError(f"{type(task).__name__} has a fitness, which counts balls, but no method balls; add it")
     start, shaped = ravel_pytree(made.weights)
     settings = {**asdict(training), "strategy": to_json(strategy), "task": to_json(task), **engine.identity}
-    settings["robot"] = None if robot_file is None else robot_file.read_text()
+    settings["robot"] = [(path and path.read_text(), number) for path, number in files_of(robot_file)]
     settings["first_weights"] = zlib.crc32(np.asarray(start).tobytes())
     del settings["generations"]  # a training may go on for longer
     search = SepCMA(np.asarray(start, float), training.spread, seed=training.seed, population_size=training.population)
@@ -184,7 +187,7 @@ def train(
     return shaped(jnp.asarray(kept, jnp.float32))
 
 
-def policy(strategy: Any, config: SwarmConfig, n_robots: int, robot_file: Path | None = None) -> Any:
+def policy(strategy: Any, config: SwarmConfig, n_robots: int, robot_file: RobotFile = None) -> Any:
     """Return what is trained: a dataclass with a field `weights`, at the start of training.
 
     It is the strategy itself or, where that has such a method, what `for_training(config, robot, n_robots)` or else
@@ -197,7 +200,7 @@ def policy(strategy: Any, config: SwarmConfig, n_robots: int, robot_file: Path |
     for name in ("for_training", "for_world"):
         if hasattr(strategy, name):
             with user_code(f"{type(strategy).__name__}.{name}"):
-                made = getattr(strategy, name)(config, read_robot(robot_file), n_robots)
+                made = getattr(strategy, name)(config, read_robots(robot_file), n_robots)
             break
     is_field = is_dataclass(made) and "weights" in {one.name for one in fields(made)}
     weights = jax.tree.leaves(made.weights) if is_field else []
