@@ -216,7 +216,7 @@ def _overlap(rows: Rows) -> Judged | None:
     if not finest:
         return None
     verdict = TOO_FEW if len(finest) < LEAST else HOLDS if max(finest) <= NEGLIGIBLE else FAILS
-    rule = f"largest of {len(finest)} runs; holds if at most {NEGLIGIBLE:g} mm"
+    rule = f"largest of the runs of a type; holds if at most {NEGLIGIBLE:g} mm"
     return Judged(_observed(rows, "overlap", max, "mm"), rule, verdict)
 
 
