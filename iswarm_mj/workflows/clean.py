@@ -126,7 +126,7 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
     lines += [
         (name.replace("_", " "), show(name, metrics, "z.3g", units.get(name, "")))
         for name in metrics
-        if name not in content
+        if not (is_cleaning and name in ("delivered", "picked"))
     ]
     lines += [("finished at", f"step {show('finished_at')} ({goal}; ran {steps} steps)")]
     lines += [("carriage", show("mean_carriage_steps", unit="steps on average"))] if is_cleaning else []

@@ -6,8 +6,7 @@ from itertools import product
 from typing import Annotated, Any, NamedTuple
 
 from iswarm_mj.gripper.bench.contacts import Contacts
-from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.run_trials import Gaps
+from iswarm_mj.gripper.bench.protocol import Gaps, Protocol
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.laws import detachment, materials
 from iswarm_mj.gripper.laws.roughness import Surface, effective_work

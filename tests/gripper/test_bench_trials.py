@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
+from iswarm_mj.gripper.bench.protocol import Gaps, Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.ramps import release
-from iswarm_mj.gripper.bench.run_trials import Gaps, run_trials
+from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.bench.script import is_lifted
 from iswarm_mj.gripper.bench.staircase import hang, rung, staircase, touch
 from iswarm_mj.gripper.bench.tracing import trace_trial

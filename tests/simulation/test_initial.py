@@ -95,8 +95,8 @@ def test_seeds_and_worlds(small):
     """One seed, one start; each world its own, but all of a seed have balls of the same radii."""
 
     def values(seed, world):
-        poses, balls, _ = start_of(small, 30, seed, world)
-        return [poses, balls.position, balls.radius]
+        start = start_of(small, 30, seed, world)
+        return [start.poses, start.task.position, start.task.radius]
 
     first = values(3, 0)
     for value, again, world, seed in zip(first, values(3, 0), values(3, 1), values(4, 0), strict=True):
@@ -113,7 +113,7 @@ def test_worlds_of_neighbouring_seeds_begin_differently(small):
 
 
 def test_nothing_is_held_at_the_start(small):
-    _, balls, is_alive = start_of(small, 30, 0, 0)
+    _, balls, is_alive, _ = start_of(small, 30, 0, 0)
     assert balls.position.shape == (24, 2)
     assert is_alive.shape == (30,) and is_alive.all()
     for nothing in (balls.is_held, balls.is_delivered, balls.was_picked, balls.carried_steps):

@@ -52,11 +52,11 @@ def test_only_users_import_what_is_beside_their_file(tmp_path):
     """A package that looks for a module which is not installed does not find a user's file of this name."""
     (tmp_path / "twin_of_a_package.py").write_text("STEP = 7\n")
     (tmp_path / "late_twin.py").write_text("")
-    (tmp_path / "walk.py").write_text(WALK)
-    assert find_strategy(f"{tmp_path}/walk.py:coverage").step == 7
+    (tmp_path / "walk_of_a_package.py").write_text(WALK)
+    assert find_strategy(f"{tmp_path}/walk_of_a_package.py:coverage").step == 7
     in_numba = {"__name__": "numba.misc"}
-    for name in ("late_twin", "walk"):
+    for name in ("late_twin", "walk_of_a_package"):
         with pytest.raises(ModuleNotFoundError, match=name):
             exec(compile(f"import {name}", numba.__file__, "exec"), in_numba)
     assert str(tmp_path) not in sys.path
-    assert (tmp_path / "twin_of_a_package.py").resolve() in sources(tmp_path / "walk.py")
+    assert (tmp_path / "twin_of_a_package.py").resolve() in sources(tmp_path / "walk_of_a_package.py")

@@ -6,8 +6,9 @@ the criterion of a lift are choices: slow enough that half the speed changes no 
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
+from iswarm_mj.gripper.laws.detachment import RELEASE_GAP
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, validate
 
@@ -108,3 +109,15 @@ def minimum_jerk(share: Array) -> Array:
     Source: Flash and Hogan 1985. Speed and acceleration vanish at both ends.
     """
     return share**3 * (10 + share * (6 * share - 15))
+
+
+class Gaps(NamedTuple):
+    """Gaps at which each trial is repeated."""
+
+    release: tuple[float, ...] = (RELEASE_GAP,)
+    """Between ball and plate at the release [m]."""
+    no_contact: tuple[float, ...] = ()
+    """Between tool and ball in attempts without contact [m]."""
+
+
+PAPER_GAPS = Gaps()

@@ -6,26 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.protocol import PAPER_GAPS, Gaps, Protocol
 from iswarm_mj.gripper.bench.ramps import Attempt, Release, no_contact, release
 from iswarm_mj.gripper.bench.staircase import Grasp, hang, staircase
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.laws.detachment import RELEASE_GAP
 
 LARGEST_BATCH = 1024
 """Trials that run at once."""
-
-
-class Gaps(NamedTuple):
-    """Gaps at which each trial is repeated."""
-
-    release: tuple[float, ...] = (RELEASE_GAP,)
-    """Between ball and plate at the release [m]."""
-    no_contact: tuple[float, ...] = ()
-    """Between tool and ball in attempts without contact [m]."""
-
-
-PAPER_GAPS = Gaps()
 
 
 class Outcomes(NamedTuple):
