@@ -122,9 +122,9 @@ class Env:
         data, poses = self._auto_reset(state.data._replace(world=world._replace(bodies=None)), is_new)
         before = self._committed(jnp.asarray(self._engine.poses(world.bodies), jnp.float32))
         intent = self._act(data, is_new, action, before)
-        drive, there = self.core.config.drive, boxes_of(self._engine, world.bodies)
-        boxes = velocity_towards(drive, self._given(intent.boxes), there)
-        phases = drive_phases(drive, self._given(intent.command), boxes)
+        config, there = self.core.config, boxes_of(self._engine, world.bodies)
+        boxes = velocity_towards(config, self._given(intent.boxes), there)
+        phases = drive_phases(config.drive, self._given(intent.command), boxes)
         motion = self._engine.move(world.bodies, phases, self._given(intent.is_running))
         return self._seen(data, is_new, intent, motion._replace(bodies=self._placed(motion.bodies, is_new, poses)))
 

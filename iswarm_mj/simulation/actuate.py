@@ -116,13 +116,18 @@ FASTEST = (5.0, 5.0, 0.5)
 """Velocities of driven boxes at most [mm/s, mm/s, rad/s], so that they run through no robot."""
 
 
-def velocity_towards(drive: DriveConfig, wanted: Array | None, boxes: Array | None) -> Array | None:
-    """Return the velocities (*B, M, 3) with which boxes get to poses in a control step, as far as they can."""
+def velocity_towards(config: SwarmConfig, wanted: Array | None, boxes: Array | None) -> Array | None:
+    """Return the velocities (*B, M, 3) with which boxes of mass 0 get to poses in a control step, as far as they can.
+
+    Those with a mass have none; those of a box whose pose is to be infinite are not finite, which is a fault.
+    """
     if wanted is None or boxes is None:
         return None
-    xp, most = array_module(boxes), np.array(FASTEST)
+    xp, most, drive = array_module(boxes), np.array(FASTEST), config.drive
+    is_driven = np.array([mass == 0 for *_, mass, _ in config.arena.boxes])[:, None]
     duration = (drive.turn_substeps + drive.walk_substeps) * drive.timestep
-    return xp.clip((wanted - boxes) / duration, -most, most).astype(boxes.dtype)
+    way = xp.where(is_driven, xp.where(xp.isfinite(wanted), wanted, xp.nan) - boxes, 0.0)
+    return xp.clip(way / duration, -most, most).astype(boxes.dtype)
 
 
 def drive_phases(drive: DriveConfig, command: Command, boxes: Array | None = None) -> tuple[Phase, Phase]:

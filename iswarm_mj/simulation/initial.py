@@ -83,6 +83,7 @@ def boxed(config: SwarmConfig, boxes: Any, name: str) -> SwarmConfig:
     Raises:
         UserError: they are none, or cannot lie so.
     """
+    boxes = _plain([_plain(box) for box in boxes] if isinstance(boxes, list | tuple) else boxes)
     if boxes == config.arena.boxes:
         return config
     try:
@@ -101,4 +102,10 @@ def check_boxes(task: Task, starts: Sequence[Start]) -> None:
             "yaw of their boxes, not in number, half edges, mass and friction"
         )
     if isinstance(task, DrivingTask) and not any(mass == 0 for *_, mass, _ in each[0]):
-        raise UserError(f"{name}.drive_boxes moves boxes of mass 0, of which there are none; add one to `arena.boxes`")
+        fact = f"{name}.drive_boxes moves boxes of mass 0, of which there are none"
+        raise UserError(f"{fact}; lay one, or add it to `arena.boxes`")
+
+
+def _plain(given: Any) -> Any:
+    """Lists of numbers in place of an array."""
+    return given.tolist() if hasattr(given, "tolist") else given

@@ -53,7 +53,7 @@ def control_step(
     begin = StepInputs(engine.poses(state.bodies), sight, step, is_running, boxes_of(engine, state.bodies))
     decision = stepper.decide(params, swarm, begin)
     moves = is_running & ~decision.is_refused.any(axis=-1)
-    boxes = velocity_towards(config.drive, decision.boxes, begin.boxes)
+    boxes = velocity_towards(config, decision.boxes, begin.boxes)
     motion = engine.move(state.bodies, drive_phases(config.drive, decision.command, boxes), moves)
     moved = after_motion(state, motion, decision.is_refused, decision.is_blocked, step, is_running)
     new = after_task(params, moved._replace(swarm=decision.swarm), decision.progress, step, is_running)

@@ -46,7 +46,8 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
     """
     if isinstance(strategies, Teams):
         for team, size in zip(strategies.teams, strategies.sizes(n_robots), strict=True):
-            check_strategies(team.strategy, size, n_sides, sensed)
+            theirs = jax.tree.map(lambda a, size=size: jax.ShapeDtypeStruct((size, *a.shape[1:]), a.dtype), sensed)
+            check_strategies(team.strategy, size, n_sides, theirs)
         return strategies.payload.check_room(n_sides)
     strategy, key = jax.tree.map(lambda a: a[0], strategies), jax.random.key(0)
     name = type(strategy).__name__

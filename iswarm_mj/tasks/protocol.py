@@ -227,8 +227,8 @@ class DrivingTask(Task, Protocol):
     def drive_boxes(self, state: Any) -> Float[Array, "M 3"]:
         """Return where boxes are to be after a step that `advance` ends with this state: x, y [mm], yaw [rad]; JAX.
 
-        They move there by at most `actuate.FASTEST`, and push robots and other boxes aside. Those with a mass stay as
-        robots and friction leave them, whatever their rows are.
+        They move there by at most `actuate.FASTEST`, and push robots and other boxes aside; a pose that is not finite
+        is a fault of the world. Those with a mass stay as robots and friction leave them, whatever their rows are.
         """
         ...
 

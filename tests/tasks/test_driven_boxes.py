@@ -21,6 +21,7 @@ from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Beeclust
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.tasks.protocol import Quantity, only
@@ -41,10 +42,8 @@ class Lift:
     senses: ClassVar = {"light": Quantity("none")}
 
     def lay_boxes(self, config, rng, shared):
-        return [
-            (4, rng.uniform(-4, 4), 0.6, 0.4, rng.uniform(0, 90), 0, 0),
-            (-4, rng.uniform(-4, 4), 0.6, 0.4, 45, 1e-5, 0.01),
-        ]
+        one = np.array([4, rng.uniform(-4, 4), 0.6, 0.4, rng.uniform(0, 90), 0, 0])
+        return [one, (-4, rng.uniform(-4, 4), 0.6, 0.4, 45, 1e-5, 0.01)]
 
     def lay_out(self, config, n_robots, rng, shared, cell):
         boxes = poses_of(config.arena.boxes).astype(np.float32)
@@ -57,7 +56,7 @@ class Lift:
         return inputs.boxes, only(len(inputs.poses), light=jnp.zeros(len(inputs.poses)))
 
     def drive_boxes(self, state):
-        return state.at[0].set(jnp.array([-20.0, -20.0, 9.0]))
+        return jnp.array([[-20.0, -20.0, 9.0], [jnp.nan, 0, jnp.inf]])
 
     def progress(self, state):
         return jnp.int32(0)
@@ -101,8 +100,9 @@ def test_a_driven_box_pushes_and_is_not_pushed(name):
 
 @pytest.mark.parametrize("engine", [MujocoSettings(1), PlanarSettings(1)], ids=["mujoco", "planar"])
 def test_a_run(engine):
-    """Boxes lie elsewhere in each world, robots beside them; the driven one goes as fast as it may."""
-    run = Run(CONFIG, Beeclust(), SETTINGS, engine, task=Lift())
+    """Boxes lie elsewhere in each world, robots in teams beside them; the driven one goes as fast as it may."""
+    teams = Teams({"few": (0.25, Beeclust()), "many": (0.75, Beeclust(2.0))})
+    run = Run(CONFIG, teams, SETTINGS, engine, task=Lift())
     record = ran(run)
     start = run.start.boxes[0]
     assert not run.faults and np.abs(start[0] - start[1])[:, 1].min() > 0.1 and len(run.config.arena.boxes) == 2
@@ -159,7 +159,7 @@ class Broken(Lift):
 
 
 METHODS = {
-    Still: r"Still.drive_boxes moves boxes of mass 0, of which there are none; add one to `arena.boxes`",
+    Still: r"Still.drive_boxes moves boxes of mass 0, of which there are none; lay one, or add it to `arena.boxes`",
     Various: "world 1 of Various has other boxes than the first; worlds of a run may differ in x, y and yaw",
     Fewer: r"Fewer.drive_boxes must return .*\[2, ?3\]",
     Broken: r"Broken.lay_boxes .*(division by zero|ZeroDivisionError)",
