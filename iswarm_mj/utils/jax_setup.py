@@ -1,7 +1,6 @@
 """Settings of JAX."""
 
 import importlib.util
-import os
 import platform
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,14 +16,8 @@ def configure_jax() -> None:
 
     A directory that is set already takes precedence, be it by the environment's JAX_COMPILATION_CACHE_DIR or in Python;
     else it is that of the operating system, on Linux XDG_CACHE_HOME or ~/.cache. May be called any number of times.
-
-    Programs on CPUs use one thread each, unless the environment's PJRT_NPROC says otherwise or JAX is in use already.
     """
     import jax
-
-    # Worlds are spread over threads, and runs over processes. Each program that shared its many small loops with a pool
-    # of threads, too, would wait for cores on which others work: on two, a control step took 20 % more processor time.
-    os.environ.setdefault("PJRT_NPROC", "1")
 
     if not jax.config.jax_compilation_cache_dir:
         cache = platformdirs.user_cache_path("iswarm_mj", appauthor=False) / f"jax-{platform.node()}"

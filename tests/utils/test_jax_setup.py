@@ -20,7 +20,7 @@ configure_jax()
 {after}
 print(jax.config.jax_compilation_cache_dir, os.environ["TF_CPP_MIN_LOG_LEVEL"])
 """
-UNSET = ("JAX_COMPILATION_CACHE_DIR", "XDG_CACHE_HOME", "TF_CPP_MIN_LOG_LEVEL", "PJRT_NPROC")
+UNSET = ("JAX_COMPILATION_CACHE_DIR", "XDG_CACHE_HOME", "TF_CPP_MIN_LOG_LEVEL")
 
 
 def configured(before="", after="", **environment):
@@ -44,18 +44,6 @@ def test_programs_are_kept_in_the_users_cache_and_loading_them_prints_nothing(tm
 def test_settings_made_in_python_or_the_environment_are_left_alone():
     before = 'jax.config.update("jax_compilation_cache_dir", "/mine")'
     assert configured(before, TF_CPP_MIN_LOG_LEVEL="0") == ["/mine", "0"]
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="names of threads, of Linux")
-@pytest.mark.parametrize(("given", "n_threads"), [({}, 1), ({"PJRT_NPROC": "3"}, 3)])
-def test_programs_have_one_thread_unless_the_environment_says_otherwise(given, n_threads):
-    """Which XLA starts with its client, whatever the number of cores."""
-    count = """
-from pathlib import Path
-jax.numpy.zeros(3).block_until_ready()
-print(sum("XLAEigen" in path.read_text() for path in Path("/proc/self/task").glob("*/comm")))
-"""
-    assert configured(after=count, JAX_PLATFORMS="cpu", **given)[0] == str(n_threads)
 
 
 @pytest.mark.parametrize("count", ["٣", "0", "1.0", "", "1000"])
