@@ -83,7 +83,7 @@ def boxed(config: SwarmConfig, boxes: Any, name: str) -> SwarmConfig:
     Raises:
         UserError: they are none, or cannot lie so.
     """
-    boxes = _plain(tuple(map(_plain, boxes)) if isinstance(boxes, list | tuple) else boxes)
+    boxes = _plain(boxes)
     if boxes == config.arena.boxes:
         return config
     try:
@@ -107,6 +107,6 @@ def check_boxes(task: Task, starts: Sequence[Start]) -> None:
 
 
 def _plain(given: Any) -> Any:
-    """Tuples of numbers in place of an array, or of a box in a list, so that boxes can be compared."""
+    """Tuples in place of lists and arrays, at all depths, so that boxes can be compared."""
     given = given.tolist() if hasattr(given, "tolist") else given
-    return tuple(map(_plain, given)) if isinstance(given, list) else given
+    return tuple(map(_plain, given)) if isinstance(given, list | tuple) else given
