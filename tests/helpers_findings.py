@@ -6,7 +6,7 @@ import numpy as np
 
 from iswarm_mj.experiments.analysis.evolution import samples_of
 from iswarm_mj.experiments.analysis.evolution_statements import STATEMENTS
-from iswarm_mj.experiments.runner.search_settings import Search
+from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.strategy.genome import Genome
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 from iswarm_mj.commands.flags import refuse
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.experiments.runner.evolution import Operators
-from iswarm_mj.experiments.runner.search_settings import Search, SearchPlan
+from iswarm_mj.experiments.runner.settings import Search, SearchPlan
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from iswarm_mj.commands.flags import refuse
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.registry import described, find_engine
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.experiments.runner.limits import Seed, Workers
+from iswarm_mj.experiments.runner.settings import Seed, Workers
 from iswarm_mj.utils.constraints import Needs, check
 from iswarm_mj.utils.pictures import boxes_of_picture
 

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.commands.options import ManyRunsOptions
-from iswarm_mj.experiments.runner.limits import Repeats
+from iswarm_mj.experiments.runner.settings import Repeats
 from iswarm_mj.utils.constraints import Needs, Within, check, validate
 
 

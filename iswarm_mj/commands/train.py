@@ -8,7 +8,7 @@ import tyro
 
 from iswarm_mj.commands.options import ConfigOptions, EngineName
 from iswarm_mj.commands.swarm import RobotOptions
-from iswarm_mj.experiments.runner.training_plan import TrainingPlan
+from iswarm_mj.experiments.runner.settings import TrainingPlan
 
 
 @dataclass(frozen=True)

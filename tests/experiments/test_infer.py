@@ -18,9 +18,8 @@ from iswarm_mj.experiments.analysis.support import (
     more_alone,
     support,
 )
-from iswarm_mj.experiments.runner.experiment import Plan, row_of
+from iswarm_mj.experiments.runner.experiment import Plan, row_of, varied
 from iswarm_mj.experiments.runner.jobs import Outcome
-from iswarm_mj.experiments.runner.variation import varied
 from iswarm_mj.experiments.studies import infer
 from iswarm_mj.experiments.studies.infer import (
     ALONE,

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
-from iswarm_mj.experiments.analysis.beyond_statements import refusals
+from iswarm_mj.experiments.analysis.statements import refusals
 from iswarm_mj.experiments.runner.experiment import Plan
 from iswarm_mj.experiments.studies import plans
 from iswarm_mj.experiments.studies.infer import ALONE, NAMED_REPEATS, SETTINGS

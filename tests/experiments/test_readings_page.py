@@ -8,7 +8,7 @@ import pytest
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.statements import ASKED
 from iswarm_mj.experiments.analysis.support import accepted, chances, counts_alone, gives_way, support
-from iswarm_mj.experiments.runner.variation import varied
+from iswarm_mj.experiments.runner.experiment import varied
 from iswarm_mj.experiments.studies.infer import DEFAULTS, FACTORS, combinations_of
 from iswarm_mj.utils.tables import read_table
 

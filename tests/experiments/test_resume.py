@@ -10,10 +10,9 @@ from helpers_search import SEARCH, contents, genome_of, pretend
 
 from iswarm_mj.commands import main as cli
 from iswarm_mj.engines.registry import find_engine
-from iswarm_mj.experiments.runner.evolution import Operators
+from iswarm_mj.experiments.runner.evolution import METHODS, Operators
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.journal import count
-from iswarm_mj.experiments.runner.optimisers import METHODS
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import (
     BEST,

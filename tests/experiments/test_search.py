@@ -11,9 +11,8 @@ from iswarm_mj.commands import main as cli
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.experiments.analysis.evolution import best_of, by_replicate
 from iswarm_mj.experiments.runner import pool
-from iswarm_mj.experiments.runner.evolution import Operators, ranges, to_vector
+from iswarm_mj.experiments.runner.evolution import METHODS, Operators, generator, proposals, ranges, to_vector
 from iswarm_mj.experiments.runner.experiment import run_seed
-from iswarm_mj.experiments.runner.optimisers import METHODS, generator, proposals
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import (
     BEST,

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from helpers_outcomes import PLAN, done, rows_of, type_rows
 
-from iswarm_mj.experiments.analysis.beyond_statements import changes
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
 from iswarm_mj.experiments.analysis.measures import latest_finish
+from iswarm_mj.experiments.analysis.statements import changes
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
 from iswarm_mj.experiments.studies import observed, plans

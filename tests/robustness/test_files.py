@@ -21,7 +21,7 @@ from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.experiments.report.writer import report
 from iswarm_mj.experiments.runner import experiment, pool, search
 from iswarm_mj.experiments.runner.jobs import Outcome
-from iswarm_mj.experiments.runner.search_settings import Search
+from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.stage import recorded
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY

@@ -95,6 +95,11 @@ def stated(tests: Mapping[str, Test]) -> list[Statement]:
     return [Statement(**_WORDS[name], test=test) for name, test in tests.items()]
 
 
+def findings_on(statements: Sequence[Statement], study: str, results: Any) -> list[Finding]:
+    """Findings on the statements of a study."""
+    return [one.finding(results) for one in statements if one.study == study]
+
+
 def added(study: str, claim: str, test: Test) -> Statement:
     """Statement that the paper does not make, on a question that it does not study."""
     return Statement(study, claim, NOT_IN_PAPER, "not studied", PREDICTED, "", test)

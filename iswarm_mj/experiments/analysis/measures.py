@@ -18,6 +18,8 @@ PAPER_FITNESS = {"type1": 7771, "type2": 7766}
 """Of the fittest swarm of each type in Table 2, which is the best of the runs of the evolution."""
 BEST, CLEAN, SPARSEST = (0.1, 0.15), (0.1, 0.2), 0.05
 """Densities between which the paper found the best swarms, those that cleaned the arena, and the smallest it tried."""
+DENSE = float(np.nextafter(CLEAN[1], 1)), math.inf
+"""Those above that cleaned it."""
 
 
 def latest_finish(fitness: float, n_dust: int = 72) -> int:

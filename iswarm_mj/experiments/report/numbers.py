@@ -6,37 +6,24 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.experiments.analysis import measures as m
-from iswarm_mj.experiments.analysis.beyond_statements import changes
 from iswarm_mj.experiments.analysis.evolution import BEST, LAST, samples_of
 from iswarm_mj.experiments.analysis.findings import ALPHA, Rows, number, short
 from iswarm_mj.experiments.analysis.judge import EQUAL, Estimate
 from iswarm_mj.experiments.analysis.measures import by, finished, select, values
+from iswarm_mj.experiments.analysis.statements import changes
 from iswarm_mj.experiments.analysis.statistics import interval, ratio, trend
-from iswarm_mj.experiments.analysis.support import Combination, accepted, chances, counts_alone, more_alone
 from iswarm_mj.experiments.report.markdown import table
-from iswarm_mj.experiments.studies import infer
+from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+from iswarm_mj.experiments.studies.support import combinations_of, sample_of, supports
 from iswarm_mj.utils.arrays import Array
 
-GROUPS: dict[str, tuple[tuple[str, ...], tuple[m.Measure, ...]]] = {
-    "hop-count": (("use_hop_count",), m.MEASURES),
-    "density": (("density",), m.MEASURES),
-    "types": (("type",), (m.TIME, m.FITNESS, m.AGGREGATION)),
-    "robustness": (("fraction", "kind"), (m.TIME, m.DUST)),
-    "time-step": (("type", "rate"), (m.TIME, m.COLLISIONS, m.OVERLAP, m.STEP_TIME)),
-    "message-time": (("setting", "use_hop_count"), (m.TIME, m.DUST, m.COLLISIONS)),
-    "resolved-grasps": (
-        ("type", "relative_humidity", "grasp_voltage", "resolution"),
-        (m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK, m.BROKEN, m.LOST),
-    ),
-    "grasp": (("experiment", "relative_humidity"), (m.VOLTAGE,)),
-}
-"""Columns that tell the groups of an experiment apart, and the measures of which the table has the medians."""
+_TRIALS = (("experiment", "relative_humidity"), (m.VOLTAGE,))
 
 
 def grouped(name: str, rows: Rows) -> str:
     """A line for each group: how many of its runs reached the goal, and medians with their intervals."""
-    columns, measures = GROUPS[name]
-    trials = name == "grasp"
+    trials = name not in EXPERIMENTS
+    columns, measures = _TRIALS if trials else (EXPERIMENTS[name].columns, EXPERIMENTS[name].measures)
     lines = []
     for key, runs in by(select(rows, faulty=False) if trials else rows, *columns).items():
         reached = len(values(runs, m.VOLTAGE)) if trials else finished(runs)
@@ -83,46 +70,32 @@ def evolution(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> str:
 
 def readings(rows: Rows) -> str:
     """What combinations reproduce, and the support of each reading by those that miss the fewest statements."""
-    every = infer.combinations_of(rows)
-    sample = [one for one in every if one.reading is None]
-    counted = [_reproduced(f"all {len(sample)}", sample)]
-    counted.append(_reproduced(f"the {len(accepted(sample))} accepted", accepted(sample)))
-    counted += [_reproduced(f"reading `{one.reading}`", [one]) for one in every if one.is_named]
-    first = table(
+    every = combinations_of(rows)
+    sample, kept = sample_of(every)
+    groups = {f"all {len(sample)}": sample, f"the {len(kept)} accepted": kept}
+    groups |= {f"reading `{one.reading}`": [one] for one in every if one.is_named}
+    counted = []
+    for label, group in groups.items():
+        counts, others = [sum(one.answers) for one in group], [sum(one.held_out) for one in group]
+        most = f"; at most {max(counts)}, by {counts.count(max(counts))}" if len(group) > 1 else ""
+        single = short(interval([n for one in group for n in one.single]))
+        held_out = short(interval(others)) if len(group) > 1 else others[0]
+        counted.append([label, f"{np.median(counts):g}{most}", single, held_out])
+    head = ["combinations", f"statements that select reproduced, of {len(every[0].answers)}", "mean by single runs"]
+    first = table([*head, f"mean of the {len(every[0].held_out)} held out"], counted)
+    lines = [
         [
-            "combinations",
-            f"statements that select reproduced, of {len(every[0].answers)}",
-            "mean by single runs",
-            f"mean of the {len(every[0].held_out)} held out",
-        ],
-        counted,
-    )
-    kept, lines = accepted(sample), []
-    by_factor = chances(sample, kept, {name: list(levels) for name, levels in infer.FACTORS.items()})
-    for name, shares in infer.supported(sample).items():
-        counts = counts_alone(every, name, infer.DEFAULTS[name])
-        changes = more_alone(every, name, infer.DEFAULTS[name])
-        lines.append(
-            [
-                name.replace("_", " "),
-                "; ".join(f"{label}: {short(share, '%', 2)}" for label, share in shares.items()),
-                *(number(value, 2) for value in by_factor[name]),
-                "; ".join(f"{label}: {n}" for label, n in counts.items()),
-                "; ".join(f"{label}: {short(change)}" for label, change in changes.items()),
-            ]
-        )
+            name.replace("_", " "),
+            "; ".join(f"{label}: {short(share, '%', 2)}" for label, share in one.shares.items()),
+            *(number(value, 2) for value in (one.p, one.adjusted)),
+            "; ".join(f"{label}: {n}" for label, n in one.counts.items()),
+            "; ".join(f"{label}: {short(change)}" for label, change in one.more.items()),
+        ]
+        for name, one in supports(every).items()
+    ]
     head = ["reading", f"share of the {len(kept)} accepted of {len(sample)}", "p", "p by Holm"]
     alone = ["statements that select and `paper` reproduces with this value, the default first", "more by single runs"]
     return first + "\n\n" + table([*head, *alone], lines)
-
-
-def _reproduced(label: str, group: Sequence[Combination]) -> list[object]:
-    """How many statements combinations reproduce."""
-    counts = [sum(one.answers) for one in group]
-    most = f"; at most {max(counts)}, by {counts.count(max(counts))}" if len(group) > 1 else ""
-    held_out = interval([sum(one.held_out) for one in group]) if len(group) > 1 else None
-    others = short(held_out) if held_out else sum(group[0].held_out)
-    return [label, f"{np.median(counts):g}{most}", short(interval([n for one in group for n in one.single])), others]
 
 
 def engines(found: Mapping[str, Mapping[str, Rows]]) -> str:

@@ -29,7 +29,7 @@ from iswarm_mj.experiments.runner.experiment import Plan, run_experiment, settin
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import run_search
 from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
-from iswarm_mj.experiments.runner.search_settings import Search
+from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol

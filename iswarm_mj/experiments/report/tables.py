@@ -15,7 +15,7 @@ from typing import Any
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_COMPARABLE, NOT_IN_PAPER, UNDECIDED, Finding
 from iswarm_mj.experiments.analysis.statistics import LEVEL
 from iswarm_mj.experiments.report.markdown import table
-from iswarm_mj.experiments.report.numbers import GROUPS, engines, evolution, grouped, readings, sensitivity
+from iswarm_mj.experiments.report.numbers import engines, evolution, grouped, readings, sensitivity
 from iswarm_mj.experiments.report.results import (
     EVOLUTION,
     LAWS,
@@ -151,9 +151,8 @@ def _numbers(topic: Topic) -> str:
     with as_named(result.path):
         if topic.name == EVOLUTION:
             return evolution(searches_of(topic.results))
-        if topic.name in GROUPS:
-            return grouped(topic.name, result.rows)
-        return sensitivity(result.rows) if topic.name == "sensitivity" else readings(result.rows)
+        own = {"sensitivity": sensitivity, "infer": readings}
+        return own[topic.name](result.rows) if topic.name in own else grouped(topic.name, result.rows)
 
 
 def _verdicts(topics: Mapping[str, Topic]) -> str:

@@ -1,9 +1,12 @@
-"""The paper's "Evolutionary Strategy": how one generation of swarms follows from another. Pure.
+"""Methods of searching for a fit genome, one generation at a time: the paper's, and two for comparison. Pure.
 
-Source: Valdastri et al. (2006), section 4.6, which specifies: the best two pass unchanged; parents are drawn with
-probabilities proportional to their fitness; dependent mutation at a rate of 0.5 within +-0.05 of the parent's value;
-independent mutation at a rate of 0.05; crossover at a rate of 0.2, half of it intermediate, half taking each value from
-one parent or the other. Choices where it is silent:
+A search is a generator: it yields the individuals of a generation and is sent their fitness. Its random numbers depend
+on the seed and the generation only, so that the same fitness values lead to the same genomes when it is repeated.
+
+Source of the paper's "Evolutionary Strategy": Valdastri et al. (2006), section 4.6, which specifies: the best two pass
+unchanged; parents are drawn with probabilities proportional to their fitness; dependent mutation at a rate of 0.5
+within +-0.05 of the parent's value; independent mutation at a rate of 0.05; crossover at a rate of 0.2, half of it
+intermediate, half taking each value from one parent or the other. Choices where it is silent:
 
 - Crossover comes first, then dependent, then independent mutation; both kinds of mutation apply to each parameter
   independently. In a crossover that is not intermediate, each parameter comes from either parent with equal
@@ -19,9 +22,10 @@ one parent or the other. Choices where it is silent:
   came of the paper's evolution. All other parameters lie within 0 and 1, distances in units of the sensory radius.
 """
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
+from itertools import count
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -33,6 +37,8 @@ from iswarm_mj.utils.constraints import Above, Within, check, validate
 NAMES = [f.name for f in fields(Genome)]
 IS_BOOLEAN = np.array([f.type is bool for f in fields(Genome)])
 """(P,) which of the P parameters are Booleans; in vectors they are 0 or 1."""
+SIGMA = 0.3
+"""Standard deviation of CMA-ES at the start, as a share of the ranges."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +89,9 @@ class Individual(NamedTuple):
     """random, elite, mutation, intermediate (crossover), discrete (crossover), or the name of another method."""
     parents: tuple[int, ...] = ()
     """Their places in the generation before."""
+
+
+Proposals = Generator[list[Individual], Sequence[float], None]
 
 
 def to_vector(genome: Genome) -> Float[np.ndarray, "P"]:
@@ -164,3 +173,57 @@ def next_generation(
         return Individual(to_genome(mutate(operators, vector, rng)), origin, parents)
 
     return elite + [offspring() for _ in range(len(population) - len(elite))]
+
+
+def proposals(method: str, operators: Operators, population: int, seed: int) -> Proposals:
+    """Return the search of this name, with `population` genomes per generation; of random search fitness is ignored."""
+    return METHODS[method](operators, population, seed)
+
+
+def generator(seed: int, generation: int) -> np.random.Generator:
+    """Random numbers of a generation."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(generation,)))
+
+
+def _random(operators: Operators, size: int, seed: int) -> Proposals:
+    for generation in count():
+        yield random_population(operators, size, generator(seed, generation))
+
+
+def _paper(operators: Operators, size: int, seed: int) -> Proposals:
+    """The elite is evaluated again in each generation, with other random numbers.
+
+    This yields the paper's 1200 simulations in 120 generations of 10 swarms, and a swarm that was lucky once does not
+    stay at the top.
+    """
+    population = random_population(operators, size, generator(seed, 0))
+    for generation in count(1):
+        fitness = yield population
+        genomes = [individual.genome for individual in population]
+        population = next_generation(operators, genomes, fitness, generator(seed, generation))
+
+
+def _cmaes(operators: Operators, size: int, seed: int) -> Proposals:
+    """CMA-ES with margin (Hamano et al. 2022), of the `cmaes` package, from the middle of the ranges.
+
+    The search space is the unit cube, onto which the ranges are mapped; a Boolean is true above 0.5, and the margin
+    keeps both of its values possible. When the search has converged, it restarts at a random point.
+    """
+    from cmaes import CMAwM  # it imports scipy.stats, which takes long, and flags need this module
+
+    low, high = ranges(operators)
+    search = None
+    for generation in count():
+        if search is None or search.should_stop():
+            mean = np.full(len(low), 0.5) if search is None else generator(seed, generation).random(len(low))
+            number, bounds = int(generator(seed, generation).integers(2**31)), np.tile([0.0, 1.0], (len(low), 1))
+            with np.errstate(divide="ignore"):  # of two or three, one is learned from; its rank-mu update has no weight
+                search = CMAwM(mean, SIGMA, bounds, IS_BOOLEAN.astype(float), seed=number, population_size=size)
+        asked = [search.ask() for _ in range(size)]
+        values = [low + np.clip(x, 0.0, 1.0) * (high - low) for x, _ in asked]
+        fitness = yield [Individual(to_genome(np.clip(v, low, high)), "cmaes") for v in values]
+        search.tell([(point, -value) for (_, point), value in zip(asked, fitness, strict=True)])
+
+
+METHODS = {"paper": _paper, "random": _random, "cmaes": _cmaes}
+"""In the order in which their results stand."""

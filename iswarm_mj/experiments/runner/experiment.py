@@ -1,9 +1,9 @@
 """An experiment: labelled runs, and what follows from them. Finished runs are kept and not repeated."""
 
-import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,14 +11,14 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis.findings import Finding, Rows
+from iswarm_mj.experiments.analysis.measures import Measure
 from iswarm_mj.experiments.runner.jobs import Job, Outcome
-from iswarm_mj.experiments.runner.journal import Journal, Key
-from iswarm_mj.experiments.runner.limits import Seed
+from iswarm_mj.experiments.runner.journal import hashed, journal
 from iswarm_mj.experiments.runner.pool import Execution, progress, run_missing
+from iswarm_mj.experiments.runner.settings import Seed
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import validate
 from iswarm_mj.utils.files import remove
-from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.tables import write_csv, write_table
 
 RUNS, FINDINGS = "runs.sqlite", "findings.csv"
@@ -57,13 +57,13 @@ class Entry(NamedTuple):
 
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment: its runs, findings and figures."""
+    """An experiment: its runs, findings, figures and tables."""
 
     name: str
-    title: str
-    """What it does, in one line."""
     source: str
     """Figure of the paper, or that it is not in the paper."""
+    title: str
+    """What it does, in one line."""
     entries: Callable[[Plan], list[Entry]]
     findings: Callable[[Rows], list[Finding]]
     """Computed from the rows of its table; without rows, the findings say that it was not run."""
@@ -71,6 +71,10 @@ class Experiment:
     """Draws figures as PNG and SVG files with this path, without suffix."""
     extra: Callable[[Plan, Path, list[dict[str, Any]]], None] | None = None
     """Writes further files into its directory; may add columns to the rows."""
+    columns: tuple[str, ...] = ()
+    """That tell its groups apart in tables of medians."""
+    measures: tuple[Measure, ...] = ()
+    """Whose medians these tables have."""
 
     @property
     def table(self) -> str:
@@ -80,6 +84,18 @@ class Experiment:
     def draw(self, rows: Rows, out: Path) -> None:
         """Draw its figures into a directory."""
         self.figure(rows, (out / self.table).with_suffix(""))
+
+
+Values = Mapping[str, Any]
+"""Settings by names such as optics.mode."""
+
+
+def varied(config: SwarmConfig, values: Values) -> SwarmConfig:
+    """Configuration with these values; those of one part are changed at once, since they may depend on each other."""
+    parts = {}
+    for part, names in groupby(sorted(values), key=lambda name: name.partition(".")[0]):
+        parts[part] = replace(getattr(config, part), **{name.partition(".")[2]: values[name] for name in names})
+    return replace(config, **parts)
 
 
 def run_seed(seed: int, *place: int) -> int:
@@ -108,20 +124,19 @@ def run_experiment(
         SimulationFault: a run could not go on.
     """
     execution = execution or Execution()
-    with locked(out):
-        if again:
-            remove(out / RUNS)
-        entries = experiment.entries(plan)
-        outcomes = _outcomes(experiment.name, [entry.job for entry in entries], out, execution)
-        rows = [row_of(*pair) for pair in zip(entries, outcomes, strict=True)]
-        settings = settings_of(experiment, plan, execution)
+    entries = experiment.entries(plan)
+    keys = [hashed(json.dumps([execution.identity, asdict(e.job)], sort_keys=True)) for e in entries]
+    jobs = dict(zip(keys, (entry.job for entry in entries), strict=True))
+    with journal(out / RUNS, {"kind": "runs of experiments"}, again) as finished:
+        with progress(len(jobs), experiment.name, len(jobs.keys() & finished.entries.keys())) as bar:
+            outcomes = dict(zip(jobs, run_missing(jobs, finished, execution, bar), strict=True))
+        rows = [row_of(entry, outcomes[key]) for key, entry in zip(keys, entries, strict=True)]
         if experiment.extra is not None:
             experiment.extra(plan, out, rows)
         remove(out / FINDINGS)  # of an earlier table
-        write_table(out / experiment.table, rows, settings, csv=True)
+        write_table(out / experiment.table, rows, settings_of(experiment, plan, execution), csv=True)
         findings = experiment.findings(rows)
-        if findings:
-            write_csv(out / FINDINGS, [finding._asdict() for finding in findings])
+        write_csv(out / FINDINGS, [finding._asdict() for finding in findings])
         experiment.draw(rows, out)
         print(summary(findings, len(rows), out))
     return findings
@@ -153,21 +168,3 @@ def summary(findings: Sequence[Finding], n_runs: int, out: Path) -> str:
     for finding in findings:
         lines += ["", f"{finding.claim}: {finding.verdict or '-'}", f"    {finding.ours}", f"    {finding.statistics}"]
     return "\n".join([*lines, "", f"results in {out}"])
-
-
-def _outcomes(name: str, jobs: Sequence[Job], out: Path, execution: Execution) -> list[Outcome]:
-    """Outcomes of the jobs; those in the journal are not run again."""
-    keyed = {_key(job, execution): job for job in jobs}
-    with (
-        Journal(out / RUNS, {"kind": "runs of experiments"}) as journal,
-        progress(len(keyed), name, sum(key in journal.entries for key in keyed)) as bar,
-    ):
-        outcomes = run_missing(keyed, journal, execution, bar)
-    found = dict(zip(keyed, outcomes, strict=True))
-    return [found[_key(job, execution)] for job in jobs]
-
-
-def _key(job: Job, execution: Execution) -> Key:
-    """Number of a run, a hash of all that determines its outcome: the job, the engine and its implementation."""
-    text = json.dumps([execution.identity, asdict(job)], sort_keys=True).encode()
-    return (int(hashlib.sha256(text).hexdigest()[:13], 16),)

@@ -4,6 +4,7 @@ Each run is a transaction of its own, on disk before the next begins. All else f
 from the settings, genomes from the fitness of earlier ones.
 """
 
+import hashlib
 import json
 import sqlite3
 from collections.abc import Iterator, Mapping
@@ -14,7 +15,8 @@ from typing import Any
 
 from iswarm_mj import __version__
 from iswarm_mj.utils.errors import UserError, shown
-from iswarm_mj.utils.files import flat, write_error
+from iswarm_mj.utils.files import flat, remove, write_error
+from iswarm_mj.utils.lock import locked
 
 Key = tuple[int, ...]
 _HEAD = b"SQLite format 3\0"
@@ -27,11 +29,13 @@ def versions() -> dict[str, str]:
     return {"iswarm_mj": __version__, **{name: version(name) for name in ("mujoco", "jax", "numpy")}}
 
 
-class Journal:
-    """Finished runs by their keys; a context manager, to be used in a directory that is `locked`.
+def hashed(identity: str) -> Key:
+    """Key of a run from a text of all that determines its outcome."""
+    return (int(hashlib.sha256(identity.encode()).hexdigest()[:13], 16),)
 
-    Attributes:
-        entries: by their keys, as JSON has them.
+
+class Journal:
+    """Finished runs by their keys, in `entries`; used by `journal`.
 
     Args:
         path: of the file, which is created if it does not exist.
@@ -61,14 +65,6 @@ class Journal:
                 self._file.close()
                 raise
 
-    def __enter__(self) -> "Journal":
-        """Return the journal."""
-        return self
-
-    def __exit__(self, *_: Any) -> None:
-        """Close the file."""
-        self._file.close()
-
     def add(self, key: Key, entry: Any) -> None:
         """Add a finished run, which is on disk when this returns, in place of an earlier one with this key.
 
@@ -79,8 +75,11 @@ class Journal:
             self._file.execute(_INSERT, (json.dumps(key), json.dumps(entry, sort_keys=True)))
         self.entries[key] = entry
 
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
     def _compare(self, had: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-        """Raise a UserError unless the file was created with these settings and versions."""
         for what in wanted:
             was, now = dict(flat(had[what])), dict(flat(wanted[what]))
             names = [name for name in sorted(was.keys() | now.keys()) if was.get(name) != now.get(name)]
@@ -101,6 +100,16 @@ class Journal:
             raise UserError(
                 f"{self._path} is not a journal of iswarm, or damaged ({error}); begin again in another `out`"
             ) from None
+
+
+@contextmanager
+def journal(path: Path, settings: Mapping[str, Any], again: bool = False) -> Iterator[Journal]:
+    """Lock a directory, and open the journal in it, or begin it `again`; see `Journal` and `locked`."""
+    with locked(path.parent):
+        if again:
+            remove(path)
+        with closing(Journal(path, settings)) as opened:
+            yield opened
 
 
 def count(path: Path) -> int:

@@ -7,10 +7,9 @@ from typing import Any
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.experiments.runner.batches import run_batches
-from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes, Outcome, run_numbered
+from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes, Outcome, run_batches, run_numbered
 from iswarm_mj.experiments.runner.journal import Journal, Key
-from iswarm_mj.experiments.runner.limits import Workers
+from iswarm_mj.experiments.runner.settings import Workers
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.pool import Backend, unordered
 from iswarm_mj.utils.progress import Progress

@@ -13,15 +13,14 @@ from iswarm_mj.experiments.analysis.evolution import LAST, Best, best_of, by_rep
 from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.analysis.measures import by
 from iswarm_mj.experiments.analysis.plots_of_searches import draw_fitness
+from iswarm_mj.experiments.runner.evolution import Individual, proposals
 from iswarm_mj.experiments.runner.experiment import run_seed
 from iswarm_mj.experiments.runner.jobs import Job, Outcome
-from iswarm_mj.experiments.runner.journal import Journal, Key
-from iswarm_mj.experiments.runner.optimisers import Individual, proposals
+from iswarm_mj.experiments.runner.journal import Journal, Key, journal
 from iswarm_mj.experiments.runner.pool import Execution, progress, run_missing
-from iswarm_mj.experiments.runner.search_settings import Search
+from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.tasks.layout import robots_for
-from iswarm_mj.utils.files import atomic_write, remove, remove_parts
-from iswarm_mj.utils.lock import locked
+from iswarm_mj.utils.files import atomic_write, remove_parts
 from iswarm_mj.utils.tables import write_table
 
 AT_ONCE = 4096
@@ -65,15 +64,12 @@ def run_search(search: Search, out: Path, execution: Execution | None = None, ag
     """
     execution = execution or Execution()
     settings = settings_of(search, execution)
-    with locked(out):
-        if again:
-            remove(out / CHECKPOINT)
-        with Journal(out / CHECKPOINT, settings) as journal:
-            remove_parts(out, TABLE, BEST, "best-*.json", f"{FIGURE}.png", f"{FIGURE}.svg")
-            if execution.in_batches:  # a generation is run as a whole
-                known = Counter(key[0] for key in journal.entries)
-                journal.entries = {k: run for k, run in journal.entries.items() if known[k[0]] == search.n_runs}
-            rows = _rows(search, execution, journal, lambda rows: write_table(out / TABLE, rows, settings))
+    with journal(out / CHECKPOINT, settings, again) as finished:
+        remove_parts(out, TABLE, BEST, "best-*.json", f"{FIGURE}.png", f"{FIGURE}.svg")
+        if execution.in_batches:  # a generation is run as a whole
+            known = Counter(key[0] for key in finished.entries)
+            finished.entries = {k: run for k, run in finished.entries.items() if known[k[0]] == search.n_runs}
+        rows = _rows(search, execution, finished, lambda rows: write_table(out / TABLE, rows, settings))
         write_table(out / TABLE, rows, settings)
         best = {BEST: best_of(rows)}
         if search.replicates > 1:
@@ -86,7 +82,9 @@ def run_search(search: Search, out: Path, execution: Execution | None = None, ag
     return best[BEST]
 
 
-def _rows(search: Search, execution: Execution, journal: Journal, save: Callable[[Rows], None]) -> list[dict[str, Any]]:
+def _rows(
+    search: Search, execution: Execution, finished: Journal, save: Callable[[Rows], None]
+) -> list[dict[str, Any]]:
     """Rows of all runs, of which those are carried out that are not in the journal; `save` is called after each set."""
     rows: list[dict[str, Any]] = []
     seeds = [replicate_seed(search.seed, replicate) for replicate in range(search.replicates)]
@@ -95,20 +93,20 @@ def _rows(search: Search, execution: Execution, journal: Journal, save: Callable
     is_large = execution.in_batches and search.method == "random"  # the time of batches hardly grows with their worlds
     stride = max(1, AT_ONCE // search.n_runs) if is_large else 1
     every = range(search.generations)
-    with progress(search.generations * search.n_runs, done=len(journal.entries)) as bar:
+    with progress(search.generations * search.n_runs, done=len(finished.entries)) as bar:
         for generations in (every[first : first + stride] for first in every[::stride]):
             asked: dict[Key, tuple[Individual, Job]] = {}
             for generation in generations:
                 for replicate, (method, seed) in enumerate(zip(methods, seeds, strict=True)):
                     asked |= _jobs(search, generation, replicate, seed, method.send(fitness[replicate]))
-            known = len(journal.entries)
-            outcomes = run_missing({key: job for key, (_, job) in asked.items()}, journal, execution, bar)
+            known = len(finished.entries)
+            outcomes = run_missing({key: job for key, (_, job) in asked.items()}, finished, execution, bar)
             new = [_row(key, *asked[key], outcome) for key, outcome in zip(asked, outcomes, strict=True)]
             for (replicate, _), mine in by(new, "replicate", "generation").items():
                 fitness[replicate] = _evaluate(mine)
             rows += new
             bar.say(f"generation {generations[-1] + 1}, best {max(row['fitness'] for row in new):z.0f}")
-            if len(journal.entries) > known:
+            if len(finished.entries) > known:
                 save(rows)
     return rows
 

@@ -1,6 +1,5 @@
 """Runs with several values of their settings: a row of a table for each world. Finished runs are kept."""
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,14 +8,12 @@ import numpy as np
 
 from iswarm_mj.experiments.analysis.measures import by
 from iswarm_mj.experiments.runner.experiment import RUNS
-from iswarm_mj.experiments.runner.journal import Journal
+from iswarm_mj.experiments.runner.journal import hashed, journal
 from iswarm_mj.experiments.runner.pool import progress
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.output.results import result
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.tasks.measures import Measures
-from iswarm_mj.utils.files import remove
-from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.tables import aligned, write_table
 
 SWEEP = "sweep.parquet"
@@ -50,17 +47,14 @@ def sweep(variants: Sequence[Variant], out: Path, about: Mapping[str, Any], agai
     Raises:
         UserError: `out` cannot be written, is in use, or holds something else.
     """
-    keys = [(int(hashlib.sha256(one.identity.encode()).hexdigest()[:13], 16),) for one in variants]
-    with locked(out):
-        if again:
-            remove(out / RUNS)
-        with Journal(out / RUNS, {"kind": "sweep"}) as journal:
-            with progress(len(variants), "sweep", sum(key in journal.entries for key in keys)) as bar:
-                for key, one in zip(keys, variants, strict=True):
-                    if key not in journal.entries:
-                        journal.add(key, [list(row.items()) for row in _rows(one.make())])  # JSON keeps their order
-                        bar.update()
-            found = [(one.labels, row) for key, one in zip(keys, variants, strict=True) for row in journal.entries[key]]
+    keys = [hashed(one.identity) for one in variants]
+    with journal(out / RUNS, {"kind": "sweep"}, again) as finished:
+        with progress(len(variants), "sweep", sum(key in finished.entries for key in keys)) as bar:
+            for key, one in zip(keys, variants, strict=True):
+                if key not in finished.entries:
+                    finished.add(key, [list(row.items()) for row in _rows(one.make())])  # JSON keeps their order
+                    bar.update()
+        found = [(one.labels, row) for key, one in zip(keys, variants, strict=True) for row in finished.entries[key]]
         names = dict.fromkeys(name for _, row in found for name, _ in row)
         rows: list[Row] = [_merged(labels, {**dict.fromkeys(names), **dict(row)}) for labels, row in found]
         write_table(out / SWEEP, rows, about, csv=True)

@@ -18,8 +18,8 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.robot_file import check_total, files_of, read_robots
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.analysis.plots_of_searches import draw_learning
-from iswarm_mj.experiments.runner.journal import Journal
-from iswarm_mj.experiments.runner.training_plan import TrainingPlan
+from iswarm_mj.experiments.runner.journal import journal
+from iswarm_mj.experiments.runner.settings import TrainingPlan
 from iswarm_mj.simulation.strategies import to_json
 from iswarm_mj.strategy.network import MOST_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
@@ -31,7 +31,6 @@ from iswarm_mj.tasks.rewarded import REWARD, rewarded
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import remove, remove_parts
-from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.tables import write_csv
@@ -141,24 +140,21 @@ def train(
     aim = task if is_scored else rewarded(task)
     given = {"engine": engine, "task": aim, "robot_file": robot_file}
     with ExitStack() as stack:
-        stack.enter_context(locked(out))
-        if again:
-            remove(out / CHECKPOINT)
-        journal = stack.enter_context(Journal(out / CHECKPOINT, settings))
-        stack.callback(lambda: journal.entries or remove(out / CHECKPOINT))  # nothing was done
-        least = f"at least {len(journal.entries)}, which the training has"
-        check("generations", training.generations, least, training.generations >= len(journal.entries))
+        finished = stack.enter_context(journal(out / CHECKPOINT, settings, again))
+        stack.callback(lambda: finished.entries or remove(out / CHECKPOINT))  # nothing was done
+        least = f"at least {len(finished.entries)}, which the training has"
+        check("generations", training.generations, least, training.generations >= len(finished.entries))
         remove_parts(out, CURVE, WEIGHTS, f"{FIGURE}.png", f"{FIGURE}.svg")
         rows: list[dict[str, Any]] = []
         best, kept = -np.inf, search.mean.copy()
-        done, compiling = len(journal.entries), "preparing, and waiting for the first generation"
+        done, compiling = len(finished.entries), "preparing, and waiting for the first generation"
         bar = stack.enter_context(
             Progress(training.generations, "generation", done=min(done, training.generations), waiting=compiling)
         )
         for generation in range(training.generations):
             candidates = np.array([search.ask() for _ in range(training.population)])
-            is_new = (generation,) not in journal.entries
-            entry = {} if is_new else journal.entries[generation,]
+            is_new = (generation,) not in finished.entries
+            entry = {} if is_new else finished.entries[generation,]
             if is_new:
                 entry["candidates"] = tried(candidates, training.worlds, generation).tolist()
             found = np.array(entry["candidates"])
@@ -168,7 +164,7 @@ def train(
                 entry["mean"] = (
                     float(tried(search.mean[None], training.validation, VALIDATION)[0, 0]) if is_tenth else None
                 )
-                journal.add((generation,), entry)
+                finished.add((generation,), entry)
             score = -np.inf if entry["mean"] is None else entry["mean"]
             if score >= best:
                 best, kept = score, search.mean.copy()

@@ -12,9 +12,8 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.experiments.analysis.beyond_statements import drive_of
 from iswarm_mj.experiments.analysis.measures import select
-from iswarm_mj.experiments.analysis.statements import NEAR
+from iswarm_mj.experiments.analysis.statements import NEAR, drive_of
 from iswarm_mj.experiments.runner.experiment import Plan
 from iswarm_mj.output.plot_swarm import draw_swarm
 from iswarm_mj.output.saved import load

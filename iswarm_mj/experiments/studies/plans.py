@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import wraps
 from itertools import product
 from typing import Any
 
-from iswarm_mj.experiments.analysis.beyond_statements import (
+from iswarm_mj.experiments.analysis.measures import PAPER_FITNESS
+from iswarm_mj.experiments.analysis.statements import (
     BALANCE,
     DEFAULT,
     HUMIDITIES,
@@ -18,16 +18,11 @@ from iswarm_mj.experiments.analysis.beyond_statements import (
     drive_of,
     refusals,
 )
-from iswarm_mj.experiments.analysis.measures import PAPER_FITNESS, STEPS
-from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Plan, run_seed
+from iswarm_mj.experiments.runner.experiment import Entry, Plan, Values, run_seed, varied
 from iswarm_mj.experiments.runner.jobs import Job
-from iswarm_mj.experiments.runner.variation import Values, varied
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
 
-REPEATS = 12
-"""Runs of each setting; as many as the paper's of Fig. 15, and twice those of Fig. 17, whose intervals leave open which
-density is best."""
 DENSITIES = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4)
 """Robots per cell; the paper gives the ends."""
 FRACTIONS = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
@@ -44,11 +39,8 @@ MESSAGES: dict[str, Values] = {
 The paper tells no rate of its robots. Kilobots, robots of 33 mm, send at 8 MHz / 269 = 29.7 kbit/s (kilolib,
 message_send.S). With the default 8 slots, 427 bit/s leave no time to walk; the rates between are choices.
 """
-COMPARED, OTHERS = 96, 24
-"""Runs of each of the paper's types: their times scatter by a fifth, and 24 runs could not show that two are equal; and
-of other presets."""
-PAIRS = 24
-"""Runs of each setting of the studies on grasps and on the time step."""
+COMPARED = 96
+"""Runs of each of the paper's types: their times scatter by a fifth, and 24 runs could not show that two are equal."""
 OF_ATTEMPTS: Values = {"gripper.tool_error": 4e-6, "gripper.grasp_time": 1.0, "gripper.release_time": 1.0}
 """Of attempts, beside the calibrated spread of adhesion. A robot stays for a control step at a ball that it lifts or
 releases, a choice, the paper tells none [s]."""
@@ -116,63 +108,48 @@ Setting = tuple[Mapping[str, Any], tuple[int, ...], Mapping[str, Any]]
 """Labels, place of the seeds, and what differs from the plan of a run."""
 
 
-ENTRIES: dict[str, Callable[[Plan], list[Entry]]] = {}
-"""Runs of each study by its name."""
+Settings = Callable[[Plan], Iterator[Setting]]
 
 
-def _study(name: str, repeats: int, few: int = 3, steps: int = 300, limit: int = TIME_LIMIT) -> Callable:
-    """Decorate what yields the settings of a study: it returns the runs, and is one of `ENTRIES`.
-
-    Arguments of `Job` follow from the plan unless a setting says otherwise.
+def entries(settings: Settings, repeats: int, few: int, steps: int, limit: int, plan: Plan) -> list[Entry]:
+    """Return the runs of a study; arguments of `Job` follow from the plan unless a setting says otherwise.
 
     Args:
-        name: of the study.
+        settings: one of the functions below.
         repeats: runs of each setting.
         few: the same of the quick version.
         steps: of a run of the quick version at most.
         limit: of others.
+        plan: of the experiment.
     """
-
-    def decorated(study: Callable[[Plan], Iterator[Setting]]) -> Callable[[Plan], list[Entry]]:
-        @wraps(study)
-        def entries(plan: Plan) -> list[Entry]:
-            listed = []
-            for labels, place, own in study(plan):
-                config, genome = own.get("config", plan.config), own.get("genome", plan.genome)
-                density = own.get("density", genome.density_of_robots)
-                n_robots = own.get("n_robots", robots_for(plan.config.arena, density))
-                goal, failed = own.get("goal", plan.goal), own.get("failed", 0.0)
-                for repeat in range(few if plan.quick else own.get("repeats", repeats)):
-                    seed, most = run_seed(plan.seed, *place, repeat), steps if plan.quick else limit
-                    job = Job(config, genome, n_robots, seed, most, goal, failed)
-                    listed.append(Entry({**labels, "repeat": repeat}, job))
-            return listed
-
-        ENTRIES[name] = entries
-        return entries
-
-    return decorated
+    listed = []
+    for labels, place, own in settings(plan):
+        config, genome = own.get("config", plan.config), own.get("genome", plan.genome)
+        density = own.get("density", genome.density_of_robots)
+        n_robots = own.get("n_robots", robots_for(plan.config.arena, density))
+        goal, failed = own.get("goal", plan.goal), own.get("failed", 0.0)
+        for repeat in range(few if plan.quick else own.get("repeats", repeats)):
+            seed, most = run_seed(plan.seed, *place, repeat), steps if plan.quick else limit
+            listed.append(Entry({**labels, "repeat": repeat}, Job(config, genome, n_robots, seed, most, goal, failed)))
+    return listed
 
 
 def _hop_counts(genome: Genome) -> list[tuple[bool, Genome]]:
     return [(flag, replace(genome, use_hop_count=flag)) for flag in (True, False)]
 
 
-@_study("hop-count", REPEATS)
 def hop_count(plan: Plan) -> Iterator[Setting]:
     """Runs with and without hop counts."""
     for flag, genome in _hop_counts(plan.genome):
         yield {"use_hop_count": flag}, (int(flag),), {"genome": genome}
 
 
-@_study("density", REPEATS, few=2)
 def density(plan: Plan) -> Iterator[Setting]:
     """Runs of all densities."""
     for d in (0.05, 0.1, 0.2, 0.4) if plan.quick else DENSITIES:
         yield {"density": d}, (round(1000 * d),), {"density": d}
 
 
-@_study("types", OTHERS, steps=200, limit=STEPS)
 def types(plan: Plan) -> Iterator[Setting]:
     """Runs of all presets, each at its own density, until all balls are delivered."""
     for place, (name, genome) in enumerate(PRESETS.items()):
@@ -180,7 +157,6 @@ def types(plan: Plan) -> Iterator[Setting]:
         yield {"type": name}, (place,), {"genome": genome, "goal": None, **repeats}
 
 
-@_study("sensitivity", 10)
 def sensitivity(plan: Plan) -> Iterator[Setting]:
     """Runs of the default and of each choice; the number of robots is that of the default."""
     varieties = [({"group": DEFAULT, "choice": DEFAULT, "value": ""}, plan.config)]
@@ -194,7 +170,6 @@ def sensitivity(plan: Plan) -> Iterator[Setting]:
         yield labels, (n,), {"config": config}
 
 
-@_study("robustness", REPEATS)
 def robustness(plan: Plan) -> Iterator[Setting]:
     """Runs with shares of the robots dead, and with the same shares left out."""
     n_robots = robots_for(plan.config.arena, plan.genome.density_of_robots)
@@ -206,7 +181,6 @@ def robustness(plan: Plan) -> Iterator[Setting]:
         yield {"kind": "absent", "fraction": f}, (0, round(1000 * f)), left
 
 
-@_study("time-step", PAIRS)
 def time_step(plan: Plan) -> Iterator[Setting]:
     """Runs of both types with all numbers of physics steps that the drive allows."""
     refused = refusals(plan.config.drive)
@@ -217,7 +191,6 @@ def time_step(plan: Plan) -> Iterator[Setting]:
                 yield {"type": name, "rate": rate}, (place, rate), {"config": config, "genome": PRESETS[name]}
 
 
-@_study("message-time", REPEATS)
 def message_time(plan: Plan) -> Iterator[Setting]:
     """Runs with and without hop counts where robots stop to emit and disturb each other, at several baud rates."""
     for name, own in MESSAGES.items():
@@ -227,7 +200,6 @@ def message_time(plan: Plan) -> Iterator[Setting]:
             yield labels, (number, int(flag)), {"config": config, "genome": genome}
 
 
-@_study("resolved-grasps", PAIRS, few=2, steps=100)
 def resolved_grasps(plan: Plan) -> Iterator[Setting]:
     """Pairs of runs of both types with the same seed: grasps are trials on the bench, or decided by the balance of the
     forces; at all humidities and voltages of the tool."""
