@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from iswarm_mj.experiments.report.results import findings_files
 from iswarm_mj.experiments.report.tables import Tables, filled
 from iswarm_mj.experiments.runner.experiment import FINDINGS
 from iswarm_mj.strategy.genome import Genome
@@ -27,7 +26,8 @@ def tables():
     "results", ["results", *(f"results-{name}" for name in ("initial", "mujoco", "cells", "stops", "selected"))]
 )
 def test_findings_are_what_the_code_says_of_the_tables(tmp_path, results, tables):
-    files = findings_files(tables.topics(results).values())
+    made = [topic for topic in tables.topics(results) if topic.results]
+    files = {topic.results[0].path.with_name(FINDINGS): topic.findings for topic in made}
     assert files and set(files) == set((ROOT / results).rglob(FINDINGS))
     for path, findings in files.items():
         write_csv(tmp_path / FINDINGS, [finding._asdict() for finding in findings])

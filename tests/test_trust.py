@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import iswarm_mj
-from iswarm_mj.experiments.report.markdown import text
+from iswarm_mj.experiments.report.numbers import text
 
 ROOT = Path(iswarm_mj.__file__).parent
 FORBIDDEN_MODULES = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "yaml"}

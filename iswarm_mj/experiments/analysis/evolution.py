@@ -4,10 +4,10 @@ The runs of a search share ancestors, so that they are no independent samples of
 other seeds are.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -160,9 +160,6 @@ def mean_of(rows: Rows, value: Callable[[Row], float], least: int = GROUP) -> fl
     return float(np.mean([value(row) for row in rows])) if len(rows) >= least else None
 
 
-def samples_of(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> dict[str, Evolutions]:
-    """Replicates by method, from rows and settings of the tables."""
-    return {
-        method: [Evolution(mine, settings["config"]["arena"]["n_dust"]) for mine in by_replicate(rows)]
-        for method, (rows, settings) in searches.items()
-    }
+def evolutions(rows: Rows, n_dust: int) -> Evolutions:
+    """The replicates of a search."""
+    return [Evolution(mine, n_dust) for mine in by_replicate(rows)]

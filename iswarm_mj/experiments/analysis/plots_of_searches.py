@@ -1,13 +1,11 @@
 """Figures of searches in the form of the paper's Fig. 14, with all replicates; of learning."""
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from iswarm_mj.experiments.analysis.evolution import FITTEST, PLATEAU, Evolution, by_replicate, samples_of
+from iswarm_mj.experiments.analysis.evolution import FITTEST, PLATEAU, Evolutions, evolutions
 from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.analysis.plots import BLUE, ORANGE, TESTS
 from iswarm_mj.output.plot_style import figure
@@ -22,7 +20,7 @@ def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
         n_dust: balls in the arena; swarms that do not deliver all get 40 n - 20 points at most, the dashed line.
         path: of the files, without suffix.
     """
-    found = [Evolution(mine, n_dust) for mine in by_replicate(rows)]
+    found = evolutions(rows, n_dust)
     one = found[0]
     caption = (
         f"n = {len(found)} searches, each of {len(one.bests)} generations of {len(one.rows) // len(one.bests)} runs. "
@@ -45,14 +43,14 @@ def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8)
 
 
-def draw_trade(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]], path: Path) -> None:
+def draw_trade(paper: Evolutions, path: Path) -> None:
     """Draw Fig. 14(b), scouts and forgetting of the fittest, with a line per replicate of the paper's evolution.
 
     Args:
-        searches: by method, rows and settings of their tables.
+        paper: its replicates; none, or too short ones, draw nothing.
         path: of the files, without suffix.
     """
-    tops = [one.top for one in samples_of(searches).get("paper", []) if one.top]
+    tops = [one.top for one in paper if one.top]
     if not tops:
         return
     caption = (

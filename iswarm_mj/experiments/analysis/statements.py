@@ -63,8 +63,8 @@ def _compared(
     statistic: Statistic = np.median,
     **at: object,
 ) -> Test:
-    """A test that runs with the first value of a column, and these of others, have more of a measure than those with the
-    second; that they are `better`; or, with a margin, that they are equal."""
+    """A test that runs with the first value of a column have more of a measure than those with the second, `at` values of
+    other columns; that they are `better`; or, with a margin, that they are equal."""
 
     def test(rows: Rows) -> Judged | None:
         groups = (select(rows, **at, **{column: value}) for value in (first, second))

@@ -1,23 +1,35 @@
 """Markdown tables of the numbers in results: medians and intervals of each group of runs."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from iswarm_mj.experiments.analysis import measures as m
-from iswarm_mj.experiments.analysis.evolution import BEST, LAST, samples_of
+from iswarm_mj.experiments.analysis.evolution import BEST, LAST, Evolutions
 from iswarm_mj.experiments.analysis.findings import ALPHA, Rows, number, short
 from iswarm_mj.experiments.analysis.judge import EQUAL, Estimate
 from iswarm_mj.experiments.analysis.measures import by, finished, select, values
 from iswarm_mj.experiments.analysis.statements import changes
 from iswarm_mj.experiments.analysis.statistics import interval, ratio, trend
-from iswarm_mj.experiments.report.markdown import table
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.experiments.studies.support import combinations_of, sample_of, supports
 from iswarm_mj.utils.arrays import Array
 
 _TRIALS = (("experiment", "relative_humidity"), (m.VOLTAGE,))
+
+
+def text(value: object) -> str:
+    """A value in one line of a page or a cell of a table; tags, links and pictures in it are shown as text."""
+    line = re.sub(r"<(?=[A-Za-z/!?])", "&lt;", " ".join(str(value).split())).replace("](", "]\\(")
+    return re.sub(r"(?<!\\)\|", r"\\|", line)
+
+
+def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(text(cell) for cell in line) + " |" for line in lines)
 
 
 def grouped(name: str, rows: Rows) -> str:
@@ -53,17 +65,14 @@ def sensitivity(rows: Rows) -> str:
     return table(head, lines)
 
 
-def evolution(searches: Mapping[str, tuple[Rows, Mapping[str, Any]]]) -> str:
+def evolution(samples: Mapping[str, Evolutions]) -> str:
     """What the searches by each method found: medians over their replicates."""
     lines = []
-    for method, found in samples_of(searches).items():
-        rows = searches[method][0]
-        told = [
-            short(interval([getattr(one, name) for one in found], np.median), digits=4)
-            for name in ("final", "best_runs")
-        ]
-        clean = sum(len(one.good) for one in found)
-        lines.append([method, len(found), len(rows), clean, *told, f"{max(row['fitness'] for row in rows):.0f}"])
+    for method, found in samples.items():
+        medians = (interval([getattr(one, name) for one in found], np.median) for name in ("final", "best_runs"))
+        runs, clean = sum(len(one.rows) for one in found), sum(len(one.good) for one in found)
+        best = max(one.bests.max() for one in found)
+        lines.append([method, len(found), runs, clean, *(short(each, digits=4) for each in medians), f"{best:.0f}"])
     head = ["method", "replicates", "runs", "deliver all", f"mean fitness, last {LAST} generations"]
     return table([*head, f"best {BEST} runs", "best run"], lines)
 

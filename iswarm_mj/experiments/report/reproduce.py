@@ -12,20 +12,11 @@ from iswarm_mj import __version__
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.experiments.analysis.bench_statements import TRANSPORT
-from iswarm_mj.experiments.report.results import (
-    GRASP,
-    METHODS,
-    SEARCH,
-    SEARCHES,
-    TRIALS,
-    collect,
-    findings_files,
-    topics_of,
-)
+from iswarm_mj.experiments.report.results import GRASP, SEARCH, TRIALS, collect, topics_of
 from iswarm_mj.experiments.report.tables import Tables, new_texts
 from iswarm_mj.experiments.report.writer import report
-from iswarm_mj.experiments.runner.evolution import Operators
-from iswarm_mj.experiments.runner.experiment import Plan, run_experiment, settings_of
+from iswarm_mj.experiments.runner.evolution import METHODS, Operators
+from iswarm_mj.experiments.runner.experiment import FINDINGS, Plan, run_experiment, settings_of
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import run_search
 from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
@@ -116,17 +107,14 @@ def parts_of(plan: Plan, execution: Execution, replicates: int, repeats: int, on
         contacts=Contacts(rolling=50e-9),
     )
     found = [Part(GRASP, TRIALS, trials.metadata(), lambda out, again: run_grasp(trials, out, record=()))]
+    planar = replace(execution, engine=replace(PlanarSettings.usual(), refinement=1))
     for name, each in EXPERIMENTS.items():
-        planar = replace(PlanarSettings.usual(), refinement=1)
-        own = replace(execution, engine=planar) if name in OWN_ENGINE else execution
-        found.append(
-            Part(name, each.table, settings_of(each, plan, own), partial(run_experiment, each, plan, execution=own))
-        )
-    for name, method in zip(SEARCHES, METHODS, strict=True):
-        one = replace(search, method=method)
-        found.append(
-            Part(name, SEARCH, settings_of_search(one, execution), partial(run_search, one, execution=execution))
-        )
+        own = planar if name in OWN_ENGINE else execution
+        make = partial(run_experiment, each, plan, execution=own)
+        found.append(Part(name, each.table, settings_of(each, plan, own), make))
+    for one in (replace(search, method=method) for method in METHODS):
+        make = partial(run_search, one, execution=execution)
+        found.append(Part(f"evolve-{one.method}", SEARCH, settings_of_search(one, execution), make))
     check("only", " ".join(only), " or ".join(part.name for part in found), {*only} <= {part.name for part in found})
     return [part for part in found if not only or part.name in only]
 
@@ -173,8 +161,10 @@ def rewrite(results: Path, pages: Sequence[Path]) -> None:
     """
     topics, texts = topics_of(collect([results])), new_texts(pages, Tables().content)
     with locked(results):
-        for path, findings in findings_files(topics).items():
-            write_csv(path, [finding._asdict() for finding in findings])
+        for topic in topics:
+            if topic.results:  # of the evolution beside its first table
+                path = topic.results[0].path.with_name(FINDINGS)
+                write_csv(path, [finding._asdict() for finding in topic.findings])
     for path, text in texts.items():
         with atomic_write(path) as part:
             part.write_text(text, encoding="utf-8")

@@ -2,27 +2,25 @@
 
 import csv
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from iswarm_mj.experiments.analysis import bench_statements, evolution_statements
-from iswarm_mj.experiments.analysis.evolution import samples_of
-from iswarm_mj.experiments.analysis.findings import KINDS, Finding, Rows
+from iswarm_mj.experiments.analysis.evolution import evolutions
+from iswarm_mj.experiments.analysis.findings import KINDS, Finding, Rows, findings_on
 from iswarm_mj.experiments.analysis.plots_of_searches import draw_fitness
-from iswarm_mj.experiments.runner.experiment import FINDINGS
+from iswarm_mj.experiments.runner.evolution import METHODS
 from iswarm_mj.experiments.runner.search import FIGURE
 from iswarm_mj.experiments.runner.search import TABLE as SEARCH
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.plot_trials import draw_figures
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.tables import read_table
+from iswarm_mj.workflows.grasp import TABLE as TRIALS
 
-TRIALS = "trials.parquet"
-METHODS = ("paper", "random", "cmaes")
-"""Of searches, in the order in which they stand."""
 LAWS, GRASP, EVOLUTION = "laws", "grasp", "evolution"
 _TABLE = files("iswarm_mj.experiments.report").joinpath("topics.csv").read_text(encoding="utf-8")
 TOPICS = {row["topic"]: row for row in csv.DictReader(_TABLE.splitlines())}
@@ -51,14 +49,6 @@ class Result(NamedTuple):
                 EXPERIMENTS[self.name].draw(self.rows, out)
 
 
-class Picture(NamedTuple):
-    """A figure of ours."""
-
-    name: str
-    content: str
-    """As a data URI."""
-
-
 class Topic(NamedTuple):
     """A part of the statements."""
 
@@ -67,10 +57,12 @@ class Topic(NamedTuple):
     findings: Sequence[Finding]
     results: Sequence[Result]
     """Tables that the findings are based on; none if they were not made, or are not needed."""
+    data: Any = None
+    """What they are judged by: rows; of evolutions, samples by methods."""
     paper: str = ""
     """What the paper says of its figure; empty without one."""
-    pictures: Sequence[Picture] = ()
-    """Drawn of the tables, on the page of a report."""
+    pictures: Sequence[Mapping[str, str]] = ()
+    """Names and contents of drawings of the tables, on the page of a report."""
 
 
 @contextmanager
@@ -124,31 +116,25 @@ def _name(path: Path, settings: Mapping[str, Any]) -> str | None:
     return name if name in EXPERIMENTS and path.name == EXPERIMENTS[name].table else None
 
 
-def searches_of(results: Sequence[Result]) -> dict[str, tuple[Rows, Mapping[str, Any]]]:
-    """Rows and settings of searches by their methods."""
-    return {result.settings["method"]: (result.rows, result.settings) for result in results}
-
-
-def findings_on(topic: str, results: Any) -> Sequence[Finding]:
-    """Findings on a topic from rows, of evolutions from samples; without results, that they were not made."""
-    if topic in EXPERIMENTS:
-        return EXPERIMENTS[topic].findings(results or [])
-    statements = [*bench_statements.STATEMENTS, *evolution_statements.STATEMENTS]
-    return [statement.finding(results or topic == LAWS) for statement in statements if statement.study == topic]
-
-
 def topics_of(results: Mapping[str, Result]) -> list[Topic]:
     """All topics with their findings.
 
     Raises:
         UserError: a table holds something else than its name says.
     """
-    listed = []
+    listed, others = [], [*bench_statements.STATEMENTS, *evolution_statements.STATEMENTS]
     for name, words in TOPICS.items():
         mine = [results[part] for part in (SEARCHES if name == EVOLUTION else (name,)) if part in results]
         with as_named(mine[0].path if mine else Path()):
-            made = samples_of(searches_of(mine)) if name == EVOLUTION else mine[0].rows if mine else None
-            listed.append(Topic(name, words["title"], findings_on(name, made), mine, words["paper"]))
+            data: Any = mine[0].rows if mine else []
+            if name == EVOLUTION:
+                data = {
+                    one.settings["method"]: evolutions(one.rows, one.settings["config"]["arena"]["n_dust"])
+                    for one in mine
+                }
+            judge = EXPERIMENTS[name].findings if name in EXPERIMENTS else None
+            found = judge(data) if judge else findings_on(others, name, data or name == LAWS)
+            listed.append(Topic(name, words["title"], found, mine, data, words["paper"]))
     return listed
 
 
@@ -158,8 +144,3 @@ def tally(findings: Sequence[Finding]) -> tuple[list[str], dict[str, list[int]]]
     kinds = [kind for kind in KINDS if any(kind == other for _, other in counts)]
     verdicts = dict.fromkeys(finding.verdict for finding in findings)
     return kinds, {verdict: [counts[verdict, kind] for kind in kinds] for verdict in verdicts}
-
-
-def findings_files(topics: Iterable[Topic]) -> dict[Path, Sequence[Finding]]:
-    """Findings by the files beside the tables that they are based on, for the evolution beside its first table."""
-    return {topic.results[0].path.with_name(FINDINGS): topic.findings for topic in topics if topic.results}

@@ -8,25 +8,13 @@ has the results of two directories, such as those of two configurations. A block
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
 
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_COMPARABLE, NOT_IN_PAPER, UNDECIDED, Finding
 from iswarm_mj.experiments.analysis.statistics import LEVEL
-from iswarm_mj.experiments.report.markdown import table
-from iswarm_mj.experiments.report.numbers import engines, evolution, grouped, readings, sensitivity
-from iswarm_mj.experiments.report.results import (
-    EVOLUTION,
-    LAWS,
-    TOPICS,
-    Topic,
-    as_named,
-    collect,
-    searches_of,
-    tally,
-    topics_of,
-)
+from iswarm_mj.experiments.report.numbers import engines, evolution, grouped, readings, sensitivity, table
+from iswarm_mj.experiments.report.results import EVOLUTION, LAWS, TOPICS, Topic, as_named, collect, tally, topics_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import read_text
 
@@ -35,9 +23,9 @@ _BLOCK = re.compile(
     r"((?:(?!^<!-- results).)*?)(^<!-- end -->$)",
     re.MULTILINE | re.DOTALL,
 )
-SUMMARY, STATEMENTS, ENGINES, MISSES = "summary", "statements", "engines", "misses"
-OF_ALL = (SUMMARY, STATEMENTS, MISSES)
+OF_ALL = ("summary", "statements", "misses")
 """Blocks on all topics."""
+NAMES = (*TOPICS, *OF_ALL, "engines")
 Topics = Sequence[Topic]
 Fill = Callable[[str, str, str | None], str | None]
 """Content of a block from its directory, its name, and the other directory if it has one; None leaves it as it is."""
@@ -65,94 +53,90 @@ def filled(text: str, fill: Fill) -> str:
 
 
 class Tables:
-    """Contents of blocks, by the directories of results; what was read is kept.
+    """Contents of blocks from the directories of results below a root; what was read is kept.
 
     Attributes:
-        topics: by their names, of a directory.
-
-    Args:
-        root: directory that the blocks' directories are relative to.
+        topics: of a directory.
     """
 
     def __init__(self, root: Path = Path()):
         self._root = root
-        self.topics = cache(lambda directory: {topic.name: topic for topic in topics_of(collect([root / directory]))})
+        self.topics = cache(lambda directory: topics_of(collect([root / directory])))
 
     def content(self, directory: str, name: str, beside: str | None = None) -> str | None:
         """Content of the block of this name from the results in a directory; None if there are none.
 
         Args:
             directory: of results.
-            name: a topic, `ENGINES` or one of `OF_ALL`.
+            name: one of `NAMES`.
             beside: another directory, whose results stand beside the first's; of engines it must be given.
 
         Raises:
             UserError: there is no such block.
         """
-        if name not in (names := [*TOPICS, *OF_ALL, ENGINES]):
-            raise UserError(f"The block was {name!r}; there are {', '.join(names)}: choose one of these.")
+        if name not in NAMES:
+            raise UserError(f"The block was {name!r}; there are {', '.join(NAMES)}: choose one of these.")
         places = [place for place in (directory, beside) if place]
         found = {place: self._named(place, name) for place in places if (self._root / place).is_dir()}
         if len(found) < len(places) or not all(found.values()):
             return None
-        if name == ENGINES:
-            return engines({place: {t.name: t.results[0].rows for t in topics} for place, topics in found.items()})
-        if name in (SUMMARY, MISSES):
-            shown = _summary if name == SUMMARY else _misses
-            texts = {place: shown([f for topic in topics for f in topic.findings]) for place, topics in found.items()}
-            if name == SUMMARY:
-                texts = {place: f"{text}\n\n{self._together(place)}" for place, text in texts.items()}
-            return _each(texts, str)
-        if name == STATEMENTS:
-            texts = []
-            for title in dict.fromkeys(topic.title for topics in found.values() for topic in topics):
-                same = {place: topic for place, topics in found.items() for topic in topics if topic.title == title}
-                texts.append(f"### {title}\n\n{_each(same, _statements)}")
-            return "\n\n".join(texts)
+        match name:
+            case "engines":
+                return engines({place: {t.name: t.results[0].rows for t in topics} for place, topics in found.items()})
+            case "summary":
+                return _each(
+                    {place: f"{_summary(topics)}\n\n{self._together(topics)}" for place, topics in found.items()}
+                )
+            case "misses":
+                return _each({place: _misses(topics) for place, topics in found.items()})
+            case "statements":
+                titles = dict.fromkeys(topic.title for topics in found.values() for topic in topics)
+                shown = {
+                    title: {place: _statements(t) for place, ts in found.items() for t in ts if t.title == title}
+                    for title in titles
+                }
+                return "\n\n".join(f"### {title}\n\n{_each(texts)}" for title, texts in shown.items())
         topics = {place: topic for place, (topic,) in found.items()}
-        return "\n\n".join(filter(None, [_each(topics, _numbers), _verdicts(topics)]))
+        numbers = _each({place: _numbers(topic) for place, topic in topics.items()})
+        return "\n\n".join(filter(None, [numbers, _verdicts(topics)]))
 
-    def _together(self, directory: str) -> str:
+    def _named(self, directory: str, name: str) -> Topics:
+        """Topics that a block is on, none if one of them lacks results; of `OF_ALL` those with results."""
+        made = {topic.name: topic for topic in self.topics(directory) if topic.results or topic.name == LAWS}
+        wanted = [*made] if name in OF_ALL else ["hop-count", "density"] if name == "engines" else [name]
+        return [topic for each, topic in made.items() if each in wanted] if made.keys() >= {*wanted} else []
+
+    @staticmethod
+    def _together(topics: Topics) -> str:
         """Which verdicts on results stay when the intervals are so wide that all together err in 5 % (Bonferroni)."""
-        found = [f for topic in self.topics(directory).values() if topic.results for f in topic.findings]
-        judged = [f for f in found if f.verdict in (HOLDS, FAILS, UNDECIDED)]
+        results = {result.name: result for topic in topics for result in topic.results}
+        judged = [
+            f for topic in topics if topic.results for f in topic.findings if f.verdict in (HOLDS, FAILS, UNDECIDED)
+        ]
         level = 1 - (1 - LEVEL.get()) / len(judged)
         token = LEVEL.set(level)
-        after = {f.claim: f.verdict for t in topics_of(collect([self._root / directory])) for f in t.findings}
+        after = {f.claim: f.verdict for topic in topics_of(results) for f in topic.findings}
         LEVEL.reset(token)
         decided = [f for f in judged if f.verdict != UNDECIDED]
         lost = [f for f in decided if after[f.claim] != f.verdict]
         own = "; ".join(f.claim for f in lost if f.source != NOT_IN_PAPER) or "none"
-        kept = f"{len(decided) - len(lost)} of the {len(decided)} decided ones stay"
         return (
             f"Family-wise: with intervals at {100 * level:.2f} %, by Bonferroni for these {len(judged)} verdicts on "
-            f"runs and trials, {kept}. Of the paper's statements these become undecided: {own}."
+            f"runs and trials, {len(decided) - len(lost)} of the {len(decided)} decided ones stay. Of the paper's "
+            f"statements these become undecided: {own}."
         )
 
-    def _named(self, directory: str, name: str) -> Topics:
-        """Topics that a block is on, none if one of them lacks results; of `OF_ALL` those with results."""
-        topics = self.topics(directory)
-        made = {each for each, topic in topics.items() if topic.results or each == LAWS}
-        wanted = made if name in OF_ALL else {"hop-count", "density"} if name == ENGINES else {name}
-        return [topic for each, topic in topics.items() if each in wanted] if wanted <= made else []
 
-
-def _each(found: Mapping[str, Any], shown: Callable[[Any], str]) -> str:
-    """What is shown of each directory, under its name if there are several."""
-    texts = {place: shown(each) for place, each in found.items()}
+def _each(texts: Mapping[str, str]) -> str:
+    """Texts of directories, under their names if there are several."""
     return "\n\n".join(f"`{place}`:\n\n{text}" if len(texts) > 1 and text else text for place, text in texts.items())
 
 
 def _numbers(topic: Topic) -> str:
     """The table of a topic's numbers; empty if it has none."""
-    if topic.name == LAWS:
-        return ""
-    result = topic.results[0]
-    with as_named(result.path):
-        if topic.name == EVOLUTION:
-            return evolution(searches_of(topic.results))
-        own = {"sensitivity": sensitivity, "infer": readings}
-        return own[topic.name](result.rows) if topic.name in own else grouped(topic.name, result.rows)
+    shown = {LAWS: lambda _: "", EVOLUTION: evolution, "sensitivity": sensitivity, "infer": readings}
+    with as_named(topic.results[0].path if topic.results else Path()):
+        return shown.get(topic.name, partial(grouped, topic.name))(topic.data)
 
 
 def _verdicts(topics: Mapping[str, Topic]) -> str:
@@ -163,14 +147,8 @@ def _verdicts(topics: Mapping[str, Topic]) -> str:
     several, first = len(topics) > 1, next(iter(topics.values())).findings
     judged = [{f.claim: f.verdict or "not judged" for f in topic.findings} for topic in topics.values()]
     head = ["statement", "the paper", *(f"verdict, `{place}`" if several else "verdict" for place in topics), "kind"]
-    return table(
-        head,
-        [
-            [f.claim, f.paper, *(each.get(f.claim, "") for each in judged), f.kind]
-            for f in first
-            if f.verdict or f.kind != NOT_COMPARABLE
-        ],
-    )
+    shown = [f for f in first if f.verdict or f.kind != NOT_COMPARABLE]
+    return table(head, [[f.claim, f.paper, *(each.get(f.claim, "") for each in judged), f.kind] for f in shown])
 
 
 def _statements(topic: Topic) -> str:
@@ -179,8 +157,13 @@ def _statements(topic: Topic) -> str:
     return table(["statement", "the paper", "here", "statistics", "verdict", "kind"], lines)
 
 
-def _summary(findings: Sequence[Finding]) -> str:
+def _findings(topics: Topics) -> list[Finding]:
+    return [finding for topic in topics for finding in topic.findings]
+
+
+def _summary(topics: Topics) -> str:
     """Numbers of the paper's statements by verdict and kind, and of the others by verdict."""
+    findings = _findings(topics)
     own, others = ([f for f in findings if (f.source != NOT_IN_PAPER) == is_own] for is_own in (True, False))
     kinds, counts = tally(own)
     added = Counter(finding.verdict for finding in others)
@@ -191,8 +174,8 @@ def _summary(findings: Sequence[Finding]) -> str:
     return table(["verdict", *kinds, "all of the paper's", NOT_IN_PAPER], rows)
 
 
-def _misses(findings: Sequence[Finding]) -> str:
+def _misses(topics: Topics) -> str:
     """The paper's statements that do not hold here, or are undecided, with what is found instead."""
-    own = [f for f in findings if f.source != NOT_IN_PAPER and f.verdict in (FAILS, UNDECIDED)]
+    own = [f for f in _findings(topics) if f.source != NOT_IN_PAPER and f.verdict in (FAILS, UNDECIDED)]
     head = ["statement", "the paper", "here", "verdict", "kind"]
     return table(head, [[f.claim, f.paper, f.ours, f.verdict, f.kind] for f in own])
