@@ -66,7 +66,7 @@ def _save(run: Run, out: Path, started: float, mark: dict[str, bool]) -> None:
 def _begin(run: Run, out: Path, grasps: int, save: Callable[[], None], stack: ExitStack) -> list[Recorder]:
     """Remove what an earlier run left, announce this one and record its start; `stack` saves it at its end."""
     recorded = [run.worlds[world].index for world in run.settings.record_worlds]
-    places = [out if k == 0 else out / f"world-{world}" for k, world in enumerate(recorded)] or [out]
+    places = [out, *(out / f"world-{world}" for world in recorded[1:])]
     if recorded:
         from iswarm_mj.output.rerun_format import check_recordings
 
@@ -78,10 +78,9 @@ def _begin(run: Run, out: Path, grasps: int, save: Callable[[], None], stack: Ex
             make_output_directory(place)
         save()
         stack.enter_context(saved(save))
-        name = RECORDING if isinstance(run.task, ScoredTask) else OTHER_RECORDING
-        recorders = []
-        for index in range(len(recorded)):
-            recorders.append(Recorder(run, places[index] / name, index, places[index], grasps))
+        name, recorders = RECORDING if isinstance(run.task, ScoredTask) else OTHER_RECORDING, []
+        for index, place in enumerate(places[: len(recorded)]):
+            recorders.append(Recorder(run, place / name, index, place, grasps))
             stack.enter_context(saved(recorders[-1].save))
     return recorders
 
@@ -114,26 +113,33 @@ def summary(content: Mapping[str, Any], out: Path) -> str:
         few = "" if len(known) == len(values) else f" in {len(known)} worlds"
         return f"{fmean(known):{form}} ({min(known):z.5g} to {max(known):z.5g}){unit}{few}"
 
-    wall_s, steps = content["wall_s"], content["steps"]
     how = "; averages and ranges" if content["n_worlds"] > MAX_LISTED else ""
     goal = "no goal" if content["stop_at"] is None else f"goal {content['stop_at']}"
-    lines = [("robots", f"{content['n_robots']} in {content['n_worlds']} world(s), seed {content['seed']}{how}")]
-    lines += [("strategy", strategy_of(content)), ("task", content["task"].get("class", "Cleaning"))]
     metrics, units = content.get("metrics") or {}, content.get("units", {})
     is_cleaning = "delivered" in content and (not metrics or "delivered" in metrics)  # not another task with its balls
-    if is_cleaning:
-        lines += [("delivered", f"{show('delivered')} of {content['n_dust']} balls; picked up {show('picked')}")]
-    lines += [
-        (name.replace("_", " "), show(name, metrics, "z.3g", units.get(name, "")))
-        for name in metrics
-        if not (is_cleaning and name in ("delivered", "picked"))
-    ]
-    lines += [("finished at", f"step {show('finished_at')} ({goal}; ran {steps} steps)")]
-    lines += [("carriage", show("mean_carriage_steps", unit="steps on average"))] if is_cleaning else []
-    lines += [("collisions", show("collisions"))]
-    lines += [("fitness", show("fitness"))] if is_cleaning else []
-    lines += [
-        ("time", f"{wall_s:.1f} s, " + _speed(content)),
+    first, each = (content.get("seconds", {}).get(name) for name in ("first_call", "control_step"))
+    speed = "compilation included"
+    if first is not None and each is not None:
+        speed = f"{1e3 * each:.1f} ms per control step after {first:.1f} s for the first call, with its programs"
+
+    def balls(name: str, text: Callable[[], str]) -> list[tuple[str, str]]:
+        return [(name, text())] if is_cleaning else []
+
+    lines = [
+        ("robots", f"{content['n_robots']} in {content['n_worlds']} world(s), seed {content['seed']}{how}"),
+        ("strategy", strategy_of(content)),
+        ("task", content["task"].get("class", "Cleaning")),
+        *balls("delivered", lambda: f"{show('delivered')} of {content['n_dust']} balls; picked up {show('picked')}"),
+        *(
+            (name.replace("_", " "), show(name, metrics, "z.3g", units.get(name, "")))
+            for name in metrics
+            if not (is_cleaning and name in ("delivered", "picked"))
+        ),
+        ("finished at", f"step {show('finished_at')} ({goal}; ran {content['steps']} steps)"),
+        *balls("carriage", lambda: show("mean_carriage_steps", unit="steps on average")),
+        ("collisions", show("collisions")),
+        *balls("fitness", lambda: show("fitness")),
+        ("time", f"{content['wall_s']:.1f} s, {speed}"),
         ("results", str(out)),
     ]
     return "\n".join(f"{name:>12}  {text}" for name, text in lines)
@@ -145,11 +151,3 @@ def strategy_of(content: Mapping[str, Any]) -> str:
     if isinstance(own, Mapping):
         return own["class"]
     return next((name for name, preset in PRESETS.items() if asdict(preset) == content.get("genome")), "own genome")
-
-
-def _speed(content: Mapping[str, Any]) -> str:
-    """Time of a control step without what is compiled in the first call."""
-    first, each = (content.get("seconds", {}).get(name) for name in ("first_call", "control_step"))
-    if first is None or each is None:
-        return "compilation included"
-    return f"{1e3 * each:.1f} ms per control step after {first:.1f} s for the first call, with its programs"

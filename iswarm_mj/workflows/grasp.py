@@ -29,13 +29,7 @@ TABLE = "trials.parquet"
 CURVES = "force_curve.parquet"
 
 _FIGURES = ("grasp_voltage", "grasp_voltage_humidity", "release_voltage", "release_voltage_*um", "no_contact")
-_RESULTS = (
-    TABLE,
-    "trials.csv",
-    RESULT,
-    "trial-[0-9][0-9][0-9][0-9]*.rrd",
-    *(f"{name}.{suffix}" for name in _FIGURES for suffix in ("png", "svg")),
-)
+_RESULTS = (TABLE, "trials.csv", RESULT, "trial-[0-9][0-9][0-9][0-9]*.rrd", *(f"{name}.[ps][nv]g" for name in _FIGURES))
 """Patterns of the names of all that `run_grasp` writes."""
 
 
@@ -96,18 +90,12 @@ def _write_result(settings: GraspSettings, found: Sequence[Mapping[str, Any]], o
 
 
 def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Path) -> list[dict[str, Any]]:
-    """Write force-distance curves of balls with the medians of the works of adhesion: table and figure.
+    """Write table and figure of force-distance curves with the medians of the works of adhesion; return the rows.
 
     Args:
         settings: radii, the first humidity, materials, tip, surfaces, contacts and protocol count.
         voltages: one curve each [V].
         out: directory.
-
-    Returns:
-        The rows of the table; see `force_curve`.
-
-    Raises:
-        UserError: `out` is not writable or in use.
     """
     from iswarm_mj.output.plot_force_curve import draw_force_curve
 

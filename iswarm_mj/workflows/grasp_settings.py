@@ -33,8 +33,6 @@ FITTED = dict(zip(("ball_material", "tool_material", "plate_material"), _USUAL, 
     "tip_curvature": None,
 }
 """Settings of the paper's experiments, to which the works of adhesion and their spreads are fitted."""
-FITTED_RADII, FITTED_HUMIDITIES = (15e-6, 25e-6), (5.0, 90.0)
-"""Radii of the paper's balls [m], and humidities for which the factor of `laws.humidity` is valid [%]."""
 _GAP = Within(0.5e-6, 50e-6, "m")
 
 
@@ -49,11 +47,7 @@ class Used(NamedTuple):
 
 @dataclass(frozen=True)
 class GraspSettings:
-    """The trials; also flags of their command. SI units.
-
-    Raises:
-        ConfigError: values out of range, no radius or humidity, or too many trials.
-    """
+    """The trials; also flags of their command. SI units. A ConfigError says which values are out of range."""
 
     radius: tuple[str, ...] = ("15e-6:25e-6:5",)
     """Radii of the balls, a list or start:stop:count [m]."""
@@ -125,21 +119,17 @@ class GraspSettings:
             "breakdown": tool.breakdown,
         }
         own = {name: v for name, v in own.items() if v and getattr(self.contacts, name) == getattr(Contacts(), name)}
-        return Used(
-            detachment.WORK_TOOL_OBJECT * to_tool if self.work_tool_object is None else self.work_tool_object,
-            detachment.WORK_OBJECT_SUBSTRATE * to_plate
-            if self.work_object_substrate is None
-            else self.work_object_substrate,
-            ball.density if self.ball_density is None else self.ball_density,
-            self.contacts._replace(**own),
-        )
+        given = self.work_tool_object, self.work_object_substrate, self.ball_density
+        fitted = detachment.WORK_TOOL_OBJECT * to_tool, detachment.WORK_OBJECT_SUBSTRATE * to_plate, ball.density
+        numbers = (there if mine is None else mine for mine, there in zip(given, fitted, strict=True))
+        return Used(*numbers, self.contacts._replace(**own))
 
     @property
     def beyond_the_fit(self) -> list[str]:
         """What is not as in the experiments to which works, gap and spreads are fitted."""
         spans = (
-            ("radius", self.radii, FITTED_RADII, UM, "um"),
-            ("rh", self.humidities, FITTED_HUMIDITIES, 1.0, "%"),
+            ("radius", self.radii, (15e-6, 25e-6), UM, "um"),  # of the paper's balls
+            ("rh", self.humidities, (5.0, 90.0), 1.0, "%"),  # for which the factor of `laws.humidity` is valid
         )
         found = [
             f"{name} {min(values) / unit:g} to {max(values) / unit:g} {text}, not {low / unit:g} to {high / unit:g}"
@@ -148,10 +138,17 @@ class GraspSettings:
         ]
         return found + [f"{name} {getattr(self, name)}" for name in FITTED if getattr(self, name) != FITTED[name]]
 
-    @property
+    @cached_property
     def radii(self) -> tuple[float, ...]:
         """Radii, each once [m]."""
-        return parse_radii(self.radius)
+        try:
+            texts = [word for text in self.radius for word in (spaced(text) if ":" in text else [text])]
+            radii = dict.fromkeys(map(float, texts))
+        except ValueError:
+            radii = {}
+        rule = "one or more radii from 10e-6 to 50e-6 m, numbers or start:stop:count, with a count from 1 to 10000"
+        check("radius", " ".join(self.radius), rule, bool(radii) and all(10e-6 <= r <= 50e-6 for r in radii))
+        return tuple(radii)
 
     @property
     def humidities(self) -> tuple[float, ...]:
@@ -181,36 +178,13 @@ class GraspSettings:
             "no_contact_gaps": self.no_contact_gap,
             "protocol": asdict(self.protocol),
             "contacts": self.used.contacts._asdict(),
-            **{name: getattr(self, name)._asdict() for name in ("tool", "plate")},
+            "tool": self.tool._asdict(),
+            "plate": self.plate._asdict(),
             **({"tip_curvature": self.tip_curvature} if self.tip_curvature else {}),
             "calibration": {name: getattr(detachment, name) for name in CALIBRATION}
             | {name.upper(): value for name, value in self.used._asdict().items() if name != "contacts"}
             | {"PROBE_RADIUS": self.probe_radius},
         }
-
-
-_RADII = "radii from 10e-6 to 50e-6 m, numbers or start:stop:count"
-
-
-def parse_radii(texts: tuple[str, ...]) -> tuple[float, ...]:
-    """Radii from numbers and ranges start:stop:count, each once [m].
-
-    Raises:
-        ConfigError: a text is neither, or a radius is out of range.
-    """
-    check("radius", texts, f"one or more {_RADII}", len(texts) > 0)
-    radii = [radius for text in texts for radius in _parse_range(text)]
-    for radius in radii:
-        check("radius", radius, _RADII, 10e-6 <= radius <= 50e-6)
-    return tuple(dict.fromkeys(radii))
-
-
-def _parse_range(text: str) -> list[float]:
-    """Radii of one number or range [m]."""
-    try:
-        return list(map(float, spaced(text) if ":" in text else [text]))
-    except ValueError:
-        raise ConfigError("radius", text, f"{_RADII}, with a count from 1 to 10000") from None
 
 
 class Case(NamedTuple):

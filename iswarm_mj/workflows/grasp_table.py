@@ -67,7 +67,6 @@ def trial_rows(settings: GraspSettings, cases: Sequence[Case], outcomes: Outcome
 
 
 def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> Iterator[TrialRow]:
-    """Rows of the i-th case."""
     protocol, trial = settings.protocol, case.trial
     tool, substrate = (
         float(work * humidity_factor(trial.relative_humidity))
@@ -90,7 +89,8 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
         yield row("no_contact", gap, attempt, protocol.no_contact_limit, ramp_step, law)
     grasp, limit = outcomes.grasp, protocol.highest_rung * protocol.step_voltage
     law = grasp_voltage(trial.radius, tool, substrate, trial.contact_gap, trial.probe_radius)
-    melted = _melted(settings, case, limit if np.isnan(grasp.voltage[i]) else grasp.voltage[i])
+    highest, contacts = limit if np.isnan(grasp.voltage[i]) else grasp.voltage[i], settings.used.contacts
+    melted = bool(melts(highest, trial.radius, contacts.breaks_at, contacts.supply, protocol.contact_time))
     yield row("grasp", 0.0, grasp, limit, protocol.step_voltage, law, melted=melted)
     for gap, release in outcomes.release.items():
         if release.hung[i]:
@@ -98,13 +98,6 @@ def _rows(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> It
             more = {name: _number(getattr(release, name)[i]) for name in ("flight_time", "landing_speed", "off_target")}
             more |= {"landed": bool(release.landed[i]), "transport": protocol.transport}
             yield row("release", gap, release, protocol.release_limit, ramp_step, law, **more)
-
-
-def _melted(settings: GraspSettings, case: Case, voltage: float) -> bool:
-    """Whether a ball melts between plate and tool at the highest voltage that is applied [V]."""
-    contacts = settings.used.contacts
-    time = settings.protocol.contact_time
-    return bool(melts(voltage, case.trial.radius, contacts.breaks_at, contacts.supply, time))
 
 
 def _number(value: float) -> float | None:
@@ -119,29 +112,26 @@ def units() -> dict[str, str]:
 
 def measures(rows: Sequence[TrialRow]) -> list[dict[str, Any]]:
     """Return for each experiment, gap [m] and humidity [%] trials, those with a voltage, its mean and range [V]."""
-    groups: dict[tuple[str, float, float], list[TrialRow]] = {}
+    groups: dict[tuple[str, float, float], list[float | None]] = {}
     for row in rows:
-        groups.setdefault((row.experiment, row.gap, row.relative_humidity), []).append(row)
+        groups.setdefault((row.experiment, row.gap, row.relative_humidity), []).append(row.voltage)
     found = []
-    for (experiment, gap, humidity), group in groups.items():
-        voltages = [row.voltage for row in group if row.voltage is not None]
-        about = {"experiment": experiment, "gap": gap, "relative_humidity": humidity, "trials": len(group)}
-        shown = {"mean": np.mean(voltages).item(), "least": min(voltages), "most": max(voltages)} if voltages else {}
-        found.append(about | {"with_voltage": len(voltages), "voltage": shown or None})
+    for key, every in groups.items():
+        voltages = [voltage for voltage in every if voltage is not None]
+        shown = {"mean": np.mean(voltages).item(), "least": min(voltages), "most": max(voltages)} if voltages else None
+        about = dict(zip(("experiment", "gap", "relative_humidity"), key, strict=True))
+        found.append({**about, "trials": len(every), "with_voltage": len(voltages), "voltage": shown})
     return found
 
 
 def pull_offs(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return the pull-off of each retraction of force-distance curves: radius [m], voltage [V], force [N], gap [m]."""
     least: dict[tuple[float, float], Mapping[str, Any]] = {}
-    for row in rows:
+    for row in (row for row in rows if row["direction"] == "retract"):
         key = row["radius"], row["voltage"]
-        if row["direction"] == "retract" and (key not in least or row["total"] < least[key]["total"]):
-            least[key] = row
-    return [
-        {"radius": radius, "voltage": voltage, "pull_off": row["total"], "gap": row["gap"]}
-        for (radius, voltage), row in least.items()
-    ]
+        least[key] = min(least.get(key, row), row, key=lambda r: r["total"])
+    names = {"radius": "radius", "voltage": "voltage", "pull_off": "total", "gap": "gap"}
+    return [{name: row[column] for name, column in names.items()} for row in least.values()]
 
 
 def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
@@ -154,7 +144,8 @@ def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str
             here = [row for row in found if row.gap == gap]
             where = "" if experiment == "grasp" else f" at {gap * 1e6:g} um"
             lines.append((name, f"{rh:g} % RH{where}: {_voltage_text(here)}"))
-    fell = _fallen(settings, rows)
+    lifted = sum(row.experiment == "grasp" and row.voltage is not None for row in rows)
+    fell = lifted * len(settings.gaps.release) - sum(row.experiment == "release" for row in rows)
     lines += [("fell", f"{fell} lifted balls before a release")] if fell else []
     lines += [("no contact", "not computed for a rounded tip")] if settings.tip_curvature else []
     beyond = ", ".join(settings.beyond_the_fit)
@@ -163,22 +154,13 @@ def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str
     return [*lines, ("faulty", f"{faulty} rows, whose state was not finite")] if faulty else lines
 
 
-def _fallen(settings: GraspSettings, rows: Sequence[TrialRow]) -> int:
-    """Releases that did not come about since the ball, although it was lifted, no longer hung."""
-    lifted = sum(row.experiment == "grasp" and row.voltage is not None for row in rows)
-    return lifted * len(settings.gaps.release) - sum(row.experiment == "release" for row in rows)
-
-
 def _voltage_text(rows: Sequence[TrialRow]) -> str:
     """Mean and range of the voltages; how many had none, landed, melted."""
-    voltages = [row.voltage for row in rows if row.voltage is not None]
-    parts = []
-    if voltages:
-        parts.append(f"{np.mean(voltages):.1f} V ({min(voltages):.1f}-{max(voltages):.1f})")
-    if len(voltages) < len(rows):
-        parts.append(f"{len(rows) - len(voltages)} of {len(rows)} not up to {rows[0].limit_voltage:g} V")
-    landed = [row.landed for row in rows if row.landed is not None]
-    if landed:
-        parts.append(f"{sum(landed)} landed and stayed")
-    melted = sum(row.melted for row in rows)
+    found = [row.voltage for row in rows if row.voltage is not None]
+    landed, melted = [row.landed for row in rows if row.landed is not None], sum(row.melted for row in rows)
+    parts = [f"{np.mean(found):.1f} V ({min(found):.1f}-{max(found):.1f})"] if found else []
+    parts += [f"{len(rows) - len(found)} of {len(rows)} not up to {rows[0].limit_voltage:g} V"] * (
+        len(found) < len(rows)
+    )
+    parts += [f"{sum(landed)} landed and stayed"] if landed else []
     return ", ".join([*parts, f"{melted} melted"] if melted else parts)

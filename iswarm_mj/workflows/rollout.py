@@ -25,7 +25,6 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
-from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.interruption import saved
@@ -148,36 +147,29 @@ def rollout(
         for taken in advanced(run, recorders):
             poses += [] if taken is None else [np.asarray(taken.poses)]
             delivered[:, counted >= run.step] = run.progress()[:, None]
-    return _rollout(run, counted, delivered, _hold_last(poses, 1 + steps) if poses_of else None)
-
-
-def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> VectorStrategy:
-    """Return the paper's strategy for worlds of N robots, of which the genome's share are scouts."""
-    rules, n_scouts = rules_of(genome, config.strategy), jnp.asarray(round(genome.fraction_scouts * n_robots))
-    return VectorStrategy(rules, n_scouts, common(config).config, read_robot())
-
-
-def _rollout(run: Run, steps: np.ndarray, delivered: np.ndarray, poses: np.ndarray | None) -> Rollout:
-    measures = [run.measures(world) for world in range(len(run.worlds))]
+    found: Any = None
+    if poses_of:  # after the last block the robots rest
+        found = np.concatenate([np.asarray(block) for block in poses]).swapaxes(0, 1).astype(np.float32)
+        found = np.concatenate([found, np.repeat(found[:, -1:], 1 + steps - found.shape[1], axis=1)], axis=1)
+    measures = [run.measures(world) for world in range(n_worlds)]
     counts = {name: np.array([getattr(m, name) for m in measures]) for name in ("delivered", "picked", "collisions")}
     return Rollout(
         **counts,
         mean_carriage_steps=np.array([m.mean_carriage_steps for m in measures], float),  # NaN for None
         is_finished=np.array([m.finished_at is not None for m in measures]),
         finished_at=np.array([m.finished_at or 0 for m in measures]),
-        steps=steps,
+        steps=counted,
         delivered_after=delivered,
-        poses=poses,
+        poses=found,
         faults=run.faults,
         metrics=run.metrics(),
     )
 
 
-def _hold_last(poses: Sequence[Array], n_frames: int) -> np.ndarray:
-    """Poses (W, F, N, 3) from blocks (T, W, N, 3); after the last block the robots rest."""
-    found = np.concatenate([np.asarray(block) for block in poses]).swapaxes(0, 1).astype(np.float32)
-    rest = np.repeat(found[:, -1:], n_frames - found.shape[1], axis=1)
-    return np.concatenate([found, rest], axis=1)
+def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> VectorStrategy:
+    """Return the paper's strategy for worlds of N robots, of which the genome's share are scouts."""
+    rules, n_scouts = rules_of(genome, config.strategy), jnp.asarray(round(genome.fraction_scouts * n_robots))
+    return VectorStrategy(rules, n_scouts, common(config).config, read_robot())
 
 
 def _each(keys: jax.Array) -> Iterator[tuple[np.ndarray, jax.Array]]:

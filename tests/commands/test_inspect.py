@@ -12,7 +12,7 @@ import pytest
 import iswarm_mj
 from iswarm_mj.commands.main import main
 from iswarm_mj.experiments.report.inspection import inspection
-from iswarm_mj.experiments.runner.journal import Journal
+from iswarm_mj.experiments.runner.journal import journal
 
 ROOT = Path(__file__).parents[2]
 RUN = "clean --engine planar --impl numba --arena.size 15 --arena.dump-size 3 --arena.dust-area-size 3 "
@@ -73,9 +73,9 @@ def test_an_interrupted_run_with_a_fault(run, tmp_path):
 
 
 def journal_of_two(path):
-    with Journal(path, {}) as journal:
+    with journal(path, {}) as kept:
         for key in range(2):
-            journal.add((key,), 0.0)
+            kept.add((key,), 0.0)
 
 
 @pytest.mark.parametrize("ended", [False, True])

@@ -13,11 +13,11 @@ is cut at once.
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, UNDECIDED, Judged, Rows, number, stated
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, UNDECIDED, Judged, Rows, Test, named, number, stated
 from iswarm_mj.experiments.analysis.judge import RARE, Estimate, always, averages, differences, judged, shares
 from iswarm_mj.experiments.analysis.measures import VOLTAGE, by, select, values
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, slope
@@ -46,7 +46,6 @@ from iswarm_mj.gripper.reference import (
     PAPER_RELEASE,
 )
 from iswarm_mj.tasks.measures import Measures, fitness
-from iswarm_mj.utils.arrays import Array
 
 _R, _V = 20e-6, 40.0
 """A ball in the middle of the range, and a voltage of the range [m], [V]."""
@@ -69,26 +68,8 @@ _MELTED = 15e-6
 Fact = tuple[str, bool | np.bool_]
 
 
-def _law(fact: Callable[[], Fact], _: object) -> Judged:
-    ours, holds = fact()
-    return Judged(ours, "", HOLDS if holds else FAILS)
-
-
-def _square() -> Fact:
-    ratio = float(
-        release_force(2 * _V, RELEASE_GAP, _R, PROBE_RADIUS) / release_force(_V, RELEASE_GAP, _R, PROBE_RADIUS)
-    )
-    return f"twice the voltage gives {number(ratio, 6)} times the force", abs(ratio - 4) < 1e-9
-
-
-def _scale() -> Fact:
-    sizes = np.array([RELEASE_GAP, _R, PROBE_RADIUS])
-    worst = max(abs(float(law(_V, *(2 * sizes)) / law(_V, *sizes)) - 1) for law in (pick_force, release_force))
-    return f"twice the size changes the force by {100 * worst:.1g} %", worst < 1e-9
-
-
-def _peak() -> Fact:
-    """Of both forces over the radius of the tool; a peak at an end of the range is none."""
+def peak() -> Fact:
+    """Where both forces are largest over the radius of the tool; at an end of the range they have no peak."""
     ratios, said, near = np.linspace(0.65, 2.0, 271), [], []
     for name, law in (("release", release_force), ("pick", pick_force)):
         place = int(np.asarray(law(_V, RELEASE_GAP, _R, ratios * _R)).argmax())
@@ -98,51 +79,65 @@ def _peak() -> Fact:
     return "; ".join(said), all(near)
 
 
-def _asymptote() -> Fact:
-    asymptote = asymptotic_force(_V, RELEASE_GAP, _R)
-    exact = [float(law(_V, RELEASE_GAP, _R, PROBE_RADIUS) / asymptote) for law in (release_force, pick_force)]
-    return f"release {exact[0]:.3f}, pick {exact[1]:.3f} of it", all(abs(f - 1) < 0.1 for f in exact)
-
-
-def _bounds() -> Fact:
+@cache
+def laws() -> dict[str, Fact]:
+    """Facts by the names of their statements."""
+    sizes = np.array([RELEASE_GAP, _R, PROBE_RADIUS])
+    forces = release_force, pick_force
+    square = float(release_force(2 * _V, *sizes) / release_force(_V, *sizes))
+    scale = max(abs(float(law(_V, *(2 * sizes)) / law(_V, *sizes)) - 1) for law in forces)
+    near = [float(law(_V, *sizes) / asymptotic_force(_V, RELEASE_GAP, _R)) for law in forces]
     low, high = (float(law(_R, WORK_OBJECT_SUBSTRATE)) for law in (jkr_pull_off, dmt_pull_off))
-    work = 1e3 * WORK_OBJECT_SUBSTRATE
-    return f"{1e6 * low:.3f} to {1e6 * high:.3f} µN for 20 µm and W of {work:g} mJ/m^2", low < high
-
-
-def _constant() -> Fact:
-    return f"{EQ3_CONSTANT:.3e}", abs(EQ3_CONSTANT / PRINTED_EQ3_CONSTANT - 1) < 0.01
-
-
-def _range() -> Fact:
     right, printed = (
-        [float(detachment_voltage(w, RELEASE_GAP, c)) for w in (0.01, 1.0)]
-        for c in (EQ3_CONSTANT, PRINTED_EQ3_CONSTANT)
+        [float(detachment_voltage(w, RELEASE_GAP, constant)) for w in (0.01, 1.0)]
+        for constant in (EQ3_CONSTANT, PRINTED_EQ3_CONSTANT)
     )
-    ours = f"{right[0]:.0f} to {right[1]:.0f} V; {printed[0]:.0f} to {printed[1]:.0f} V with the printed constant"
-    return ours, abs(right[0] / 120 - 1) < 0.05 and abs(right[1] / 1200 - 1) < 0.05
-
-
-def _gravity() -> Fact:
-    part = [float(ball_weight(r) / dmt_pull_off(r, WORK_OBJECT_SUBSTRATE)) for r in (15e-6, 25e-6)]
-    ours = f"the weight is {100 * part[0]:.2f} to {100 * part[1]:.2f} % of the pull-off force for 15 to 25 µm"
-    return ours, max(part) < 0.01
-
-
-def _half() -> Fact:
-    found = [1 / float(humidity_factor(rh)) for rh in (90.0, 70.0)]
-    return f"{found[0]:.2f} to {found[1]:.2f} of it", 0.4 < found[0] < found[1] < 0.6
-
-
-def _drier() -> Fact:
-    found = [seen / float(humidity_factor(rh)) ** 0.5 for seen, rh in ((100, 90.0), (500, 70.0))]
-    return f"{found[0]:.0f} to {found[1]:.0f} V", abs(found[0] / 70 - 1) < 0.1 and abs(found[1] / 350 - 1) < 0.1
-
-
-def _points() -> Fact:
+    weight = [float(ball_weight(r) / dmt_pull_off(r, WORK_OBJECT_SUBSTRATE)) for r in (15e-6, 25e-6)]
+    half = [1 / float(humidity_factor(rh)) for rh in (90.0, 70.0)]
+    drier = [seen / float(humidity_factor(rh)) ** 0.5 for seen, rh in ((100, 90.0), (500, 70.0))]
     most = fitness(Measures(71, 72, 0, None, None), 280, 72, 800)
     best = fitness(Measures(72, 72, 0, None, 250), 280, 72, 800)
-    return f"{most:.0f} and {best:.0f}", most == 2860 and best == 8360
+    return {
+        "voltage squared": (f"twice the voltage gives {number(square, 6)} times the force", abs(square - 4) < 1e-9),
+        "scale": (f"twice the size changes the force by {100 * scale:.1g} %", scale < 1e-9),
+        "peak": peak(),
+        "small gaps": (f"release {near[0]:.3f}, pick {near[1]:.3f} of it", all(abs(f - 1) < 0.1 for f in near)),
+        "pull-off bounds": (
+            f"{1e6 * low:.3f} to {1e6 * high:.3f} µN for 20 µm and W of {1e3 * WORK_OBJECT_SUBSTRATE:g} mJ/m^2",
+            low < high,
+        ),
+        "constant": (f"{EQ3_CONSTANT:.3e}", abs(EQ3_CONSTANT / PRINTED_EQ3_CONSTANT - 1) < 0.01),
+        "release range": (
+            f"{right[0]:.0f} to {right[1]:.0f} V; {printed[0]:.0f} to {printed[1]:.0f} V with the printed constant",
+            abs(right[0] / 120 - 1) < 0.05 and abs(right[1] / 1200 - 1) < 0.05,
+        ),
+        "gravity": (
+            f"the weight is {100 * weight[0]:.2f} to {100 * weight[1]:.2f} % of the pull-off force for 15 to 25 µm",
+            max(weight) < 0.01,
+        ),
+        "half adhesion": (f"{half[0]:.2f} to {half[1]:.2f} of it", 0.4 < half[0] < half[1] < 0.6),
+        "drier air": (
+            f"{drier[0]:.0f} to {drier[1]:.0f} V",
+            abs(drier[0] / 70 - 1) < 0.1 and abs(drier[1] / 350 - 1) < 0.1,
+        ),
+        "points": (f"{most:.0f} and {best:.0f}", most == 2860 and best == 8360),
+    }
+
+
+def _melting() -> Fact:
+    """Whether the oxide breaks down, and the heat melts the ball, while the tool touches it."""
+    contacts, time = Contacts(), Protocol().contact_time
+    does = bool(melts(MELTING_VOLTAGE, _MELTED, contacts.breaks_at, contacts.supply, time))
+    takes = 1e3 * float(melting_time(MELTING_VOLTAGE, _MELTED, contacts.supply))
+    return f"breakdown at {contacts.breaks_at:g} V, heat enough after {takes:.2f} ms of {1e3 * time:.2f}", does
+
+
+def _law(fact: Callable[[], Fact]) -> Test:
+    def test(_: object) -> Judged:
+        ours, holds = fact()
+        return Judged(ours, "", HOLDS if holds else FAILS)
+
+    return test
 
 
 # --- Trials, those at the paper's humidity in front ---
@@ -161,20 +156,13 @@ def _without_contact(rows: Rows) -> Judged | None:
         return None
     low = int((values(tried, VOLTAGE) < PAPER_NO_CONTACT).sum())
     found = always(len(tried) - low, len(tried), " not lifted below 50 V")
-    return (
-        found if min(row["limit_voltage"] for row in tried) >= PAPER_NO_CONTACT else found._replace(verdict=UNDECIDED)
-    )
+    is_open = min(row["limit_voltage"] for row in tried) < PAPER_NO_CONTACT
+    return found._replace(verdict=UNDECIDED) if is_open else found
 
 
 def _always(rows: Rows) -> Judged | None:
     tried = select(rows, experiment="grasp", faulty=False)
     return always(len(values(tried, VOLTAGE)), len(tried), ", at all humidities") if tried else None
-
-
-def _inside(found: Array, band: Sequence[float]) -> int:
-    """Number of voltages in a band; they are multiples of a step, of which rounding makes 36.999... V."""
-    rounded = np.round(np.asarray(found), 6)
-    return int(((rounded >= band[0]) & (rounded <= band[1])).sum())
 
 
 def _grasp_band(rows: Rows) -> Judged | None:
@@ -183,10 +171,18 @@ def _grasp_band(rows: Rows) -> Judged | None:
     return averages({f"{r * _UM:g} µm": values(runs, VOLTAGE) for r, runs in groups}, PAPER_GRASP, "V")
 
 
-def _release_band(rows: Rows) -> Judged | None:
-    """Whether single trials lie in the paper's band, where it gives no means."""
-    found = values(_trials(rows, "release"), VOLTAGE)
-    return shares({"": (_inside(found, PAPER_RELEASE), len(found))}, _MOST) if len(found) else None
+def _within(
+    experiments: Sequence[str], band: Sequence[float], limits: tuple[float, float], rows: Rows
+) -> Judged | None:
+    """Whether the share of single trials in a band lies within limits; voltages are multiples of a step, of which
+    rounding makes 36.999... V."""
+    groups = {name: np.round(values(_trials(rows, name), VOLTAGE), 6) for name in experiments}
+    counts = {
+        name * (len(groups) > 1): (int(((band[0] <= found) & (found <= band[1])).sum()), len(found))
+        for name, found in groups.items()
+        if len(found)
+    }
+    return shares(counts, limits)
 
 
 def _flat(experiment: str, rows: Rows) -> Judged | None:
@@ -210,10 +206,6 @@ def _reliable(rows: Rows) -> Judged | None:
     return always(landed, len(let_go), f" landed and stayed; coefficient of variation {100 * spread:.1f} %")
 
 
-def _below_theory(rows: Rows) -> Judged | None:
-    return averages({"": values(_trials(rows, "release"), VOLTAGE)}, (-np.inf, 70.0), "V")
-
-
 def _alike(rows: Rows) -> Judged | None:
     lift, drop = (values(_trials(rows, name), VOLTAGE) for name in ("grasp", "release"))
     if not len(lift) or not len(drop):
@@ -221,19 +213,6 @@ def _alike(rows: Rows) -> Judged | None:
     ratio = Interval(*map(float, np.exp(difference(np.log(drop), np.log(lift), np.mean))))
     said = f"release {drop.mean():.1f} V, grasp {lift.mean():.1f} V on average, ratio "
     return judged([Estimate(ratio, (len(drop), len(lift)), 0.5, 2.0, said=said)], "geometric means")
-
-
-def _on_board(rows: Rows) -> Judged | None:
-    """Whether single grasps and single releases take the voltages that the paper has on board."""
-    groups = {name: values(_trials(rows, name), VOLTAGE) for name in ("grasp", "release")}
-    counts = {name: (_inside(found, PAPER_ON_BOARD), len(found)) for name, found in groups.items() if len(found)}
-    return shares(counts, _MOST)
-
-
-def _figure_6(rows: Rows) -> Judged | None:
-    """Whether a ball that the paper's least voltage lifts is no exception, of all radii."""
-    found = values(_trials(rows, "grasp"), VOLTAGE)
-    return shares({"": (_inside(found, (0.0, PAPER_FIG_6)), len(found))}, (RARE, np.inf)) if len(found) else None
 
 
 def _transported(rows: Rows) -> Judged | None:
@@ -247,28 +226,7 @@ def _transported(rows: Rows) -> Judged | None:
     return always(sum(each <= 1 for each in off), len(tried), said) if off else None
 
 
-def _melting() -> Fact:
-    """Whether the oxide breaks down, and the heat melts the ball, while the tool touches it."""
-    contacts, time = Contacts(), Protocol().contact_time
-    does = bool(melts(MELTING_VOLTAGE, _MELTED, contacts.breaks_at, contacts.supply, time))
-    takes = 1e3 * float(melting_time(MELTING_VOLTAGE, _MELTED, contacts.supply))
-    return f"breakdown at {contacts.breaks_at:g} V, heat enough after {takes:.2f} ms of {1e3 * time:.2f}", does
-
-
-LAWS = {
-    "voltage squared": _square,
-    "scale": _scale,
-    "peak": _peak,
-    "small gaps": _asymptote,
-    "pull-off bounds": _bounds,
-    "constant": _constant,
-    "release range": _range,
-    "gravity": _gravity,
-    "half adhesion": _half,
-    "drier air": _drier,
-    "points": _points,
-}
-TRIALS = {
+TRIALS: dict[str, Test] = {
     "no contact": _without_contact,
     "always lifts": _always,
     "grasp band": _grasp_band,
@@ -276,14 +234,14 @@ TRIALS = {
     "humid 5": partial(_humid, 5.0),
     "humid 30": partial(_humid, 30.0),
     "humid 50": partial(_humid, 50.0),
-    "release band": _release_band,
+    "release band": partial(_within, ["release"], PAPER_RELEASE, _MOST),  # where the paper gives no means
     "reliable": _reliable,
-    "below theory": _below_theory,
+    "below theory": lambda rows: averages({"": values(_trials(rows, "release"), VOLTAGE)}, (-np.inf, 70.0), "V"),
     "release flat": partial(_flat, "release"),
     "alike voltages": _alike,
-    "melting": partial(_law, _melting),
-    "on board": _on_board,
-    "figure 6": _figure_6,
+    "melting": _law(_melting),
+    "on board": partial(_within, ["grasp", "release"], PAPER_ON_BOARD, _MOST),
+    "figure 6": partial(_within, ["grasp"], (0.0, PAPER_FIG_6), (RARE, np.inf)),
     "transport": _transported,
 }
-STATEMENTS = stated({name: partial(_law, fact) for name, fact in LAWS.items()} | TRIALS)
+STATEMENTS = stated({name: _law(lambda name=name: laws()[name]) for name in named("laws")} | TRIALS)

@@ -129,6 +129,11 @@ class Evolution:
         return mean_of(self.good, lambda row: row["finished_at"] < SHORTEST)
 
     @property
+    def failing(self) -> float | None:
+        """Share of the runs that do not clean the arena."""
+        return len(self.poor) / len(self.rows) if len(self.rows) >= GROUP else None
+
+    @property
     def exceptions(self) -> float | None:
         """Share of the runs without hop counts that clean the arena."""
         clean = sum(not row["use_hop_count"] for row in self.good)

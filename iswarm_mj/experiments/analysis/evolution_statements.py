@@ -16,22 +16,13 @@ over replicates of both was moved by selection.
 import math
 from collections.abc import Callable, Mapping
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.evolution import GROUP, Evolution, Evolutions, mean_of
-from iswarm_mj.experiments.analysis.findings import (
-    FAILS,
-    HOLDS,
-    TOO_FEW,
-    UNDECIDED,
-    Judged,
-    Statement,
-    added,
-    number,
-    short,
-    stated,
-)
+from iswarm_mj.experiments.analysis import findings as f
+from iswarm_mj.experiments.analysis.evolution import Evolution, Evolutions, mean_of
+from iswarm_mj.experiments.analysis.findings import Judged, Statement, added, number
 from iswarm_mj.experiments.analysis.judge import RARE, Estimate, judged, shares
 from iswarm_mj.experiments.analysis.measures import PAPER_FITNESS
 from iswarm_mj.experiments.analysis.statements import NEARLY
@@ -63,7 +54,7 @@ def _median(
         return None
     found = [v for v in map(value, samples["paper"]) if v is not None]
     if not found:
-        return Judged("no value", "evolutions are too short, or lack runs", TOO_FEW)
+        return Judged("no value", "evolutions are too short, or lack runs", f.TOO_FEW)
     over, factor = interval(found, np.median), 100 if unit == "%" else 1
     if len(found) < EVOLUTIONS:
         over = Interval(over.estimate, math.nan, math.nan)
@@ -88,7 +79,7 @@ def _against(method: str, is_judged: bool, samples: Samples) -> Judged | None:
     n, tested = (len(best[0]), len(best[1])), compare(*best)
     said = f"{np.median(best[0]):z.0f} against {np.median(best[1]):z.0f}, difference "
     found = judged([Estimate(tested.difference, n, 0.0, said=said, tested=tested)], "medians", "points")
-    verdict = found.verdict if found and min(n) >= EVOLUTIONS else TOO_FEW
+    verdict = found.verdict if found and min(n) >= EVOLUTIONS else f.TOO_FEW
     return found._replace(verdict=verdict * is_judged) if found else None
 
 
@@ -108,6 +99,7 @@ def _weights(one: Evolution) -> float | None:
     return None if dump is None or dust is None else dump - dust
 
 
+_trade: Value = attrgetter("trade")
 TRAITS: Mapping[str, Value] = {
     "the density of robots": lambda one: one.late("density_of_robots"),
     "the fraction of scouts": lambda one: one.late("fraction_scouts"),
@@ -116,8 +108,8 @@ TRAITS: Mapping[str, Value] = {
     "the priority signal of loaded robots": lambda one: one.late("priority_signal_loaded"),
     "the priority signal of scouts": lambda one: one.late("priority_signal_scouts"),
     "weight-find-dump against weight-find-dust": _weights,
-    "the correlation of p(vector-forget) with scouts among the 250 fittest of generations 35 to 100": (
-        lambda one: one.trade
+    "the correlation of p(vector-forget) with scouts among the 250 fittest of generations 35 to 100": attrgetter(
+        "trade"
     ),
 }
 """What selection may act on: means of the last generations, of Booleans those of the elites; and a correlation."""
@@ -131,53 +123,47 @@ def _moved(trait: str, samples: Samples) -> Judged | None:
         name: [[v for v in map(value, samples[method]) if v is not None] for method in ("paper", "random")]
         for name, value in TRAITS.items()
     }
-    mine = pairs[trait]
-    ours = " against ".join(number(float(np.median(v))) if v else "no value" for v in mine)
+    ours = " against ".join(number(float(np.median(v))) if v else "no value" for v in pairs[trait])
     tested = {name: compare(*pair) for name, pair in pairs.items() if min(map(len, pair)) >= EVOLUTIONS}
     if trait not in tested:
-        return Judged(ours, f"needs {EVOLUTIONS} of both searches (--replicates)", TOO_FEW)
+        return Judged(ours, f"needs {EVOLUTIONS} of both searches (--replicates)", f.TOO_FEW)
     adjusted = dict(zip(tested, holm([one.p for one in tested.values()]), strict=True))[trait]
-    apart = tested[trait].difference
+    apart, (n, m) = tested[trait].difference, map(len, pairs[trait])
     rule = (
-        f"medians, n = {len(mine[0])} + {len(mine[1])}; Mann-Whitney, by Holm p = {number(adjusted, 2)}; holds if "
-        f"that is below {SURE} and the interval leaves out zero, else does not if it lies within {NEAR}"
+        f"medians, n = {n} + {m}; Mann-Whitney, by Holm p = {number(adjusted, 2)}; holds if that is below {SURE} and "
+        f"the interval leaves out zero, else does not if it lies within {NEAR}"
     )
     is_moved = adjusted < SURE and (apart.low > 0 or apart.high < 0)
     is_near = apart.low >= -NEAR and apart.high <= NEAR
-    return Judged(
-        f"{ours} in random search, difference {short(apart)}",
-        rule,
-        HOLDS if is_moved else FAILS if is_near else UNDECIDED,
-    )
+    verdict = f.HOLDS if is_moved else f.FAILS if is_near else f.UNDECIDED
+    return Judged(f"{ours} in random search, difference {f.short(apart)}", rule, verdict)
+
+
+def _share(of: str, counted: bool) -> Value:
+    """Share of the runs of a group, `good` or `poor`, with hop counts, or without."""
+    return lambda one: mean_of(getattr(one, of), lambda row: row["use_hop_count"] == counted)
 
 
 TESTS = {
-    "rises": partial(_median, lambda one: one.rise, low=0.5),
-    "learns": partial(_median, lambda one: one.gain, low=0.0, unit="points"),
+    "rises": partial(_median, attrgetter("rise"), low=0.5),
+    "learns": partial(_median, attrgetter("gain"), low=0.0, unit="points"),
     "beats random": partial(_against, "random", True),
     "against CMA-ES": partial(_against, "cmaes", False),
     "as fit": partial(
-        _median,
-        lambda one: float(one.bests.max()),
-        low=(1 - NEARLY) * FITNESS,
-        high=(1 + NEARLY) * FITNESS,
-        unit="points",
+        *(_median, lambda one: float(one.bests.max())),
+        **{"low": (1 - NEARLY) * FITNESS, "high": (1 + NEARLY) * FITNESS, "unit": "points"},
     ),
-    "slow": partial(_median, lambda one: one.early, high=RARE, unit="%"),
-    "many fail": partial(
-        _median, lambda one: len(one.poor) / len(one.rows) if len(one.rows) >= GROUP else None, low=0.2, unit="%"
-    ),
-    "counted": partial(_median, lambda one: mean_of(one.good, lambda row: row["use_hop_count"]), low=0.9, unit="%"),
-    "uncounted": partial(
-        _median, lambda one: mean_of(one.poor, lambda row: not row["use_hop_count"]), low=0.5, unit="%"
-    ),
-    "exceptions": partial(_median, lambda one: one.exceptions, low=0.02, high=0.08, unit="%"),
+    "slow": partial(_median, attrgetter("early"), high=RARE, unit="%"),
+    "many fail": partial(_median, attrgetter("failing"), low=0.2, unit="%"),
+    "counted": partial(_median, _share("good", True), low=0.9, unit="%"),
+    "uncounted": partial(_median, _share("poor", False), low=0.5, unit="%"),
+    "exceptions": partial(_median, attrgetter("exceptions"), low=0.02, high=0.08, unit="%"),
     "scouts level": partial(_level, "fraction_scouts", 0.16),
     "forget level": partial(_level, "p_vector_forget", 0.28),
     "scouts equal": partial(_equal, "fraction_scouts"),
     "forget equal": partial(_equal, "p_vector_forget"),
-    "trade": partial(_median, lambda one: one.trade, high=0.0),
-    "density level": partial(_median, lambda one: one.density, low=0.1, high=0.15, unit="%"),
+    "trade": partial(_median, _trade, high=0.0),
+    "density level": partial(_median, attrgetter("density"), low=0.1, high=0.15, unit="%"),
     "signals": partial(_property, lambda best: best.priority_signal_loaded and not best.priority_signal_scouts),
     "weights": partial(_median, lambda one: one.best.weight_find_dump - one.best.weight_find_dust, low=0.0),
     "distances": partial(
@@ -185,6 +171,6 @@ TESTS = {
     ),
 }
 STATEMENTS: list[Statement] = [
-    *stated(TESTS),
+    *f.stated(TESTS),
     *(added("evolution", f"Selection moves {trait}", partial(_moved, trait)) for trait in TRAITS),
 ]

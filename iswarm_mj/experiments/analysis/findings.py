@@ -90,6 +90,11 @@ for _row in _WORDS.values():
     _row["kind"] = ", ".join(filter(None, (_row["kind"], _row.pop("role"))))
 
 
+def named(study: str) -> list[str]:
+    """Names of the tests of a study in the table."""
+    return [name for name, words in _WORDS.items() if words["study"] == study]
+
+
 def stated(tests: Mapping[str, Test]) -> list[Statement]:
     """Statements that these tests judge, by their names in the table beside this file, which has the words."""
     return [Statement(**_WORDS[name], test=test) for name, test in tests.items()]

@@ -6,32 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.findings import (
-    ALPHA,
-    FAILS,
-    HOLDS,
-    TOO_FEW,
-    UNDECIDED,
-    Judged,
-    Rows,
-    number,
-    short,
-)
+from iswarm_mj.experiments.analysis import statistics as st
+from iswarm_mj.experiments.analysis.findings import ALPHA, FAILS, HOLDS, TOO_FEW, UNDECIDED, Judged, Rows, number, short
 from iswarm_mj.experiments.analysis.measures import TIME, Measure, finished, values
-from iswarm_mj.experiments.analysis.statistics import (
-    RESAMPLES,
-    Comparison,
-    Interval,
-    Statistic,
-    Values,
-    compare,
-    difference,
-    holm,
-    interval,
-    lowest,
-    share,
-    smallest_p,
-)
+from iswarm_mj.experiments.analysis.statistics import Comparison, Interval, Statistic, Values
 
 LEAST = 5
 """Runs of a group below which nothing is judged: a Mann-Whitney test of 4 and 4 runs cannot reach a level of 0.01, and
@@ -74,7 +52,7 @@ class Estimate(NamedTuple):
         not, so that no difference at all counts as none.
         """
         is_order = self.tested is not None and math.isinf(self.high - self.low)
-        if (is_order and smallest_p(*self.n) >= ALPHA) or (not is_order and min(self.n) < self.least):
+        if (is_order and st.smallest_p(*self.n) >= ALPHA) or (not is_order and min(self.n) < self.least):
             return TOO_FEW
         ends = (self.low, self.high, self.value.low, self.value.high)
         low, high, least, most = (float(f"{end:.12g}") for end in ends)
@@ -92,28 +70,21 @@ def all_of(verdicts: Iterable[str]) -> str:
 
 
 def judged(estimates: Sequence[Estimate], what: str, unit: str = "") -> Judged | None:
-    """Judge a statement by the intervals of all its groups.
-
-    Args:
-        estimates: of the groups; of none nothing follows.
-        what: the intervals are of.
-        unit: of the values; shares are shown in %.
-    """
+    """Judge a statement by the intervals of all its groups, which are of `what`; of no groups nothing follows."""
     if not estimates:
         return None
     verdicts = [estimate.verdict for estimate in estimates]
-    shown = [
-        one for one, verdict in zip(estimates, verdicts, strict=True) if len(estimates) <= MANY or verdict != HOLDS
-    ]
-    ours = [f"{one.label}: {one.said}{short(one.value, unit)}".removeprefix(": ") for one in shown]
-    if len(estimates) > MANY:
-        ours.insert(0, f"{verdicts.count(HOLDS)} of {len(verdicts)}")
-    tests = [estimate.tested for estimate in estimates if estimate.tested]
+    is_many = len(estimates) > MANY
+    shown = [one for one, verdict in zip(estimates, verdicts, strict=True) if not is_many or verdict != HOLDS]
+    ours = [f"{verdicts.count(HOLDS)} of {len(verdicts)}"] if is_many else []
+    ours += [f"{one.label}: {one.said}{short(one.value, unit)}".removeprefix(": ") for one in shown]
+    p = [estimate.tested.p for estimate in estimates if estimate.tested]
+    sizes = dict.fromkeys(" + ".join(map(str, estimate.n)) for estimate in estimates)
     limits = dict.fromkeys(_side(estimate, unit) for estimate in estimates)
     statistics = [
-        f"{what}, n = {', '.join(dict.fromkeys(' + '.join(map(str, estimate.n)) for estimate in estimates))}",
-        f"Mann-Whitney p = {', '.join(number(test.p, 2) for test in tests)}" if tests else "",
-        f"by Holm {', '.join(number(p, 2) for p in holm([test.p for test in tests]))}" if len(tests) > 1 else "",
+        f"{what}, n = {', '.join(sizes)}",
+        f"Mann-Whitney p = {', '.join(number(each, 2) for each in p)}" if p else "",
+        f"by Holm {', '.join(number(each, 2) for each in st.holm(p))}" if len(p) > 1 else "",
         f"holds if {'each' if len(estimates) > 1 else 'the'} interval lies {', '.join(limits)}",
     ]
     return Judged("; ".join(ours), "; ".join(filter(None, statistics)), all_of(verdicts))
@@ -149,8 +120,8 @@ def differences(
         if not len(first) or not len(second):
             continue
         said = f"{number(float(statistic(first)))} against {number(float(statistic(second)))}, difference "
-        tested = compare(first, second) if statistic is np.median else None
-        value = tested.difference if tested else difference(first, second, statistic)
+        tested = st.compare(first, second) if statistic is np.median else None
+        value = tested.difference if tested else st.difference(first, second, statistic)
         apart = margin(first, second) if margin else math.inf
         low, high = (-apart, apart) if margin else (0.0, math.inf) if more else (-math.inf, 0.0)
         found.append(Estimate(value, (len(first), len(second)), low, high, label, said, tested))
@@ -158,15 +129,9 @@ def differences(
 
 
 def shares(counts: Mapping[str, tuple[int, int]], limits: Limits, least: int = LEAST) -> Judged | None:
-    """Judge whether shares, given as how many of how many by labels, lie within limits by their exact intervals.
-
-    Args:
-        counts: of the groups.
-        limits: of all.
-        least: runs of a group that are needed.
-    """
+    """Judge whether shares, given as how many of how many by labels, lie within limits by their exact intervals."""
     found = [
-        Estimate(share(*count, "exact"), count[1:], *limits, label, "{} of {}: ".format(*count), least=least)
+        Estimate(st.share(*count, "exact"), count[1:], *limits, label, "{} of {}: ".format(*count), least=least)
         for label, count in counts.items()
     ]
     return judged(found, "shares", "%")
@@ -181,20 +146,14 @@ def reaching(groups: Mapping[str, Rows], does: bool = True) -> Judged | None:
 def averages(
     samples: Mapping[str, Values], limits: Mapping[str, Limits] | Limits, unit: str = "", statistic: Statistic = np.mean
 ) -> Judged | None:
-    """Judge whether means, or medians, lie within limits.
-
-    Args:
-        samples: by labels; empty ones are left out.
-        limits: of each, or of all.
-        unit: of the values.
-        statistic: the mean or the median.
-    """
+    """Judge whether the means, or medians, of samples by labels lie within limits, of each or of all; empty samples are
+    left out."""
     found, what = [], "median" if statistic is np.median else "mean"
     for label, sample in samples.items():
         if len(sample):
             said = f"{number(min(sample), 4)} to {number(max(sample), 4)}, {what} "
             own = limits[label] if isinstance(limits, Mapping) else limits
-            found.append(Estimate(interval(sample, statistic), (len(sample),), *own, label, said))
+            found.append(Estimate(st.interval(sample, statistic), (len(sample),), *own, label, said))
     return judged(found, f"{what}s", unit)
 
 
@@ -203,13 +162,13 @@ def optimum(groups: Mapping[float, Rows], measure: Measure, inside: Limits) -> J
     samples = {at: sample for at, rows in sorted(groups.items()) if len(sample := values(rows, measure))}
     if len({inside[0] <= at <= inside[1] for at in samples}) < 2:
         return None
-    found = dict(zip(samples, lowest(list(samples.values())), strict=True))
+    found = dict(zip(samples, st.lowest(list(samples.values())), strict=True))
     certain = sum(share for at, share in found.items() if inside[0] <= at <= inside[1])
     medians = ", ".join(f"{at:g}: {number(float(np.median(sample)))}" for at, sample in samples.items())
     named = ", ".join(f"{at:g} in {100 * share:.0f} %" for at, share in found.items() if share >= 0.005)
     tested = (
         f"n = {', '.join(str(len(s)) for s in samples.values())}; holds if the lowest median lies inside in "
-        f"{100 * SURE:.0f} % of {RESAMPLES} bootstrap resamples, does not if in {100 * (1 - SURE):.0f} % at most"
+        f"{100 * SURE:.0f} % of {st.RESAMPLES} bootstrap resamples, does not if in {100 * (1 - SURE):.0f} % at most"
     )
     verdict = HOLDS if certain >= SURE else FAILS if certain <= 1 - SURE else UNDECIDED
     enough = min(map(len, samples.values())) >= LEAST
@@ -218,7 +177,7 @@ def optimum(groups: Mapping[float, Rows], measure: Measure, inside: Limits) -> J
 
 def always(count: int, total: int, ours: str = "", least: float = 0.9) -> Judged:
     """Judge whether all of `total` did something; HOLDS only if they are enough to show that `least` of such do."""
-    found = share(count, total, "exact")
+    found = st.share(count, total, "exact")
     tested = (
         f"{short(found, '%')}; holds if all do, in so many trials that the interval is no wider than "
         f"{100 * (1 - least):.0f} %"

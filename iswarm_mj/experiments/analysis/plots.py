@@ -60,14 +60,7 @@ def draw_bars(
     """Draw four measures: a bar from zero to the median, a line up to the third quartile, a dot per run.
 
     Runs that did not reach their goal are triangles at the time limit. Of two groups, each panel has the p of the test.
-
-    Args:
-        rows: of an experiment's table.
-        columns: whose values tell the bars apart.
-        label: of the horizontal axis.
-        name: of a bar, from these values.
-        path: of the files, without suffix.
-        measures: one panel each.
+    The values of the columns tell the bars apart, and a bar's name is made from them.
     """
     rng = np.random.default_rng(0)
     groups = by(rows, *columns)
@@ -96,14 +89,7 @@ def draw_bars(
 
 
 def draw_forest(effects: Sequence[Effect], label: str, path: Path, caption: str) -> None:
-    """Draw effects with their intervals as a forest plot, by groups; zero means no effect.
-
-    Args:
-        effects: in the order of their groups.
-        label: of the horizontal axis.
-        path: of the files, without suffix.
-        caption: of how many runs, and by which test.
-    """
+    """Draw effects with their intervals as a forest plot, in the order of their groups; zero means no effect."""
     is_new = np.array([not n or effect.group != effects[n - 1].group for n, effect in enumerate(effects)])
     places = np.cumsum(1.0 + 0.6 * is_new)
     with figure(path, size=(7.2, 1.6 + 0.2 * places[-1]), caption=caption) as (axes,):

@@ -63,8 +63,8 @@ def _compared(
     statistic: Statistic = np.median,
     **at: object,
 ) -> Test:
-    """A test that runs with the first value of a column have more of a measure than those with the second, `at` values of
-    other columns; that they are `better`; or, with a margin, that they are equal."""
+    """A test that runs with the first value of a column, `at` values of others, have more of a measure than those with
+    the second; that they are `better`; or, with a margin, that they are equal."""
 
     def test(rows: Rows) -> Judged | None:
         groups = (select(rows, **at, **{column: value}) for value in (first, second))
@@ -77,15 +77,8 @@ def _hop_counts(measure: Measure, **at: object) -> Test:
     return _compared(measure, "use_hop_count", True, False, better=True, **at)
 
 
-# --- Densities ---
-
-
 def _densities(rows: Rows, low: float, high: float) -> dict[str, Rows]:
     return {f"{d:g}": runs for d, runs in sorted(by(rows, "density").items()) if low <= d <= high}
-
-
-def _lowest(measure: Measure) -> Test:
-    return lambda rows: optimum(by(rows, "density"), measure, m.BEST)
 
 
 def _later(rows: Rows) -> Judged | None:
@@ -93,12 +86,9 @@ def _later(rows: Rows) -> Judged | None:
     return differences({density: (runs, best) for density, runs in _densities(rows, *m.DENSE).items()})
 
 
-# --- The two types ---
-
-
 def _types(rows: Rows) -> dict[str, Rows]:
     """Runs of both of the paper's types; none if one is not there, as nothing follows from the other."""
-    types: dict[str, Rows] = {name: select(rows, type=name) for name in m.PAPER_FITNESS}
+    types: dict[str, Rows] = {name: select(rows, type=name) for name in SWARMS}
     return types if all(types.values()) else {}
 
 
@@ -110,12 +100,8 @@ def _as_the_papers(measure: Measure, paper: Mapping[str, float], margin: float, 
 
 
 def _early(rows: Rows) -> Judged | None:
-    types = _types(rows).items()
-    early = {k: (sum((row["finished_at"] or m.STEPS) < m.SHORTEST for row in runs), len(runs)) for k, runs in types}
-    return shares(early, (-math.inf, RARE))
-
-
-# --- Other choices ---
+    early = {k: [(row["finished_at"] or m.STEPS) < m.SHORTEST for row in runs] for k, runs in _types(rows).items()}
+    return shares({name: (sum(each), len(each)) for name, each in early.items()}, (-math.inf, RARE))
 
 
 class Change(NamedTuple):
@@ -164,9 +150,6 @@ def _chosen(is_balanced: bool, rows: Rows) -> Judged | None:
     return reaching({f"{choice.split('.')[1]} = {value}": runs for (choice, value), runs in groups})
 
 
-# --- Failed robots ---
-
-
 def _robust(rows: Rows) -> Judged | None:
     dead = sorted(by(select(rows, kind="dead"), "fraction").items())
     return reaching({f"{100 * part:.0f} %": runs for part, runs in dead}) if len(dead) > 1 else None
@@ -178,12 +161,8 @@ def _cost(rows: Rows) -> Judged | None:
     return differences({f"{100 * part:.0f} %": (dead[part], absent[part]) for part in both})
 
 
-# --- Grasps by trials ---
-
-
 def _same_by_trials(name: str, measure: Measure, voltage: float, rows: Rows) -> Judged | None:
-    """At each humidity the ratio of pairs of the same seed is one; a run that does not reach the goal takes its time
-    limit."""
+    """At each humidity the ratio of pairs is one; a run that does not reach the goal takes its time limit."""
     found = []
     for humidity in HUMIDITIES:
         mine = select(rows, type=name, grasp_voltage=voltage, relative_humidity=humidity)
@@ -217,9 +196,6 @@ def _on_grasps(name: str) -> list[Statement]:
     return [added("resolved-grasps", claim, test) for claim, test in tests.items()]
 
 
-# --- Time steps ---
-
-
 def drive_of(drive: DriveConfig, rate: int) -> DriveConfig:
     """Drive with so many physics steps in a control step; a ConfigError if it refuses them."""
     return replace(drive, turn_substeps=SUBSTEPS[rate][0], walk_substeps=SUBSTEPS[rate][1])
@@ -237,8 +213,8 @@ def refusals(drive: DriveConfig) -> dict[int, str]:
 
 
 def _refused(rows: Rows) -> Judged:
-    refused = {rate: text for rate, text in refusals(DriveConfig()).items() if not select(rows, rate=rate)}
-    return Judged("; ".join(f"{rate}: {text}" for rate, text in refused.items()) or "none", "")
+    refused = [f"{rate}: {text}" for rate, text in refusals(DriveConfig()).items() if not select(rows, rate=rate)]
+    return Judged("; ".join(refused) or "none", "")
 
 
 def _same_by_rate(measure: Measure, rows: Rows) -> Judged | None:
@@ -273,9 +249,9 @@ TESTS: Mapping[str, Test] = {
     "hop dust": _hop_counts(m.DUST),
     "hop collisions": _hop_counts(m.COLLISIONS),
     "hop carriage": _hop_counts(m.CARRIAGE),
-    "best time": _lowest(m.TIME),
-    "best collisions": _lowest(m.COLLISIONS),
-    "best carriage": _lowest(m.CARRIAGE),
+    "best time": lambda rows: optimum(by(rows, "density"), m.TIME, m.BEST),
+    "best collisions": lambda rows: optimum(by(rows, "density"), m.COLLISIONS, m.BEST),
+    "best carriage": lambda rows: optimum(by(rows, "density"), m.CARRIAGE, m.BEST),
     "dense slower": _later,
     "cleans": lambda rows: reaching(_densities(rows, *m.CLEAN)),
     "sparse": lambda rows: reaching(_densities(rows, m.SPARSEST, m.SPARSEST), does=False),

@@ -53,10 +53,6 @@ def interval(values: Values, statistic: Statistic = np.mean) -> Interval:
     Source: Hettmansperger and Sheather, Statistics & Probability Letters 4, 75 (1986), without their interpolation
     between neighbouring values (`scipy.stats.mstats.median_cihs`): that is for continuous distributions only, and of
     values with ties misses the median more often, of 6 times with a limit that nearly half reach in 12 %.
-
-    Args:
-        values: (n,) at least one.
-        statistic: of an array along `axis`.
     """
     if statistic is not np.median:
         return _bootstrap(statistic, values)
@@ -71,12 +67,8 @@ def difference(first: Values, second: Values, statistic: Statistic = np.median) 
 
 
 def ratio(first: Sequence[Values], second: Sequence[Values]) -> Interval:
-    """Geometric mean of the second samples over that of the first, mean of all pairs, with its bootstrap interval.
-
-    Args:
-        first: G samples of positive values, of any size.
-        second: likewise; sample k of both is one pair.
-    """
+    """Geometric mean of the second samples over that of the first, mean of all pairs, with its bootstrap interval; of
+    positive values, and of samples of any size, of which number k of both is one pair."""
 
     def statistic(*samples: Float[Array, "..."], axis: int) -> Float[Array, "..."]:
         logs = [np.log(sample).mean(axis=axis) for sample in samples]
@@ -86,13 +78,7 @@ def ratio(first: Sequence[Values], second: Sequence[Values]) -> Interval:
 
 
 def trend(x: Values, first: Sequence[Values], second: Sequence[Values]) -> Interval:
-    """Least-squares slope over x of the logarithm of `ratio`, with its bootstrap interval.
-
-    Args:
-        x: (G,) where the pairs are.
-        first: G samples, as of `ratio`.
-        second: likewise.
-    """
+    """Least-squares slope of the logarithm of `ratio` over x, where the pairs are, with its bootstrap interval."""
     weights = np.asarray(x) - np.mean(x)
     weights /= (weights**2).sum()
 
@@ -133,10 +119,6 @@ def even(counts: Sequence[int], shares: Sequence[float]) -> float:
 
     It is the probability of all counts of the same total that are no more probable than these; their number grows with
     the total to the power of one less than there are, so that this is for few.
-
-    Args:
-        counts: of each class, together at least one.
-        shares: their probabilities, which sum to one.
     """
     total = sum(counts)
     ways = [
@@ -169,9 +151,6 @@ def lowest(samples: Sequence[Values]) -> Float[Array, "G"]:
     """How often each of several groups has the lowest median, as shares of bootstrap resamples of all groups.
 
     Groups that share the lowest value share the resample. The random numbers are always the same.
-
-    Args:
-        samples: of G groups, each at least one value.
     """
     rng = np.random.default_rng(0)
     arrays = [np.asarray(values, float) for values in samples]
