@@ -4,7 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from iswarm_mj.experiments.analysis.evolution import samples_of
+from iswarm_mj.experiments.analysis.evolution import evolutions
 from iswarm_mj.experiments.analysis.evolution_statements import STATEMENTS
 from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.strategy.genome import Genome
@@ -102,8 +102,7 @@ def settings_of(method="paper", **changes):
 
 def found_in(rows, **others):
     """Findings by the texts of their claims."""
-    searches = {"paper": (rows, settings_of())} | {name: (other, settings_of(name)) for name, other in others.items()}
-    samples = samples_of(searches)
+    samples = {name: evolutions(mine, 72) for name, mine in ({"paper": rows} | others).items()}
     return {statement.claim: statement.finding(samples) for statement in STATEMENTS}
 
 

@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 from iswarm_mj.experiments.runner.experiment import row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
-from iswarm_mj.experiments.studies import plans
+from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.tables import write_table
 
@@ -17,6 +17,6 @@ def write_hop_count(directory, plan):
         return Outcome(Measures(delivered, 70, 280 * factor, carriage, time), 9, 1.0)
 
     directory.mkdir(parents=True)
-    rows = [row_of(entry, outcome(entry.job)) for entry in plans.hop_count(plan)]
+    rows = [row_of(entry, outcome(entry.job)) for entry in EXPERIMENTS["hop-count"].entries(plan)]
     settings = {"experiment": "hop-count", "engine": "mujoco", **asdict(plan)}
     write_table(directory / "hop_count.parquet", rows, settings)

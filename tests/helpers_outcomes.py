@@ -5,7 +5,7 @@ import numpy as np
 from iswarm_mj.experiments.analysis.measures import PAPER_FITNESS
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.runner.jobs import Outcome
-from iswarm_mj.experiments.studies import plans
+from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.tasks.measures import Measures
 
 PLAN = Plan()
@@ -24,7 +24,7 @@ def done(job, time, delivered=66, collisions=280, carriage=50.0):
 def type_rows(one, two):
     """Rows of the paper's types that finish about these steps, with a standard deviation of 30."""
     rng, rows = np.random.default_rng(0), []
-    for entry in plans.types(PLAN):
+    for entry in EXPERIMENTS["types"].entries(PLAN):
         if entry.labels["type"] in PAPER_FITNESS:
             k, second = entry.labels["repeat"], entry.labels["type"] == "type2"
             time = round((two if second else one) + rng.normal(0, 30))

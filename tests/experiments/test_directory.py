@@ -13,90 +13,78 @@ from iswarm_mj.experiments.runner.experiment import Entry, Plan, run_experiment
 from iswarm_mj.experiments.runner.jobs import run_job
 from iswarm_mj.experiments.runner.journal import count
 from iswarm_mj.experiments.runner.pool import Execution
-from iswarm_mj.experiments.studies import plans
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.tables import read_table
 
+HOP_COUNT, QUICK = EXPERIMENTS["hop-count"], replace(PLAN, quick=True, seed=3)
 
-class TestDirectory:
-    @pytest.fixture
-    def counted(self, monkeypatch):
-        """Jobs that are really done, by a stand-in that takes no time."""
-        seen = []
 
-        def run_jobs(jobs, execution):
-            for index, job in enumerate(jobs):
-                seen.append(job)
-                yield index, done(job, 100 + job.seed % 50 + (0 if job.genome.use_hop_count else 300))
+@pytest.fixture
+def counted(monkeypatch):
+    """Jobs that are really done, by a stand-in that takes no time."""
+    seen = []
 
-        monkeypatch.setattr(pool, "run_jobs", run_jobs)
-        return seen
+    def run_jobs(jobs, execution):
+        for index, job in enumerate(jobs):
+            seen.append(job)
+            yield index, done(job, 100 + job.seed % 50 + (0 if job.genome.use_hop_count else 300))
 
-    def test_table_findings_and_figures(self, counted, tmp_path, capsys):
-        plan = replace(PLAN, quick=True, seed=3)
-        run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
-        rows, settings = read_table(tmp_path / "hop_count.parquet")
-        assert [row["seed"] for row in rows] == [entry.job.seed for entry in plans.hop_count(plan)]
-        assert rows[0]["collisions_per_robot"] == 1.0 and rows[0]["goal"] == 66 and rows[0]["max_steps"] == 300
-        assert settings["seed"] == 3 and settings["quick"] is True and settings["genome"]["p_vector_forget"] == 0.29
-        assert settings["config"]["optics"]["led_beam_aperture"] == 60.0 and settings["version"]
-        found = list(csv.DictReader((tmp_path / "findings.csv").open()))
-        assert len(found) == 4 and found[0]["verdict"] == TOO_FEW and found[0]["kind"] == "predicted, held out"
-        assert (tmp_path / "hop_count.png").stat().st_size > 10_000
-        assert "</svg>" in (tmp_path / "hop_count.svg").read_text()
-        assert "too few runs to judge" in capsys.readouterr().out
+    monkeypatch.setattr(pool, "run_jobs", run_jobs)
+    return seen
 
-    def test_finished_runs_are_not_done_again(self, counted, tmp_path):
-        plan, density = replace(PLAN, quick=True), replace(EXPERIMENTS["density"], figure=lambda *_: [])
-        run_experiment(density, plan, tmp_path)
-        table = (tmp_path / "density.parquet").read_bytes()
-        assert len(counted) == 8
-        run_experiment(density, plan, tmp_path)
-        assert len(counted) == 8 and (tmp_path / "density.parquet").read_bytes() == table
-        run_experiment(density, replace(plan, seed=1), tmp_path)
-        assert len(counted) == 16
-        run_experiment(density, plan, tmp_path, Execution(MjxSettings()))
-        assert len(counted) == 24
-        run_experiment(density, plan, tmp_path, again=True)
-        assert len(counted) == 32
 
-    def test_a_running_experiment_keeps_its_runs(self, counted, tmp_path):
-        """Another one that is to discard them is refused before it does."""
-        (tmp_path / "runs.sqlite").write_text("of the running one")
-        with locked(tmp_path), pytest.raises(UserError, match="is in use by another process"):
-            run_experiment(EXPERIMENTS["hop-count"], Plan(quick=True), tmp_path, again=True)
-        assert (tmp_path / "runs.sqlite").read_text() == "of the running one" and counted == []
+def test_table_findings_and_figures(counted, tmp_path, capsys):
+    run_experiment(HOP_COUNT, QUICK, tmp_path)
+    rows, settings = read_table(tmp_path / "hop_count.parquet")
+    assert [row["seed"] for row in rows] == [entry.job.seed for entry in HOP_COUNT.entries(QUICK)]
+    assert rows[0]["collisions_per_robot"] == 1.0 and rows[0]["goal"] == 66 and rows[0]["max_steps"] == 300
+    assert settings["seed"] == 3 and settings["quick"] is True and settings["genome"]["p_vector_forget"] == 0.29
+    assert settings["config"]["optics"]["led_beam_aperture"] == 60.0 and settings["version"]
+    found = list(csv.DictReader((tmp_path / "findings.csv").open()))
+    assert len(found) == 4 and found[0]["verdict"] == TOO_FEW and found[0]["kind"] == "predicted, held out"
+    assert (tmp_path / "hop_count.png").stat().st_size > 10_000
+    assert "</svg>" in (tmp_path / "hop_count.svg").read_text()
+    assert "too few runs to judge" in capsys.readouterr().out
 
-    def test_an_interruption_keeps_what_is_finished(self, counted, tmp_path, monkeypatch):
-        working = pool.run_jobs
 
-        def broken(jobs, *rest):
-            for k, item in enumerate(working(jobs, *rest)):
-                if k == 3:
-                    raise KeyboardInterrupt
-                yield item
+def test_finished_runs_are_not_done_again(counted, tmp_path):
+    plan, density = replace(PLAN, quick=True), replace(EXPERIMENTS["density"], figure=lambda *_: [])
+    for own, execution, again, expected in (
+        (plan, None, False, 8),
+        (plan, None, False, 8),
+        (replace(plan, seed=1), None, False, 16),
+        (plan, Execution(MjxSettings()), False, 24),
+        (plan, None, False, 24),
+        (plan, None, True, 32),
+    ):
+        run_experiment(density, own, tmp_path, execution, again=again)
+        assert len(counted) == expected
 
-        monkeypatch.setattr(pool, "run_jobs", broken)
-        plan = replace(PLAN, quick=True)
-        with pytest.raises(KeyboardInterrupt):
-            run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
-        monkeypatch.setattr(pool, "run_jobs", working)
-        before = len(counted)
-        run_experiment(EXPERIMENTS["hop-count"], plan, tmp_path)
-        assert len(counted) - before == 3
 
-    def test_real_runs_of_a_small_arena(self, small, tmp_path):
-        """The table tells what the runs themselves give, and all of it follows from it."""
-        plan = Plan(config=small, quick=True)
-        entries = plans.hop_count(plan)
-        short = [Entry(e.labels, replace(e.job, steps=30)) for e in entries[::3]]
-        made = replace(EXPERIMENTS["hop-count"], entries=lambda _: short)
-        run_experiment(made, plan, tmp_path, Execution(workers=1))
-        rows, settings = read_table(tmp_path / "hop_count.parquet")
-        outcome = run_job(short[0].job)
-        assert rows[0].items() >= outcome.columns.items()
-        assert settings["config"]["arena"]["size"] == 15
-        assert rows[0]["goal"] == 22 and rows[0]["n_robots"] == short[0].job.n_robots == round(0.118 * 216)
-        assert count(tmp_path / "runs.sqlite") == len(short)
+def test_an_interruption_keeps_what_is_finished(counted, tmp_path, monkeypatch):
+    working = pool.run_jobs
+
+    def broken(jobs, *rest):
+        for k, item in enumerate(working(jobs, *rest)):
+            if k == 3:
+                raise KeyboardInterrupt
+            yield item
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(pool, "run_jobs", broken)
+        run_experiment(HOP_COUNT, QUICK, tmp_path)
+    before = len(counted)
+    run_experiment(HOP_COUNT, QUICK, tmp_path)
+    assert len(counted) - before == 3
+
+
+def test_real_runs_of_a_small_arena(small, tmp_path):
+    """The table tells what the runs themselves give, and all of it follows from it."""
+    plan = Plan(config=small, quick=True)
+    short = [Entry(e.labels, replace(e.job, steps=30)) for e in HOP_COUNT.entries(plan)[::3]]
+    run_experiment(replace(HOP_COUNT, entries=lambda _: short), plan, tmp_path, Execution(workers=1))
+    rows, settings = read_table(tmp_path / "hop_count.parquet")
+    assert rows[0].items() >= run_job(short[0].job).columns.items()
+    assert settings["config"]["arena"]["size"] == 15
+    assert rows[0]["goal"] == 22 and rows[0]["n_robots"] == short[0].job.n_robots == round(0.118 * 216)
+    assert count(tmp_path / "runs.sqlite") == len(short)

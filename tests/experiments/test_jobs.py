@@ -1,18 +1,46 @@
-"""One world as a job: the same run as by hand, its measures and its fitness; jobs in worker processes."""
+"""One world as a job: the run by hand, its measures and its fitness; jobs in workers, and as worlds of batches."""
 
 import pickle
+from contextlib import closing
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
-from helpers_jobs import jobs_of, outcomes_of
 
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.experiments.runner import jobs as jobs_module
 from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.pool import Execution, run_jobs
+from iswarm_mj.simulation import memory_check
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, UserError
 
-GENOME = PRESETS["type2"]
+GENOME, MJX = PRESETS["type2"], Execution(MjxSettings())
+
+
+@pytest.fixture(scope="module")
+def jobs(small):
+    """Real runs of different lengths."""
+    return [Job(small, Genome(), 30, seed, steps=steps) for seed, steps in enumerate((5, 40, 10, 20, 1, 30))]
+
+
+@pytest.fixture(scope="module")
+def expected(jobs):
+    outcomes = [run_job(job) for job in jobs]
+    assert len(set(outcomes)) == len(jobs)
+    return outcomes
+
+
+def outcomes_of(jobs, execution):
+    """Outcomes in the order of the jobs; none comes twice."""
+    with closing(run_jobs(jobs, execution)) as finished:
+        found = list(finished)
+    assert sorted(index for index, _ in found) == list(range(len(jobs)))
+    return [outcome for _, outcome in sorted(found, key=lambda item: item[0])]
 
 
 def test_a_job_is_the_run_by_hand(small):
@@ -25,6 +53,7 @@ def test_a_job_is_the_run_by_hand(small):
     assert found.collisions > 0 and found.picked > found.delivered
     points = 40 * found.delivered + 20 * (found.picked - found.delivered) - 0.05 / 30 * found.collisions
     assert outcome.fitness == pytest.approx(points, abs=1e-9)
+    assert pickle.loads(pickle.dumps(outcome)) == outcome
 
 
 def test_a_job_ends_when_it_is_finished(small):
@@ -38,40 +67,12 @@ def test_a_job_ends_when_it_is_finished(small):
     assert some.fitness <= 20 * (some.measures.delivered + some.measures.picked)
 
 
-def test_jobs_and_outcomes_travel(small):
-    job = Job(small, GENOME, 30, seed=1, steps=2)
-    assert pickle.loads(pickle.dumps(job)) == job
-    outcome = run_job(job)
-    assert pickle.loads(pickle.dumps(outcome)) == outcome
-    assert len(pickle.dumps(job)) < 4000
-
-
-def test_faults_name_the_job(small, monkeypatch):
-    monkeypatch.setattr(Run, "fault_of_each", [SimulationFault("gone", step=1)])
-    with pytest.raises(SimulationFault, match=r"^run of 30 robots with seed 7: step 1: gone$"):
-        run_job(Job(small, GENOME, 30, seed=7, steps=3))
-
-
 def test_a_job_that_is_not_possible_is_refused(small):
     with pytest.raises(UserError, match=r"n_robots must be .*got 217"):
         run_job(Job(small, GENOME, 217, seed=7, steps=3))
 
 
-@pytest.fixture(scope="module")
-def jobs(small):
-    return jobs_of(small)
-
-
-@pytest.fixture(scope="module")
-def expected(jobs):
-    outcomes = [run_job(job) for job in jobs]
-    assert len(set(outcomes)) == len(jobs)
-    return outcomes
-
-
-@pytest.mark.parametrize(
-    "how", [Execution(workers=2), Execution(workers=2, backend="ray")], ids=lambda how: how.backend
-)
+@pytest.mark.parametrize("how", [Execution(workers=2), Execution(workers=2, backend="ray")], ids=lambda h: h.backend)
 def test_outcomes_are_those_of_the_jobs_by_themselves(jobs, expected, how):
     if how.backend == "ray":
         pytest.importorskip("ray")
@@ -82,3 +83,91 @@ def test_long_jobs_begin_first(jobs, expected):
     finished = list(run_jobs(jobs, Execution(workers=1)))
     assert [index for index, _ in finished] == [1, 5, 3, 2, 0, 4]
     assert all(outcome == expected[index] for index, outcome in finished)
+
+
+@pytest.fixture
+def tried(monkeypatch):
+    """A stand-in for runs, and how many places for robots those begun have."""
+    begun = []
+
+    class Crowded:
+        is_over, kind, finished_at = False, 0, {}
+
+        def __init__(self, config, genome, settings, engine, worlds):
+            begun.append(settings.capacity)
+            self.sizes = [world.n_robots for world in worlds]
+
+        def advance(self):
+            self.is_over = True
+
+        @property
+        def fault_of_each(self):
+            """The last world has one."""
+            fault = SimulationFault(step=3, world=0, kind=self.kind) if self.kind else None
+            return [*[None] * (len(self.sizes) - 1), fault]
+
+        def measures(self, world):
+            return Measures(self.sizes[world], 0, 0, None, self.finished_at.get(world))
+
+    monkeypatch.setattr(jobs_module, "Run", Crowded)
+    return Crowded, begun
+
+
+def test_a_fault_names_its_job(jobs, tried):
+    tried[0].kind = FaultKind.TOO_MANY_CONTACTS
+    with pytest.raises(SimulationFault, match=r"^run of 30 robots with seed 77: step 3, world 0: .*contact_capacity"):
+        outcomes_of([jobs[0], replace(jobs[0], seed=77)], MJX)
+
+
+@pytest.mark.parametrize(
+    "sizes, capacity",
+    [((30, 30), 30), ((20, 30), 64), ((64, 50), 64), ((65, 50), 128), ((216, 50), 216)],
+)
+def test_batches_of_other_sizes_share_a_program(small, tried, sizes, capacity):
+    """A program is for arrays of one size; the arena has 216 cells for robots. The first job finishes early."""
+    tried[0].finished_at = {0: 13}
+    found = outcomes_of([Job(small, Genome(), n_robots, 0, steps=20) for n_robots in sizes], MJX)
+    assert [outcome.measures.delivered for outcome in found] == list(sizes) and tried[1] == [capacity]
+    assert [outcome.steps for outcome in found] == [13, 20]
+
+
+@pytest.mark.parametrize(
+    "fitting, sizes", [(None, [384]), (384, [384]), (200, [192, 192]), (100, [96] * 4), (0, [1] * 384)]
+)
+def test_batches_of_planar_fit_into_the_memory(monkeypatch, fitting, sizes):
+    """Of any sizes, with half of what is free left for what is not estimated."""
+    jobs, planar = [SimpleNamespace(n_robots=n) for n in [100, 950, 240] * 128], PlanarSettings(1, impl="warp")
+    free = fitting and int(2 * fitting * memory_check.needed_memory(planar, 1, 950))
+    monkeypatch.setattr(memory_check, "_free_memory", lambda _: free)
+    parts = jobs_module._parts(range(len(jobs)), jobs, planar)
+    assert [len(part) for part in parts] == sizes
+    assert [index for part in parts for index in part] == list(range(384))
+
+
+def test_planar_is_run_in_batches_where_there_is_a_gpu(monkeypatch):
+    without = Execution(PlanarSettings.usual())
+    settings = {"engine": "planar", "refinement": 1, "accuracy": 0.01}
+    assert not without.in_batches and without.identity == settings and without.settings == PlanarSettings(1)
+    monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
+    with_gpu = Execution(PlanarSettings.usual())
+    assert with_gpu.in_batches and with_gpu.identity == settings | {"impl": "warp"}
+    assert Execution(MjxSettings.usual()).settings == MjxSettings("warp", contact_capacity=4.0)
+    with pytest.raises(ConfigError, match="backend must be processes with `engine` planar and `impl` warp"):
+        Execution(PlanarSettings.usual(), backend="ray")
+
+
+def test_jobs_of_batches_end_as_alone(small, monkeypatch):
+    """Jobs of two lengths, one with dead robots, as two batches."""
+    given = [(1, 20, 0.0), (2, 20, 0.5), (3, 10, 0.0)]
+    jobs = [Job(small, Genome(), 12, seed, steps=steps, failed_fraction=dead) for seed, steps, dead in given]
+    begun = []
+
+    def run(*arguments, **parts):
+        begun.append(len(parts["worlds"]))
+        return Run(*arguments, **parts)
+
+    monkeypatch.setattr(jobs_module, "Run", run)
+    batched = outcomes_of(jobs, Execution(PlanarSettings(impl="warp")))
+    assert begun == [2, 1]
+    assert batched == [run_job(job, PlanarSettings(impl="warp")) for job in jobs]
+    assert sum(o.measures.picked for o in batched) > 3

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from iswarm_mj.experiments.runner import journal
-from iswarm_mj.experiments.runner.journal import Journal, count
+from iswarm_mj.experiments.runner import journal as journals
+from iswarm_mj.experiments.runner.journal import count, journal
 from iswarm_mj.utils.errors import UserError
 
 SETTINGS = {"seed": 3, "config": {"arena": {"size": 49.0, "n_dust": 72}}}
@@ -20,14 +20,14 @@ def path(tmp_path):
 
 
 def entries(path, settings=SETTINGS):
-    with Journal(path, settings) as found:
+    with journal(path, settings) as found:
         return found.entries
 
 
 @pytest.fixture
 def written(path):
     """Three runs, not in order, with floats that decimals do not meet."""
-    with Journal(path, SETTINGS) as made:
+    with journal(path, SETTINGS) as made:
         for key in ((0, 1, 0), (0, 0, 0), (1, 0, 0)):
             made.add(key, {"fitness": key[1] + 0.1 + 0.2, "left": None, "ok": True})
         return dict(made.entries)
@@ -35,22 +35,25 @@ def written(path):
 
 def test_what_was_added_comes_back(path, written):
     assert entries(path) == written and len(written) == count(path) == 3
-    with Journal(path, SETTINGS) as again:
+    with journal(path, SETTINGS) as again:
         again.add((1, 1, 0), 1 / 3)
         again.add((0, 0, 0), 2 / 3)
+        with pytest.raises(UserError, match="is in use by another process"), journal(path, SETTINGS, again=True):
+            pass
     assert entries(path) == written | {(1, 1, 0): 1 / 3, (0, 0, 0): 2 / 3}
-    assert [file.name for file in path.parent.iterdir()] == [path.name]
+    with journal(path, SETTINGS, again=True) as anew:
+        assert anew.entries == {}
 
 
 KILLED = """
 import os, sys
 from pathlib import Path
-from iswarm_mj.experiments.runner.journal import Journal
-with Journal(Path(sys.argv[1]), {}) as journal:
+from iswarm_mj.experiments.runner.journal import journal
+with journal(Path(sys.argv[1]), {}) as kept:
     for n in range(3):
-        journal.add((n,), n)
-    with journal._file:
-        journal._file.execute("DELETE FROM runs WHERE entry = '1'")
+        kept.add((n,), n)
+    with kept._file:
+        kept._file.execute("DELETE FROM runs WHERE entry = '1'")
         os.kill(os.getpid(), 9)
 """
 
@@ -64,7 +67,7 @@ def test_each_run_is_kept_where_the_process_is_killed(path):
 def test_a_full_disk_is_an_error_and_the_file_stays_good(path, written):
     """A limit of the file's size stands for the disk's."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with Journal(path, SETTINGS) as full:
+    with journal(path, SETTINGS) as full:
         resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size, limits[1]))
         try:
             with pytest.raises(UserError, match=r"checkpoint\.sqlite cannot be written"):
@@ -75,7 +78,7 @@ def test_a_full_disk_is_an_error_and_the_file_stays_good(path, written):
     assert entries(path) == written
 
 
-@pytest.mark.parametrize("content", [b"\n", b"{}\n", b"\xff\xfe\n", b"a note", b"SQLite format 3\0"])
+@pytest.mark.parametrize("content", [b"\n", b"\xff\xfe\n", b"a note", b"SQLite format 3\0"])
 def test_other_files_are_refused(path, content):
     path.write_bytes(content)
     assert count(path) == 0
@@ -84,23 +87,16 @@ def test_other_files_are_refused(path, content):
     assert path.read_bytes() == content
 
 
-def test_other_settings_are_refused(path, written):
+def test_what_is_refused_stays_as_it_was(path, written, monkeypatch):
+    """Of other settings or versions, and of a file that is cut off anywhere."""
+    whole = path.read_bytes()
     with pytest.raises(UserError, match=r"different settings \(config\.arena\.n_dust: 72 there, 70 now, seed: 3 there"):
         entries(path, {"seed": 4, "config": {"arena": {"size": 49.0, "n_dust": 70}}})
-
-
-def test_what_is_refused_stays_as_it_was(path, written):
-    whole = path.read_bytes()
-    for size in (*range(0, len(whole), 512), len(whole)):
-        for settings in ({"seed": 4}, {"seed": 3, "config": {}}):
-            path.write_bytes(whole[:size])
-            if size:
-                with pytest.raises(UserError):
-                    entries(path, settings)
-                assert path.read_bytes() == whole[:size] and [one.name for one in path.parent.iterdir()] == [path.name]
-
-
-def test_another_version_is_refused(path, written, monkeypatch):
-    monkeypatch.setattr(journal, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"})
+    for size in (*range(512, len(whole), 1024), len(whole)):
+        path.write_bytes(whole[:size])
+        with pytest.raises(UserError):
+            entries(path, {"seed": 4})
+        assert path.read_bytes() == whole[:size]
+    monkeypatch.setattr(journals, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"})
     with pytest.raises(UserError, match=r"different versions \(iswarm_mj: .* there, 9\.9 now, "):
         entries(path)

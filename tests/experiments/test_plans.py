@@ -7,7 +7,6 @@ import pytest
 from iswarm_mj.config import DriveConfig, SwarmConfig
 from iswarm_mj.experiments.analysis.statements import refusals
 from iswarm_mj.experiments.runner.experiment import Plan
-from iswarm_mj.experiments.studies import plans
 from iswarm_mj.experiments.studies.infer import ALONE, NAMED_REPEATS, SETTINGS
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.strategy.genome import PRESETS
@@ -15,78 +14,76 @@ from iswarm_mj.strategy.genome import PRESETS
 PLAN = Plan()
 
 
-class TestPlans:
-    def test_hop_counts_are_those_of_the_paper(self):
-        """12 and 12 runs of 280 robots until 66 balls or 1200 steps; nothing else differs."""
-        entries = plans.hop_count(PLAN)
-        jobs = [entry.job for entry in entries]
-        assert [job.genome.use_hop_count for job in jobs] == [True] * 12 + [False] * 12
-        assert {replace(job.genome, use_hop_count=True) for job in jobs} == {PRESETS["type1"]}
-        assert {(job.n_robots, job.steps, job.stop_at) for job in jobs} == {(280, 1200, 66)}
+def entries(name):
+    return EXPERIMENTS[name].entries(PLAN)
 
-    def test_sensitivity_varies_one_value_at_a_time(self):
-        """Each job's configuration differs from the default in the value that its label names, and nowhere else."""
-        usual = SwarmConfig()
-        for entry in plans.sensitivity(PLAN):
-            differing = [
-                (f"{part}.{name}", str(value))
-                for part, mine in vars(entry.job.config).items()
-                for name, value in vars(mine).items()
-                if value != getattr(getattr(usual, part), name)
-            ]
-            choice, value = entry.labels["choice"], entry.labels["value"]
-            assert differing == ([] if choice == "default" else [(choice, value)])
 
-    def test_dead_robots_are_there_and_absent_ones_are_not(self):
-        entries = plans.robustness(PLAN)
-        half = {e.labels["kind"]: e.job for e in entries if e.labels["fraction"] == 0.5}
-        assert (half["dead"].n_robots, half["dead"].failed_fraction) == (280, 0.5)
-        assert (half["absent"].n_robots, half["absent"].failed_fraction) == (140, 0.0)
-        assert {e.labels["fraction"] for e in entries if e.labels["kind"] == "dead"} == {0, 0.1, 0.2, 0.3, 0.4, 0.5}
+def differing(config):
+    """What differs from the default, by names of settings."""
+    parts = {part: (vars(mine), vars(getattr(SwarmConfig(), part))) for part, mine in vars(config).items()}
+    return {f"{part}.{k}": v for part, (mine, usual) in parts.items() for k, v in mine.items() if v != usual[k]}
 
-    def test_messages_differ_in_their_time_and_hop_counts_alone(self):
-        entries = plans.message_time(PLAN)
-        assert len(entries) == 5 * 2 * 12 == len({entry.job.seed for entry in entries})
-        for entry in entries:
-            job, labels = entry.job, entry.labels
-            optics, rate = job.config.optics, labels["setting"].split()[0]
-            assert optics.baud_rate == (0.0 if rate == "no" else float(rate))
-            assert (optics.photodiodes_while_emitting == "all") == ("all" in labels["setting"])
-            assert job.genome.use_hop_count == labels["use_hop_count"]
-            usual = replace(optics, baud_rate=0.0, photodiodes_while_emitting="front")
-            assert replace(job.config, optics=usual) == PLAN.config
 
-    def test_pairs_of_grasps_differ_in_what_decides_alone(self):
-        entries, pairs = plans.resolved_grasps(PLAN), {}
-        assert len(entries) == 2 * 3 * 3 * 2 * 24
-        for entry in entries:
-            gripper = entry.job.config.gripper
-            assert all(
-                getattr(gripper, name) == entry.labels[name]
-                for name in ("resolution", "grasp_voltage", "relative_humidity")
-            )
-            assert gripper.spread_tool_object == SwarmConfig().gripper.spread_tool_object
-            usual = replace(entry.job.config, gripper=replace(gripper, resolution="quasi-static"))
-            pairs.setdefault(entry.job.seed, []).append(replace(entry.job, config=usual))
-        assert all(len(both) == 2 and both[0] == both[1] for both in pairs.values())
+def test_hop_counts_are_those_of_the_paper():
+    """12 and 12 runs of 280 robots until 66 balls or 1200 steps; nothing else differs."""
+    jobs = [entry.job for entry in entries("hop-count")]
+    assert [job.genome.use_hop_count for job in jobs] == [True] * 12 + [False] * 12
+    assert {replace(job.genome, use_hop_count=True) for job in jobs} == {PRESETS["type1"]}
+    assert {(job.n_robots, job.steps, job.stop_at) for job in jobs} == {(280, 1200, 66)}
 
-    def test_time_steps_are_those_that_the_drive_allows(self):
-        entries = plans.time_step(PLAN)
-        assert {e.labels["rate"] for e in entries} == {10, 20, 50, 100} and len(entries) == 2 * 4 * 24
-        for entry in entries:
-            drive = entry.job.config.drive
-            assert drive.turn_substeps + drive.walk_substeps == entry.labels["rate"]
-            assert replace(drive, turn_substeps=4, walk_substeps=6) == DriveConfig()
-        assert refusals(DriveConfig()).keys() == {2, 5}
-        assert refusals(DriveConfig(step_length=0.08, max_turn=30)) == {}
 
-    @pytest.mark.parametrize("name", EXPERIMENTS)
-    def test_no_two_runs_are_the_same(self, name):
-        """Another seed, another experiment's seed: other runs; the quick version is smaller."""
-        one, other = (EXPERIMENTS[name].entries(replace(PLAN, seed=seed)) for seed in (0, 1))
-        jobs = [entry.job for entry in [*one, *other]]
-        again = {"resolved-grasps": len(jobs) // 2, "infer": 2 * len(ALONE) * NAMED_REPEATS * len(SETTINGS)}
-        assert len(set(jobs)) == len(jobs)  # runs of a seed differ in their settings
-        assert len({job.seed for job in jobs}) == len(jobs) - again.get(name, 0)
-        quick = EXPERIMENTS[name].entries(replace(PLAN, quick=True))
-        assert sum(e.job.steps * e.job.n_robots for e in quick) < 0.3 * sum(e.job.steps * e.job.n_robots for e in one)
+def test_sensitivity_varies_one_value_at_a_time():
+    for entry in entries("sensitivity"):
+        choice, value = entry.labels["choice"], entry.labels["value"]
+        found = {name: str(mine) for name, mine in differing(entry.job.config).items()}
+        assert found == ({} if choice == "default" else {choice: value})
+
+
+def test_dead_robots_are_there_and_absent_ones_are_not():
+    found = entries("robustness")
+    half = {e.labels["kind"]: (e.job.n_robots, e.job.failed_fraction) for e in found if e.labels["fraction"] == 0.5}
+    assert half == {"dead": (280, 0.5), "absent": (140, 0.0)}
+    assert {e.labels["fraction"] for e in found if e.labels["kind"] == "dead"} == {0, 0.1, 0.2, 0.3, 0.4, 0.5}
+
+
+def test_messages_differ_in_their_time_and_hop_counts_alone():
+    found = entries("message-time")
+    assert len(found) == 5 * 2 * 12 == len({entry.job.seed for entry in found})
+    for job, setting, flag in ((e.job, e.labels["setting"], e.labels["use_hop_count"]) for e in found):
+        rate, own = setting.split()[0], differing(job.config)
+        assert own.pop("optics.baud_rate", 0.0) == (0.0 if rate == "no" else float(rate))
+        assert own == ({"optics.photodiodes_while_emitting": "all"} if "all" in setting else {})
+        assert job.genome.use_hop_count == flag
+
+
+def test_pairs_of_grasps_differ_in_what_decides_alone():
+    found, pairs = entries("resolved-grasps"), {}
+    assert len(found) == 2 * 3 * 3 * 2 * 24
+    for entry in found:
+        gripper = entry.job.config.gripper
+        assert all(getattr(gripper, k) == entry.labels[k] for k in ("resolution", "grasp_voltage", "relative_humidity"))
+        usual = replace(entry.job.config, gripper=replace(gripper, resolution="quasi-static"))
+        pairs.setdefault(entry.job.seed, []).append(replace(entry.job, config=usual))
+    assert all(len(both) == 2 and both[0] == both[1] for both in pairs.values())
+
+
+def test_time_steps_are_those_that_the_drive_allows():
+    found = entries("time-step")
+    assert {e.labels["rate"] for e in found} == {10, 20, 50, 100} and len(found) == 2 * 4 * 24
+    for entry in found:
+        drive = entry.job.config.drive
+        assert drive.turn_substeps + drive.walk_substeps == entry.labels["rate"]
+        assert replace(drive, turn_substeps=4, walk_substeps=6) == DriveConfig()
+    assert refusals(DriveConfig()).keys() == {2, 5} and refusals(DriveConfig(step_length=0.08, max_turn=30)) == {}
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_no_two_runs_are_the_same(name):
+    """Another seed, another experiment's seed: other runs; the quick version is smaller."""
+    one, other = (EXPERIMENTS[name].entries(replace(PLAN, seed=seed)) for seed in (0, 1))
+    jobs = [entry.job for entry in [*one, *other]]
+    again = {"resolved-grasps": len(jobs) // 2, "infer": 2 * len(ALONE) * NAMED_REPEATS * len(SETTINGS)}
+    assert len(set(jobs)) == len(jobs)  # runs of a seed differ in their settings
+    assert len({job.seed for job in jobs}) == len(jobs) - again.get(name, 0)
+    quick = EXPERIMENTS[name].entries(replace(PLAN, quick=True))
+    assert sum(e.job.steps * e.job.n_robots for e in quick) < 0.3 * sum(e.job.steps * e.job.n_robots for e in one)

@@ -6,42 +6,29 @@ import numpy as np
 import pytest
 
 from iswarm_mj.config import READINGS, SwarmConfig
-from iswarm_mj.experiments.analysis.statements import ASKED
-from iswarm_mj.experiments.analysis.support import accepted, chances, counts_alone, gives_way, support
 from iswarm_mj.experiments.runner.experiment import varied
-from iswarm_mj.experiments.studies.infer import DEFAULTS, FACTORS, combinations_of
+from iswarm_mj.experiments.studies.infer import DEFAULTS, FACTORS
+from iswarm_mj.experiments.studies.support import answers, combinations_of, sample_of, supports
 from iswarm_mj.utils.tables import read_table
 
 ROOT = Path(__file__).parents[2]
 
 
-def results_of(name):
-    return read_table(ROOT / "results" / name / f"{name.replace('-', '_')}.parquet")[0]
-
-
-def test_the_selected_reading_is_that_of_the_rule():
-    every = combinations_of(results_of("infer"))
-    sample, settings = [c for c in every if c.reading is None], {}
-    for name, levels in FACTORS.items():
-        shares = support(sample, accepted(sample), name, list(levels))
-        counts = counts_alone(every, name, DEFAULTS[name])
-        assert counts.keys() == levels.keys()
-        settings |= dict(levels[gives_way(DEFAULTS[name], shares, counts) or DEFAULTS[name]])
-    assert varied(SwarmConfig(), settings) == READINGS["selected"]
-
-
-def test_what_the_page_says_of_the_support():
+def test_the_selected_reading_is_that_of_the_rule_and_the_page_says_what_is_supported():
     """Which readings pass the correction; what of the two halves the best combinations and `paper` reproduce."""
-    every = combinations_of(results_of("infer"))
-    sample, (paper, _) = [c for c in every if c.reading is None], [c for c in every if c.is_named]
-    labels = {name: list(levels) for name, levels in FACTORS.items()}
-    found = chances(sample, accepted(sample), labels)
-    assert {name for name, (_, adjusted) in found.items() if adjusted < 0.05} == {"turns"}
-    offsets = support(sample, accepted(sample), "dust_offset", labels["dust_offset"])
-    assert all(share.low < 1 / 3 < share.high for share in offsets.values())
-    times = [text for text, asked in ASKED.items() if not asked.selects].index("Type 1 takes 310 steps")
-    assert not any(c.held_out[place] for c in accepted(sample) for place in (times, times + 1))
-    assert all(paper.held_out) and sum(paper.answers) < sum(accepted(sample)[-1].answers)
+    rows, _ = read_table(ROOT / "results/infer/infer.parquet")
+    every = combinations_of(rows)
+    found, (_, kept), (paper, _) = supports(every), sample_of(every), [c for c in every if c.is_named]
+    settings = {}
+    for name, levels in FACTORS.items():
+        assert found[name].counts.keys() == found[name].shares.keys() == levels.keys()
+        settings |= dict(levels[found[name].gives_way or DEFAULTS[name]])
+    assert varied(SwarmConfig(), settings) == READINGS["selected"]
+    assert {name for name, one in found.items() if one.adjusted < 0.05} == {"turns"}
+    assert all(share.low < 1 / 3 < share.high for share in found["dust_offset"].shares.values())
+    times = [*answers([row for row in rows if row["combination"] == 0])[1]].index("Type 1 takes 310 steps")
+    assert not any(c.held_out[place] for c in kept for place in (times, times + 1))
+    assert all(paper.held_out) and sum(paper.answers) < sum(kept[-1].answers)
 
 
 def told(part):
