@@ -22,31 +22,24 @@ from iswarm_mj.experiments.analysis.measures import COLLISIONS, DUST, TIME, by
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, smallest_p
 
 
-def within(low, high, least=-math.inf, most=math.inf):
-    return Estimate(Interval(0.0, low, high), (9,), least, most).verdict
-
-
 @pytest.mark.parametrize(
-    "low, high, verdict",
+    "low, high, limits, verdict",
     [
-        (-0.5, 0.5, HOLDS),
-        (-1, 1, HOLDS),
-        (-1.1, 0, UNDECIDED),
-        (0.5, 1.5, UNDECIDED),
-        (-3, 3, UNDECIDED),
-        (1.1, 2, FAILS),
-        (-2, -1.1, FAILS),
-        (math.nan, math.nan, UNDECIDED),
+        (-1, 1, (-1, 1), HOLDS),
+        (-1.1, 0, (-1, 1), UNDECIDED),
+        (0.5, 1.5, (-1, 1), UNDECIDED),
+        (1.1, 2, (-1, 1), FAILS),
+        (-2, -1.1, (-1, 1), FAILS),
+        (math.nan, math.nan, (-1, 1), UNDECIDED),
+        (4, 1e9, (4, math.inf), HOLDS),
+        (4, 6, (-math.inf, 3.9), FAILS),
+        (-0.3, 0.1 + 0.2, (-0.3, 0.3), HOLDS),  # but for rounding
+        (-0.3, 0.3001, (-0.3, 0.3), UNDECIDED),
+        (0.1 + 0.2, 0.5, (-math.inf, 0.3), UNDECIDED),
     ],
 )
-def test_an_interval_within_limits(low, high, verdict):
-    assert within(low, high, -1, 1) == verdict
-
-
-def test_open_ends_and_rounding():
-    assert within(4, 1e9, least=4) == HOLDS and within(4, 6, most=3.9) == FAILS
-    assert 0.1 + 0.2 > 0.3 and within(-0.3, 0.1 + 0.2, -0.3, 0.3) == HOLDS
-    assert within(-0.3, 0.3001, -0.3, 0.3) == UNDECIDED == within(0.1 + 0.2, 0.5, most=0.3)
+def test_an_interval_within_limits(low, high, limits, verdict):
+    assert Estimate(Interval(0.0, low, high), (9,), *limits).verdict == verdict
 
 
 def test_a_difference_as_large_as_the_margin_is_rarely_called_equal():
@@ -89,23 +82,22 @@ def test_of_many_groups_those_that_hold_are_only_counted():
     assert reaching(groups).verdict == FAILS and reaching(groups).ours.startswith("8 of 9; b: 0 of 9: 0 %")
 
 
-@pytest.mark.parametrize("count, total, verdict", [(36, 36, HOLDS), (35, 35, TOO_FEW), (99, 100, FAILS)])
-def test_all_trials(count, total, verdict):
-    """0.025 ^ (1 / 36) = 0.9026, 0.025 ^ (1 / 35) = 0.8999."""
-    assert always(count, total).verdict == verdict
-
-
-@pytest.mark.parametrize("count, verdict", [(0, HOLDS), (3, UNDECIDED), (12, FAILS)])
-def test_rare_runs(count, verdict):
-    """Of 0 of 96 the exact interval ends at 3.8 %, of 12 of 96 it begins at 6.6 %."""
-    assert shares({"x": (count, 96)}, (-math.inf, 0.05)).verdict == verdict
+def test_all_trials_and_rare_runs():
+    """0.025 ^ (1 / 36) = 0.9026, ^ (1 / 35) = 0.8999; of 0 of 96 the interval ends at 3.8 %, of 12 it starts at 6.6."""
+    assert [always(*n).verdict for n in ((36, 36), (35, 35), (99, 100))] == [HOLDS, TOO_FEW, FAILS]
+    rare = [shares({"x": (count, 96)}, (-math.inf, 0.05)).verdict for count in (0, 3, 12)]
+    assert rare == [HOLDS, UNDECIDED, FAILS]
 
 
 class TestDifferences:
     def test_the_first_group_is_the_one_that_is_larger(self):
         low, high = rows(range(100, 112)), rows(range(200, 212))
-        assert differences({"": (high, low)}).verdict == HOLDS == differences({"": (low, high)}, more=False).verdict
-        assert differences({"": (low, high)}).verdict == FAILS == differences({"": (high, low)}, more=False).verdict
+        for first, second, larger in ((high, low, HOLDS), (low, high, FAILS)):
+            assert differences({"": (first, second)}).verdict == larger
+            assert differences({"": (second, first)}, more=False).verdict == larger
+        # p = 2 / C(24, 12) of samples apart, times 2 by Holm; 1 of equal ones
+        found = differences({"x": (high, low), "y": (low, low)})
+        assert "p = 7.4e-07, 1; by Holm 1.5e-06, 1;" in found.statistics
 
     def test_the_numbers_are_those_of_the_measure(self):
         """Medians 105.5 and 1000, since none of the other 12 finishes; of dust 66 and 30."""
@@ -125,12 +117,6 @@ class TestDifferences:
         assert differences({"": (rows([90] * 4), rows([1] * 4))}).verdict == TOO_FEW
         assert differences({"": (rows([90, 91, 92, 93, 94]), rows([1, 2, 3, 4, 5]))}).verdict == HOLDS
         assert differences({"": (rows([1]), [])}) is None
-
-    def test_several_pairs_are_corrected(self):
-        """p = 2 / C(24, 12) of samples apart, times 2 by Holm; 1 of equal ones."""
-        low, high = rows(range(100, 112)), rows(range(200, 212))
-        found = differences({"x": (high, low), "y": (low, low)})
-        assert "p = 7.4e-07, 1; by Holm 1.5e-06, 1;" in found.statistics
 
     @pytest.mark.parametrize("margin, verdict", [(40.0, HOLDS), (10.0, FAILS), (20.0, UNDECIDED)])
     def test_equal_within_a_margin(self, margin, verdict):
@@ -164,9 +150,6 @@ def test_where_the_lowest_median_is(best, verdict):
     assert found.verdict == verdict and found.ours.startswith(f"lowest at {best:g} in 100 %; 0.05: ")
     assert optimum(by(made, "density"), COLLISIONS, (0.1, 0.15)).verdict == FAILS
     assert optimum(by(made[:6], "density"), TIME, (0.1, 0.15)) is None
-
-
-def test_an_optimum_is_open_where_groups_scatter_alike_and_of_few_runs():
     wide = {d: rows(range(100, 130, 5)) for d in (0.05, 0.1)}
     assert optimum(wide, TIME, (0.1, 0.15)).verdict == UNDECIDED
     assert optimum({d: runs[:4] for d, runs in wide.items()}, TIME, (0.1, 0.15)).verdict == TOO_FEW
@@ -178,18 +161,6 @@ def test_several_statements():
     assert judged([], "x") is None
 
 
-@pytest.mark.parametrize(
-    "value, text",
-    [
-        (0.0, "0"),
-        (-0.0, "0"),
-        (1234.5, "1234"),
-        (0.0123, "0.0123"),
-        (2e-7, "2.00e-07"),
-        (12.0, "12"),
-        (1.2e7, "1.20e+07"),
-        (float("nan"), "undefined"),
-    ],
-)
-def test_numbers_are_readable(value, text):
-    assert number(value) == text
+def test_numbers_are_readable():
+    values = 0.0, -0.0, 1234.5, 0.0123, 2e-7, 12.0, 1.2e7, math.nan
+    assert [*map(number, values)] == ["0", "0", "1234", "0.0123", "2.00e-07", "12", "1.20e+07", "undefined"]

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import asdict, replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -28,51 +29,38 @@ from iswarm_mj.utils.tables import read_table
 pytestmark = pytest.mark.usefixtures("few_pixels")
 
 
-class TestTable:
-    @pytest.fixture
-    def done(self, monkeypatch, tmp_path):
-        begun = pretend(monkeypatch)
-        run_search(SEARCH, tmp_path / "out")
-        rows, settings = read_table(tmp_path / "out" / TABLE)
-        return tmp_path / "out", rows, settings, begun
+def without_figures(monkeypatch):
+    """They follow from the table and take most of the time."""
+    monkeypatch.setattr("iswarm_mj.experiments.runner.search.draw_fitness", lambda *_: None)
 
-    def test_holds_every_run_once(self, done):
-        _, rows, _, begun = done
-        places = [(row["generation"], row["individual"], row["evaluation"]) for row in rows]
-        assert places == [(g, i, k) for g in range(6) for i in range(5) for k in range(2)]
-        assert len(begun) == 60 and {job.seed for job in begun} == {row["seed"] for row in rows}
-        assert all(row["seed"] == run_seed(3, *place) for row, place in zip(rows, places, strict=True))
 
-    def test_a_row_says_what_was_run_and_what_came_of_it(self, done):
-        _, rows, _, begun = done
-        by_seed = {job.seed: job for job in begun}
-        for row in rows:
-            job = by_seed[row["seed"]]
-            assert job.genome == genome_of(row) and job.steps == row["steps"] == 800
-            assert row["n_robots"] == job.n_robots == row["collisions"]
-            assert job.n_robots == robots_for(SEARCH.config.arena, row["density_of_robots"])
-            assert row["fitness"] == worth(job.genome) + np.random.default_rng(row["seed"]).normal(0, 20)
-        for one, other in zip(rows[::2], rows[1::2], strict=True):
-            mean = (one["fitness"] + other["fitness"]) / 2
-            assert one["genome_fitness"] == other["genome_fitness"] == mean
-            assert genome_of(one) == genome_of(other)
-
-    def test_the_elite_is_run_again_with_other_seeds(self, done):
-        _, rows, _, _ = done
-        of = {(row["generation"], row["individual"]): row for row in rows}
-        for g in range(1, 6):
-            order = sorted(range(5), key=lambda i, g=g: -of[g - 1, i]["genome_fitness"])
-            for place in (0, 1):
-                row = of[g, place]
-                assert (row["origin"], row["parent"], row["second_parent"]) == ("elite", order[place], None)
-                assert genome_of(row) == genome_of(of[g - 1, order[place]])
-                assert row["seed"] != of[g - 1, order[place]]["seed"]
-        assert {of[0, i]["origin"] for i in range(5)} == {"random"}
-
-    def test_files(self, done):
-        out, rows, _, _ = done
-        assert sorted(contents(out)) == sorted([CHECKPOINT, TABLE, BEST, "fitness.png", "fitness.svg"])
-        assert load_genome(str(out / BEST)) == best_of(rows).genome
+def test_the_table_and_files(monkeypatch, tmp_path):
+    """Every run once, with what was run and what came of it; the elite is run again with other seeds."""
+    begun, out = pretend(monkeypatch), tmp_path / "out"
+    run_search(SEARCH, out)
+    rows, _ = read_table(out / TABLE)
+    assert sorted(contents(out)) == sorted([CHECKPOINT, TABLE, BEST, "fitness.png", "fitness.svg"])
+    assert load_genome(str(out / BEST)) == best_of(rows).genome
+    places = [(row["generation"], row["individual"], row["evaluation"]) for row in rows]
+    assert places == [(g, i, k) for g in range(6) for i in range(5) for k in range(2)]
+    by_seed = {job.seed: job for job in begun}
+    assert len(begun) == 60 and by_seed.keys() == {row["seed"] for row in rows}
+    for row, place in zip(rows, places, strict=True):
+        job = by_seed[row["seed"]]
+        assert row["seed"] == run_seed(3, *place) and job.genome == genome_of(row) and job.steps == row["steps"] == 800
+        assert row["n_robots"] == job.n_robots == row["collisions"]
+        assert job.n_robots == robots_for(SEARCH.config.arena, row["density_of_robots"])
+        assert row["fitness"] == worth(job.genome) + np.random.default_rng(row["seed"]).normal(0, 20)
+    for one, other in zip(rows[::2], rows[1::2], strict=True):
+        assert one["genome_fitness"] == other["genome_fitness"] == (one["fitness"] + other["fitness"]) / 2
+        assert genome_of(one) == genome_of(other)
+    of = {(row["generation"], row["individual"]): row for row in rows}
+    for g in range(1, 6):
+        order = sorted(range(5), key=lambda i, g=g: -of[g - 1, i]["genome_fitness"])
+        for row, parent in ((of[g, place], of[g - 1, order[place]]) for place in (0, 1)):
+            assert (row["origin"], row["parent"], row["second_parent"]) == ("elite", parent["individual"], None)
+            assert genome_of(row) == genome_of(parent) and row["seed"] != parent["seed"]
+    assert {of[0, i]["origin"] for i in range(5)} == {"random"}
 
 
 class TestReplicates:
@@ -83,7 +71,7 @@ class TestReplicates:
         """The first that of the seed itself; no replicate learns from another; a generation of all is a set of jobs."""
         begun, sets, run_jobs = pretend(monkeypatch), [], pool.run_jobs
         monkeypatch.setattr(pool, "run_jobs", lambda jobs, how: sets.append(len(jobs)) or run_jobs(jobs, how))
-        monkeypatch.setattr("iswarm_mj.experiments.runner.search.draw_fitness", lambda *_: None)
+        without_figures(monkeypatch)
         search = replace(SEARCH, replicates=3, method=method)
         run_search(search, tmp_path / "three")
         together = by_replicate(read_table(tmp_path / "three" / TABLE)[0])
@@ -98,14 +86,14 @@ class TestReplicates:
 
     @pytest.mark.parametrize(
         "at_once, engine, sets",
-        [(60, "planar", [60]), (25, "planar", [20] * 3), (3, "planar", [10] * 6), (60, "mjx", [60])],
+        [(60, "planar", [60]), (25, "planar", [20] * 3), (3, "mjx", [10] * 6)],
     )
     def test_batches_of_planar_take_generations_that_depend_on_none(self, monkeypatch, tmp_path, at_once, engine, sets):
         """MJX's time grows with a batch, and the table of a search in workers with each generation."""
         pretend(monkeypatch)
         monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
         monkeypatch.setattr("iswarm_mj.experiments.runner.search.AT_ONCE", at_once)
-        monkeypatch.setattr("iswarm_mj.experiments.runner.search.draw_fitness", lambda *_: None)
+        without_figures(monkeypatch)
         search = replace(SEARCH, method="random")
         found, run_jobs = [], pool.run_jobs
         run_search(search, tmp_path / "alone")
@@ -124,20 +112,12 @@ def test_the_best_is_not_the_luckiest():
 
 
 def test_seeds_differ_and_are_seeds():
-    seeds = {
-        run_seed(replicate_seed(s, r), g, i, k)
-        for s in range(5)
-        for g in range(20)
-        for i in range(10)
-        for k in range(2)
-        for r in range(3)
-    }
-    assert len(seeds) == 6000 and max(seeds) < 2**32 - 1 and min(seeds) >= 0
-    assert run_seed(3, 1, 2, 0) != run_seed(3, 2, 1, 0)
-    assert len({replicate_seed(seed, r) for seed in range(20) for r in range(20)}) == 400
-
-
-def test_generations_and_seeds_have_random_numbers_of_their_own():
+    """Of replicates and runs; random numbers of generations are their own."""
+    replicates = [replicate_seed(s, r) for s in range(20) for r in range(20)]
+    places = product(replicates[:60], range(10), range(5), range(2))
+    seeds = [run_seed(seed, *place) for seed, *place in places]
+    assert len(set(replicates)) == 400 and len(set(seeds)) == 6000
+    assert max(seeds) < 2**32 - 1 and min(seeds) >= 0 and run_seed(3, 1, 2, 0) != run_seed(3, 2, 1, 0)
     assert len({generator(seed, generation).random() for seed in range(5) for generation in range(20)}) == 100
     search = proposals("random", Operators(), 10, 3)
     assert len({individual.genome for _ in range(4) for individual in next(search)}) == 40
@@ -179,24 +159,19 @@ class TestOptimisers:
         assert max(spreads[converged + 1 :]) > 5 * spreads[converged]
 
 
-@pytest.mark.parametrize(
-    "flags, message",
-    [
-        ("--engine mjx --backend ray", r"--backend must be processes with --engine mjx and --impl jax \(got 'ray'\)"),
-        ("--generations 0", r"--generations must be a whole number between 1 and 100000 \(got 0\)"),
-        ("--population 2", r"--operators\.elite must be below --population \(got 2\)"),
-        ("--replicates 0", r"--replicates must be a whole number between 1 and 1000 \(got 0\)"),
-        ("--operators.span nan", r"--operators\.span must be .*\(got nan\)"),
-        ("--operators.density-max 2", r"--operators\.density-max must be .*\(got 2\.0\)"),
-    ],
-)
-def test_refusals(capfd, tmp_path, monkeypatch, flags, message):
+def test_refusals(capfd, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit) as stop:
-        cli.main(["evolve", *flags.split()])
-    out, error = capfd.readouterr()
-    assert stop.value.code == 2 and out == "" and error.count("\n") < 9
-    assert re.search(message, re.sub(r"[\s│]+", " ", error)) and not list(tmp_path.iterdir())
+    for flags, message in {
+        "--engine mjx --backend ray": r"--backend must be processes with --engine mjx and --impl jax \(got 'ray'\)",
+        "--generations 0": r"--generations must be a whole number between 1 and 100000 \(got 0\)",
+        "--population 2": r"--operators\.elite must be below --population \(got 2\)",
+        "--operators.span nan": r"--operators\.span must be .*\(got nan\)",
+    }.items():
+        with pytest.raises(SystemExit) as stop:
+            cli.main(["evolve", *flags.split()])
+        out, error = capfd.readouterr()
+        assert stop.value.code == 2 and out == "" and re.search(message, re.sub(r"[\s│]+", " ", error))
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.filterwarnings("error")

@@ -34,14 +34,12 @@ class TestMannWhitney:
         result = compare([1, 4, 6], [2, 3])
         assert result.u == 4 and result.p == pytest.approx(0.8)
 
-    def test_it_is_symmetric(self):
+    def test_it_is_symmetric_and_ties_count_one_half(self):
         rng = np.random.default_rng(1)
         a, b = rng.normal(size=9), rng.normal(0.5, size=7)
         one, other = compare(a, b), compare(b, a)
         assert one.p == pytest.approx(other.p) and one.u == 9 * 7 - other.u
         assert one.difference.estimate == pytest.approx(-other.difference.estimate)
-
-    def test_ties_count_one_half(self):
         result = compare([1200] * 6, [1200] * 6)
         assert result.u == 6 * 6 / 2 and result.p == 1.0 and tuple(result.difference) == (0, 0, 0)
 
@@ -54,19 +52,12 @@ class TestMannWhitney:
 
 
 class TestIntervals:
-    def test_of_a_mean_it_is_that_of_the_normal_distribution(self):
-        """Mean +- 1.96 standard errors, for many values."""
+    def test_of_a_mean_it_is_that_of_the_normal_distribution_and_of_a_constant_a_point(self):
+        """Mean +- 1.96 standard errors, for many values; of two values both ends are extremes, by hand."""
         x = np.random.default_rng(3).normal(5, 2, 400)
-        found = interval(x)
         half = 1.96 * x.std(ddof=1) / 20
-        assert found.estimate == pytest.approx(x.mean())
-        assert (found.low, found.high) == (
-            pytest.approx(x.mean() - half, abs=0.02),
-            pytest.approx(x.mean() + half, abs=0.02),
-        )
-
-    def test_of_a_constant_it_is_a_point(self):
-        assert tuple(interval([3.0] * 5, np.median)) == (3, 3, 3)
+        assert interval(x) == pytest.approx((x.mean(), x.mean() - half, x.mean() + half), abs=0.02)
+        assert tuple(interval([3.0] * 5, np.median)) == (3, 3, 3) and tuple(interval([0.0, 1.0])) == (0.5, 0, 1)
         assert tuple(difference([3.0] * 5, [1.0] * 4)) == (2, 2, 2)
 
     def test_it_contains_the_true_difference_as_often_as_it_says(self, monkeypatch):
@@ -124,10 +115,6 @@ class TestIntervals:
         half = 1.96 * math.sqrt(sum(w**2 * each.var() / 40 for w, each in zip(weights, logs, strict=True)))
         assert found[1:] == pytest.approx([found.estimate - half, found.estimate + half], abs=0.1 * half)
 
-    def test_of_two_values_it_is_by_hand(self):
-        """Means of resamples are 0, 1/2 and 1 with probabilities 1/4, 1/2 and 1/4, so that both ends are extremes."""
-        assert tuple(interval([0.0, 1.0])) == (0.5, 0, 1)
-
     @pytest.mark.parametrize("count, total, low, high", [(0, 10, 0.0, 0.2775), (655, 675, 0.9547, 0.9807)])
     def test_wilson(self, count, total, low, high):
         """(p + z^2/2n +- z sqrt(p (1 - p) / n + z^2 / 4 n^2)) / (1 + z^2 / n), by hand."""
@@ -142,23 +129,18 @@ class TestIntervals:
         assert found.low + found.high == pytest.approx(1) and found.low < share(3, 6).low
 
 
-class TestLowest:
-    def test_of_two_values_each_by_hand(self):
-        """Medians of (0, 2) are 0, 1, 2 in 1/4, 1/2, 1/4 of the resamples; 1 is lowest in 1/4 and half of 1/2."""
-        found = lowest([[0.0, 2.0], [1.0]])
-        assert found == pytest.approx([0.5, 0.5], abs=0.015) and found.sum() == pytest.approx(1)
-
-    def test_groups_far_apart_and_groups_that_are_equal(self):
-        assert lowest([[5.0, 6.0], [1.0, 2.0], [9.0]]).tolist() == [0, 1, 0]
-        assert lowest([[3.0] * 4, [3.0] * 5]).tolist() == [0.5, 0.5]
+def test_lowest_medians():
+    """Medians of (0, 2) are 0, 1, 2 in 1/4, 1/2, 1/4 of the resamples; 1 is lowest in 1/4 and half of 1/2."""
+    found = lowest([[0.0, 2.0], [1.0]])
+    assert found == pytest.approx([0.5, 0.5], abs=0.015) and found.sum() == pytest.approx(1)
+    assert lowest([[5.0, 6.0], [1.0, 2.0], [9.0]]).tolist() == [0, 1, 0]
+    assert lowest([[3.0] * 4, [3.0] * 5]).tolist() == [0.5, 0.5]
 
 
-class TestLines:
-    def test_slope_by_hand(self):
-        """y = 0, 1, 1 at x = 0, 1, 2: slope 1/2, residual sum 1/6, t(0.975, 1) = 12.706."""
-        found = slope([0, 1, 2], [0, 1, 1])
-        half = 12.7062 * math.sqrt(1 / 6 / 2)
-        assert tuple(found) == pytest.approx((0.5, 0.5 - half, 0.5 + half), rel=1e-4)
+def test_slope_by_hand():
+    """y = 0, 1, 1 at x = 0, 1, 2: slope 1/2, residual sum 1/6, t(0.975, 1) = 12.706."""
+    half = 12.7062 * math.sqrt(1 / 6 / 2)
+    assert tuple(slope([0, 1, 2], [0, 1, 1])) == pytest.approx((0.5, 0.5 - half, 0.5 + half), rel=1e-4)
 
 
 def test_holm_by_hand():
@@ -167,15 +149,10 @@ def test_holm_by_hand():
     assert holm([]) == [] and holm([0.9, 0.8]) == [1.0, 1.0]
 
 
-class TestEven:
-    def test_of_two_classes_it_is_the_binomial_test(self):
-        for count in (3, 6, 13, 20):
-            assert even([count, 26 - count], [0.5, 0.5]) == pytest.approx(stats.binomtest(count, 26).pvalue)
-        assert even([5, 5], [0.3, 0.7]) == pytest.approx(stats.binomtest(5, 10, 0.3).pvalue)
-
-    def test_three_classes_by_hand(self):
-        """Of the 27 equally probable ways of three draws from three classes 3 are of one class, and 6 of all three."""
-        thirds = [1 / 3] * 3
-        assert even([3, 0, 0], thirds) == pytest.approx(3 / 27)
-        assert even([2, 1, 0], thirds) == pytest.approx(21 / 27)
-        assert even([1, 1, 1], thirds) == pytest.approx(1)
+def test_counts_against_shares():
+    """Of two classes the binomial test; of the 27 equally probable draws of three from three, 3 are of one class."""
+    for count in (3, 6, 13, 20):
+        assert even([count, 26 - count], [0.5, 0.5]) == pytest.approx(stats.binomtest(count, 26).pvalue)
+    assert even([5, 5], [0.3, 0.7]) == pytest.approx(stats.binomtest(5, 10, 0.3).pvalue)
+    found = [even(counts, [1 / 3] * 3) for counts in ([3, 0, 0], [2, 1, 0], [1, 1, 1])]
+    assert found == pytest.approx([3 / 27, 21 / 27, 1])

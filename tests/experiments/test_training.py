@@ -1,4 +1,4 @@
-"""The training of policies: what it finds, its files, that no interruption changes a byte, and what is refused."""
+"""`iswarm train`: its flags, real trainings, and what cannot be trained, of which nothing stays behind."""
 
 import os
 import re
@@ -6,128 +6,43 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-import pyarrow.csv
 import pytest
 from helpers_robots import robot_file
 from helpers_search import contents
-from helpers_training import GOAL, SMALL, TRAINING, Three, pretend, trained
+from helpers_training import SMALL, TRAINING, Three, pretend
 
 from iswarm_mj.commands import main as cli
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import training
 from iswarm_mj.experiments.runner.journal import count
-from iswarm_mj.experiments.runner.training import CHECKPOINT, CURVE, WEIGHTS, Training, points, policy, train
+from iswarm_mj.experiments.runner.training import CHECKPOINT, Training, policy, train
 from iswarm_mj.strategy.network import load_weights
 from iswarm_mj.strategy.neural import N_WEIGHTS, Neural
 from iswarm_mj.tasks.aggregation import Aggregation
-from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.tasks.rewarded import REWARD
+from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.workflows.rollout import Rollout
 
 pytestmark = pytest.mark.usefixtures("few_pixels")
-
-
-def test_points_by_hand():
-    """Three worlds, counted after steps 5 and 10: 3 balls picked up and 0, then 2 delivered; nothing at all; all of 6
-    delivered after 8 of 10 steps, with 40 collisions of 5 robots."""
-    none, delivered = np.zeros(3), np.array([2, 0, 6])
-    after = np.array([[0, 2], [0, 0], [4, 6]])
-    when, collisions = np.array([0, 0, 8]), np.array([0, 0, 40])
-    found = Rollout(
-        delivered, np.array([3, 0, 6]), collisions, none, when > 0, when, np.array([5, 10]), after, None, [], {}
-    )
-    expected = [20 * 3 + 20 * 2 + 40 * 1, 0, 40 * 6 + 10 * 2 - 0.05 / 5 * 40 + 40 * 5]
-    np.testing.assert_allclose(points(found, CLEANING, SMALL, [4, 4, 5], 10), expected)
-
-
-def test_tasks_without_a_fitness_are_trained_by_their_rewards(monkeypatch, tmp_path):
-    asked = []
-
-    def rollout(config, strategy, keys, *, task, **_):
-        asked.append(task)
-        earned = 10 - np.abs(np.asarray(strategy.weights) - GOAL).sum(axis=1)
-        none = np.zeros(len(keys))
-        return Rollout(
-            none, none, none, none, none > 1, none, none, np.zeros((len(keys), 1)), None, [], {REWARD: earned}
-        )
-
-    monkeypatch.setattr(training, "rollout", rollout)
-    wanted = replace(TRAINING, generations=60, population=8, spread=0.3)
-    found = train(wanted, Three(jnp.zeros(3)), tmp_path, PlanarSettings(1), task=Aggregation())
-    assert np.abs(found - GOAL).max() < 0.05
-    assert isinstance(asked[0], Aggregation) and REWARD in asked[0].measured
-
-
-class TestResume:
-    def test_an_interruption_changes_nothing(self, monkeypatch, tmp_path):
-        pretend(monkeypatch)
-        trained(tmp_path / "whole")
-        for broken in (0, 1, 3):
-            out = tmp_path / f"broken{broken}"
-            with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-                pretend(patch, breaks_after=broken)
-                trained(out)
-            assert (out / CURVE).exists() == (out / WEIGHTS).exists() == bool(broken)
-            if broken:
-                assert pyarrow.csv.read_csv(out / CURVE).num_rows == broken
-            asked = pretend(monkeypatch)
-            trained(out)
-            assert len(asked) == 5 - broken and contents(out) == contents(tmp_path / "whole")
-
-    def test_it_goes_on_for_longer(self, monkeypatch, tmp_path):
-        asked = pretend(monkeypatch)
-        trained(tmp_path / "long", replace(TRAINING, generations=7))
-        trained(tmp_path / "out")
-        asked.clear()
-        trained(tmp_path / "out", replace(TRAINING, generations=7))
-        assert len(asked) == 2 and contents(tmp_path / "out") == contents(tmp_path / "long")
-
-    def test_what_is_in_the_way_is_refused(self, monkeypatch, tmp_path):
-        pretend(monkeypatch)
-        trained(tmp_path)
-        with pytest.raises(UserError, match=r"different settings \(.*task"):
-            train(TRAINING, Three(jnp.zeros(3)), tmp_path, PlanarSettings(1), task=Aggregation())
-        with pytest.raises(UserError, match=r"different settings \(.*seed"):
-            trained(tmp_path, replace(TRAINING, seed=4))
-        with pytest.raises(UserError, match="different settings"):
-            train(TRAINING, Three(jnp.zeros(3)), tmp_path, MujocoSettings(1), task=CLEANING)
-        assert len(trained(tmp_path, again=True)) == 3
-
-
-def test_training_begins_where_a_file_ends(monkeypatch, tmp_path):
-    pretend(monkeypatch)
-    assert len(policy(Neural(), SMALL, 4).weights) == N_WEIGHTS
-    trained(tmp_path)
-    with pytest.raises(UserError, match=r"has 3 weights, but"):
-        policy(Neural(tmp_path / WEIGHTS), SMALL, 4)
-
-
 FLAGS = ["--generations=3", "--population=3", "--worlds=1", "--steps=6", "--robots=4", "--seed=5", "--threads=1"]
 FLAGS += ["--arena.size=15", "--arena.dump-size=3", "--arena.dust-area-size=3", "--arena.dust-area-offset=5"]
 
 
 def test_the_command_trains_in_worlds(tmp_path, capfd, monkeypatch):
-    """In real worlds: its weights run by the strategy's flag, and another training with them begins there."""
+    """The networks, with which another training begins; and the policy of the documentation, whose flag takes them."""
     monkeypatch.chdir(tmp_path)
-    cli.main(["train", *FLAGS])
-    assert re.search(r"fitness .* in generation 3\n.*weights in runs/train/weights\.npz", capfd.readouterr().out)
-    weights = load_weights("runs/train/weights.npz")
+    cli.main(["train", *FLAGS, "--out=runs/networks"])
+    assert re.search(r"fitness .* in generation 3\n.*weights in runs/networks/weights\.npz", capfd.readouterr().out)
+    weights = load_weights("runs/networks/weights.npz")
     assert len(weights) == N_WEIGHTS
-    begins = Neural(Path("runs/train/weights.npz")).for_training(SMALL, None, 4)
+    begins = Neural(Path("runs/networks/weights.npz")).for_training(SMALL, None, 4)
     np.testing.assert_array_equal(begins.weights, weights)
-
-
-def test_the_command_trains_a_policy_of_the_user(tmp_path, capfd, monkeypatch):
-    """That of the documentation, whose flag then takes the weights; strategies without weights are refused."""
-    monkeypatch.chdir(tmp_path)
     page = (Path(__file__).parents[2] / "docs/policies.md").read_text()
     Path("turner.py").write_text(re.search(r"```python\n(# turner.py.*?)```", page, re.S)[1])
     cli.main(["train", "--strategy", "turner.py:Turner", *FLAGS])
@@ -148,18 +63,8 @@ def test_the_command_forwards_all_flags(tmp_path, monkeypatch):
     flags = [*FLAGS, "--validation=6", "--spread=0.25", "--sizes", "15", "20", "--arena.n-dust=6"]
     cli.main(["train", *flags, f"--out={tmp_path / 'out'}", f"--robot={path}", "--again"])
     plan, strategy, out, engine = given.pop("args")
-    assert plan == Training(
-        config=SMALL,
-        robots=(4,),
-        sizes=(15, 20),
-        steps=6,
-        generations=3,
-        population=3,
-        worlds=1,
-        validation=6,
-        spread=0.25,
-        seed=5,
-    )
+    numbers = {"steps": 6, "generations": 3, "population": 3, "worlds": 1, "validation": 6, "spread": 0.25, "seed": 5}
+    assert plan == Training(config=SMALL, robots=(4,), sizes=(15, 20), **numbers)
     assert (strategy, out, engine) == (Neural(), tmp_path / "out", PlanarSettings(1).for_batches())
     assert given == {"task": CLEANING, "robot_file": path, "again": True}
     cli.main(["train", "--task=aggregation", "--out", str(tmp_path / "out"), "--engine=mjx", "--impl=warp"])
@@ -194,3 +99,95 @@ def test_killed_and_resumed(tmp_path):
     whole, other = contents(tmp_path / "whole"), contents(tmp_path / "killed")
     other.pop(".lock", None)
     assert whole == other
+
+
+@dataclass
+class Strict(Three):
+    weights: object = field(init=False)
+
+    def __post_init__(self):
+        self.weights = jnp.zeros(3)
+
+
+def test_weights_need_not_pass_through_init(monkeypatch, tmp_path):
+    """Those of many worlds at once may have a shape that a class refuses."""
+    asked = pretend(monkeypatch)
+    train(replace(TRAINING, generations=1), Strict(), tmp_path, PlanarSettings(1), task=CLEANING)
+    assert asked[0].shape == (8, 3)
+
+
+class Balls:
+    """A task with a fitness but no balls."""
+
+    fitness = Cleaning.fitness
+
+
+class Wrong(Cleaning):
+    def fitness(self, measures, config, n_robots, steps):
+        raise ValueError("no idea")
+
+
+class Unequal(Aggregation):
+    """Its state has a number for each robot."""
+
+    def lay_out(self, config, n_robots, rng, shared, cell):
+        poses, spots = super().lay_out(config, n_robots, rng, shared, cell)
+        return poses, spots._replace(shares=np.zeros(n_robots, np.float32))
+
+    def advance(self, state, inputs, key):
+        _, sensed = super().advance(state, inputs, key)
+        return state, sensed
+
+
+class Heard(Aggregation):
+    def reward(self, before, after, inputs):
+        return inputs.command.forward
+
+
+@pytest.mark.parametrize(
+    ("task", "robots", "sentence"),
+    [
+        (Balls(), (4,), "Balls has a fitness, .* no method balls"),
+        (Wrong(), (4,), r"Wrong.fitness raised ValueError: no idea"),
+        (Unequal(), (4, 3), "Unequal has other shapes in worlds with other numbers of robots"),
+        (Heard(), (4,), "Heard.reward, here without commands and messages, raised AttributeError"),
+    ],
+)
+def test_tasks_that_cannot_be_scored(task, robots, sentence, tmp_path):
+    """Nothing stays behind, so that the next training may have the place."""
+    few = replace(TRAINING, config=SwarmConfig(), robots=robots, steps=1, generations=1, population=2)
+    with pytest.raises(UserError, match=sentence):
+        train(few, Three(jnp.zeros(3)), tmp_path / "out", PlanarSettings(1), task=task)
+    assert not list((tmp_path / "out").glob("*.*"))
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"robots": ()}, "robots must be between 1 and 2 numbers"),
+        ({"robots": (4, 5, 6)}, "robots must be between 1 and 2 numbers, since a candidate has 2 worlds"),
+        ({"robots": (4000,)}, "robots"),
+        ({"sizes": (15.0, 9.0)}, "^sizes"),
+        ({"spread": 0.0}, "^spread"),
+        ({"sizes": (15.0, 10.5)}, "dust_area_offset"),
+    ],
+)
+def test_worlds_that_cannot_be_are_refused_at_once(changed, sentence):
+    with pytest.raises(UserError, match=sentence):
+        replace(TRAINING, **changed)
+
+
+def test_a_candidate_may_have_a_world_for_each_number_of_robots():
+    assert replace(TRAINING, robots=(4, 5)).robots == (4, 5) and Training().worlds >= len(Training().robots)
+
+
+@pytest.mark.parametrize("weights", [None, [1.0], jnp.zeros(3, int), [jnp.zeros(3), jnp.zeros(3, int)]])
+def test_strategies_without_weights_are_refused(weights):
+    with pytest.raises(UserError, match="Three has no weights to train"):
+        policy(Three(weights), SMALL, 4)
+
+
+@pytest.mark.parametrize("first", [[], [0.5], [0.0, np.nan], [np.inf, 0.0], [2e6, 0.0]])
+def test_weights_that_no_search_can_begin_with(first):
+    with pytest.raises(UserError, match="weights must be"):
+        policy(Three(jnp.array(first, float)), SMALL, 4)
