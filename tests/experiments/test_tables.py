@@ -1,11 +1,10 @@
 """Tables of results in Markdown: their numbers by hand; blocks of pages, of which nothing else is replaced."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
-from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows, settings_of
+from helpers_findings import GRASP_SETTINGS, grasp_rows, search_rows
 
+from iswarm_mj.experiments.analysis.evolution import evolutions
 from iswarm_mj.experiments.analysis.findings import (
     FAILS,
     HOLDS,
@@ -17,12 +16,10 @@ from iswarm_mj.experiments.analysis.findings import (
     UNDECIDED,
     Finding,
 )
-from iswarm_mj.experiments.analysis.statistics import LEVEL, Interval
-from iswarm_mj.experiments.report import numbers
+from iswarm_mj.experiments.analysis.statistics import LEVEL
 from iswarm_mj.experiments.report.numbers import engines, evolution, grouped, sensitivity
 from iswarm_mj.experiments.report.results import Topic
 from iswarm_mj.experiments.report.tables import Tables, _summary, _verdicts, filled, new_texts
-from iswarm_mj.utils import tables as table_files
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import write_table
 
@@ -49,28 +46,21 @@ def run_row(time, k, **labels):
 
 
 def test_groups_by_hand():
-    """Medians of 100..104, and of runs that never finish; of five values the interval is their range."""
+    """Medians of 100..104, and of runs that never finish; of five values the interval is their range. What has no value
+    is left out."""
     rows = [run_row(100 + k, k, use_hop_count=True) for k in range(5)]
     rows += [run_row(None, k, use_hop_count=False) for k in range(5)]
     head, there, absent = cells(grouped("hop-count", rows))
     assert head[:2] == ["hop counts", "runs that reach the goal"] and len(head) == 6
     assert there == ["with", "5 of 5", "102 (100 to 104)", "66 (66 to 66)", "12 (10 to 14)", "52 (50 to 54)"]
     assert absent[:4] == ["without", "0 of 5", "1200 (1200 to 1200)", "42 (40 to 44)"]
-
-
-def test_values_that_lack_are_left_out():
     measured = [(100, 1000.0, 0.1), (110, 2000.0, None), (150, 6000.0, 0.3)]
     rows = [run_row(time, k, type="type1", fitness=f, aggregation=near) for k, (time, f, near) in enumerate(measured)]
     _, only = cells(grouped("types", rows))
     assert only == ["type1", "3 of 3", "110 (100 to 150)", "2000 (1000 to 6000)", "0.2 (0.1 to 0.3)"]
-
-
-def test_trials_by_hand():
-    rows = [
-        {**row, "voltage": 20.0 if row["experiment"] == "grasp" else row["voltage"]} for row in grasp_rows(repeats=2)
-    ]
-    rows[3] |= {"faulty": True}
-    _, first, second, *_ = cells(grouped("grasp", rows))
+    trials = [row | ({"voltage": 20.0} if row["experiment"] == "grasp" else {}) for row in grasp_rows(repeats=2)]
+    trials[3] |= {"faulty": True}
+    _, first, second, *_ = cells(grouped("grasp", trials))
     assert first == ["no contact", "10", "0 of 9", ""] and second == ["grasp", "10", "10 of 10", "20 (20 to 20)"]
 
 
@@ -87,27 +77,13 @@ def test_choices_that_change_the_time_by_hand():
     assert first[4:] == ["1.1e-05", "3.2e-05"] and second[:2] == ["`drive.error_turn`", "10.0"]
 
 
-def test_changes_are_listed_by_their_raw_p_values(monkeypatch):
-    effect = Interval(1.0, 0.5, 2.0)
-    change = SimpleNamespace(p=0.005, adjusted=0.05, choice="c", value="1", reached="1/1", effect=effect)
-    monkeypatch.setattr(numbers, "changes", lambda rows: [change])
-    assert "| c |" in sensitivity([]).replace("`", "")
-
-
-def test_tables_with_too_many_values_are_refused(tmp_path, monkeypatch):
-    write_table(tmp_path / "t.parquet", [{"a": 1, "b": 2, "c": 3}] * 2, {})
-    monkeypatch.setattr(table_files, "MOST_VALUES", 5)
-    with pytest.raises(UserError):
-        table_files.read_table(tmp_path / "t.parquet")
-
-
 def test_searches_by_hand():
     """Medians over replicates of the mean of the last 20 generations, with intervals if there are several."""
     rows = search_rows(30)
     both = [{**row, "replicate": k, "fitness": row["fitness"] + 100 * k} for k in range(3) for row in rows]
     ends = np.mean([row["fitness"] for row in rows if row["generation"] >= 10])
     clean = sum(row["delivered"] == 72 for row in rows)
-    _, several = cells(evolution({"cmaes": (both, settings_of("cmaes"))}))
+    _, several = cells(evolution({"cmaes": evolutions(both, 72)}))
     assert several[:5] == ["cmaes", "3", "900", str(3 * clean), f"{ends + 100:.0f} ({ends:.0f} to {ends + 200:.0f})"]
     assert several[6] == f"{max(row['fitness'] for row in rows) + 200:.0f}"
 
@@ -155,7 +131,7 @@ FINDINGS = [
 
 
 def test_the_summary_counts_by_verdict_and_kind():
-    assert cells(_summary(FINDINGS)) == [
+    assert cells(_summary([Topic("", "", FINDINGS, [])])) == [
         ["verdict", PREDICTED, SLIP, "all of the paper's", "not in the paper"],
         [HOLDS, "1", "0", "1", "0"],
         [FAILS, "1", "1", "2", "1"],
