@@ -1,14 +1,13 @@
 """What a run leaves behind: result.json, trajectory.npz and clean.rrd tell the same story."""
 
 import json
-from dataclasses import asdict, fields
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 from helpers_rrd import read
 from helpers_runs import engine_of, first_step, records, run_of, spoil
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.output.schema import ARRAYS
 from iswarm_mj.output.trajectory import ABOUT, Scene
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -49,22 +48,10 @@ def timeless(content):
 
 def test_result_has_all_that_was_promised(done, small):
     out, content, _, recorded = done
-    named = (
-        "seed engine n_robots n_dust steps finished_at picked delivered collisions mean_carriage_steps fitness wall_s"
-    )
-    assert set(named.split()) <= content.keys()
-    given = {name: content[name] for name in ("seed", "engine", "n_robots", "n_dust", "max_steps", "stop_at")}
-    assert given == {
-        "seed": 3,
-        "engine": "mujoco",
-        "n_robots": 30,
-        "n_dust": 24,
-        "max_steps": STEPS,
-        "stop_at": 24,
-    }
+    given = {"seed": 3, "engine": "mujoco", "n_robots": 30, "n_dust": 24, "max_steps": STEPS, "stop_at": 24}
+    assert content.items() >= given.items()
     assert content["config"] == json.loads(json.dumps(asdict(small)))
     assert content["genome"] == asdict(PRESETS["type1"])
-    assert content["config"].keys() == {f.name for f in fields(SwarmConfig)}
     balls = recorded[-1].swarm.task
     assert content["delivered"] == balls.is_delivered.sum() > 0
     assert content["picked"] == balls.was_picked.sum()
@@ -129,6 +116,7 @@ def test_the_summary_names_the_strategy_and_what_another_task_with_balls_measure
 
 
 def test_of_many_worlds_the_summary_states_averages_and_ranges(done):
+    """Ten are listed one by one."""
     listed = {
         "n_worlds": 12,
         "delivered": [*range(12)],
@@ -139,19 +127,18 @@ def test_of_many_worlds_the_summary_states_averages_and_ranges(done):
     assert told[0].endswith("in 12 world(s), seed 3; averages and ranges")
     assert "  5.5 (0 to 11) of " in told[3] and "step 25.0 (20 to 30) in 2 worlds (goal" in told[4]
     assert told[6].endswith("collisions  -")
-    carriage = {"mean_carriage_steps": [None, 33.0, 241.0, *[134.0] * 9]}
-    told = summary(done[1] | listed | carriage, done[0])
+    told = summary(done[1] | listed | {"mean_carriage_steps": [None, 33.0, 241.0, *[134.0] * 9]}, done[0])
     assert "carriage  134.5 (33 to 241) steps on average in 11 worlds\n" in told
+    told = summary(done[1] | {"n_worlds": 10, "collisions": [*range(10)]}, done[0])
+    assert "0, 1, 2, 3, 4, 5, 6, 7, 8, 9" in told and "to 9" not in told
 
 
-class TestOut:
-    def test_old_results_go(self, small, tmp_path):
-        for name in ("clean.rrd", "trajectory.npz", "result.json", "notes.txt"):
-            (tmp_path / name).write_text("old")
-        run_clean(small, tmp_path, record=False, steps=1)
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["notes.txt", "result.json"]
-        assert json.loads((tmp_path / "result.json").read_text())["steps"] == 1
-        assert (tmp_path / "notes.txt").read_text() == "old"
+def test_old_results_go(small, tmp_path):
+    for name in ("clean.rrd", "trajectory.npz", "result.json", "notes.txt"):
+        (tmp_path / name).write_text("old")
+    run_clean(small, tmp_path, record=False, steps=1)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["notes.txt", "result.json"]
+    assert json.loads((tmp_path / "result.json").read_text())["steps"] == 1
 
 
 class TestFaults:
@@ -203,10 +190,3 @@ class TestFaults:
         assert read(tmp_path / "clean.rrd")["/world/robots/body"]["step"] == list(range(self.STEP))
         with np.load(tmp_path / "trajectory.npz") as file:
             np.testing.assert_array_equal(file["pose"], done[2]["pose"][: self.STEP])
-
-
-def test_ten_worlds_are_listed_one_by_one():
-    worlds = list(range(10))
-    content = {"wall_s": 1.0, "steps": 5, "n_worlds": 10, "stop_at": None, "n_robots": 3, "seed": 0}
-    content |= {"task": {"class": "T"}, "metrics": {"m": worlds}, "finished_at": [None] * 10, "collisions": worlds}
-    assert "0, 1, 2, 3, 4, 5, 6, 7, 8, 9" in summary(content, "x") and "to 9" not in summary(content, "x")

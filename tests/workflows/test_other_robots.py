@@ -26,10 +26,8 @@ from iswarm_mj.utils.errors import ConfigError
 
 SIX = models_directory() / "robot6.xml"
 ARENA = ArenaConfig(size=10, dump_size=3, dust_area_size=2, dust_area_offset=3.5, n_dust=8)
-FLAGS = [
-    "--arena.size=10", "--arena.dump-size=3", "--arena.dust-area-size=2", "--arena.dust-area-offset=3.5",
-    "--arena.n-dust=8", "--robots=16", "--engine=planar", "--impl=numba", f"--robot={SIX}",
-]  # fmt: skip
+FLAGS = "--arena.size=10 --arena.dump-size=3 --arena.dust-area-size=2 --arena.dust-area-offset=3.5 --arena.n-dust=8"
+FLAGS = [*FLAGS.split(), "--robots=16", "--engine=planar", "--impl=numba", f"--robot={SIX}"]
 
 
 def test_six_sided_robots_clean_and_their_files_name_them(tmp_path):

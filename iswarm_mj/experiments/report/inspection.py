@@ -10,22 +10,27 @@ from typing import Any
 from tqdm import tqdm
 
 from iswarm_mj.experiments.analysis.evolution import best_of
-from iswarm_mj.experiments.report.results import SEARCH, TRIALS, as_named
+from iswarm_mj.experiments.report import results
+from iswarm_mj.experiments.runner import sweep
 from iswarm_mj.experiments.runner.experiment import RUNS
 from iswarm_mj.experiments.runner.journal import count
 from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT
-from iswarm_mj.experiments.runner.sweep import SWEEP
-from iswarm_mj.experiments.runner.sweep import summary as sweep_summary
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.reading import read_result
 from iswarm_mj.output.trajectory import RESULT
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import aligned, read_table
+from iswarm_mj.workflows import grasp
 from iswarm_mj.workflows.clean import strategy_of, summary
-from iswarm_mj.workflows.grasp import CURVES
 
 _JOURNALS = {RUNS: "an experiment or a sweep", CHECKPOINT: "a search"}
-_TABLES = (SEARCH, TRIALS, CURVES, SWEEP, *(experiment.table for experiment in EXPERIMENTS.values()))
+_TABLES = (
+    results.SEARCH,
+    results.TRIALS,
+    grasp.CURVES,
+    sweep.SWEEP,
+    *(experiment.table for experiment in EXPERIMENTS.values()),
+)
 _KNOWN = (RESULT, *_TABLES, *_JOURNALS)
 _MAX_LISTED = 20
 FILES = {
@@ -59,8 +64,7 @@ def inspection(directory: Path) -> str:
         raise UserError(f"{directory} holds no results; give the --out of a command, or a directory of such.")
     if directory in found:
         return "\n".join([*_about(directory), "", *_files(directory), *_recordings(directory)])
-    results = [place / RESULT for place in found]
-    if len(found) > 1 and all(path.is_file() and not _is_of_bench(path) for path in results):
+    if len(found) > 1 and all((place / RESULT).is_file() and not _is_of_bench(place / RESULT) for place in found):
         return "\n".join(_of_many({place: read_result(place / RESULT) for place in found}))
     paragraphs = ([str(place), *(f"  {line}" for line in (*_about(place), *_recordings(place, 1)))] for place in found)
     return "\n\n".join(map("\n".join, paragraphs))
@@ -73,19 +77,19 @@ def _of_many(runs: Mapping[Path, Mapping[str, Any]]) -> list[str]:
         known = [v for v in (value if isinstance(value, list) else [value]) if isinstance(v, int | float)]
         return f"{sum(known) / len(known):.5g}" if known else "-"
 
-    measures = ("delivered", "finished_at", "collisions")
+    facts, measures = ("engine", "n_robots", "n_worlds", "steps"), ("delivered", "finished_at", "collisions")
     lines = [
-        ["directory", "rules", "engine", "robots", "worlds", "steps", *(name.replace("_", " ") for name in measures)]
+        ["directory", "rules", "engine", "robots", "worlds", "steps"] + [name.replace("_", " ") for name in measures]
     ]
     for place, content in runs.items():
-        facts = (strategy_of(content), *(content.get(name) for name in ("engine", "n_robots", "n_worlds", "steps")))
-        lines.append([str(place), *map(str, facts), *(mean(content.get(name)) for name in measures)])
+        about = map(str, (place, strategy_of(content), *map(content.get, facts)))
+        lines.append([*about, *(mean(content.get(name)) for name in measures)])
     return aligned(lines)
 
 
 def _is_of_bench(result: Path) -> bool:
     """Whether a result.json is of `iswarm grasp`, whose tables say more."""
-    return any((result.parent / name).is_file() for name in (TRIALS, CURVES))
+    return any((result.parent / name).is_file() for name in (results.TRIALS, grasp.CURVES))
 
 
 def _about(directory: Path) -> Iterator[str]:
@@ -94,7 +98,7 @@ def _about(directory: Path) -> Iterator[str]:
     there = [path for path in there if not (path.name == RESULT and _is_of_bench(path))]
     for path in there:
         try:
-            with as_named(path):
+            with results.as_named(path):
                 yield from _run(read_result(path), directory) if path.name == RESULT else _table(path)
         except UserError as error:
             yield str(error)
@@ -121,29 +125,26 @@ def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
 
 
 def _table(path: Path) -> list[str]:
-    """Of an experiment, a search, trials or curves."""
+    """Of an experiment, a sweep, a search, trials or curves."""
     rows, settings = read_table(path)
-    if path.name == SWEEP:
-        arguments = shlex.join([settings["command"], *settings["arguments"]])
-        return [
-            f"sweep of {arguments}, {len(rows)} worlds, version {settings['version']}",
-            *sweep_summary(rows, settings["over"]),
-        ]
     about = f"version {settings.get('version')}, seed {settings.get('seed')}"
-    of = f"{len(rows)} runs, {about}"
-    name = settings.get("experiment")
-    if path.name == SEARCH:
-        best, made = best_of(rows), len({row["generation"] for row in rows})
-        return [
-            f"search by {settings['method']}: {made} of {settings['generations']} generations, {of}",
-            f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s), in {BEST}",
-        ]
-    if path.name in (TRIALS, CURVES):
-        n_trials = len({(row["radius"], row["relative_humidity"], row["repeat"]) for row in rows if "repeat" in row})
-        what = f"{n_trials} trials in {len(rows)} rows" if n_trials else f"{len(rows)} rows"
-        return [f"{path.stem}: {what}, {about}"]
-    title = f"experiment {name}{' --quick' * bool(settings['quick'])} on {settings['engine']}: {of}"
-    findings = EXPERIMENTS[str(name)].findings(rows)
+    match path.name:
+        case sweep.SWEEP:
+            arguments = shlex.join([settings["command"], *settings["arguments"]])
+            title = f"sweep of {arguments}, {len(rows)} worlds, version {settings['version']}"
+            return [title, *sweep.summary(rows, settings["over"])]
+        case results.SEARCH:
+            best, made = best_of(rows), len({row["generation"] for row in rows})
+            done = f"{made} of {settings['generations']} generations, {len(rows)} runs, {about}"
+            last = f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s), in {BEST}"
+            return [f"search by {settings['method']}: {done}", last]
+        case results.TRIALS | grasp.CURVES:
+            n_trials = len({(r["radius"], r["relative_humidity"], r["repeat"]) for r in rows if "repeat" in r})
+            what = f"{n_trials} trials in {len(rows)} rows" if n_trials else f"{len(rows)} rows"
+            return [f"{path.stem}: {what}, {about}"]
+    name, quick = str(settings.get("experiment")), " --quick" * bool(settings["quick"])
+    title = f"experiment {name}{quick} on {settings['engine']}: {len(rows)} runs, {about}"
+    findings = EXPERIMENTS[name].findings(rows)
     return [title, *(f"  {each.verdict or '-'}: {each.claim}: {each.ours}" for each in findings)]
 
 

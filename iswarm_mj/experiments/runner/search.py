@@ -25,6 +25,7 @@ from iswarm_mj.utils.tables import write_table
 
 AT_ONCE = 4096
 """Runs of a set of jobs at most, where several generations of random search are a batch."""
+Asked = dict[Key, tuple[Individual, Job]]
 CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.sqlite", "evolution.parquet", "best.json", "fitness"
 
 
@@ -56,11 +57,6 @@ def run_search(search: Search, out: Path, execution: Execution | None = None, ag
         out: directory of the results.
         execution: how to run the jobs, by default on all cores; a search must be resumed with its own engine.
         again: discard the search in `out`, which otherwise goes on.
-
-    Raises:
-        UserError: the directory is not writable or in use, contains a different search or a damaged one; or a file
-            cannot be written later.
-        SimulationFault: a run could not go on.
     """
     execution = execution or Execution()
     settings = settings_of(search, execution)
@@ -95,7 +91,7 @@ def _rows(
     every = range(search.generations)
     with progress(search.generations * search.n_runs, done=len(finished.entries)) as bar:
         for generations in (every[first : first + stride] for first in every[::stride]):
-            asked: dict[Key, tuple[Individual, Job]] = {}
+            asked: Asked = {}
             for generation in generations:
                 for replicate, (method, seed) in enumerate(zip(methods, seeds, strict=True)):
                     asked |= _jobs(search, generation, replicate, seed, method.send(fitness[replicate]))
@@ -103,7 +99,12 @@ def _rows(
             outcomes = run_missing({key: job for key, (_, job) in asked.items()}, finished, execution, bar)
             new = [_row(key, *asked[key], outcome) for key, outcome in zip(asked, outcomes, strict=True)]
             for (replicate, _), mine in by(new, "replicate", "generation").items():
-                fitness[replicate] = _evaluate(mine)
+                means = {
+                    k: float(np.mean([row["fitness"] for row in own])) for k, own in by(mine, "individual").items()
+                }
+                fitness[replicate] = list(means.values())
+                for row in mine:
+                    row["genome_fitness"] = means[row["individual"]]
             rows += new
             bar.say(f"generation {generations[-1] + 1}, best {max(row['fitness'] for row in new):z.0f}")
             if len(finished.entries) > known:
@@ -111,26 +112,15 @@ def _rows(
     return rows
 
 
-def _jobs(
-    search: Search, generation: int, replicate: int, seed: int, individuals: Sequence[Individual]
-) -> dict[Key, tuple[Individual, Job]]:
+def _jobs(search: Search, generation: int, replicate: int, seed: int, individuals: Sequence[Individual]) -> Asked:
     """Runs of a generation of one replicate, by their places in the search."""
     jobs = {}
     for index, individual in enumerate(individuals):
         n_robots = robots_for(search.config.arena, individual.genome.density_of_robots, "density_of_robots")
-        for evaluation in range(search.evaluations):
-            place = (generation, index, evaluation)
+        for place in ((generation, index, evaluation) for evaluation in range(search.evaluations)):
             job = Job(search.config, individual.genome, n_robots, run_seed(seed, *place), search.steps)
             jobs[(*place, replicate)] = individual, job
     return jobs
-
-
-def _evaluate(rows: Sequence[dict[str, Any]]) -> list[float]:
-    """Fitness of the genomes of a generation, the means over their runs; completes the rows."""
-    means = [float(np.mean([row["fitness"] for row in own])) for own in by(rows, "individual").values()]
-    for row in rows:
-        row["genome_fitness"] = means[row["individual"]]
-    return means
 
 
 def _row(key: Key, individual: Individual, job: Job, outcome: Outcome) -> dict[str, Any]:

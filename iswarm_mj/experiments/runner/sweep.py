@@ -33,19 +33,16 @@ class Variant(NamedTuple):
 
 
 def sweep(variants: Sequence[Variant], out: Path, about: Mapping[str, Any], again: bool = False) -> list[Row]:
-    """Carry out runs, write their table and its figure; a run that `out` holds is not repeated.
+    """Carry out runs, write their table and its figure into `out`; a run that it holds is not repeated unless `again`.
 
     Args:
         variants: the runs.
-        out: sweep.parquet, sweep.csv and sweep.png go here, and the finished runs.
+        out: directory.
         about: settings, for the table's metadata; `over` names those that vary.
         again: discard the finished runs in `out`.
 
     Returns:
         A row for each world: values of what varies, world, measures and metrics; `fault`, what went wrong in it.
-
-    Raises:
-        UserError: `out` cannot be written, is in use, or holds something else.
     """
     keys = [hashed(one.identity) for one in variants]
     with journal(out / RUNS, {"kind": "sweep"}, again) as finished:
@@ -56,15 +53,12 @@ def sweep(variants: Sequence[Variant], out: Path, about: Mapping[str, Any], agai
                     bar.update()
         found = [(one.labels, row) for key, one in zip(keys, variants, strict=True) for row in finished.entries[key]]
         names = dict.fromkeys(name for _, row in found for name, _ in row)
-        rows: list[Row] = [_merged(labels, {**dict.fromkeys(names), **dict(row)}) for labels, row in found]
+        # A measure with the name of what varies gets another one.
+        own = {name: f"{name}_found" if name in found[0][0] and name != "seed" else name for name in names}
+        rows = [{**labels, **{own[name]: dict(row).get(name) for name in names}} for labels, row in found]
         write_table(out / SWEEP, rows, about, csv=True)
         _draw(rows, list(about["over"]), out / "sweep")
     return rows
-
-
-def _merged(labels: Mapping[str, Any], row: Row) -> Row:
-    """A row of the table; a measure with the name of what varies gets another one."""
-    return {**labels, **{f"{name}_found" if name in labels and name != "seed" else name: row[name] for name in row}}
 
 
 def _rows(run: Run) -> list[Row]:
@@ -90,34 +84,33 @@ def _rows(run: Run) -> list[Row]:
     ]
 
 
-def summary(rows: Sequence[Mapping[str, Any]], over: Sequence[str]) -> list[str]:
+def summary(rows: Sequence[Row], over: Sequence[str]) -> list[str]:
     """Return a table of medians, a line for each combination of the values that varied."""
     columns = _columns(rows, over)
-    head = [*over, "worlds", *("finished" if name == "finished_at" else name for name in columns)]
-    lines = [head]
+    lines = [[*over, "worlds", *("finished" if name == "finished_at" else name for name in columns)]]
     for key, group in by(rows, *over).items():
-        values = [_median(group, name) for name in columns]
-        shown = ["-" if value is None else f"{value:.4g}" for value in values]
+        medians = (_median(group, name) for name in columns)
+        shown = ["-" if np.isnan(median) else f"{median:.4g}" for median in medians]
         lines.append([*map(str, key if len(over) > 1 else (key,)), str(len(group)), *shown])
     return aligned(lines)
 
 
-def _columns(rows: Sequence[Mapping[str, Any]], over: Sequence[str]) -> list[str]:
+def _columns(rows: Sequence[Row], over: Sequence[str]) -> list[str]:
     """Columns of measures that summary and figure show, at most four."""
     names = list(rows[0])
-    first = names.index("goal") + 1
-    shown = [name for name in _PANELS if name in names] if "delivered" in names else names[first:-1]
+    shown = [name for name in _PANELS if name in names] if "delivered" in names else names[names.index("goal") + 1 : -1]
     return [name for name in shown if name not in over][:4]
 
 
-def _value(row: Mapping[str, Any], name: str) -> float | None:
-    """A measure of a world; one that is not finished takes the time limit."""
-    return row["max_steps"] if name == "finished_at" and row[name] is None else row[name]
+def _values(rows: Sequence[Row], name: str) -> np.ndarray:
+    """A measure of worlds, NaN where there is none; one that is not finished takes the time limit."""
+    late = {None: "max_steps"} if name == "finished_at" else {}
+    return np.array([row[late.get(row[name], name)] for row in rows], float)
 
 
-def _median(rows: Sequence[Mapping[str, Any]], name: str) -> float | None:
-    found = [value for value in (_value(row, name) for row in rows) if value is not None]
-    return float(np.median(found)) if found else None
+def _median(rows: Sequence[Row], name: str) -> float:
+    found = _values(rows, name)
+    return float(np.median(found[~np.isnan(found)])) if not np.isnan(found).all() else np.nan
 
 
 def _draw(rows: Sequence[Row], over: Sequence[str], path: Path) -> None:
@@ -131,14 +124,12 @@ def _draw(rows: Sequence[Row], over: Sequence[str], path: Path) -> None:
     caption = f"Lines: medians; dots: worlds. {late} of {len(rows)} worlds had not finished at the time limit."
     with figure(path, columns=len(columns), size=(3.6, 2.9), caption=caption) as panels:
         for axes, name in zip(panels, columns, strict=True):
-            for key, line in (by(rows, *others) if others else {None: rows}).items():
-                label = ", ".join(map(str, key if isinstance(key, tuple) else (key,)))
-                groups = by(line, first)
-                x, y = zip(*((at[place], _median(group, name)) for place, group in groups.items()), strict=True)
-                y = [np.nan if value is None else value for value in y]
-                (drawn,) = axes.plot(x, y, "-", label=label)
-                found = [np.nan if value is None else value for value in (_value(row, name) for row in line)]
-                axes.plot([at[row[first]] for row in line], found, ".", color=drawn.get_color(), alpha=0.5)
+            for key, line in (by(rows, *others) if others else {"": rows}).items():
+                label, groups = ", ".join(map(str, key if isinstance(key, tuple) else (key,))), by(line, first)
+                y = [_median(group, name) for group in groups.values()]
+                (drawn,) = axes.plot([at[place] for place in groups], y, "-", label=label)
+                dots = [at[row[first]] for row in line], _values(line, name)
+                axes.plot(*dots, ".", color=drawn.get_color(), alpha=0.5)
             axes.set(xlabel=first, ylabel="finished at step" if name == "finished_at" else name.replace("_", " "))
             if not is_number:
                 axes.set_xticks(list(at.values()), list(map(str, places)))

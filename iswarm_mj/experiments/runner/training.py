@@ -72,15 +72,7 @@ class Training(TrainingPlan):
 
 def points(found: Rollout, task: Any, config: SwarmConfig, robots: Sequence[int], steps: int) -> Float[np.ndarray, "B"]:
     """Points of each world: the task's fitness, and 40 for each unit of its progress on average over time, so that
-    early deliveries count before all balls are delivered; of a task without a fitness the rewards of all robots.
-
-    Args:
-        found: in the worlds.
-        task: a `tasks.protocol.ScoredTask`, or one that is `rewarded`.
-        config: of the worlds.
-        robots: numbers of robots of the worlds.
-        steps: of the worlds at most.
-    """
+    early deliveries count before all balls are delivered; of a task without a fitness the rewards of all robots."""
     if not isinstance(task, ScoredTask):
         return found.metrics[REWARD].astype(float)
     early = 40.0 * found.delivered_after.mean(axis=1)
@@ -116,10 +108,6 @@ def train(
         task: what the robots are to do.
         robot_file: MJCF file of the robots, or of each kind (`RobotFile`); None for `models/robot.xml`.
         again: discard the training in `out`, which otherwise goes on.
-
-    Raises:
-        UserError: the strategy cannot be trained; `out` is not writable or in use, contains a different
-            training.
     """
     for number in {number for _, numbers in training.scenes for number in numbers}:
         check_total(robot_file, number)
@@ -134,24 +122,24 @@ def train(
     del settings["generations"]  # a training may go on for longer
     search = SepCMA(np.asarray(start, float), training.spread, seed=training.seed, population_size=training.population)
 
+    aim = task if is_scored else rewarded(task)
+    given = {"engine": engine, "task": aim, "robot_file": robot_file}
+
     def tried(candidates: np.ndarray, n_worlds: int, number: int) -> np.ndarray:
         return _tried(training, made, jax.vmap(shaped)(jnp.asarray(candidates, jnp.float32)), n_worlds, number, given)
 
-    aim = task if is_scored else rewarded(task)
-    given = {"engine": engine, "task": aim, "robot_file": robot_file}
+    rows: list[dict[str, Any]] = []
+    best, kept = -np.inf, search.mean.copy()
     with ExitStack() as stack:
         finished = stack.enter_context(journal(out / CHECKPOINT, settings, again))
         stack.callback(lambda: finished.entries or remove(out / CHECKPOINT))  # nothing was done
-        least = f"at least {len(finished.entries)}, which the training has"
-        check("generations", training.generations, least, training.generations >= len(finished.entries))
+        done = len(finished.entries)
+        wanted = training.generations
+        check("generations", wanted, f"at least {done}, which the training has", wanted >= done)
         remove_parts(out, CURVE, WEIGHTS, f"{FIGURE}.png", f"{FIGURE}.svg")
-        rows: list[dict[str, Any]] = []
-        best, kept = -np.inf, search.mean.copy()
-        done, compiling = len(finished.entries), "preparing, and waiting for the first generation"
-        bar = stack.enter_context(
-            Progress(training.generations, "generation", done=min(done, training.generations), waiting=compiling)
-        )
-        for generation in range(training.generations):
+        compiling = "preparing, and waiting for the first generation"
+        bar = stack.enter_context(Progress(wanted, "generation", done=done, waiting=compiling))
+        for generation in range(wanted):
             candidates = np.array([search.ask() for _ in range(training.population)])
             is_new = (generation,) not in finished.entries
             entry = {} if is_new else finished.entries[generation,]
@@ -161,15 +149,14 @@ def train(
             search.tell(list(zip(candidates, -found[:, 0], strict=True)))
             if is_new:
                 is_tenth = generation % VALIDATED_EVERY == VALIDATED_EVERY - 1
-                entry["mean"] = (
-                    float(tried(search.mean[None], training.validation, VALIDATION)[0, 0]) if is_tenth else None
-                )
+                mean = tried(search.mean[None], training.validation, VALIDATION)[0, 0] if is_tenth else None
+                entry["mean"] = None if mean is None else float(mean)
                 finished.add((generation,), entry)
             score = -np.inf if entry["mean"] is None else entry["mean"]
             if score >= best:
                 best, kept = score, search.mean.copy()
             rows.append(_row(generation, found, entry["mean"], float(candidates.std(axis=0).mean())))
-            if is_new or generation == training.generations - 1:
+            if is_new or generation == wanted - 1:
                 write_csv(out / CURVE, rows)
                 save_weights(out / WEIGHTS, kept)
             if is_new:

@@ -2,7 +2,7 @@
 
 import io
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from contextlib import redirect_stdout
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.experiments.analysis.measures import select
+from iswarm_mj.experiments.analysis.measures import by
 from iswarm_mj.experiments.analysis.statements import NEAR, drive_of
 from iswarm_mj.experiments.runner.experiment import Plan
 from iswarm_mj.output.plot_swarm import draw_swarm
@@ -31,11 +30,7 @@ WARM_UP = 10
 
 
 def aggregation(frames: Mapping[str, np.ndarray]) -> float:
-    """Share of the empty workers that are at a dust area, meant over the steps until half of the balls are delivered.
-
-    Args:
-        frames: arrays of a trajectory.
-    """
+    """Share of the empty workers that are at a dust area, mean over the steps until half of the balls are delivered."""
     n_dust = frames["ball_position"].shape[1]
     until = max(1, int(np.searchsorted(frames["delivered"], n_dust / 2)))
     xy, reach = frames["pose"][:until, :, None, :2], NEAR * ROBOT_DIAMETER
@@ -73,25 +68,22 @@ def observe(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
     for row in rows:
         row["overlap"] = row["ms_per_step"] = None
     observed = [row for row in rows if row["repeat"] < (1 if plan.quick else OBSERVED)]
-    for name, repeat in dict.fromkeys((row["type"], row["repeat"]) for row in observed):
-        _advance_in_turn(plan.config, select(observed, type=name, repeat=repeat))
-
-
-def _advance_in_turn(config: SwarmConfig, rows: Iterable[Any]) -> None:
-    """Run the runs of these rows, a control step of each at a time, and complete the rows."""
-    going = []
-    for row in rows:
-        settings = RunSettings(row["n_robots"], row["max_steps"], row["seed"], stop_at=row["goal"], record_worlds=())
-        own = replace(config, drive=drive_of(config.drive, row["rate"]))
-        run = Run(own, PRESETS[row["type"]], settings, PlanarSettings(threads=1, refinement=1))
-        going.append((row, run, [], []))
-    while any(not run.is_over for _, run, *_ in going):
-        for _, run, seconds, overlaps in going:
-            if not run.is_over:
-                began = time.perf_counter()
-                run.advance()
-                seconds.append(time.perf_counter() - began)
-                overlaps.append(float(run.arrays()[1].bodies.overlap[0]))
-    for row, run, seconds, overlaps in going:
-        run.raise_faults()
-        row["overlap"], row["ms_per_step"] = max(overlaps), 1e3 * float(np.median(seconds[WARM_UP:]))
+    for mine in by(observed, "type", "repeat").values():
+        going = []
+        for row in mine:
+            settings = RunSettings(
+                row["n_robots"], row["max_steps"], row["seed"], stop_at=row["goal"], record_worlds=()
+            )
+            config = replace(plan.config, drive=drive_of(plan.config.drive, row["rate"]))
+            run = Run(config, PRESETS[row["type"]], settings, PlanarSettings(threads=1, refinement=1))
+            going.append((row, run, [], []))
+        while any(not run.is_over for _, run, *_ in going):
+            for _, run, seconds, overlaps in going:
+                if not run.is_over:
+                    began = time.perf_counter()
+                    run.advance()
+                    seconds.append(time.perf_counter() - began)
+                    overlaps.append(float(run.arrays()[1].bodies.overlap[0]))
+        for row, run, seconds, overlaps in going:
+            run.raise_faults()
+            row["overlap"], row["ms_per_step"] = max(overlaps), 1e3 * float(np.median(seconds[WARM_UP:]))
