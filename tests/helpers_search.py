@@ -7,7 +7,7 @@ import numpy as np
 
 from iswarm_mj.experiments.runner import pool
 from iswarm_mj.experiments.runner.evolution import to_vector
-from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.runner.jobs import outcome_of
 from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.measures import Measures
@@ -38,10 +38,8 @@ def pretend(monkeypatch, breaks_after=None):
             begun.append(job)
             noise = np.random.default_rng(job.seed).normal(0, 20)
             picked = int(noise) % 70 + 2
-            yield (
-                int(index),
-                Outcome(Measures(picked - 1, picked, job.n_robots, None, None), job.steps, worth(job.genome) + noise),
-            )
+            measures = Measures(picked - 1, picked, job.n_robots, None, None)
+            yield int(index), outcome_of(measures, job.steps, worth(job.genome) + noise)
 
     monkeypatch.setattr(pool, "run_jobs", run_jobs)
     return begun

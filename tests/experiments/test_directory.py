@@ -84,7 +84,7 @@ def test_real_runs_of_a_small_arena(small, tmp_path):
     short = [Entry(e.labels, replace(e.job, steps=30)) for e in HOP_COUNT.entries(plan)[::3]]
     run_experiment(replace(HOP_COUNT, entries=lambda _: short), plan, tmp_path, Execution(workers=1))
     rows, settings = read_table(tmp_path / "hop_count.parquet")
-    assert rows[0].items() >= run_job(short[0].job).columns.items()
+    assert rows[0].items() >= run_job(short[0].job).items()
     assert settings["config"]["arena"]["size"] == 15
     assert rows[0]["goal"] == 22 and rows[0]["n_robots"] == short[0].job.n_robots == round(0.118 * 216)
     assert count(tmp_path / "runs.sqlite") == len(short)

@@ -7,7 +7,7 @@ import pytest
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.runner.experiment import Plan, row_of, varied
-from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.runner.jobs import outcome_of
 from iswarm_mj.experiments.studies import infer
 from iswarm_mj.experiments.studies.infer import ALONE, FACTORS, NAMED, NAMED_REPEATS, SETTINGS, design, entries
 from iswarm_mj.experiments.studies.support import (
@@ -40,7 +40,9 @@ def outcome(entry, like_the_paper):
         good = (row["setting"] == "with") == like_the_paper
         time, collisions = 200 if good else None, job.n_robots * (10 if good else 20)
     goal = job.stop_at or 72
-    return Outcome(Measures(goal if time else goal - 20, goal, collisions, time or 300.0, time), time or job.steps, 0.0)
+    return outcome_of(
+        Measures(goal if time else goal - 20, goal, collisions, time or 300.0, time), time or job.steps, 0.0
+    )
 
 
 @cache

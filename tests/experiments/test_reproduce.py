@@ -5,7 +5,7 @@ import pytest
 from iswarm_mj.commands.main import main
 from iswarm_mj.experiments.report.reproduce import Part
 from iswarm_mj.experiments.runner import pool
-from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.runner.jobs import outcome_of
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.tables import read_table, write_table
 
@@ -22,7 +22,7 @@ def jobs(monkeypatch, tmp_path):
     def run_jobs(jobs, execution):
         for index, job in enumerate(jobs):
             seen.append(job)
-            yield index, Outcome(Measures(66, 66, 280, 50.0, 100 + job.seed % 50), 150, 5000.0 + job.seed % 100)
+            yield index, outcome_of(Measures(66, 66, 280, 50.0, 100 + job.seed % 50), 150, 5000.0 + job.seed % 100)
 
     monkeypatch.setattr(pool, "run_jobs", run_jobs)
     monkeypatch.setattr("iswarm_mj.experiments.report.reproduce.report", lambda *_: None)

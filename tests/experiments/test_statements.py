@@ -11,7 +11,7 @@ from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_F
 from iswarm_mj.experiments.analysis.measures import latest_finish
 from iswarm_mj.experiments.analysis.statements import changes
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
-from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.runner.jobs import outcome_of
 from iswarm_mj.experiments.studies import observed
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.tasks.measures import Measures, fitness
@@ -199,7 +199,7 @@ def test_grasps_by_trials_are_told_from_the_balance():
         for entry in ENTRIES["resolved-grasps"]:
             k, at, vain = entry.labels["repeat"], time(entry.labels), failed(entry.labels)
             measures = Measures(66, 66, 2800, 60.0, at + k, 66 + vain, vain, 3, 69, 2, lost_time=vain + 3.25)
-            found.append(row_of(entry, Outcome(measures, at + k, 0.0)))
+            found.append(row_of(entry, outcome_of(measures, at + k, 0.0)))
         return found
 
     found = judged("resolved-grasps", rows(time, failed))
@@ -221,7 +221,7 @@ def test_time_steps_that_change_something_and_that_only_may_have():
             rate, k = entry.labels["rate"], entry.labels["repeat"]
             measures = Measures(66, 70, collisions(rate) + 10 * k, 60.0 + k, first + k)
             seen = {"overlap": overlap / rate if k < 6 else None, "ms_per_step": 2.0 + 0.01 * rate if k < 6 else None}
-            found.append({**row_of(entry, Outcome(measures, first + k, 0.0)), **seen})
+            found.append({**row_of(entry, outcome_of(measures, first + k, 0.0)), **seen})
         return found
 
     mine = rows(20, lambda rate: 2800 + 3000 * (rate == 10), 150)

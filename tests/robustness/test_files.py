@@ -20,7 +20,7 @@ from iswarm_mj.engines.robot_file import models_directory, read_robot
 from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.experiments.report.writer import report
 from iswarm_mj.experiments.runner import experiment, pool, search
-from iswarm_mj.experiments.runner.jobs import Outcome
+from iswarm_mj.experiments.runner.jobs import outcome_of
 from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.stage import recorded
@@ -219,7 +219,7 @@ def test_runs(attack, recorded_run, tmp_path, name, alone):
 
 def same(jobs, *_):
     """Outcomes of jobs that are not computed."""
-    yield from ((index, Outcome(Measures(1, 1, 1, 2.0, None), 9, 0.5)) for index in range(len(jobs)))
+    yield from ((index, outcome_of(Measures(1, 1, 1, 2.0, None), 9, 0.5)) for index in range(len(jobs)))
 
 
 @pytest.mark.attack(3)

@@ -157,8 +157,8 @@ def row_of(entry: Entry, outcome: Outcome) -> dict[str, Any]:
         "failed_fraction": job.failed_fraction,
         "max_steps": job.steps,
         "goal": job.stop_at or job.config.arena.n_dust,
-        **outcome.columns,
-        "collisions_per_robot": outcome.measures.collisions / job.n_robots,
+        **outcome,
+        "collisions_per_robot": outcome["collisions"] / job.n_robots,
     }
 
 

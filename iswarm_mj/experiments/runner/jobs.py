@@ -3,7 +3,7 @@
 import math
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
@@ -40,29 +40,15 @@ class Job:
     """Fraction of the robots that are dead from the start."""
 
 
-class Outcome(NamedTuple):
-    """What a finished job came to."""
-
-    measures: Measures
-    steps: int
-    """Number of control steps taken."""
-    fitness: float
-    """The paper's fitness over the job's steps."""
-
-    @classmethod
-    def read(cls, values: Sequence[Any]) -> "Outcome":
-        """Return the outcome that these values of JSON were."""
-        measures, steps, points = values
-        return cls(Measures(*measures), steps, points)
-
-    @property
-    def columns(self) -> dict[str, Any]:
-        """Its values as columns of a table."""
-        return {**self.measures._asdict(), "steps": self.steps, "fitness": self.fitness}
-
-
+Outcome = dict[str, Any]
+"""What a finished job came to, as columns of a table: `Measures`, `steps` taken, the paper's `fitness`."""
 NumberedOutcomes = Generator[tuple[int, Outcome], None, None]
 """Outcomes with the indices of their jobs, in the order in which they finish."""
+
+
+def outcome_of(measures: Measures, steps: int, points: float) -> Outcome:
+    """Columns of a finished job."""
+    return {**measures._asdict(), "steps": steps, "fitness": points}
 
 
 def outcomes(jobs: Sequence[Job], engine: EngineSettings) -> list[Outcome]:
@@ -94,7 +80,7 @@ def outcomes(jobs: Sequence[Job], engine: EngineSettings) -> list[Outcome]:
             raise SimulationFault(f"run of {one.n_robots} robots with seed {one.seed}: {fault}")
         measures = run.measures(world)
         points = fitness(measures, one.n_robots, one.config.arena.n_dust, one.steps)
-        found.append(Outcome(measures, measures.finished_at or one.steps, points))
+        found.append(outcome_of(measures, measures.finished_at or one.steps, points))
     return found
 
 

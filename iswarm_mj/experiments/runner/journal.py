@@ -72,7 +72,7 @@ class Journal:
             UserError: the file cannot be written, for example because the disk is full.
         """
         with self._explained(), self._file:
-            self._file.execute(_INSERT, (json.dumps(key), json.dumps(entry, sort_keys=True)))
+            self._file.execute(_INSERT, (json.dumps(key), json.dumps(entry)))
         self.entries[key] = entry
 
     def close(self) -> None:

@@ -79,7 +79,7 @@ def run_missing(jobs: Mapping[Key, Job], journal: Journal, execution: Execution,
         for index, outcome in finished:
             journal.add(missing[index], outcome)
             bar.update()
-    return [Outcome.read(journal.entries[key]) for key in jobs]
+    return [journal.entries[key] for key in jobs]
 
 
 def progress(total: int, describe: str = "", done: int = 0) -> Progress:

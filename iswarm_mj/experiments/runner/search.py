@@ -135,7 +135,7 @@ def _row(key: Key, individual: Individual, job: Job, outcome: Outcome) -> dict[s
         **asdict(job.genome),
         "n_robots": job.n_robots,
         "seed": job.seed,
-        **outcome.columns,
+        **outcome,
     }
 
 

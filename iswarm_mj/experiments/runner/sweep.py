@@ -49,13 +49,13 @@ def sweep(variants: Sequence[Variant], out: Path, about: Mapping[str, Any], agai
         with progress(len(variants), "sweep", sum(key in finished.entries for key in keys)) as bar:
             for key, one in zip(keys, variants, strict=True):
                 if key not in finished.entries:
-                    finished.add(key, [list(row.items()) for row in _rows(one.make())])  # JSON keeps their order
+                    finished.add(key, _rows(one.make()))
                     bar.update()
         found = [(one.labels, row) for key, one in zip(keys, variants, strict=True) for row in finished.entries[key]]
-        names = dict.fromkeys(name for _, row in found for name, _ in row)
+        names = dict.fromkeys(name for _, row in found for name in row)
         # A measure with the name of what varies gets another one.
         own = {name: f"{name}_found" if name in found[0][0] and name != "seed" else name for name in names}
-        rows = [{**labels, **{own[name]: dict(row).get(name) for name in names}} for labels, row in found]
+        rows = [{**labels, **{own[name]: row.get(name) for name in names}} for labels, row in found]
         write_table(out / SWEEP, rows, about, csv=True)
         _draw(rows, list(about["over"]), out / "sweep")
     return rows
