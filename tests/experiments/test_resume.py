@@ -6,12 +6,11 @@ import sys
 from dataclasses import replace
 
 import pytest
-from helpers_search import SEARCH, contents, genome_of, pretend
+from helpers_search import SEARCH, contents, pretend
 
 from iswarm_mj.commands import main as cli
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.experiments.runner.evolution import METHODS, Operators
-from iswarm_mj.experiments.runner.jobs import Job, run_job
 from iswarm_mj.experiments.runner.journal import count
 from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import (
@@ -117,22 +116,3 @@ def test_killed_and_resumed(tmp_path):
     assert contents(tmp_path / "out") == contents(tmp_path / "whole")
     rows, _ = read_table(tmp_path / "out" / TABLE)
     assert len(rows) == 12 and {row["n_robots"] for row in rows} == {12} and len({row["fitness"] for row in rows}) > 6
-
-
-@pytest.mark.slow
-def test_generations_as_batches(small, tmp_path):
-    """Two generations in MJX, with swarms of two sizes; their first steps are those of MuJoCo C."""
-    out, flags = tmp_path / "out", {"engine": "mjx", "generations": 2, "population": 2, "operators.elite": 1}
-    flags |= {"operators.density-max": 0.07, "steps": 6}
-    cli.main(command(out, **flags))
-    rows, settings = read_table(out / TABLE)
-    assert (settings["engine"], settings["impl"]) == ("mjx", "jax")
-    sizes = [row["n_robots"] for row in rows]
-    assert len(rows) == 4 and max(sizes[:2]) != max(sizes[2:]) and min(sizes[:2]) < max(sizes[:2])
-    for row in rows:
-        alone = run_job(Job(small, genome_of(row), row["n_robots"], row["seed"], row["steps"]))
-        assert (row["steps"], row["delivered"], row["picked"]) == (6, alone["delivered"], alone["picked"])
-    assert sum(row["picked"] for row in rows) > 0
-    before = contents(out)
-    cli.main(command(out, **flags))
-    assert contents(out) == before

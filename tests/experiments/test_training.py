@@ -1,11 +1,6 @@
 """`iswarm train`: its flags, real trainings, and what cannot be trained, of which nothing stays behind."""
 
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,7 +8,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_robots import robot_file
-from helpers_search import contents
 from helpers_training import SMALL, TRAINING, Three, pretend
 
 from iswarm_mj.commands import main as cli
@@ -21,8 +15,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import training
-from iswarm_mj.experiments.runner.journal import count
-from iswarm_mj.experiments.runner.training import CHECKPOINT, Training, policy, train
+from iswarm_mj.experiments.runner.training import Training, policy, train
 from iswarm_mj.strategy.network import load_weights
 from iswarm_mj.strategy.neural import N_WEIGHTS, Neural
 from iswarm_mj.tasks.aggregation import Aggregation
@@ -72,33 +65,6 @@ def test_the_command_forwards_all_flags(tmp_path, monkeypatch):
     assert given["args"][0] == Training() and given["args"][3] == MjxSettings("warp").for_batches() != MjxSettings(
         "warp"
     )
-
-
-@pytest.mark.slow
-def test_killed_and_resumed(tmp_path):
-    """In processes that are killed, at any moment, files end up byte for byte as without."""
-
-    def begin(out):
-        command = [sys.executable, "-m", "iswarm_mj", "train", *FLAGS, f"--out={out}"]
-        return subprocess.Popen(command, env=os.environ, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
-
-    assert begin(tmp_path / "whole").wait(600) == 0
-    killed, rng = 0, np.random.default_rng(0)
-    for _ in range(4):
-        process = begin(tmp_path / "killed")
-        found = tmp_path / "killed" / CHECKPOINT
-        known = count(found)
-        while process.poll() is None and count(found) == known:
-            time.sleep(0.01)
-        time.sleep(rng.uniform(0, 0.2))
-        if process.poll() is None:
-            process.send_signal(signal.SIGKILL)
-            killed += 1
-        process.wait(60)
-    assert killed and begin(tmp_path / "killed").wait(600) == 0
-    whole, other = contents(tmp_path / "whole"), contents(tmp_path / "killed")
-    other.pop(".lock", None)
-    assert whole == other
 
 
 @dataclass

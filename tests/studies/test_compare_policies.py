@@ -75,14 +75,14 @@ def test_conditions_reach_the_runs(told, tmp_path):
     given, _ = told(*flags.split(), "--robot", str(path), "--only", "type1")
     ((config, genome, settings, engine), options), *_ = given
     assert genome == PRESETS["type1"] and engine == PlanarSettings(2)
-    arena, light, usual = config.arena, config.optics, SwarmConfig()
+    arena = config.arena
     assert (arena.size, arena.dust_area_offset, arena.dust_area_size, arena.n_dust) == (30, 9, 4, 20)
-    errors = ("error_distance_measure", "error_in_communication", "p_communication_break")
-    assert [getattr(light, name) for name in errors] == [2 * getattr(usual.optics, name) for name in errors]
+    for name in ("error_distance_measure", "error_in_communication", "p_communication_break"):
+        assert getattr(config.optics, name) == 2 * getattr(SwarmConfig().optics, name)
     assert config.drive.error_turn == 5 and options == {"strategy": None, "task": None, "robot_file": path}
-    assert (settings.n_robots, settings.steps, settings.n_worlds) == (9, 70, 4)
-    assert settings.failed_fraction == 0.25 and settings.seed == compare_policies.FRESH > 2**31
-    assert told("--worlds", "4", "--only", "type1")[0][0][0][0] == usual
+    assert (settings.n_robots, settings.steps, settings.n_worlds, settings.failed_fraction) == (9, 70, 4, 0.25)
+    assert settings.seed == compare_policies.FRESH > 2**31
+    assert told("--worlds", "4", "--only", "type1")[0][0][0][0] == SwarmConfig()
 
 
 def test_strategies(told, tmp_path):

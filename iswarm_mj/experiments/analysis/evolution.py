@@ -60,12 +60,7 @@ def by_replicate(rows: Rows) -> list[Sequence[Row]]:
 
 
 class Evolution:
-    """One search, of any method. Its quantities are None where it is too short, or a group has too few runs.
-
-    Args:
-        rows: of its table.
-        n_dust: balls in the arena.
-    """
+    """One search, of any method. Its quantities are None where it is too short, or a group has too few runs."""
 
     def __init__(self, rows: Rows, n_dust: int):
         self.rows = rows

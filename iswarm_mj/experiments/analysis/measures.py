@@ -29,10 +29,6 @@ def latest_finish(fitness: float, n_dust: int = 72) -> int:
     2880 + 10 (800 - t) - c leaves t = 310 with c = 9, which is 180 collisions a robot, or an earlier step with 10
     points more lost by collisions; 7766 leaves t = 311 with c = 4, 80 collisions a robot. From 250 steps the formula
     makes 2880 + 5500 = 8380 points; the paper's 8360 are 548 steps left instead of 550.
-
-    Args:
-        fitness: more than 40 `n_dust` points.
-        n_dust: balls in the arena.
     """
     return math.floor(STEPS - (fitness - 40 * n_dust) / 10)
 

@@ -13,13 +13,8 @@ from iswarm_mj.output.plot_style import figure
 
 def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
     """Draw Fig. 14(a), fitness over the generations: the best so far of each replicate as a thin line and their median
-    as a thick one; the median and the range of the generations' means.
-
-    Args:
-        rows: of the table of a search.
-        n_dust: balls in the arena; swarms that do not deliver all get 40 n - 20 points at most, the dashed line.
-        path: of the files, without suffix.
-    """
+    as a thick one; the median and the range of the generations' means. Swarms that do not deliver all of n balls get
+    40 n - 20 points at most, the dashed line."""
     found = evolutions(rows, n_dust)
     one = found[0]
     caption = (
@@ -44,12 +39,8 @@ def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
 
 
 def draw_trade(paper: Evolutions, path: Path) -> None:
-    """Draw Fig. 14(b), scouts and forgetting of the fittest, with a line per replicate of the paper's evolution.
-
-    Args:
-        paper: its replicates; none, or too short ones, draw nothing.
-        path: of the files, without suffix.
-    """
+    """Draw Fig. 14(b), scouts and forgetting of the fittest, with a line per replicate of the paper's evolution that is
+    long enough."""
     tops = [one.top for one in paper if one.top]
     if not tops:
         return
@@ -68,12 +59,7 @@ def draw_trade(paper: Evolutions, path: Path) -> None:
 
 
 def draw_learning(rows: Rows, path: Path) -> None:
-    """Draw fitness, and the balls picked up and delivered, over the generations; PNG and SVG.
-
-    Args:
-        rows: of learning.csv.
-        path: of the files, without suffix.
-    """
+    """Draw fitness, and the balls picked up and delivered, over the generations of learning.csv."""
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     generation = columns["generation"]
     caption = "Lines: means of a generation; band: from its worst to its best candidate."

@@ -112,9 +112,6 @@ def engines(found: Mapping[str, Mapping[str, Rows]]) -> str:
 
     The last line tells whether their ratio changes with the density, which the mean of all could hide. Swarms without
     hop counts are left out, since none of their runs need end before the limit, and those that only one directory has.
-
-    Args:
-        found: rows by directory and part, hop-count and density.
     """
     (one, first), (other, second) = ((place, _times(parts)) for place, parts in found.items())
     both = [swarm for swarm in first if swarm in second]

@@ -66,11 +66,7 @@ class Part:
         return f"made with another {', another '.join(sorted(names))}" if names else ""
 
     def publish(self, work: Path, results: Path) -> None:
-        """Copy the table, the figures and the best genomes from the directory where they were made; remove older ones.
-
-        Raises:
-            UserError: they cannot be written.
-        """
+        """Copy the table, the figures and the best genomes from where they were made; remove older ones."""
         target = results / self.name
         made = [work / self.table, *(path for pattern in PUBLISHED for path in work.glob(pattern))]
         with locked(target):
@@ -84,16 +80,8 @@ class Part:
 def parts_of(plan: Plan, execution: Execution, replicates: int, repeats: int, only: Sequence[str] = ()) -> list[Part]:
     """Parts of these names, all if there are none; searches last, since they take longest.
 
-    Args:
-        plan: settings of the experiments. Quick searches and trials are just enough for each step to be taken.
-            Searches have densities up to 0.5, since a batch waits for its densest world.
-        execution: how to run jobs.
-        replicates: of each search.
-        repeats: grasps at each radius and humidity.
-        only: names.
-
-    Raises:
-        UserError: there is none of a name.
+    Searches have densities up to 0.5, since a batch waits for its densest world. Quick searches and trials are just
+    enough for each step to be taken. `replicates` are of each search, `repeats` grasps at each radius and humidity.
     """
     search = Search(config=plan.config, seed=plan.seed, replicates=replicates, operators=Operators(density_max=0.5))
     if plan.quick:
@@ -137,10 +125,6 @@ def reproduce(parts: Sequence[Part], results: Path, out: Path, pages: Sequence[P
         out: where parts are made, a directory each, and of the report.
         pages: Markdown files with blocks of results.
         again: make all of them, from the beginning.
-
-    Raises:
-        UserError: a table is damaged, a page has an unknown block, or something cannot be written.
-        SimulationFault: a run could not go on.
     """
     make_output_directory(results, setting="results")
     with locked(out):
@@ -154,11 +138,8 @@ def reproduce(parts: Sequence[Part], results: Path, out: Path, pages: Sequence[P
 
 
 def rewrite(results: Path, pages: Sequence[Path]) -> None:
-    """Write the findings beside the tables, and the blocks of the pages, from the results that are there.
-
-    Raises:
-        UserError: a block has an unknown name, or a file cannot be written; in the first case nothing is written.
-    """
+    """Write the findings beside the tables, and the blocks of the pages, from the results that are there; nothing if a
+    block has an unknown name."""
     topics, texts = topics_of(collect([results])), new_texts(pages, Tables().content)
     with locked(results):
         for topic in topics:

@@ -66,13 +66,7 @@ class Tables:
     def content(self, directory: str, name: str, beside: str | None = None) -> str | None:
         """Content of the block of this name from the results in a directory; None if there are none.
 
-        Args:
-            directory: of results.
-            name: one of `NAMES`.
-            beside: another directory, whose results stand beside the first's; of engines it must be given.
-
-        Raises:
-            UserError: there is no such block.
+        Those of another directory stand beside the first's; of engines it must be given.
         """
         if name not in NAMES:
             raise UserError(f"The block was {name!r}; there are {', '.join(NAMES)}: choose one of these.")

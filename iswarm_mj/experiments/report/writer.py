@@ -22,15 +22,7 @@ SVG_LIMIT = 400_000
 
 
 def report(directories: Sequence[Path], out: Path) -> list[Topic]:
-    """Write a report of all results below the directories as one HTML page; print a summary.
-
-    Args:
-        directories: searched for results at any depth.
-        out: the page.
-
-    Raises:
-        UserError: a directory does not exist, a table is damaged, or `out` is not writable.
-    """
+    """Write a report of all results below the directories, at any depth, as one HTML page; print a summary."""
     results = collect(directories)
     make_output_directory(out.parent, given=out)
     sections = [_section(topic) for topic in topics_of(results)]

@@ -118,10 +118,6 @@ def run_experiment(
         out: directory of the results.
         execution: how to run the jobs, by default on all cores.
         again: discard the finished runs in `out`.
-
-    Raises:
-        UserError: `out` is not writable or in use, or its runs are of another version.
-        SimulationFault: a run could not go on.
     """
     execution = execution or Execution()
     entries = experiment.entries(plan)

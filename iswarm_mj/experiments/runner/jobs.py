@@ -99,14 +99,6 @@ def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes
 
     Rounding depends slightly on the number of robots in the largest world, the size of the contact buffers and, on
     GPUs, the number of worlds. The same job may therefore end differently, but equally likely, in another batch.
-
-    Args:
-        jobs: the runs.
-        engine: settings of a compiled engine.
-
-    Raises:
-        SimulationFault: a run could not go on.
-        UserError: a job is not possible.
     """
     alike: dict[Any, list[int]] = {}
     for index, job in enumerate(jobs):

@@ -66,14 +66,7 @@ def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
 
 
 def run_missing(jobs: Mapping[Key, Job], journal: Journal, execution: Execution, bar: Progress) -> list[Outcome]:
-    """Return the outcomes of jobs, of which those are run that are not in the journal; it has them then.
-
-    Args:
-        jobs: by their keys in the journal.
-        journal: of finished runs.
-        execution: how to run the jobs.
-        bar: advanced by each finished run.
-    """
+    """Return the outcomes of jobs, of which those are run that are not in the journal; it has them then."""
     missing = [key for key in jobs if key not in journal.entries]
     with closing(run_jobs([jobs[key] for key in missing], execution)) as finished:
         for index, outcome in finished:

@@ -114,13 +114,7 @@ Settings = Callable[[Plan], Iterator[Setting]]
 def entries(settings: Settings, repeats: int, few: int, steps: int, limit: int, plan: Plan) -> list[Entry]:
     """Return the runs of a study; arguments of `Job` follow from the plan unless a setting says otherwise.
 
-    Args:
-        settings: one of the functions below.
-        repeats: runs of each setting.
-        few: the same of the quick version.
-        steps: of a run of the quick version at most.
-        limit: of others.
-        plan: of the experiment.
+    The quick version has `few` runs of each setting instead of `repeats`, of at most `steps` instead of `limit` steps.
     """
     listed = []
     for labels, place, own in settings(plan):
