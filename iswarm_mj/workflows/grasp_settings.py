@@ -121,8 +121,8 @@ class GraspSettings:
         own = {name: v for name, v in own.items() if v and getattr(self.contacts, name) == getattr(Contacts(), name)}
         given = self.work_tool_object, self.work_object_substrate, self.ball_density
         fitted = detachment.WORK_TOOL_OBJECT * to_tool, detachment.WORK_OBJECT_SUBSTRATE * to_plate, ball.density
-        numbers = (there if mine is None else mine for mine, there in zip(given, fitted, strict=True))
-        return Used(*numbers, self.contacts._replace(**own))
+        tool, plate, density = (there if mine is None else mine for mine, there in zip(given, fitted, strict=True))
+        return Used(tool, plate, density, self.contacts._replace(**own))
 
     @property
     def beyond_the_fit(self) -> list[str]:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -37,11 +38,9 @@ NEARLY = 0.05
 """Fitness within this share of the paper's is the same: 39 steps of the finishing time."""
 NEAR = 3.5
 """A robot is at a dust area if it is in it or within this distance of it, the sensory radius [rd]."""
-INSTANT = "no time"
-TIMED = ("30000 bit/s", "2000 bit/s", "1000 bit/s", "30000 bit/s, all photodiodes on")
+INSTANT, TIMED = "no time", ("30000 bit/s", "2000 bit/s", "1000 bit/s", "30000 bit/s, all photodiodes on")
 """How long messages take in the study of message times."""
-DEFAULT = "default"
-BALANCED = ("gripper.relative_humidity", "gripper.grasp_voltage")
+DEFAULT, BALANCED = "default", ("gripper.relative_humidity", "gripper.grasp_voltage")
 """Choices by which the balance of forces alone decides."""
 SWARMS, HUMIDITIES, VOLTAGES = ("type1", "type2"), (10.0, 30.0, 50.0), (30.0, 40.0, 55.0)
 """Of the study of grasps: swarms, relative humidities [%], and voltages of the tool while it lifts [V]; balls are
@@ -61,24 +60,32 @@ def _compared(
     better: bool = False,
     margin: Callable | None = None,
     statistic: Statistic = np.median,
-    **at: object,
+    at: Mapping[str, object] = MappingProxyType({}),
 ) -> Test:
     """A test that runs with the first value of a column, `at` values of others, have more of a measure than those with
     the second; that they are `better`; or, with a margin, that they are equal."""
 
     def test(rows: Rows) -> Judged | None:
-        groups = (select(rows, **at, **{column: value}) for value in (first, second))
-        return differences({"": (*groups,)}, measure, not better or measure.is_better_larger, margin, statistic)
+        one, other = (select(rows, **at, **{column: value}) for value in (first, second))
+        return differences({"": (one, other)}, measure, not better or measure.is_better_larger, margin, statistic)
 
     return test
 
 
-def _hop_counts(measure: Measure, **at: object) -> Test:
-    return _compared(measure, "use_hop_count", True, False, better=True, **at)
+def _hop_counts(measure: Measure, at: Mapping[str, object] = MappingProxyType({})) -> Test:
+    return _compared(measure, "use_hop_count", True, False, better=True, at=at)
+
+
+def _slowed(setting: str) -> Test:
+    return _compared(m.TIME, "setting", setting, INSTANT, at={"use_hop_count": True})
 
 
 def _densities(rows: Rows, low: float, high: float) -> dict[str, Rows]:
     return {f"{d:g}": runs for d, runs in sorted(by(rows, "density").items()) if low <= d <= high}
+
+
+def _lowest(measure: Measure, rows: Rows) -> Judged | None:
+    return optimum(by(rows, "density"), measure, m.BEST)
 
 
 def _later(rows: Rows) -> Judged | None:
@@ -126,7 +133,9 @@ def changes(rows: Rows) -> list[Change]:
     times = [values(runs, m.TIME) for runs in groups.values()]
     p = [compare(found, usual).p for found in times]
     return [
-        Change(*key, f"{finished(runs)}/{len(runs)}", difference(found, usual, np.mean), raw, adjusted)
+        Change(
+            key[0], key[1], key[2], f"{finished(runs)}/{len(runs)}", difference(found, usual, np.mean), raw, adjusted
+        )
         for (key, runs), found, raw, adjusted in zip(groups.items(), times, p, holm(p), strict=True)
     ]
 
@@ -157,8 +166,7 @@ def _robust(rows: Rows) -> Judged | None:
 
 def _cost(rows: Rows) -> Judged | None:
     dead, absent = (by(select(rows, kind=kind), "fraction") for kind in ("dead", "absent"))
-    both = sorted(dead.keys() & absent.keys())
-    return differences({f"{100 * part:.0f} %": (dead[part], absent[part]) for part in both})
+    return differences({f"{100 * k:.0f} %": (dead[k], absent[k]) for k in sorted(dead.keys() & absent.keys())})
 
 
 def _same_by_trials(name: str, measure: Measure, voltage: float, rows: Rows) -> Judged | None:
@@ -186,13 +194,11 @@ def _on_grasps(name: str) -> list[Statement]:
         for measure, what in ((m.TIME, "finishing time"), (m.ATTEMPTS, "number of attempts per ball"))
         for voltage in VOLTAGES
     }
-    mine = {"type": name, "resolution": TRIALS}
-    tests[f"At 30 V more grasps fail at 50 % RH than at 10 %, {name}"] = _compared(
-        m.FAILED, "relative_humidity", 50.0, 10.0, grasp_voltage=30.0, **mine
-    )
-    tests[f"At 50 % RH a swarm with 30 V takes longer than one with 55 V, {name}"] = _compared(
-        m.TIME, "grasp_voltage", 30.0, 55.0, relative_humidity=50.0, **mine
-    )
+    mine: dict[str, object] = {"type": name, "resolution": TRIALS}
+    more = _compared(m.FAILED, "relative_humidity", 50.0, 10.0, at=mine | {"grasp_voltage": 30.0})
+    later = _compared(m.TIME, "grasp_voltage", 30.0, 55.0, at=mine | {"relative_humidity": 50.0})
+    tests[f"At 30 V more grasps fail at 50 % RH than at 10 %, {name}"] = more
+    tests[f"At 50 % RH a swarm with 30 V takes longer than one with 55 V, {name}"] = later
     return [added("resolved-grasps", claim, test) for claim, test in tests.items()]
 
 
@@ -244,23 +250,17 @@ def _overlap(rows: Rows) -> Judged | None:
     return Judged(_observed(rows, m.OVERLAP, max), rule, verdict)
 
 
+_NAMED = dict(zip(("time", "dust", "collisions", "carriage"), m.MEASURES, strict=True))
 TESTS: Mapping[str, Test] = {
-    "hop time": _hop_counts(m.TIME),
-    "hop dust": _hop_counts(m.DUST),
-    "hop collisions": _hop_counts(m.COLLISIONS),
-    "hop carriage": _hop_counts(m.CARRIAGE),
-    "best time": lambda rows: optimum(by(rows, "density"), m.TIME, m.BEST),
-    "best collisions": lambda rows: optimum(by(rows, "density"), m.COLLISIONS, m.BEST),
-    "best carriage": lambda rows: optimum(by(rows, "density"), m.CARRIAGE, m.BEST),
+    **{f"hop {name}": _hop_counts(measure) for name, measure in _NAMED.items()},
+    **{f"best {name}": partial(_lowest, _NAMED[name]) for name in ("time", "collisions", "carriage")},
     "dense slower": _later,
     "cleans": lambda rows: reaching(_densities(rows, *m.CLEAN)),
     "sparse": lambda rows: reaching(_densities(rows, m.SPARSEST, m.SPARSEST), does=False),
     "dense": lambda rows: reaching(_densities(rows, *m.DENSE), does=False),
     "types clean": lambda rows: reaching(_types(rows)),
     "types time": _as_the_papers(m.TIME, m.PAPER_TIME, EQUAL, np.median),
-    "same time": _compared(
-        *(m.TIME, "type", *SWARMS), margin=lambda a, b: EQUAL * float(np.median(a) + np.median(b)) / 2
-    ),
+    "same time": _compared(m.TIME, "type", *SWARMS, margin=lambda a, b: EQUAL * float(np.median(a) + np.median(b)) / 2),
     "early": _early,
     "types fitness": _as_the_papers(m.FITNESS, m.PAPER_FITNESS, NEARLY, np.mean),
     "equally fit": _compared(
@@ -278,9 +278,8 @@ TESTS: Mapping[str, Test] = {
     "robust": _robust,
     "cost": _cost,
     "same time to goal": partial(_same_by_rate, m.TIME),
-    "same dust": partial(_same_by_rate, m.DUST),  # by construction: runs stop at the goal
-    "same collisions": partial(_same_by_rate, m.COLLISIONS),
-    "same carriage": partial(_same_by_rate, m.CARRIAGE),
+    # Of dust by construction: runs stop at the goal.
+    **{f"same {name}": partial(_same_by_rate, measure) for name, measure in _NAMED.items() if name != "time"},
     "overlap": _overlap,  # fitted: how fine a step must be was found in such runs
     "step time": lambda rows: Judged(_observed(rows, m.STEP_TIME, np.median), ""),
     "refused": _refused,
@@ -289,15 +288,11 @@ _STATED = f.stated(TESTS)
 STATEMENTS = [
     *_STATED,
     *(
-        added(
-            "message-time",
-            f"Messages at {setting} slow a swarm with hop counts down",
-            _compared(m.TIME, "setting", setting, INSTANT, use_hop_count=True),
-        )
+        added("message-time", f"Messages at {setting} slow a swarm with hop counts down", _slowed(setting))
         for setting in TIMED
     ),
     *(
-        added("message-time", f"{one.claim}, with messages at {setting}", _hop_counts(measure, setting=setting))
+        added("message-time", f"{one.claim}, with messages at {setting}", _hop_counts(measure, {"setting": setting}))
         for setting in TIMED
         for one, measure in zip(_STATED, m.MEASURES, strict=False)
     ),
