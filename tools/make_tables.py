@@ -21,7 +21,7 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.constraints import choices, constraint_of
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.errors import FaultKind, SimulationFault
-from iswarm_mj.workflows.grasp_table import TrialRow, units
+from iswarm_mj.workflows.grasp import TrialRow, units
 
 DOCS = Path(__file__).parents[1] / "docs"
 BLOCK = re.compile(r"(<!-- made: ([\w-]+) -->\n).*?(<!-- made -->)", re.DOTALL)

@@ -24,7 +24,7 @@ class Report:
         """Run the command."""
         check("results", "nothing", "at least one directory", bool(self.results))
         check("out", self.out, "a name that ends in .html", self.out.suffix == ".html")
-        from iswarm_mj.experiments.report.writer import report
+        from iswarm_mj.experiments.report.results import report
 
         report(self.results, self.out)
 

@@ -146,7 +146,7 @@ class GraspSettings:
             radii = dict.fromkeys(map(float, texts))
         except ValueError:
             radii = {}
-        rule = "one or more radii from 10e-6 to 50e-6 m, numbers or start:stop:count, with a count from 1 to 10000"
+        rule = "radii from 10e-6 to 50e-6 m, numbers or start:stop:count, with a count from 1 to 10000"
         check("radius", " ".join(self.radius), rule, bool(radii) and all(10e-6 <= r <= 50e-6 for r in radii))
         return tuple(radii)
 

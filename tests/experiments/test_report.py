@@ -12,9 +12,8 @@ from helpers_findings import replicated, search_rows, settings_of
 from iswarm_mj.commands.main import main
 from iswarm_mj.experiments.analysis.evolution import evolutions
 from iswarm_mj.experiments.analysis.findings import HOLDS, NOT_RUN
-from iswarm_mj.experiments.analysis.plots_of_searches import draw_fitness, draw_trade
-from iswarm_mj.experiments.report.results import collect, files_in
-from iswarm_mj.experiments.report.writer import data_uri, report
+from iswarm_mj.experiments.analysis.plots import draw_fitness, draw_trade
+from iswarm_mj.experiments.report.results import collect, data_uri, files_in, report
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.tables import read_table, write_table
 

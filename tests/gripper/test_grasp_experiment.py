@@ -16,8 +16,8 @@ from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.workflows.grasp import summary, trial_rows
 from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
-from iswarm_mj.workflows.grasp_table import summary, trial_rows
 
 RADII = np.linspace(15e-6, 25e-6, 5)
 SETTINGS = GraspSettings(tuple(map(str, RADII)), (10.0, 50.0), no_contact_gap=(1e-6,))

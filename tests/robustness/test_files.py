@@ -18,7 +18,7 @@ from iswarm_mj import load
 from iswarm_mj.commands.main import parse
 from iswarm_mj.engines.robot_file import models_directory, read_robot
 from iswarm_mj.experiments.report.inspection import inspection
-from iswarm_mj.experiments.report.writer import report
+from iswarm_mj.experiments.report.results import report
 from iswarm_mj.experiments.runner import experiment, pool, search
 from iswarm_mj.experiments.runner.jobs import outcome_of
 from iswarm_mj.experiments.runner.settings import Search

@@ -12,9 +12,8 @@ from iswarm_mj import __version__
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.experiments.analysis.bench_statements import TRANSPORT
-from iswarm_mj.experiments.report.results import GRASP, SEARCH, TRIALS, collect, topics_of
+from iswarm_mj.experiments.report.results import GRASP, SEARCH, TRIALS, collect, report, topics_of
 from iswarm_mj.experiments.report.tables import Tables, new_texts
-from iswarm_mj.experiments.report.writer import report
 from iswarm_mj.experiments.runner.evolution import METHODS, Operators
 from iswarm_mj.experiments.runner.experiment import FINDINGS, Plan, run_experiment, settings_of
 from iswarm_mj.experiments.runner.pool import Execution

@@ -1,23 +1,31 @@
-"""Tables of experiments, searches and trials below directories, their figures, and the topics of findings on them."""
+"""Tables of experiments, searches and trials below directories, their figures, the topics of findings on them, and the
+report: every statement of the paper's sections 3.2 and 4.6 beside the results, as an HTML page with its figures."""
 
+import base64
 import csv
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.resources import files
 from pathlib import Path
+from shlex import join
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from iswarm_mj import __version__
 from iswarm_mj.experiments.analysis import bench_statements, evolution_statements
 from iswarm_mj.experiments.analysis.evolution import evolutions
 from iswarm_mj.experiments.analysis.findings import KINDS, Finding, Rows, findings_on
-from iswarm_mj.experiments.analysis.plots_of_searches import draw_fitness
+from iswarm_mj.experiments.analysis.plots import draw_fitness, draw_trade
 from iswarm_mj.experiments.runner.evolution import METHODS
 from iswarm_mj.experiments.runner.search import FIGURE
 from iswarm_mj.experiments.runner.search import TABLE as SEARCH
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.plot_trials import draw_figures
 from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.files import atomic_write, make_output_directory
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import TABLE as TRIALS
 
@@ -26,6 +34,10 @@ _TABLE = files("iswarm_mj.experiments.report").joinpath("topics.csv").read_text(
 TOPICS = {row["topic"]: row for row in csv.DictReader(_TABLE.splitlines())}
 """Topics in their order: titles, and what the paper's text and captions say of its figures, which are not at hand."""
 SEARCHES = tuple(f"evolve-{method}" for method in METHODS)
+OF_RUNS = "type*[0-9].png"
+"""Drawings that the experiment on types leaves in its directory."""
+SVG_LIMIT = 400_000
+"""A drawing whose SVG file is larger than this is embedded in a page as PNG [bytes]."""
 _NAMES = {TRIALS, SEARCH, *(experiment.table for experiment in EXPERIMENTS.values())}
 
 
@@ -144,3 +156,62 @@ def tally(findings: Sequence[Finding]) -> tuple[list[str], dict[str, list[int]]]
     kinds = [kind for kind in KINDS if any(kind == other for _, other in counts)]
     verdicts = dict.fromkeys(finding.verdict for finding in findings)
     return kinds, {verdict: [counts[verdict, kind] for kind in kinds] for verdict in verdicts}
+
+
+def report(directories: Sequence[Path], out: Path) -> list[Topic]:
+    """Write a report of all results below the directories, at any depth, as one HTML page; print a summary."""
+    results = collect(directories)
+    make_output_directory(out.parent, given=out)
+    sections = [_section(topic) for topic in topics_of(results)]
+    kinds, counts = tally([finding for section in sections for finding in section.findings])
+    page = Environment(
+        loader=PackageLoader("iswarm_mj.experiments.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    ).get_template("report.html")
+    text = page.render(
+        version=__version__,
+        tally=counts,
+        kinds={kind: KINDS[kind] for kind in kinds},
+        sections=sections,
+        results=results,
+        again=join(["iswarm", "report", "--results", *map(str, directories), "--out", str(out)]),
+    )
+    with atomic_write(out) as part:
+        part.write_text(text, encoding="utf-8")
+    if not results:
+        print(f"no results found in {', '.join(map(str, directories))}; the statements that are judged need none")
+    print(", ".join(f"{verdict or 'not judged'}: {sum(row)}" for verdict, row in counts.items()))
+    print(f"report in {out}")
+    return sections
+
+
+def _section(topic: Topic) -> Topic:
+    """A topic with the figures of its tables."""
+    pictures: dict[str, Path] = {}
+    with TemporaryDirectory() as directory:
+        for result in topic.results:
+            drawn = Path(directory, result.name)
+            drawn.mkdir()
+            result.draw(drawn)
+            of_runs = files_in(result.path.parent, OF_RUNS) if topic.name == "types" else ()
+            paths = (*sorted(drawn.glob("*.png")), *of_runs)
+            pictures |= {f"{result.name}, {path.stem.replace('_', ' ')}": path for path in paths}
+        if topic.name == EVOLUTION:
+            draw_trade(topic.data.get("paper", ()), Path(directory, "trade"))
+            if (trade := Path(directory, "trade.png")).is_file():
+                pictures["Forgetting and scouts among the fittest"] = trade
+        embedded = [{"name": name, "content": data_uri(path)} for name, path in pictures.items()]
+    quick = ": the quick version, with few and short runs" * any(r.settings.get("quick") for r in topic.results)
+    return topic._replace(title=topic.title + quick, pictures=embedded)
+
+
+def data_uri(path: Path) -> str:
+    """Content of a PNG file as a data URI; that of the SVG file beside it if this is small enough."""
+    drawing, kind = path.with_suffix(".svg"), "png"
+    if drawing.is_file() and drawing.stat().st_size <= SVG_LIMIT:
+        path, kind = drawing, "svg+xml"
+    return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"

@@ -12,7 +12,7 @@ import numpy as np
 from iswarm_mj.experiments.analysis.evolution import LAST, Best, best_of, by_replicate
 from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.analysis.measures import by
-from iswarm_mj.experiments.analysis.plots_of_searches import draw_fitness
+from iswarm_mj.experiments.analysis.plots import draw_fitness
 from iswarm_mj.experiments.runner.evolution import Individual, proposals
 from iswarm_mj.experiments.runner.experiment import run_seed
 from iswarm_mj.experiments.runner.jobs import Job, Outcome

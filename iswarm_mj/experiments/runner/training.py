@@ -17,7 +17,7 @@ from jaxtyping import Float
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.robot_file import check_total, files_of, read_robots
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.experiments.analysis.plots_of_searches import draw_learning
+from iswarm_mj.experiments.analysis.plots import draw_learning
 from iswarm_mj.experiments.runner.journal import journal
 from iswarm_mj.experiments.runner.settings import TrainingPlan
 from iswarm_mj.simulation.strategies import to_json
