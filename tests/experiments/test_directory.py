@@ -61,23 +61,6 @@ def test_finished_runs_are_not_done_again(counted, tmp_path):
         assert len(counted) == expected
 
 
-def test_an_interruption_keeps_what_is_finished(counted, tmp_path, monkeypatch):
-    working = pool.run_jobs
-
-    def broken(jobs, *rest):
-        for k, item in enumerate(working(jobs, *rest)):
-            if k == 3:
-                raise KeyboardInterrupt
-            yield item
-
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(pool, "run_jobs", broken)
-        run_experiment(HOP_COUNT, QUICK, tmp_path)
-    before = len(counted)
-    run_experiment(HOP_COUNT, QUICK, tmp_path)
-    assert len(counted) - before == 3
-
-
 def test_real_runs_of_a_small_arena(small, tmp_path):
     """The table tells what the runs themselves give, and all of it follows from it."""
     plan = Plan(config=small, quick=True)

@@ -1,15 +1,16 @@
 """Which runs the experiments are made of."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from iswarm_mj.config import DriveConfig, SwarmConfig
 from iswarm_mj.experiments.analysis.statements import refusals
 from iswarm_mj.experiments.runner.experiment import Plan
-from iswarm_mj.experiments.studies.infer import ALONE, NAMED_REPEATS, SETTINGS
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.utils.tables import read_table
 
 PLAN = Plan()
 
@@ -24,12 +25,23 @@ def differing(config):
     return {f"{part}.{k}": v for part, (mine, usual) in parts.items() for k, v in mine.items() if v != usual[k]}
 
 
-def test_hop_counts_are_those_of_the_paper():
-    """12 and 12 runs of 280 robots until 66 balls or 1200 steps; nothing else differs."""
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_runs_are_those_of_the_results(name):
+    """Labels, seeds, sizes and limits of the published tables; those of a quick version are fewer and shorter."""
+    rows, _ = read_table(Path(__file__).parents[2] / "results" / name / EXPERIMENTS[name].table)
+    found, quick = entries(name), EXPERIMENTS[name].entries(replace(PLAN, quick=True))
+    assert len(found) == len(rows) == len({entry.job for entry in found})
+    for (labels, job), row in zip(found, rows, strict=True):
+        facts = {"seed": job.seed, "n_robots": job.n_robots, "failed_fraction": job.failed_fraction}
+        assert row.items() >= {**labels, **facts, "max_steps": job.steps, "goal": job.stop_at or 72}.items()
+    assert sum(e.job.steps * e.job.n_robots for e in quick) < 0.3 * sum(e.job.steps * e.job.n_robots for e in found)
+
+
+def test_hop_counts_differ_in_nothing_else():
     jobs = [entry.job for entry in entries("hop-count")]
     assert [job.genome.use_hop_count for job in jobs] == [True] * 12 + [False] * 12
     assert {replace(job.genome, use_hop_count=True) for job in jobs} == {PRESETS["type1"]}
-    assert {(job.n_robots, job.steps, job.stop_at) for job in jobs} == {(280, 1200, 66)}
+    assert {job.seed for job in jobs}.isdisjoint(e.job.seed for e in EXPERIMENTS["hop-count"].entries(Plan(seed=1)))
 
 
 def test_sensitivity_varies_one_value_at_a_time():
@@ -37,13 +49,6 @@ def test_sensitivity_varies_one_value_at_a_time():
         choice, value = entry.labels["choice"], entry.labels["value"]
         found = {name: str(mine) for name, mine in differing(entry.job.config).items()}
         assert found == ({} if choice == "default" else {choice: value})
-
-
-def test_dead_robots_are_there_and_absent_ones_are_not():
-    found = entries("robustness")
-    half = {e.labels["kind"]: (e.job.n_robots, e.job.failed_fraction) for e in found if e.labels["fraction"] == 0.5}
-    assert half == {"dead": (280, 0.5), "absent": (140, 0.0)}
-    assert {e.labels["fraction"] for e in found if e.labels["kind"] == "dead"} == {0, 0.1, 0.2, 0.3, 0.4, 0.5}
 
 
 def test_messages_differ_in_their_time_and_hop_counts_alone():
@@ -75,15 +80,3 @@ def test_time_steps_are_those_that_the_drive_allows():
         assert drive.turn_substeps + drive.walk_substeps == entry.labels["rate"]
         assert replace(drive, turn_substeps=4, walk_substeps=6) == DriveConfig()
     assert refusals(DriveConfig()).keys() == {2, 5} and refusals(DriveConfig(step_length=0.08, max_turn=30)) == {}
-
-
-@pytest.mark.parametrize("name", EXPERIMENTS)
-def test_no_two_runs_are_the_same(name):
-    """Another seed, another experiment's seed: other runs; the quick version is smaller."""
-    one, other = (EXPERIMENTS[name].entries(replace(PLAN, seed=seed)) for seed in (0, 1))
-    jobs = [entry.job for entry in [*one, *other]]
-    again = {"resolved-grasps": len(jobs) // 2, "infer": 2 * len(ALONE) * NAMED_REPEATS * len(SETTINGS)}
-    assert len(set(jobs)) == len(jobs)  # runs of a seed differ in their settings
-    assert len({job.seed for job in jobs}) == len(jobs) - again.get(name, 0)
-    quick = EXPERIMENTS[name].entries(replace(PLAN, quick=True))
-    assert sum(e.job.steps * e.job.n_robots for e in quick) < 0.3 * sum(e.job.steps * e.job.n_robots for e in one)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from iswarm_mj.experiments.analysis import statistics
 from iswarm_mj.experiments.analysis.statistics import (
     compare,
     difference,
@@ -43,13 +42,6 @@ class TestMannWhitney:
         result = compare([1200] * 6, [1200] * 6)
         assert result.u == 6 * 6 / 2 and result.p == 1.0 and tuple(result.difference) == (0, 0, 0)
 
-    def test_false_alarms_come_at_the_level(self, monkeypatch):
-        """Of samples from one distribution, 5 % have p < 0.05; three standard deviations of 2000 draws are 1.5 %."""
-        monkeypatch.setattr(statistics, "difference", lambda *_: None)
-        rng = np.random.default_rng(2)
-        p = [compare(*rng.normal(size=(2, 12))).p for _ in range(2000)]
-        assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.015)
-
 
 class TestIntervals:
     def test_of_a_mean_it_is_that_of_the_normal_distribution_and_of_a_constant_a_point(self):
@@ -59,32 +51,6 @@ class TestIntervals:
         assert interval(x) == pytest.approx((x.mean(), x.mean() - half, x.mean() + half), abs=0.02)
         assert tuple(interval([3.0] * 5, np.median)) == (3, 3, 3) and tuple(interval([0.0, 1.0])) == (0.5, 0, 1)
         assert tuple(difference([3.0] * 5, [1.0] * 4)) == (2, 2, 2)
-
-    def test_it_contains_the_true_difference_as_often_as_it_says(self, monkeypatch):
-        """Of 200 intervals of differences of means some 190; bootstrap of 30 values is a little narrow."""
-        monkeypatch.setattr(statistics, "RESAMPLES", 400)
-        rng = np.random.default_rng(4)
-        inside = 0
-        for _ in range(200):
-            found = difference(rng.normal(1, 1, 30), rng.normal(0, 1, 30), np.mean)
-            inside += found.low <= 1 <= found.high
-        assert 178 <= inside <= 198
-
-    @pytest.mark.parametrize(
-        "draw, middle",
-        [
-            (lambda rng, n: rng.standard_cauchy(n), 0.0),
-            (lambda rng, n: rng.binomial(1, 0.45, n), 0.0),
-            (lambda rng, n: np.minimum(rng.exponential(size=n), 0.7), math.log(2)),
-        ],
-        ids=["Cauchy", "Boolean", "times with a limit"],
-    )
-    @pytest.mark.parametrize("n", [6, 16])
-    def test_it_contains_the_true_median_of_any_distribution(self, n, draw, middle):
-        """At least 95 %, of 2000 samples a percent less by chance; also where values coincide."""
-        rng = np.random.default_rng(7)
-        found = [interval(draw(rng, n), np.median) for _ in range(2000)]
-        assert np.mean([each.low <= middle <= each.high for each in found]) >= 0.94
 
     @pytest.mark.parametrize("n, k", [(1, 1), (2, 1), (5, 1), (6, 1), (8, 1), (9, 2), (12, 3), (16, 4), (96, 38)])
     def test_of_a_median_it_is_between_two_of_the_values(self, n, k):
