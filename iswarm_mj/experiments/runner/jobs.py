@@ -41,14 +41,16 @@ class Job:
 
 
 Outcome = dict[str, Any]
-"""What a finished job came to, as columns of a table: `Measures`, `steps` taken, the paper's `fitness`."""
+"""What a finished job came to, by `COLUMNS` of a table."""
+COLUMNS = (*Measures._fields, "steps", "fitness")
+"""Measures, control steps taken, and the paper's fitness over the job's steps."""
 NumberedOutcomes = Generator[tuple[int, Outcome], None, None]
 """Outcomes with the indices of their jobs, in the order in which they finish."""
 
 
 def outcome_of(measures: Measures, steps: int, points: float) -> Outcome:
     """Columns of a finished job."""
-    return {**measures._asdict(), "steps": steps, "fitness": points}
+    return dict(zip(COLUMNS, (*measures, steps, points), strict=True))
 
 
 def outcomes(jobs: Sequence[Job], engine: EngineSettings) -> list[Outcome]:

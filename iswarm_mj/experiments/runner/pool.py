@@ -7,7 +7,7 @@ from typing import Any
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.experiments.runner.jobs import Job, NumberedOutcomes, Outcome, run_batches, run_numbered
+from iswarm_mj.experiments.runner.jobs import COLUMNS, Job, NumberedOutcomes, Outcome, run_batches, run_numbered
 from iswarm_mj.experiments.runner.journal import Journal, Key
 from iswarm_mj.experiments.runner.settings import Workers
 from iswarm_mj.utils.constraints import check, validate
@@ -70,9 +70,9 @@ def run_missing(jobs: Mapping[Key, Job], journal: Journal, execution: Execution,
     missing = [key for key in jobs if key not in journal.entries]
     with closing(run_jobs([jobs[key] for key in missing], execution)) as finished:
         for index, outcome in finished:
-            journal.add(missing[index], outcome)
+            journal.add(missing[index], list(outcome.values()))
             bar.update()
-    return [journal.entries[key] for key in jobs]
+    return [dict(zip(COLUMNS, journal.entries[key], strict=True)) for key in jobs]
 
 
 def progress(total: int, describe: str = "", done: int = 0) -> Progress:
