@@ -253,19 +253,3 @@ def test_rewards_are_of_the_task_whose_goal_ends_an_episode():
     np.testing.assert_array_equal(total, 20 * balls)
     assert balls.sum() > 3 and state.metrics["delivered"][0] >= 1
     assert state.info["is_finished"][0] and not state.info["truncated"][0]
-
-
-@pytest.mark.slow
-def test_ten_thousand_random_steps_without_fault_or_leak():
-    import gc
-    import resource
-
-    env = make_env(n_robots=20, config=SMALL, payload=4, n_worlds=2, engine=PlanarSettings(1), steps=300)
-    state, rng, peak = env.reset(KEYS[:2]), np.random.default_rng(0), []
-    for step in range(10_000):
-        state = env.step(state, rng.uniform(-1, 1, (2, 20, env.action_size)).astype(np.float32))
-        assert not np.asarray(state.info["fault"]).any() and np.isfinite(state.obs).all()
-        if step % 2000 == 1999:
-            gc.collect()
-            peak.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
-    assert peak[-1] - peak[0] < 50_000  # KiB

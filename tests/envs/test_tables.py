@@ -1,12 +1,10 @@
 """What robots observe and do: the tables of the page are those of the code; nothing leaks that was not heard."""
 
-import re
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from helpers_envs import SMALL
 from helpers_sensing import senses_nothing
 from helpers_tasks import Eastward
@@ -111,12 +109,11 @@ def test_actions_mean_what_the_table_says():
     assert jax.tree.map(lambda a: (a.shape, a.dtype), said) == shapes
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_actions_that_are_no_numbers_are_named_and_do_nothing(bad):
+def test_actions_that_are_no_numbers_are_named_and_do_nothing():
     action = np.ones((3, 2), np.float32)
-    action[1, 1] = bad
+    action[1:, 1] = np.nan, np.inf
     command, _, is_bad = actions.decode(actions.rows(SMALL, Payload()), jnp.asarray(action))
-    np.testing.assert_array_equal(is_bad, [False, True, False])
+    np.testing.assert_array_equal(is_bad, [False, True, True])
     assert np.isfinite(command.turn).all() and command.turn[1] == 0
 
 
@@ -124,10 +121,6 @@ def test_silence_is_sent():
     message, _ = PAYLOAD.unpack(PAYLOAD.pack(Message(jnp.zeros(2, int), actions.silence(PAYLOAD, 2))))
     assert not message.payload["home"].known.any() and not message.payload["flag"].any()
     np.testing.assert_array_equal(message.payload["count"], 0)
-
-
-def test_the_page_names_what_it_documents():
-    assert re.search(r"make_env\(", PAGE) and "NaN" in PAGE
 
 
 def test_tasks_add_what_they_let_robots_sense():
