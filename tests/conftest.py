@@ -25,8 +25,6 @@ CHECKED = [
         "strategy.vector_strategy",
         "engines.base",
         "engines.mjx.engine",
-        "engines.mjx.motion",
-        "engines.mjx.rays",
         "engines.mjx.sight",
         "engines.mujoco.engine",
         "engines.mujoco.sight",

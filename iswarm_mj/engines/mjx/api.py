@@ -5,6 +5,7 @@ Where Warp is not installed, MJX says so on standard output, which is reserved f
 
 import contextlib
 import io
+from collections.abc import Iterator
 from typing import Any, cast
 
 import mujoco
@@ -14,7 +15,7 @@ with contextlib.redirect_stdout(io.StringIO()):
     from mujoco.mjx._src import collision_driver, scan, solver  # table of contact functions; body trees; solver
     from mujoco.mjx._src.support import mul_m  # the product with the inertia matrix
 
-__all__ = ["collision_driver", "mjx", "mul_m", "put_model", "scan", "solver"]
+__all__ = ["collision_driver", "mjx", "mul_m", "put_model", "replaced", "scan", "solver"]
 
 
 def put_model(model: mujoco.MjModel, impl: str, device: Any = None) -> mjx.Model:
@@ -34,3 +35,14 @@ def put_model(model: mujoco.MjModel, impl: str, device: Any = None) -> mjx.Model
         return put
     broadphase = type(put.opt._impl.broadphase).SAP_TILE
     return cast(mjx.Model, put.tree_replace({"opt._impl.warn_overflow": 0, "opt._impl.broadphase": broadphase}))
+
+
+@contextlib.contextmanager
+def replaced(table: dict[Any, Any], own: dict[Any, Any]) -> Iterator[None]:
+    """Replace entries of a table of MJX's, or names of a module (its `vars`), for what is traced inside the block."""
+    before = {key: table[key] for key in own}
+    table.update(own)
+    try:
+        yield
+    finally:
+        table.update(before)
