@@ -89,7 +89,7 @@ def test_gradients(task, argument):
 
 
 @pytest.mark.parametrize("task", FORCES)
-@pytest.mark.parametrize(("gap", "probe"), [(1e-9, 13e-6), (1e-3, 13e-6), (5e-6, 1e-8), (5e-6, 1e-3), (0, 13e-6)])
+@pytest.mark.parametrize(("gap", "probe"), [(1e-9, 13e-6), (5e-6, 1e-3)])
 def test_concrete_numbers_outside_the_table_are_refused(task, gap, probe):
     with pytest.raises(UserError, match=r"is .*, outside the table's .* to .*; change"):
         FORCES[task](30.0, np.array([5e-6, gap]), 20e-6, probe)
