@@ -19,9 +19,6 @@ def yield_speed(pressure: Quantity, modulus: Quantity, density: Quantity) -> Qua
         pressure: p_y, contact pressure that the softer body bears [Pa].
         modulus: reduced modulus E* [Pa].
         density: of the sphere [kg/m^3].
-
-    Returns:
-        Speed [m/s].
     """
     return (math.pi / 2) ** 2 * (pressure / modulus) ** 2 * (0.4 * pressure / density) ** 0.5
 
@@ -36,9 +33,6 @@ def sticking_speed(work: Quantity, radius: Quantity, modulus: Quantity, density:
         radius: of the sphere [m].
         modulus: reduced modulus E* [Pa].
         density: of the sphere [kg/m^3].
-
-    Returns:
-        Speed [m/s].
     """
     return 1.84 * (work / radius) ** (5 / 6) / (density**0.5 * modulus ** (1 / 3))
 
