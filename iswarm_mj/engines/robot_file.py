@@ -12,7 +12,7 @@ from xml.parsers.expat import ExpatError
 import mujoco
 import numpy as np
 
-from iswarm_mj.engines.mujoco_warnings import keep_no_log
+from iswarm_mj.engines.mujoco_library import keep_no_log
 from iswarm_mj.engines.plain_mjcf import check_plain
 from iswarm_mj.sensors.messages import MAX_LEDS
 from iswarm_mj.utils.constraints import check, check_kind

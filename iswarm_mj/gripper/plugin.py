@@ -19,7 +19,7 @@ probe's, as does a ball that hangs at the probe after a reset. The law is that o
 axis, gap and direction are those of the closest points. Valid within the range of `probe_table`, clamped beyond.
 
 With `leak` above 0 the potential is instead that of a circuit: the ball carries a charge Q and has the voltage
-u = (Q + C_t V) / (C_t + C_p), with the capacitances to probe and plate (`laws.capacitance`); the probe pulls it with
+u = (Q + C_t V) / (C_t + C_p), with the capacitances to probe and plate (`laws.probe_table`); the probe pulls it with
 the law of picking at V - u, the plate with that of releasing at u (what both fields do together is left out, see
 `tests/gripper/test_capacitance.py`). While it touches the plate, Q relaxes through `plate_contact`; while it touches
 the probe, through the oxide's `leak`, and through `contact` after the oxide broke down, which it does where V - u

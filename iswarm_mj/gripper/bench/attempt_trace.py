@@ -3,14 +3,13 @@
 import numpy as np
 
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.ramps import release
+from iswarm_mj.gripper.bench.run_trials import release, rung, touch
 from iswarm_mj.gripper.bench.script import hangs
-from iswarm_mj.gripper.bench.staircase import rung, touch
 from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, TIMESTEP, ramp_to
 from iswarm_mj.gripper.bench.tracing import trace_of
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
-from iswarm_mj.gripper.tried import Tried
+from iswarm_mj.gripper.handling import Tried
 
 PHASES = ("approach", "contact", "voltage", "retract", "lift", "off", "ramp", "flight", "rest")
 """Of lifts, then of releases, in their order."""

@@ -10,7 +10,7 @@ import math
 import mujoco
 import numpy as np
 
-from iswarm_mj.engines.mujoco_warnings import keep_no_log
+from iswarm_mj.engines.mujoco_library import keep_no_log
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.leap_laws import Hanging, leap
 from iswarm_mj.gripper.bench.model import layout, plugin_numbers, resized, start, usual_model

@@ -9,7 +9,7 @@ import numpy as np
 from jax.custom_batching import custom_vmap
 
 from iswarm_mj.config import GripperConfig
-from iswarm_mj.engines.mujoco.timers import without_timers
+from iswarm_mj.engines.mujoco_library import without_timers
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
 from iswarm_mj.gripper.bench import script
 from iswarm_mj.gripper.bench.protocol import Protocol

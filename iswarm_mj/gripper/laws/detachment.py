@@ -86,7 +86,7 @@ def grasp_deficit(
     work_tool_object: Quantity = WORK_TOOL_OBJECT,
     work_object_substrate: Quantity = WORK_OBJECT_SUBSTRATE,
 ) -> Quantity:
-    """Force that the voltage must add to lift a touched ball, F_OS + weight - F_TO; below 0 where none is needed [N]."""
+    """Force that the voltage must add to lift a touched ball, F_OS + weight - F_TO; below 0: none is needed [N]."""
     return dmt_pull_off(radius, work_object_substrate - work_tool_object) + ball_weight(radius)
 
 

@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 from mujoco.introspect import ast_nodes, structs
 
-from iswarm_mj.engines.mujoco.library import library
+from iswarm_mj.engines.mujoco_library import library
 
 PASSIVE = int(mujoco.mjtPluginCapabilityBit.mjPLUGIN_PASSIVE)
 STAGE_POSITION = int(mujoco.mjtStage.mjSTAGE_POS)

@@ -5,7 +5,7 @@ import numpy as np
 from llvmlite import binding
 from numba import types
 
-from iswarm_mj.engines.mujoco.library import function_address
+from iswarm_mj.engines.mujoco_library import function_address
 from iswarm_mj.gripper.native.fields import Struct, characters, compiled, ints
 
 NUMBER, GEOM, ACTUATOR = range(3)

@@ -17,9 +17,9 @@ from numba import types
 
 from iswarm_mj.gripper import contact
 from iswarm_mj.gripper.laws import adhesion, electrostatics, restitution, spline
-from iswarm_mj.gripper.laws.capacitance import tables
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.numbers import numbers_of
+from iswarm_mj.gripper.laws.probe_table import tables
 from iswarm_mj.gripper.native import attraction, attributes, fields, state
 from iswarm_mj.gripper.native.attraction import attract, gap_to
 from iswarm_mj.gripper.native.attributes import raise_error, read_attributes
