@@ -83,17 +83,14 @@ class Policy:
         """Return what the policy does, and remember what it says; an action that is not finite is a fault."""
         sizes = {name: int(np.prod(value.shape[1:], dtype=int)) for name, value in observation.sensed.items()}
         senses = {name: (self.task.senses[name], size) for name, size in sizes.items()}
-        rows = observations.rows(self.config, self.robot, self.payload, senses)
-        obs = observations.encode(rows, observation)
-        if self.initial is None:
-            own, action = (), self.apply(self.params, obs)
-        else:
-            action, own = self.apply(self.params, obs, memory["own"])
+        obs = observations.encode(observations.rows(self.config, self.robot, self.payload, senses), observation)
+        found = self.apply(self.params, obs, *([] if self.initial is None else [memory["own"]]))
+        action, own = (found, ()) if self.initial is None else found
         table = actions.rows(self.config, self.payload)
         shape = len(obs), sum(row.size for row in table)
         if jnp.shape(action) != shape:
-            found = jnp.shape(action)
-            raise UserError(f"a policy must return actions {shape}, of robots and their numbers (got {found})")
+            got = jnp.shape(action)
+            raise UserError(f"a policy must return actions {shape}, of robots and their numbers (got {got})")
         command, said, is_bad = actions.decode(table, action)
         command = Command(*(jnp.where(is_bad, jnp.nan, part) for part in command))
-        return {"own": own, "said": said, "picks": memory["picks"]}, command
+        return memory | {"own": own, "said": said}, command

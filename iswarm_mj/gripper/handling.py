@@ -238,12 +238,7 @@ class Tried(NamedTuple):
 
 
 def attempts_between(before: Balls, after: Balls) -> list[Tried]:
-    """Attempts of a world in a control step, by balls; those that were broken off are left out.
-
-    Args:
-        before: the K balls as the step began, as NumPy arrays.
-        after: as it ended.
-    """
+    """Attempts of a world in a control step, by balls; those that were broken off are left out. Arrays are NumPy's."""
     lifts, releases = after.attempts > before.attempts, after.releases > before.releases
     failed = (after.failed_grasps > before.failed_grasps) | (after.failed_releases > before.failed_releases)
     made = (lifts | releases) & (after.broken_off == before.broken_off)

@@ -110,11 +110,7 @@ class GripperForces:
 
 
 def gripper_forces(model: mujoco.MjModel) -> GripperForces:
-    """Forces that a model declares: any number of instances of the adhesion plugin, one of the electrostatic plugin.
-
-    Args:
-        model: compiled, with its plugins.
-    """
+    """Forces that a model declares: any number of instances of the adhesion plugin, one of the electrostatic plugin."""
     state = mujoco.MjData(model).plugin_state
     values = {key: state[index] for key, index in plugin.state_indices(model).items()}
     circuits = [instance for instance, name in values if name == "probe"]

@@ -47,13 +47,7 @@ from iswarm_mj.utils.errors import UserError
 
 
 def state_index(model: mujoco.MjModel, instance: str, field: str) -> int:
-    """Index of an attribute or a result of a plugin instance in `MjData.plugin_state`.
-
-    Args:
-        model: with the instance.
-        instance: its name in MJCF.
-        field: one of `ATTRIBUTES` or `COMPUTED`.
-    """
+    """Index of an attribute or a result, see `ATTRIBUTES` and `COMPUTED`, of a plugin instance in `plugin_state`."""
     known = state_indices(model)
     if (instance, field) in known:
         return known[instance, field]

@@ -143,11 +143,6 @@ class TestMistakes:
         with pytest.raises(UserError, match="call reset first"):
             vector_env(num_envs=2, **FEW).step(np.zeros((2, 5, 3)))
 
-    def test_shapes_of_batches(self, batch):
-        batch.reset(seed=0)
-        with pytest.raises(UserError, match=r"must have the shape \(2, 5, 3\)"):
-            batch.step(np.zeros((5, 3)))
-
     @pytest.mark.parametrize("name", ["n_robot", "n_worlds"])
     def test_unknown_settings(self, name):
         with pytest.raises(TypeError, match=name):

@@ -93,7 +93,7 @@ def test_rows_are_what_was_sensed():
 
 def test_actions_mean_what_the_table_says():
     action = np.zeros((2, sum(row.size for row in actions.rows(SMALL, PAYLOAD))), np.float32)
-    action[0], action[1] = 1.0, -1.0
+    action[0], action[1] = 1.0, -7.0  # which is clipped
     command, said, is_bad = actions.decode(actions.rows(SMALL, PAYLOAD), jnp.asarray(action))
     np.testing.assert_allclose(command.turn, [np.pi / 2, -np.pi / 2], rtol=1e-6)
     np.testing.assert_allclose(command.forward, [2**0.5, -(2**0.5)], rtol=1e-5)

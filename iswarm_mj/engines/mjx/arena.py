@@ -144,12 +144,7 @@ def compile_mjx_arena(
 
 
 def without_absent(model: mjx.Model, is_present: Array) -> mjx.Model:
-    """Model whose bodies that are not present wait deep under the floor, each at a height of its own.
-
-    Args:
-        model: MJX's, of an arena.
-        is_present: (N + M,) bool.
-    """
+    """Model whose bodies that are not present wait deep under the floor, each at a height of its own."""
     depth = _PARKED - 10.0 * jnp.arange(len(is_present))
     height = jnp.where(is_present, model.body_pos[1:, 2], depth)
     return model.replace(body_pos=model.body_pos.at[1:, 2].set(height))

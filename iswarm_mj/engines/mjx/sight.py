@@ -88,14 +88,7 @@ class Search(NamedTuple):
 
 
 def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Array) -> Links:
-    """Find the nearest senders in sight of each side.
-
-    Args:
-        config: optics; and of how many senders, see `Links`.
-        arena: compiled.
-        crowd: the robots.
-        emits: (N,) which of them send light, bool, or the power of their LEDs.
-    """
+    """Find the nearest senders in sight of each side; `emits` (N,) are flags or the power of the LEDs."""
     poses = crowd.poses
     index = jnp.arange(len(poses), dtype=jnp.int32)
     everyone = _receive(config, arena, poses, index, None if emits.dtype == bool else emits)

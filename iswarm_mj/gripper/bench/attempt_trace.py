@@ -16,12 +16,7 @@ PHASES = ("approach", "contact", "voltage", "retract", "lift", "off", "ramp", "f
 
 
 def trace_attempt(tried: Tried, gap: float) -> tuple[Trace, bool]:
-    """Trace of an attempt, whose phases are `PHASES`, and whether it succeeded; nothing is leapt over.
-
-    Args:
-        tried: the attempt.
-        gap: of releases [m].
-    """
+    """Trace of an attempt, whose phases are `PHASES`, and whether it succeeded; releases are at a gap [m]."""
     works = tried.work_tool_object, tried.work_object_substrate
     trial = Trial(tried.radius, *works, 10.0, misalignment=tried.misalignment)  # whose factor of humidity is 1
     bench = MujocoBench(

@@ -88,13 +88,7 @@ def watched(
 ) -> tuple[mjx.Data, Force, Watch]:
     """Take physics steps of one bench and watch its ball; the force is that of the last step.
 
-    Args:
-        where: addresses of the bench's numbers.
-        bench: forces and model of it.
-        data: before the first step.
-        ball: what it keeps from before.
-        control: from the number of a step, from 0, to its `ctrl` (nu,).
-        n_steps: at least one.
+    `control` gives the `ctrl` (nu,) of a step by its number, from 0.
     """
     forces, model = bench
     time, (tool, plate) = model.opt.timestep * MS, forces.tool_and_plate

@@ -54,27 +54,19 @@ class Plugin(ctypes.Structure):
 
 
 def pointer_indices(struct: str, fields: Sequence[str]) -> np.ndarray:
-    """Places of pointers in a struct, counted in pointers from its start.
-
-    Args:
-        struct: "mjModel" or "mjData".
-        fields: names of fields that are pointers.
-
-    Returns:
-        (n,) int64.
-    """
+    """Places (n,) of these pointers in "mjModel" or "mjData", counted in pointers from its start."""
     layout = _layout(struct)
     return np.array([getattr(layout, field).offset // ctypes.sizeof(ctypes.c_void_p) for field in fields], np.int64)
 
 
 @cache
 def _layout(struct: str) -> type[ctypes.Structure]:
-    fields = [(field.name, _ctype(field.type)) for field in structs.STRUCTS[struct].fields if _is_named(field)]
-    return type(struct, (ctypes.Structure,), {"_fields_": fields})
+    return _structure(structs.STRUCTS[struct].fields)
 
 
-def _is_named(field: Any) -> bool:
-    return bool(getattr(field, "name", ""))
+def _structure(fields: Any) -> type[ctypes.Structure]:
+    named = [(field.name, _ctype(field.type)) for field in fields if getattr(field, "name", "")]
+    return type("Layout", (ctypes.Structure,), {"_fields_": named})
 
 
 def _ctype(kind: Any) -> Any:
@@ -86,8 +78,7 @@ def _ctype(kind: Any) -> Any:
             item = item * extent
         return item
     if isinstance(kind, ast_nodes.AnonymousStructDecl):
-        fields = [(field.name, _ctype(field.type)) for field in kind.fields]
-        return type("anonymous", (ctypes.Structure,), {"_fields_": fields})
+        return _structure(kind.fields)
     if kind.name in _SCALARS:
         return _SCALARS[kind.name]
     if kind.name.removeprefix("struct ") in structs.STRUCTS:
@@ -96,15 +87,9 @@ def _ctype(kind: Any) -> Any:
 
 
 def register(name: str, attributes: Sequence[str], callbacks: Mapping[str, Any]) -> int:
-    """Register a plugin of passive forces for the life of the process; once, if called again.
+    """Register a plugin of passive forces for the life of the process, once; return its slot.
 
-    Args:
-        name: globally unique name.
-        attributes: names of its attributes in MJCF.
-        callbacks: callback of mjpPlugin -> `numba.cfunc`, or anything else with an `address`.
-
-    Returns:
-        Slot number of the plugin.
+    `callbacks` are those of mjpPlugin -> `numba.cfunc`, or anything else with an `address`.
     """
     lib = library()
     lib.mjp_getPlugin.restype = ctypes.c_void_p
