@@ -41,8 +41,8 @@ import mujoco
 import numpy as np
 
 from iswarm_mj.gripper.native.abi import register
+from iswarm_mj.gripper.native.attributes import ADHESION, ATTRIBUTES, COMPUTED, state_fields
 from iswarm_mj.gripper.native.callbacks import adhesion_callbacks, electrostatic_callbacks, life_cycle
-from iswarm_mj.gripper.native.state import ADHESION, ATTRIBUTES, COMPUTED, state_fields
 from iswarm_mj.utils.errors import UserError
 
 

@@ -12,7 +12,7 @@ import pytest
 
 import iswarm_mj.gripper.plugin as plugin
 from iswarm_mj.gripper.native import abi as plugin_abi
-from iswarm_mj.gripper.native import state
+from iswarm_mj.gripper.native import attributes as state
 from iswarm_mj.utils.errors import UserError
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
