@@ -14,8 +14,8 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Motion, Sight
-from iswarm_mj.envs import actions, observations
-from iswarm_mj.envs.observations import Row
+from iswarm_mj.envs import tables
+from iswarm_mj.envs.tables import Row
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.actuate import Actuated, Places, actuate
 from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
@@ -119,13 +119,13 @@ class Core:
 
     @property
     def observations(self) -> list[Row]:
-        """See `observations.rows`."""
-        return observations.rows(self.given, self.robot, self.payload, dict(self.senses))
+        """See `tables.observation_rows`."""
+        return tables.observation_rows(self.given, self.robot, self.payload, dict(self.senses))
 
     @property
     def actions(self) -> list[Row]:
-        """See `actions.rows`."""
-        return actions.rows(self.given, self.payload)
+        """See `tables.action_rows`."""
+        return tables.action_rows(self.given, self.payload)
 
     @property
     def n_robots(self) -> int:
@@ -147,13 +147,13 @@ class Core:
 
     def act(self, data: Episode, is_new: Bool[Array, ""], action: Float[Array, "N A"], poses: Array) -> Intent:
         """Return what robots at `poses` do; those of an episode that begins do nothing."""
-        decoded = actions.decode(self.actions, action)
+        decoded = tables.decode(self.actions, action)
         command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
         swarm, key = data.world.swarm, step_keys(data.key, data.step).actuators
         conditions, charge = with_conditions(self.params, swarm).conditions, data.tool_voltage_squared
         places = Places(poses, self.params.is_present)
         done = actuate(self.config, conditions, command, swarm, data.waits, places, charge, key)
-        said = jax.tree.map(partial(jnp.where, is_new), actions.silence(self.payload, len(action)), said)
+        said = jax.tree.map(partial(jnp.where, is_new), tables.silence(self.payload, len(action)), said)
         done = done._replace(
             is_refused=(done.is_refused | is_bad) & ~is_new,
             is_blocked=done.is_blocked & ~is_new,
@@ -190,7 +190,7 @@ class Core:
         metrics = {name: jnp.asarray(value) for name, value in params.task.metrics(seen.swarm.task).items()}
         return State(
             data=Episode(world, data.key, data.next_key, step, waits, charge),
-            obs=observations.encode(self.observations, seen.observation),
+            obs=tables.encode(self.observations, seen.observation),
             reward=jnp.where(is_new | is_faulty, 0.0, reward),
             done=world.is_finished | is_faulty | is_late,
             metrics=metrics | {"progress": world.progress, "collisions": world.collisions},

@@ -9,9 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.engines.base import CompiledEngine, Engine, Motion, StatefulEngine, boxes_of
-from iswarm_mj.envs import observations
-from iswarm_mj.envs.actions import checked
+from iswarm_mj.envs import tables
 from iswarm_mj.envs.core import Core, Episode, Intent, State
+from iswarm_mj.envs.tables import checked
 from iswarm_mj.simulation.actuate import drive_phases, velocity_towards
 from iswarm_mj.simulation.decide import pad_singleton_batch
 from iswarm_mj.utils.errors import UserError, shown
@@ -58,7 +58,7 @@ class Env:
             raise UserError(
                 f"obs must be an array (..., {self.observation_size}) (got {shown(obs)}); give the `obs` of a state."
             )
-        return observations.split(self.observations, obs)
+        return tables.split(self.observations, obs)
 
     def poses(self, state: State) -> Any:
         """Return where robots are (*B, N, 3), which they do not know: x, y [mm] and yaw [rad]."""

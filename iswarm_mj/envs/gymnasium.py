@@ -9,10 +9,9 @@ from typing import Any
 import jax
 import numpy as np
 
-from iswarm_mj.envs.actions import checked
 from iswarm_mj.envs.core import State
 from iswarm_mj.envs.make import make_env
-from iswarm_mj.envs.observations import Row, bounds
+from iswarm_mj.envs.tables import Row, bounds, checked
 from iswarm_mj.envs.watch import EnvRecording, Pictures
 from iswarm_mj.utils.constraints import check, is_whole
 from iswarm_mj.utils.errors import UserError

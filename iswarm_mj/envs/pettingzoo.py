@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.envs.actions import checked
 from iswarm_mj.envs.gymnasium import RENDERING, Box, SwarmVectorEnv, box_of, installed
+from iswarm_mj.envs.tables import checked
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 

@@ -10,11 +10,10 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight, concluded, set_points, with_boxes
-from iswarm_mj.engines.mjx.api import mjx
+from iswarm_mj.engines.mjx.api import mjx, quick_trees
 from iswarm_mj.engines.mjx.arena import MjxArena, without_absent
 from iswarm_mj.engines.mjx.contacts import planar_contacts
 from iswarm_mj.engines.mjx.derivatives import implicit_contacts
-from iswarm_mj.engines.mjx.joints import quick_trees
 from iswarm_mj.engines.mjx.sight import Crowd, find_links, find_walls
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind

@@ -2,8 +2,7 @@
 
 import mujoco
 
-from iswarm_mj.engines.mjx.api import mjx, scan
-from iswarm_mj.engines.mjx.joints import body_of_positions, joint_of_positions
+from iswarm_mj.engines.mjx.api import body_of_positions, joint_of_positions, mjx, scan
 
 XML = """<mujoco><worldbody>
   <body><freejoint/><geom size="1"/><body><joint type="ball"/><geom size="1"/></body></body>
