@@ -121,8 +121,8 @@ class SwarmVectorEnv(VectorEnv):
         Raises:
             UserError: no episode has begun, or an action is not finite, lies beyond -1 and 1, or does not fit.
         """
-        obs, reward, *rest = self.step_robots(actions)
-        return obs, reward.sum(axis=1), *rest
+        obs, reward, terminated, truncated, info = self.step_robots(actions)
+        return obs, reward.sum(axis=1), terminated, truncated, info
 
     def step_robots(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
         """As `step`, with the reward of each robot (B, N)."""
@@ -193,8 +193,8 @@ class SwarmEnv(gymnasium.Env):
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
         """See `SwarmVectorEnv.step`."""
-        action = checked(action, (self._one.env.n_robots, self._one.env.action_size))
-        obs, reward, terminated, truncated, info = self._one.step(action[None])
+        actions = checked(action, (self._one.env.n_robots, self._one.env.action_size))[None]
+        obs, reward, terminated, truncated, info = self._one.step(actions)
         info = {name: value[0] for name, value in info.items()}
         return obs[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
 

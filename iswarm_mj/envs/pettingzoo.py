@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.envs.gymnasium import RENDERING, Box, SwarmVectorEnv, box_of, installed
+from iswarm_mj.envs.gymnasium import RENDERING, SwarmVectorEnv, box_of, installed
 from iswarm_mj.envs.tables import checked
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
 with installed():
+    from gymnasium.spaces import Space
     from pettingzoo import ParallelEnv
 
 
@@ -28,11 +29,11 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.observation_spaces = {agent: box_of(env.observations) for agent in self.possible_agents}
         self.action_spaces = {agent: box_of(env.actions) for agent in self.possible_agents}
 
-    def observation_space(self, agent: str) -> Box:
+    def observation_space(self, agent: str) -> Space:
         """Return what a robot observes, see `Env.observations`."""
         return self.observation_spaces[agent]
 
-    def action_space(self, agent: str) -> Box:
+    def action_space(self, agent: str) -> Space:
         """Return what a robot does, see `Env.actions`."""
         return self.action_spaces[agent]
 

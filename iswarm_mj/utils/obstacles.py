@@ -63,7 +63,7 @@ def check_boxes(boxes: Sequence[Box], obstacles: Sequence[Obstacle]) -> None:
             raise ConfigError(place, one, "a box without friction where its mass is 0")
         if not 0 <= one[6] <= ROUGHEST:
             raise ConfigError(place, one, f"a box with a coefficient of friction from 0 to {ROUGHEST:g}")
-        if overlap(np.broadcast_to(there[len(before)], before.shape), before).any():
+        if overlap(there[len(before)], before).any():
             raise ConfigError(place, one, "outside obstacles and other boxes")
 
 

@@ -39,7 +39,7 @@ def put_model(model: mujoco.MjModel, impl: str, device: Any = None) -> mjx.Model
 
 
 @contextlib.contextmanager
-def replaced(table: dict[Any, Any], own: dict[Any, Any]) -> Iterator[None]:
+def replaced(table: Any, own: dict[Any, Any]) -> Iterator[None]:
     """Replace entries of a table of MJX's, or names of a module (its `vars`), for what is traced inside the block."""
     before = {key: table[key] for key in own}
     table.update(own)
