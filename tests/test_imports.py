@@ -10,7 +10,7 @@ import pytest
 
 import iswarm_mj
 
-LAWS = ["adhesion", "capacitance", "detachment", "electrostatics", "humidity", "probe_table"]
+LAWS = ["adhesion", "detachment", "electrostatics", "humidity", "probe_table"]
 """Files of `gripper/laws/`."""
 
 

@@ -19,13 +19,18 @@ from iswarm_mj.utils.robot import Robots
 METHODS = ("place", "poses", "sense", "move")
 
 
-def make_host_engine(settings: EngineSettings, model: ModelSpec, robot: Robots) -> Callable[[int, int], Any]:
-    """Return what makes an engine on the host for a number of worlds and of threads.
+class Size(NamedTuple):
+    """What determines the shapes of an engine's answers."""
 
-    Args:
-        settings: of the engine.
-        model: what it simulates.
-        robot: of the model.
+    n_robots: int
+    """Places for robots in each world."""
+    n_senders: int
+    """That a side tells of, see `Links`."""
+    robot: Robots
+
+
+def make_host_engine(settings: EngineSettings, model: ModelSpec, robot: Robots) -> Callable[[int, int], Any]:
+    """Return what makes an engine on the host for a number of worlds and of threads; `robot` is that of the model.
 
     Raises:
         UserError: it is a user's, and makes none.
@@ -39,7 +44,7 @@ def make_host_engine(settings: EngineSettings, model: ModelSpec, robot: Robots) 
     def made(n_worlds: int, n_threads: int) -> Any:
         with user_code(name):
             engine = make(n_worlds, n_threads)
-        return checked(engine, name, METHODS, Size(model.capacity, model.config.optics.n_senders, robot))
+        return _checked(engine, name, METHODS, model, robot)
 
     return made
 
@@ -57,8 +62,7 @@ def make_compiled_engine(
     name = f"{type(settings).__name__}.compiled_engine"
     with user_code(name):
         engine = settings.compiled_engine(model, n_worlds, platform)
-    size = Size(model.capacity, model.config.optics.n_senders, robot)
-    found = checked(engine, name, ("mapping", *METHODS), size)
+    found = _checked(engine, name, ("mapping", *METHODS), model, robot)
     for leaf in jax.tree.leaves(as_pytree(engine, "engine")):
         if not isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float):
             raise UserError(
@@ -68,40 +72,19 @@ def make_compiled_engine(
     return found
 
 
-class Size(NamedTuple):
-    """What determines the shapes of an engine's answers."""
-
-    n_robots: int
-    """Places for robots in each world."""
-    n_senders: int
-    """That a side tells of, see `Links`."""
-    robot: Robots
-
-
-def checked(engine: Any, maker: str, methods: Sequence[str], size: Size) -> "CheckedEngine":
-    """Return a user's engine that checks itself.
-
-    Args:
-        engine: of the user.
-        maker: the method that made it.
-        methods: that it needs.
-        size: of its answers.
-
-    Raises:
-        UserError: it lacks a method, or has other robots.
-    """
+def _checked(engine: Any, maker: str, methods: Sequence[str], model: ModelSpec, robot: Robots) -> "CheckedEngine":
+    """A user's engine, which has these methods and robots, and checks itself."""
     if engine is None or isinstance(engine, type):
         got = "None" if engine is None else f"the class {engine.__name__} itself"
         raise UserError(f"{maker} must return an engine, see iswarm_mj.engines.base.Engine (got {got})")
     check_has(engine, methods, "an engine", "iswarm_mj.engines.base.Engine")
     name = type(engine).__name__
     with user_code(f"{name}.robot"):
-        robot = engine.robot
-        is_same = isinstance(robot, Robots) and robot == size.robot
-    if not is_same:
-        got = "others" if isinstance(robot, Robots) else f"a {type(robot).__name__}"
+        own = engine.robot
+    if own != robot:
+        got = "others" if isinstance(own, Robots) else f"a {type(own).__name__}"
         raise UserError(f"{name}.robot must be the robots of the run, read_robots(model.robot_file) (got {got})")
-    return CheckedEngine(engine, size)
+    return CheckedEngine(engine, Size(model.capacity, model.config.optics.n_senders, robot))
 
 
 @jax.tree_util.register_pytree_node_class
@@ -189,23 +172,15 @@ class CheckedEngine:
 
 
 def check_links(method: str, links: Links, n_robots: int, n_sides: int) -> None:
-    """Check the values of links, as NumPy arrays of any shape.
-
-    Args:
-        method: that returned them.
-        links: of N robots with S sides.
-        n_robots: N.
-        n_sides: S.
+    """Check the values of links of N robots with S sides, as NumPy arrays of any shape.
 
     Raises:
         UserError: where a link is valid, sender or LED do not exist, or bearing or distance is no number.
     """
-    there = np.asarray(links.valid)
-    for name, limit in (("sender", n_robots), ("led", n_sides)):
+    there, most = np.asarray(links.valid), {"sender": n_robots - 1, "led": n_sides - 1}
+    for name in ("sender", "led", "measured_bearing", "true_distance"):
         values = np.asarray(getattr(links, name))[there]
-        if len(bad := values[(values < 0) | (values >= limit)]):
-            raise UserError(f"{method} must return a {name} from 0 to {limit - 1} where a link is valid (got {bad[0]})")
-    for name in ("measured_bearing", "true_distance"):
-        values = np.asarray(getattr(links, name))[there]
-        if len(bad := values[~np.isfinite(values)]):
-            raise UserError(f"{method} must return a finite {name} where a link is valid (got {bad[0]})")
+        is_bad = (values < 0) | (values > most[name]) if name in most else ~np.isfinite(values)
+        if is_bad.any():
+            wanted = f"a {name} from 0 to {most[name]}" if name in most else f"a finite {name}"
+            raise UserError(f"{method} must return {wanted} where a link is valid (got {values[is_bad][0]})")

@@ -1,9 +1,6 @@
 """All engines. An engine is a folder with its settings, and its line here; or a class of a user."""
 
-import json
-from collections.abc import Callable
 from dataclasses import fields
-from typing import Any
 
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
@@ -11,8 +8,8 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
 from iswarm_mj.strategy.library import Offer, find
 from iswarm_mj.strategy.user_code import user_code
-from iswarm_mj.utils.constraints import is_whole
-from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.constraints import check, is_whole
+from iswarm_mj.utils.errors import UserError
 
 ENGINES: dict[str, type[EngineSettings]] = {
     settings.name: settings for settings in (MujocoSettings, PlanarSettings, MjxSettings)
@@ -47,37 +44,18 @@ def check_settings(settings: EngineSettings) -> None:
     """Check what the settings of a user's engine say of it, which those of this package say right.
 
     Raises:
-        UserError: a property or a setting with a fixed meaning has no such value, or there is no method that makes the
-            engine.
+        UserError: it does not say how much memory a robot takes, or has no method that makes the engine.
     """
     if settings.is_shipped:
         return
     name, own = type(settings).__name__, type(settings)
 
-    def demand(attribute: str, allowed: str, allows: Callable[[Any], bool]) -> None:
-        with user_code(f"{name}.{attribute}"):
-            value = getattr(settings, attribute)
-        if not allows(value):
-            raise UserError(f"{name}.{attribute} must be {allowed} (got {shown(repr(value))}); correct it there")
-
-    demand("name", "a text", lambda value: isinstance(value, str))
-    demand("on_host", "true or false", lambda value: isinstance(value, bool))
-    demand("bytes_per_robot", "a whole number above 0", lambda value: is_whole(value) and value > 0)
-    demand("identity", "a dictionary that JSON can represent", _is_json)
-    for setting, least in (("threads", 0), ("chunk", 1)):
-        if hasattr(settings, setting):
-            allowed = f"a whole number, at least {least}"
-            demand(setting, allowed, lambda value, least=least: is_whole(value) and value >= least)
+    with user_code(f"{name}.bytes_per_robot"):
+        size = settings.bytes_per_robot
+    check(f"{name}.bytes_per_robot", size, "a whole number above 0", is_whole(size) and size > 0)
     method = "host_engine" if settings.on_host else "compiled_engine"
     if getattr(own, method) is getattr(EngineSettings, method):
         raise UserError(f"{name} has no method {method}, which makes the engine; see {OFFER.protocol}")
-
-
-def _is_json(value: Any) -> bool:
-    try:
-        return isinstance(value, dict) and bool(json.dumps(value))
-    except (TypeError, ValueError):
-        return False
 
 
 def described() -> str:

@@ -12,7 +12,7 @@ from xml.parsers.expat import ExpatError
 import mujoco
 import numpy as np
 
-from iswarm_mj.engines.mujoco_warnings import keep_no_log
+from iswarm_mj.engines.mujoco_library import keep_no_log
 from iswarm_mj.engines.plain_mjcf import check_plain
 from iswarm_mj.sensors.messages import MAX_LEDS
 from iswarm_mj.utils.constraints import check, check_kind
@@ -70,14 +70,7 @@ def check_total(given: RobotFile, n_robots: int) -> None:
 
 
 def read_robots(given: RobotFile) -> Robots:
-    """Read geometry and mass of the robots of a swarm.
-
-    Args:
-        given: a file, or those of several kinds.
-
-    Raises:
-        UserError: see `read_robot`; or the kinds do not fit each other.
-    """
+    """Read geometry and mass of the robots of a swarm; see `read_robot`, also for errors."""
     paths, sizes = zip(*files_of(given), strict=True)
     kinds = tuple(map(read_robot, paths))
     return kinds[0] if len(kinds) == 1 else Mixed(kinds, tuple(accumulate(sizes[:-1], initial=0)))

@@ -4,41 +4,31 @@
 PettingZoo, `vector_env` and `single_env` ones for Gymnasium, which the extra `marl` installs.
 """
 
+# ruff: noqa: F401 - names for type checkers, imported when they are asked for
+
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from iswarm_mj.envs.core import State
     from iswarm_mj.envs.env import Env
     from iswarm_mj.envs.gymnasium import SwarmEnv as single_env
     from iswarm_mj.envs.gymnasium import SwarmVectorEnv as vector_env
     from iswarm_mj.envs.make import make_env
     from iswarm_mj.envs.pettingzoo import SwarmParallelEnv as parallel_env
     from iswarm_mj.envs.policy import PolicyStrategy
-    from iswarm_mj.envs.state import State
     from iswarm_mj.envs.watch import EnvRecording, Pictures
 
-__all__ = [
-    "Env",
-    "EnvRecording",
-    "Pictures",
-    "PolicyStrategy",
-    "State",
-    "make_env",
-    "parallel_env",
-    "single_env",
-    "vector_env",
-]
-
 _HOMES = {
-    "Env": ("env", "Env"),
-    "EnvRecording": ("watch", "EnvRecording"),
-    "Pictures": ("watch", "Pictures"),
-    "PolicyStrategy": ("policy", "PolicyStrategy"),
-    "State": ("state", "State"),
-    "make_env": ("make", "make_env"),
-    "parallel_env": ("pettingzoo", "SwarmParallelEnv"),
-    "single_env": ("gymnasium", "SwarmEnv"),
-    "vector_env": ("gymnasium", "SwarmVectorEnv"),
+    "Env": "env.Env",
+    "EnvRecording": "watch.EnvRecording",
+    "Pictures": "watch.Pictures",
+    "PolicyStrategy": "policy.PolicyStrategy",
+    "State": "core.State",
+    "make_env": "make.make_env",
+    "parallel_env": "pettingzoo.SwarmParallelEnv",
+    "single_env": "gymnasium.SwarmEnv",
+    "vector_env": "gymnasium.SwarmVectorEnv",
 }
 
 
@@ -46,5 +36,5 @@ def __getattr__(name: str) -> Any:
     """Import what is asked for (PEP 562)."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, own = _HOMES[name]
+    module, own = _HOMES[name].split(".")
     return getattr(import_module(f"{__name__}.{module}"), own)

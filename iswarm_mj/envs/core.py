@@ -1,4 +1,4 @@
-"""An environment but for its engine: how episodes begin, what robots do and observe. Pure JAX, of one world.
+"""An environment but for its engine: its state, how episodes begin, what robots do and observe. Pure JAX, of one world.
 
 An environment takes its steps half a control step later than a run: robots that have perceived act, move, and perceive
 again. The stages are those of `simulation.step.control_step`, so that the same worlds do the same in both.
@@ -14,20 +14,66 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Motion, Sight
-from iswarm_mj.envs import actions, observations
-from iswarm_mj.envs.observations import Row
-from iswarm_mj.envs.state import Episode, State
+from iswarm_mj.envs import tables
+from iswarm_mj.envs.tables import Row
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.actuate import Places, actuate
+from iswarm_mj.simulation.actuate import Actuated, Places, actuate
 from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
 from iswarm_mj.simulation.streams import step_keys
-from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.protocol import DrivingTask, Quantity
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import RobotFile, Robots
+
+
+class Episode(NamedTuple):
+    """What goes on in a world; robots do not know it."""
+
+    world: WorldState
+    key: Array
+    """Random key of the world's noise."""
+    next_key: Array
+    """That begins the next episode."""
+    step: Int[Array, "*B"]
+    """Control steps taken."""
+    waits: Bool[Array, "*B N"]
+    """The robot stays where it is in the next step, see `Observation.waits`."""
+    tool_voltage_squared: Float[Array, "*B N"]
+    """See `tasks.protocol.Sensed` [V^2]."""
+
+
+class State(NamedTuple):
+    """State of an environment with N robots; of B worlds all arrays have a leading axis of worlds."""
+
+    data: Episode
+    obs: Float[Array, "*B N D"]
+    """What each robot may know, see `Env.observations`."""
+    reward: Float[Array, "*B N"]
+    """Of each robot for the last step, by its task."""
+    done: Bool[Array, "*B"]
+    """The episode has ended: the goal is reached, the time is up, or something went wrong. The next `step` begins a new
+    one, whatever the action."""
+    metrics: dict[str, Array]
+    """Those of the task; `progress` of it; `collisions` so far."""
+    info: dict[str, Any]
+    """`step` of the episode; `is_finished`, the goal is reached; `truncated`, the time is up; `fault`, bits of
+    `FaultKind`, 0 if nothing went wrong."""
+
+
+class Intent(NamedTuple):
+    """What robots do in a step."""
+
+    done: Actuated
+    """By their drives; actions that were not finite are refused, too."""
+    said: dict[str, Any]
+    is_running: Bool[Array, "*B"]
+    """The world moves."""
+    is_emitting: Bool[Array, "*B N"]
+    """The robot lights its LEDs after the step."""
+    boxes: Float[Array, "*B M 3"] | None
+    """See `Decision`."""
 
 
 @jax.tree_util.register_static
@@ -36,26 +82,6 @@ class Speaker:
     """In place of a strategy: what the messages of robots carry that are told what to say."""
 
     payload: Payload
-
-
-class Intent(NamedTuple):
-    """What robots do in a step."""
-
-    command: Command
-    """As the drives carry it out."""
-    said: dict[str, Any]
-    is_refused: Bool[Array, "*B N"]
-    """The action was not finite."""
-    is_blocked: Bool[Array, "*B N"]
-    """See `Decision`."""
-    is_running: Bool[Array, "*B"]
-    """The world moves."""
-    is_emitting: Bool[Array, "*B N"]
-    """The robot lights its LEDs after the step."""
-    energy: Float[Array, "*B N"] | None
-    """Left in the capacitors [J]; None where there are none."""
-    boxes: Float[Array, "*B M 3"] | None
-    """See `Decision`."""
 
 
 _ARRAYS = "params", "poses", "worlds"
@@ -93,13 +119,13 @@ class Core:
 
     @property
     def observations(self) -> list[Row]:
-        """See `observations.rows`."""
-        return observations.rows(self.given, self.robot, self.payload, dict(self.senses))
+        """See `tables.observation_rows`."""
+        return tables.observation_rows(self.given, self.robot, self.payload, dict(self.senses))
 
     @property
     def actions(self) -> list[Row]:
-        """See `actions.rows`."""
-        return actions.rows(self.given, self.payload)
+        """See `tables.action_rows`."""
+        return tables.action_rows(self.given, self.payload)
 
     @property
     def n_robots(self) -> int:
@@ -121,19 +147,21 @@ class Core:
 
     def act(self, data: Episode, is_new: Bool[Array, ""], action: Float[Array, "N A"], poses: Array) -> Intent:
         """Return what robots at `poses` do; those of an episode that begins do nothing."""
-        decoded = actions.decode(self.actions, action)
+        decoded = tables.decode(self.actions, action)
         command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
         swarm, key = data.world.swarm, step_keys(data.key, data.step).actuators
         conditions, charge = with_conditions(self.params, swarm).conditions, data.tool_voltage_squared
         places = Places(poses, self.params.is_present)
         done = actuate(self.config, conditions, command, swarm, data.waits, places, charge, key)
-        is_refused = (done.is_refused | is_bad) & ~is_new
-        said = jax.tree.map(partial(jnp.where, is_new), actions.silence(self.payload, len(action)), said)
-        energy = jax.tree.map(partial(jnp.where, is_new), swarm.energy, done.energy)
-        emits = is_emitting(self.config, swarm.is_alive, energy)
+        said = jax.tree.map(partial(jnp.where, is_new), tables.silence(self.payload, len(action)), said)
+        done = done._replace(
+            is_refused=(done.is_refused | is_bad) & ~is_new,
+            is_blocked=done.is_blocked & ~is_new,
+            energy=jax.tree.map(partial(jnp.where, is_new), swarm.energy, done.energy),
+        )
+        emits = is_emitting(self.config, swarm.is_alive, done.energy)
         boxes = self.params.task.drive_boxes(swarm.task) if isinstance(self.params.task, DrivingTask) else None
-        blocked, runs = done.is_blocked & ~is_new, ~is_new & ~is_refused.any()
-        return Intent(done.command, said, is_refused, blocked, runs, emits, energy, boxes)
+        return Intent(done, said, ~is_new & ~done.is_refused.any(), emits, boxes)
 
     def observe(
         self,
@@ -145,20 +173,10 @@ class Core:
         boxes: Float[Array, "M 3"] | None,
         sight: Sight,
     ) -> State:
-        """Return the state after a step, but for its bodies.
-
-        Args:
-            data: before the step.
-            is_new: an episode begins.
-            intent: of the robots.
-            motion: of the robots.
-            poses: after it.
-            boxes: likewise, where there are some.
-            sight: what robots then receive.
-        """
-        ran, before = ~is_new, data.world.swarm._replace(energy=intent.energy)
+        """Return the state after a step, but for its bodies; poses, boxes and light are those after the motion."""
+        ran, before = ~is_new, data.world.swarm._replace(energy=intent.done.energy)
         motion = motion._replace(bodies=None, touching=motion.touching * ran)
-        moved = after_motion(data.world, motion, intent.is_refused, intent.is_blocked, data.step, ran)
+        moved = after_motion(data.world, motion, intent.done.is_refused, intent.done.is_blocked, data.step, ran)
         step = data.step + ran.astype(jnp.int32)
         params, keys = with_conditions(self.params._replace(key=data.key), before), step_keys(data.key, step)
         inputs = StepInputs(poses, sight, step, jnp.ones((), bool), boxes)
@@ -166,23 +184,20 @@ class Core:
         progress = params.task.progress(seen.swarm.task)
         world = after_task(params, moved._replace(swarm=seen.swarm), progress, data.step, ran)
         waits, charge = seen.observation.waits, seen.sensed.tool_voltage_squared
-        is_faulty = world.fault.bits != 0
-        done = seen.inputs._replace(command=intent.command, message=seen.spoken.message)
+        is_faulty, is_late = world.fault.bits != 0, step >= self.steps
+        done = seen.inputs._replace(command=intent.done.command, message=seen.spoken.message)
         reward = params.task.reward(before.task, seen.swarm.task, done)
         metrics = {name: jnp.asarray(value) for name, value in params.task.metrics(seen.swarm.task).items()}
         return State(
             data=Episode(world, data.key, data.next_key, step, waits, charge),
-            obs=observations.encode(self.observations, seen.observation),
+            obs=tables.encode(self.observations, seen.observation),
             reward=jnp.where(is_new | is_faulty, 0.0, reward),
-            done=world.is_finished | is_faulty | self._is_late(step),
+            done=world.is_finished | is_faulty | is_late,
             metrics=metrics | {"progress": world.progress, "collisions": world.collisions},
             info={
                 "step": step,
                 "is_finished": world.is_finished,
-                "truncated": self._is_late(step) & ~world.is_finished & ~is_faulty,
+                "truncated": is_late & ~world.is_finished & ~is_faulty,
                 "fault": world.fault.bits,
             },
         )
-
-    def _is_late(self, step: Int[Array, ""]) -> Bool[Array, ""]:
-        return step >= self.steps

@@ -2,17 +2,16 @@
 
 from collections.abc import Callable
 from functools import lru_cache, partial
-from typing import Any, get_type_hints
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.engines.base import CompiledEngine, Engine, Motion, StatefulEngine, boxes_of
-from iswarm_mj.envs import observations
-from iswarm_mj.envs.actions import checked
-from iswarm_mj.envs.core import Core
-from iswarm_mj.envs.state import Episode, State
+from iswarm_mj.envs import tables
+from iswarm_mj.envs.core import Core, Episode, Intent, State
+from iswarm_mj.envs.tables import checked
 from iswarm_mj.simulation.actuate import drive_phases, velocity_towards
 from iswarm_mj.simulation.decide import pad_singleton_batch
 from iswarm_mj.utils.errors import UserError, shown
@@ -36,21 +35,13 @@ class Env:
     """
 
     def __init__(self, core: Core, engine: CompiledEngine | Engine, n_worlds: int | None, on_host: bool):
-        """Compile nothing yet.
-
-        Args:
-            core: what does not depend on the engine.
-            engine: of these worlds.
-            n_worlds: see `Env.n_worlds`.
-            on_host: the engine computes on the host.
-        """
+        """Compile nothing yet; `on_host` says whether the engine computes on the host."""
         self.core, self.n_worlds, self.n_robots = core, n_worlds, core.n_robots
         self.observations, self.actions, self.dt = core.observations, core.actions, core.config.drive.control_period
         self.observation_size, self.action_size = (
             sum(row.size for row in t) for t in (core.observations, core.actions)
         )
         self._engine, self._on_host, self._latest = engine, on_host, None
-        self._bodies = get_type_hints(engine.place)["return"]
         self._device = jax.local_devices(backend="cpu")[0] if on_host else None
         stages = "begin", "auto_reset", "act", "observe"
         self._begin, self._auto_reset, self._act, self._observe = map(self._of_worlds, stages)
@@ -67,7 +58,7 @@ class Env:
             raise UserError(
                 f"obs must be an array (..., {self.observation_size}) (got {shown(obs)}); give the `obs` of a state."
             )
-        return observations.split(self.observations, obs)
+        return tables.split(self.observations, obs)
 
     def poses(self, state: State) -> Any:
         """Return where robots are (*B, N, 3), which they do not know: x, y [mm] and yaw [rad]."""
@@ -83,7 +74,6 @@ class Env:
         Args:
             key: random key, or one for each of B worlds.
         """
-        self._refuse_tracers("reset", key)
         with jax.default_device(self._device):
             return self._compiled_reset(jax.device_put(self._keys(key), self._device))
 
@@ -96,10 +86,8 @@ class Env:
                 fault, which ends the episode of its world alone.
 
         Raises:
-            UserError: shape or type of the action do not fit, or the state is that of another environment.
+            UserError: shape or type of the action do not fit, or the engine cannot step this state.
         """
-        self._check(state)
-        self._refuse_tracers("step", action, state.done)
         if isinstance(self._engine, StatefulEngine) and state.data.world.bodies is not self._latest:
             raise UserError(
                 "MuJoCo in C keeps velocities to itself, so that the latest state alone can be stepped; "
@@ -124,11 +112,11 @@ class Env:
         intent = self._act(data, is_new, action, before)
         config, there = self.core.config, boxes_of(self._engine, world.bodies)
         boxes = velocity_towards(config, self._given(intent.boxes), there)
-        phases = drive_phases(config.drive, self._given(intent.command), boxes)
+        phases = drive_phases(config.drive, self._given(intent.done.command), boxes)
         motion = self._engine.move(world.bodies, phases, self._given(intent.is_running))
         return self._seen(data, is_new, intent, motion._replace(bodies=self._placed(motion.bodies, is_new, poses)))
 
-    def _seen(self, data: Episode, is_new: Any, intent: Any, motion: Motion) -> State:
+    def _seen(self, data: Episode, is_new: Any, intent: Intent, motion: Motion) -> State:
         engine, bodies = self._engine, motion.bodies
         sight = engine.sense(bodies, *self._given((intent.is_emitting, jnp.ones(self._axes, bool))))
         seen = engine.poses(bodies), boxes_of(engine, bodies)
@@ -178,23 +166,6 @@ class Env:
             what = f"{self.n_worlds} random keys, one for each world" if many else "a random key"
             raise UserError(f"reset needs {what}; make them by {example}")
         return key
-
-    def _check(self, state: Any) -> None:
-        """Refuse what is no state of this environment."""
-        is_one = isinstance(state, State) and isinstance(state.data, Episode)
-        if not is_one or any(part is None for part in (*state, state.data.world)):
-            raise UserError(f"step needs a state that reset or step returned (got a {type(state).__name__})")
-        shape = *self._axes, self.n_robots, self.observation_size
-        if state.obs.shape != shape or not isinstance(state.data.world.bodies, self._bodies):
-            raise UserError("step got a state of another environment; begin with a state of this one's reset")
-
-    def _refuse_tracers(self, name: str, *values: Any) -> None:
-        """Refuse values inside of `jax.jit` and `jax.vmap`, which an engine of the host cannot compute with."""
-        if self._on_host and any(isinstance(value, jax.core.Tracer) for value in values):
-            raise UserError(
-                f"this environment's engine computes on the host, outside of programs of JAX; call {name} without "
-                "jax.jit and jax.vmap, or make the environment with MjxSettings() or PlanarSettings(impl='warp')"
-            )
 
 
 @lru_cache(maxsize=64)

@@ -1,12 +1,31 @@
 """Swarms as Gymnasium environments: the robots of a world as one agent, one world or many at once."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
-from iswarm_mj.envs.actions import checked
-from iswarm_mj.envs.adapters import FPS, MODES, Worlds, installed
+from iswarm_mj.envs.core import State
+from iswarm_mj.envs.make import make_env
+from iswarm_mj.envs.tables import Row, bounds, checked
+from iswarm_mj.envs.watch import EnvRecording, Pictures
 from iswarm_mj.utils.constraints import check, is_whole
+from iswarm_mj.utils.errors import UserError
+
+
+@contextmanager
+def installed() -> Iterator[None]:
+    """Raise a UserError where a package that is imported inside is missing."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        raise UserError(f"this environment needs {package}; run pip install 'iswarm-mj[marl]'") from None
+
 
 with installed():
     import gymnasium
@@ -14,88 +33,179 @@ with installed():
     from gymnasium.vector import AutoresetMode, VectorEnv
     from gymnasium.vector.utils import batch_space
 
+RENDERING = {"render_modes": ["rgb_array"], "render_fps": 10}
+"""Metadata of pictures, which show 10 control steps a second."""
+MOST_SEED = 2**32 - 1
+"""Keys of JAX take no more bits of a seed."""
+
+
+def box_of(table: list[Row], *n_robots: int) -> Box:
+    """Space of the numbers of a table, of one robot (D,) or of N robots (N, D)."""
+    low, high = (np.broadcast_to(end, (*n_robots, len(end))) for end in bounds(table))
+    return Box(low, high, dtype=np.float32)
+
 
 class SwarmVectorEnv(VectorEnv):
-    """B worlds: observations (B, N, D), actions (B, N, A), the rewards of a world's robots summed (B,)."""
+    """B worlds: observations (B, N, D), actions (B, N, A), the rewards of a world's robots summed (B,).
 
-    metadata = {"render_modes": [*MODES], "render_fps": FPS, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    Copies and pickles are made anew from the same settings: their first episode begins with `reset`.
 
-    def __init__(self, task: Any = "cleaning", n_robots: int = 20, num_envs: int = 1, **settings: Any):
-        """Make the worlds, see `make_env`, and `adapters.Worlds` for `render_mode` and `record`.
+    Attributes:
+        env: the environment of JAX.
+    """
+
+    metadata = {**RENDERING, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        task: Any = "cleaning",
+        n_robots: int = 20,
+        num_envs: int = 1,
+        render_mode: str | None = None,
+        record: Path | str | None = None,
+        **settings: Any,
+    ):
+        """Make the worlds.
+
+        Args:
+            task: see `make_env`.
+            n_robots: N.
+            num_envs: B.
+            render_mode: `rgb_array`: `render` returns pictures.
+            record: file for Rerun, `*.rrd`, to which world 0 is recorded; copies of the environment record nothing.
+            settings: of `make_env`.
 
         Raises:
-            UserError: `num_envs` is no number of worlds, or of more than fit into the memory; or see `make_env`.
+            UserError: `num_envs` is no number of worlds, or there is no such mode; or see `make_env`.
         """
         check("num_envs", num_envs, "a whole number, at least 1", is_whole(num_envs) and num_envs >= 1)
-        self._worlds, self.num_envs = Worlds(num_envs, task=task, n_robots=n_robots, **settings), int(num_envs)
-        self.render_mode = settings.get("render_mode")
-        self.single_observation_space, self.single_action_space = self._worlds.spaces(Box, self._worlds.env.n_robots)
+        check("render_mode", render_mode, "rgb_array, or None", render_mode in ("rgb_array", None))
+        self._given = {"task": task, "n_robots": n_robots, "num_envs": num_envs, "render_mode": render_mode, **settings}
+        self.env = env = make_env(task, n_robots, n_worlds=num_envs, **settings)
+        self.num_envs, self.render_mode = int(num_envs), render_mode
+        self.single_observation_space = box_of(env.observations, env.n_robots)
+        self.single_action_space = box_of(env.actions, env.n_robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
+        mapped = (jax.jit(jax.vmap(env.reset)), jax.jit(jax.vmap(env.step)))
+        self._reset, self._step = mapped if env.n_worlds is None else (env.reset, env.step)
+        self._state: State | None = None
+        self._pictures: Pictures | None = None
+        self._recording = None if record is None else EnvRecording(env, record)
 
-    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
-        """Begin all episodes, which the seed determines.
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Return what makes another one."""
+        return partial(type(self), **self._given), ()
+
+    def reset(self, *, seed: Any = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
+        """Begin all episodes, which the seed determines; None draws one.
 
         Raises:
-            UserError: the seed is none.
+            ConfigError: the seed is no whole number, or lies beyond what keys take.
         """
-        obs = self._worlds.reset(seed)
-        super().reset(seed=None if seed is None else int(seed))
-        return obs, {}
+        is_seed = seed is None or (is_whole(seed) and 0 <= int(seed) <= MOST_SEED)
+        check("seed", seed, f"a whole number from 0 to {MOST_SEED}, or None for one by chance", is_seed)
+        super().reset(seed=None if seed is None else int(seed))  # from which later episodes follow, too
+        number = int(self.np_random.integers(2**31)) if seed is None else int(seed)
+        self._state = self._reset(jax.random.split(jax.random.key(number), self.num_envs))
+        self._record(self._state)
+        return np.array(self._state.obs), {}
 
-    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
-        """Take a control step; a world whose episode has ended begins a new one instead. See `adapters.Outcome`."""
-        done = self._worlds.step(actions)
-        return done.obs, done.reward.sum(axis=1), done.terminated, done.truncated, done.info
+    def step(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
+        """Take a control step; a world whose episode has ended begins a new one instead.
+
+        Returns:
+            Observations; rewards; whether each world reached its goal; whether its time is up or something went wrong;
+            metrics of the task with `is_finished`, and `fault`: bits of `FaultKind`, 0 if nothing went wrong.
+
+        Raises:
+            UserError: no episode has begun, or an action is not finite, lies beyond -1 and 1, or does not fit.
+        """
+        obs, reward, terminated, truncated, info = self.step_robots(actions)
+        return obs, reward.sum(axis=1), terminated, truncated, info
+
+    def step_robots(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
+        """As `step`, with the reward of each robot (B, N)."""
+        state, env = self.begun("step"), self.env
+        values = np.asarray(checked(actions, (self.num_envs, env.n_robots, env.action_size)))
+        is_bad = ~(np.abs(values) <= 1.0 + 1e-6)
+        if is_bad.any():
+            place = tuple(map(int, np.argwhere(is_bad)[0]))
+            raise UserError(f"an action must lie between -1 and 1 (got {values[place]} at {place}); clip it")
+        self._state = self._step(state, values)
+        self._record(self._state)
+        # Copies: clients change observations in place.
+        found: State = jax.tree.map(np.array, self._state._replace(data=None))
+        is_finished = found.info["is_finished"]
+        info = {**found.metrics, "is_finished": is_finished, "fault": found.info["fault"]}
+        return np.asarray(found.obs), np.asarray(found.reward), is_finished, found.done & ~is_finished, info
+
+    def begun(self, method: str) -> State:
+        """Return the present state.
+
+        Raises:
+            UserError: no episode has begun.
+        """
+        if self._state is None:
+            raise UserError(f"{method} needs an episode; call reset first")
+        return self._state
 
     def render(self) -> tuple[Any, ...] | None:
-        """Return a picture of each world, see `Worlds.render`; the window shows the first one."""
-        pictures = tuple(self._worlds.render(world) for world in range(self.num_envs if self._is_drawn else 1))
-        return pictures if self._is_drawn else None
+        """Return a picture (height, width, 3) of each world, or None by the mode.
 
-    @property
-    def _is_drawn(self) -> bool:
-        return self.render_mode == "rgb_array"
+        Raises:
+            UserError: no episode has begun, or there is no off-screen OpenGL.
+        """
+        if self.render_mode is None:
+            return None
+        state = self.begun("render")
+        self._pictures = self._pictures or Pictures(self.env, state)
+        return tuple(self._pictures.show(state, world) for world in range(self.num_envs))
 
     def close_extras(self, **_: Any) -> None:
-        """See `Worlds.close`."""
-        self._worlds.close()
+        """Complete the recording, and release OpenGL."""
+        for part in (self._recording, self._pictures):
+            if part is not None:
+                part.close()
+        self._recording = self._pictures = None
+
+    def _record(self, state: State) -> None:
+        if self._recording is not None:
+            self._recording.add(state)
 
 
 class SwarmEnv(gymnasium.Env):
     """One world: observations (N, D), actions (N, A), the rewards of its robots summed."""
 
-    metadata = {"render_modes": [*MODES], "render_fps": FPS}  # noqa: RUF012
+    metadata = RENDERING
 
     def __init__(self, task: Any = "cleaning", n_robots: int = 20, **settings: Any):
-        """Make the world, see `make_env`, and `adapters.Worlds` for `render_mode` and `record`."""
-        self._worlds = Worlds(1, task=task, n_robots=n_robots, **settings)
-        self.render_mode = settings.get("render_mode")
-        self.observation_space, self.action_space = self._worlds.spaces(Box, self._worlds.env.n_robots)
+        """Make the world, see `SwarmVectorEnv`."""
+        self._one = SwarmVectorEnv(task, n_robots, 1, **settings)
+        self.render_mode = self._one.render_mode
+        self.observation_space, self.action_space = self._one.single_observation_space, self._one.single_action_space
 
     def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
-        """Begin an episode, which the seed determines.
-
-        Raises:
-            UserError: the seed is none.
-        """
-        obs = self._worlds.reset(seed)
+        """See `SwarmVectorEnv.reset`."""
+        obs, _ = self._one.reset(seed=seed)
         super().reset(seed=None if seed is None else int(seed))
         return obs[0], {}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict]:
-        """Take a control step, see `adapters.Outcome`."""
-        done = self._worlds.step(checked(action, self._worlds.shape)[None])
-        info = {name: value[0] for name, value in done.info.items()}
-        return done.obs[0], float(done.reward.sum()), bool(done.terminated[0]), bool(done.truncated[0]), info
+        """See `SwarmVectorEnv.step`."""
+        actions = checked(action, (self._one.env.n_robots, self._one.env.action_size))[None]
+        obs, reward, terminated, truncated, info = self._one.step(actions)
+        info = {name: value[0] for name, value in info.items()}
+        return obs[0], float(reward[0]), bool(terminated[0]), bool(truncated[0]), info
 
     def render(self) -> Any:
-        """See `Worlds.render`."""
-        return self._worlds.render()
+        """Return a picture (height, width, 3), or None by the mode."""
+        pictures = self._one.render()
+        return pictures and pictures[0]
 
     def close(self) -> None:
-        """See `Worlds.close`."""
-        self._worlds.close()
+        """See `SwarmVectorEnv.close_extras`."""
+        self._one.close()
 
 
 # As `gymnasium.make("iswarm/Cleaning-v0", n_robots=20)`, once this module is imported.

@@ -5,34 +5,29 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.envs.actions import checked
-from iswarm_mj.envs.adapters import FPS, MODES, Worlds, installed
+from iswarm_mj.envs.gymnasium import RENDERING, SwarmVectorEnv, box_of, installed
+from iswarm_mj.envs.tables import checked
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import RD
 
 with installed():
-    from gymnasium.spaces import Box, Space
+    from gymnasium.spaces import Space
     from pettingzoo import ParallelEnv
 
 
 class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     """One world of N robots, called robot_0 and so on; all of them stay until the episode ends for all."""
 
-    metadata = {  # noqa: RUF012
-        "name": "iswarm_v0",
-        "render_modes": [*MODES],
-        "render_fps": FPS,
-        "is_parallelizable": True,
-    }
+    metadata = {**RENDERING, "name": "iswarm_v0", "is_parallelizable": True}  # noqa: RUF012
 
     def __init__(self, task: Any = "cleaning", n_robots: int = 20, **settings: Any):
-        """Make the world, see `make_env`, and `adapters.Worlds` for `render_mode` and `record`."""
-        self._worlds = Worlds(1, task=task, n_robots=n_robots, **settings)
-        self.render_mode = settings.get("render_mode")
-        self.possible_agents = [f"robot_{robot}" for robot in range(self._worlds.env.n_robots)]
+        """Make the world, see `SwarmVectorEnv`."""
+        self._one = SwarmVectorEnv(task, n_robots, 1, **settings)
+        self.render_mode, env = self._one.render_mode, self._one.env
+        self.possible_agents = [f"robot_{robot}" for robot in range(env.n_robots)]
         self.agents: list[str] = []
-        spaces = [self._worlds.spaces(Box) for _ in self.possible_agents]
-        self.observation_spaces = {agent: seen for agent, (seen, _) in zip(self.possible_agents, spaces, strict=True)}
-        self.action_spaces = {agent: done for agent, (_, done) in zip(self.possible_agents, spaces, strict=True)}
+        self.observation_spaces = {agent: box_of(env.observations) for agent in self.possible_agents}
+        self.action_spaces = {agent: box_of(env.actions) for agent in self.possible_agents}
 
     def observation_space(self, agent: str) -> Space:
         """Return what a robot observes, see `Env.observations`."""
@@ -43,12 +38,8 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
-        """Begin an episode, which the seed determines.
-
-        Raises:
-            UserError: the seed is none.
-        """
-        obs = self._worlds.reset(seed)
+        """See `SwarmVectorEnv.reset`."""
+        obs, _ = self._one.reset(seed=seed)
         self.agents = list(self.possible_agents)
         return self._each(obs[0]), {agent: {} for agent in self.agents}
 
@@ -63,16 +54,17 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         given = actions.keys() if isinstance(actions, Mapping) else {type(actions).__name__}
         if wrong := sorted(map(str, set(self.agents) ^ set(given))):
             raise UserError(f"step needs an action of each agent and no others (differing: {', '.join(wrong[:5])})")
-        shape = self._worlds.shape[1:]
-        done = self._worlds.step(np.stack([checked(actions[agent], shape) for agent in self.agents])[None])
-        terminated, truncated, agents = bool(done.terminated[0]), bool(done.truncated[0]), self.agents
+        size = self._one.env.action_size
+        each = np.stack([checked(actions[agent], (size,)) for agent in self.agents])
+        obs, reward, (terminated,), (truncated,), info = self._one.step_robots(each[None])
+        agents, own = self.agents, {name: value[0] for name, value in info.items()}
         self.agents = [] if terminated or truncated else agents
         return (
-            self._each(done.obs[0]),
-            {agent: float(reward) for agent, reward in zip(agents, done.reward[0], strict=True)},
-            dict.fromkeys(agents, terminated),
-            dict.fromkeys(agents, truncated),
-            {agent: {name: value[0] for name, value in done.info.items()} for agent in agents},
+            self._each(obs[0]),
+            dict(zip(agents, reward[0].tolist(), strict=True)),
+            dict.fromkeys(agents, bool(terminated)),
+            dict.fromkeys(agents, bool(truncated)),
+            {agent: dict(own) for agent in agents},
         )
 
     def state(self) -> np.ndarray:
@@ -81,15 +73,18 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         Raises:
             UserError: no episode has begun.
         """
-        return self._worlds.everything()[0]
+        state = self._one.begun("state")
+        poses = np.array(self._one.env.poses(state), np.float32) / (RD, RD, 1)
+        return np.concatenate([np.ravel(state.obs), poses.ravel()], dtype=np.float32)
 
     def render(self) -> Any:
-        """See `Worlds.render`."""
-        return self._worlds.render()
+        """Return a picture (height, width, 3), or None by the mode."""
+        pictures = self._one.render()
+        return pictures and pictures[0]
 
     def close(self) -> None:
-        """See `Worlds.close`."""
-        self._worlds.close()
+        """See `SwarmVectorEnv.close_extras`."""
+        self._one.close()
 
     def _each(self, obs: np.ndarray) -> dict[str, np.ndarray]:
         return {agent: row.copy() for agent, row in zip(self.possible_agents, obs, strict=True)}

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.envs import actions, observations
+from iswarm_mj.envs import tables
 from iswarm_mj.envs.make import as_payload, task_of
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.interface import Command, Observation
@@ -69,7 +69,7 @@ class Policy:
     def init(self, n_robots: int, key: Array) -> dict[str, Any]:
         """Return the policy's memory, and what robots say before their first action."""
         own = () if self.initial is None else self.initial(n_robots)
-        return {"own": own, "said": actions.silence(self.payload, n_robots), "picks": jnp.ones(n_robots, bool)}
+        return {"own": own, "said": tables.silence(self.payload, n_robots), "picks": jnp.ones(n_robots, bool)}
 
     def say(self, memory: dict[str, Any], is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
         """Return what the last action said."""
@@ -83,17 +83,14 @@ class Policy:
         """Return what the policy does, and remember what it says; an action that is not finite is a fault."""
         sizes = {name: int(np.prod(value.shape[1:], dtype=int)) for name, value in observation.sensed.items()}
         senses = {name: (self.task.senses[name], size) for name, size in sizes.items()}
-        rows = observations.rows(self.config, self.robot, self.payload, senses)
-        obs = observations.encode(rows, observation)
-        if self.initial is None:
-            own, action = (), self.apply(self.params, obs)
-        else:
-            action, own = self.apply(self.params, obs, memory["own"])
-        table = actions.rows(self.config, self.payload)
+        obs = tables.encode(tables.observation_rows(self.config, self.robot, self.payload, senses), observation)
+        found = self.apply(self.params, obs, *([] if self.initial is None else [memory["own"]]))
+        action, own = (found, ()) if self.initial is None else found
+        table = tables.action_rows(self.config, self.payload)
         shape = len(obs), sum(row.size for row in table)
         if jnp.shape(action) != shape:
-            found = jnp.shape(action)
-            raise UserError(f"a policy must return actions {shape}, of robots and their numbers (got {found})")
-        command, said, is_bad = actions.decode(table, action)
+            got = jnp.shape(action)
+            raise UserError(f"a policy must return actions {shape}, of robots and their numbers (got {got})")
+        command, said, is_bad = tables.decode(table, action)
         command = Command(*(jnp.where(is_bad, jnp.nan, part) for part in command))
-        return {"own": own, "said": said, "picks": memory["picks"]}, command
+        return memory | {"own": own, "said": said}, command

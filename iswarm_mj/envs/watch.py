@@ -1,7 +1,9 @@
-"""Episodes of an environment for those who watch: pictures, a window, and recordings for Rerun."""
+"""Episodes of an environment for those who watch: pictures, and recordings for Rerun.
+
+They show robots, balls, areas and metrics, but no links.
+"""
 
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +12,10 @@ import numpy as np
 from jaxtyping import UInt8
 
 from iswarm_mj import __version__
+from iswarm_mj.envs.core import State
 from iswarm_mj.envs.env import Env
-from iswarm_mj.envs.state import State
 from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.rerun_swarm import Recording
-from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.output.trajectory import areas_of
 from iswarm_mj.simulation.start import start_record
@@ -26,51 +27,20 @@ SHOT = Shot("above", (480, 480), fine=False)
 """Of pictures by default; on a CPU one of 100 robots takes some 10 ms."""
 
 
-class Watched:
-    """One world of an environment, as pictures and recordings show it: robots, balls, areas and metrics, but no links.
+def _record(env: Env, state: State, world: int) -> StepRecord:
+    """Record (1, 1, ...) of a world in a state of B worlds, or of one without an axis."""
+    found, rows = (env.poses(state), env.boxes(state), state.data.world._replace(bodies=None)), [world]
+    if env.n_worlds is None and found[0].ndim == 2:
+        found, rows = jax.tree.map(lambda a: np.asarray(a)[None], found), [0]
+    poses, boxes = jax.tree.map(lambda a: np.asarray(a, float), found[:2])
+    record = start_record(found[2], poses, rows, env.core.robot, boxes)
+    return record._replace(collisions=np.asarray(found[2].collisions)[rows][None])
 
-    Attributes:
-        world: its number.
-        scene: constants of the world.
-    """
 
-    def __init__(self, env: Env, state: State, world: int = 0):
-        """Begin with a state.
-
-        Args:
-            env: the environment.
-            state: of it; of B worlds, or of one.
-            world: which of the B is shown.
-        """
-        self._env, self.world, self._step = env, world, 0
-        core, self._before = env.core, self._record(state)
-        self._recorded = RecordedWorld(self._before, 0, core.given, core.params.task, core.robot, number=world)
-        self.scene = self._recorded.scene
-
-    def frames(self, state: State) -> Frames:
-        """Return the frame of the next state."""
-        record, before = self._record(state), self._before
-        moved = mean_step(before.poses[0], record.poses[0], np.ones(record.poses.shape[1:3], bool))
-        self._step, self._before = self._step + 1, record
-        record = record._replace(step=np.array([[self._step]], np.int32), speed=moved[None] / self._env.dt)
-        return self._recorded.frames([record], before)
-
-    def start(self) -> Frames:
-        """Return the frame of the state with which it began."""
-        return self._recorded.frames([self._before])
-
-    def _record(self, state: State) -> StepRecord:
-        """A state as a record (1, 1, ...)."""
-        found, rows = (
-            (self._env.poses(state), self._env.boxes(state), state.data.world._replace(bodies=None)),
-            [self.world],
-        )
-        if self._env.n_worlds is None and found[0].ndim == 2:
-            found, rows = jax.tree.map(lambda a: np.asarray(a)[None], found), [0]
-        poses, boxes, world = found
-        poses, boxes = jax.tree.map(lambda a: np.asarray(a, float), (poses, boxes))
-        record = start_record(world, poses, rows, self._env.core.robot, boxes)
-        return record._replace(collisions=np.asarray(world.collisions)[rows][None])
+def _recorded(env: Env, record: StepRecord, world: int) -> RecordedWorld:
+    """World that begins with a record."""
+    core = env.core
+    return RecordedWorld(record, 0, core.given, core.params.task, core.robot, number=world)
 
 
 class Pictures:
@@ -87,13 +57,15 @@ class Pictures:
         Raises:
             UserError: there is no off-screen OpenGL.
         """
-        self._watched, first, core = partial(Watched, env), Watched(env, state), env.core
-        arrays = {**first.scene.arrays(), **first.start().arrays()}
-        self._stage = Stage(core.given, arrays, shot, core.robot_file)
+        self._env, first = env, _record(env, state, 0)
+        recorded = _recorded(env, first, 0)
+        arrays = {**recorded.scene.arrays(), **recorded.frames([first]).arrays()}
+        self._stage = Stage(env.core.given, arrays, shot, env.core.robot_file)
 
     def show(self, state: State, world: int = 0) -> UInt8[np.ndarray, "height width 3"]:
         """Return the pixels of a world in a state."""
-        arrays = self._watched(state, world).start().arrays()
+        record = _record(self._env, state, world)
+        arrays = _recorded(self._env, record, world).frames([record]).arrays()
         pose, is_loaded, balls, boxes = (arrays[n][0] for n in ("pose", "is_loaded", "ball_position", "box_pose"))
         return self._stage.show(pose, is_loaded, balls, boxes, areas_of(arrays, 0))
 
@@ -116,9 +88,9 @@ class EnvRecording:
             path: the file to write, by custom `*.rrd`.
             world: which is recorded.
         """
-        self._env, self._path, self._world = env, path, world
-        self._watched: Watched | None = None
-        self._recording: Recording | None = None
+        self._env, self._path, self._world, self._step = env, path, world, 0
+        self._before: StepRecord | None = None
+        self._file: Recording | None = None
 
     def add(self, state: State) -> None:
         """Record a state.
@@ -126,21 +98,25 @@ class EnvRecording:
         Raises:
             UserError: the file cannot be written.
         """
-        if self._watched is None or self._recording is None:
-            self._watched = Watched(self._env, state, self._world)
-            core = self._env.core
-            settings = {"task": to_json(core.params.task), **asdict(core.given)}
-            about = {"version": __version__, "n_robots": self._env.n_robots}
-            self._recording = Recording(self._path, self._watched.scene, settings, about)
-            self._recording.append(self._watched.start())
+        env, record = self._env, _record(self._env, state, self._world)
+        if self._before is None or self._file is None:
+            self._recorded = _recorded(env, record, self._world)
+            settings = {"task": to_json(env.core.params.task), **asdict(env.core.given)}
+            about = {"version": __version__, "n_robots": env.n_robots}
+            self._file = Recording(self._path, self._recorded.scene, settings, about)
+            self._file.append(self._recorded.frames([record]))
         else:
-            self._recording.append(self._watched.frames(state))
+            self._step += 1
+            moved = mean_step(self._before.poses[0], record.poses[0], np.ones(record.poses.shape[1:3], bool))
+            record = record._replace(step=np.array([[self._step]], np.int32), speed=moved[None] / env.dt)
+            self._file.append(self._recorded.frames([record], self._before))
+        self._before = record
 
     def close(self) -> None:
         """Complete the file."""
-        if self._recording is not None:
-            self._recording.close()
-        self._recording = None
+        if self._file is not None:
+            self._file.close()
+        self._file = None
 
     def __enter__(self) -> "EnvRecording":
         """Return the recording."""

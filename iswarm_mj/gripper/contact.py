@@ -70,16 +70,13 @@ def rebound_ratio(
 
 
 def speed_at_contact(before: Quantity, gap: Quantity, earlier: Quantity, now: Quantity) -> Quantity:
-    """Speed at the moment when a gap closes, by linear interpolation between two steps.
+    """Speed at the moment when a gap closes, by linear interpolation between two steps; 0 if it was closed before.
 
     Args:
-        before: gap one step earlier; 0 or less: it was closed.
-        gap: now, 0 or less.
+        before: gap one step earlier.
+        gap: now.
         earlier: closing speed one step earlier.
         now: closing speed.
-
-    Returns:
-        Speed; 0 if the gap was closed before.
     """
     closes = (before > 0) & (gap <= 0)
     share = before / where(closes, before - gap, 1.0)

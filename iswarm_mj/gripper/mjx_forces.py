@@ -23,12 +23,11 @@ from jaxtyping import Float
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper import contact, plugin
 from iswarm_mj.gripper.laws import spline
-from iswarm_mj.gripper.laws.capacitance import tables
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.numbers import in_arrays
-from iswarm_mj.gripper.native.attributes import NUMBER
-from iswarm_mj.gripper.native.state import ATTRIBUTES, ELECTROSTATIC
+from iswarm_mj.gripper.laws.probe_table import tables
+from iswarm_mj.gripper.native.attributes import ATTRIBUTES, ELECTROSTATIC, NUMBER
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
@@ -79,7 +78,7 @@ class GripperForces:
     """Attributes of a model's plugins: arrays, and static ids.
 
     Attributes:
-        numbers: attributes that are numbers, by instance and name, see `native.state.ATTRIBUTES`.
+        numbers: attributes that are numbers, by instance and name, see `native.attributes.ATTRIBUTES`.
         pairs: P pairs of geoms, in the order of the plugin instances.
         circuit: instance of the electrostatic plugin.
         ball, probe, plate: geoms.
@@ -110,11 +109,7 @@ class GripperForces:
 
 
 def gripper_forces(model: mujoco.MjModel) -> GripperForces:
-    """Forces that a model declares: any number of instances of the adhesion plugin, one of the electrostatic plugin.
-
-    Args:
-        model: compiled, with its plugins.
-    """
+    """Forces that a model declares: any number of instances of the adhesion plugin, one of the electrostatic plugin."""
     state = mujoco.MjData(model).plugin_state
     values = {key: state[index] for key, index in plugin.state_indices(model).items()}
     circuits = [instance for instance, name in values if name == "probe"]

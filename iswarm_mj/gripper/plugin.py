@@ -19,7 +19,7 @@ probe's, as does a ball that hangs at the probe after a reset. The law is that o
 axis, gap and direction are those of the closest points. Valid within the range of `probe_table`, clamped beyond.
 
 With `leak` above 0 the potential is instead that of a circuit: the ball carries a charge Q and has the voltage
-u = (Q + C_t V) / (C_t + C_p), with the capacitances to probe and plate (`laws.capacitance`); the probe pulls it with
+u = (Q + C_t V) / (C_t + C_p), with the capacitances to probe and plate (`laws.probe_table`); the probe pulls it with
 the law of picking at V - u, the plate with that of releasing at u (what both fields do together is left out, see
 `tests/gripper/test_capacitance.py`). While it touches the plate, Q relaxes through `plate_contact`; while it touches
 the probe, through the oxide's `leak`, and through `contact` after the oxide broke down, which it does where V - u
@@ -41,19 +41,13 @@ import mujoco
 import numpy as np
 
 from iswarm_mj.gripper.native.abi import register
+from iswarm_mj.gripper.native.attributes import ADHESION, ATTRIBUTES, COMPUTED, state_fields
 from iswarm_mj.gripper.native.callbacks import adhesion_callbacks, electrostatic_callbacks, life_cycle
-from iswarm_mj.gripper.native.state import ADHESION, ATTRIBUTES, COMPUTED, state_fields
 from iswarm_mj.utils.errors import UserError
 
 
 def state_index(model: mujoco.MjModel, instance: str, field: str) -> int:
-    """Index of an attribute or a result of a plugin instance in `MjData.plugin_state`.
-
-    Args:
-        model: with the instance.
-        instance: its name in MJCF.
-        field: one of `ATTRIBUTES` or `COMPUTED`.
-    """
+    """Index of an attribute or a result, see `ATTRIBUTES` and `COMPUTED`, of a plugin instance in `plugin_state`."""
     known = state_indices(model)
     if (instance, field) in known:
         return known[instance, field]

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from iswarm_mj.gripper.bench.attempt_trace import trace_attempt
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
-from iswarm_mj.gripper.tried import Tried
+from iswarm_mj.gripper.handling import Tried
 from iswarm_mj.output import rerun_swarm_layout
 from iswarm_mj.output import rerun_trial_view as look
 from iswarm_mj.output.palette import GREEN, ORANGE, rgb

@@ -34,7 +34,7 @@ def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robots, arena
     outside = np.asarray(beyond(corners(hulls), in_mm(arena.walls))).max(axis=1) > 0
     _refuse(name, "robot", poses, outside, f"such that robots stand {_within(arena)}")
     for box in numbers(arena.standing, RD):
-        inside = overlap(hulls, np.broadcast_to(box, hulls.shape))
+        inside = np.asarray(overlap(hulls, box))
         _refuse(name, "robot", poses, inside, "such that no robot stands in an obstacle or a box")
     pairs = cKDTree(poses[:, :2]).query_pairs(2 * robot.circumradius, output_type="ndarray")
     for pair in pairs[overlap(hulls[pairs[:, 0]], hulls[pairs[:, 1]])][:1].tolist():

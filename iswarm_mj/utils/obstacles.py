@@ -63,7 +63,7 @@ def check_boxes(boxes: Sequence[Box], obstacles: Sequence[Obstacle]) -> None:
             raise ConfigError(place, one, "a box without friction where its mass is 0")
         if not 0 <= one[6] <= ROUGHEST:
             raise ConfigError(place, one, f"a box with a coefficient of friction from 0 to {ROUGHEST:g}")
-        if overlap(np.broadcast_to(there[len(before)], before.shape), before).any():
+        if overlap(there[len(before)], before).any():
             raise ConfigError(place, one, "outside obstacles and other boxes")
 
 
@@ -110,16 +110,18 @@ def corners(boxes: Float[np.ndarray, "M 6"]) -> Float[np.ndarray, "M 4 2"]:
     return np.stack([x + c * u - s * v, y + s * u + c * v], axis=-1)
 
 
-def overlap(first: Float[np.ndarray, "P 6"], second: Float[np.ndarray, "P 6"]) -> Bool[np.ndarray, "P"]:
+def overlap(first: Float[Array, "*P 6"], second: Float[Array, "*P 6"]) -> Bool[Array, "*P"]:
     """Whether each box overlaps the other one of its pair, by the separating axes of both; touching is not enough."""
-    cos = np.abs(first[:, 2] * second[:, 2] + first[:, 3] * second[:, 3])
-    sin = np.abs(first[:, 3] * second[:, 2] - first[:, 2] * second[:, 3])
+    xp = array_module(first)
+    cos = xp.abs(first[..., 2] * second[..., 2] + first[..., 3] * second[..., 3])
+    sin = xp.abs(first[..., 3] * second[..., 2] - first[..., 2] * second[..., 3])
 
-    def meets(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    def meets(one: Array, other: Array) -> Array:
         """Along both axes of the one."""
-        (dx, dy), (c, s, a, b) = (other - one).T[:2], one.T[2:]
-        reach_x, reach_y = a + other[:, 4] * cos + other[:, 5] * sin, b + other[:, 4] * sin + other[:, 5] * cos
-        return (np.abs(c * dx + s * dy) < reach_x) & (np.abs(c * dy - s * dx) < reach_y)
+        dx, dy, c, s = other[..., 0] - one[..., 0], other[..., 1] - one[..., 1], one[..., 2], one[..., 3]
+        reach_x = one[..., 4] + other[..., 4] * cos + other[..., 5] * sin
+        reach_y = one[..., 5] + other[..., 4] * sin + other[..., 5] * cos
+        return (xp.abs(c * dx + s * dy) < reach_x) & (xp.abs(c * dy - s * dx) < reach_y)
 
     return meets(first, second) & meets(second, first)
 

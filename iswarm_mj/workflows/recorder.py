@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from iswarm_mj import __version__
-from iswarm_mj.gripper.tried import attempts_between
+from iswarm_mj.gripper.handling import attempts_between
 from iswarm_mj.output import results
 from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.frames import RecordedWorld

@@ -11,17 +11,15 @@ import pytest
 from helpers_touching import pairs_of
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.engines.arena import compile_arena, read_robot
+from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mjx.arena import ContactCapacity, compile_mjx_arena
 from iswarm_mj.engines.mjx.contacts import box_box, plane_box
 from iswarm_mj.engines.mjx.engine import MjxEngine
-from iswarm_mj.engines.mjx.motion import overlapping
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import FaultKind
 
-ROBOT = read_robot()
 N, WORLDS = 40, 20
 SMALL = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
 RUNNING = np.ones(WORLDS, bool)
@@ -175,14 +173,3 @@ class TestContacts:
         mine = ordered(np.asarray(distance)[touches], np.asarray(points)[touches])
         np.testing.assert_allclose(mine, ordered(theirs.dist, theirs.pos), atol=2e-5)
         np.testing.assert_allclose(np.tile(normal, (len(theirs), 1)), theirs.frame[:, :3], atol=1e-5)
-
-
-def test_squares_overlap_as_by_hand():
-    def both(x, y, degrees):
-        poses = jnp.array([[0.0, 0.0, 0.0], [x, y, np.deg2rad(degrees)]])
-        return np.asarray(overlapping(poses, ROBOT)).tolist()
-
-    assert both(1.99, 1.99, 0) == [[False, True], [False, False]]
-    assert not np.any(both(2.01, 0, 0)) and not np.any(both(0, -2.01, 0))
-    assert np.any(both(2.40, 0, 45)) and not np.any(both(2.42, 0, 45))  # 1 + sqrt 2
-    assert not np.any(both(2.15, 2.15, 45)) and np.any(both(1.6, 1.6, 45))  # a corner beside a corner

@@ -12,7 +12,7 @@ from helpers_touching import pairs_of
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mjx.arena import ContactCapacity, compile_mjx_arena, contact_capacity
 from iswarm_mj.engines.mjx.engine import MjxEngine
-from iswarm_mj.engines.mjx.rays import entries
+from iswarm_mj.engines.mjx.sight import crossed, entries
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.occlusion import meets_boxes
 from iswarm_mj.simulation.step import drive_phases
@@ -50,15 +50,18 @@ class TestEntries:
         origin = jnp.zeros((6, 2))
         way = jnp.array([[4.0, 0], [1.0, 0], [-4.0, 0], [0, 6.0], [4.0, 4.2], [0.0, 0.0]])
         expected = [0.5, np.inf, np.inf, (6 - np.sqrt(2)) / 6, np.inf, np.inf]
-        np.testing.assert_allclose(entries(origin.at[4].set(jnp.array([-1.0, 0])), way, boxes), expected, rtol=1e-6)
-        assert entries(jnp.array([3.5, 1.0]), jnp.array([9.0, 0.0]), boxes) == 0  # from inside
+        found = entries(origin.at[4].set(jnp.array([-1.0, 0])), way, boxes).min(axis=-1)
+        np.testing.assert_allclose(found, expected, rtol=1e-6)
+        assert entries(jnp.array([3.5, 1.0]), jnp.array([9.0, 0.0]), boxes).min() == 0  # from inside
 
     def test_as_on_the_host(self):
         """Straight ways at random, and some along the axes of boxes."""
         rng, boxes = np.random.default_rng(0), numbers(BOXES, RD)
         origin, way = rng.uniform(-15, 15, (2, 4000, 2))
         way[:400, 0], way[400:800, 1] = 0, 0
-        found = np.asarray(entries(jnp.asarray(origin, jnp.float32), jnp.asarray(way, jnp.float32), jnp.asarray(boxes)))
+        given = jnp.asarray(origin, jnp.float32), jnp.asarray(way, jnp.float32), jnp.asarray(boxes)
+        found = np.asarray(entries(*given)).min(axis=-1)
+        np.testing.assert_array_equal(crossed(*given).any(axis=-1), np.isfinite(found))
         expected = [meets_boxes(*a, *b, boxes) for a, b in zip(origin, way, strict=True)]
         np.testing.assert_array_equal(np.isfinite(found), expected)
         ends = origin + np.where(np.isfinite(found), found, 0)[:, None] * way

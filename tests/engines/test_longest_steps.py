@@ -91,7 +91,7 @@ def allowed(rng):
         return DriveConfig(step, period, max(turns, least_turns), max(walks, least_walks), turn)
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 60))])
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 60))])
 def test_robots_keep_their_sides_anywhere_in_the_ranges(seed):
     """Drives, and ways of robots, are drawn; on the planar engine, and every third time on MuJoCo in C too."""
     rng = np.random.default_rng(seed)
@@ -112,9 +112,8 @@ def mujoco(config):
 @pytest.mark.parametrize(
     ("drive", "where"),
     [
-        *(("longest", where) for where in ("centre", "corner", "to and fro", "at random")),
-        *(("default", "corner"), ("fewest", "to and fro"), ("long walk", "centre")),
-        *(("quick", "at random"), ("slow", "corner")),
+        *(("longest", "centre"), ("longest", "at random"), ("default", "corner")),
+        *(("fewest", "to and fro"), ("long walk", "centre"), ("quick", "at random"), ("slow", "corner")),
     ],
 )
 def test_planar_robots_keep_their_sides(drive, where):

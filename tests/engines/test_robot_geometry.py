@@ -4,14 +4,11 @@ The robot is 1 x 2 x 1 mm; the LED of its front sits 0.4 mm left of the middle. 
 """
 
 import shutil
-import subprocess
-import sys
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 import rerun as rr
-from helpers_opengl import needs_opengl
 from helpers_robot_geometry import CONFIG, InC, InJax, N
 from helpers_rrd import read
 from helpers_runs import check_balls, records, run_of
@@ -104,11 +101,6 @@ class TestRecord:
                 "led1 .* must lie outside the hull",
             ),
             ('"led1" class="optics" pos="0 1', '"led1" class="optics" pos="1.1 1', "led1 .* must lie outside the hull"),
-            (
-                'a" class="optics" pos="1.001 0.36 0" xyaxes="1 0 0 0 1 0"',
-                'a" class="optics" pos="1.001 0.36 0" xyaxes="0 1 0 -1 0 0"',
-                "photodiode0a and photodiode0b .* the same way",
-            ),
             ('name="robot" pos="0 0 0.5"', 'name="robot" pos="0 0 0.6"', "must stand on the floor"),
         ],
     )
@@ -211,33 +203,3 @@ class TestOutput:
         recording.disconnect()
         boxes = read(tmp_path / "a.rrd")["/" + ROBOTS]
         np.testing.assert_allclose(boxes["Boxes3D:half_sizes"], [[0.5, 1, 0.5]] * N)
-
-    @needs_opengl
-    def test_picture_shows_a_smaller_robot(self, file):
-        """The solar cell of 0.92 mm covers the middle of the area."""
-        robots = [(path and str(path), tuple(map(float, read_robot(path).half_edges))) for path in (None, file)]
-        code = SHOW.format(robots=robots)
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-        whole, half = map(int, done.stdout.split())
-        assert half / whole == pytest.approx((2 - 0.92**2) / (4 - 0.92**2), abs=0.04)
-
-
-SHOW = """
-import numpy as np
-from pathlib import Path
-from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.output.stage import Shot, Stage
-from iswarm_mj.output.trajectory import Scene
-pose = np.array([[5e-3, 5e-3, 0.0], [-5e-3, 5e-3, 0.0], [5e-3, -5e-3, 0.0]])
-config = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
-for path, half_edges in {robots}:
-    path, size = path and Path(path), 2e-3 * np.array(half_edges)
-    all_robots, boxes, kind = np.ones(3, bool), np.ones((1, 4)), np.zeros(3, int)
-    scene = Scene(size, ~all_robots, np.zeros(0), 0.03, boxes[0], boxes, 1.0, all_robots, "{{}}", 0, 4, kind)
-    frames = dict(pose=pose[None], **scene.arrays())
-    with Stage(config, frames, Shot("above", (600, 600), 1.0), robot_file=path) as stage:
-        pixels = stage.show(pose, np.ones(3, bool), np.zeros((0, 3)), np.zeros((0, 3))).astype(int)
-    red, green, blue = np.moveaxis(pixels, -1, 0)
-    print(((blue > 90) & (red < 0.38 * blue) & (green > 0.55 * blue)).sum())
-"""
-"""Prints the pixels of loaded robots in pictures from above, drawn by a process that has OpenGL."""

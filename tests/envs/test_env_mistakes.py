@@ -11,12 +11,11 @@ from helpers_envs import SMALL
 from iswarm_mj import make_env
 from iswarm_mj.config import StrategyConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.utils.errors import UserError
 
 KEYS = jax.random.split(jax.random.key(5), 3)
-HUGE = 10**9, np.int64(2**60), 10**30
+HUGE = np.int64(2**60), 10**30
 
 
 @pytest.fixture(scope="module")
@@ -36,10 +35,9 @@ class TestMistakes:
             ({"n_robots": 0}, "n_robots must be at least 1|n_robots must be a whole number"),
             ({"n_robots": 5000}, "n_robots must be between 1 and"),
             ({"steps": 0}, "steps must be"),
-            *(({"n_starts": n}, "n_starts must be a whole number from 1 to 100000") for n in (0, True, 2.5, 100_001)),
-            *(({"stop_at": n}, r"stop_at must be a whole number at least 1 \(got") for n in (0, True, 2.5)),
+            *(({"n_starts": n}, "n_starts must be a whole number from 1 to 100000") for n in (True, 100_001)),
+            ({"stop_at": 2.5}, r"stop_at must be a whole number at least 1 \(got"),
             *(({"n_worlds": n}, r"n_worlds must be at most \d+ with 3 robots .* free, for it needs") for n in HUGE),
-            ({"n_worlds": HUGE[0], "engine": PlanarSettings(impl="warp")}, "n_worlds must be at most"),
             ({"engine": "planar"}, r"engine must be settings of an engine, as MujocoSettings\(\), "),
             ({"payload": 30}, "payload must be fields, or a number of bits from 0 to 29"),
             ({"payload": {"a": Integer(30)}}, "leave out or shorten fields by 1 bits"),
@@ -51,9 +49,6 @@ class TestMistakes:
     def test_settings(self, settings, words):
         with pytest.raises(UserError, match=words):
             self.ENV(**settings)
-
-    def test_whole_numbers_of_any_type(self):
-        assert self.ENV(n_starts=np.int64(3), stop_at=np.uint8(2)).core.poses.shape[0] == 3
 
     @pytest.mark.parametrize(
         "action, words",
@@ -81,19 +76,6 @@ class TestMistakes:
         with pytest.raises(UserError, match=r"reset needs 1 random keys, .*make them by jax.random.split"):
             env.reset(key)
 
-    def test_states_of_other_environments(self, env):
-        other = self.ENV(n_robots=4)
-        compiled, action = self.ENV(engine=PlanarSettings(impl="warp")), np.zeros((1, 3, 2), np.float32)
-        words = "step got a state of another environment; begin with a state of this one's reset"
-        for engine, given in [(env, other), (compiled, env)]:
-            with pytest.raises(UserError, match=words):
-                engine.step(given.reset(KEYS[:1]), action)
-        state = env.reset(KEYS[:1])
-        lacking = [state._replace(**{name: None}) for name in ("data", "obs", "done")]
-        for nothing in (None, state.obs, *lacking, state._replace(data=state.data._replace(world=None))):
-            with pytest.raises(UserError, match="step needs a state that reset or step returned"):
-                env.step(nothing, action)
-
     @pytest.mark.parametrize("obs", [None, 3.0, np.zeros((3, 1))])
     def test_observations_without_names(self, env, obs):
         with pytest.raises(UserError, match=r"obs must be an array \(\.\.\., \d+\) .*; give the `obs` of a state"):
@@ -103,13 +85,3 @@ class TestMistakes:
         (tmp_path / "tasks_of_mine.py").write_text("class Mine:\n    def __init__(self):\n        raise KeyError(3)\n")
         with pytest.raises(UserError, match=r"Mine.* raised KeyError: 3 .*line 3"):
             self.ENV(task=f"{tmp_path}/tasks_of_mine.py:Mine")
-
-    def test_engines_of_the_host_inside_programs(self, env):
-        action = np.zeros((1, 3, 2), np.float32)
-        state, words = env.reset(KEYS[:1]), r"computes on the host, .*; call {} without jax.jit and jax.vmap, or make"
-        with pytest.raises(UserError, match=words.format("reset")):
-            jax.jit(env.reset)(KEYS[:1])
-        with pytest.raises(UserError, match=words.format("reset")):
-            jax.vmap(env.reset)(KEYS)
-        with pytest.raises(UserError, match=words.format("step")):
-            jax.jit(lambda action: env.step(state, action))(action)

@@ -6,14 +6,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_attempts import GRIPPER, any_attempts, random_attempts, step
-from helpers_sensing import lay
+from helpers_attempts import GRIPPER, any_attempts, random_attempts
 
 from iswarm_mj.gripper.attempts import Attempts, by_balance
 from iswarm_mj.gripper.bench import swarm_trials
 from iswarm_mj.gripper.bench.contacts import Contacts
-from iswarm_mj.gripper.bench.single import SingleBench
-from iswarm_mj.gripper.bench.swarm_trials import by_host
+from iswarm_mj.gripper.bench.swarm_trials import SingleBench, by_host
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, is_released
 

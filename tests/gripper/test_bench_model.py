@@ -9,7 +9,6 @@ import pytest
 import iswarm_mj.gripper.plugin as plugin
 from iswarm_mj.gripper.bench.model import bench_spec, resized, sized
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.laws.detachment import ball_weight
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
 CALIBRATED_W = {"adhesion_plate": 14.7, "adhesion_probe": 1.41}
@@ -32,14 +31,6 @@ def steps(model, data, duration, **controls):
     for name, value in controls.items():
         data.actuator(name).ctrl = value
     mujoco.mj_step(model, data, nstep=round(duration / model.opt.timestep))
-
-
-@pytest.mark.parametrize(("radius", "weight"), [(15, 1.02), (20, 2.42), (25, 4.72)])
-def test_weight_in_nanonewton(radius, weight):
-    model = bench(radius)
-    force = model.body("ball").mass[0] * -model.opt.gravity[2]
-    assert force == pytest.approx(ball_weight(radius * 1e-6) * 1e9, rel=1e-6)
-    assert force == pytest.approx(weight, rel=0.01)
 
 
 def test_everything_that_carries_units_is_set():

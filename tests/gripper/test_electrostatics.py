@@ -52,14 +52,6 @@ def test_release_and_pick_are_not_symmetric():
     )
 
 
-def test_release_has_its_maximum_at_a_probe_as_wide_as_the_ball_and_pick_has_none():
-    probe_ratio = np.linspace(0.02, 7.9, 2000)
-    for gap_ratio in (0.02, 0.25, 1.0, 2.0):
-        release = probe_factor("release", gap_ratio, probe_ratio)
-        assert 1.05 < probe_ratio[np.argmax(release)] < 1.5
-        assert np.all(np.diff(probe_factor("pick", gap_ratio, probe_ratio)) > -1e-6)
-
-
 @pytest.mark.parametrize("task", FORCES)
 @settings(deadline=None)
 @given(
@@ -89,7 +81,7 @@ def test_gradients(task, argument):
 
 
 @pytest.mark.parametrize("task", FORCES)
-@pytest.mark.parametrize(("gap", "probe"), [(1e-9, 13e-6), (1e-3, 13e-6), (5e-6, 1e-8), (5e-6, 1e-3), (0, 13e-6)])
+@pytest.mark.parametrize(("gap", "probe"), [(1e-9, 13e-6), (5e-6, 1e-3)])
 def test_concrete_numbers_outside_the_table_are_refused(task, gap, probe):
     with pytest.raises(UserError, match=r"is .*, outside the table's .* to .*; change"):
         FORCES[task](30.0, np.array([5e-6, gap]), 20e-6, probe)

@@ -49,14 +49,6 @@ def test_the_tool_reaches_a_fifth_of_a_millimetre(gap, lifts):
         assert not failed[0]  # out of reach is no failure
 
 
-def test_each_ball_has_its_own_adhesion():
-    pair = lay((40.9, 0), (60.9, 0))
-    pair = pair._replace(work_object_substrate=pair.work_object_substrate.at[1].mul(20))
-    balls, failed = hands(pair, (40, 0, 0), (60, 0, 0))
-    assert owner(balls, 0) == 0 and owner(balls, 1) is None
-    np.testing.assert_array_equal(failed, [False, True])
-
-
 @pytest.mark.parametrize("nearer", [0, 1])
 def test_the_nearer_of_two_has_the_ball_and_the_other_fails(nearer):
     rows = [(40 - 0.9, 0.05, 0), (40 + 0.9, 0.10, 180)]

@@ -11,8 +11,7 @@ from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_numbers, sized
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.ramps import release
-from iswarm_mj.gripper.bench.staircase import hang, staircase
+from iswarm_mj.gripper.bench.run_trials import hang, release, staircase
 from iswarm_mj.gripper.bench.trial import Trial, draw
 from iswarm_mj.gripper.contact import rebound_ratio
 from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT

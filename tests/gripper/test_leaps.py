@@ -7,8 +7,7 @@ from helpers_attempts import random_attempts
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.bench import script, swarm_trials
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.single import SingleBench
-from iswarm_mj.gripper.bench.swarm_trials import LIFT, PRESSED, PRESSED_GAP, PROTOCOL, TIMESTEP
+from iswarm_mj.gripper.bench.swarm_trials import LIFT, PRESSED, PRESSED_GAP, PROTOCOL, TIMESTEP, SingleBench
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.numbers import in_arrays
 

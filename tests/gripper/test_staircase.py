@@ -4,8 +4,8 @@ import numpy as np
 
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.run_trials import staircase
 from iswarm_mj.gripper.bench.script import Watch
-from iswarm_mj.gripper.bench.staircase import staircase
 
 
 class Benches(MujocoBench):

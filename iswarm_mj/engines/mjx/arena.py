@@ -1,19 +1,20 @@
 """The arena in MJX: capacities, model and template data, for `impl="jax"` and `impl="warp"`."""
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import mujoco
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.obstacles import numbers
+from iswarm_mj.utils.obstacles import numbers, with_poses
 from iswarm_mj.utils.robot import RobotFile, Robots
 from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import area_of
@@ -65,15 +66,12 @@ class MjxArena:
     Attributes:
         model: MJX's.
         data: MJX's, of one world at rest, from which each control step begins.
-        sight: MJX model of the JAX implementation that `mjx.ray` looks at: robots and walls, without collisions.
-        view: its data.
         servo_gain: (N + M, 3) drive force per speed: x, y [mg/s] and yaw [mg mm^2/s].
         obstacles: (O, 6) see `utils.obstacles.numbers` [mm].
         halves: (M, 2) half edges of the boxes [mm].
         geoms: (N + M + O,) geoms of robots, boxes and obstacles.
         near: gap of the spheres around two of these beyond which they cannot touch [mm].
         n_robots: N.
-        hull: geom of the first robot in `sight`; the others follow.
         impl: "jax" or "warp".
         capacity: of the buffers for contacts.
         walls: (W, 3) see `utils.walls.half_planes` [mm].
@@ -82,8 +80,6 @@ class MjxArena:
 
     model: mjx.Model
     data: mjx.Data
-    sight: mjx.Model
-    view: mjx.Data
     servo_gain: Array
     obstacles: Array
     halves: Array
@@ -91,10 +87,14 @@ class MjxArena:
     near: Array
     walls: Array
     n_robots: int = field(metadata={"static": True})
-    hull: int = field(metadata={"static": True})
     impl: str = field(metadata={"static": True})
     capacity: ContactCapacity = field(metadata={"static": True})
     robot: Robots = field(metadata={"static": True})
+
+    def hulls(self, poses: Float[Array, "N 3"]) -> Float[Array, "N 6"]:
+        """Return robots as boxes, see `utils.obstacles.numbers` [mm]."""
+        halves = jnp.asarray(self.robot.each("half_edges", self.n_robots))[:, :2]
+        return with_poses(jnp.zeros((0, 6), poses.dtype), poses, halves)
 
 
 def compile_mjx_arena(
@@ -124,16 +124,12 @@ def compile_mjx_arena(
 
     arena = compile_arena(config, n_robots, np.zeros(0), tune=tune, robot_file=robot_file)
     geoms = np.concatenate([arena.hull, arena.obstacles])
-    only_robots = replace(config, arena=replace(config.arena, obstacles=(), boxes=()))
-    sight = compile_arena(only_robots, n_robots, np.zeros(0), tune=_only_to_be_seen, robot_file=robot_file)
     own = jax.local_devices()[0]  # MJX would take the first of all hosts
     rows = room.contacts + 5 * len(config.arena.boxes)  # of friction
     sizes: Any = {} if impl == "jax" else {"naconmax": room.contacts * n_worlds, "njmax": rows}
     return MjxArena(
         model=put_model(arena.model, impl, own),
         data=mjx.make_data(arena.model, own, impl, **sizes),
-        sight=put_model(sight.model, "jax", own),
-        view=_at_rest(sight.model, own),
         servo_gain=jnp.asarray(arena.servo_gain, jnp.float32),
         obstacles=jnp.asarray(numbers(config.arena.obstacles, RD), jnp.float32),
         halves=jnp.asarray(numbers(config.arena.boxes, RD)[:, 4:], jnp.float32),
@@ -141,7 +137,6 @@ def compile_mjx_arena(
         near=jnp.float32(_largest_gap(arena.model, geoms)),
         walls=jnp.asarray(arena.planes, jnp.float32),
         n_robots=n_robots,
-        hull=int(sight.hull[0]),
         impl=impl,
         capacity=room,
         robot=arena.robot,
@@ -149,12 +144,7 @@ def compile_mjx_arena(
 
 
 def without_absent(model: mjx.Model, is_present: Array) -> mjx.Model:
-    """Model whose bodies that are not present wait deep under the floor, each at a height of its own.
-
-    Args:
-        model: MJX's, of an arena.
-        is_present: (N + M,) bool.
-    """
+    """Model whose bodies that are not present wait deep under the floor, each at a height of its own."""
     depth = _PARKED - 10.0 * jnp.arange(len(is_present))
     height = jnp.where(is_present, model.body_pos[1:, 2], depth)
     return model.replace(body_pos=model.body_pos.at[1:, 2].set(height))
@@ -190,16 +180,3 @@ def _largest_gap(model: mujoco.MjModel, geoms: np.ndarray) -> float:
     lifted = model.geom_pos[geoms, 2] + model.body_pos[model.geom_bodyid[geoms], 2]
     apart = np.hypot(half[:, None] + half, lifted[:, None] - lifted)
     return float((apart - around[:, None] - around).max())
-
-
-def _only_to_be_seen(spec: mujoco.MjSpec) -> None:
-    for geom in spec.geoms:
-        geom.contype = geom.conaffinity = 0
-
-
-def _at_rest(model: mujoco.MjModel, device: Any) -> mjx.Data:
-    """Data of MJX in which all geoms are where the model has them; MJX's own kinematics would have to be compiled."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    position, rotation = jax.device_put((np.float32(data.geom_xpos), np.float32(data.geom_xmat)), device)
-    return mjx.make_data(model, device, "jax").replace(geom_xpos=position, geom_xmat=rotation.reshape(-1, 3, 3))

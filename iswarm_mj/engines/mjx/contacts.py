@@ -7,14 +7,14 @@ stand upright at one height, so they are put in place while a program of the are
 heights so different that one is above the other, as robots are that a world does not have, do not touch.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
-from iswarm_mj.engines.mjx.api import collision_driver, mjx
+from iswarm_mj.engines.mjx.api import collision_driver, mjx, replaced
 from iswarm_mj.utils.arrays import Array
 
 Box = tuple[Array, Array, Array]
@@ -24,17 +24,10 @@ _PLANE, _BOX = mjx.GeomType.PLANE, mjx.GeomType.BOX
 _NO_CONTACT = 1.0  # distance of a point that does not touch [mm]
 
 
-@contextmanager
-def planar_contacts() -> Iterator[None]:
+def planar_contacts() -> AbstractContextManager[None]:
     """Let MJX-JAX use the functions of this module in what is traced inside the block."""
-    table = collision_driver._COLLISION_FUNC
     own = {(_BOX, _BOX): _per_pair(box_box), (_PLANE, _BOX): _per_pair(plane_box)}
-    before = {key: table[key] for key in own}
-    table.update(own)
-    try:
-        yield
-    finally:
-        table.update(before)
+    return replaced(collision_driver._COLLISION_FUNC, own)
 
 
 def box_box(first: Box, second: Box) -> tuple[Array, Array, Array]:
@@ -121,20 +114,11 @@ def _rims(point: Array, box: Box) -> Array:
     return jnp.column_stack([jnp.tile(point, (2, 1)), height])
 
 
-class _Contacts:
-    """An entry of MJX's table of contact functions, with the number of contact points it returns."""
-
-    ncon = 4
-
-    def __init__(self, function: Callable[..., Any]):
-        self._function = function
-
-    def __call__(self, *arguments: Any) -> Any:
-        return self._function(*arguments)
-
-
 def _per_pair(contact: Callable[[Box, Box], tuple[Array, Array, Array]]) -> Any:
-    """Contact function as MJX's table wants it: (model, data, key, geom pairs) -> distances, points, frames."""
+    """Contact function as MJX's table wants it: (model, data, key, geom pairs) -> distances, points, frames.
+
+    Its attribute is the number of contact points of a pair.
+    """
 
     def collide(model: mjx.Model, data: mjx.Data, _: Any, geom: Array) -> tuple[Array, Array, Array]:
         def bodies(which: Array) -> Box:
@@ -143,7 +127,8 @@ def _per_pair(contact: Callable[[Box, Box], tuple[Array, Array, Array]]) -> Any:
         distance, point, normal = jax.vmap(contact)(bodies(geom[:, 0]), bodies(geom[:, 1]))
         left = jnp.stack([-normal[:, 1], normal[:, 0], jnp.zeros(len(normal))], axis=-1)
         up = jnp.broadcast_to(jnp.array([0.0, 0.0, 1.0]), normal.shape)
-        frame = jnp.repeat(jnp.stack([normal, left, up], axis=1), _Contacts.ncon, axis=0)
+        frame = jnp.repeat(jnp.stack([normal, left, up], axis=1), 4, axis=0)
         return distance.ravel(), point.reshape(-1, 3), frame
 
-    return _Contacts(collide)
+    collide.ncon = 4  # pyright: ignore[reportFunctionMemberAccess]
+    return collide

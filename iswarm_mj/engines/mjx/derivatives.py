@@ -16,29 +16,24 @@ single precision it is some per cent off after four control steps, in double pre
 can be zero, it agrees with differences to 1e-5.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 
 import jax
 import jax.numpy as jnp
 
-from iswarm_mj.engines.mjx.api import mjx, mul_m, solver
+from iswarm_mj.engines.mjx.api import mjx, mul_m, replaced, solver
 from iswarm_mj.utils.arrays import Array
 
 
-@contextmanager
-def implicit_contacts() -> Iterator[None]:
+def implicit_contacts() -> AbstractContextManager[None]:
     """Let MJX-JAX differentiate contact forces by this module in what is traced inside the block."""
-    before = solver.solve
+    search = solver.solve
 
     def solve(model: mjx.Model, data: mjx.Data) -> mjx.Data:
-        return _solve(before, model, data)
+        return _solve(search, model, data)
 
-    solver.solve = solve
-    try:
-        yield
-    finally:
-        solver.solve = before
+    return replaced(vars(solver), {"solve": solve})
 
 
 def _solve(search: Callable[[mjx.Model, mjx.Data], mjx.Data], model: mjx.Model, data: mjx.Data) -> mjx.Data:

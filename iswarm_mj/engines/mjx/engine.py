@@ -1,21 +1,26 @@
 """The engine for batches: MJX, one world as pure functions that `jax.vmap` maps over worlds."""
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight, with_boxes
-from iswarm_mj.engines.mjx import motion
-from iswarm_mj.engines.mjx.arena import MjxArena
-from iswarm_mj.engines.mjx.rays import Crowd
-from iswarm_mj.engines.mjx.sight import find_links, find_walls
+from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight, concluded, set_points, with_boxes
+from iswarm_mj.engines.mjx.api import mjx, quick_trees
+from iswarm_mj.engines.mjx.arena import MjxArena, without_absent
+from iswarm_mj.engines.mjx.contacts import planar_contacts
+from iswarm_mj.engines.mjx.derivatives import implicit_contacts
+from iswarm_mj.engines.mjx.sight import Crowd, find_links, find_walls
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.obstacles import with_poses
+from iswarm_mj.utils.errors import FaultKind
+from iswarm_mj.utils.obstacles import overlap, with_poses
 from iswarm_mj.utils.robot import Robots
+
+_SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations than allowed, not missing room
 
 
 @jax.tree_util.register_dataclass
@@ -63,4 +68,50 @@ class MjxEngine:
 
     def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, ""]) -> Motion:
         """See `Engine.move`."""
-        return motion.move(self.arena, bodies, phases, is_running, self.is_masked)
+        arena, index = self.arena, jnp.arange(self.arena.n_robots)
+        model = without_absent(arena.model, bodies.is_present) if self.is_masked else arena.model
+        shape = bodies.poses.shape
+        ends = list(itertools.accumulate(phase.n_substeps for phase in phases))
+
+        def substep(carry: tuple, k: Array) -> tuple[tuple, None]:
+            data, velocity, before, overflow = carry
+            poses = data.qpos.reshape(shape)
+            for phase, end in zip(phases, ends, strict=True):
+                velocity = jnp.where(k == end - phase.n_substeps, set_points(phase, poses, arena.n_robots), velocity)
+            before = jnp.where((k == jnp.array(ends) - 1)[:, None, None], poses, before)
+            data = mjx.step(model, data.replace(qfrc_applied=(arena.servo_gain * velocity).ravel()))
+            return (data, velocity, before, overflow | _overflow(arena, data)), None
+
+        data = arena.data.replace(qpos=bodies.poses.ravel(), qvel=bodies.velocity.ravel())
+        # Poses before the last physics step of each phase, where its contacts were found.
+        start = data, jnp.zeros_like(bodies.poses), jnp.zeros((len(phases), *shape)), jnp.int32(0)
+        with jax.default_matmul_precision("highest"), planar_contacts(), implicit_contacts(), quick_trees():
+            (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
+        hulls = map(arena.hulls, before[:, : arena.n_robots])
+        touching = jnp.stack([overlap(each[:, None], each) for each in hulls]).any(axis=0)
+        there = bodies.is_present[: arena.n_robots]
+        partners = _partners(touching & there & there[:, None] & (index[:, None] < index), arena.robot.most_partners)
+        moved = FreeBodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
+        return concluded(bodies, moved, partners, overflow, is_running, arena.walls)
+
+
+def _partners(touching: Bool[Array, "N N"], most: int) -> Int[Array, "K N"]:
+    """See `Motion.touching`."""
+    n_robots = len(touching)
+    index, k = jnp.arange(n_robots, dtype=jnp.int32), min(most, n_robots)
+    return jnp.pad(jax.lax.top_k(jnp.where(touching, index, 0), k)[0].T, ((0, most - k), (0, 0)))
+
+
+def _overflow(arena: MjxArena, data: mjx.Data) -> Array:
+    """Bits of `FaultKind` for full contact buffers; Warp's are shared, so that all worlds of a device report it."""
+    if arena.impl == "warp":
+        bits = data._impl.overflow.ravel()[0] & ~_SOLVER_LIMITS
+        return jnp.where(bits != 0, int(FaultKind.TOO_MANY_CONTACTS), 0)
+    distance = data._impl.contact.dist
+    crowded = jnp.where((distance < 0).all(), int(FaultKind.TOO_MANY_CONTACTS), 0)
+    centre, around = data.geom_xpos[arena.geoms], arena.model.geom_rbound[arena.geoms]
+    n_bodies = len(centre) - len(arena.obstacles)
+    apart2 = ((centre[:n_bodies, None] - centre[None]) ** 2).sum(axis=-1)
+    farthest = around[:n_bodies, None] + around + arena.near + 1e-3  # MJX compares those whose spheres are nearest
+    is_near = (apart2 < farthest**2) & (jnp.arange(n_bodies)[:, None] < jnp.arange(len(centre)))
+    return crowded | jnp.where(is_near.sum() > arena.capacity.pairs, int(FaultKind.TOO_MANY_PAIRS), 0)

@@ -1,7 +1,8 @@
 """Who hears whom, and who sees a wall, in one world in MJX: the rules of `sensors.links`, compiled.
 
 Each side takes its nearest candidate, and sides whose candidate is hidden go on to the next one, until all sides have
-theirs. So no list of candidates has to be long enough, and no array is larger than N x N.
+theirs. So no list of candidates has to be long enough, and no array is larger than the sides of all robots times all
+robots.
 """
 
 from typing import NamedTuple
@@ -12,7 +13,6 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.arena import MjxArena
-from iswarm_mj.engines.mjx.rays import Crowd, Paths, entries, in_sight
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import (
     Reception,
@@ -25,9 +25,53 @@ from iswarm_mj.sensors.optics import (
 )
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
-from iswarm_mj.utils.walls import beyond
 
-_INTO = 1e-3  # share of the way to an obstacle by which light is followed into it
+
+class Crowd(NamedTuple):
+    """A world, as light meets it."""
+
+    poses: Float[Array, "N 3"]
+    """x, y [mm] and yaw [rad]."""
+    is_present: Bool[Array, "N"]
+    """The others neither send nor stand in the way."""
+    solid: Float[Array, "M 6"]
+    """Obstacles and boxes, see `utils.obstacles.numbers` [mm]."""
+
+
+def _in_frames(origin: Array, vector: Array, boxes: Array) -> tuple[tuple[Array, Array, Array], ...]:
+    """Along both edges of each box: where straight ways begin from its centre, how far they lead, and its half edge."""
+    x, y, c, s, a, b = boxes.T
+    dx, dy, vx, vy = origin[..., :1] - x, origin[..., 1:] - y, vector[..., :1], vector[..., 1:]
+    return (c * dx + s * dy, c * vx + s * vy, a), (c * dy - s * dx, c * vy - s * vx, b)
+
+
+def entries(
+    origin: Float[Array, "*P 2"], vector: Float[Array, "*P 2"], boxes: Float[Array, "M 6"]
+) -> Float[Array, "*P M"]:
+    """Share of a straight way after which it enters each of the boxes; 0 inside, infinite if it does not enter it.
+
+    Args:
+        origin: where the way begins [mm].
+        vector: the way [mm].
+        boxes: see `utils.obstacles.numbers`.
+    """
+    enters, leaves = 0.0, 1.0
+    for at, step, half in _in_frames(origin, vector, boxes):
+        one, other = (-half - at) / step, (half - at) / step
+        is_still, outside = step == 0, jnp.where(jnp.abs(at) <= half, -jnp.inf, jnp.inf)
+        enters = jnp.maximum(enters, jnp.where(is_still, outside, jnp.minimum(one, other)))
+        leaves = jnp.minimum(leaves, jnp.where(is_still, -outside, jnp.maximum(one, other)))
+    return jnp.where(enters <= leaves, enters, jnp.inf)
+
+
+def crossed(
+    origin: Float[Array, "*P 2"], vector: Float[Array, "*P 2"], boxes: Float[Array, "M 6"]
+) -> Bool[Array, "*P M"]:
+    """Whether a straight way meets each of the boxes, by the separating axes of both; arguments as above."""
+    (x, vx, a), (y, vy, b) = _in_frames(origin, vector, boxes)
+    ux, uy = jnp.abs(vx) / 2, jnp.abs(vy) / 2
+    x, y = x + vx / 2, y + vy / 2
+    return (jnp.abs(x) <= a + ux) & (jnp.abs(y) <= b + uy) & (jnp.abs(x * vy - y * vx) / 2 <= a * uy + b * ux)
 
 
 class Search(NamedTuple):
@@ -44,30 +88,24 @@ class Search(NamedTuple):
 
 
 def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Array) -> Links:
-    """Find the nearest senders in sight of each side.
-
-    Args:
-        config: optics; and of how many senders, see `Links`.
-        arena: compiled.
-        crowd: the robots.
-        emits: (N,) which of them send light, bool, or the power of their LEDs.
-    """
+    """Find the nearest senders in sight of each side; `emits` (N,) are flags or the power of the LEDs."""
     poses = crowd.poses
     index = jnp.arange(len(poses), dtype=jnp.int32)
     everyone = _receive(config, arena, poses, index, None if emits.dtype == bool else emits)
     possible = ((emits > 0) & crowd.is_present)[None] & crowd.is_present[:, None] & (index[:, None] != index)
     reach = jnp.where(possible, everyone.effective_distance, jnp.inf)
     side = everyone.side.astype(jnp.int8)
-    origin = receiver_positions(poses, arena.robot).reshape(-1, 2)
+    origin, hulls = receiver_positions(poses, arena.robot), arena.hulls(crowd.poses)
+    others = crowd.is_present & (index != index[:, None, None])
 
     def look(search: Search) -> Search:
         distance, candidate = _next(search, reach, side)
         is_searching = search.is_searching & jnp.isfinite(distance)
         clear = is_searching
         if config.optics.line_of_sight:
-            target = _facing_leds(arena, poses, candidate).reshape(-1, 2)
-            paths = Paths(origin, target, jnp.repeat(index, len(arena.robot.sides)), candidate.ravel())
-            clear = in_sight(arena, crowd, paths, is_searching.ravel()).reshape(is_searching.shape)
+            way = _facing_leds(arena, poses, candidate) - origin
+            is_hidden = (crossed(origin, way, hulls) & others & (index != candidate[..., None])).any(axis=-1)
+            clear = is_searching & ~is_hidden & ~crossed(origin, way, crowd.solid).any(axis=-1)
         return Search(
             distance=jnp.where(is_searching, distance, search.distance),
             sender=jnp.where(is_searching, candidate, search.sender),
@@ -147,20 +185,17 @@ def _heading(poses: Array) -> tuple[Array, Array]:
 
 
 def find_walls(config: SwarmConfig, arena: MjxArena, crowd: Crowd) -> Bool[Array, "N S"]:
-    """Find out whether a wall or an obstacle is the first thing on the axis of each LED, within range."""
+    """Find out whether a wall or an obstacle is the first thing on the axis of each LED, within range.
+
+    A LED that is in one sees it.
+    """
     leds = led_positions(crowd.poses, arena.robot)
     way = led_axes(crowd.poses, arena.robot) * mm_from_rd(config.optics.wall_range)
-    ends, inside = leds + way, jnp.zeros(leds.shape[:-1], bool)
-    asked = (beyond(ends, arena.walls) > 0) & crowd.is_present[:, None]
-    if len(crowd.solid):
-        share = entries(leds, way, crowd.solid)
-        inside = (share == 0) & crowd.is_present[:, None]
-        asked |= (share <= 1) & crowd.is_present[:, None]
-        ends = leds + jnp.minimum(share * (1 + _INTO), 1.0)[..., None] * way
-    robot = jnp.repeat(jnp.arange(len(leds), dtype=jnp.int32), len(arena.robot.sides))
-    wall = jnp.full_like(robot, len(leds))
-    paths = Paths(leds.reshape(-1, 2), ends.reshape(-1, 2), robot, wall)
-    sees = inside | in_sight(arena, crowd, paths, asked.ravel()).reshape(asked.shape)
-    if arena.robot.sides.is_regular:
-        return sees
-    return sees | ((beyond(leds, arena.walls) > 0) & crowd.is_present[:, None])  # in a wall, looking along it
+    normals, distance = arena.walls[:, :2].T, arena.walls[:, 2]
+    gap, along = distance - leds @ normals, way @ normals
+    walls = jnp.where(gap < 0, 0.0, jnp.where(along > 0, gap / along, jnp.inf))
+    share = jnp.concatenate([walls, entries(leds, way, crowd.solid)], axis=-1).min(axis=-1)
+    index = jnp.arange(len(leds))
+    others = crowd.is_present & (index != index[:, None, None])
+    robots = jnp.where(others, entries(leds, way, arena.hulls(crowd.poses)), jnp.inf).min(axis=-1)
+    return (share <= 1.0) & ((share == 0.0) | (robots >= share)) & crowd.is_present[:, None]

@@ -12,7 +12,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases, with_boxes
 from iswarm_mj.engines.mujoco.sight import Scene, sense
-from iswarm_mj.engines.mujoco.timers import without_timers
+from iswarm_mj.engines.mujoco_library import without_timers
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
 

@@ -96,15 +96,7 @@ def sense(
     emits: np.ndarray,
     is_present: Bool[np.ndarray, "B N"],
 ) -> Sight:
-    """Light of a control step.
-
-    Args:
-        scene: what rays meet.
-        poses: x, y [mm] and yaw [rad] of the robots.
-        boxes: likewise.
-        emits: (B, N) which robots send light, or the power of their LEDs; the others still stand in the way.
-        is_present: the others do not take part.
-    """
+    """Light of a control step, see `Engine.sense`; robots that are not present do not take part."""
     if not is_present.all():
         away = _FAR * (1 + np.arange(poses.shape[1]))
         poses = np.where(is_present[..., None], poses, away[:, None])

@@ -3,26 +3,20 @@
 import numpy as np
 
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.ramps import release
+from iswarm_mj.gripper.bench.run_trials import release, rung, touch
 from iswarm_mj.gripper.bench.script import hangs
-from iswarm_mj.gripper.bench.staircase import rung, touch
 from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, TIMESTEP, ramp_to
 from iswarm_mj.gripper.bench.tracing import trace_of
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
-from iswarm_mj.gripper.tried import Tried
+from iswarm_mj.gripper.handling import Tried
 
 PHASES = ("approach", "contact", "voltage", "retract", "lift", "off", "ramp", "flight", "rest")
 """Of lifts, then of releases, in their order."""
 
 
 def trace_attempt(tried: Tried, gap: float) -> tuple[Trace, bool]:
-    """Trace of an attempt, whose phases are `PHASES`, and whether it succeeded; nothing is leapt over.
-
-    Args:
-        tried: the attempt.
-        gap: of releases [m].
-    """
+    """Trace of an attempt, whose phases are `PHASES`, and whether it succeeded; releases are at a gap [m]."""
     works = tried.work_tool_object, tried.work_object_substrate
     trial = Trial(tried.radius, *works, 10.0, misalignment=tried.misalignment)  # whose factor of humidity is 1
     bench = MujocoBench(

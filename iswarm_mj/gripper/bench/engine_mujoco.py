@@ -8,8 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from mujoco.batch import Batch
 
-from iswarm_mj.engines.mujoco.timers import without_timers
-from iswarm_mj.engines.mujoco_warnings import keep_no_log
+from iswarm_mj.engines.mujoco_library import keep_no_log, without_timers
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.model import (
     STATE,

@@ -29,13 +29,8 @@ SLOWDOWN = 4.0
 def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[str, Any]]:
     """Samples of one curve, approach then retract; above its grasp voltage the ball comes along.
 
-    Args:
-        trial: the ball.
-        protocol: of which the start, the press and the speeds count.
-        voltage: of the tool, from the start [V].
-
-    Returns:
-        One row per physics step: direction ("approach" or "retract"), and the columns of `UNITS`.
+    The voltage is on from the start [V]. Returns one row per physics step: direction ("approach" or "retract"), and the
+    columns of `UNITS`.
     """
     bench = MujocoBench([trial], protocol.start_gap, 1, is_recorded=True)
     far, pressed, peeled = protocol.start_gap, -protocol.press, protocol.peel

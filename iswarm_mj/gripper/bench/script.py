@@ -1,7 +1,7 @@
 """The script of a trial: what the tool does, when it frees a ball, and when the ball has come to rest.
 
 Functions of numbers, see `laws.numbers`, of one trial or of many. Batches of trials look at their balls at intervals,
-on a `MujocoBench` (`staircase`, `ramps`); attempts of a swarm look in each physics step, one after the other in
+on a `MujocoBench` (`run_trials`); attempts of a swarm look in each physics step, one after the other in
 C (`swarm_trials`) and all at once in a program of JAX (`batch_trials`).
 
 Source: section 3.2.3, protocol.

@@ -8,9 +8,8 @@ from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.model import STATE, layout
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.ramps import release
+from iswarm_mj.gripper.bench.run_trials import hang, release, rung, touch
 from iswarm_mj.gripper.bench.script import is_lifted
-from iswarm_mj.gripper.bench.staircase import hang, rung, touch
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.units import MS, NN, UM

@@ -1,4 +1,7 @@
-"""Adhesion of an elastic sphere to a plane: pull-off forces and the works of adhesion behind them."""
+"""Adhesion of an elastic sphere to a plane: pull-off forces and the works of adhesion behind them.
+
+Forces are positive [N]. Arguments in SI: `radius` R of the sphere [m], work of adhesion `work` W [J/m^2].
+"""
 
 import math
 
@@ -10,13 +13,6 @@ def jkr_pull_off(radius: Quantity, work: Quantity) -> Quantity:
 
     Source: Johnson, Kendall, Roberts 1971; lower bound of Eq. 1. Valid for a Tabor parameter
     above about 5.
-
-    Args:
-        radius: radius of the sphere [m].
-        work: work of adhesion [J/m^2].
-
-    Returns:
-        Force to separate them, positive [N].
     """
     return 1.5 * math.pi * radius * work
 
@@ -31,13 +27,6 @@ def dmt_pull_off(radius: Quantity, work: Quantity) -> Quantity:
     absorb this; reduce a work that was measured in another way by as much. With
     works refitted to Maugis-Dugdale, voltages of the committed trials change by -3.0 to 1.6 %, and no verdict on
     them (`tests/experiments/test_transition.py`), so that a second law would judge nothing else.
-
-    Args:
-        radius: radius of the sphere [m].
-        work: work of adhesion [J/m^2].
-
-    Returns:
-        Force to separate them, positive [N].
     """
     return 2 * math.pi * radius * work
 
@@ -50,10 +39,7 @@ def van_der_waals_force(hamaker: Quantity, radius: Quantity, gap: Quantity) -> Q
 
     Args:
         hamaker: Hamaker constant A [J].
-        radius: radius of the sphere [m].
+        radius: of the sphere [m].
         gap: closest distance z of the surfaces [m].
-
-    Returns:
-        Attractive force, positive [N].
     """
     return 2 * hamaker / (3 * gap) * (radius / gap) * (radius / (gap + 2 * radius)) ** 2

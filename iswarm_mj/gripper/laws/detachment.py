@@ -6,6 +6,12 @@ below 50 V", and the two spreads to the widths of the voltage bands. That neithe
 ball's radius is algebra: pull-off and electrical force are proportional to it. The ratio of the two works,
 10.4, is fitted; `roughness` says which roughnesses would make it. The weakest assumption is that the ball
 stays at the substrate's potential while the tool touches it, see `bench.contacts`.
+
+Arguments in SI: `voltage` of the tool against the substrate [V], `radius` of the ball [m], works of adhesion
+`work_tool_object` W_TO and `work_object_substrate` W_OS [J/m^2], `probe_radius` of the tool [m]; `gap` is that between
+tool and ball in a grasp, the effective electrical one, and between ball and substrate in a release [m]. Grasps follow
+Eq. 5 with the weight, releases section 3.2.1, Fig. 2(b), with the weight; both with DMT pull-offs, and valid within
+the range of `probe_table`.
 """
 
 import math
@@ -45,7 +51,7 @@ PRINTED_EQ3_CONSTANT = 5.49e5
 
 
 def detachment_voltage(work: Quantity, gap: Quantity, constant: float = EQ3_CONSTANT) -> Quantity:
-    """Voltage that overcomes adhesion across a gap, V = sqrt(2 W D / eps0).
+    """Voltage that overcomes adhesion across a gap, V = sqrt(2 W D / eps0) [V].
 
     Source: Eq. 3, without weight. Valid for D << R and a stiff (DMT) contact.
 
@@ -53,38 +59,23 @@ def detachment_voltage(work: Quantity, gap: Quantity, constant: float = EQ3_CONS
         work: work of adhesion [J/m^2].
         gap: D, across which the voltage acts [m].
         constant: `EQ3_CONSTANT`, or `PRINTED_EQ3_CONSTANT` for the paper's numbers [V/sqrt(J/m)].
-
-    Returns:
-        Voltage [V].
     """
     xp = array_module(work, gap)
     return constant * xp.sqrt(work) * xp.sqrt(gap)
 
 
 def ball_weight(radius: Quantity, density: Quantity = BALL_DENSITY, gravity: float = GRAVITY) -> Quantity:
-    """Weight of a ball, 4/3 pi R^3 rho g.
-
-    Args:
-        radius: R [m].
-        density: rho [kg/m^3].
-        gravity: g [m/s^2].
-
-    Returns:
-        Weight [N].
-    """
+    """Weight of a ball, 4/3 pi R^3 rho g [N]."""
     return 4 / 3 * math.pi * radius**3 * density * gravity
 
 
 def scattered_work(work: Quantity, variation: Quantity, standard_normal: Quantity) -> Quantity:
-    """Work of adhesion of one trial, log-normal about its median, W exp(z sqrt(ln(1 + cv^2))).
+    """Work of adhesion of one trial, log-normal about its median, W exp(z sqrt(ln(1 + cv^2))) [J/m^2].
 
     Args:
         work: median [J/m^2].
         variation: coefficient of variation cv.
         standard_normal: the trial's draw z.
-
-    Returns:
-        Work of adhesion [J/m^2].
     """
     xp = array_module(work, variation, standard_normal)
     return work * xp.exp(xp.sqrt(xp.log1p(xp.asarray(variation) ** 2)) * standard_normal)
@@ -95,33 +86,12 @@ def grasp_deficit(
     work_tool_object: Quantity = WORK_TOOL_OBJECT,
     work_object_substrate: Quantity = WORK_OBJECT_SUBSTRATE,
 ) -> Quantity:
-    """Force that the voltage must add to lift a touched ball, F_OS + weight - F_TO.
-
-    Source: Eq. 5 with the weight; DMT pull-offs.
-
-    Args:
-        radius: of the ball [m].
-        work_tool_object: W_TO [J/m^2].
-        work_object_substrate: W_OS [J/m^2].
-
-    Returns:
-        Force; negative where the tool's adhesion alone lifts the ball [N].
-    """
+    """Force that the voltage must add to lift a touched ball, F_OS + weight - F_TO; below 0: none is needed [N]."""
     return dmt_pull_off(radius, work_object_substrate - work_tool_object) + ball_weight(radius)
 
 
 def release_deficit(radius: Quantity, work_tool_object: Quantity = WORK_TOOL_OBJECT) -> Quantity:
-    """Force that the voltage must add to drop a held ball, F_TO - weight.
-
-    Source: section 3.2.1, Fig. 2(b), with the weight; DMT pull-off.
-
-    Args:
-        radius: of the ball [m].
-        work_tool_object: W_TO [J/m^2].
-
-    Returns:
-        Force; negative where the weight alone drops the ball [N].
-    """
+    """Force that the voltage must add to drop a held ball, F_TO - weight; below 0 where none is needed [N]."""
     return dmt_pull_off(radius, work_tool_object) - ball_weight(radius)
 
 
@@ -133,21 +103,7 @@ def is_grasped(
     gap: Quantity = CONTACT_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
 ) -> bool | Bool[Array, "..."]:
-    """Whether a touching tool lifts the ball, F_C(pick) + F_TO > F_OS + weight.
-
-    Source: Eq. 5 with the weight. Valid within the range of `probe_table`.
-
-    Args:
-        voltage: of the tool against the substrate [V].
-        radius: of the ball [m].
-        work_tool_object: W_TO [J/m^2].
-        work_object_substrate: W_OS [J/m^2].
-        gap: effective electrical gap between tool and ball [m].
-        probe_radius: of the tool [m].
-
-    Returns:
-        Booleans.
-    """
+    """Whether a touching tool lifts the ball, F_C(pick) + F_TO > F_OS + weight."""
     force = pick_force(voltage, gap, radius, probe_radius)
     return force > grasp_deficit(radius, work_tool_object, work_object_substrate)
 
@@ -159,20 +115,7 @@ def is_released(
     gap: Quantity = RELEASE_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
 ) -> bool | Bool[Array, "..."]:
-    """Whether a held ball leaves the tool, F_C(release) + weight > F_TO.
-
-    Source: section 3.2.1, Fig. 2(b), with the weight. Valid within the range of `probe_table`.
-
-    Args:
-        voltage: of tool and ball against the substrate [V].
-        radius: of the ball [m].
-        work_tool_object: W_TO [J/m^2].
-        gap: between ball and substrate [m].
-        probe_radius: of the tool [m].
-
-    Returns:
-        Booleans.
-    """
+    """Whether a held ball leaves the tool, F_C(release) + weight > F_TO."""
     return release_force(voltage, gap, radius, probe_radius) > release_deficit(radius, work_tool_object)
 
 
@@ -183,20 +126,7 @@ def grasp_voltage(
     gap: Quantity = CONTACT_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
 ) -> Quantity:
-    """Least voltage that lifts a touched ball, where `is_grasped` turns true; 0 where adhesion suffices.
-
-    Source: Eq. 5 with the weight. Valid within the range of `probe_table`.
-
-    Args:
-        radius: of the ball [m].
-        work_tool_object: W_TO [J/m^2].
-        work_object_substrate: W_OS [J/m^2].
-        gap: effective electrical gap between tool and ball [m].
-        probe_radius: of the tool [m].
-
-    Returns:
-        Voltage [V].
-    """
+    """Least voltage that lifts a touched ball, where `is_grasped` turns true; 0 where adhesion suffices [V]."""
     deficit = grasp_deficit(radius, work_tool_object, work_object_substrate)
     return _least_voltage(deficit, pick_force(1.0, gap, radius, probe_radius))
 
@@ -207,19 +137,7 @@ def release_voltage(
     gap: Quantity = RELEASE_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
 ) -> Quantity:
-    """Least voltage that drops a held ball, where `is_released` turns true; 0 where its weight suffices.
-
-    Source: section 3.2.1, Fig. 2(b), with the weight. Valid within the range of `probe_table`.
-
-    Args:
-        radius: of the ball [m].
-        work_tool_object: W_TO [J/m^2].
-        gap: between ball and substrate [m].
-        probe_radius: of the tool [m].
-
-    Returns:
-        Voltage [V].
-    """
+    """Least voltage that drops a held ball, where `is_released` turns true; 0 where its weight suffices [V]."""
     deficit = release_deficit(radius, work_tool_object)
     return _least_voltage(deficit, release_force(1.0, gap, radius, probe_radius))
 

@@ -1,4 +1,8 @@
-"""Electrostatic force on a conducting sphere: alone above a plane, and between a plane and a probe."""
+"""Electrostatic force on a conducting sphere: alone above a plane, and between a plane and a probe.
+
+Forces are positive [N]. Arguments in SI: `voltage` V between sphere, or probe, and plane [V], closest distance `gap` D
+[m], `radius` R of the sphere and `probe_radius` R_m of the cylindrical probe [m].
+"""
 
 import math
 
@@ -11,49 +15,23 @@ def asymptotic_force(voltage: Quantity, gap: Quantity, radius: Quantity) -> Quan
     """Force between a sphere and a plane nearly touching, F = pi eps0 V^2 R / D.
 
     Source: Eq. 2. Valid for D << R; at D/R = 0.25 it is 31 % too high for a bare sphere.
-
-    Args:
-        voltage: between sphere and plane [V].
-        gap: closest distance D [m].
-        radius: radius of the sphere [m].
-
-    Returns:
-        Attractive force, positive [N].
     """
     return math.pi * VACUUM_PERMITTIVITY * voltage**2 * (radius / gap)
 
 
 def release_force(voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity) -> Quantity:
-    """Force towards the plane on a sphere that touches a probe, F = f(D/R, R_m/R) pi eps0 V^2 R / D.
+    """Force towards the plane on a sphere that touches a probe, F = f(D/R, R_m/R) pi eps0 V^2 R / D, D from the plane.
 
     Source: f from boundary elements (sphere and probe at V, plane at 0, probe 20 R long), through
     `probe_table`, whose range is the validity; f -> 1, Eq. 2, for small gaps.
-
-    Args:
-        voltage: between probe and plane [V].
-        gap: sphere to plane, D [m].
-        radius: radius of the sphere, R [m].
-        probe_radius: radius of the cylindrical probe, R_m [m].
-
-    Returns:
-        Force towards the plane, positive [N].
     """
     return probe_factor("release", gap / radius, probe_radius / radius) * asymptotic_force(voltage, gap, radius)
 
 
 def pick_force(voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity) -> Quantity:
-    """Force towards a probe on a sphere that lies on the plane, F = f(D/R, R_m/R) pi eps0 V^2 R / D.
+    """Force towards a probe on a sphere that lies on the plane, F = f(D/R, R_m/R) pi eps0 V^2 R / D, D from the probe.
 
     Source: f from boundary elements (probe at V, sphere and plane at 0, probe 20 R long), through
     `probe_table`, whose range is the validity; f -> 1, Eq. 2, for small gaps.
-
-    Args:
-        voltage: between probe and plane [V].
-        gap: probe to sphere, D [m].
-        radius: radius of the sphere, R [m].
-        probe_radius: radius of the cylindrical probe, R_m [m].
-
-    Returns:
-        Force towards the probe, positive [N].
     """
     return probe_factor("pick", gap / radius, probe_radius / radius) * asymptotic_force(voltage, gap, radius)

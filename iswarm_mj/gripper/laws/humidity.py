@@ -8,12 +8,6 @@ def humidity_factor(relative_humidity: Quantity) -> Quantity:
 
     Source: empirical, after section 3.2.1 on its ref. 54: least at 10 % RH, twice that in air at 70 to 90 %.
     Valid for 5 to 90 % RH; of the lower branch only the sign is known.
-
-    Args:
-        relative_humidity: [%].
-
-    Returns:
-        h, a pure number.
     """
     xp = array_module(relative_humidity)
     above = relative_humidity - 10.0

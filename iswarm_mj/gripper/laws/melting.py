@@ -45,26 +45,15 @@ def melts(
         breaks_at: voltage at which the tool's oxide breaks down [V].
         supply: resistances, loss.
         time: for which ball, plate and tool touch under the voltage [s].
-
-    Returns:
-        Booleans.
     """
     xp = array_module(voltage, radius, breaks_at, time)
     return xp.logical_and(xp.abs(voltage) >= breaks_at, melting_time(voltage, radius, supply) <= time)
 
 
 def melting_time(voltage: Quantity, radius: Quantity, supply: Supply) -> Quantity:
-    """Time in which a discharge melts a ball of uniform temperature; infinite if it never does.
+    """Time in which a discharge melts a ball of uniform temperature; infinite if it never does [s].
 
     The ball warms with C dT / dt = P - K dT to the melting point and melts with what is left, P - K dT_m.
-
-    Args:
-        voltage: across the supply and the contact [V].
-        radius: of the ball [m].
-        supply: resistances, loss.
-
-    Returns:
-        Time [s].
     """
     xp = array_module(voltage, radius)
     mass = 4 / 3 * math.pi * radius**3 * BALL_DENSITY

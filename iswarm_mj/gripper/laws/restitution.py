@@ -1,4 +1,8 @@
-"""How fast a ball leaves a surface after an impact: plastic yield, and the work against adhesion."""
+"""How fast a ball leaves a surface after an impact: plastic yield, and the work against adhesion.
+
+Arguments in SI: contact `pressure` p_y that the softer body bears [Pa], reduced `modulus` E* [Pa], `density` and
+`radius` of the sphere, work of adhesion `work` W [J/m^2]; speeds [m/s].
+"""
 
 import math
 
@@ -14,14 +18,6 @@ def yield_speed(pressure: Quantity, modulus: Quantity, density: Quantity) -> Qua
     """Impact speed above which a sphere yields, v_y = (pi / (2 E*))^2 (2 / (5 rho))^(1/2) p_y^(5/2).
 
     Source: Thornton and Ning 1998. Valid for a Hertzian contact with a plane, without rate effects.
-
-    Args:
-        pressure: p_y, contact pressure that the softer body bears [Pa].
-        modulus: reduced modulus E* [Pa].
-        density: of the sphere [kg/m^3].
-
-    Returns:
-        Speed [m/s].
     """
     return (math.pi / 2) ** 2 * (pressure / modulus) ** 2 * (0.4 * pressure / density) ** 0.5
 
@@ -30,15 +26,6 @@ def sticking_speed(work: Quantity, radius: Quantity, modulus: Quantity, density:
     """Impact speed up to which an elastic sphere sticks, v_s = 1.84 ((W / R)^5 / (rho^3 E*^2))^(1/6).
 
     Source: Thornton and Ning 1998, from the energy 7.09 (W^5 R^4 / E*^2)^(1/3) that a JKR contact keeps.
-
-    Args:
-        work: work of adhesion W [J/m^2].
-        radius: of the sphere [m].
-        modulus: reduced modulus E* [Pa].
-        density: of the sphere [kg/m^3].
-
-    Returns:
-        Speed [m/s].
     """
     return 1.84 * (work / radius) ** (5 / 6) / (density**0.5 * modulus ** (1 / 3))
 

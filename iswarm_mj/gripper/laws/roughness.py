@@ -38,10 +38,6 @@ def roughness_factor(radius: Quantity, surface: Surface) -> Quantity:
     asperity, and the attraction by the surface beneath it. Valid for asperities that are small against the ball; where
     they are not it exceeds 1, its limit here. A ball much larger than the asperities adheres by the first term alone,
     with a force that no longer depends on its radius.
-
-    Args:
-        radius: of the ball [m].
-        surface: rms and spacing.
     """
     xp = array_module(radius)
     asperity = 1 / (1 + 58.14 * radius * surface.roughness / surface.spacing**2)
@@ -50,32 +46,16 @@ def roughness_factor(radius: Quantity, surface: Surface) -> Quantity:
 
 
 def preloaded_pull_off(work: Quantity, surface: Surface) -> Quantity:
-    """Pull-off of a contact that a preload P flattened, F = (8 pi E* W a^3)^(1/2), pi a^2 H = P.
+    """Pull-off of a contact that a preload P flattened, F = (8 pi E* W a^3)^(1/2), pi a^2 H = P [N].
 
     Source: Maugis and Pollock 1984, a plastic contact that separates in a brittle way.
-
-    Args:
-        work: work of adhesion [J/m^2].
-        surface: preload, hardness and modulus.
-
-    Returns:
-        Force [N].
     """
     contact = (surface.preload / (math.pi * surface.hardness)) ** 0.5
     return (8 * math.pi * surface.modulus * work * contact**3) ** 0.5
 
 
 def effective_work(work: Quantity, radius: Quantity, surface: Surface) -> Quantity:
-    """Work of adhesion whose DMT force 2 pi R W is the pull-off of a real surface.
-
-    Args:
-        work: of smooth surfaces that approach [J/m^2].
-        radius: of the ball [m].
-        surface: roughness, preload, hysteresis.
-
-    Returns:
-        Work of adhesion [J/m^2].
-    """
+    """Work of adhesion whose DMT force 2 pi R W is the pull-off of a real surface, from that of smooth ones [J/m^2]."""
     xp = array_module(work, radius)
     separating = work * (1 + surface.hysteresis)
     rough = separating * roughness_factor(radius, surface)

@@ -69,7 +69,7 @@ def shape_of(
     """Shape factor of the force to the probe (task 0) or to the plate (1), and the ball's capacitance to it [fF].
 
     Below the least gap, the effective one of a contact, the force stays, and the capacitance goes on rising evenly. See
-    `capacitance.tables` for `splines` and `axes`. Lengths in um.
+    `probe_table.tables` for `splines` and `axes`. Lengths in um.
     """
     wide = where(gap < least, least, gap)
     place = place_of(wide / radius, probe / radius, axes)

@@ -1,4 +1,4 @@
-"""MuJoCo's plugin interface from Python: the struct that is registered, and where fields lie in mjModel and mjData.
+"""MuJoCo's plugin interface from Python and for numba: the struct that is registered, fields of mjModel and mjData.
 
 Both follow the headers of the installed wheel: field names, types and order come from `mujoco.introspect`.
 """
@@ -6,13 +6,16 @@ Both follow the headers of the installed wheel: field names, types and order com
 import ctypes
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import mujoco
+import numba
 import numpy as np
 from mujoco.introspect import ast_nodes, structs
+from numba import types
+from numba.extending import intrinsic
 
-from iswarm_mj.engines.mujoco.library import library
+from iswarm_mj.engines.mujoco_library import library
 
 PASSIVE = int(mujoco.mjtPluginCapabilityBit.mjPLUGIN_PASSIVE)
 STAGE_POSITION = int(mujoco.mjtStage.mjSTAGE_POS)
@@ -54,27 +57,19 @@ class Plugin(ctypes.Structure):
 
 
 def pointer_indices(struct: str, fields: Sequence[str]) -> np.ndarray:
-    """Places of pointers in a struct, counted in pointers from its start.
-
-    Args:
-        struct: "mjModel" or "mjData".
-        fields: names of fields that are pointers.
-
-    Returns:
-        (n,) int64.
-    """
+    """Places (n,) of these pointers in "mjModel" or "mjData", counted in pointers from its start."""
     layout = _layout(struct)
     return np.array([getattr(layout, field).offset // ctypes.sizeof(ctypes.c_void_p) for field in fields], np.int64)
 
 
 @cache
 def _layout(struct: str) -> type[ctypes.Structure]:
-    fields = [(field.name, _ctype(field.type)) for field in structs.STRUCTS[struct].fields if _is_named(field)]
-    return type(struct, (ctypes.Structure,), {"_fields_": fields})
+    return _structure(structs.STRUCTS[struct].fields)
 
 
-def _is_named(field: Any) -> bool:
-    return bool(getattr(field, "name", ""))
+def _structure(fields: Any) -> type[ctypes.Structure]:
+    named = [(field.name, _ctype(field.type)) for field in fields if getattr(field, "name", "")]
+    return type("Layout", (ctypes.Structure,), {"_fields_": named})
 
 
 def _ctype(kind: Any) -> Any:
@@ -86,8 +81,7 @@ def _ctype(kind: Any) -> Any:
             item = item * extent
         return item
     if isinstance(kind, ast_nodes.AnonymousStructDecl):
-        fields = [(field.name, _ctype(field.type)) for field in kind.fields]
-        return type("anonymous", (ctypes.Structure,), {"_fields_": fields})
+        return _structure(kind.fields)
     if kind.name in _SCALARS:
         return _SCALARS[kind.name]
     if kind.name.removeprefix("struct ") in structs.STRUCTS:
@@ -96,15 +90,9 @@ def _ctype(kind: Any) -> Any:
 
 
 def register(name: str, attributes: Sequence[str], callbacks: Mapping[str, Any]) -> int:
-    """Register a plugin of passive forces for the life of the process; once, if called again.
+    """Register a plugin of passive forces for the life of the process, once; return its slot.
 
-    Args:
-        name: globally unique name.
-        attributes: names of its attributes in MJCF.
-        callbacks: callback of mjpPlugin -> `numba.cfunc`, or anything else with an `address`.
-
-    Returns:
-        Slot number of the plugin.
+    `callbacks` are those of mjpPlugin -> `numba.cfunc`, or anything else with an `address`.
     """
     lib = library()
     lib.mjp_getPlugin.restype = ctypes.c_void_p
@@ -124,3 +112,105 @@ def register(name: str, attributes: Sequence[str], callbacks: Mapping[str, Any])
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(kept))  # MuJoCo calls them even after this module is gone
     _kept.append(kept)
     return int(lib.mjp_registerPlugin(ctypes.byref(plugin)))
+
+
+compiled = numba.njit(error_model="numpy")
+"""Decorator of the functions that the callbacks call."""
+
+
+PLANE, SPHERE, CYLINDER = (
+    int(shape) for shape in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CYLINDER)
+)
+"""Types of geoms."""
+
+Struct = types.CPointer(types.int64)
+"""mjModel or mjData, of which only pointers are read."""
+
+
+class Fields(NamedTuple):
+    """Arrays of mjModel (ints, then `geom_size`) and of mjData."""
+
+    plugin_stateadr: Any
+    geom_type: Any
+    geom_bodyid: Any
+    body_parentid: Any
+    body_rootid: Any
+    body_dofnum: Any
+    body_dofadr: Any
+    dof_parentid: Any
+    geom_size: Any
+    plugin_state: Any
+    ctrl: Any
+    geom_xpos: Any
+    geom_xmat: Any
+    subtree_com: Any
+    cdof: Any
+    qfrc_passive: Any
+    body_mass: Any
+    timestep: Any
+    """[ms], a number."""
+    time: Any
+    """[ms], a number."""
+
+
+def pointer_offsets() -> np.ndarray:
+    """Offsets (19,) of the `Fields` from the start of mjModel or mjData, counted in pointers."""
+    return np.concatenate(
+        [
+            pointer_indices("mjModel", Fields._fields[:9]),
+            pointer_indices("mjData", Fields._fields[9:16]),
+            pointer_indices("mjModel", ["body_mass", "opt"]),  # the options begin with the time step
+            pointer_indices("mjData", ["time"]),
+        ]
+    )
+
+
+def _pointer_to(item: Any) -> Any:
+    @intrinsic
+    def cast(_typing, _address):
+        def generate(context, builder, signature, args):
+            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(item)(types.int64), generate
+
+    return cast
+
+
+doubles, ints, characters = (_pointer_to(item) for item in (types.float64, types.int32, types.uint8))
+"""Casts from an address to a pointer."""
+
+
+@intrinsic
+def _as_double(_typing, _bits):
+    """The double with the bits of an int64."""
+
+    def generate(context, builder, signature, args):
+        return builder.bitcast(args[0], context.get_value_type(signature.return_type))
+
+    return types.float64(types.int64), generate
+
+
+@compiled
+def read_fields(m, d, offsets):
+    """Fields of a model and its data, given their `pointer_offsets`."""
+    return Fields(
+        ints(m[offsets[0]]),
+        ints(m[offsets[1]]),
+        ints(m[offsets[2]]),
+        ints(m[offsets[3]]),
+        ints(m[offsets[4]]),
+        ints(m[offsets[5]]),
+        ints(m[offsets[6]]),
+        ints(m[offsets[7]]),
+        doubles(m[offsets[8]]),
+        doubles(d[offsets[9]]),
+        doubles(d[offsets[10]]),
+        doubles(d[offsets[11]]),
+        doubles(d[offsets[12]]),
+        doubles(d[offsets[13]]),
+        doubles(d[offsets[14]]),
+        doubles(d[offsets[15]]),
+        doubles(m[offsets[16]]),
+        _as_double(m[offsets[17]]),  # pyright: ignore[reportCallIssue]
+        _as_double(d[offsets[18]]),  # pyright: ignore[reportCallIssue]
+    )

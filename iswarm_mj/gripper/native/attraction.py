@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from iswarm_mj.gripper.native.fields import PLANE, compiled
+from iswarm_mj.gripper.native.abi import PLANE, compiled
 
 
 @compiled

@@ -17,14 +17,13 @@ from numba import types
 
 from iswarm_mj.gripper import contact
 from iswarm_mj.gripper.laws import adhesion, electrostatics, restitution, spline
-from iswarm_mj.gripper.laws.capacitance import tables
 from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.numbers import numbers_of
-from iswarm_mj.gripper.native import attraction, attributes, fields, state
+from iswarm_mj.gripper.laws.probe_table import tables
+from iswarm_mj.gripper.native import abi, attraction, attributes
+from iswarm_mj.gripper.native.abi import Struct, compiled, pointer_offsets, read_fields
 from iswarm_mj.gripper.native.attraction import attract, gap_to
-from iswarm_mj.gripper.native.attributes import raise_error, read_attributes
-from iswarm_mj.gripper.native.fields import Struct, compiled, pointer_offsets, read_fields
-from iswarm_mj.gripper.native.state import OF_ADHESION, OF_ELECTROSTATIC
+from iswarm_mj.gripper.native.attributes import OF_ADHESION, OF_ELECTROSTATIC, raise_error, read_attributes
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
 
 _asymptotic = compiled(electrostatics.asymptotic_force)
@@ -51,7 +50,7 @@ def _offsets() -> np.ndarray:
 
     Numba caches compiled code on disk, and the arrays that a callback encloses are part of the key.
     """
-    modules = (adhesion, electrostatics, restitution, contact, attraction, attributes, fields, spline, state)
+    modules = (adhesion, electrostatics, restitution, contact, attraction, attributes, abi, spline)
     text = "".join([mujoco.__version__, *(inspect.getsource(module) for module in modules)])
     return np.append(pointer_offsets(), zlib.crc32(text.encode()))
 

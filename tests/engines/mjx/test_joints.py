@@ -2,8 +2,7 @@
 
 import mujoco
 
-from iswarm_mj.engines.mjx.api import mjx, scan
-from iswarm_mj.engines.mjx.joints import body_of_positions, joint_of_positions, quick_trees
+from iswarm_mj.engines.mjx.api import body_of_positions, joint_of_positions, mjx, scan
 
 XML = """<mujoco><worldbody>
   <body><freejoint/><geom size="1"/><body><joint type="ball"/><geom size="1"/></body></body>
@@ -16,10 +15,3 @@ def test_answers_are_those_of_mjx():
     model = mjx.put_model(mujoco.MjModel.from_xml_string(XML), impl="jax")
     assert body_of_positions(model).tolist() == scan._q_bodyid(model).tolist() == [1] * 7 + [2] * 4 + [3] * 3
     assert joint_of_positions(model).tolist() == scan._q_jointid(model).tolist() == [0] * 7 + [1] * 4 + [2, 3, 4]
-
-
-def test_mjx_has_its_own_functions_back():
-    before = scan._q_bodyid
-    with quick_trees():
-        assert scan._q_bodyid is body_of_positions
-    assert scan._q_bodyid is before

@@ -30,13 +30,6 @@ class TestServo:
         engine.move(np.zeros(start.shape), 5)
         np.testing.assert_allclose(engine.poses, there, atol=1e-9)
 
-    def test_worlds_not_listed_stand_still(self, small):
-        start = far_apart(3, np.random.default_rng(4))
-        engine = Worlds(small, start)
-        engine.move(np.full(start.shape, 1.0), 4, [0, 2])
-        np.testing.assert_array_equal(engine.poses[1], start[1])
-        np.testing.assert_allclose(engine.poses[[0, 2]], start[[0, 2]] + 0.4, atol=1e-9)
-
     def test_any_time_step(self, small):
         config = replace(small, drive=replace(small.drive, turn_substeps=8, walk_substeps=17, control_period=0.5))
         start = far_apart(1, np.random.default_rng(5))
@@ -134,18 +127,6 @@ class TestRays:
         np.testing.assert_allclose(share, expected, rtol=1e-9)
         assert hit[:4].tolist() == [1, 2, 2, 1]
         assert (hit[4:] >= 3).all()
-
-    def test_the_sender_is_ignored_and_nobody_else(self, small):
-        engine = Worlds(small, [[(0, 0, 0), (6, 0, 0)]])
-        share, hit = self.cast(engine, (0, 0, 0, 10, 0, 0), (0, 0, 0, 10, 0, 1), (0, 3, 0, -10, 0, 1))
-        np.testing.assert_allclose(share[[0, 2]], [0.5, 0.2], rtol=1e-9)
-        assert hit[0] == 1 and hit[1] != 1 and hit[2] == 0
-
-    def test_each_wall_is_there(self, small):
-        engine = Worlds(small, [[(2, 1, 0.3)]])
-        share, hit = self.cast(engine, (0, 2, 1, 1, 0, 0), (0, 2, 1, 0, 1, 0), (0, 2, 1, -1, 0, 0), (0, 2, 1, 0, -1, 0))
-        np.testing.assert_allclose(share, [EDGE - 2, EDGE - 1, EDGE + 2, EDGE + 1], rtol=1e-9)
-        assert len(set(hit)) == 4 and (hit >= 1).all()
 
     def test_many_at_once_are_as_one_at_a_time(self, small):
         rng = np.random.default_rng(8)

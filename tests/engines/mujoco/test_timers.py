@@ -2,7 +2,7 @@
 
 import mujoco
 
-from iswarm_mj.engines.mujoco.timers import without_timers
+from iswarm_mj.engines.mujoco_library import without_timers
 
 
 def test_timers_come_back():
