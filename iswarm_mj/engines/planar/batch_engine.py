@@ -100,7 +100,7 @@ class PlanarBatchEngine:
             output_dims=surroundings.cell_places(n_worlds, n_robots, grid, n_threads),
         )
         n_sides, solids = len(self.robot.sides), solids_with(self._solids(), self.boxes(bodies), self.kinds, self.robot)
-        near = self._kernel(surroundings.look_around, None, 3)(
+        near = self._kernel(surroundings.look_around, None, 4)(
             *(place, end, robot, emits, is_present, plane, kinds, light, points, radius),
             launch_dims=(n_worlds, n_robots),
             output_dims=surroundings.near_places(n_worlds, n_robots, radius, self.kinds[: len(self.robot.kinds)]),

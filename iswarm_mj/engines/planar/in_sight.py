@@ -24,15 +24,16 @@ class View(NamedTuple):
     places: Places
     """(N, 4) of all robots."""
     near: Codes
-    """(K, M) of those near a receiver, a column for each receiver: see `code_of`."""
+    """(K, M) of those near a receiver, a column for each receiver: the index of a robot times 64, and, if its light
+    arrives, plus eight times the side that faces it, plus the number of its LED."""
     effective: Table
-    """(K, M) the effective distance of their light, infinite where none arrives."""
+    """(K, M) the effective distance of the light that arrives."""
     i: int
     """The receiver."""
     column: int
     """That of its robots."""
     n_heard: int
-    """Number of robots at the beginning of its column among which are all whose light arrives."""
+    """Number of robots at the beginning of its column, those whose light arrives."""
     n_near: int
     """Number of robots near it."""
     kinds: Kinds
@@ -47,39 +48,31 @@ def search_radius(light: Light, plane: Plane) -> float:
 
 
 @shared
-def hear(
-    p: Place,
-    q: Place,
-    j: int,
-    squared: float,
-    row_r: int,
-    row_s: int,
-    emits: float,
-    light: Light,
-    points: Table,
-) -> tuple[int, float]:
-    """How a robot at p gets the light of robot j at q.
+def add_near(view: View, j: int, squared: float, emits: float, light: Light, points: Table) -> View:
+    """Add robot j to those near a receiver: to the beginning of its column if its light arrives, else to the end.
 
     Args:
-        p: where the receiver is.
-        q: where the other one is.
-        j: its index.
+        view: of the receiver, with the robots so far and room for another one.
+        j: index of a robot `search_radius` away or less.
         squared: distance of their centres, squared.
-        row_r: `points` of the receiver's kind.
-        row_s: of the other one's.
         emits: power of its LEDs, from 0 to 1.
         light: optics.
         points: see `reception.points_of`.
 
     Returns:
-        Its index times 64, plus eight times the side that faces it, plus the number of its LED; and the effective
-        distance, infinite where no light arrives.
+        The view with this robot.
     """
-    code, effective = 64 * j, float(math.inf)
+    p, q, code, n_heard = place_of(view.places, view.i), place_of(view.places, j), 64 * j, int(view.n_heard)
+    view.near[view.n_near, view.column] = code
     if emits > 0.0 and squared <= light.farthest * light.farthest:
+        row_r, row_s = view.kinds[view.i].points, view.kinds[j].points
         one = receive(q[0] - p[0], q[1] - p[1], p, q, row_r, row_s, emits, light, points)
-        code, effective = 64 * j + 8 * one.side + one.led, float(one.effective)
-    return code, effective
+        if one.effective < math.inf:
+            view.near[view.n_near, view.column] = view.near[n_heard, view.column]
+            view.near[n_heard, view.column] = code + 8 * one.side + one.led
+            view.effective[n_heard, view.column] = one.effective
+            n_heard += 1
+    return View(view.places, view.near, view.effective, view.i, view.column, n_heard, view.n_near + 1, view.kinds)
 
 
 @shared
@@ -92,7 +85,7 @@ def next_in_sight(
         view: the receiver.
         side: of it.
         after: effective distance of the other one; negative for the first search.
-        last: its code, see `hear`.
+        last: its code, see `View.near`.
         light: optics.
         points: see `reception.points_of`.
         plane: robots and walls.

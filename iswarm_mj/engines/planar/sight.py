@@ -4,7 +4,7 @@ import numpy as np
 
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.engines.planar.compiled import cached, inlined
-from iswarm_mj.engines.planar.in_sight import View, hear, link_to, next_in_sight, search_radius, sees_wall
+from iswarm_mj.engines.planar.in_sight import View, add_near, link_to, next_in_sight, search_radius, sees_wall
 from iswarm_mj.engines.planar.kinds import place_of
 from iswarm_mj.engines.planar.near_pairs import cell_of, fill_cells, set_places
 from iswarm_mj.engines.planar.plane import Plane
@@ -63,8 +63,7 @@ def sense(
             if not is_present[world, i]:
                 continue
             view = View(places, near, effective, i, 0, 0, 0, kinds)
-            n_heard, n_near = _look_around(view, cells, within, emits[world], light, points, plane)
-            view = View(places, near, effective, i, 0, n_heard, n_near, kinds)
+            view = _look_around(view, cells, within, emits[world], light, points, plane)
             for side in range(links.sender.shape[2]):
                 distance, code = -1.0, -1
                 for rank in range(light.n_senders):
@@ -86,8 +85,8 @@ def _look_around(
     light: Light,
     points: np.ndarray,
     plane: Plane,
-) -> tuple[int, int]:
-    """Write the robots `within` this distance of a receiver [mm] into its view; return `n_heard` and `n_near`.
+) -> View:
+    """Return the view of a receiver with the robots `within` this distance [mm].
 
     Args:
         view: of the receiver, still empty.
@@ -98,7 +97,7 @@ def _look_around(
         points: see `sense`.
         plane: robots and walls.
     """
-    (last_in_cell, before), n_heard, n_near, p = cells, 0, 0, place_of(view.places, view.i)
+    (last_in_cell, before), p = cells, place_of(view.places, view.i)
     n_cells = len(last_in_cell)
     column, row = cell_of(p[0], plane.edge, n_cells), cell_of(p[1], plane.edge, n_cells)
     for up in range(max(row - 1, 0), min(row + 2, n_cells)):
@@ -109,13 +108,6 @@ def _look_around(
                 dx, dy = q[0] - p[0], q[1] - p[1]
                 squared = dx * dx + dy * dy
                 if j != view.i and squared <= within * within:
-                    row_r, row_s = view.kinds[view.i].points, view.kinds[j].points
-                    code, effective = hear(p, q, j, squared, row_r, row_s, emits[j], light, points)
-                    view.near[n_near, 0] = code
-                    if effective < np.inf:
-                        view.near[n_near, 0], view.near[n_heard, 0] = view.near[n_heard, 0], code
-                        view.effective[n_heard, 0] = effective
-                        n_heard += 1
-                    n_near += 1
+                    view = add_near(view, j, squared, emits[j], light, points)
                 j = int(before[j])
-    return n_heard, n_near
+    return view

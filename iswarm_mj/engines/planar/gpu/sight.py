@@ -18,6 +18,7 @@ def find_light(
     light_words: wp.array(dtype=int),
     points: wp.array2d(dtype=float),
     solids: wp.array3d(dtype=float),
+    n_heard: wp.array2d(dtype=int),
     n_near: wp.array2d(dtype=int),
     near: wp.array3d(dtype=int),
     effective: wp.array3d(dtype=float),
@@ -39,7 +40,8 @@ def find_light(
         light_words: likewise.
         points: (K 5 S, 2) see `reception.points_of`.
         solids: (B, W + M, 6) walls, obstacles and boxes, see `plane.solids_with`.
-        n_near: (B, N) of `surroundings.look_around`.
+        n_heard: (B, N) of `surroundings.look_around`.
+        n_near: (B, N) likewise.
         near: (B, M, N) likewise.
         effective: (B, M, N) likewise.
         sender: (B, N, S, K) output, of the K nearest in sight, as the next four: see `sensors.links.Links`.
@@ -50,11 +52,11 @@ def find_light(
         sees_wall: (B, N, S) output, see `Sight`.
     """
     world, slot, side = wp.tid()
-    i, n = robot[world, slot], n_near[world, slot]
+    i, kinds = robot[world, slot], kinds_in(kind_words, place.shape[1])
     plane_at, light_at = plane_in(plane_words), light_in(light_words)
     plane, light = plane_at[0], light_at[0]
-    kinds = kinds_in(kind_words, place.shape[1])
-    around = View(place[world], near[world], effective[world], i, slot, n, n, kinds)
+    heard, others = n_heard[world, slot], n_near[world, slot]
+    around = View(place[world], near[world], effective[world], i, slot, heard, others, kinds)
     reach, code = float(-1.0), int(-1)
     for rank in range(light.n_senders):
         if rank == 0 or code >= 0:

@@ -8,11 +8,11 @@ import warp as wp
 
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.cells import Cells, around, fill
-from iswarm_mj.engines.planar.gpu.functions import kinds_in, light_in, plane_in, view
+from iswarm_mj.engines.planar.gpu.functions import View, kinds_in, light_in, plane_in, view
 from iswarm_mj.engines.planar.gpu.world import heading
 from iswarm_mj.engines.planar.plane import Kind
 
-_hear = view.hear
+_add_near = view.add_near
 
 
 def sort_robots(
@@ -60,6 +60,7 @@ def look_around(
     light_words: wp.array(dtype=int),
     points: wp.array2d(dtype=float),
     within: float,
+    n_heard: wp.array2d(dtype=int),
     n_near: wp.array2d(dtype=int),
     near: wp.array3d(dtype=int),
     effective: wp.array3d(dtype=float),
@@ -77,15 +78,17 @@ def look_around(
         light_words: likewise.
         points: (K 5 S, 2) see `reception.points_of`.
         within: distance of the robots that are listed [mm].
-        n_near: (B, N) output, length of the list of each place in `robot`.
-        near: (B, M, N) output, of each entry and place, see `in_sight.hear`; those beyond M are left out.
-        effective: (B, M, N) output, effective distance, infinite without light [mm].
+        n_heard: (B, N) output, for each place in `robot`, as the next ones: see `in_sight.View`.
+        n_near: (B, N) likewise.
+        near: (B, M, N) likewise; robots beyond M are left out.
+        effective: (B, M, N) likewise [mm].
     """
     world, slot = wp.tid()
-    i, n = robot[world, slot], int(0)  # threads side by side have robots side by side, with as much to do
+    i = robot[world, slot]  # threads side by side have robots side by side, with as much to do
+    found = View(place[world], near[world], effective[world], i, slot, 0, 0, kinds_in(kind_words, place.shape[1]))
     if is_present[world, i]:
         light_at, p = light_in(light_words), place[world, i]
-        light, kinds = light_at[0], kinds_in(kind_words, place.shape[1])
+        light = light_at[0]
         cells = Cells()
         cells.end = end[world]
         cells.edge = plane_in(plane_words)[0].edge
@@ -96,13 +99,10 @@ def look_around(
                 q = place[world, j]
                 dx, dy = q[0] - p[0], q[1] - p[1]
                 squared = dx * dx + dy * dy
-                if j != i and squared <= within * within and n < near.shape[1]:
-                    row_r, row_s = int(kinds[i].points), int(kinds[j].points)
-                    code, distance = _hear(p, q, j, squared, row_r, row_s, emits[world, j], light, points)
-                    near[world, n, slot] = code
-                    effective[world, n, slot] = distance
-                    n += 1
-    n_near[world, slot] = n
+                if j != i and squared <= within * within and found.n_near < near.shape[1]:
+                    found = _add_near(found, j, squared, emits[world, j], light, points)
+    n_heard[world, slot] = found.n_heard
+    n_near[world, slot] = found.n_near
 
 
 def cell_places(n_worlds: int, n_robots: int, n_cells: int, n_threads: int) -> dict[str, Any]:
@@ -115,4 +115,4 @@ def near_places(n_worlds: int, n_robots: int, within: float, kinds: Sequence[Kin
     """Sizes of the outputs of `look_around`: for all robots, or for twice as many as find room `within` a distance."""
     fitting = max(math.pi * (within + kind.radius) ** 2 / (4 * kind.half_x * kind.half_y) for kind in kinds)
     pairs = n_worlds, max(1, min(n_robots - 1, math.ceil(2 * fitting))), n_robots
-    return {"n_near": (n_worlds, n_robots), "near": pairs, "effective": pairs}
+    return {"n_heard": (n_worlds, n_robots), "n_near": (n_worlds, n_robots), "near": pairs, "effective": pairs}
