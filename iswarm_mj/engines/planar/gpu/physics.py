@@ -32,6 +32,7 @@ def take_steps_in(n_shared: int) -> Callable:
         targets: wp.array2d(dtype=wp.vec3),
         is_present: wp.array2d(dtype=wp.bool),
         runs: wp.array(dtype=wp.bool),
+        order: wp.array(dtype=int),
         plane_words: wp.array(dtype=int),
         kind_words: wp.array(dtype=int),
         solids: wp.array2d(dtype=float),
@@ -43,6 +44,7 @@ def take_steps_in(n_shared: int) -> Callable:
         new_poses: wp.array2d(dtype=wp.vec3),
         new_velocities: wp.array2d(dtype=wp.vec3),
         failure: wp.array(dtype=int),
+        work: wp.array(dtype=int),
         own: wp.array2d(dtype=wp.vec4),
     ):
         """Take physics steps of B worlds, one block each.
@@ -53,6 +55,7 @@ def take_steps_in(n_shared: int) -> Callable:
             targets: (B, N + M) set points of the drives, likewise.
             is_present: (B, N + M) the others stay where they are, and touch nothing.
             runs: (B,) the other worlds stay as they are.
+            order: (B,) worlds in the order in which blocks begin with them.
             plane_words: see `functions.words_of`.
             kind_words: likewise, (N + M + 1,) of `plane.table_of`.
             solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
@@ -64,9 +67,10 @@ def take_steps_in(n_shared: int) -> Callable:
             new_poses: (B, N + M) output.
             new_velocities: (B, N + M) output.
             failure: (B,) output, bits of `FaultKind`.
+            work: (B,) output, see `batch_engine.BatchBodies`.
             own: (B, M) memory of the blocks.
         """
-        world, lane = wp.tid() // wp.block_dim(), wp.tid() % wp.block_dim()
+        world, lane = order[wp.tid() // wp.block_dim()], wp.tid() % wp.block_dim()
         plane_at, n_bodies = plane_in(plane_words), poses.shape[1]
         plane = plane_at[0]
         m = Memory()
@@ -87,9 +91,10 @@ def take_steps_in(n_shared: int) -> Callable:
                 new_velocities[world, i] = velocities[world, i]
             if lane == 0:
                 failure[world] = 0
+                work[world] = 0
             return
         _begin(w, poses[world], velocities[world], lane)
-        moved = float(1.0e9)
+        moved, n_solved = float(1.0e9), int(0)
         for step in range(n_substeps):
             if 2.0 * moved > _SKIN:
                 find_near_pairs(w, 2.0 * plane.radius + _SKIN, lane)
@@ -108,7 +113,7 @@ def take_steps_in(n_shared: int) -> Callable:
                     w.rubbed[i] = w.rubs[i]
                 w.before[i] = w.velocity[i]
             barrier()
-            solve(w, lane)
+            n_solved += solve(w, lane)
             barrier()
             _integrate(w, plane.timestep, lane)
             moved += wp.sqrt(w.farthest[0])
@@ -120,6 +125,7 @@ def take_steps_in(n_shared: int) -> Callable:
             new_velocities[world, i] = _velocity(w, i)
         if lane == 0:
             failure[world] = w.count[FAILURE]
+            work[world] = n_solved
 
     return take_steps
 
@@ -199,4 +205,4 @@ def places(
     n_worlds, bodies = touching[0], (touching[0], n_bodies)
     n_bytes = own_bytes(n_bodies, n_cells, n_threads, *rooms)
     sizes = {"touching": touching, "new_poses": bodies, "new_velocities": bodies}
-    return sizes | {"failure": n_worlds, "own": (n_worlds, -(-n_bytes // 16))}
+    return sizes | {"failure": n_worlds, "work": n_worlds, "own": (n_worlds, -(-n_bytes // 16))}

@@ -33,16 +33,19 @@ _held = rows.held
 
 
 @wp.func
-def solve(w: World, lane: int):
-    """Find the impulses of all contacts and add them to the velocities; threads that no colour needs do nothing."""
+def solve(w: World, lane: int) -> int:
+    """Find the impulses of all contacts and add them to the velocities; return how many colours were solved in turn.
+
+    Threads that no colour needs do nothing.
+    """
     n, n_colours, largest, plane = n_contacts(w), w.count[N_COLOURS], int(0), w.plane[0]
     if n == 0:
-        return
+        return 0
     for colour in range(n_colours):
         largest = wp.max(largest, w.end[colour] - begin_of(w, colour))
     n_lanes = threads_for(largest)
     if lane >= n_lanes:
-        return
+        return 0
     sweep, downhill, momentum, is_changing = int(0), int(0), float(0.0), bool(True)
     smallest = plane.tolerance / w.kinds[0].inverse_mass
     unit = 1000.0 / (smallest * smallest)
@@ -67,6 +70,7 @@ def solve(w: World, lane: int):
         momentum = wp.where(sweep > 1, share, 0.0)
     if is_changing and lane == 0:
         wp.atomic_or(w.count, FAILURE, _FAILED)
+    return sweep * n_colours
 
 
 @wp.func
