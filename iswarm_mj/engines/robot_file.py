@@ -3,7 +3,7 @@
 import math
 import re
 from importlib.resources import files
-from itertools import accumulate
+from itertools import accumulate, combinations
 from pathlib import Path
 from types import NoneType
 from typing import Any
@@ -250,13 +250,12 @@ def _axis(model: mujoco.MjModel, name: str, path: Path) -> Point:
 def _sides(leds: list[Point], photodiodes: list[Point], path: Path) -> Sides:
     """Where LEDs and photodiodes look, exactly along the axes if that is where they look."""
     for kind, axes in (("LEDs", leds), ("pairs of photodiodes", photodiodes)):
-        for first in range(len(axes)):
-            for second in range(first):
-                if np.allclose(axes[first], axes[second], atol=_SAME):
-                    raise UserError(
-                        f"the {kind} {second} and {first} in {path} look the same way, so that light could not be told "
-                        "apart by the side on which it falls; change their xyaxes."
-                    )
+        for second, first in combinations(range(len(axes)), 2):
+            if np.allclose(axes[first], axes[second], atol=_SAME):
+                raise UserError(
+                    f"the {kind} {second} and {first} in {path} look the same way, so that light could not be told "
+                    "apart by the side on which it falls; change their xyaxes."
+                )
 
     def exact(axes: list[Point]) -> tuple[Point, ...]:
         return SIDES if len(axes) == len(SIDES) and np.allclose(axes, SIDES, atol=_SAME) else tuple(axes)

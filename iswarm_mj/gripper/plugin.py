@@ -49,14 +49,10 @@ from iswarm_mj.utils.errors import UserError
 def state_index(model: mujoco.MjModel, instance: str, field: str) -> int:
     """Index of an attribute or a result, see `ATTRIBUTES` and `COMPUTED`, of a plugin instance in `plugin_state`."""
     known = state_indices(model)
-    if (instance, field) in known:
-        return known[instance, field]
-    if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_PLUGIN, instance) < 0:
-        raise UserError(f"The model has no plugin instance {instance!r}; name one of its <extension>.")
-    fields = ", ".join(name for it, name in known if it == instance)
-    if not fields:
-        raise UserError(f"The plugin instance {instance!r} is none of {', '.join(ATTRIBUTES)}.")
-    raise UserError(f"The state of {instance!r} has no {field!r}; choose one of {fields}.")
+    if (instance, field) not in known:
+        choices = ", ".join(f"{field} of {instance}" for instance, field in known)
+        raise UserError(f"The model's plugins have no {field!r} of {instance!r}; choose one of {choices or 'none'}.")
+    return known[instance, field]
 
 
 def state_indices(model: mujoco.MjModel) -> dict[tuple[str, str], int]:

@@ -64,7 +64,7 @@ def test_strong_fields_drop_light_balls_that_charge_while_they_are_lifted():
     for leak, least, most in ((Contacts().leak, 0.2, 0.8), (10 * Contacts().leak, 1.0, 1.0)):
         contacts = Contacts(leak=leak)
         trials = [Trial(r, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, contacts=contacts) for r in radius]
-        found = [swarm_trials.attempted(trial, v, None)[0] for trial, v in zip(trials, volts.tolist(), strict=True)]
+        found = [swarm_trials.attempt(trial, v, None)[0] for trial, v in zip(trials, volts.tolist(), strict=True)]
         assert least <= np.mean(found) <= most
 
 
@@ -79,7 +79,7 @@ def released(share, timestep, count):
     """Share of balls with this share of the adhesion that trials with such physics steps release; the balance all."""
     bench, radius = SingleBench(timestep), np.linspace(15e-6, 25e-6, count)
     trials = [Trial(r, share * WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE) for r in radius]
-    found = np.array([swarm_trials.attempt(bench, trial, 55.0, GRIPPER.release_gap) for trial in trials])
+    found = np.array([swarm_trials.attempt(trial, 55.0, GRIPPER.release_gap, bench) for trial in trials])
     assert not found[found[:, 0] == 0, 2].any()  # never down
     assert np.asarray(is_released(55.0, radius, share * WORK_TOOL_OBJECT)).all()
     return found[:, 0].mean()
@@ -144,12 +144,12 @@ def test_a_batch_that_is_full_postpones():
 def test_trials_on_a_bench_that_was_used_are_those_on_a_new_one():
     """To the last bit, whatever was tried before: a lift and a release of another ball."""
     trial, gap = Trial(17e-6, 1.5e-3, 12e-3, 10.0, misalignment=3e-6), GRIPPER.release_gap
-    swarm_trials.attempted(Trial(24e-6, 1.2e-3, 16e-3), 20.0, None)
-    swarm_trials.attempted(Trial(22e-6, 1.4e-3, 14e-3), 60.0, gap)
-    lifted, dropped = swarm_trials.attempted(trial, 35.0, None), swarm_trials.attempted(trial, 55.0, gap)
+    swarm_trials.attempt(Trial(24e-6, 1.2e-3, 16e-3), 20.0, None)
+    swarm_trials.attempt(Trial(22e-6, 1.4e-3, 14e-3), 60.0, gap)
+    lifted, dropped = swarm_trials.attempt(trial, 35.0, None), swarm_trials.attempt(trial, 55.0, gap)
     new = [SingleBench(swarm_trials.TIMESTEP) for _ in range(2)]
-    assert lifted == swarm_trials.attempt(new[0], trial, 35.0, None)
-    assert dropped == swarm_trials.attempt(new[1], trial, 55.0, gap)
+    assert lifted == swarm_trials.attempt(trial, 35.0, None, new[0])
+    assert dropped == swarm_trials.attempt(trial, 55.0, gap, new[1])
 
 
 def test_a_step_without_attempts_asks_nobody(monkeypatch):

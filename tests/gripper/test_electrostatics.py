@@ -1,13 +1,11 @@
 """Electrostatic forces against exact sums, limits, symmetries and the table of another solver."""
 
-import math
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_sphere_plane import sphere_plane_capacitance, sphere_plane_force
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -17,21 +15,12 @@ from iswarm_mj.gripper.laws.electrostatics import (
     release_force,
 )
 from iswarm_mj.gripper.laws.probe_table import GAP_EXPONENTS, PROBE_EXPONENTS, probe_factor
-from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 from iswarm_mj.utils.errors import UserError
 
 DATA = Path(__file__).parents[1] / "data"
-SPHERE_PLANE = np.loadtxt(DATA / "sphere_plane.csv", delimiter=",", skiprows=2)
 CYLINDER = np.loadtxt(DATA / "cylinder_sphere_plane.csv", delimiter=",", skiprows=3)
 FORCES = {"release": release_force, "pick": pick_force}
 R = 20e-6
-
-
-def test_sphere_plane_table():
-    gap_ratio, capacitance, force = SPHERE_PLANE.T
-    unit = math.pi * VACUUM_PERMITTIVITY
-    np.testing.assert_allclose(sphere_plane_force(1.0, gap_ratio * R, R) / unit, force, rtol=1e-10)
-    np.testing.assert_allclose(sphere_plane_capacitance(gap_ratio * R, R) / (4 * unit * R), capacitance, rtol=1e-10)
 
 
 @pytest.mark.parametrize(("task", "column"), [("release", 2), ("pick", 3)])

@@ -101,7 +101,5 @@ def test_a_wrong_attribute_is_a_load_error_with_a_sentence(old, new, message):
 
 
 def test_unknown_state_fields_are_named(model):
-    with pytest.raises(UserError, match="has no 'gaps'; choose one of ball, surface, work"):
+    with pytest.raises(UserError, match="no 'gaps' of 'adhesion_plate'; choose one of ball of adhesion_plate, "):
         plugin.state_index(model, "adhesion_plate", "gaps")
-    with pytest.raises(UserError, match="no plugin instance 'adhesion'"):
-        plugin.state_index(model, "adhesion", "gap")

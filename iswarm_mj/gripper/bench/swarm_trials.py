@@ -175,26 +175,23 @@ def _bench() -> SingleBench:
     return SingleBench(TIMESTEP)
 
 
-def attempted(trial: Trial, voltage: float, gap: float | None) -> tuple[bool, float, float]:
-    """Outcome of one attempt, see `attempt`."""
-    with _IN_USE:
-        return attempt(_bench(), trial, voltage, gap)
-
-
-def attempt(bench: SingleBench, trial: Trial, voltage: float, gap: float | None) -> tuple[bool, float, float]:
+def attempt(
+    trial: Trial, voltage: float, gap: float | None, bench: SingleBench | None = None
+) -> tuple[bool, float, float]:
     """Try to lift a ball, or to release one.
 
     Args:
-        bench: on which the trial is placed.
         trial: the ball.
         voltage: of the tool [V].
         gap: between plate and ball at the release [m]; None for a lift.
+        bench: on which the trial is placed, instead of that of all attempts.
 
     Returns:
         Whether it hangs, or stays on the plate; how long that took [s]; and the speed of its landing [m/s], 0 if there
         is none.
     """
-    with without_timers():
+    with _IN_USE, without_timers():
+        bench = bench or _bench()
         return _lift(bench, trial, voltage) if gap is None else _drop(bench, trial, voltage, gap)
 
 
@@ -245,7 +242,7 @@ def outcomes(gap: float, attempts: Attempts) -> Outcomes:
         if row not in known:
             _, voltage, radius, tool, floor, miss = row
             trial = Trial(radius, tool, floor, 10.0, misalignment=miss)  # whose factor of humidity is 1
-            known[row] = attempted(trial, voltage, None if is_lift else gap)
+            known[row] = attempt(trial, voltage, None if is_lift else gap)
         succeeded, found.duration[place], found.impact[place] = known[row]
         (found.lifted if is_lift else found.released)[place] = succeeded
     return found
