@@ -8,7 +8,8 @@ import pytest
 from helpers_rrd import read
 from helpers_swarm_recording import make_frames, make_scene, write
 
-from iswarm_mj.output.rerun_states import shown_lanes, states, states_of
+from iswarm_mj.output.rerun_swarm import shown_lanes
+from iswarm_mj.output.swarm_classes import states, states_of
 
 
 def names(scene):

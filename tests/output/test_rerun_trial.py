@@ -8,8 +8,7 @@ from rerun.chunk import RrdReader
 
 from iswarm_mj import __version__
 from iswarm_mj.output.rerun_trial import record_trace
-from iswarm_mj.output.trace_lines import LINES
-from iswarm_mj.output.trial_shapes import trial_shapes
+from iswarm_mj.output.trial_shapes import LINES, trial_shapes
 
 SETTINGS = {"seed": 3, "protocol": {"step_voltage": 0.25}, "impl": None, "note": "a|b"}
 

@@ -11,12 +11,12 @@ from helpers_cli import code_of, refused, result
 from helpers_robots import HALF, numbered, two_kinds
 from helpers_small import FLAGS, SMALL
 from helpers_worlds import start_of
+from iswarm_mj.output.rerun_swarm_view import static_entities
 
 import iswarm_mj
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import as_robot_file, files_of, models_directory, read_robots
 from iswarm_mj.output.plot_swarm import outlines
-from iswarm_mj.output.rerun_swarm_view import static_entities
 from iswarm_mj.output.schema import ROBOTS
 from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.simulation.run import Run
