@@ -50,7 +50,7 @@ CHECKED = [
         "experiments.analysis.statistics",
         "output.frames",
         "output.plot_swarm",
-        "output.rerun_shapes",
+        "output.rerun_entities",
         "output.rerun_swarm",
         "output.rerun_trial",
     )
@@ -77,13 +77,6 @@ QUICK = ["--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split
 """Flags of XLA with which programs compile in half the time, and run slower."""
 if version("jaxlib") < "0.11":  # later ones do not know it, and end the process
     QUICK.append("--xla_cpu_use_fusion_emitters=false")
-
-
-def pytest_addoption(parser):
-    """Of the attacks in `robustness/`; here, since pytest reads no other folder's options early enough."""
-    group = parser.getgroup("attacks")
-    group.addoption("--cases", type=int, help="cases of each attack; by default as many as its marker says")
-    group.addoption("--first", type=int, default=0, help="number of the first case")
 
 
 def pytest_configure(config):

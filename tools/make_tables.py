@@ -10,7 +10,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from iswarm_mj.commands.options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.output import rerun_names as names
+from iswarm_mj.output import rerun_entities as names
 from iswarm_mj.output.memory import UNKNOWN
 from iswarm_mj.output.schema import BALLS, LINKS, ROBOTS
 from iswarm_mj.output.tables import TABLES, memory_columns

@@ -10,7 +10,7 @@ import numpy as np
 from iswarm_mj.output.palette import BLUE, DARK, GREEN, ORANGE, PURPLE, YELLOW
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.output.plot_trials import Rows, column
-from iswarm_mj.output.trace_lines import NN, UM
+from iswarm_mj.output.trial_shapes import NN, UM
 
 _NM = 1e9
 _NEAR = 30.0

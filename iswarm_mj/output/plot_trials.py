@@ -18,7 +18,7 @@ from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.reference import PAPER_GRASP, PAPER_HUMIDITY, PAPER_NO_CONTACT, PAPER_RELEASE
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PURPLE, RED
 from iswarm_mj.output.plot_style import figure
-from iswarm_mj.output.trace_lines import UM
+from iswarm_mj.output.trial_shapes import UM
 from iswarm_mj.utils.arrays import Quantity
 
 Rows = Sequence[Mapping[str, Any]]

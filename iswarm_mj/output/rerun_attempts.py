@@ -15,13 +15,12 @@ from jaxtyping import Float
 from iswarm_mj.gripper.bench.attempt_trace import trace_attempt
 from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.gripper.handling import Tried
-from iswarm_mj.output import rerun_swarm_layout
-from iswarm_mj.output import rerun_trial_view as look
+from iswarm_mj.output import rerun_trial as look
 from iswarm_mj.output.palette import GREEN, ORANGE, rgb
 from iswarm_mj.output.rerun_format import blueprint, durations, space
-from iswarm_mj.output.rerun_trial import send_trace
-from iswarm_mj.output.trace_lines import UM
+from iswarm_mj.output.rerun_swarm import content
 from iswarm_mj.output.trajectory import Scene
+from iswarm_mj.output.trial_shapes import UM
 
 ROOT, LOG, MARKS = "grasp/", "grasp/log", "world/grasps"
 SAMPLES = 600
@@ -101,7 +100,7 @@ class AttemptView:
             steps = rr.TimeColumn("step", sequence=np.full(len(time), step))
             return [durations(start + time - trace.time[0]), steps]
 
-        send_trace(self._stream, thinned(trace, SAMPLES), index, ROOT)
+        look.send_trace(self._stream, thinned(trace, SAMPLES), index, ROOT)
 
 
 def _colour(tried: Tried) -> tuple[int, int, int]:
@@ -121,4 +120,4 @@ def layout(scene: Scene) -> rrb.Blueprint:
     lines = rrb.TextLogView(origin=LOG, name="Attempts; a click on a time shows its grasp")
     middle = rrb.Vertical(bench, look.states_view(ROOT), row_shares=[2, 1])
     below = rrb.Horizontal(lines, middle, rrb.Vertical(*series, name="Grasp over time"), column_shares=[2, 3, 3])
-    return blueprint(rrb.Vertical(rerun_swarm_layout.content(scene), below, row_shares=[1, 1]))
+    return blueprint(rrb.Vertical(content(scene), below, row_shares=[1, 1]))

@@ -2,9 +2,7 @@
 
 import ctypes
 import os
-import threading
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
@@ -23,7 +21,7 @@ _END = b"RRF2FOOT"
 """Mark of the index of a complete file, before its last four bytes."""
 FLUSH_SECONDS = 30.0
 """Time limit of a flush; without one Rerun waits for ever when the disk is full."""
-ROOM = 2**16
+ROOM = 2**20
 """Least room for more of a recording [bytes]."""
 Point = tuple[float, float, float]
 
@@ -67,7 +65,7 @@ class RrdFile:
         with self._told():
             path.open("wb").close()
             check_room(path)
-            bounded(lambda: self.stream.save(path, default_blueprint=layout))
+            self.stream.save(path, default_blueprint=layout)
         self.stream.set_log_time_enabled(False)
         self.stream.set_log_tick_enabled(False)
 
@@ -105,37 +103,12 @@ class RrdFile:
         """Complete the file."""
         with self._told():
             check_room(self._path)
-            bounded(self.stream.disconnect)
+            self.stream.disconnect()
             if self._path.is_file():
                 with self._path.open("rb") as file:
                     file.seek(-min(len(_END) + 4, self._path.stat().st_size), os.SEEK_END)
                     if not file.read().startswith(_END):
                         raise RuntimeError("No space left for its end, or another fault of the disk")
-
-
-def bounded(call: Callable[[], Any], limit_s: float = FLUSH_SECONDS) -> None:
-    """Do what Rerun never ends on a disk that has just become full: it waits for a thread that has given up.
-
-    Args:
-        call: opens or closes a file.
-        limit_s: after which it is left in a thread that goes with the process [s].
-
-    Raises:
-        TimeoutError: it has not ended by then; other errors are its own.
-    """
-    done: Future[None] = Future()
-
-    def work() -> None:
-        try:
-            done.set_result(call())
-        except Exception as error:
-            done.set_exception(error)
-
-    threading.Thread(target=work, daemon=True).start()
-    try:
-        done.result(limit_s)
-    except TimeoutError:
-        raise TimeoutError(f"not done within {limit_s:g} s") from None
 
 
 def check_room(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Shapes of a trial on the bench as arrays, for recordings and for the page: SI in, micrometres out."""
+"""What figures, recordings and the page show of a trial on the bench: lines over time, and shapes. V, um and nN."""
 
 from typing import NamedTuple
 
@@ -7,12 +7,41 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from iswarm_mj.gripper.bench.trial_trace import Trace
-from iswarm_mj.output.trace_lines import UM
+from iswarm_mj.output.palette import GREEN, GREY, ORANGE, PALE_GREEN, PALE_ORANGE, SKY, YELLOW
 
+UM, NN = 1e6, 1e9
+"""Micrometres per metre, nanonewtons per newton."""
 PROBE_LENGTH = 100.0
 """Length of the probe in the view [um]."""
 ARROW_FORCE = 1e-6
 """Force whose arrow is one radius long; lengths go with the square root [N]."""
+
+
+class Line(NamedTuple):
+    """A quantity of a trace."""
+
+    name: str
+    """Of its plot and of itself, as the end of its entity."""
+    field: str
+    """Of the trace."""
+    factor: float
+    """From SI to its unit."""
+    label: str
+    """In the legend."""
+    colour: str
+
+
+LINES = (
+    Line("voltage/voltage", "voltage", 1.0, "voltage", SKY),
+    Line("gaps/tool", "gap_tool", UM, "tool to ball", GREEN),
+    Line("gaps/plate", "gap_plate", UM, "ball to plate", ORANGE),
+    Line("attraction/electrostatic", "electrostatic", NN, "electrostatic, positive to the tool", YELLOW),
+    Line("attraction/tool", "adhesion_tool", NN, "adhesion to the tool", GREEN),
+    Line("attraction/plate", "adhesion_plate", NN, "adhesion to the plate", ORANGE),
+    Line("attraction/weight", "weight", NN, "weight", GREY),
+    Line("contact/tool", "contact_tool", NN, "contact with the tool", PALE_GREEN),
+    Line("contact/plate", "contact_plate", NN, "contact with the plate", PALE_ORANGE),
+)
 
 
 class TrialShapes(NamedTuple):

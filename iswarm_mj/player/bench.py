@@ -15,8 +15,7 @@ from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.gripper.laws import detachment as usual
 from iswarm_mj.gripper.laws.materials import Name
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PALE, WALL, YELLOW, rgb
-from iswarm_mj.output.trace_lines import NN, UM
-from iswarm_mj.output.trial_shapes import PROBE_LENGTH, trial_shapes
+from iswarm_mj.output.trial_shapes import NN, PROBE_LENGTH, UM, trial_shapes
 from iswarm_mj.player.controls import declared
 from iswarm_mj.player.view import linear
 from iswarm_mj.player.widgets import AXIS, show, spots, widget

@@ -1,7 +1,6 @@
-"""`--config`: a TOML file of flags, or the result.json of an earlier run."""
+"""What flags default to: `--config`, a TOML file of flags or the result.json of an earlier run, and `--reading`."""
 
 import json
-import os
 from importlib.metadata import EntryPoint
 
 import pytest
@@ -71,19 +70,22 @@ def test_what_a_file_must_not_have(here, text, says):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("content", "says"),
     [
-        (["--config", "none.toml"], "none.toml cannot be read"),
-        (["--config", "pipe.toml"], r"pipe.toml cannot be read \(it is a pipe or a device, not a file\); name a TOML"),
-        (["--config=run.toml", "--config=run.toml"], "--config is given twice"),
-        (["--config", "odd.toml"], "odd.toml is no text"),
+        (None, "x.json cannot be read"),
+        ("{}", "x.json is not the result.json of a run"),
+        ({"config": 5}, "x.json is not the result.json of a run"),
+        ({"robot": "x"}, "x.json is not the result.json of a run"),
+        ({"strategy": None}, "x.json is not the result.json of a run"),
+        ({"strategy": {"class": "Walk", "turn": 40.0}}, "is of the strategy Walk; name it by --strategy"),
     ],
 )
-def test_files_that_are_not_there(here, arguments, says):
-    os.mkfifo(here / "pipe.toml")
-    (here / "odd.toml").write_bytes(b"PAR1\xff\xfe")
+def test_files_that_are_no_result(here, content, says):
+    if content is not None:
+        result = {"settings": {}, "config": {}} | content if isinstance(content, dict) else {}
+        (here / "x.json").write_text(json.dumps(result))
     with pytest.raises(UserError, match=says):
-        parse(["clean", *arguments])
+        parse(["clean", "--config", "x.json"])
 
 
 def test_a_result_repeats_its_run(here):
@@ -94,20 +96,6 @@ def test_a_result_repeats_its_run(here):
     first, second = (json.loads((here / name / "result.json").read_text()) for name in "ab")
     assert first["picked"] and first["genome"]["use_hop_count"] is False and first["seed"] == 7
     assert [key for key in first if first[key] != second[key]] in (["wall_s", "seconds"], ["seconds"], [])
-
-
-@pytest.mark.parametrize("part", [{"config": 5}, {"robot": "x"}, {"strategy": None}])
-def test_a_file_that_is_no_result(here, part):
-    (here / "x.json").write_text(json.dumps({"settings": {}, "config": {}} | part))
-    with pytest.raises(UserError, match=r"x.json is not the result.json of a run"):
-        parse(["clean", "--config", "x.json"])
-
-
-def test_the_strategy_of_a_result_must_be_named(here):
-    values = {"settings": {"seed": 3}, "config": {}, "strategy": {"class": "Walk", "turn": 40.0}}
-    (here / "x.json").write_text(json.dumps(values))
-    with pytest.raises(UserError, match="is of the strategy Walk; name it by --strategy"):
-        parse(["clean", "--config", "x.json"])
 
 
 TASK = {"class": "Aggregation", "spot_radius": 8.0, "spot_offset": 14.0, "dim": 0.25, "error_light": 0.05}
@@ -154,3 +142,28 @@ def test_a_number_of_robots_replaces_the_density_of_a_file(tmp_path):
     path.write_text("density = 0.1\n")
     command = parse(["clean", "--config", str(path), "--robots", "5"])
     assert (command.robots, command.density) == (5, None)
+
+
+@pytest.mark.parametrize("command", ["clean", "experiment"])
+@pytest.mark.parametrize("reading", READINGS)
+def test_a_reading_is_the_default_of_the_flags(command, reading):
+    extra = ["hop-count"] if command == "experiment" else []
+    assert parse([command, *extra, "--reading", reading]).config == READINGS[reading]
+
+
+@pytest.mark.parametrize("order", [slice(None), slice(None, None, -1)])
+def test_flags_go_before_the_reading(order):
+    """Also those that give a value that is the default of the other reading."""
+    parts = [["--reading", "initial"], ["--strategy.avoidance-sides", "front", "--strategy.random-turn=90"]]
+    strategy = parse(["clean", *(word for part in parts[order] for word in part)]).config.strategy
+    initial = vars(READINGS["initial"].strategy)
+    assert vars(strategy) == initial | {"avoidance_sides": "front", "random_turn": 90.0}
+
+
+def test_flags_and_files_say_the_same(tmp_path):
+    path = tmp_path / "boxes.toml"
+    path.write_text("[arena]\nobstacles = [[8, 8, 2, 0.5, 30], [0, 9, 1, 1, 0]]")
+    numbers = ["8", "8", "2", "0.5", "30", "0", "9", "1", "1", "0"]
+    by_file = parse(["clean", "--config", str(path)]).config
+    assert by_file == parse(["clean", "--arena.obstacles", *numbers]).config
+    assert by_file.arena.obstacles == ((8.0, 8.0, 2.0, 0.5, 30.0), (0.0, 9.0, 1.0, 1.0, 0.0))

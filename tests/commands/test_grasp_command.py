@@ -114,25 +114,3 @@ def test_force_curves(here):
     parts = np.array([[row[name] for name in ("adhesion", "electrostatic", "contact", "total")] for row in rows])
     np.testing.assert_allclose(parts[:, :3].sum(axis=1), parts[:, 3], atol=1e-15)
     assert (parts[:, :2] <= 0).all() and (parts[:, 2] >= 0).all()
-
-
-@pytest.mark.parametrize(
-    "flags, message",
-    [
-        ("--radius 15e-6:25e-6", r"--radius must be radii from 10e-6 to 50e-6 m.*\(got '15e-6:25e-6'\)"),
-        ("--no-contact-gap 1", r"--no-contact-gap must be .*\(got 1\.0\)"),
-        ("--record 75", r"--record must be the index of a trial, 0 to 74.*\(got 75\)"),
-        ("--force-curve --rh 10 50", r"--rh must be one relative humidity with --force-curve"),
-        ("--force-curve --voltages", r"--voltages must be such that there are 1 to 100 curves"),
-        (
-            "--protocol.step-voltage 100",
-            r"--protocol.step-voltage must be below --protocol.grasp-limit, 80 \(got 100\.0\)",
-        ),
-        ("--radius 10e-6 25e-6 --gap 45e-6", r"--gap must be at most 4 times the least radius \(got 4\.5e-05\)"),
-    ],
-)
-def test_values_out_of_range(flags, message, capfd, here):
-    assert code_of("grasp", *flags.split()) == 2
-    out, error = capfd.readouterr()
-    assert out == "" and list(here.iterdir()) == []
-    assert re.fullmatch(r"iswarm: [^\n]*\n", error) and re.search(message, error), error

@@ -49,9 +49,3 @@ def test_flags_of_a_strategy_are_main_flags(capfd, here):
     text = shown(capfd, "clean", "--strategy", "own.py:TYPE2", "--help")
     assert re.search(r"--fraction-scouts FLOAT \w[^-]*\(between 0 and 1; default 0\.27\)", text)
     assert "--arena.size" not in text and "--genome " not in text
-
-
-@pytest.mark.parametrize("command", [[], ["clean"]])
-def test_a_completion_for_an_unknown_shell(command, capfd):
-    assert code_of(*command, "--tyro-print-completion", "x") == 2
-    assert "bash, zsh" in capfd.readouterr().err

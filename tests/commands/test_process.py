@@ -1,18 +1,21 @@
-"""The program as a process: faults, interruptions, help, output, and programs on GPUs."""
+"""`iswarm clean` in this process and as one of its own: results, faults, interruptions, output, programs on GPUs."""
 
 import json
 import os
 import re
 import subprocess
 import sys
+from dataclasses import asdict
 
 import numpy as np
 import pytest
-from helpers_cli import SMALL, code_of, result
+from helpers_cli import ARENA_FLAGS, SMALL, code_of, result
 from helpers_rrd import read
 
+from iswarm_mj import __version__ as version
 from iswarm_mj.commands.main import parse
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.strategy.genome import PRESETS, Genome
 
 
 class TestFaults:
@@ -34,16 +37,6 @@ class TestFaults:
         assert read("out/clean.rrd")["/world/robots/body"]["step"] == list(range(9))
         (fault,) = result("out")["faults"]
         assert fault.startswith("step 8, world 0: the pose of robot 5 is not finite; ")
-
-
-def test_interruption_ends_quietly(capfd, here, monkeypatch):
-    def interrupted(*_):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(MujocoEngine, "sense", interrupted)
-    assert code_of("clean", *SMALL, "--steps", 20, "--out", "out") == 130
-    assert "Traceback" not in capfd.readouterr().err
-    assert result("out")["interrupted"] and result("out")["steps"] == 0
 
 
 def test_an_interruption_leaves_at_once():
@@ -123,3 +116,56 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
         assert parse(["bench", "--engine", "planar"]).engine_settings.impl == impl
         assert parse(["bench", "--engine", "planar", "--impl", "numba"]).engine_settings.impl == "numba"
         assert parse(["bench", "--engine", "mjx"]).engine_settings.impl == ("warp" if has_gpu else "jax")
+
+
+class TestClean:
+    def test_writes_results_and_prints_a_summary(self, small, capfd):
+        assert code_of("clean", *SMALL, "--steps", 30, "--seed", 3) == 0
+        out, _ = capfd.readouterr()
+        content = result()
+        assert content["config"] == json.loads(json.dumps(asdict(small)))
+        assert (content["seed"], content["n_robots"], content["steps"], content["stop_at"]) == (3, 30, 30, 24)
+        assert content["genome"] == asdict(PRESETS["type1"]) and content["engine"] == "mujoco"
+        for line in (
+            "robots  30 in 1 world(s), seed 3",
+            f"delivered  {content['delivered']} of 24 balls; picked up {content['picked']}",
+            f"collisions  {content['collisions']}",
+            f"fitness  {content['fitness']:.1f}",
+        ):
+            assert line in out
+        with np.load("runs/clean/trajectory.npz") as file:
+            assert file["delivered"][-1] == content["delivered"] and len(file["step"]) == 31
+
+    def test_stop_at(self):
+        assert code_of("clean", *SMALL, "--no-record", "--stop-at", 2, "--seed", 1) == 0
+        content = result()
+        assert 2 <= content["delivered"] < 24 and content["steps"] == content["finished_at"] < 800
+
+    def test_a_genome_file_and_single_parameters(self, here):
+        (here / "mine.json").write_text('{"p_vector_forget": 0.5, "fraction_scouts": 0.2}')
+        parameters = ["--genome=mine.json", "--fraction-scouts=0.4", "--use-hop-count=False"]
+        assert code_of("clean", *SMALL, *parameters, "--steps=2", "--no-record") == 0
+        expected = asdict(Genome(p_vector_forget=0.5, fraction_scouts=0.4, use_hop_count=False))
+        assert result()["genome"] == expected
+
+    def test_the_genome_tells_the_density(self):
+        for flags, n_robots in (([], 25), (["--genome", "type2"], 29), (["--density", "0.05"], 11)):
+            assert number_of_robots(*ARENA_FLAGS, *flags) == n_robots
+
+
+def number_of_robots(*flags):
+    """Number of robots that a run would have, without the run."""
+    seen = []
+
+    def clean(run, *_):
+        seen.append(run.settings.n_robots)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("iswarm_mj.workflows.clean.clean", clean)
+        assert code_of("clean", *flags) == 0
+    return seen[0]
+
+
+def test_version(capfd):
+    assert code_of("--version") == 0
+    assert capfd.readouterr() == (f"iswarm {version}\n", "")

@@ -14,12 +14,12 @@ from helpers_rrd import read
 from helpers_runs import check_balls, records, run_of
 from helpers_sensing import place
 from helpers_worlds import start_of
+from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import models_directory, read_robot
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.output.frames import RecordedWorld
-from iswarm_mj.output.rerun_swarm_view import ROBOTS, static_entities
 from iswarm_mj.sensors.optics import receive
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.run import Run

@@ -14,7 +14,7 @@ from iswarm_mj.sensors.optics import receive
 from iswarm_mj.utils.units import mm_from_rd
 
 sys.path.append(str(Path(__file__).parents[2] / "tools"))
-from draw_light import draw_light, light
+from draw_light import light
 
 ROBOT, OPTICS = read_robot(), OpticsConfig(mode="power")
 FRONT = np.ones(2000), np.zeros(2000)
@@ -39,9 +39,3 @@ def test_the_threshold_is_where_robots_stop_to_hear(radius):
     heard = receive(dx, dy, (-np.cos(angle), -np.sin(angle)), FRONT, ROBOT, optics).effective_distance < np.inf
     np.testing.assert_array_equal(light(distance, angle, ROBOT, optics) > 1, heard)
     assert 0.02 < heard.mean() < 0.7
-
-
-def test_the_figure(tmp_path):
-    draw_light(tmp_path / "light")
-    assert (tmp_path / "light.png").is_file()
-    assert (tmp_path / "light.svg").stat().st_size > 10_000

@@ -12,15 +12,7 @@ TOTALS = {"approach": (-10e-9, -50e-9, -90e-9, 3e-6), "retract": (3e-6, -40e-9, 
 
 def rows_of(voltage, radius, scale=1.0):
     return [
-        {
-            "direction": direction,
-            "voltage": voltage,
-            "radius": radius,
-            "gap": gap,
-            "adhesion": min(total, 0) * scale,
-            "electrostatic": -5e-9 if voltage else 0.0,
-            "total": total * scale,
-        }
+        {"direction": direction, "voltage": voltage, "radius": radius, "gap": gap, "total": total * scale}
         for direction in GAPS
         for gap, total in zip(GAPS[direction], TOTALS[direction], strict=True)
     ]
@@ -32,9 +24,6 @@ def test_snap_in_and_pull_off_are_where_the_samples_say():
     np.testing.assert_allclose(approach.force, [-10, -50, -90, 3000])
     assert snap_in(approach) == pytest.approx((1, -90))
     assert pull_off(retract) == pytest.approx((1, -200))
-
-
-def test_without_touch_there_is_no_snap_in():
     rows = [row for row in rows_of(0.0, 15e-6) if row["gap"] > 0]
     assert snap_in(curves_of(rows)[0]) is None
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from iswarm_mj.output.palette import EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.plot_swarm import draw_swarm, links, outlines, vectors
@@ -34,8 +35,6 @@ def test_each_pair_has_one_link():
 
 def test_robots_have_the_colours_of_their_states(tmp_path):
     """One robot of each kind on bare floor: as much of each colour."""
-    from PIL import Image
-
     frames = {
         "scene_arena_size": np.array(0.04),
         "scene_dump": np.array([-0.001, -0.001, 0.001, 0.001]),

@@ -1,17 +1,13 @@
-"""What Rerun may never end is left alone; columns of components."""
-
-import gc
-import threading
-from pathlib import Path
+"""Recordings for which there is no room; columns of components."""
 
 import numpy as np
 import pytest
 import rerun as rr
 import rerun.blueprint as rrb
+from helpers_files import full_disk
 
 from iswarm_mj.output import rerun_format
-from iswarm_mj.output.rerun_format import RrdFile, bounded
-from iswarm_mj.output.rerun_swarm import Recording
+from iswarm_mj.output.rerun_format import RrdFile
 from iswarm_mj.utils.errors import UserError
 
 
@@ -23,41 +19,14 @@ def unregistered(monkeypatch):
     return calls
 
 
-def test_a_call_ends_fails_or_is_left_alone():
-    done, never = [], threading.Event()
-    bounded(lambda: done.append(1))
-    assert done == [1]
-    with pytest.raises(ZeroDivisionError):
-        bounded(lambda: 1 / 0)
-    with pytest.raises(TimeoutError, match="not done"):
-        bounded(never.wait, 0.05)
-    never.set()
-
-
-def test_a_recording_that_cannot_be_closed_is_told(unregistered):
-    """As on a disk that became full; Python never forgets its stream, for whose thread Rerun would wait."""
-    forgotten = []
-    recording = object.__new__(Recording)
-
-    class Stream:
-        def flush(self, timeout_sec):
-            pass
-
-        def disconnect(self):
-            raise RuntimeError("it is gone")
-
-        def __del__(self):
-            forgotten.append(self)
-
-    recording._file, recording._result = object.__new__(RrdFile), {}
-    recording.stream = recording._file.stream = Stream()
-    recording._file._path, recording._file._given = Path("a.rrd"), "a.rrd"
-    with pytest.raises(UserError, match=r"'a.rrd' cannot be written \(it is gone\)"):
-        recording.close()
-    assert len(unregistered) == 1
-    del recording
-    gc.collect()
-    assert forgotten == []
+def test_a_limit_of_files_is_named(tmp_path):
+    """Rerun itself only logs it before it waits."""
+    with full_disk(2**20 + 100_000):
+        file = RrdFile("test", tmp_path / "clean.rrd", rrb.Blueprint())
+        file.stream.log("points", rr.Points3D(np.random.default_rng(0).random((200_000, 3))))
+        with pytest.raises(UserError, match="File too large"):
+            file.flush()
+    assert [file.name for file in tmp_path.iterdir()] == ["clean.rrd"]
 
 
 @pytest.mark.parametrize("content", [b"RRF2 and so on", b""])
@@ -68,6 +37,7 @@ def test_a_recording_without_its_end_is_told(tmp_path, unregistered, content):
     (tmp_path / "cut.rrd").write_bytes(content)
     with pytest.raises(UserError, match=r"cannot be written \(No space left"):
         file.close()
+    assert unregistered == [1]  # else Rerun would wait for a thread that has given up
 
 
 @pytest.mark.parametrize("lengths", [2, np.array([3, 0, 1, 2])])

@@ -1,21 +1,62 @@
-"""What recordings of a swarm show."""
+"""Recordings of a swarm, read back: what they show, that they are whole whatever happens, and the names of the docs."""
+
+import re
+import shutil
+import subprocess
+import sys
+from contextlib import closing
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers_rrd import read
-from helpers_swarm_recording import PERIOD, column, make_frames, make_scene, write
+from helpers_swarm_recording import PERIOD, column, cut, make_frames, make_scene, write
+from helpers_trace import bench_trace
+from rerun.chunk import RrdReader
 
 from iswarm_mj.output import shapes, swarm_classes
+from iswarm_mj.output.rerun_swarm import Recording, shown_lanes
+from iswarm_mj.output.rerun_trial import record_trace
+from iswarm_mj.output.swarm_classes import states, states_of
+from iswarm_mj.output.trajectory import AREA, METRIC
+from iswarm_mj.utils.errors import UserError
+
+sys.path.append(str(Path(__file__).parents[2] / "tools"))
+from make_tables import NAMES
 
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """A scene, its frames, and what was read back from their recording."""
-    scene = make_scene()
-    frames = make_frames(scene)
-    path = tmp_path_factory.mktemp("record") / "run.rrd"
+    """A scene with a metric, an area and a recorded number, its frames, and what was read back from their recording."""
+    scene, path = make_scene(), tmp_path_factory.mktemp("record") / "run.rrd"
+    names, units, sizes = scene.memory_names, scene.memory_units, scene.memory_sizes
+    memory = {"memory_names": (*names, "wait"), "memory_units": (*units, ""), "memory_sizes": (*sizes, 1)}
+    metric = {"metric_names": ("share",), "metric_units": ("",), "metric_descriptions": ("",)}
+    area = {"area_names": ("spot",), "area_colours": ((9, 9, 9),), "area_shapes": ("square",)}
+    scene, frames = scene._replace(**memory, **metric, **area), make_frames(scene)
+    frames.memory["wait"] = np.zeros(frames.pose.shape[:2])
+    frames.task.update({AREA + "spot": np.ones((len(frames), 1, 3)), METRIC + "share": np.ones(len(frames))})
     write(path, scene, frames)
     return scene, frames, read(path)
+
+
+def test_every_name_is_stated_and_exists(run):
+    found = set()
+    for entity, columns in run[2].items():
+        if "step" in columns:
+            for name in columns.keys() - {"step", "sim_time", "rerun.controls.RowId"}:
+                own, entity = name, re.sub(r"robot_\d+$", "robot_N", entity.removeprefix("/"))
+                found.add(
+                    tuple(
+                        re.sub(r"(?<=[/_])(dust|dump|wait|share|spot)$|^(dust|dump)(?=_)", "NAME", one)
+                        for one in (entity, own)
+                    )
+                )
+    stated = {(entity, component) for entity, component, *_ in NAMES}
+    assert found == stated - {("world/robots/body", "said_NAME")}  # the paper's messages are vectors and the priority
+    assert len(stated) == len(NAMES)
 
 
 def test_timelines(run):
@@ -122,3 +163,144 @@ def test_blocks_make_no_difference(run, tmp_path):
         if "step" in again[entity]:
             for name in again[entity].keys() - {"rerun.controls.RowId"}:
                 assert again[entity][name] == recorded[entity][name], (entity, name)
+
+
+def names(scene):
+    return [state.name for state in states(scene)]
+
+
+def of_robots(**more):
+    """A scene of six robots, and two frames in which their drives walk."""
+    scene = make_scene(6, 1)
+    walks = np.full((2, 6, 2), 1e-3, np.float32)
+    return scene._replace(**more), replace(make_frames(scene, 2), command=walks, is_alive=np.ones((2, 6), bool))
+
+
+def test_states_by_hand():
+    scene, frames = of_robots()
+    command, flags = frames.command.copy(), np.zeros((2, 6), bool)
+    command[:, 4] = 0
+    alive = ~flags
+    alive[1, 5] = False
+    loaded, dust, dump = flags.copy(), flags.copy(), flags.copy()
+    loaded[:, [2, 3]] = True
+    dust[:, [1, 2]], dump[:, [0, 3]] = True, True
+    vectors = dict.fromkeys(("dust_vector", "dump_vector"), np.ones((2, 6, 2), np.float32))
+    memory = {**frames.memory, **vectors, "dust_known": dust, "dump_known": dump}
+    found = states_of(scene, replace(frames, is_loaded=loaded, command=command, memory=memory, is_alive=alive))
+    shown = [[names(scene)[place] for place in row] for row in found]
+    wanted = ["empty", "empty, knows dust", "loaded", "loaded, knows dump", "empty, stands", "dead"]
+    assert shown[1] == wanted
+    assert shown[0] == [*wanted[:4], "empty", "empty"]  # nothing was commanded before the start
+
+
+def test_states_that_cannot_be_are_left_out():
+    scene, _ = of_robots(ball_radius=np.zeros(0), memory_names=(), memory_units=(), memory_sizes=())
+    assert names(scene) == ["empty", "empty, stands", "dead"]
+
+
+def test_lanes_hold_every_change_and_nothing_else(run):
+    scene, frames, recorded = run
+    found, changes = states_of(scene, frames), 0
+    for robot in shown_lanes(scene):
+        lane = recorded[f"/states/robot_{robot}"]
+        steps, given = np.array(lane["step"]), [state for (state,) in lane["StateChange:state"]]
+        assert steps[0] == 0 and all(a != b for a, b in pairwise(given))
+        held = [given[np.searchsorted(steps, step, side="right") - 1] for step in frames.step]
+        assert held == [names(scene)[place] for place in found[:, robot]]
+        changes += len(given) - 1
+    assert changes > 0
+    assert {entity for entity in recorded if entity.startswith("/states/")} == {
+        f"/states/robot_{n}" for n in shown_lanes(scene)
+    }
+
+
+def test_lanes_by_default_are_of_living_robots_from_the_first_to_the_last():
+    scene = make_scene(40)._replace(is_alive=np.arange(40) > 9)
+    chosen = shown_lanes(scene)
+    assert len(chosen) == 8 and (chosen[0], chosen[-1]) == (10, 39)
+    assert shown_lanes(make_scene(3)) == (0, 1, 2)
+    assert shown_lanes(make_scene(3)._replace(is_alive=np.zeros(3, bool))) == ()
+
+
+def test_every_robot_is_counted_once(run):
+    scene, frames, recorded = run
+    counts = np.stack(recorded["/series/states"]["Scalars:scalars"])
+    assert counts.shape == (len(frames), len(names(scene)))
+    assert (counts.sum(axis=1) == 40).all() and (counts.max(axis=0) > 0).sum() >= 3
+    loaded = [place for place, name in enumerate(names(scene)) if name.startswith("loaded")]
+    np.testing.assert_array_equal(counts[:, loaded].sum(axis=1), frames.is_loaded.sum(axis=1))
+
+
+def test_hop_counts_have_colours(run):
+    _, frames, recorded = run
+    robots = recorded["/world/robots/body"]
+    for name in ("dust", "dump"):
+        known, hops = frames.memory[f"{name}_known"], frames.memory[f"{name}_hop"]
+        colours = np.stack(robots[f"{name}_hop_colour"])
+        assert set(colours[~known]) == {0xAAAAAAFF}
+        assert set(colours[known & (hops == 0)]) == {0x440154FF}
+        assert len(set(colours[known])) == len(set(hops[known])) > 10
+
+
+@pytest.mark.filterwarnings("ignore:RRD file has no footer")
+def test_an_exception_leaves_a_complete_file_and_what_is_written_before_a_kill_is_readable(tmp_path):
+    scene = make_scene(5, 2)
+    frames = make_frames(scene, 9)
+    path = tmp_path / "run.rrd"
+    opened = closing(Recording(path, scene, {"a": {"b": "no|ne"}}, {}))
+    with pytest.raises(KeyboardInterrupt), opened as recording:
+        recording.append(cut(frames, 0, 4))
+        recording.append(cut(frames, 4, 6))
+        shutil.copy(path, tmp_path / "killed.rrd")
+        raise KeyboardInterrupt
+    assert read(tmp_path / "killed.rrd")["/world/links"]["step"] == list(range(6))
+    recorded = read(path)
+    assert recorded["/world/links"]["step"] == list(range(6))
+    assert recorded["/__properties/result"]["steps"] == [5] and recorded["/__properties/settings"]["a.b"] == ["no|ne"]
+    assert "| a.b | no/ne |" in recorded["/config"]["TextDocument:text"][0]
+    assert len(RrdReader(path).blueprints()) == 1
+    subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", path], check=True, capture_output=True)
+
+
+def swarm(path):
+    """Open the recording of a swarm."""
+    Recording(path, make_scene(5, 2), {}, {})
+
+
+def trial(path):
+    """Write the recording of a trial."""
+    record_trace(path, bench_trace(), {})
+
+
+@pytest.mark.parametrize("make", [swarm, trial])
+def test_switched_off_by_the_environment(tmp_path, monkeypatch, make):
+    monkeypatch.setenv("RERUN", "0")
+    (tmp_path / "run.rrd").write_text("old")
+    with pytest.raises(UserError, match=r"RERUN=0.*unset"):
+        make(tmp_path / "run.rrd")
+    assert (tmp_path / "run.rrd").read_text() == "old"
+
+
+def test_vectors_that_are_not_finite_are_not_drawn(tmp_path):
+    scene = make_scene(5, 2)
+    frames = make_frames(scene, 9)
+    vector = np.ones((9, 5, 2), np.float32)
+    vector[5:, 1] = np.nan
+    own = {"dump_known": np.ones((9, 5), bool), "dump_vector": vector}
+    write(tmp_path / "run.rrd", scene, replace(frames, memory={**frames.memory, **own}))
+    robots = read(tmp_path / "run.rrd")["/world/memory/dump"]["robot"]
+    assert [list(each) for each in robots] == [[0, 1, 2, 3, 4]] * 5 + [[0, 2, 3, 4]] * 4
+
+
+def test_a_world_without_balls_links_or_knowledge(tmp_path):
+    scene = make_scene(5, 2)._replace(ball_radius=np.zeros(0))
+    frames = make_frames(make_scene(5, 2), 4)
+    none = {name: np.zeros_like(frames.arrays()[name]) for name in ("link_valid", "is_loaded")}
+    none["memory"] = {**frames.memory, "dust_known": np.zeros((4, 5), bool), "dump_known": np.zeros((4, 5), bool)}
+    none |= {name: frames.arrays()[name][:, :0] for name in ("ball_position", "ball_state", "ball_holder")}
+    bare = replace(frames, **none)
+    write(tmp_path / "run.rrd", scene, bare, cuts=())
+    recorded = read(tmp_path / "run.rrd")
+    assert recorded["/world/links"]["LineStrips3D:strips"] == [[]] * 4
+    assert recorded["/world/balls/true_size"]["Points3D:positions"] == [[]] * 4

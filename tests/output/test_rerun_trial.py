@@ -8,8 +8,7 @@ from rerun.chunk import RrdReader
 
 from iswarm_mj import __version__
 from iswarm_mj.output.rerun_trial import record_trace
-from iswarm_mj.output.trace_lines import LINES
-from iswarm_mj.output.trial_shapes import trial_shapes
+from iswarm_mj.output.trial_shapes import LINES, trial_shapes
 
 SETTINGS = {"seed": 3, "protocol": {"step_voltage": 0.25}, "impl": None, "note": "a|b"}
 
@@ -37,18 +36,25 @@ def recorded(tmp_path_factory):
     return path, moving(path)
 
 
-def test_all_samples_are_there(recorded):
+def test_samples_and_time_series(recorded):
     trace = bench_trace()
     for entity, (seconds, _) in recorded[1].items():
         if not entity.startswith("/states"):
             np.testing.assert_allclose(seconds, trace.time, atol=1e-6, err_msg=entity)
+    for line in LINES:
+        wanted = np.broadcast_to(getattr(trace, line.field), len(trace.time)) * line.factor
+        values = recorded[1][f"/series/{line.name}"][1]["Scalars:scalars"]
+        np.testing.assert_allclose(np.concatenate(values), wanted, rtol=1e-12, err_msg=line.name)
 
 
-@pytest.mark.parametrize("line", LINES, ids=lambda line: line.name)
-def test_time_series(recorded, line):
-    _, columns = recorded[1][f"/series/{line.name}"]
-    wanted = np.broadcast_to(getattr(bench_trace(), line.field), len(bench_trace().time))
-    np.testing.assert_allclose(np.concatenate(columns["Scalars:scalars"]), wanted * line.factor, rtol=1e-12)
+def test_the_mark_is_on_the_ball_and_turns_with_it(recorded):
+    trace = bench_trace()
+    about_z = np.tile([np.sqrt(0.5), 0, 0, np.sqrt(0.5)], (len(trace.time), 1))
+    shapes = trial_shapes(trace._replace(ball_quaternion=about_z))
+    expected = np.tile(np.array([0.8, 0.3, 0.52]) * trace.radius * 1e6, (len(trace.time), 1))
+    np.testing.assert_allclose(shapes.mark - shapes.ball, expected, atol=1e-9)
+    ball, mark = (np.array(recorded[1][f"/world/{n}"][1]["Points3D:positions"]) for n in ("ball", "ball_mark"))
+    np.testing.assert_allclose(np.linalg.norm(mark - ball, axis=-1), RADIUS * 1e6, rtol=2e-3)
 
 
 def test_bodies_stand_where_they_stood(recorded):
@@ -81,20 +87,6 @@ def test_states_change_when_they_change(recorded):
     assert places == wanted
     potentials = [row[0] for row in recorded[1]["/states/potential"][1]["StateChange:state"]]
     assert potentials == ["plate's", "probe's", "plate's"]
-
-
-def test_the_mark_turns_with_the_ball():
-    trace = bench_trace()
-    about_z = np.tile([np.sqrt(0.5), 0, 0, np.sqrt(0.5)], (len(trace.time), 1))
-    shapes = trial_shapes(trace._replace(ball_quaternion=about_z))
-    expected = np.tile(np.array([0.8, 0.3, 0.52]) * trace.radius * 1e6, (len(trace.time), 1))
-    np.testing.assert_allclose(shapes.mark - shapes.ball, expected, atol=1e-9)
-
-
-def test_the_mark_is_on_the_ball(recorded):
-    ball = np.array(recorded[1]["/world/ball"][1]["Points3D:positions"])
-    mark = np.array(recorded[1]["/world/ball_mark"][1]["Points3D:positions"])
-    np.testing.assert_allclose(np.linalg.norm(mark - ball, axis=-1), RADIUS * 1e6, rtol=2e-3)
 
 
 def test_the_file_has_a_layout_and_its_settings(recorded):

@@ -1,4 +1,4 @@
-"""Results of earlier runs make way, and a file appears complete or not at all."""
+"""Results of a run, and how those of earlier ones make way."""
 
 from dataclasses import asdict
 from types import SimpleNamespace
@@ -13,18 +13,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.measures import Measures
-from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
-
-
-def test_a_directory_in_the_place_of_a_file(tmp_path):
-    (tmp_path / "result.json").mkdir()
-    said = r"result\.json cannot be written \(Is a directory\); move it away or choose another `out`$"
-    with pytest.raises(UserError, match=said):
-        results.clear(tmp_path)
-    with pytest.raises(UserError, match=said), results.atomic_write(tmp_path / "result.json") as part:
-        part.write_text("new")
-    assert [path.name for path in tmp_path.iterdir()] == ["result.json"]
 
 
 def test_a_run_that_finishes_early_is_rewarded_for_all_steps_left(small):

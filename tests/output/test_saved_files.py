@@ -6,13 +6,14 @@ from dataclasses import asdict
 import numpy as np
 import pyarrow.compute as pc
 import pytest
-from helpers_recorded import of_world
+from helpers_recorded import of_world, write_run
 from helpers_runs import run_of
 
 import iswarm_mj
 from iswarm_mj.config import READINGS, OpticsConfig, SwarmConfig
 from iswarm_mj.output.saved import restored
 from iswarm_mj.output.schema import dtype_of
+from iswarm_mj.output.stage import recorded
 from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.clean import clean
@@ -73,7 +74,8 @@ def copy(small_run, tmp_path):
                 (tmp_path / file.name).write_bytes(file.read_bytes())
         if arrays:
             with np.load(small_run / TRAJECTORY) as file:
-                values = {name: arrays.get(name, value) for name, value in file.items()}
+                own = {name: arrays[name](file[name]) if callable(arrays[name]) else arrays[name] for name in arrays}
+                values = dict(file) | own
             np.savez(tmp_path / TRAJECTORY, **{name: value for name, value in values.items() if value is not None})
         return tmp_path
 
@@ -88,57 +90,69 @@ def test_a_run_that_was_interrupted(small_run, copy):
     assert saved.robots.equals(of_world(whole.robots, 1))
 
 
-def test_a_trajectory_without_an_array(copy):
-    for name in ("pose", "scene_is_alive", "dust_hop"):
-        with pytest.raises(UserError, match=rf"is not the trajectory\.npz of a run, for it has no array `{name}`"):
-            iswarm_mj.load(copy(**{name: None}))
-
-
-@pytest.mark.parametrize("about", [b'{"config": {', b"[1]", b"\xff", b'{"config": {"arena": 1' + b"0" * 400 + b"}}"])
-def test_a_trajectory_that_does_not_say_what_it_is_of(copy, about):
-    place = copy(RESULT, **{ABOUT: np.bytes_(about)})
-    with pytest.raises(UserError, match=r"^[^\n]*trajectory\.npz [^\n]*; give the --out of a run[^\n]*\.$"):
-        iswarm_mj.load(place)
-
-
 def test_a_trajectory_that_needs_more_memory_than_there_is(copy, monkeypatch):
     monkeypatch.setattr("iswarm_mj.utils.memory.available_memory", lambda: 1000)
     with pytest.raises(UserError, match=r"it needs .* of memory"):
         iswarm_mj.load(copy())
 
 
-class TestNoRun:
-    def test_foreign_arrays(self, copy):
-        place = copy()
-        np.savez(place / TRAJECTORY, a=np.zeros(3))
-        with pytest.raises(UserError, match="no array `step`"):
-            iswarm_mj.load(place)
-        for arrays, said in (
-            ({"step": np.array([{}])}, "is cut off or no file of arrays"),
-            ({"pose": np.zeros((3, 2, 3))}, r"`pose` \(float64 \(3, 2, 3\)\) does not fit"),
-            ({"pose": np.zeros(4)}, r"`pose` \(float64 \(4,\)\) does not fit"),
-        ):
-            with pytest.raises(UserError, match=said):
-                iswarm_mj.load(copy(**arrays))
-        np.save(place / "a.npy", np.zeros(3))
-        with pytest.raises(UserError, match=r"a\.npy is cut off or no file of arrays"):
-            iswarm_mj.load(place / "a.npy")
+WRONG = [
+    ({"pose": None}, r"is not the trajectory\.npz of a run, for it has no array `pose`"),
+    ({"scene_is_alive": None}, "no array `scene_is_alive`"),
+    ({"dust_hop": None}, "no array `dust_hop`"),
+    ({"dust_hop": np.zeros((1, 3))}, "`dust_hop` is not there for each"),
+    ({"step": np.array([{}])}, "is cut off or no file of arrays"),
+    ({"step": np.zeros(0, np.int32)}, "does not fit|no steps"),
+    ({"step": lambda a: 2 * a}, "no steps that count from 0"),
+    ({"pose": lambda a: np.nan * a}, "finite numbers"),
+    ({"pose": lambda a: a[:, 1:]}, r"`\w+` \(\w+ \(.*\)\) does not fit"),
+    ({"pose": np.zeros(4)}, r"`pose` \(float64 \(4,\)\) does not fit"),
+    ({"is_loaded": lambda a: a.astype("U3")}, "does not fit"),
+    ({"scene_ball_radius": lambda a: 0 * a}, "finite numbers above 0"),
+    *(({ABOUT: np.bytes_(text)}, "give the --out of a run") for text in (b'{"config": {', b"[1]", b"\xff")),
+    ({"scene_payload": np.array("[]")}, "the recorded arrays do not fit each other"),
+    ({"scene_payload": np.array("[" * 9999)}, "the recorded arrays do not fit each other"),
+    ({"link_sender": lambda a: a + a.dtype.type(30)}, "the recorded arrays do not fit each other"),
+    ({"ball_state": lambda a: a + a.dtype.type(120)}, "the recorded arrays do not fit each other"),
+    ({"scene_memory_units": lambda a: a[:-1]}, "the recorded arrays do not fit each other"),
+]
 
-    def test_settings_of_a_later_version(self, copy):
-        place = copy()
-        content = json.loads((place / RESULT).read_text())
-        for group, name, value in (("arena", "colour", 3), ("optics", "mode", "radio")):
-            changed = content | {"config": content["config"] | {group: content["config"][group] | {name: value}}}
-            (place / RESULT).write_text(json.dumps(changed))
-            with pytest.raises(UserError, match=rf"trajectory\.npz.*{name}"):
-                iswarm_mj.load(place)
 
-    def test_two_trajectories_of_one_world(self, copy):
-        place = copy()
-        (place / "world-4").mkdir()
-        (place / "world-4" / TRAJECTORY).write_bytes((place / TRAJECTORY).read_bytes())
-        with pytest.raises(UserError, match=r"two trajectories are of world 1; read .* alone"):
+@pytest.mark.parametrize(("changed", "says"), WRONG)
+def test_arrays_that_no_run_has(copy, changed, says):
+    place = copy(RESULT, **changed)
+    with pytest.raises(UserError, match=rf"^[^\n]*({says})[^\n]*$"):
+        run = iswarm_mj.load(place)
+        assert run.robots and run.links and run.balls
+
+
+def test_files_that_are_no_run(copy):
+    place = copy()
+    content = json.loads((place / RESULT).read_text())
+    for group, name, value in (("arena", "colour", 3), ("optics", "mode", "radio")):
+        changed = content | {"config": content["config"] | {group: content["config"][group] | {name: value}}}
+        (place / RESULT).write_text(json.dumps(changed))
+        with pytest.raises(UserError, match=rf"trajectory\.npz.*{name}"):
             iswarm_mj.load(place)
+    (place / "world-4").mkdir()
+    (place / "world-4" / TRAJECTORY).write_bytes((place / TRAJECTORY).read_bytes())
+    with pytest.raises(UserError, match=r"two trajectories are of world 1; read .* alone"):
+        iswarm_mj.load(place)
+
+
+@pytest.mark.parametrize(
+    ("interrupted", "recording", "said"),
+    [(True, "run.rrd", r"was killed: .*`iswarm run --config"), (False, None, r"since no world was recorded")],
+)
+def test_a_run_without_a_trajectory(tmp_path, interrupted, recording, said):
+    """Of one that was killed there are its announcement and the recording until then."""
+    (write_run(tmp_path) / TRAJECTORY).unlink()
+    content = json.loads((tmp_path / RESULT).read_text())
+    (tmp_path / RESULT).write_text(json.dumps(content | {"interrupted": interrupted}))
+    if recording is not None:
+        (tmp_path / recording).touch()
+    with pytest.raises(UserError, match=rf"holds no trajectory\.npz, .*{said}"):
+        recorded(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -147,29 +161,6 @@ class TestNoRun:
 def test_configurations_come_back(config):
     assert restored(SwarmConfig, json.loads(json.dumps(asdict(config)))).optics == config.optics
     assert restored(SwarmConfig, asdict(config)) == config
-
-
-@pytest.mark.parametrize(
-    "name, values, table",
-    [
-        ("scene_payload", lambda a: np.array("[]"), "robots"),
-        ("scene_payload", lambda a: np.array("[" * 9999), "robots"),
-        ("link_sender", lambda a: a + a.dtype.type(30), "links"),
-        ("ball_state", lambda a: a + a.dtype.type(120), "balls"),
-        ("scene_memory_units", lambda a: a[:-1], "robots"),
-    ],
-)
-def test_values_that_no_run_has(small_run, copy, name, values, table):
-    with np.load(small_run / TRAJECTORY) as file:
-        spoilt = values(file[name])
-    run = iswarm_mj.load(copy(**{name: spoilt}))
-    with pytest.raises(UserError, match=r"^[^\n]*the recorded arrays do not fit each other"):
-        getattr(run, table)
-
-
-def test_memory_that_is_not_there_for_each_robot(small_run, copy):
-    with np.load(small_run / TRAJECTORY) as file, pytest.raises(UserError, match="`dust_hop` is not there for each"):
-        iswarm_mj.load(copy(dust_hop=file["dust_hop"][:, :-1]))
 
 
 def test_senders_beyond_the_numbers_of_sixteen_bits_are_kept():

@@ -9,7 +9,7 @@ from helpers_rrd import read
 from helpers_runs import run_of
 
 import iswarm_mj
-from iswarm_mj.output.rerun_names import SHOWN, UNITS
+from iswarm_mj.output.rerun_entities import SHOWN, UNITS
 from iswarm_mj.output.schema import ARRAYS, axes_of, dtype_of
 from iswarm_mj.output.tables import TABLES
 from iswarm_mj.output.trajectory import RECORDING, TRAJECTORY

@@ -7,15 +7,14 @@ import contextlib
 import io
 import os
 import re
-import subprocess
-import sys
 
 import numpy as np
 import pytest
-from helpers_cli import WALK, code_of
+from helpers_attacks import attack, pick
+from helpers_cli import SMALL, WALK, code_of
 from helpers_recorded import write_run
-from helpers_signals import SMALL
 from helpers_small import FLAGS
+from hypothesis import event
 
 from iswarm_mj.commands.flags import flag, settings
 from iswarm_mj.commands.main import COMMANDS
@@ -72,10 +71,6 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
-def pick(rng, values):
-    return values[rng.integers(len(values))]
-
-
 def given(rng, name, default, owner, part):
     """A flag with a value that it may take, or that it may not."""
     word, luck = flag(name), rng.random()
@@ -112,55 +107,46 @@ def answer(line):
     return {None: "accepted", 0: "answered", 1: "fault", 2: "refused"}[code]
 
 
-@pytest.mark.attack(30)
-def test_each_is_done_or_refused(attack, place, monkeypatch):
-    for name in STARTS:
-        monkeypatch.setattr(name, reach)
-    for rng in attack.generators():
-        line = command_line(rng)
-        with attack.case(line) as outcome:
-            outcome.append(answer(line))
-            assert outcome != ["fault"]
+@attack(30)
+def test_each_is_done_or_refused(place, seed):
+    line = command_line(np.random.default_rng(seed))
+    with pytest.MonkeyPatch.context() as patch:
+        for name in STARTS:
+            patch.setattr(name, reach)
+        outcome = answer(line)
+    event(outcome)
+    assert outcome != "fault", line
 
 
-@pytest.mark.attack(2)
-def test_what_is_accepted_runs(attack, place):
+@attack(2)
+def test_what_is_accepted_runs(place, seed):
     """To its end, or to a fault in a sentence; what it records is finite."""
-    few = ["--steps=2", "--robots=9", "--threads=1", *FLAGS]
-    for rng in attack.generators():
-        name, engine = pick(rng, ["clean", "clean", "bench"]), pick(rng, ["mujoco", "planar"])
-        more = command_line(rng, name)[1:]
-        named = {word.partition("=")[0] for word in more}
-        line = [name, *(word for word in [*few, f"--engine={engine}"] if word.partition("=")[0] not in named), *more]
-        if any(len(part) > 3 and part.isdigit() for word in line for part in word.split("=")):
-            continue  # many robots, worlds or steps
-        with attack.case(line) as outcome:
-            outcome.append(answer(line))
-            written = place / "runs" / "clean" / "trajectory.npz"
-            if outcome == ["answered"] and name == "clean" and written.exists():
-                with np.load(written) as file:
-                    assert all(np.isfinite(file[one]).all() for one in ("pose", "ball_position", "mean_speed"))
+    rng = np.random.default_rng(seed)
+    name, engine = pick(rng, ["clean", "clean", "bench"]), pick(rng, ["mujoco", "planar"])
+    more = command_line(rng, name)[1:]
+    named = {word.partition("=")[0] for word in more}
+    few = ["--steps=2", "--robots=9", "--threads=1", f"--engine={engine}", *FLAGS]
+    line = [name, *(word for word in few if word.partition("=")[0] not in named), *more]
+    if any(len(part) > 3 and part.isdigit() for word in line for part in word.split("=")):
+        return  # many robots, worlds or steps
+    written = place / "runs" / "clean" / "trajectory.npz"
+    event(outcome := answer(line))
+    if outcome == "answered" and name == "clean" and written.exists():
+        with np.load(written) as file:
+            assert all(np.isfinite(file[one]).all() for one in ("pose", "ball_position", "mean_speed")), line
 
 
-LONG = "n" * 300
-
-
-@pytest.mark.parametrize(
-    "line",
-    [["clean", "--genome", LONG], ["clean", "--out", LONG], ["picture", LONG], ["report", "--results", LONG]],
-    ids=str,
-)
-def test_names_of_files(tmp_path, monkeypatch, line):
+@pytest.mark.parametrize("line", [["clean", "--genome"], ["clean", "--out"], ["picture"], ["report", "--results"]])
+def test_names_of_files_that_are_too_long(tmp_path, monkeypatch, line):
     monkeypatch.chdir(tmp_path)
-    assert answer(line) == "refused"
+    assert answer([*line, "n" * 300]) == "refused"
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
 def test_output_to_a_full_disk(tmp_path):
-    command = [sys.executable, "-m", "iswarm_mj", "clean", *SMALL, "--steps=2", f"--out={tmp_path}"]
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
-    assert done.returncode == 2 and REFUSAL.fullmatch(done.stderr), done.stderr
-    assert "No space left on device" in done.stderr and (tmp_path / "result.json").exists()
+    error = io.StringIO()
+    with open("/dev/full", "w") as full, contextlib.redirect_stdout(full), contextlib.redirect_stderr(error):
+        assert code_of("clean", *SMALL, "--steps=2", f"--out={tmp_path}") == 2
+    assert "No space left on device" in error.getvalue() and (tmp_path / "result.json").exists()

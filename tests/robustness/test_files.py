@@ -4,15 +4,17 @@ import io
 import json
 import os
 import re
-import shutil
 import warnings
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from helpers_attacks import ODD_VALUES, attack, pick
 from helpers_files import little_memory
-from helpers_odd import ODD_VALUES
+from helpers_recorded import write_run
+from hypothesis import event
 
 from iswarm_mj import load
 from iswarm_mj.commands.main import parse
@@ -37,10 +39,6 @@ STRATEGY = b"class Walk:\n    init = picks = act = print\n"
 FOREIGN = [GENOME, STRATEGY, b"PAR1" * 9, b"PK\3\4" + bytes(60), b"\x89PNG\r\n", b"<mujoco/>", b"[]", b"{}", b""]
 NUMBER = re.compile(rb"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 ODD_NUMBERS = [b"nan", b"inf", b"-1", b"0", b"1e308", b"1e-320", b"-0.0", b"9" * 400, b"x", b"1 2", b"0x7f"]
-
-
-def pick(rng, values):
-    return values[rng.integers(len(values))]
 
 
 def garbled(rng, content):
@@ -139,27 +137,24 @@ def no_file(rng, path):
     return kind
 
 
-def attack_file(attack, path, good, read, odd=garbled):
-    """Put odd files where a good one belongs, and read them; `read` may raise a UserError of one line."""
-    path.write_bytes(good)
-    read()
-    for rng in attack.generators():
-        kind, luck = "garbled", rng.random()
-        path.unlink()
-        if luck < 0.08:
-            kind = no_file(rng, path)
-        else:
-            path.write_bytes(odd(rng, good) if luck < 0.5 else garbled(rng, good))
-        with attack.case(kind) as outcome, warnings.catch_warnings(), little_memory(2**31):
+def attack_file(rng, path, read, odd=garbled):
+    """Put something odd in the place of a good file, and read it; `read` may raise a UserError of one line."""
+    good, luck = path.read_bytes(), rng.random()
+    path.unlink()
+    if luck < 0.08:
+        event(no_file(rng, path))
+    else:
+        path.write_bytes(odd(rng, good) if luck < 0.5 else garbled(rng, good))
+    try:
+        with warnings.catch_warnings(), little_memory(2**31):
             warnings.simplefilter("ignore")
-            try:
-                read()
-                outcome.append("read")
-            except UserError as error:
-                assert "\n" not in str(error) and len(str(error)) < 3000, error
-                outcome.append("refused")
+            read()
+    except UserError as error:
+        assert "\n" not in str(error) and len(str(error)) < 3000, error
+        event("refused")
+    finally:
         path.rmdir() if path.is_dir() and not path.is_symlink() else path.unlink(missing_ok=True)
-        path.touch()
+        path.write_bytes(good)
 
 
 def parsed(flag, path, command="clean"):
@@ -172,9 +167,9 @@ def parsed(flag, path, command="clean"):
         raise UserError("explained") from None
 
 
-@pytest.mark.attack(4)
 @pytest.mark.parametrize("kind", ["genome", "robot", "strategy", "config", "weights"])
-def test_what_users_write(attack, tmp_path, kind):
+@attack(4)
+def test_what_users_write(tmp_path, kind, seed):
     save_weights(tmp_path / "good.npz", np.arange(9.0))
     robot, weights = (models_directory() / "robot6.xml").read_bytes(), (tmp_path / "good.npz").read_bytes()
     name, good, read, odd = {
@@ -184,7 +179,9 @@ def test_what_users_write(attack, tmp_path, kind):
         "config": ("x.toml", CONFIG, lambda path: parsed("--config", path), garbled),
         "weights": ("x.npz", weights, load_weights, odd_arrays),
     }[kind]
-    attack_file(attack, tmp_path / name, good, lambda: read(tmp_path / name), odd)
+    (tmp_path / name).write_bytes(good)
+    read(tmp_path / name)
+    attack_file(np.random.default_rng(seed), tmp_path / name, lambda: read(tmp_path / name), odd)
 
 
 def read_everything(out):
@@ -193,7 +190,7 @@ def read_everything(out):
 
     def tables():
         run = load(out)
-        assert run.units and run.scene and all(map(len, (run.robots, run.balls, run.links, run.steps)))
+        assert run.units and run.scene and all(map(len, (run.robots, run.balls, run.steps)))
 
     for read in (tables, lambda: recorded(out), lambda: inspection(out), lambda: parsed("--config", out / RESULT)):
         try:
@@ -204,17 +201,15 @@ def read_everything(out):
         raise refusals[0]
 
 
-@pytest.mark.attack(6)
 @pytest.mark.parametrize("name, alone", [(RESULT, False), (TRAJECTORY, False), (TRAJECTORY, True)])
-def test_runs(attack, recorded_run, tmp_path, name, alone):
+@attack(6)
+def test_runs(tmp_path, name, alone, seed):
     """Trajectories with and without a result.json, which says what they are."""
-    out = shutil.copytree(recorded_run, tmp_path / "run")
-    good = (out / name).read_bytes()
+    out = write_run(tmp_path)
     if alone:
         (out / RESULT).unlink()
-        attack_file(attack, out / name, good, lambda: load(out).robots, odd_arrays)
-    else:
-        attack_file(attack, out / name, good, lambda: read_everything(out), odd_json if name == RESULT else odd_arrays)
+    read = (lambda: load(out).robots) if alone else (lambda: read_everything(out))
+    attack_file(np.random.default_rng(seed), out / name, read, odd_json if name == RESULT else odd_arrays)
 
 
 def same(jobs, *_):
@@ -222,37 +217,38 @@ def same(jobs, *_):
     yield from ((index, outcome_of(Measures(1, 1, 1, 2.0, None), 9, 0.5)) for index in range(len(jobs)))
 
 
-@pytest.mark.attack(3)
-@pytest.mark.parametrize("kind", ["search", "experiment"])
-def test_journals(attack, tmp_path, monkeypatch, kind, capsys):
+@pytest.fixture
+def unwritten(monkeypatch):
+    """Searches and experiments without runs, tables and figures."""
     monkeypatch.setattr(pool, "run_jobs", same)
     for module in (search, experiment):
         monkeypatch.setattr(module, "write_table", lambda *_, **__: None)
     monkeypatch.setattr(search, "draw_fitness", lambda *_: None)
-    plan = experiment.Plan(quick=True)
+
+
+@pytest.mark.usefixtures("unwritten")
+@pytest.mark.parametrize("kind", ["search", "experiment"])
+@attack(3)
+def test_journals(tmp_path, kind, seed):
     made = experiment.Experiment("x", "", "", EXPERIMENTS["hop-count"].entries, lambda _: [], lambda *_: [])
 
     def read():
         if kind == "search":
             search.run_search(Search(generations=3, population=4), tmp_path)
         else:
-            experiment.run_experiment(made, plan, tmp_path)
-        capsys.readouterr()
+            experiment.run_experiment(made, experiment.Plan(quick=True), tmp_path)
 
     read()
     path = tmp_path / (search.CHECKPOINT if kind == "search" else experiment.RUNS)
-    attack_file(attack, path, path.read_bytes(), read)
+    attack_file(np.random.default_rng(seed), path, read)
 
 
-@pytest.mark.attack(2)
 @pytest.mark.parametrize("name", ["grasp/trials.parquet", "hop-count/hop_count.parquet", "types/types.parquet"])
-def test_tables(attack, tmp_path, name, capsys):
+@attack(2)
+def test_tables(tmp_path, name, seed):
     """A report names what cannot be used."""
     path = tmp_path / name
-    path.parent.mkdir()
-
-    def read():
-        report([tmp_path], tmp_path / "report.html")
-        capsys.readouterr()
-
-    attack_file(attack, path, (models_directory().parent / "results" / name).read_bytes(), read, odd_table)
+    path.parent.mkdir(exist_ok=True)
+    path.write_bytes((models_directory().parent / "results" / name).read_bytes())
+    read = partial(report, [tmp_path], tmp_path / "report.html")
+    attack_file(np.random.default_rng(seed), path, read, odd_table)

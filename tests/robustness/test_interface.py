@@ -7,8 +7,9 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from helpers_odd import ODD_VALUES
+from helpers_attacks import ODD_VALUES, attack, pick
 from helpers_worlds import start_of
+from hypothesis import event
 
 from iswarm_mj import (
     PRESETS,
@@ -42,25 +43,19 @@ class Reached(BaseException):
     """Everything was accepted."""
 
 
-@pytest.fixture(autouse=True)
-def nothing_is_computed(monkeypatch):
-    """Runs end where they would begin."""
-
-    def reach(*_):
-        raise Reached
-
-    monkeypatch.setattr("iswarm_mj.simulation.run.start_loop", reach)
+def reach(*_):
+    raise Reached
 
 
 def odd(rng):
-    return ODD[rng.integers(len(ODD))]
+    return pick(rng, ODD)
 
 
 def odd_settings(rng, cls):
     """An object of this class with one or two odd values."""
     usual = RunSettings(N, 2) if cls is RunSettings else cls()
     names = [f.name for f in fields(cls)]
-    return replace(usual, **{names[rng.integers(len(names))]: odd(rng) for _ in range(rng.integers(1, 3))})
+    return replace(usual, **{pick(rng, names): odd(rng) for _ in range(rng.integers(1, 3))})
 
 
 def odd_start(rng, config):
@@ -86,57 +81,46 @@ def odd_start(rng, config):
 
 def misuse(rng, small):
     """What is tried, and a call that does it."""
-    kind = rng.integers(7)
-    given = {"config": small, "genome": PRESETS["type1"], "settings": RunSettings(N, 2), "engine": MujocoSettings(1)}
-    match kind:
-        case 0 | 1:
-            cls = CLASSES[rng.integers(len(CLASSES))]
-            return cls.__name__, lambda: odd_settings(rng, cls)
-        case 2:
-            names = [*given, "worlds", "strategy", "strategy_per_world", "robot_file"]
-            name, value = names[rng.integers(len(names))], odd(rng)
-            return f"Run({name}={value!r:.60})", lambda: Run(**{**given, name: value})
-        case 3:
-
-            def begin():
-                world = World(PRESETS["type1"], N, start=odd_start(rng, small))
-                Run(**given, worlds=[world])
-
-            return "a start", begin
-        case 4:
-            names = ["n_robots", "steps", "engine", "strategy_per_world", "stop_at", "every", "poses_of", "record"]
-            name, value = [*names, "config", "strategy", "keys"][rng.integers(len(names) + 3)], odd(rng)
-            call = {"config": small, "strategy": PRESETS["type1"], "keys": jax.random.split(jax.random.key(0), 2)}
-            call |= {"n_robots": N, "steps": 2, "engine": MujocoSettings(1), name: value}
-            return f"rollout({name}={value!r:.60})", lambda: rollout(**call)
-        case 5:
-            names = ["task", "n_robots", "n_worlds", "engine", "config", "seed", "payload", "steps", "n_starts"]
-            name, value = [*names, "stop_at", "robot_file"][rng.integers(len(names) + 2)], odd(rng)
-            usual = {"config": small, "n_robots": N, "n_starts": 2, "n_worlds": 2, "engine": PlanarSettings(1)}
-            return f"make_env({name}={value!r:.60})", lambda: make_env(**{**usual, name: value})
-        case _:
-            value = odd(rng)
-            return f"load({value!r:.60})", lambda: load(value)
+    name, value, kind = "", odd(rng), rng.integers(7)
+    run = {"config": small, "genome": PRESETS["type1"], "settings": RunSettings(N, 2), "engine": MujocoSettings(1)}
+    rolled = {"config": small, "strategy": PRESETS["type1"], "keys": jax.random.split(jax.random.key(0), 2)}
+    rolled |= {"n_robots": N, "steps": 2, "engine": MujocoSettings(1)}
+    made = {"config": small, "n_robots": N, "n_starts": 2, "n_worlds": 2, "engine": PlanarSettings(1)}
+    calls = {
+        2: (Run, run, ["worlds", "strategy", "strategy_per_world", "robot_file"]),
+        3: (rollout, rolled, ["strategy_per_world", "stop_at", "every", "poses_of", "record"]),
+        4: (make_env, made, ["task", "seed", "payload", "steps", "stop_at", "robot_file"]),
+        5: (load, {}, ["path"]),
+    }
+    if kind in calls:
+        call, given, more = calls[kind]
+        name = pick(rng, [*given, *more])
+        return f"{call.__name__}({name}={value!r:.60})", lambda: call(**{**given, name: value})
+    if kind == 6:
+        return "a start", lambda: Run(**run, worlds=[World(PRESETS["type1"], N, start=odd_start(rng, small))])
+    cls = pick(rng, CLASSES)
+    return cls.__name__, lambda: odd_settings(rng, cls)
 
 
-@pytest.mark.attack(20)
-def test_each_is_refused_or_makes_sense(attack, small, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for rng in attack.generators():
-        about, call = misuse(rng, small)
-        with attack.case(about) as outcome, warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            try:
-                made = call()
-                outcome.append("accepted")
-                check_types(made)
-            except Reached:
-                outcome.append("accepted")
-            except UserError as error:
-                words = str(error).replace("ä\n", "").replace("9" * 5000, "")
-                assert "\n" not in words and len(words) < 1000, error
-                outcome.append("refused")
-    assert list(tmp_path.iterdir()) == []
+@attack(20)
+def test_each_is_refused_or_makes_sense(small, tmp_path_factory, seed):
+    about, call = misuse(np.random.default_rng(seed), small)
+    place = tmp_path_factory.mktemp("empty")
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        patch.chdir(place)
+        patch.setattr("iswarm_mj.simulation.run.start_loop", reach)  # runs end where they would begin
+        warnings.simplefilter("ignore")
+        try:
+            made = call()
+            event("accepted")
+            check_types(made)
+        except Reached:
+            event("accepted")
+        except UserError as error:
+            words = str(error).replace("ä\n", "").replace("9" * 5000, "")
+            assert "\n" not in words and len(words) < 1000, (about, error)
+            event("refused")
+    assert list(place.iterdir()) == []
 
 
 def check_types(settings):

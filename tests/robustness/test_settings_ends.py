@@ -10,7 +10,9 @@ from dataclasses import fields, replace
 import jax
 import numpy as np
 import pytest
+from helpers_attacks import attack, pick
 from helpers_worlds import start_of
+from hypothesis import event
 
 from iswarm_mj import MujocoSettings, PlanarSettings, Run, RunSettings, SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot
@@ -35,12 +37,12 @@ def end(rng, cls, name):
     limits = constraint_of(cls, name)
     if limits is None:
         words = SLOW.get(name) or list(choices(cls, name)) or [False, True]
-        return words[rng.integers(len(words))]
+        return pick(rng, words)
     if next(f.type for f in fields(cls) if f.name == name) is int or isinstance(getattr(cls(), name), int):
-        return int([limits.low, limits.low + 1, limits.high][rng.integers(3)])
+        return int(pick(rng, [limits.low, limits.low + 1, limits.high]))
     least = limits.least if isinstance(limits, Above) else limits.low
     values = [least, max(least, 1e-38), np.nextafter(least, limits.high), limits.high]
-    return float(values[rng.integers(len(values))])
+    return float(pick(rng, values))
 
 
 def moved(rng, config, names, n):
@@ -71,27 +73,17 @@ def busy_start(config, rng):
 
 
 def drawn(rng, small):
-    """A run whose worlds have settings at their ends, and what is unusual about it."""
+    """A run whose worlds have settings at their ends."""
     config = moved(rng, replace(small, energy=replace(small.energy, model="capacitor")), OF_RUNS, rng.integers(3))
-    worlds, told = [], []
+    worlds = []
     for _ in range(N_WORLDS):
         genome = replace(Genome(), **{f.name: end(rng, Genome, f.name) for f in fields(Genome) if rng.random() < 0.2})
         own = moved(rng, config, OF_WORLDS, rng.integers(1, 4))
         check_common(config, own)
         worlds.append(World(genome, N_ROBOTS, config=own, start=busy_start(own, rng)))
-        told.append(differences(config, own))
     engine = PlanarSettings(1) if rng.random() < 0.8 else MujocoSettings(1)
-    about = f"{type(engine).__name__}, {differences(small, config)}, worlds {told}"
     settings = RunSettings(N_ROBOTS, N_STEPS, n_worlds=N_WORLDS, record_worlds=tuple(range(N_WORLDS)))
-    return about, lambda: Run(config, settings=settings, engine=engine, worlds=worlds)
-
-
-def differences(usual, config):
-    """Settings in which a configuration is not the usual one."""
-    pairs = [(part, name, getattr(getattr(config, part), name)) for part, name in SETTINGS]
-    return ", ".join(
-        f"{part}.{name}={value!r}" for part, name, value in pairs if value != getattr(vars(usual)[part], name)
-    )
+    return Run(config, settings=settings, engine=engine, worlds=worlds)
 
 
 def check(record, faults):
@@ -114,15 +106,13 @@ def compiled(small):
 
 
 @pytest.mark.slow
-@pytest.mark.attack(2)
 @pytest.mark.usefixtures("compiled")
-def test_numbers_stay_finite(attack, small):
-    for rng in attack.generators():
-        about, begin = drawn(rng, small)
-        with attack.case(about) as outcome, warnings.catch_warnings():
-            warnings.simplefilter("error")
-            run = begin()
-            while not run.is_over:
-                record = run.advance()
-                check(record, run.fault_of_each)
-            outcome.append("with faults" if any(run.faults) else "done")
+@attack(2)
+def test_numbers_stay_finite(small, seed):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = drawn(np.random.default_rng(seed), small)
+        while not run.is_over:
+            record = run.advance()
+            check(record, run.fault_of_each)
+        event("with faults" if any(run.faults) else "done")

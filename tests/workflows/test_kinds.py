@@ -16,7 +16,7 @@ import iswarm_mj
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import as_robot_file, files_of, models_directory, read_robots
 from iswarm_mj.output.plot_swarm import outlines
-from iswarm_mj.output.rerun_swarm_view import static_entities
+from iswarm_mj.output.rerun_entities import entities
 from iswarm_mj.output.schema import ROBOTS
 from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.simulation.run import Run
@@ -66,7 +66,7 @@ def test_recordings_and_pictures_show_both_hulls(files, out, monkeypatch):
     """Pictures need the files of the run: their arena has the hull of each robot."""
     monkeypatch.setattr("mujoco.Renderer", MagicMock())
     run = iswarm_mj.load(out)
-    sizes = dict(static_entities(run.scene))[ROBOTS].half_sizes.as_arrow_array().to_pylist()
+    sizes = {one.name: one.look for one in entities(run.scene)}[ROBOTS].half_sizes.as_arrow_array().to_pylist()
     np.testing.assert_allclose([sizes[7], sizes[8]], [[1, 1, 0.5], [1.2, 0.8, 0.5]])
     corners = outlines(np.zeros((N, 3)), run.scene.robot_size[:, :2])
     np.testing.assert_allclose(np.ptp(corners, axis=1)[[7, 8]], [[2e-3, 2e-3], [2.4e-3, 1.6e-3]])
