@@ -17,9 +17,11 @@ from iswarm_mj.engines.mjx.arena import ContactCapacity, compile_mjx_arena
 from iswarm_mj.engines.mjx.contacts import box_box, plane_box
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mjx.motion import overlapping
+from iswarm_mj.engines.mjx.rays import entries
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import FaultKind
+from iswarm_mj.utils.obstacles import numbers
 
 ROBOT = read_robot()
 N, WORLDS = 40, 20
@@ -186,3 +188,12 @@ def test_squares_overlap_as_by_hand():
     assert not np.any(both(2.01, 0, 0)) and not np.any(both(0, -2.01, 0))
     assert np.any(both(2.40, 0, 45)) and not np.any(both(2.42, 0, 45))  # 1 + sqrt 2
     assert not np.any(both(2.15, 2.15, 45)) and np.any(both(1.6, 1.6, 45))  # a corner beside a corner
+
+
+def test_ways_into_boxes_by_hand():
+    boxes = jnp.asarray(numbers([(3.0, 0.0, 1.0, 2.0, 0.0), (0.0, 6.0, 1.0, 1.0, 45.0)]), jnp.float32)
+    origin = jnp.zeros((6, 2)).at[4].set(jnp.array([-1.0, 0]))
+    way = jnp.array([[4.0, 0], [1.0, 0], [-4.0, 0], [0, 6.0], [4.0, 4.2], [0.0, 0.0]])
+    expected = [0.5, np.inf, np.inf, (6 - np.sqrt(2)) / 6, np.inf, np.inf]
+    np.testing.assert_allclose(entries(origin, way, boxes), expected, rtol=1e-6)
+    assert entries(jnp.array([3.5, 1.0]), jnp.array([9.0, 0.0]), boxes) == 0  # from inside

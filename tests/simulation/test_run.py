@@ -7,12 +7,11 @@ from helpers_mjx import compilations
 from helpers_runs import N, check_balls, end_of, first_step, poses_of, records, run_of
 from helpers_worlds import centres
 
-from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
 
 TYPE1 = PRESETS["type1"]
@@ -86,16 +85,6 @@ class TestMeasures:
 
 
 class TestKindsOfSwarm:
-    def test_scouts_that_pick_in_a_tiny_arena_by_received_power(self):
-        arena = ArenaConfig(size=10, dump_size=2, dust_area_size=2, dust_area_offset=3.5, n_dust=4)
-        tiny = SwarmConfig(arena, optics=OpticsConfig(mode="power"), strategy=StrategyConfig(scouts_pick=True))
-        run = run_of(tiny, Genome(fraction_scouts=1.0), n_robots=12, steps=150)
-        n_links = 0
-        for record in records(run):
-            check_balls(run, record)
-            n_links += record.links.valid.sum()
-        assert run.measures(0).picked > 0 and n_links > 100
-
     def test_without_light_all_keep_what_they_know_to_themselves(self, small, monkeypatch):
         """Nobody knows of a dump without having stood on it."""
         monkeypatch.setattr("iswarm_mj.engines.mujoco.sight.find_links", lambda poses, *_: _nobody(poses))
@@ -123,10 +112,10 @@ def test_the_start_is_recorded_too(small):
 
 
 def test_only_recorded_worlds_are_returned(small):
-    every, some, none = (run_of(small, n_worlds=3, steps=2, record_worlds=w) for w in ((0, 1, 2), (2, 0), ()))
+    every, some, none = (run_of(small, n_worlds=2, steps=2, record_worlds=w) for w in ((0, 1), (1, 0), ()))
     assert none.advance() is None
-    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [2, 0]], b), every.start, some.start)
-    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [2, 0]], b), every.advance(), some.advance())
+    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [1, 0]], b), every.start, some.start)
+    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [1, 0]], b), every.advance(), some.advance())
 
 
 def test_the_dead_neither_move_nor_send_nor_carry(small):
