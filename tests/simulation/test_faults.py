@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from iswarm_mj.simulation.faults import MAX_LISTED, decode, summary
+from iswarm_mj.simulation.standing import MAX_LISTED, decode, summary
 from iswarm_mj.simulation.state import Fault
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome

@@ -7,21 +7,17 @@ import pytest
 from helpers_neural import CONFIG, ROBOT, does, sees, strategy
 from helpers_robots import robot_file
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.believed import Belief
 from iswarm_mj.strategy.declared import payload_of
-from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.network import MOST_WEIGHTS, Shape, forward, load_weights, save_weights
 from iswarm_mj.strategy.neural import INPUTS, N_WEIGHTS, SHIPPED, WAYS, Neural, untrained
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
-from iswarm_mj.workflows.rollout import rollout
 
 
 class TestNetwork:
@@ -187,19 +183,9 @@ def test_the_shipped_weights_are_small_and_used():
     assert (np.asarray(shipped.weights) != np.asarray(begins.weights)).mean() > 0.9
 
 
-def test_trained_robots_beat_the_papers(tmp_path):
-    """In a small arena; 12 balls, 20 robots, the same two worlds."""
-    config = SwarmConfig(ArenaConfig(size=20, dust_area_size=4, dust_area_offset=6, n_dust=12))
-    keys = jax.random.split(jax.random.key(5), 2)
-    shared = {"n_robots": 40, "steps": 120, "engine": PlanarSettings(1), "every": 120}
-    found = [rollout(config, one, keys, **shared) for one in (Neural(), PRESETS["type1"])]
-    assert found[0].is_finished.all() and found[0].delivered.sum() > found[1].delivered.sum()
-
-
 @pytest.mark.parametrize(
     "engine",
     [
-        MujocoSettings(1),
         PlanarSettings(1),
         pytest.param(PlanarSettings(impl="warp", chunk=5), marks=pytest.mark.slow),
         pytest.param(MjxSettings(chunk=5), marks=pytest.mark.slow),
