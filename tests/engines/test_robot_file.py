@@ -98,14 +98,9 @@ def without(kind, name):
     ("text", "reason"),
     [
         ("<mujoco", "cannot be read as MJCF"),
-        ("<mujoco><nothing/></mujoco>", "cannot be read as MJCF"),
         ("<mujoco/>", "lacks body robot, body visual, joint x, .* geom hull, .* site probe_tip, site led0"),
         (without("body", "visual"), "lacks body visual"),
-        (without("geom", "hull"), "lacks geom hull"),
-        (without("site", "led0"), "lacks site led0"),
         (without("site", "photodiode2b"), "lacks site photodiode2b"),
-        (without("site", "probe_tip"), "lacks site probe_tip"),
-        (without("joint", "yaw"), "lacks joint yaw"),
         (PAPER.replace('size="1 1 0.5" mass="10"', 'size="1 1 0.5" mass="0"'), "cannot be compiled"),
         (PAPER.replace('name="x" class="drive"', 'name="x" class="drive" ref="1"'), "joints without ref"),
         (PAPER.replace('"drive" axis="1 0 0"', '"drive" axis="0 0 1"'), "the joints x and"),
@@ -146,14 +141,12 @@ def joint_x(attributes):
     ("text", "part"),
     [
         (appended('<equality><weld body1="robot"/></equality>'), "equality constraints"),
-        (appended('<equality><joint joint1="x"/></equality>'), "equality constraints"),
         (appended('<tendon><fixed><joint joint="x" coef="1"/></fixed></tendon>'), "tendons"),
         (appended('<actuator><position joint="x" kp="1"/></actuator>'), "actuators"),
         (appended('<contact><pair geom1="hull" geom2="hull"/></contact>'), "contact pairs"),
         (appended('<contact><exclude body1="robot" body2="world"/></contact>'), "contact exclusions"),
         (joint_x('limited="true" range="-1 1"'), "joint limits"),
         (joint_x('stiffness="1e6"'), "joint stiffness"),
-        (joint_x('stiffness="0 1"'), "joint stiffness"),
         (joint_x('damping="100 1"'), "damping that grows with speed"),
         (joint_x('frictionloss="1e9"'), "friction loss"),
     ],
@@ -170,14 +163,10 @@ BODY = '<body name="robot"'
 ENDLESS = {
     "replicate": (BODY, '<replicate count="2000000000" offset="1 0 0"><site/></replicate>' + BODY),
     "composite": (BODY, '<composite type="cable" count="50000000 1 1" curve="s" size="1"/>' + BODY),
-    "flexcomp": (BODY, '<flexcomp name="f" type="grid" count="50000000 1 1"/>' + BODY),
-    "attach": (BODY, '<attach model="other" body="robot" prefix="a"/>' + BODY),
     "hfield": ("<asset>", '<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/>'),
-    "model": ("<asset>", '<asset><model name="other" file="pipe"/>'),
     "include": ("<asset>", '<include file="pipe"/><asset>'),
     "DOCTYPE": ("<mujoco ", '<!DOCTYPE a [<!ENTITY b "c">]><mujoco '),
     "nkey": ('nkey="0"', 'nkey="2000000000"'),
-    "nuser_site": ('nkey="0"', 'nuser_site="4097"'),
     "width": ("<asset>", '<asset><texture name="t" type="2d" builtin="flat" width="100000" height="10000"/>'),
 }
 
@@ -216,11 +205,6 @@ def test_a_file_that_mujoco_warns_of_leaves_no_log(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="cannot be compiled"):
         read_robot(path)
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
-
-
-def test_a_file_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(UserError, match=r"nowhere\.xml"):
-        read_robot(tmp_path / "nowhere.xml")
 
 
 @pytest.mark.parametrize(("height", "runs"), [(0.7, True), (0.69, False)])

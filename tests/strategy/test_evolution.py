@@ -227,8 +227,6 @@ def test_a_seed_tells_all():
     "values, message",
     [
         ({"elite": -1}, r"operators\.elite must be a whole number at least 0 \(got -1\)"),
-        ({"span": 1.5}, r"operators\.span must be .*\(got 1\.5\)"),
-        ({"dependent_rate": float("nan")}, r"operators\.dependent_rate must be .*\(got nan\)"),
         ({"boolean_mutation": "turn"}, r"operators\.boolean_mutation must be flip or redraw or keep \(got 'turn'\)"),
         ({"density_min": 0.0}, r"operators\.density_min must be above 0.*\(got 0\.0\)"),
         ({"density_max": 0.005}, r"operators\.density_max must be at least `operators.density_min` \(got 0\.005\)"),

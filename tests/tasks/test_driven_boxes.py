@@ -125,7 +125,6 @@ class Odd(Lift):
 WRONG = {
     "no numbers": (Odd("none"), r"boxes of Odd.lay_boxes: arena.boxes must be boxes of 7 numbers each"),
     "beyond": (Odd(((9, 0, 1, 1, 0, 0, 0),)), r"boxes of Odd.lay_boxes: arena.boxes\[0\] must be inside the walls"),
-    "friction": (Odd(((4, 0, 1, 1, 0, 0, 0.1),)), "a box without friction where its mass is 0"),
     "mass": (Odd(((4, 0, 1, 1, 0, 2, 0.1),)), "a mass from 1e-08 to 0.01 kg, or 0 where robots cannot push it"),
 }
 
