@@ -123,24 +123,25 @@ class TestWorldsOfDifferentSize:
 
 
 class TestWhatDoesNotFit:
-    @pytest.mark.parametrize("field", ["poses", "is_alive"])
-    def test_starts_of_other_sizes(self, small, field):
-        start = start_of(small, 5, 0, 0)
-        start = start._replace(**{field: getattr(start, field)[:4]})
-        with pytest.raises(ConfigError, match=rf"start\.{field} must be an array of shape \(5"):
-            Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
-
-    def test_starts_with_other_balls(self, small):
-        start = start_of(small, 5, 0, 0)
-        start = start._replace(task=jax.tree.map(lambda values: values[:7], start.task))
-        with pytest.raises(
-            ConfigError, match=r"start\.task\.position must be an array of shape \(24, 2\) \(got \(7, 2\)\)"
-        ):
-            Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
-
-    def test_starts_of_another_task(self, small):
-        start = start_of(small, 5, 0, 0)._replace(task={"light": np.zeros(5)})
-        with pytest.raises(ConfigError, match=r"start\.task must be as the task lays it out, .*Balls.*light"):
+    @pytest.mark.parametrize(
+        ("change", "words"),
+        [
+            (lambda s: s._replace(poses=s.poses[:4]), r"start\.poses must be an array of shape \(5"),
+            (lambda s: s._replace(is_alive=s.is_alive[:4]), r"start\.is_alive must be an array of shape \(5"),
+            (
+                lambda s: s._replace(task=jax.tree.map(lambda values: values[:7], s.task)),
+                r"start\.task\.position must be an array of shape \(24, 2\) \(got \(7, 2\)\)",
+            ),
+            (
+                lambda s: s._replace(task={"light": np.zeros(5)}),
+                r"start\.task must be as the task lays it out, .*Balls",
+            ),
+        ],
+        ids=["poses", "dead", "balls", "task"],
+    )
+    def test_starts(self, small, change, words):
+        start = change(start_of(small, 5, 0, 0))
+        with pytest.raises(ConfigError, match=words):
             Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
 
     @pytest.mark.parametrize("values", [{"n_robots": 0}, {"seed": -1}, {"index": -1}, {"failed_fraction": 5.0}])

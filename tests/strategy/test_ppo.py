@@ -114,29 +114,6 @@ def test_the_loss_by_hand():
         assert found == pytest.approx(-np.mean(gains) + 0.5 * ((value - target) ** 2).mean(), rel=1e-4)
 
 
-def test_only_the_network_and_the_critic_change():
-    """No gradient goes through memory: the numbers of trust are kept."""
-    rng, shape = np.random.default_rng(5), (4, 2, 4)
-    learner = object.__new__(Learner)
-    learner.strategy = untrained(SMALL, read_robot())
-    begin, learner._update, learner._params = ppo_neural.adam(ppo_neural.RATE)
-    first = {"policy": learner.strategy.weights, "critic": jnp.asarray(rng.normal(size=CRITIC.n_weights), jnp.float32)}
-    sizes = (*shape, SHAPE.inputs), (*shape, len(WAYS), 2), (*shape, 4)
-    episode = [jnp.asarray(rng.normal(size=size), jnp.float32) for size in sizes]
-    episode += [
-        jnp.ones((*shape, 4), bool),
-        jnp.ones((4, 2, 3)),
-        jnp.asarray(rng.normal(0, 20, shape)),
-        jnp.ones((4, 2), bool),
-    ]
-    state, number = jax.jit(learner._improves)(begin(first), 0, jax.random.key(0), episode)
-    after = learner._params(state)
-    trust = slice(SHAPE.n_weights, None)
-    np.testing.assert_array_equal(after["policy"][trust], first["policy"][trust])
-    assert number == ppo_neural.EPOCHS * ppo_neural.PARTS and (after["critic"] != first["critic"]).mean() > 0.9
-    assert (after["policy"] != first["policy"]).any()
-
-
 @pytest.mark.slow
 def test_without_noise_robots_do_what_they_do_in_a_run():
     learner = Learner(SMALL, N, STEPS, 1, SEED)
