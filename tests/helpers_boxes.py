@@ -3,6 +3,7 @@
 import numpy as np
 
 from iswarm_mj.config import ArenaConfig
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.units import RD
 
@@ -11,7 +12,7 @@ BOXES = (
     (4.0, 3.0, 1.0, 0.6, 30.0, 4e-6, 0.005),
     (-4.0, -3.0, 0.7, 0.7, 45.0, 8e-6, 0.01),
     (0.0, 5.0, 2.4 / RD / 2, 1.6 / RD / 2, 0.0, 5e-6, 0.003),
-    (-5.0, 4.0, 1.2, 0.3, 10.0, 1e-5, 0.002),
+    (-4.5, 4.0, 1.2, 0.3, 10.0, 1e-5, 0.002),
     (3.0, -4.0, 0.6, 0.6, 0.0, 3e-5, 0.5),
 )
 
@@ -21,3 +22,14 @@ def placed(engine, robots, boxes):
     robots = np.asarray(robots, float)
     start = np.tile(poses_of(boxes), (len(robots), 1, 1))
     return engine.place(np.concatenate([robots, start], axis=1), np.ones(robots.shape[:2], bool))
+
+
+def at_start(engine, bodies, poses, velocities):
+    """Put robots and boxes at poses (*B, N + M, 3) with these velocities."""
+    if isinstance(engine, MujocoEngine):
+        engine._qpos[:, engine._arena.qpos], engine._qvel[:, engine._arena.qpos] = poses, velocities
+        engine._batch.forward()
+        return bodies._replace(poses=np.array(poses))
+    name = "velocities" if hasattr(bodies, "velocities") else "velocity"
+    dtype = np.asarray(bodies.poses).dtype
+    return bodies._replace(**{"poses": np.asarray(poses, dtype), name: np.asarray(velocities, dtype)})

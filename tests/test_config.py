@@ -37,15 +37,6 @@ def test_defaults_are_table_1():
     assert (optics.p_communication_break, optics.mode) == (0.1, "sector")
 
 
-def test_choices_where_the_paper_is_silent():
-    config = SwarmConfig()
-    assert (config.arena.dump_size, config.arena.dust_area_size, config.arena.dust_area_offset) == (5.0, 6.0, 12.0)
-    assert (config.arena.ball_radius_min, config.arena.ball_radius_max) == (15e-6, 25e-6)
-    assert (config.drive.control_period, config.drive.timestep) == (1.0, 0.1)
-    assert (config.strategy.dust_range, config.strategy.random_turn) == (0.75, 30.0)
-    assert not config.strategy.scouts_pick and config.gripper.drop_rate == 0.0
-
-
 def test_units():
     """The diagonal of 2 x 2 mm; 0.5 rd a second is 1.414 mm/s."""
     assert pytest.approx(2 * math.sqrt(2)) == RD == ROBOT_DIAMETER / MM

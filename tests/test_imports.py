@@ -6,8 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 import iswarm_mj
 
 LAWS = ["adhesion", "detachment", "electrostatics", "humidity", "probe_table"]
@@ -53,22 +51,6 @@ def test_simulation_does_without_the_bench_and_mjx():
 
 
 MODULES = sorted(Path(iswarm_mj.__file__).parent.rglob("*.py"))
-
-
-@pytest.mark.parametrize(
-    "path", [path for path in MODULES if path.stem == "__init__"], ids=lambda path: path.parent.name
-)
-def test_packages_import_nothing_of_the_package(path):
-    """Importing a law must not import what lies beside it. The root and environments offer what is asked for."""
-    body = ast.parse(path.read_text()).body
-    nodes = [node for node in body if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")]
-    found = [part for node in nodes for part in ast.walk(node) if isinstance(part, ast.Import | ast.ImportFrom)]
-    lazy = {
-        "from importlib import import_module",
-        "from typing import TYPE_CHECKING, Any",
-    }
-    offers = path in (Path(iswarm_mj.__file__), Path(iswarm_mj.__file__).parent / "envs" / "__init__.py")
-    assert {ast.unparse(node) for node in found} <= {"import os"} | (lazy if offers else set())
 
 
 def test_it_offers_what_it_names():

@@ -11,7 +11,7 @@ from iswarm_mj.engines.base import Mapping, Motion, Sight
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.strategy.contract import check_has, compare, shapes_of
-from iswarm_mj.strategy.pytrees import as_pytree
+from iswarm_mj.strategy.pytrees import as_arrays, as_pytree
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
@@ -63,12 +63,7 @@ def make_compiled_engine(
     with user_code(name):
         engine = settings.compiled_engine(model, n_worlds, platform)
     found = _checked(engine, name, ("mapping", *METHODS), model, robot)
-    for leaf in jax.tree.leaves(as_pytree(engine, "engine")):
-        if not isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float):
-            raise UserError(
-                f"engine {type(engine).__name__} holds a {type(leaf).__name__} where JAX expects an array; make what "
-                'is no array static, by field(metadata={"static": True})'
-            )
+    as_arrays(as_pytree(engine, "engine"), f"engine {type(engine).__name__}")
     return found
 
 

@@ -18,10 +18,10 @@ from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.output.trajectory import areas_of
+from iswarm_mj.simulation.given import to_json
 from iswarm_mj.simulation.start import start_record
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.step import mean_step
-from iswarm_mj.simulation.strategies import to_json
 
 SHOT = Shot("above", (480, 480), fine=False)
 """Of pictures by default; on a CPU one of 100 robots takes some 10 ms."""

@@ -13,6 +13,7 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.common import check_common
+from iswarm_mj.simulation.given import of_all_worlds, of_worlds, to_json
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.memory_check import check_memory
 from iswarm_mj.simulation.settings import RunSettings
@@ -20,8 +21,6 @@ from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.standing import Standing
 from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.state import StepRecord, SwarmState
-from iswarm_mj.simulation.strategies import of_all_worlds, to_json
-from iswarm_mj.simulation.tasks import of_worlds
 from iswarm_mj.simulation.worlds import World, conditions_of_worlds, vector_strategies
 from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome

@@ -13,10 +13,10 @@ from iswarm_mj.engines.registry import ENGINES, check_settings
 from iswarm_mj.engines.robot_file import as_robot_file, check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.simulation.common import program_config
+from iswarm_mj.simulation.given import ENDLESS, Job, goal_of, job_of
 from iswarm_mj.simulation.initial import Start, boxed, check_boxes
 from iswarm_mj.simulation.memory_check import check_memory, devices_of
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.tasks import ENDLESS, Job, goal_of, job_of
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.layout import cell_of, check_robots

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
-from iswarm_mj.strategy.beside import add_folder
+from iswarm_mj.strategy.sources import add_folder
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 from iswarm_mj.utils.files import check_file

@@ -8,6 +8,8 @@ from types import NoneType
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 
 from iswarm_mj.strategy.contract import check_has
 from iswarm_mj.utils.errors import UserError
@@ -76,6 +78,31 @@ def as_pytree(given: Any, what: str) -> Any:
                 f"{name}.{field} is compiled in and must not change, but is a {kind}; use a tuple"
             ) from None
     return given
+
+
+def as_arrays(given: Any, what: str) -> Any:
+    """Return an object that JAX can handle with all its numbers as arrays.
+
+    Args:
+        given: see `as_pytree`.
+        what: it is, as "task Cleaning".
+
+    Raises:
+        UserError: it holds something else.
+    """
+    for leaf in jax.tree.leaves(given):
+        if not is_number(leaf):
+            raise UserError(
+                f"{what} holds a {type(leaf).__name__} where JAX expects an array; make what is no array static, by "
+                'field(metadata={"static": True}), or its class a pytree by jax.tree_util.register_dataclass'
+            )
+    # With types named, or numbers without one of their own would make another program.
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), given)
+
+
+def is_number(leaf: Any) -> bool:
+    """Return whether JAX takes something for an array."""
+    return isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float)
 
 
 @cache

@@ -11,7 +11,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.strategy.contract import check_has, compare
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.strategy.pytrees import as_pytree
+from iswarm_mj.strategy.pytrees import as_arrays, as_pytree, is_number
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, DrivingTask, Sensed, TaskInputs
 from iswarm_mj.utils.errors import UserError
@@ -48,14 +48,7 @@ def as_task(given: Any) -> Any:
     Raises:
         UserError: it cannot be made a pytree.
     """
-    task = as_pytree(given, "task")
-    for leaf in jax.tree.leaves(task):
-        if not isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float):
-            raise UserError(
-                f"task {type(given).__name__} holds a {type(leaf).__name__} where JAX expects an array; make what is "
-                'no array static, by field(metadata={"static": True})'
-            )
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), task)
+    return as_arrays(as_pytree(given, "task"), f"task {type(given).__name__}")
 
 
 def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
@@ -66,7 +59,7 @@ def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
     """
     name = f"{type(task).__name__}.lay_out"
     for path, leaf in jax.tree_util.tree_leaves_with_path(state):
-        if not isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float):
+        if not is_number(leaf):
             part = f"{type(leaf).__name__}{' as ' * bool(path)}{jax.tree_util.keystr(path)}"
             raise UserError(
                 f"{name} must return arrays and numbers as its state (got a {part}); leave out what is none"

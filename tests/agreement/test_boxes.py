@@ -1,37 +1,28 @@
-"""Boxes that robots push: laws in closed form, and agreement of MuJoCo in C with both planar engines. Units: mm, s."""
+"""Boxes that robots push: laws in closed form, for MuJoCo in C and the planar engine for CPUs. Units: mm, s."""
 
 import math
 from dataclasses import replace
 
-import jax
 import numpy as np
 import pytest
-from helpers_boxes import ARENA, BOXES, placed
+from helpers_boxes import ARENA, at_start, placed
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
-from iswarm_mj.simulation.step import drive_phases
-from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.units import RD
 
-N, GRAVITY, DRIVE = 40, 9810.0, 10.0 / 0.1
+GRAVITY, DRIVE = 9810.0, 10.0 / 0.1
 """Drive: force of a robot per speed [mg/s]."""
 
 
-def engines_of(*boxes, n_robots=1, n_worlds=1, warp=False):
-    """MuJoCo in C and the planar engine, by numba or by Warp, in an arena with these boxes."""
+def engines_of(*boxes, n_robots=1):
+    """MuJoCo in C and the planar engine for CPUs, in an arena with these boxes."""
     config = SwarmConfig(replace(ARENA, boxes=boxes))
-    mujoco = MujocoEngine(config, compile_arena(config, n_robots, np.zeros(0)), n_worlds, 1, n_robots)
-    one = compile_arena(config, 1, np.zeros(0))
-    if not warp:
-        return mujoco, PlanarEngine(config, one, 1)
-    from iswarm_mj.engines.planar.batch_engine import read_engine
-
-    return mujoco, read_engine(one, config, jax.default_backend())
+    mujoco = MujocoEngine(config, compile_arena(config, n_robots, np.zeros(0)), 1, 1, n_robots)
+    return mujoco, PlanarEngine(config, compile_arena(config, 1, np.zeros(0)), 1)
 
 
 def pushed(engine, robots, boxes, velocity, n_steps=40):
@@ -44,17 +35,6 @@ def pushed(engine, robots, boxes, velocity, n_steps=40):
         bodies = motion.bodies
         found.append([np.array(engine.poses(bodies)[0]), np.array(engine.boxes(bodies)[0])])
     return [np.array(each) for each in zip(*found, strict=True)]
-
-
-def at_start(engine, bodies, poses, velocities):
-    """Put robots and boxes at poses (B, N + M, 3) with these velocities."""
-    if isinstance(engine, MujocoEngine):
-        engine._qpos[:, engine._arena.qpos], engine._qvel[:, engine._arena.qpos] = poses, velocities
-        engine._batch.forward()
-        return bodies._replace(poses=np.array(poses))
-    name = "velocities" if hasattr(bodies, "velocities") else "velocity"
-    dtype = np.asarray(bodies.poses).dtype
-    return bodies._replace(**{"poses": np.asarray(poses, dtype), name: np.asarray(velocities, dtype)})
 
 
 @pytest.mark.parametrize("angle", [0.0, 45.0, 90.0, 157.5])
@@ -118,53 +98,6 @@ def test_what_a_drive_can_push_and_what_not(turned):
             steady = (boxes[-1, 0, 0] - boxes[-2, 0, 0]) / 0.1
             assert steady == pytest.approx((1 - share) * speed if moves else 0.0, abs=0.003)
             assert abs(robots[-1, 0, 0] - at) < 1.0 if not moves else robots[-1, 0, 0] > at
-
-
-@pytest.mark.parametrize("impl", ["numba", "warp"])
-def test_steps_agree(impl):
-    """In a crowd that pushes: poses and contacts after each of 20 control steps that begin alike."""
-    if impl == "warp":
-        pytest.importorskip("warp")
-    both, rng = engines_of(*BOXES, n_robots=N, n_worlds=3, warp=impl == "warp"), np.random.default_rng(1)
-    robots = np.stack([place_robots(replace(ARENA, boxes=BOXES), N, rng) for _ in range(3)])
-    running = np.ones(3, bool)
-    mujoco, planar = (placed(engine, robots, BOXES) for engine in both)
-    start, off = np.array(mujoco.poses[0, N:]), []
-    for _ in range(20):
-        command = Command(rng.uniform(-0.3, 0.3, (3, N)), np.full((3, N), 1.4))
-        phases = drive_phases(SwarmConfig().drive, command)
-        one, other = (e.move(b, phases, running) for e, b in zip(both, (mujoco, planar), strict=True))
-        assert not np.asarray(one.fault).any() and not np.asarray(other.fault).any()
-        off.append(np.abs(one.bodies.poses - np.asarray(other.bodies.poses)).max(axis=-1))
-        velocities = both[0]._qvel[:, both[0]._arena.qpos].copy()
-        mujoco, planar = one.bodies, at_start(both[1], other.bodies, one.bodies.poses, velocities)
-    off, moved = np.array(off), np.hypot(*(mujoco.poses[:, N:] - start)[..., :2].T)
-    assert (moved.max(axis=1) > 1.0).sum() >= 3 and moved[4].max() < 0.01  # the rough box stays
-    assert np.mean(off < 0.02) >= 0.99 and (impl == "warp" or off.max() < 0.02)
-
-
-def test_light_agrees():
-    """Boxes that were moved hide senders, and are seen as walls are."""
-    both, rng = engines_of(*BOXES, n_robots=N, n_worlds=3), np.random.default_rng(5)
-    free = PlanarEngine(SwarmConfig(ARENA), compile_arena(SwarmConfig(ARENA), 1, np.zeros(0)), 1)
-    present, running, n_hidden, n_seen = np.ones((3, N), bool), np.ones(3, bool), 0, 0
-    for _ in range(4):
-        robots = np.stack([place_robots(replace(ARENA, boxes=BOXES), N, rng) for _ in range(3)])
-        sights = []
-        for engine in both:
-            bodies = placed(engine, robots, BOXES)
-            poses = bodies.poses.copy()
-            poses[:, N:] += np.array([[0.3], [-0.4], [0.2]])[:, None] * [1, 1, 0.5]
-            bodies = at_start(engine, bodies, poses, np.zeros_like(poses))
-            sights.append(engine.sense(bodies, present, running))
-        mine, yours = sights
-        plain = free.sense(free.place(robots, present), present, running)
-        np.testing.assert_array_equal(mine.links.valid, yours.links.valid)
-        np.testing.assert_array_equal(mine.links.sender * mine.links.valid, yours.links.sender * mine.links.valid)
-        np.testing.assert_array_equal(mine.sees_wall, yours.sees_wall)
-        n_hidden += (plain.links.valid & ~mine.links.valid).sum()
-        n_seen += (mine.sees_wall & ~plain.sees_wall).sum()
-    assert n_hidden > 10 and n_seen > 10
 
 
 def test_a_shadow_by_hand():

@@ -89,23 +89,6 @@ def commands(rng, shape):
     return Command(rng.uniform(-0.6, 0.6, shape), rng.uniform(0.0, np.sqrt(2), shape))
 
 
-@BOTH
-def test_crowds_end_their_control_steps_where_mujoco_ends(impl):
-    """States that MuJoCo reaches in eight control steps, and one more by both engines, from rest."""
-    rng = np.random.default_rng(1)
-    poses = np.stack([place_robots(SMALL.arena, 60, rng) for _ in range(6)])
-    n_touching = 0
-    for _ in range(9):
-        phases = drive_phases(SMALL.drive, commands(rng, poses.shape[:2]))
-        in_c, here = both_move(both_placed(poses, impl), phases)
-        assert not in_c.fault.any() and not np.any(here.fault)
-        assert_same_ends(here, in_c, 2e-5, impl)
-        np.testing.assert_array_equal(here.touching, in_c.touching)
-        n_touching += pairs_of(here.touching).sum()
-        poses = in_c.bodies.poses
-    assert n_touching > 500
-
-
 def test_crowds_stay_together_over_control_steps():
     """Without placing the robots anew: velocities pass from one control step to the next."""
     rng = np.random.default_rng(2)

@@ -20,14 +20,10 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.setup import set_up
-from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.state import StepRecord
-from iswarm_mj.simulation.worlds import World, vector_strategies
+from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, Genome
-from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
-from iswarm_mj.utils.profiling import Stopwatch
 
 TYPE1 = PRESETS["type1"]
 WORLD = World(TYPE1, N, SEED)
@@ -169,7 +165,7 @@ def test_worlds_of_other_conditions():
     loose = differing(gripper=GripperConfig(drop_rate=1.0))
     deaf = differing(optics=OpticsConfig(p_communication_break=1.0))
     dead = replace(LOOSE, failed_fraction=1.0)
-    grips, hears = (run_in(ENGINES["mjx"], [LOOSE, *others])[0] for others in ((humid, loose), (deaf, dead)))
+    grips, hears = (run_in(ENGINES["warp"], [LOOSE, *others])[0] for others in ((humid, loose), (deaf, dead)))
     assert not grips.faults and not hears.faults
     picked = [grips.measures(w).picked for w in range(3)]
     carried = grips.arrays()[1].swarm.task.carried_steps.sum(axis=1)
@@ -180,24 +176,13 @@ def test_worlds_of_other_conditions():
     np.testing.assert_allclose(poses(hears)[2], hears.starts[2].poses, atol=1e-5)
 
 
-def loop_of_one_world(engine):
-    setup = set_up(TINY, settings(n_worlds=1, steps=1, record_worlds=()), engine, CLEANING, [WORLD])
-    return start_loop(setup, vector_strategies(TINY, setup.robot, [WORLD]), Stopwatch())[0]
-
-
-def test_stages_are_timed_on_worlds_of_the_run_alone():
-    """Of one world on a CPU there are two rows, the second a filler."""
-    loop = loop_of_one_world(mjx(chunk=1))
-    params, state, engine = loop.on_first_device()
-    assert {a.shape[0] for a in jax.tree.leaves((params, state))} == {1}
-    assert not np.asarray(state.is_finished).any()
-    assert_same_bits((params, state), loop.worlds())
-    assert engine.arena.capacity == contact_capacity(TINY, N) and engine.arena.n_robots == N
-    assert loop_of_one_world(mjx(contact_capacity=2)).on_first_device()[2].arena.capacity == contact_capacity(
-        TINY, N, 2
-    )
-    times = Run(TINY, TYPE1, settings(steps=1), warp()).stage_times()
-    assert times.keys() == {"sense", "policy", "physics"} and min(times.values()) > 0
+def test_stages_are_timed_on_worlds_of_the_run_alone(batch):
+    params, state, _ = batch.run._loop.on_first_device()
+    assert {a.shape[0] for a in jax.tree.leaves((params, state))} == {WORLDS}
+    assert_same_bits((params, state), batch.run.arrays())
+    if batch.name == "warp":
+        times = batch.run.stage_times()
+        assert times.keys() == {"sense", "policy", "physics"} and min(times.values()) > 0
 
 
 @pytest.mark.parametrize(

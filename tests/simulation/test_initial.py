@@ -1,13 +1,10 @@
 """How a run begins: cells, robots, balls, works of adhesion."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from helpers_worlds import start_of
 
-from iswarm_mj.config import ArenaConfig, GripperConfig
-from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.config import ArenaConfig
 from iswarm_mj.tasks import layout
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
@@ -68,63 +65,8 @@ def test_start_poses_are_spread_evenly():
     assert len(np.unique(np.concatenate([one, other])[:, :2].round(6), axis=0)) > 400
 
 
-def test_balls_lie_in_their_areas():
-    at = layout.place_balls(replace(PAPER, n_dust=2001), generator()) / RD
-    west = at[:, 0] < 0
-    assert (west.sum(), (~west).sum()) == (1000, 1001)
-    inside = np.column_stack([np.abs(at[:, 0]) - PAPER.dust_area_offset, at[:, 1]])
-    assert np.abs(inside).max() <= 3.0
-    assert np.abs(np.quantile(inside, [0.25, 0.75], axis=0) - [[-1.5, -1.5], [1.5, 1.5]]).max() < 0.3
-
-
-def test_radii_fill_their_range():
-    radii = layout.draw_radii(replace(PAPER, n_dust=2000), generator())
-    assert 15e-6 <= radii.min() < 15.1e-6 and 24.9e-6 < radii.max() <= 25e-6
-    assert radii.mean() == pytest.approx(20e-6, rel=0.02)
-
-
-@pytest.mark.parametrize("humidity", [10.0, 60.0])
-def test_balls_have_the_median_works_at_the_airs_humidity(humidity):
-    gripper, factor = GripperConfig(relative_humidity=humidity), float(humidity_factor(humidity))
-    balls = layout.lying(gripper, np.zeros((5, 2)), np.full(5, 20e-6))
-    np.testing.assert_allclose(balls.work_tool_object, factor * 1.41e-3, rtol=1e-6)
-    np.testing.assert_allclose(balls.work_object_substrate, factor * 14.7e-3, rtol=1e-6)
-
-
-def test_seeds_and_worlds(small):
-    """One seed, one start; each world its own, but all of a seed have balls of the same radii."""
-
-    def values(seed, world):
-        start = start_of(small, 30, seed, world)
-        return [start.poses, start.task.position, start.task.radius]
-
-    first = values(3, 0)
-    for value, again, world, seed in zip(first, values(3, 0), values(3, 1), values(4, 0), strict=True):
-        np.testing.assert_array_equal(value, again)
-        assert not np.array_equal(value, seed)
-        assert np.array_equal(value, world) == (value is first[-1])
-
-
 def test_worlds_of_neighbouring_seeds_begin_differently(small):
     """World 1 of seed 0 is not world 0 of seed 1."""
     starts = [start_of(small, 3, seed, world) for seed in range(4) for world in range(4)]
     for values in zip(*((s.poses, s.task.position) for s in starts), strict=True):
         assert len({value.tobytes() for value in values}) == 16
-
-
-def test_nothing_is_held_at_the_start(small):
-    _, balls, is_alive, _ = start_of(small, 30, 0, 0)
-    assert balls.position.shape == (24, 2)
-    assert is_alive.shape == (30,) and is_alive.all()
-    for nothing in (balls.is_held, balls.is_delivered, balls.was_picked, balls.carried_steps):
-        assert nothing.shape == (24,) and not nothing.any()
-
-
-@pytest.mark.parametrize("fraction, n_dead", [(0.5, 15), (0.16, 5), (1.0, 30)])
-def test_a_share_of_the_robots_is_dead_from_the_start(small, fraction, n_dead):
-    """Others in each world; poses and balls do not depend on it."""
-    one, other, healthy = (start_of(small, 30, 0, *which) for which in ((0, fraction), (1, fraction), (0,)))
-    assert (~one.is_alive).sum() == (~other.is_alive).sum() == n_dead
-    assert n_dead == 30 or not np.array_equal(one.is_alive, other.is_alive)
-    np.testing.assert_array_equal(one.poses, healthy.poses)
-    np.testing.assert_array_equal(one.task.position, healthy.task.position)

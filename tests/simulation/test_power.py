@@ -92,60 +92,50 @@ def test_a_capacitor_too_small_for_a_control_step_is_refused(values, least):
         SwarmConfig(drive=DriveConfig(control_period=10.0), energy=EnergyConfig(model="capacitor"))
 
 
-def moved(small, light_power):
-    """Distances that robots went in 12 steps, and the energies in their capacitors."""
-    config = replace(small, energy=EnergyConfig(model="capacitor", light_power=light_power))
-    run = Run(config, settings=RunSettings(12, 12, seed=3), engine=PlanarSettings(threads=1))
-    start, poses = run.start.poses[0, 0], None
-    energies = []
+def records_of(config, steps=12, edit=None):
+    """Records (T, N, ...) of a run, and where robots began; the state of the swarm may be edited after 12 steps."""
+    run, found = Run(config, settings=RunSettings(30, steps, seed=3), engine=PlanarSettings(threads=1)), []
     while not run.is_over:
-        record = run.advance()
-        poses = record.poses[-1, 0]
-        energies.append(record.swarm.energy[-1, 0])
-    return np.linalg.norm(poses - start, axis=1), np.array(energies), record
+        if run.step == 12:
+            run.edit(edit)
+        found.append(jax.tree.map(lambda a: a[0, 0], run.advance()))
+    return jax.tree.map(lambda *parts: np.stack(parts), *found)
 
 
-def test_in_the_dark_a_swarm_comes_to_rest(small):
-    _, energies, record = moved(small, 0.0)
-    assert (np.diff(energies, axis=0) <= 0).all() and (energies[-1] < 0.38e-3).all()
-    assert not np.any(record.command.forward) and not np.any(record.command.turn)
-    waited = np.asarray(record.swarm.starved[-1, 0])
-    assert waited.min() >= 1  # at the end each waits, and its energy stays as it is
-    np.testing.assert_array_equal(waited, (np.diff(energies, axis=0) == 0).sum(axis=0) + (energies[0] == FULL))
+def lit(config, light_power):
+    return replace(config, energy=EnergyConfig(model="capacitor", light_power=light_power))
 
 
-def test_the_dead_do_not_wait_for_energy(small):
-    """Robot 3 dies when all capacitors are empty."""
-    config = replace(small, energy=EnergyConfig(model="capacitor", light_power=0.0))
-    run = Run(config, settings=RunSettings(12, 14, seed=3), engine=PlanarSettings(threads=1))
-    while run.step < 12:
-        before = run.advance().swarm.starved[-1, 0]
-    run.edit(lambda swarm: swarm._replace(is_alive=swarm.is_alive & (np.arange(12) != 3)))
-    while not run.is_over:
-        waited = run.advance().swarm.starved[-1, 0] - before
-    assert waited.tolist() == [0 if robot == 3 else 2 for robot in range(12)]
+def test_in_the_dark_a_swarm_comes_to_rest_and_is_dark(small):
+    """Robot 3 dies when all capacitors are empty; the dead do not wait for energy."""
+
+    def die(swarm):
+        return swarm._replace(is_alive=swarm.is_alive & (np.arange(30) != 3))
+
+    record = records_of(lit(small, 0.0), 14, die)
+    energy, waited = record.swarm.energy[:12], record.swarm.starved
+    assert (np.diff(energy, axis=0) <= 0).all() and (energy[-1] < 0.38e-3).all()
+    assert not np.any(record.command.forward[11]) and not np.any(record.command.turn[11])
+    assert waited[11].min() >= 1 and not record.links.valid[11].any()
+    # Where a robot waits its energy stays as it is.
+    np.testing.assert_array_equal(waited[11], (np.diff(energy, axis=0) == 0).sum(axis=0) + (energy[0] == FULL))
+    assert (waited[13] - waited[11]).tolist() == [0 if robot == 3 else 2 for robot in range(30)]
 
 
-def test_robots_that_wait_for_energy_are_dark(small):
-    """And are heard again when there is light: the same poses, with robots whose capacitors are empty."""
+def test_who_lights_its_leds():
     alive = np.ones((1, 3), bool)
     np.testing.assert_array_equal(power.is_emitting(CONFIG, alive, None), alive)
     dark = replace(CONFIG, energy=replace(CONFIG.energy, light_power=0.0))
     energy = jnp.array([[0.37e-3, 0.39e-3, 0.0]])
     np.testing.assert_array_equal(power.is_emitting(dark, alive, energy), [[False, True, False]])
     np.testing.assert_array_equal(power.is_emitting(CONFIG, alive, energy), alive)
-    lights = [np.asarray(moved(small, power)[-1].links.valid[-1, 0]) for power in (0.0, 0.01)]
-    assert not lights[0].any() and lights[1].any()
 
 
 def test_in_full_light_no_robot_waits(small):
-    plain = Run(small, settings=RunSettings(12, 12, seed=3), engine=PlanarSettings(threads=1))
-    while not plain.is_over:
-        last = plain.advance().poses[-1, 0]
-    _, energies, record = moved(small, 0.01)
-    np.testing.assert_array_equal(record.poses[-1, 0], last)
-    assert not np.any(record.swarm.starved)
-    np.testing.assert_allclose(energies[:, 0], FULL, rtol=0.3)
+    plain, record = records_of(small), records_of(lit(small, 0.01))
+    np.testing.assert_array_equal(record.poses, plain.poses)
+    assert not np.any(record.swarm.starved) and record.links.valid[-1].any()
+    np.testing.assert_allclose(record.swarm.energy, FULL, rtol=0.3)
 
 
 def test_the_longest_step_of_slow_messages_takes_the_power_of_full_speed():

@@ -7,12 +7,13 @@ from helpers_mjx import compilations
 from helpers_runs import N, check_balls, end_of, first_step, poses_of, records, run_of
 from helpers_worlds import centres
 
-from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
+from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
 
 TYPE1 = PRESETS["type1"]
@@ -86,16 +87,6 @@ class TestMeasures:
 
 
 class TestKindsOfSwarm:
-    def test_scouts_that_pick_in_a_tiny_arena_by_received_power(self):
-        arena = ArenaConfig(size=10, dump_size=2, dust_area_size=2, dust_area_offset=3.5, n_dust=4)
-        tiny = SwarmConfig(arena, optics=OpticsConfig(mode="power"), strategy=StrategyConfig(scouts_pick=True))
-        run = run_of(tiny, Genome(fraction_scouts=1.0), n_robots=12, steps=150)
-        n_links = 0
-        for record in records(run):
-            check_balls(run, record)
-            n_links += record.links.valid.sum()
-        assert run.measures(0).picked > 0 and n_links > 100
-
     def test_without_light_all_keep_what_they_know_to_themselves(self, small, monkeypatch):
         """Nobody knows of a dump without having stood on it."""
         monkeypatch.setattr("iswarm_mj.engines.mujoco.sight.find_links", lambda poses, *_: _nobody(poses))
@@ -123,10 +114,10 @@ def test_the_start_is_recorded_too(small):
 
 
 def test_only_recorded_worlds_are_returned(small):
-    every, some, none = (run_of(small, n_worlds=3, steps=2, record_worlds=w) for w in ((0, 1, 2), (2, 0), ()))
+    every, some, none = (run_of(small, n_worlds=2, steps=2, record_worlds=w) for w in ((0, 1), (1, 0), ()))
     assert none.advance() is None
-    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [2, 0]], b), every.start, some.start)
-    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [2, 0]], b), every.advance(), some.advance())
+    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [1, 0]], b), every.start, some.start)
+    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [1, 0]], b), every.advance(), some.advance())
 
 
 def test_the_dead_neither_move_nor_send_nor_carry(small):
@@ -158,3 +149,46 @@ def test_measures_of_no_world_are_refused(small, world):
 def test_a_share_of_failed_robots_beyond_one_is_refused():
     with pytest.raises(UserError, match=r"failed_fraction must be between 0 and 1 \(got 1\.5\)"):
         RunSettings(n_robots=4, steps=1, failed_fraction=1.5)
+
+
+ROOMY = 40
+
+
+class TestSeedsAndWorlds:
+    def test_a_seed_determines_all(self, small):
+        one, again, other = (end_of(run_of(small, seed=seed, steps=80)) for seed in (4, 4, 5))
+        np.testing.assert_array_equal(one[0], again[0])
+        assert one[1] == again[1] != other[1]
+
+    def test_robots_err_by_the_seed_too(self, small):
+        """The same start with another seed soon goes another way."""
+        run = run_of(small, seed=0, steps=3)
+        other = run_of(small, steps=3, worlds=[World(TYPE1, N, seed=1, start=run.starts[0])])
+        assert np.abs(end_of(run)[0] - end_of(other)[0]).max() > 0.1
+
+    def test_each_world_errs_in_its_own_way(self, small):
+        """Two worlds with one start soon part."""
+        start = run_of(small).starts[0]
+        poses, _ = end_of(run_of(small, steps=3, worlds=[World(TYPE1, N, index=w, start=start) for w in range(2)]))
+        assert np.abs(poses[0] - poses[1]).max() > 0.1
+
+    def test_empty_places_do_not_matter(self, small):
+        """Not in the last bit; only the mean of all robots' speeds is a sum in another order."""
+        exact, roomy = (run_of(small, n_worlds=2, steps=30, failed_fraction=0.1, capacity=c) for c in (None, ROOMY))
+
+        def are_equal(values, roomy):
+            np.testing.assert_array_equal(values, roomy[:, :N] if roomy.shape[1:2] == (ROOMY,) else roomy)
+
+        for one, other in zip(records(exact), records(roomy), strict=True):
+            np.testing.assert_allclose(one.speed, other.speed, rtol=1e-12)
+            jax.tree.map(are_equal, one._replace(speed=0 * other.speed), other._replace(speed=0 * other.speed))
+        assert [exact.measures(w) for w in range(2)] == [roomy.measures(w) for w in range(2)]
+        assert exact.measures(1).picked > 2
+
+    def test_too_little_capacity(self):
+        with pytest.raises(UserError, match=r"capacity must be at least the number of robots \(got 29\)"):
+            RunSettings(30, 5, capacity=29)
+
+    def test_as_many_worlds_as_settings_say(self, small):
+        with pytest.raises(UserError, match=r"worlds must be as many as n_worlds, 2 \(got 1\)"):
+            Run(small, TYPE1, RunSettings(N, 5, n_worlds=2), worlds=[World(TYPE1, N)])

@@ -15,6 +15,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.rollout import rollout
 
@@ -65,26 +66,23 @@ def moved_by(run):
 
 
 class TestRuns:
-    def test_a_class_without_fields(self, small):
-        run = Run(small, strategy=Still(), settings=RunSettings(4, 2), engine=HERE)
-        np.testing.assert_allclose(moved_by(run), 0, atol=1e-6)
-        assert run.rules == {"strategy": {"class": "Still"}, "task": {"class": "Cleaning"}}
-
-    def test_follows_the_configuration(self, small):
-        """`Run(config, strategy)`, as `rollout(config, strategy, ...)`."""
-        run = Run(small, Ahead(0.3), RunSettings(4, 2), HERE)
-        assert run.rules["strategy"] == Run(small, strategy=Ahead(0.3), engine=HERE).rules["strategy"]
-        with pytest.raises(UserError, match=r"is the class Still itself; give an object of it, as Still\(\)"):
-            Run(small, Still, RunSettings(4, 2), HERE)
-        with pytest.raises(UserError, match="genome must be a Genome"):
-            Run(small, Still(), RunSettings(4, 2), HERE, strategy=Still())
-
     def test_each_world_gets_its_own(self, small):
         worlds = [World(PRESETS["type1"], n) for n in (2, 5)]
         settings = RunSettings(5, 2, n_worlds=2, record_worlds=(0, 1))
         moved = moved_by(Run(small, strategy=Ahead(), settings=settings, engine=HERE, worlds=worlds))
         np.testing.assert_allclose(moved[0, :2], 0.2, atol=0.02)
         np.testing.assert_allclose(moved[1], 0.5, atol=0.02)
+
+    def test_is_given_in_place_of_a_genome(self, small):
+        run = Run(small, Ahead(0.3), RunSettings(4, 2), HERE)
+        stated = {"class": "Ahead", "stride": 0.3, "steps": 1, "per_robot": 0.0}
+        assert run.rules == {"strategy": stated, "task": {"class": "Cleaning"}}
+        with pytest.raises(UserError, match="genome must be a Genome"):
+            Run(small, Still(), RunSettings(4, 2), HERE, strategy=Still())
+        one = Run(small, strategy=PRESETS["type2"], settings=RunSettings(4, 2), engine=HERE)
+        assert one.genome == PRESETS["type2"] and one.strategy is None
+        with pytest.raises(UserError, match="worlds have their own"):
+            Run(small, strategy=PRESETS["type2"], settings=RunSettings(4, 2), worlds=one.worlds)
 
     def test_defaults_are_those_of_the_command(self, small):
         run = Run(small, strategy=Still(), engine=HERE)
@@ -110,19 +108,7 @@ class TestRuns:
             moved = moved_by(Run(small, strategy=walks(share), settings=settings, engine=HERE))
             np.testing.assert_allclose(moved[0], 0.1 * share, atol=0.02)
 
-    def test_a_genome_stands_for_itself(self, small):
-        settings = RunSettings(10, 2)
-        one, other = (
-            Run(small, *given, settings=settings, engine=HERE, **more)
-            for given, more in (((PRESETS["type2"],), {}), ((), {"strategy": PRESETS["type2"]}))
-        )
-        np.testing.assert_array_equal(one.advance().poses, other.advance().poses)
-        with pytest.raises(UserError, match="worlds have their own"):
-            Run(small, strategy=PRESETS["type2"], settings=settings, worlds=one.worlds)
-
     def test_what_is_no_number_is_compiled_in(self):
-        from iswarm_mj.strategy.pytrees import as_strategy
-
         leaves, structure = jax.tree.flatten(as_strategy(Ahead(0.3, 2, 5.0)))
         assert leaves == [0.3]
         again = jax.tree.unflatten(structure, leaves)
@@ -162,10 +148,3 @@ class TestRollouts:
         arrows = np.array(recorded["/world/memory/home"]["Arrows3D:vectors"])
         np.testing.assert_allclose(np.linalg.norm(arrows, axis=-1), 5.0, rtol=1e-5)
         assert [path.name for path in tmp_path.iterdir()] == ["x.rrd"]
-
-    def test_recording_changes_nothing(self, small, tmp_path):
-        few = {"n_robots": 3, "steps": 4, "engine": PlanarSettings(1)}
-        plain = rollout(small, PRESETS["type2"], self.KEYS, **few)
-        recorded = rollout(small, PRESETS["type2"], self.KEYS, **few, record=str(tmp_path / "x.rrd"))
-        assert recorded.poses is None and "/world/memory/dust" in read(tmp_path / "x.rrd")
-        np.testing.assert_array_equal(plain.delivered_after, recorded.delivered_after)

@@ -6,7 +6,6 @@ from typing import ClassVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-import pytest
 from helpers_mjx import ran
 
 from iswarm_mj import make_env
@@ -61,12 +60,11 @@ class Coverage:
         return {"cells": state[0].sum(), **{f"seen_{k}": value for k, value in enumerate(state[1])}}
 
 
-ENGINES = [PlanarSettings(1, refinement=1), PlanarSettings(impl="warp", refinement=1, chunk=15)]
+ENGINE = PlanarSettings(1)
 
 
-@pytest.mark.parametrize("engine", ENGINES, ids=["host", "compiled"])
-def test_a_task_counts_in_the_arena_of_its_run(engine):
-    run = Run(CONFIG, settings=RunSettings(N, STEPS, seed=2), engine=engine, task=Coverage())
+def test_a_task_counts_in_the_arena_of_its_run():
+    run = Run(CONFIG, settings=RunSettings(N, STEPS, seed=2), engine=ENGINE, task=Coverage())
     record = ran(run)
     poses = np.concatenate([run.start.poses, record.poses[:-1]])[..., :2]
     visited = {tuple(cell) for cell in np.floor((poses.reshape(-1, 2) / (14 * RD) + 0.5) * CELLS).astype(int)}
@@ -76,7 +74,7 @@ def test_a_task_counts_in_the_arena_of_its_run(engine):
 
 
 def test_rewards_are_of_the_configuration_of_the_environment():
-    env = make_env(Coverage(), n_robots=N, config=CONFIG, engine=ENGINES[0], n_starts=2, n_worlds=2)
+    env = make_env(Coverage(), n_robots=N, config=CONFIG, engine=ENGINE, n_starts=2, n_worlds=2)
     state = env.reset(jax.random.split(jax.random.key(0), 2))
     state = env.step(state, np.zeros((2, N, env.action_size)))
     np.testing.assert_allclose(state.reward, sum(EXPECTED), rtol=1e-6)

@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_controller import CONFIG, MANY, PROBE, RULES, STEP, act_here, approach_with, genes, memories
+from helpers_controller import CONFIG, MANY, PROBE, RULES, act_here, approach_with, memories
 from helpers_sensing import lay, place, remember, senses_nothing, turned, wrapped
 from helpers_worlds import params_of, swarm_of
 
-from iswarm_mj.config import DriveConfig, GripperConfig, SwarmConfig
+from iswarm_mj.config import GripperConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.sensors.links import Links
@@ -191,25 +191,3 @@ def test_carried_balls_fall_at_the_configured_rate():
         np.testing.assert_allclose(after.task.position, tips, atol=1e-4)
     expected = 0.2 * N_BALLS * seeds
     assert abs(fallen - expected) < 4.5 * math.sqrt(expected * 0.8)
-
-
-def test_actuators_err_whatever_a_robot_decides():
-    """One robot over many steps, which follows a vector straight ahead as often as not, by the longest step."""
-    config = SwarmConfig(drive=DriveConfig(error_step=0.1))
-    strategy = VectorStrategy(genes(p_vector_forget=0.0, weight_find_dust=0.5), 0, config, read_robot())
-    params = params_of(config, strategy, jax.random.key(8), 1)
-    state = swarm_of(memories(1, dust=(30.0, 0.0)), lay((0.0, -60.0)), 1)
-    no, none = jnp.zeros((1, 4), bool), jnp.zeros((1, 4), jnp.int32)
-    sight = Sight(Links(none, no, none, *[jnp.zeros((1, 4))] * 2), no)
-
-    def command(step):
-        begin = StepInputs(jnp.array([[40.0, 0.0, 0.0]]), sight, step, jnp.array(True))
-        return decide(config, read_robot(), params, state, begin).command
-
-    turn, forward = (np.asarray(a)[:, 0] for a in jax.jit(jax.vmap(command))(jnp.arange(5000)))
-    error = forward[turn == 0.0] / STEP - 1.0
-    assert (
-        abs((turn == 0.0).mean() - 0.5) < 0.04
-        and abs((error < 0).mean() - 0.5) < 0.04  # the drive cuts those that are longer
-        and np.sqrt(2 * (error**2).mean()) == pytest.approx(0.1, rel=0.06)
-    )

@@ -54,19 +54,13 @@ def test_a_file_may_hold_all_or_some(write):
     "text, message",
     [
         ("{", r"no JSON.*write one object such as"),
-        ("", r"no JSON"),
         ("[1, 2]", r"holds a list; write one JSON object"),
-        ("3", r"holds a int"),
         ('{"p_forget": 0.1}', r"names 'p_forget'; allowed names are density_of_robots, "),
         ('{"p_vector_forget": 1.2}', r"p_vector_forget must be between 0 and 1.*\(got 1\.2\)"),
-        ('{"p_vector_forget": -0.1}', r"p_vector_forget must be .*\(got -0\.1\)"),
-        ('{"p_vector_forget": NaN}', r"p_vector_forget must be .*\(got nan\)"),
         ('{"p_vector_forget": 1e999}', r"no JSON \(no float holds 1e999\)"),
         ('{"p_vector_forget": "0.1"}', r"p_vector_forget must be .*\(got '0\.1'\)"),
-        ('{"p_vector_forget": null}', r"p_vector_forget must be .*\(got None\)"),
         ('{"p_vector_forget": true}', r"p_vector_forget must be .*\(got True\)"),
         ('{"use_hop_count": 1}', r"use_hop_count must be true or false.*\(got 1\)"),
-        ('{"use_hop_count": "false"}', r"use_hop_count must be .*\(got 'false'\)"),
     ],
 )
 def test_broken_files(write, text, message):

@@ -7,21 +7,17 @@ import pytest
 from helpers_neural import CONFIG, ROBOT, does, sees, strategy
 from helpers_robots import robot_file
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.believed import Belief
 from iswarm_mj.strategy.declared import payload_of
-from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.strategy.network import MOST_WEIGHTS, Shape, forward, load_weights, save_weights
+from iswarm_mj.strategy.network import Shape, forward, load_weights, save_weights
 from iswarm_mj.strategy.neural import INPUTS, N_WEIGHTS, SHIPPED, WAYS, Neural, untrained
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
-from iswarm_mj.workflows.rollout import rollout
 
 
 class TestNetwork:
@@ -42,21 +38,14 @@ class TestNetwork:
         np.testing.assert_array_equal(load_weights(tmp_path / "one.npz"), weights)
         assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()
 
-    def test_the_most_weights_fit_into_a_file(self, tmp_path):
-        save_weights(tmp_path / "most.npz", np.zeros(MOST_WEIGHTS))
-        assert len(load_weights(tmp_path / "most.npz")) == MOST_WEIGHTS
-
     @pytest.mark.parametrize(
         "content, sentence",
         [
             (None, "cannot be read .*give a file that `iswarm train` wrote"),
             (b"", "is no file of weights"),
-            (b"PK\x03\x04 and no more", "is no file of weights"),
             ({"other": np.zeros(3, np.float32)}, "is no file of weights"),
-            ({"weights": np.array([{}], object)}, "is no file of weights"),
             ({"weights": np.zeros(2**21, np.float32)}, "is no file of weights|cannot be read"),
             ({"weights": np.zeros((2, 2), np.float32)}, r"has weights float32\[2, 2\]"),
-            ({"weights": np.zeros(3)}, r"has weights float64\[3\]"),
             ({"weights": np.array([1, np.nan], np.float32)}, "finite"),
         ],
     )
@@ -187,19 +176,9 @@ def test_the_shipped_weights_are_small_and_used():
     assert (np.asarray(shipped.weights) != np.asarray(begins.weights)).mean() > 0.9
 
 
-def test_trained_robots_beat_the_papers(tmp_path):
-    """In a small arena; 12 balls, 20 robots, the same two worlds."""
-    config = SwarmConfig(ArenaConfig(size=20, dust_area_size=4, dust_area_offset=6, n_dust=12))
-    keys = jax.random.split(jax.random.key(5), 2)
-    shared = {"n_robots": 40, "steps": 120, "engine": PlanarSettings(1), "every": 120}
-    found = [rollout(config, one, keys, **shared) for one in (Neural(), PRESETS["type1"])]
-    assert found[0].is_finished.all() and found[0].delivered.sum() > found[1].delivered.sum()
-
-
 @pytest.mark.parametrize(
     "engine",
     [
-        MujocoSettings(1),
         PlanarSettings(1),
         pytest.param(PlanarSettings(impl="warp", chunk=5), marks=pytest.mark.slow),
         pytest.param(MjxSettings(chunk=5), marks=pytest.mark.slow),

@@ -13,8 +13,6 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.believed import Belief
-from iswarm_mj.strategy.network import save_weights
-from iswarm_mj.strategy.neural import N_WEIGHTS, Neural
 
 CONFIG = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=6))
 ROBOT = read_robot()
@@ -28,19 +26,6 @@ def made(name):
 def remembers(policy, n=2):
     both = Belief(jnp.full((n, 2), 9.0), jnp.ones(n), jnp.ones(n, bool))
     return policy.init(n, jax.random.key(0))._replace(dust=both, dump=both, flag=jnp.arange(n) == 1)
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_weights_are_those_of_the_whole(name, tmp_path):
-    """The shipped ones or those of a file; training begins with the untrained ones or those of the file."""
-    save_weights(tmp_path / "w.npz", np.arange(N_WEIGHTS))
-    kind = getattr(neural_without, name)
-    for weights in (None, tmp_path / "w.npz"):
-        for method in ("for_world", "for_training"):
-            found, whole = (getattr(one(weights), method)(CONFIG, ROBOT, 2) for one in (kind, Neural))
-            np.testing.assert_array_equal(found.weights, whole.weights)
-            assert (found.config, found.robot) == (CONFIG, ROBOT) and type(found) is kind.kind
-    assert len({getattr(neural_without, one).kind for one in NAMES}) == len(NAMES)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """Policy gradients for the learned strategy: their slopes, what robots do on the environment, and that they learn."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -113,63 +112,6 @@ def test_the_loss_by_hand():
             params, strategy, sample, before, jnp.array(advantage), jnp.asarray(read, jnp.float32), target
         )
         assert found == pytest.approx(-np.mean(gains) + 0.5 * ((value - target) ** 2).mean(), rel=1e-4)
-
-
-def test_only_the_network_and_the_critic_change():
-    """No gradient goes through memory: the numbers of trust are kept."""
-    rng, shape = np.random.default_rng(5), (4, 2, 4)
-    learner = object.__new__(Learner)
-    learner.strategy = untrained(SMALL, read_robot())
-    begin, learner._update, learner._params = ppo_neural.adam(ppo_neural.RATE)
-    first = {"policy": learner.strategy.weights, "critic": jnp.asarray(rng.normal(size=CRITIC.n_weights), jnp.float32)}
-    sizes = (*shape, SHAPE.inputs), (*shape, len(WAYS), 2), (*shape, 4)
-    episode = [jnp.asarray(rng.normal(size=size), jnp.float32) for size in sizes]
-    episode += [
-        jnp.ones((*shape, 4), bool),
-        jnp.ones((4, 2, 3)),
-        jnp.asarray(rng.normal(0, 20, shape)),
-        jnp.ones((4, 2), bool),
-    ]
-    state, number = jax.jit(learner._improves)(begin(first), 0, jax.random.key(0), episode)
-    after = learner._params(state)
-    trust = slice(SHAPE.n_weights, None)
-    np.testing.assert_array_equal(after["policy"][trust], first["policy"][trust])
-    assert number == ppo_neural.EPOCHS * ppo_neural.PARTS and (after["critic"] != first["critic"]).mean() > 0.9
-    assert (after["policy"] != first["policy"]).any()
-
-
-def test_an_episode_counts_until_the_world_is_over():
-    """Two worlds, of which the second is over after the third step; its reward for that step counts, later ones do
-    not. The noise is another one in each step, world and robot."""
-    learner, noises = object.__new__(Learner), []
-    arena = SimpleNamespace(n_dust=8)
-    core = SimpleNamespace(steps=5, config=SimpleNamespace(arena=arena))
-    learner.env, learner.n_worlds = SimpleNamespace(core=core, n_robots=3), 2
-
-    def state(step):
-        done, found = (
-            np.array([False, step >= 3]),
-            {"picked": jnp.array([2, 4]) + step, "delivered": jnp.array([0, step])},
-        )
-        return SimpleNamespace(reward=np.full((2, 3), 10.0 + step), done=done, metrics=found)
-
-    def act(weights, before, memory, noise):
-        noises.append(np.asarray(noise))
-        return state(memory + 1), memory + 1, (noise,)
-
-    learner.begin, learner.step = lambda key: (state(0), 0), act
-    learner.state, learner._params = None, lambda state: {"policy": None}
-    noise, shares, reward, counts = learner.episode(jax.random.key(3))
-    np.testing.assert_array_equal(counts, [[True, True]] * 3 + [[True, False]] * 2)
-    np.testing.assert_array_equal(reward[:, 0, 0], [11, 12, 13, 14, 15])
-    np.testing.assert_array_equal(reward[:, 1, 2], [11, 12, 13, 0, 0])
-    np.testing.assert_allclose(shares[:, 0], [[(2 + t) / 8, 0, 1 - t / 5] for t in range(5)], rtol=1e-6)
-    np.testing.assert_allclose(shares[:, 1], [[(4 + t) / 8, t / 8, 1 - t / 5] for t in range(5)], rtol=1e-6)
-    np.testing.assert_array_equal(noise, noises)
-    assert noise.shape == (5, 2, 3, 4) and len(np.unique(noise)) == noise.size
-    learner.episode = lambda key: [noise, shares, reward, counts]
-    learner.n_updates, learner._improve = 7, lambda state, number, key, episode: (state, number + 1)
-    assert learner.learn(None) == pytest.approx((65 * 3 + 36 * 3) / 2) and learner.n_updates == 8
 
 
 @pytest.mark.slow

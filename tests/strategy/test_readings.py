@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_controller import ROBOT, act, act_here
+from helpers_controller import ROBOT, act_here
 from helpers_sensing import lay, remember, senses_nothing
 from helpers_worlds import swarm_of
 
@@ -72,19 +72,6 @@ def test_odometry_errs_as_configured():
     rest = Command(jnp.zeros(N), jnp.zeros(N))
     drunk = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
     np.testing.assert_array_equal(believed_motion(drunk, *rest, error), rest)
-
-
-def test_odometry_errs_whatever_a_robot_decides():
-    """One robot over many steps, which follows a vector straight ahead as often as not."""
-    rules = rules_of(Genome(p_vector_forget=0.0, weight_find_dust=0.5), StrategyConfig(odometry_error_step=0.1))
-    nothing = jax.tree.map(lambda a: a[:1], NOTHING)
-    known, seen = nothing._replace(dust=remember(jnp.array([[9.0, 0.0]]))), senses_nothing(1)
-    keys = jax.random.split(jax.random.key(1), N)
-    step = jax.jit(jax.vmap(lambda key: act(SwarmConfig(), PROBE, rules, known, seen, key)))
-    memory, command = jax.tree.map(lambda a: np.asarray(a)[:, 0], step(keys))
-    follows = command.turn == 0.0
-    error = (9.0 - memory.dust.vector[follows, 0]) / command.forward[follows] - 1.0
-    assert abs(follows.mean() - 0.5) < 0.04 and abs(error.mean()) < 0.01 and error.std() == pytest.approx(0.1, rel=0.06)
 
 
 def test_what_a_robot_remembers_errs_with_its_odometry():

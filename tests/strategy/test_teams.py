@@ -11,7 +11,6 @@ from helpers_small import SMALL
 
 import iswarm_mj
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.fields import Flag, Integer, Real
 from iswarm_mj.simulation.run import Run
@@ -74,7 +73,6 @@ class Other(Counter):
 
 
 TEAMS = Teams({"count": (0.7, Counter()), "loud": (0.3, Loud())})
-ENGINES = {"mujoco": MujocoSettings(threads=1), "planar": PlanarSettings(threads=1)}
 
 
 def some(shapes):
@@ -148,9 +146,8 @@ def test_sizes(shares, n_robots, sizes):
     assert np.bincount(team_numbers(teams, n_robots)).tolist() == list(sizes)
 
 
-@pytest.mark.parametrize("engine", ENGINES)
-def test_a_swarm_of_two_teams_is_recorded_by_team(engine, tmp_path):
-    run = Run(SMALL, TEAMS, RunSettings(10, 12), ENGINES[engine])
+def test_a_swarm_of_two_teams_is_recorded_by_team(tmp_path):
+    run = Run(SMALL, TEAMS, RunSettings(10, 12), PlanarSettings(1))
     from iswarm_mj.workflows.clean import clean
 
     clean(run, tmp_path)
@@ -176,14 +173,10 @@ def test_worlds_of_other_sizes_are_refused():
     ("teams", "match"),
     [
         ({}, "a dictionary of shares"),
-        ([Loud(), Counter()], "a dictionary of shares"),
-        ({"a": Loud()}, "a dictionary of shares"),
         ({"a b": (1.0, Loud())}, "cannot be called 'a b'"),
         ({"a": (0.5, Loud()), "b": (0.4, Loud())}, r"add up to 1 \(got 0.9\)"),
         ({"a": (0.5, Loud()), "b": (4, Loud())}, "give one kind"),
         ({"a": (0, Loud())}, "share of team a must be"),
-        ({"a": (True, Loud())}, "share of team a must be"),
-        ({"a": (1.0, Loud)}, "class Loud itself"),
         ({"a": (1.0, object())}, "no method init"),
         ({"a": (0.5, Counter()), "b": (0.5, Counter(0.2))}, None),
         ({"a": (0.5, Counter()), "b": (0.5, Other())}, "equal fields of the same name"),

@@ -15,7 +15,6 @@ from helpers_worlds import params_of, swarm_of
 from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import Sight
-from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links, find_links
@@ -232,19 +231,6 @@ class TestRuns:
     def test_news_spreads_faster(self, small):
         at_once, in_turn = (known_after(config, 12)[1] for config in (small, replace(small, strategy=IN_TURN)))
         assert in_turn > at_once > 0
-
-    def test_empty_places_change_nothing(self, small):
-        config = replace(small, strategy=IN_TURN)
-        np.testing.assert_array_equal(known_after(config, 12)[0], known_after(config, 12, 40)[0][:30])
-
-    @pytest.mark.slow
-    def test_batches_do_the_same(self, small):
-        """The first steps of MJX are those of MuJoCo C."""
-        config, mjx = replace(small, strategy=IN_TURN), MjxSettings(chunk=4, devices=tuple(jax.devices("cpu")[:1]))
-        (poses, known), (their_poses, theirs) = known_after(config, 4), known_after(config, 4, engine=mjx)
-        off = np.abs(their_poses - poses)[..., :2].max(axis=-1)
-        assert np.median(off) < 1e-3 and off.max() < 0.5
-        assert abs(theirs - known) <= 1
 
 
 def test_a_strategy_that_cannot_pass_on_news_is_refused():

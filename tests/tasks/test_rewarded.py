@@ -12,7 +12,6 @@ from iswarm_mj.arena_config import ArenaConfig
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.tasks.protocol import BallTask, ChangingTask, DeadlyTask, Quantity, only
 from iswarm_mj.tasks.rewarded import REWARD, Earned, rewarded
@@ -81,18 +80,6 @@ def test_robots_do_what_they_did(both):
     np.testing.assert_array_equal(both[0].delivered_after, both[1].delivered_after)
     moved = np.abs(np.diff(both[1].poses, axis=1)).sum(axis=(0, 3))
     assert (moved[5:, 2] == 0).all() and (moved[5:, 1] > 0).any()
-
-
-def test_robots_gather_as_without():
-    """Aggregation rewards the light at each robot's place, and has areas and no balls."""
-    keys, found = jax.random.split(jax.random.key(4), 2), []
-    for task in (Aggregation(), rewarded(Aggregation())):
-        found.append(
-            rollout(SwarmConfig(), Beeclust(), keys, n_robots=N, steps=STEPS, engine=PlanarSettings(1), task=task)
-        )
-    assert REWARD not in found[0].metrics and found[1].metrics[REWARD].max() > 0
-    for name, values in found[0].metrics.items():
-        np.testing.assert_array_equal(found[1].metrics[name], values)
 
 
 class Everything(Eastwards):

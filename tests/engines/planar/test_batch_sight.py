@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from helpers_planar import both_engines, placed, rounded, same_bits, with_robot
-from helpers_sensing import SHIFTED, crowd, place, squares_in_the_way
+from helpers_sensing import crowd, place, squares_in_the_way
 from helpers_small import SMALL
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
@@ -32,15 +32,6 @@ def seen(engine, poses, emits=None, present=None, running=None):
     return engine.sense(placed(engine, rounded(poses), present), emits, running)
 
 
-def assert_same_sight(got, expected):
-    """All that is discrete equal; angles and distances within rounding."""
-    for name in ("sender", "valid", "led"):
-        np.testing.assert_array_equal(getattr(got.links, name), getattr(expected.links, name))
-    np.testing.assert_allclose(got.links.measured_bearing, expected.links.measured_bearing, atol=2e-5)
-    np.testing.assert_allclose(got.links.true_distance, expected.links.true_distance, atol=2e-5)
-    np.testing.assert_array_equal(got.sees_wall, expected.sees_wall)
-
-
 def bricks(rng, *densities):
     """Crowds (B, 81, 3) in the north-west of the arena; some touch, some see walls, some stand beyond them."""
     poses = np.stack([crowd(rng, density) for density in densities])
@@ -56,25 +47,6 @@ def test_lists_have_room_for_all_robots_near_one():
     apart = np.hypot(2 * kind.half_x * places[:, None], 2 * kind.half_y * places)
     room = [near_places(1, n, within, [kind])["near"][1] for n in (50, 1000, 100_000)]
     assert room[0] == 49 and (apart <= within).sum() < room[1] == room[2] < 999
-
-
-@pytest.mark.parametrize("line_of_sight", [True, False])
-@pytest.mark.parametrize("mode", ["sector", "power"])
-@pytest.mark.parametrize("baud_rate", [0, 2000])
-@pytest.mark.parametrize("robot", [ROBOT, SHIFTED], ids=["middle", "shifted"])
-def test_links_and_walls_are_those_of_the_other_engine(robot, baud_rate, mode, line_of_sight):
-    """Absent robots, dark ones and dim ones included."""
-    optics = OpticsConfig(mode=mode, line_of_sight=line_of_sight, baud_rate=baud_rate)
-    rng = np.random.default_rng(6)
-    poses = bricks(rng, 0.15, 0.4, 0.7)
-    emits, present = rng.random((2, *poses.shape[:2])) < np.array([0.8, 0.9])[:, None, None]
-    power = emits * rng.choice([0.25, 1.0], emits.shape)
-    expected, got = (seen(engine, poses, power, present) for engine in engines(optics, robot))
-    assert_same_sight(got, expected)
-    assert expected.links.valid.sum() > 100 and expected.sees_wall.sum() > 10
-    senders = [set(np.asarray(got.links.sender)[w][np.asarray(got.links.valid)[w]]) for w in range(3)]
-    assert all(emits[w, j] and present[w, j] for w in range(3) for j in senders[w])
-    assert not np.asarray(got.links.valid)[~present].any() and not np.asarray(got.sees_wall)[~present].any()
 
 
 @pytest.mark.parametrize("mode", ["sector", "power"])

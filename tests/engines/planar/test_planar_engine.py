@@ -18,7 +18,6 @@ from iswarm_mj.engines.settings import ModelSpec
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.utils.errors import FaultKind
 from iswarm_mj.utils.units import RD
 
 EDGE = 7.5 * RD  # of the small arena, from its middle
@@ -127,28 +126,6 @@ class TestAbsentRobots:
 
 
 class TestFaults:
-    def test_end_their_world_alone(self, small):
-        """A robot that is nowhere, one that escapes, and a world that goes on; bodies of the faulty ones stay."""
-        engine = engine_of(small)
-        start = np.tile([(0.0, 0.0, 0.0), (6.0, 0.0, 0.0)], (3, 1, 1))
-        start[0, 1, 0] = np.nan
-        velocity = np.full((3, 2, 3), 0.5)
-        velocity[1, 1, 0] = 500.0
-        bodies = placed(engine, start)
-        motion = moved(engine, bodies, velocity)
-        assert motion.fault.tolist() == [FaultKind.POSE_NOT_FINITE, FaultKind.OUTSIDE, 0]
-        assert motion.robot[:2].tolist() == [1, 1]
-        np.testing.assert_array_equal(motion.bodies.poses[:2], start[:2])
-        np.testing.assert_allclose(motion.bodies.poses[2], start[2] + 0.5)
-
-    def test_sweeps_that_do_not_suffice(self, small):
-        engine = engine_of(small, max_sweeps=1)
-        apart, heap = [(-6.0, 0, 0), (0, 0, 0), (6, 0, 0)], [(0.0, 0, 0), (1.9, 0.5, 0), (3.8, 0, 0)]
-        bodies = placed(engine, [apart, heap])
-        motion = moved(engine, bodies, [0.5, 0, 0])
-        assert motion.fault.tolist() == [0, FaultKind.SOLVER_FAILED]
-        np.testing.assert_array_equal(motion.bodies.poses[1], heap)
-
     def test_sweeps_end_within_their_tolerance(self, small):
         """Where all robots walk to the middle, more sweeps put them elsewhere by less than the stated 0.0001 mm."""
         inward = Phase(10, lambda p: -p * np.array([1, 1, 0]) / np.maximum(np.hypot(p[..., :1], p[..., 1:2]), 0.5))
