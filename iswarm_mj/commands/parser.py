@@ -46,7 +46,10 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
             word = next(word.partition("=")[0] for word in given if names([word]) == [twice[0]])
             raise UserError(f"{word} is given twice; give it once, with all its values if it takes several")
         words = _words(given)
-        file = ConfigFile.read(Path(path[0]), named) if (path := words.pop("config")) else None
+        path = words.pop("config")
+        if "config" in named and not path:
+            raise UserError("--config has no value; name a TOML file or a result.json")
+        file = ConfigFile.read(Path(path[0]), named) if path else None
         if file is not None:
             words = {word: found or file.words(word) for word, found in words.items()}
         first = {word: found[0] if found else None for word, found in words.items()}

@@ -5,10 +5,10 @@ from typing import Any
 import jax
 import numpy as np
 from jaxtyping import Float
-from scipy.spatial import cKDTree
 
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.sensors.neighbours import find_neighbours
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.obstacles import corners, numbers, overlap
 from iswarm_mj.utils.robot import Robots
@@ -36,7 +36,8 @@ def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robots, arena
     for box in numbers(arena.standing, RD):
         inside = np.asarray(overlap(hulls, box))
         _refuse(name, "robot", poses, inside, "such that no robot stands in an obstacle or a box")
-    pairs = cKDTree(poses[:, :2]).query_pairs(2 * robot.circumradius, output_type="ndarray")
+    near = find_neighbours(poses[None, :, :2], 2 * robot.circumradius)
+    pairs = np.column_stack([near.robot, near.other])[near.robot < near.other]
     for pair in pairs[overlap(hulls[pairs[:, 0]], hulls[pairs[:, 1]])][:1].tolist():
         found = " and ".join(f"{number} at {poses[number, :2].round(3).tolist()}" for number in pair)
         check(name, f"robots {found} mm", "such that no robots overlap", False)

@@ -27,6 +27,7 @@ REFUSED = [
     ("clean --steps abc", ["--steps", "abc"]),
     ("clean --gripper.resolution lunch", ["--gripper.resolution", "lunch", "quasi-static", "dynamic"]),
     ("clean --out=", ["--out", "name of a file"]),
+    ("clean --config --steps 3", ["--config has no value", "TOML"]),
     ("clean --robots 5 --robots 7", ["--robots is given twice"]),
     ("clean --record --no-record", ["--record is given twice"]),
     ("clean --arena.n_dust 5 --arena.n-dust 7", ["is given twice"]),

@@ -50,9 +50,11 @@ def agreement(count, sample, seed=0):
     return same[clear & ~is_strong].mean(), (clear & ~is_strong).mean(), (~same[strong]).sum() / max(strong.sum(), 1)
 
 
+@pytest.mark.parametrize("count", [400, pytest.param(10_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("sample", [random_attempts, any_attempts])
-def test_the_balance_is_a_surrogate_of_trials(sample):
-    same, away, _ = agreement(400, sample)
+def test_the_balance_is_a_surrogate_of_trials(sample, count):
+    same, away, _ = agreement(count, sample)
+    print(f"{same:.2%} of {away:.0%} decided alike")
     assert same >= 0.99 and away > 0.6
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from iswarm_mj import __version__
 from iswarm_mj.output.plot_style import figure
+from iswarm_mj.utils import tables
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import read_table, write_table
 
@@ -31,6 +32,15 @@ def test_what_is_no_table_is_refused(tmp_path, content):
         path.write_bytes(content)
     with pytest.raises(UserError, match="not a readable table"):
         read_table(path)
+
+
+def test_a_table_of_too_many_values_is_refused(tmp_path, monkeypatch):
+    write_table(tmp_path / "t.parquet", ROWS, {})
+    monkeypatch.setattr(tables, "MOST_VALUES", 6)
+    assert len(read_table(tmp_path / "t.parquet")[0]) == 2
+    monkeypatch.setattr(tables, "MOST_VALUES", 5)
+    with pytest.raises(UserError, match="not a readable table"):
+        read_table(tmp_path / "t.parquet")
 
 
 def test_a_foreign_parquet_file_is_refused(tmp_path):
