@@ -103,7 +103,7 @@ def test_corners_by_hand():
 
 def test_recordings_show_walls_and_obstacles(tmp_path):
     outline, boxes = ((-7.0, -5.0), (1.0, -8.0), (8.0, -3.0), (6.0, 6.0), (-6.0, 6.0)), ((2.0, 3.0, 1.5, 0.3, 25.0),)
-    config = SwarmConfig(replace(arena_with(*boxes), outline=outline, dust_area_offset=4, dust_area_size=1))
+    config = SwarmConfig(replace(arena_with(*boxes), size=49.0, outline=outline, dust_area_offset=4, dust_area_size=1))
     clean(Run(config, None, RunSettings(12, 2), PlanarSettings(1)), tmp_path)
     saved, shown = load(tmp_path), read(tmp_path / "clean.rrd")
     assert saved.config == config
