@@ -48,11 +48,15 @@ def search_radius(light: Light, plane: Plane) -> float:
 
 
 @shared
-def add_near(view: View, j: int, squared: float, emits: float, light: Light, points: Table) -> View:
+def add_near(
+    view: View, n_heard: int, n_near: int, j: int, squared: float, emits: float, light: Light, points: Table
+) -> int:
     """Add robot j to those near a receiver: to the beginning of its column if its light arrives, else to the end.
 
     Args:
-        view: of the receiver, with the robots so far and room for another one.
+        view: of the receiver, with room for another one.
+        n_heard: those of `View.n_heard` so far.
+        n_near: those of `View.n_near` so far.
         j: index of a robot `search_radius` away or less.
         squared: distance of their centres, squared.
         emits: power of its LEDs, from 0 to 1.
@@ -60,19 +64,19 @@ def add_near(view: View, j: int, squared: float, emits: float, light: Light, poi
         points: see `reception.points_of`.
 
     Returns:
-        The view with this robot.
+        Number of robots whose light arrives, with this one.
     """
-    p, q, code, n_heard = place_of(view.places, view.i), place_of(view.places, j), 64 * j, int(view.n_heard)
-    view.near[view.n_near, view.column] = code
+    p, q, code = place_of(view.places, view.i), place_of(view.places, j), 64 * j
+    view.near[n_near, view.column] = code
     if emits > 0.0 and squared <= light.farthest * light.farthest:
         row_r, row_s = view.kinds[view.i].points, view.kinds[j].points
         one = receive(q[0] - p[0], q[1] - p[1], p, q, row_r, row_s, emits, light, points)
         if one.effective < math.inf:
-            view.near[view.n_near, view.column] = view.near[n_heard, view.column]
+            view.near[n_near, view.column] = view.near[n_heard, view.column]
             view.near[n_heard, view.column] = code + 8 * one.side + one.led
             view.effective[n_heard, view.column] = one.effective
-            n_heard += 1
-    return View(view.places, view.near, view.effective, view.i, view.column, n_heard, view.n_near + 1, view.kinds)
+            return n_heard + 1
+    return n_heard
 
 
 @shared

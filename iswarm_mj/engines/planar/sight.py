@@ -63,7 +63,8 @@ def sense(
             if not is_present[world, i]:
                 continue
             view = View(places, near, effective, i, 0, 0, 0, kinds)
-            view = _look_around(view, cells, within, emits[world], light, points, plane)
+            n_heard, n_near = _look_around(view, cells, within, emits[world], light, points, plane)
+            view = View(places, near, effective, i, 0, n_heard, n_near, kinds)
             for side in range(links.sender.shape[2]):
                 distance, code = -1.0, -1
                 for rank in range(light.n_senders):
@@ -85,8 +86,8 @@ def _look_around(
     light: Light,
     points: np.ndarray,
     plane: Plane,
-) -> View:
-    """Return the view of a receiver with the robots `within` this distance [mm].
+) -> tuple[int, int]:
+    """Write the robots `within` this distance of a receiver [mm] into its view; return `n_heard` and `n_near`.
 
     Args:
         view: of the receiver, still empty.
@@ -97,7 +98,7 @@ def _look_around(
         points: see `sense`.
         plane: robots and walls.
     """
-    (last_in_cell, before), p = cells, place_of(view.places, view.i)
+    (last_in_cell, before), n_heard, n_near, p = cells, 0, 0, place_of(view.places, view.i)
     n_cells = len(last_in_cell)
     column, row = cell_of(p[0], plane.edge, n_cells), cell_of(p[1], plane.edge, n_cells)
     for up in range(max(row - 1, 0), min(row + 2, n_cells)):
@@ -108,6 +109,7 @@ def _look_around(
                 dx, dy = q[0] - p[0], q[1] - p[1]
                 squared = dx * dx + dy * dy
                 if j != view.i and squared <= within * within:
-                    view = add_near(view, j, squared, emits[j], light, points)
+                    n_heard = add_near(view, n_heard, n_near, j, squared, emits[j], light, points)
+                    n_near += 1
                 j = int(before[j])
-    return view
+    return n_heard, n_near

@@ -85,7 +85,8 @@ def look_around(
     """
     world, slot = wp.tid()
     i = robot[world, slot]  # threads side by side have robots side by side, with as much to do
-    found = View(place[world], near[world], effective[world], i, slot, 0, 0, kinds_in(kind_words, place.shape[1]))
+    heard, n, kinds = int(0), int(0), kinds_in(kind_words, place.shape[1])
+    found = View(place[world], near[world], effective[world], i, slot, 0, 0, kinds)
     if is_present[world, i]:
         light_at, p = light_in(light_words), place[world, i]
         light = light_at[0]
@@ -99,10 +100,11 @@ def look_around(
                 q = place[world, j]
                 dx, dy = q[0] - p[0], q[1] - p[1]
                 squared = dx * dx + dy * dy
-                if j != i and squared <= within * within and found.n_near < near.shape[1]:
-                    found = _add_near(found, j, squared, emits[world, j], light, points)
-    n_heard[world, slot] = found.n_heard
-    n_near[world, slot] = found.n_near
+                if j != i and squared <= within * within and n < near.shape[1]:
+                    heard = _add_near(found, heard, n, j, squared, emits[world, j], light, points)
+                    n += 1
+    n_heard[world, slot] = heard
+    n_near[world, slot] = n
 
 
 def cell_places(n_worlds: int, n_robots: int, n_cells: int, n_threads: int) -> dict[str, Any]:
