@@ -1,5 +1,8 @@
 """The notebooks run, from top to bottom, and come to what they show."""
 
+import ast
+import importlib
+import importlib.util
 import json
 from pathlib import Path
 
@@ -88,3 +91,14 @@ def test_notebook_runs(path, tmp_path, monkeypatch):
         if cell["cell_type"] == "code":
             exec(compile("".join(cell["source"]), f"{path.name}:{cell['id']}", "exec"), names)
     SHOWN[path.stem](names)
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_what_notebooks_import_is_there(path):
+    cells = (cell for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code")
+    code = "\n".join(line for cell in cells for line in "".join(cell["source"]).splitlines() if line[:1] not in "%!")
+    imports = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.ImportFrom)]
+    own = [(node.module, name.name) for node in imports for name in node.names if node.module.startswith("iswarm_mj")]
+    for module, name in own:
+        assert hasattr(importlib.import_module(module), name) or importlib.util.find_spec(f"{module}.{name}")
+    assert own

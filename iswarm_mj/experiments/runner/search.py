@@ -31,7 +31,7 @@ CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.sqlite", "evolution.parquet", "bes
 
 def replicate_seed(seed: int, replicate: int) -> int:
     """Seed of a replicate: the search's own for the first, which is the search with one replicate."""
-    # Two numbers, since keys of one belong to generations (`optimisers`) and keys of three to runs.
+    # Two numbers, since keys of one belong to generations (`evolution`) and keys of three to runs.
     return seed if replicate == 0 else run_seed(seed, replicate, 0)
 
 
