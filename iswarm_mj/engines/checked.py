@@ -76,7 +76,7 @@ def _checked(engine: Any, maker: str, methods: Sequence[str], model: ModelSpec, 
     name = type(engine).__name__
     with user_code(f"{name}.robot"):
         own = engine.robot
-    if own != robot:
+    if not isinstance(own, Robots) or own != robot:
         got = "others" if isinstance(own, Robots) else f"a {type(own).__name__}"
         raise UserError(f"{name}.robot must be the robots of the run, read_robots(model.robot_file) (got {got})")
     return CheckedEngine(engine, Size(model.capacity, model.config.optics.n_senders, robot))

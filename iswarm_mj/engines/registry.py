@@ -1,6 +1,8 @@
 """All engines. An engine is a folder with its settings, and its line here; or a class of a user."""
 
+from collections.abc import Callable
 from dataclasses import fields
+from typing import Any
 
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
@@ -24,6 +26,15 @@ SETTINGS = tuple(dict.fromkeys(f.name for engine in ENGINES.values() for f in fi
 IDENTITY = ("engine", *(name for name in SETTINGS if name not in OF_MACHINE))
 """Keys of the `identity` of an engine; each has some of them."""
 
+_ALLOWED: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    "on_host": ("true or false", lambda value: isinstance(value, bool)),
+    "bytes_per_robot": ("a whole number above 0", lambda value: is_whole(value) and value > 0),
+    "identity": ("a dictionary", lambda value: isinstance(value, dict)),
+    "threads": ("a whole number, at least 0", lambda value: is_whole(value) and value >= 0),
+    "chunk": ("a whole number above 0", lambda value: is_whole(value) and value > 0),
+}
+"""What engines of users say of themselves: what it may be, in words and as a test."""
+
 
 def find_engine(name: str) -> type[EngineSettings]:
     """Return the settings of an engine.
@@ -44,15 +55,16 @@ def check_settings(settings: EngineSettings) -> None:
     """Check what the settings of a user's engine say of it, which those of this package say right.
 
     Raises:
-        UserError: it does not say how much memory a robot takes, or has no method that makes the engine.
+        UserError: one of them is not of the kind that `EngineSettings` says, or no method makes the engine.
     """
     if settings.is_shipped:
         return
     name, own = type(settings).__name__, type(settings)
-
-    with user_code(f"{name}.bytes_per_robot"):
-        size = settings.bytes_per_robot
-    check(f"{name}.bytes_per_robot", size, "a whole number above 0", is_whole(size) and size > 0)
+    for attribute, (allowed, allows) in _ALLOWED.items():
+        if attribute not in OF_MACHINE or hasattr(settings, attribute):
+            with user_code(f"{name}.{attribute}"):
+                value = getattr(settings, attribute)
+            check(f"{name}.{attribute}", value, allowed, allows(value))
     method = "host_engine" if settings.on_host else "compiled_engine"
     if getattr(own, method) is getattr(EngineSettings, method):
         raise UserError(f"{name} has no method {method}, which makes the engine; see {OFFER.protocol}")

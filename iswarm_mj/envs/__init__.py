@@ -30,6 +30,7 @@ _HOMES = {
     "single_env": "gymnasium.SwarmEnv",
     "vector_env": "gymnasium.SwarmVectorEnv",
 }
+__all__ = [*_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

@@ -88,7 +88,7 @@ class EnvRecording:
             path: the file to write, by custom `*.rrd`.
             world: which is recorded.
         """
-        self._env, self._path, self._world, self._step = env, path, world, 0
+        self._env, self._path, self._world = env, path, world
         self._before: StepRecord | None = None
         self._file: Recording | None = None
 
@@ -105,6 +105,7 @@ class EnvRecording:
             about = {"version": __version__, "n_robots": env.n_robots}
             self._file = Recording(self._path, self._recorded.scene, settings, about)
             self._file.append(self._recorded.frames([record]))
+            self._step = 0
         else:
             self._step += 1
             moved = mean_step(self._before.poses[0], record.poses[0], np.ones(record.poses.shape[1:3], bool))

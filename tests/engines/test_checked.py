@@ -19,6 +19,10 @@ HOST, COMPILED = "teleport.py:TeleportSettings", "glide.py:GlideSettings"
 SIGHT = "Sight(Links(whole, flags, whole, number, number), flags)"
 SETTINGS = [
     ("        return 24", "        return None", "bytes_per_robot must be a whole number above 0"),
+    ("    far: ", "    threads: int = -1\n    far: ", "threads must be a whole number, at least 0"),
+    ("    far: ", "    chunk: int = 0\n    far: ", "chunk must be a whole number above 0"),
+    ("    far: ", "    on_host = np.zeros(2)\n    far: ", "on_host must be true or false"),
+    ("    far: ", "    identity = 7\n    far: ", "identity must be a dictionary"),
     ("lambda n_worlds, n_threads: Teleport(model, self.far)", "None", "host_engine raised TypeError"),
     ("Teleport(model, self.far)", "None", "host_engine must return an engine"),
 ]
@@ -26,6 +30,7 @@ METHODS = [
     ("def move(", "def other(", "Teleport has no method move"),
     ("def sense(self", "def sense(self, more", "sense raised TypeError"),
     ("self.robot, self._far = read_robots(model.robot_file), far", "self._far = far", "robot raised AttributeError"),
+    ("self.robot, self._far = read_robots(model.robot_file), far", "self.robot = np.zeros(3)", "robot must be the"),
     ("Places(np.array(poses, float))", "Places(poses[0])", r"place must return arrays .* as \.poses .*shape \(4, 3\)"),
     ("return bodies.poses", "return bodies.poses.tolist()", r"poses must return an array as its result \(got list"),
     (SIGHT, "None", r"sense must return Sight of 6 arrays .*got NoneType"),

@@ -101,18 +101,25 @@ def test_recordings_have_every_step_of_all_episodes(tmp_path):
     np.testing.assert_allclose(shown, expected, atol=1e-3)
 
 
+def test_all_names_come_at_once():
+    found = {}
+    exec("from iswarm_mj.envs import *", found)
+    assert found["make_env"] is make_env and found["EnvRecording"] is EnvRecording and "import_module" not in found
+
+
 @pytest.mark.slow
 def test_one_world_without_an_axis(tmp_path):
-    """As `reset` and `step` of MJX return it."""
+    """As `reset` and `step` of MJX return it; a recording that is used again begins anew."""
     env = make_env(n_robots=5, config=SMALL, engine=MjxSettings(), n_starts=2)
     state = env.reset(jax.random.key(0))
-    both = []
+    both, once = [], EnvRecording(env, tmp_path / "one.rrd")
     for given in (state, jax.tree.map(lambda a: a[None], state)):
-        with EnvRecording(env, tmp_path / "one.rrd") as recording:
+        with once as recording:
             recording.add(given)
             recording.add(given)
         both.append(read(tmp_path / "one.rrd")["/world/robots/body"])
-    for name in both[0]:
+    assert both[1]["step"] == [0, 1]
+    for name in ("step", "Boxes3D:centers", "Boxes3D:quaternions"):
         np.testing.assert_array_equal(np.asarray(both[0][name], object), np.asarray(both[1][name], object))
 
 

@@ -51,13 +51,13 @@ class MjxEngine:
         """See `Engine.place`."""
         return FreeBodies(poses, jnp.zeros_like(poses), with_boxes(is_present, len(poses) - len(is_present)))
 
-    def poses(self, bodies: FreeBodies) -> Float[Array, "N 3"]:
+    def poses(self, bodies: FreeBodies) -> Float[Array, "*B N 3"]:
         """See `Engine.poses`."""
-        return bodies.poses[: self.arena.n_robots]
+        return bodies.poses[..., : self.arena.n_robots, :]
 
-    def boxes(self, bodies: FreeBodies) -> Float[Array, "M 3"]:
+    def boxes(self, bodies: FreeBodies) -> Float[Array, "*B M 3"]:
         """See `PushingEngine.boxes`."""
-        return bodies.poses[self.arena.n_robots :]
+        return bodies.poses[..., self.arena.n_robots :, :]
 
     def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, ""]) -> Sight:
         """See `Engine.sense`."""
