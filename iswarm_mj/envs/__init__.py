@@ -4,8 +4,6 @@
 PettingZoo, `vector_env` and `single_env` ones for Gymnasium, which the extra `marl` installs.
 """
 
-# ruff: noqa: F401 - names for type checkers, imported when they are asked for
-
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +17,18 @@ if TYPE_CHECKING:
     from iswarm_mj.envs.policy import PolicyStrategy
     from iswarm_mj.envs.watch import EnvRecording, Pictures
 
+__all__ = [
+    "Env",
+    "EnvRecording",
+    "Pictures",
+    "PolicyStrategy",
+    "State",
+    "make_env",
+    "parallel_env",
+    "single_env",
+    "vector_env",
+]
+
 _HOMES = {
     "Env": "env.Env",
     "EnvRecording": "watch.EnvRecording",
@@ -30,7 +40,6 @@ _HOMES = {
     "single_env": "gymnasium.SwarmEnv",
     "vector_env": "gymnasium.SwarmVectorEnv",
 }
-__all__ = [*_HOMES]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

@@ -4,9 +4,10 @@ SI in, millimetres out, since the viewer's camera moves well at this scale. What
 once, never with a call per robot or per frame.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from itertools import cycle
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,7 +75,7 @@ class Shape(NamedTuple):
     """The instances of all frames, one frame after the other."""
     lengths: Int[np.ndarray, "T"] | int = 1
     """Instances of each frame; one number if they are as many in each."""
-    values: dict[str, Shaped[np.ndarray, "..."]] = {}  # noqa: RUF012, never changed
+    values: Mapping[str, Shaped[np.ndarray, "..."]] = MappingProxyType({})
     """What the viewer shows where an instance is selected."""
 
 

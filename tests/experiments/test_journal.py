@@ -8,7 +8,9 @@ import sys
 import pytest
 
 from iswarm_mj.experiments.runner import journal as journals
-from iswarm_mj.experiments.runner.journal import count, journal
+from iswarm_mj.experiments.runner.journal import count, hashed, journal
+from iswarm_mj.experiments.runner.pool import Execution, run_missing
+from iswarm_mj.experiments.runner.sweep import RUNS, Variant, sweep
 from iswarm_mj.utils.errors import UserError
 
 SETTINGS = {"seed": 3, "config": {"arena": {"size": 49.0, "n_dust": 72}}}
@@ -100,3 +102,14 @@ def test_what_is_refused_stays_as_it_was(path, written, monkeypatch):
     monkeypatch.setattr(journals, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"})
     with pytest.raises(UserError, match=r"different versions \(iswarm_mj: .* there, 9\.9 now, "):
         entries(path)
+
+
+def test_entries_of_another_form_are_refused(path):
+    one = Variant({"x": 1}, "one", lambda: None)
+    with journal(path.with_name(RUNS), {"kind": "sweep"}) as made:
+        made.add(hashed(one.identity), [[{"x": 1}, {"seed": 0}]])
+        made.add((0,), [1.0, 2.0])
+        with pytest.raises(UserError, match="not a journal of iswarm, or damaged"):
+            run_missing({(0,): None}, made, Execution(), None)
+    with pytest.raises(UserError, match="not a journal of iswarm, or damaged"):
+        sweep([one], path.parent, {"over": ["x"]})

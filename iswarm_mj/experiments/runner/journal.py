@@ -48,7 +48,7 @@ class Journal:
     def __init__(self, path: Path, settings: Mapping[str, Any]):
         self._path = path
         wanted = json.loads(json.dumps({"versions": versions(), "settings": settings}))
-        with self._explained():
+        with self.explained():
             if path.is_file() and path.open("rb").read(len(_HEAD)) not in (b"", _HEAD):
                 raise ValueError("it is no file of SQLite")
             self._file = sqlite3.connect(path)
@@ -71,7 +71,7 @@ class Journal:
         Raises:
             UserError: the file cannot be written, for example because the disk is full.
         """
-        with self._explained(), self._file:
+        with self.explained(), self._file:
             self._file.execute(_INSERT, (json.dumps(key), json.dumps(entry)))
         self.entries[key] = entry
 
@@ -90,8 +90,8 @@ class Journal:
                 )
 
     @contextmanager
-    def _explained(self) -> Iterator[None]:
-        """Raise errors of SQLite, and of content that is none of a journal's, as a UserError."""
+    def explained(self) -> Iterator[None]:
+        """Raise errors of SQLite, and of entries that are none of a journal's, as a UserError."""
         try:
             yield
         except sqlite3.OperationalError as error:

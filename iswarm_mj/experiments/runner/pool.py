@@ -72,7 +72,8 @@ def run_missing(jobs: Mapping[Key, Job], journal: Journal, execution: Execution,
         for index, outcome in finished:
             journal.add(missing[index], list(outcome.values()))
             bar.update()
-    return [dict(zip(COLUMNS, journal.entries[key], strict=True)) for key in jobs]
+    with journal.explained():
+        return [dict(zip(COLUMNS, journal.entries[key], strict=True)) for key in jobs]
 
 
 def progress(total: int, describe: str = "", done: int = 0) -> Progress:

@@ -51,7 +51,12 @@ def sweep(variants: Sequence[Variant], out: Path, about: Mapping[str, Any], agai
                 if key not in finished.entries:
                     finished.add(key, _rows(one.make()))
                     bar.update()
-        found = [(one.labels, row) for key, one in zip(keys, variants, strict=True) for row in finished.entries[key]]
+        with finished.explained():
+            found = [
+                (one.labels, dict(row))
+                for key, one in zip(keys, variants, strict=True)
+                for row in finished.entries[key]
+            ]
         names = dict.fromkeys(name for _, row in found for name in row)
         # A measure with the name of what varies gets another one.
         own = {name: f"{name}_found" if name in found[0][0] and name != "seed" else name for name in names}

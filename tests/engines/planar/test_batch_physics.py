@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import jax
 import numpy as np
 import pytest
 from helpers_crowds import crowd, partly_absent
@@ -125,3 +126,16 @@ class TestBits:
             alone = both_move(start[[world]], velocity[[world]], present=present[[world]])[1]
             for mine, yours in zip((*alone.bodies, alone.touching), (*together.bodies, together.touching), strict=True):
                 assert same_bits(mine[0], yours[world])
+
+    def test_nor_does_the_order_in_which_worlds_begin(self):
+        """Their work in the first phase decides on it; a world without contacts has none."""
+        start, velocity, present = self.start(np.random.default_rng(10))
+        present[1] = np.arange(25) == 3
+        start[1, 3] = 0.0
+        _, engine = engines()
+        first = moved(engine, placed(engine, rounded(start), present), velocity).bodies
+        assert first.work[1] == 0 and (np.delete(first.work, 1) > 0).all() and len(set(first.work.tolist())) > 2
+        forth = moved(engine, first, velocity)
+        back = moved(engine, jax.tree.map(lambda a: a[::-1], first), velocity[::-1])
+        for one, other in zip((*forth.bodies, forth.touching), (*back.bodies, back.touching), strict=True):
+            assert same_bits(one, other[::-1])
