@@ -119,7 +119,7 @@ def test_control_steps(scene):
     bound = BOUND["all" if file else "square"]
     for name, each in off.items():
         found = np.array(each)
-        assert found.max() < bound if name == "numba" else np.mean(found < bound + 1e-3) > 0.99 and found.max() < 0.2
+        assert found.max() < bound if name == "numba" else np.mean(found < bound + 1e-3) > 0.99 and found.max() < 0.02
     moved = np.hypot(*(poses - start)[..., :2].T)
     assert n_touching > 200 and n_at_walls > 70 and moved[1].min() > 1
     if file:
