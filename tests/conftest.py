@@ -8,8 +8,10 @@ import psutil
 import pytest
 from jaxtyping import install_import_hook
 
+import iswarm_mj  # sets the level of XLA's log, before anything imports JAX
+
 CHECKED = [
-    f"iswarm_mj.{module}"
+    f"{iswarm_mj.__name__}.{module}"
     for module in (
         "utils.geometry",
         "sensors.memory",
@@ -94,7 +96,7 @@ REGROWTH = 0.5e9
 @pytest.fixture(scope="module", autouse=True)
 def _programs_go():
     """All that JAX compiled would take gigabytes in the end."""
-    import jax  # after iswarm_mj, which sets the level of XLA's log before JAX does
+    import jax
 
     global limit
     yield
