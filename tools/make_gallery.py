@@ -1,12 +1,12 @@
-"""Make the moving pictures of the documentation from seeds: docs/replays/, and docs/play.gif of the page itself.
+"""Make the moving pictures of the documentation from seeds: docs/replays/, and docs/play.webp of the page itself.
 
 `python tools/make_gallery.py [NAME ...]` runs each scene and writes what it looks like as an animated picture; of the
-first also a replay that can be turned. Needs Debian's chromium and ffmpeg, and `pip install playwright`.
+first also a replay that can be turned. Needs Debian's chromium, and `pip install playwright`.
 """
 
+import io
 import runpy
 import shlex
-import subprocess
 import sys
 import tempfile
 import time
@@ -118,13 +118,13 @@ def scenes(server: Any, draw: Any) -> list[Image.Image]:
     return found
 
 
-def write(path: Path, pictures: list[Image.Image], per_second: float) -> None:
-    """Write an animated picture of at most `LARGEST` bytes."""
+def write(path: Path, pictures: list[Image.Image], largest: int = LARGEST) -> None:
+    """Write an animated picture of at most so many bytes, if the lowest quality suffices."""
     first, *rest = pictures
-    more = {"save_all": True, "append_images": rest, "duration": round(1000 / per_second), "loop": 0}
+    more = {"save_all": True, "append_images": rest, "duration": round(1000 / PER_SECOND), "loop": 0}
     for quality in (60, 40, 20):
         first.save(path, quality=quality, method=6, **more)
-        if path.stat().st_size < LARGEST:
+        if path.stat().st_size < largest:
             break
     print(f"{path}: {path.stat().st_size / 1e6:.2f} MB, {len(pictures)} pictures", flush=True)
 
@@ -143,7 +143,7 @@ def swarm(name: str) -> None:
     server = open_server(8400)
     try:
         light(server.scene)
-        write(OUT / f"{name}.webp", scenes(server, draw), PER_SECOND)
+        write(OUT / f"{name}.webp", scenes(server, draw))
     finally:
         close_server(server)
 
@@ -163,34 +163,30 @@ def bench() -> None:
                 shown.hold(moment)
                 yield 0.1
 
-        write(OUT / f"{BENCH}.webp", scenes(server, draw), PER_SECOND)
+        write(OUT / f"{BENCH}.webp", scenes(server, draw))
     finally:
         close_server(server)
 
 
 def page() -> None:
-    """The page itself, as a GIF."""
+    """The page itself."""
     session = Session(Scenario())
     shown = Page(session, 8400)
+    pictures = []
     try:
-        with tempfile.TemporaryDirectory() as place:
-            for browser in images(shown.url):
-                browser.set_viewport_size({"width": 1000, "height": 600})
-                time.sleep(4)
-                browser.locator("[class*=mantine-Notification] button").first.click()  # software rendering
-                for k in range(36):
-                    session.post(session.advance)
-                    while session.step < k + 1 or session.shown < k + 1:
-                        time.sleep(0.05)
-                    time.sleep(0.7)
-                    browser.screenshot(path=f"{place}/{k:03}.png")
-            palette = "split[a][b];[a]palettegen=max_colors=128[p];[b][p]paletteuse=dither=none"
-            out = ROOT / "docs" / "play.gif"
-            command = f"ffmpeg -v error -y -framerate 8 -i {place}/%03d.png -vf scale=800:-1:flags=lanczos,{palette}"
-            subprocess.run([*shlex.split(command), str(out)], check=True)
-            print(f"{out}: {out.stat().st_size / 1e6:.2f} MB")
+        for browser in images(shown.url):
+            browser.set_viewport_size({"width": 1000, "height": 600})
+            time.sleep(4)
+            browser.locator("[class*=mantine-Notification] button").first.click()  # software rendering
+            for k in range(36):
+                session.post(session.advance)
+                while session.step < k + 1 or session.shown < k + 1:
+                    time.sleep(0.05)
+                time.sleep(0.7)
+                pictures.append(Image.open(io.BytesIO(browser.screenshot())).convert("RGB"))
     finally:
         shown.close()
+    write(ROOT / "docs" / "play.webp", pictures, 5 * LARGEST)
 
 
 if __name__ == "__main__":
