@@ -4,6 +4,7 @@ Steps share programs: robots and balls far away fill up to `N` and `K`, and what
 """
 
 from dataclasses import replace
+from functools import partial
 
 import jax
 import numpy as np
@@ -76,20 +77,24 @@ def step(gripper, balls, rows, *, picks=True, falls=False, voltage=69.0, decider
     if k < K:
         far = lay(*[(-500, -500)] * (K - k))
         balls = jax.tree.map(lambda a, b: np.concatenate([a, b]), balls, far)
-    picks, voltage = (np.append(np.broadcast_to(a, n), [a0] * (N - n)) for a, a0 in ((picks, False), (voltage, 0.0)))
-    falls = np.append(np.broadcast_to(falls, k), np.zeros(max(0, K - k), bool))
+    picks, voltage, falls = filled(picks, n, N), filled(np.float32(voltage), n, N), filled(falls, k, K)
     usual = replace(gripper, **{name: getattr(GRIPPER, name) for name in own._fields if hasattr(GRIPPER, name)})
-    given = poses.astype(np.float32), picks, falls, key, np.float32(voltage)
+    given = poses.astype(np.float32), picks, falls, key, voltage
     balls, failed = jax.device_get(_step(usual, decider, own, balls, *given))
     return jax.tree.map(lambda a: a[:k], balls), failed[:n]
 
 
-def handled(gripper, decider, conditions, balls, poses, picks, falls, key, voltage=None):
+def filled(values, count, size):
+    """An array of so many values, or of one for each, with zeros up to `size`."""
+    found = np.zeros(max(count, size), np.asarray(values).dtype)
+    found[:count] = values
+    return found
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _step(gripper, decider, conditions, balls, poses, picks, falls, key, voltage):
     """One step of the hands: the balls, and who lifted in vain."""
     tips = probe_tips(poses, PROBE)
     balls = carry(balls, tips)
     view = sense(poses, tips, balls.position, balls.is_lying, DUMP, 0.75 * RD)
     return handle(gripper, conditions, balls, tips, view, picks, falls, key=key, decider=decider, voltage=voltage)
-
-
-_step = jax.jit(handled, static_argnums=(0, 1))
