@@ -100,10 +100,19 @@ def settings_of(method="paper", **changes):
     return asdict(replace(Search(method=method), **changes))
 
 
+class Found(dict):
+    """Findings by the texts of their claims, made when they are asked for."""
+
+    def __init__(self, samples):
+        self.samples = samples
+
+    def __missing__(self, claim):
+        (statement,) = (statement for statement in STATEMENTS if statement.claim == claim)
+        return statement.finding(self.samples)
+
+
 def found_in(rows, **others):
-    """Findings by the texts of their claims."""
-    samples = {name: evolutions(mine, 72) for name, mine in ({"paper": rows} | others).items()}
-    return {statement.claim: statement.finding(samples) for statement in STATEMENTS}
+    return Found({name: evolutions(mine, 72) for name, mine in ({"paper": rows} | others).items()})
 
 
 def changed(rows, change):

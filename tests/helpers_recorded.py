@@ -32,15 +32,18 @@ def scene(n_robots=4, n_balls=2):
     )
 
 
-def arrays(n_steps=3, n_robots=4, n_balls=2):
-    """Arrays of a trajectory: robots anywhere, balls that lie, nobody who hears anything."""
-    rng = np.random.default_rng(1)
-    sizes = {"T": n_steps, "N": n_robots, "K": n_balls, "M": 0, "S": 4}
+def zeros(**sizes):
+    """Arrays of frames without anything, by the sizes of their axes."""
     shapes = {
         name: [sizes[axis] if axis in sizes else int(axis) for axis in f.type.dim_str.split()]
         for name, f in ARRAYS.items()
     }
-    made = {name: np.zeros(shapes[name], dtype_of(name)) for name, f in ARRAYS.items()}
+    return {name: np.zeros(shape, dtype_of(name)) for name, shape in shapes.items()}
+
+
+def arrays(n_steps=3, n_robots=4, n_balls=2):
+    """Arrays of a trajectory: robots anywhere, balls that lie, nobody who hears anything."""
+    rng, made = np.random.default_rng(1), zeros(T=n_steps, N=n_robots, K=n_balls, M=0, S=4)
     made |= {
         "step": np.arange(n_steps, dtype=np.int32),
         "is_running": np.ones(n_steps, bool),

@@ -3,12 +3,12 @@
 from contextlib import closing
 
 import numpy as np
+from helpers_recorded import scene, zeros
 
 from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.rerun_swarm import Recording
-from iswarm_mj.output.schema import ARRAYS, Frames, dtype_of
+from iswarm_mj.output.schema import Frames, dtype_of
 from iswarm_mj.output.swarm_classes import states
-from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.strategy.vector_strategy import payload_for
 
 PERIOD = 0.4
@@ -21,19 +21,13 @@ def names(scene):
 
 def make_scene(n_robots=40, n_balls=12):
     rng = np.random.default_rng(1)
-    return Scene(
-        robot_size=np.array([[2e-3, 2e-3, 1e-3]] * n_robots),
+    return scene(n_robots, n_balls)._replace(
         is_scout=rng.random(n_robots) < 0.15,
-        ball_radius=np.full(n_balls, 20e-6),
         arena_size=98e-3,
         dump=np.array([-7e-3, -7e-3, 7e-3, 7e-3]),
         dust_areas=np.array([[-45e-3, 20e-3, -20e-3, 45e-3], [22e-3, -45e-3, 45e-3, -22e-3]]),
         control_period=PERIOD,
-        is_alive=np.ones(n_robots, bool),
         payload=stored(payload_for(140.0)),
-        world=0,
-        n_leds=4,
-        kind=np.zeros(n_robots, int),
         memory_names=("dust_vector", "dust_known", "dump_vector", "dump_known", "dust_hop", "dump_hop"),
         memory_units=("m", "", "m", "", "", ""),
         memory_sizes=(2, 1, 2, 1, 1, 1),
@@ -44,11 +38,7 @@ def make_scene(n_robots=40, n_balls=12):
 def make_frames(scene, n_frames=50, seed=0):
     """Random walks; robots carry a ball now and then, hear each other, and learn and forget where dust and dump are."""
     rng, (n, k) = np.random.default_rng(seed), (len(scene.is_scout), len(scene.ball_radius))
-    sizes, steps = {"T": n_frames, "N": n, "K": k, "S": 4, "M": len(scene.boxes)}, np.arange(n_frames)[:, None]
-    shapes = {
-        name: [sizes[axis] if axis in sizes else int(axis) for axis in f.type.dim_str.split()]
-        for name, f in ARRAYS.items()
-    }
+    zero, steps = zeros(T=n_frames, N=n, K=k, S=4, M=len(scene.boxes)), np.arange(n_frames)[:, None]
     yaw = rng.uniform(-np.pi, np.pi, n) + np.cumsum(rng.normal(0, 0.35, (n_frames, n)), axis=0)
     way = np.cumsum(0.4e-3 * np.stack([np.cos(yaw), np.sin(yaw)], axis=-1), axis=0)
     half = scene.arena_size / 2 - 2e-3
@@ -85,7 +75,6 @@ def make_frames(scene, n_frames=50, seed=0):
     for name, flags in known.items():
         vector = np.where(flags[..., None], rng.normal(0, 0.02, (n_frames, n, 2)), np.nan)
         memory |= {f"{name}_vector": vector.astype(np.float32), f"{name}_hop": rng.integers(15, size=(n_frames, n))}
-    zero = {name: np.zeros(shape) for name, shape in shapes.items()}
     return Frames(**{name: values.astype(dtype_of(name)) for name, values in (zero | made).items()}, memory=memory)
 
 

@@ -1,5 +1,6 @@
 """The documentation: its tables are those of the code, its commands work, the site builds without the network."""
 
+import importlib
 import os
 import re
 import shlex
@@ -16,6 +17,7 @@ from iswarm_mj.utils.errors import FaultKind
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+NAMING = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "results/README.md"]
 sys.path.append(str(ROOT / "tools"))
 from make_tables import BLOCK, MADE, filled  # noqa: E402
 
@@ -44,6 +46,19 @@ def test_each_table_is_on_a_page_and_complete():
     assert [kind.name for kind in FaultKind if f"| `{kind.name}` |" not in faults] == []
     observed = (ROOT / "docs/observation.md").read_text(encoding="utf-8")
     assert [name for name in Observation._fields if f"| `{name}` |" not in observed] == []
+
+
+@pytest.mark.parametrize("page", NAMING, ids=lambda page: page.name)
+def test_what_a_page_names_exists(page):
+    """Files, and what code blocks import."""
+    text = page.read_text(encoding="utf-8")
+    named = re.findall(r"\b((?:tests|docs|iswarm_mj|models|notebooks|tools)/[\w./-]*\w)", text)
+    assert [name for name in named if not (ROOT / name).exists()] == []
+    assert named or page.name != "architecture.md"
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    for module, names in re.findall(r"^from (iswarm_mj[\w.]*) import (.+)$", "\n".join(blocks), re.MULTILINE):
+        found = importlib.import_module(module)
+        assert all(hasattr(found, name.strip()) for name in names.split(","))
 
 
 @pytest.fixture

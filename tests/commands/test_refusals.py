@@ -48,6 +48,15 @@ REFUSED = [
     (f"{CURVE} --voltages", ["--voltages must be such that there are 1 to 100 curves"]),
     ("grasp --protocol.step-voltage 100", ["--protocol.step-voltage must be below --protocol.grasp-limit, 80 "]),
     ("grasp --radius 10e-6 25e-6 --gap 45e-6", ["--gap must be at most 4 times the least radius (got 4.5e-05)"]),
+    ("report --out r.pdf", ["--out must be a name that ends in .html"]),
+    ("report --results", ["--results must be at least one directory"]),
+    ("report --results nowhere", ["--results must be an existing directory"]),
+    ("reproduce --only densty", ["--only must be grasp or hop-count or density or"]),
+    ("reproduce --replicates 0", ["--replicates must be"]),
+    ("reproduce --results file", ["--results must be a writable directory (got file); choose another ("]),
+    ("evolve --engine mjx --backend ray", ["--backend must be processes with --engine mjx and --impl jax (got 'ray')"]),
+    ("evolve --generations 0", ["--generations must be a whole number between 1 and 100000 (got 0)"]),
+    ("evolve --population 2", ["--operators.elite must be below --population (got 2)"]),
     ("clean --tyro-print-completion x", ["bash, zsh"]),
 ]
 IDLE = [
@@ -69,6 +78,7 @@ IDLE = [
     ("experiment hop-count --engine mjx --workers 2", "--workers", "with runs in batches"),
     ("evolve --method cmaes --operators.span 0.1", "--operators.span", "with --method cmaes"),
     ("reproduce --tables --engine planar", "--engine", "with --tables"),
+    ("reproduce --tables --quick", "--quick", "with --tables"),
     ("reproduce --list --again", "--again", "with --list"),
 ]
 

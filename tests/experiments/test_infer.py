@@ -13,8 +13,6 @@ from iswarm_mj.experiments.studies.infer import ALONE, FACTORS, NAMED, NAMED_REP
 from iswarm_mj.experiments.studies.support import (
     Combination,
     answers,
-    combinations_of,
-    findings,
     gives_way,
     penalty_error,
     sample_of,
@@ -127,11 +125,6 @@ def test_each_statement_is_on_its_runs(changed, fails):
     assert failing(runs(**changed)) == fails
 
 
-def test_swarms_reach_a_goal_if_more_than_half_of_them_do():
-    half = runs() + runs(**{name: {"finished_at": None} for name in ("0.1", "0.15", "0.2")})
-    assert "0.1 to 0.2 cleans" in failing(half) and "0.1 to 0.2 cleans" not in failing(half + runs())
-
-
 @pytest.mark.parametrize(
     "low, counts, default, expected",
     [
@@ -149,16 +142,6 @@ def test_a_default_gives_way_to_what_is_supported_and_does_no_worse_alone(low, c
     assert gives_way(default, shares, counts) == expected
 
 
-def test_counts_with_one_value_changed():
-    """Of runs as the paper reports them, but for those with drops; single runs are compared by layouts."""
-    every = combinations_of(rows_where(lambda labels: labels["drops"] != "1 % a step"))
-    found = supports(every)
-    assert found["drops"].counts == {"none": SELECTING, "1 % a step": 1}
-    assert found["drops"].more == {"1 % a step": Interval(1 - SELECTING, 1 - SELECTING, 1 - SELECTING)}
-    assert found["locations"].counts == {"free": SELECTING, "cells": SELECTING}
-    assert sum(c.is_named for c in every) == len(NAMED)
-
-
 def test_chances_are_corrected_for_the_number_of_factors_and_penalties_decide_between_equals():
     """Of 200, the ten that are accepted have one label of `stops`, and those of `drops` by halves."""
     usual = {name: next(iter(levels)) for name, levels in FACTORS.items()}
@@ -174,13 +157,3 @@ def test_chances_are_corrected_for_the_number_of_factors_and_penalties_decide_be
     assert found["stops"].adjusted == pytest.approx(len(FACTORS) * 2 / 2**10) and len(found["stops"].shares) == 2
     near = [one._replace(penalty_error=abs(k - 10)) for k, one in enumerate(sample[:40])]
     assert [near.index(one) for one in sample_of(near)[1]] == [10, 8]
-
-
-def test_findings_count_what_is_reproduced():
-    rows = rows_where(lambda labels: labels["reading"] != "initial" and labels["avoidance_sides"] != "all")
-    first, *others = findings(rows)
-    assert f"at most {SELECTING} of {SELECTING}, by 20" in first.ours
-    assert f"paper {SELECTING} of {SELECTING}, and of those held out 7 of 7; initial 1 of {SELECTING}" in first.ours
-    sides = next(f for f in others if "avoidance sides" in f.claim)
-    assert "front: 100 %" in sides.ours and "p = 0.5, 1 by Holm for 21 readings" in sides.statistics
-    assert len(others) == len(FACTORS)

@@ -80,7 +80,7 @@ def test_a_full_disk_is_an_error_and_the_file_stays_good(path, written):
     assert entries(path) == written
 
 
-@pytest.mark.parametrize("content", [b"\n", b"\xff\xfe\n", b"a note", b"SQLite format 3\0"])
+@pytest.mark.parametrize("content", [b"a note", b"SQLite format 3\0"])
 def test_other_files_are_refused(path, content):
     path.write_bytes(content)
     assert count(path) == 0

@@ -56,22 +56,6 @@ def test_links_out_of_the_directory_are_not_followed(results, tmp_path):
     assert list(files_in(inside, "*.png")) == []
 
 
-@pytest.mark.parametrize("name", ["evolution.parquet", "hop_count.parquet", "trials.parquet"])
-def test_a_damaged_table_is_named_in_a_sentence(results, tmp_path, capsys, name):
-    """One that is no table, and one with an empty column."""
-    column = {"evolution.parquet": "fitness", "hop_count.parquet": "max_steps", "trials.parquet": "limit_voltage"}[name]
-    (table,) = (result for result in collect([results]).values() if result.path.name == name)
-    for spoil in (
-        lambda: (tmp_path / name).write_bytes(b"PAR1 and no more"),
-        lambda: write_table(tmp_path / name, [{**row, column: None} for row in table.rows], table.settings),
-    ):
-        spoil()
-        with pytest.raises(SystemExit) as stop:
-            main(["report", "--results", str(tmp_path), "--out", str(tmp_path / "r.html")])
-        error = capsys.readouterr().err
-        assert stop.value.code == 2 and error.count("\n") == 1 and str(tmp_path / name) in error
-
-
 def test_without_results_all_but_the_laws_is_open_and_signs_of_html_are_text(tmp_path, capsys):
     empty = tmp_path / "<i>"
     empty.mkdir()
@@ -87,17 +71,6 @@ def test_a_large_drawing_is_shown_as_pixels(tmp_path):
     assert data_uri(tmp_path / "a.png").startswith("data:image/png;base64,")
     (tmp_path / "a.svg").write_bytes(b"<svg/>")
     assert data_uri(tmp_path / "a.png") == "data:image/svg+xml;base64," + base64.b64encode(b"<svg/>").decode()
-
-
-def test_bad_flags_end_with_a_sentence(capsys):
-    for flags, said in (
-        (["--out", "r.pdf"], "--out must be a name that ends in .html"),
-        (["--results"], "--results must be at least one directory"),
-        (["--results", "nowhere"], "--results must be an existing directory"),
-    ):
-        with pytest.raises(SystemExit) as stop:
-            main(["report", *flags])
-        assert stop.value.code == 2 and said in capsys.readouterr().err
 
 
 @pytest.fixture

@@ -118,18 +118,3 @@ def test_a_page_that_cannot_be_filled_leaves_all_as_it_was(jobs, tmp_path, capsy
         main(["reproduce", "--tables"])
     assert stop.value.code == 2 and "The block was 'densty'" in capsys.readouterr().err
     assert findings.read_text() == "old" and page.read_text() == before
-
-
-def test_bad_input_is_one_sentence_and_nothing_is_written(jobs, tmp_path, capsys):
-    for flags, said in (
-        (["--only", "densty"], "--only must be grasp or hop-count or density or"),
-        (["--tables", "--quick"], "--quick has no effect with --tables"),
-        (["--replicates", "0"], "--replicates must be"),
-        (["--tables", "--results", "nowhere"], "--results must be an existing directory"),
-        (["--results", "README.md"], "--results must be a writable directory (got README.md); choose another ("),
-    ):
-        with pytest.raises(SystemExit) as stop:
-            main(["reproduce", *flags])
-        error = capsys.readouterr().err
-        assert stop.value.code == 2 and said in error and error.count("\n") == 1
-    assert {path.name for path in tmp_path.iterdir()} == {"README.md"} and jobs == []

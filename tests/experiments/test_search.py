@@ -1,6 +1,5 @@
 """Searches from end to end: their tables, their optimisers, and that no interruption changes a byte."""
 
-import re
 from dataclasses import asdict, replace
 from itertools import product
 
@@ -66,7 +65,7 @@ def test_the_table_and_files(monkeypatch, tmp_path):
 class TestReplicates:
     """Three searches at once."""
 
-    @pytest.mark.parametrize("method", METHODS)
+    @pytest.mark.parametrize("method", ["paper", "cmaes"])
     def test_each_is_the_search_with_its_seed(self, monkeypatch, tmp_path, method):
         """The first that of the seed itself; no replicate learns from another; a generation of all is a set of jobs."""
         begun, sets, run_jobs = pretend(monkeypatch), [], pool.run_jobs
@@ -86,7 +85,7 @@ class TestReplicates:
 
     @pytest.mark.parametrize(
         "at_once, engine, sets",
-        [(60, "planar", [60]), (25, "planar", [20] * 3), (3, "mjx", [10] * 6)],
+        [(25, "planar", [20] * 3), (3, "mjx", [10] * 6)],
     )
     def test_batches_of_planar_take_generations_that_depend_on_none(self, monkeypatch, tmp_path, at_once, engine, sets):
         """MJX's time grows with a batch, and the table of a search in workers with each generation."""
@@ -159,24 +158,8 @@ class TestOptimisers:
         assert max(spreads[converged + 1 :]) > 5 * spreads[converged]
 
 
-def test_refusals(capfd, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for flags, message in {
-        "--engine mjx --backend ray": r"--backend must be processes with --engine mjx and --impl jax \(got 'ray'\)",
-        "--generations 0": r"--generations must be a whole number between 1 and 100000 \(got 0\)",
-        "--population 2": r"--operators\.elite must be below --population \(got 2\)",
-        "--operators.span nan": r"--operators\.span must be .*\(got nan\)",
-    }.items():
-        with pytest.raises(SystemExit) as stop:
-            cli.main(["evolve", *flags.split()])
-        out, error = capfd.readouterr()
-        assert stop.value.code == 2 and out == "" and re.search(message, re.sub(r"[\s│]+", " ", error))
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.filterwarnings("error")
-@pytest.mark.parametrize("method", ["cmaes", "random"])
-def test_only_the_papers_method_needs_room_for_an_elite(monkeypatch, tmp_path, method):
+def test_only_the_papers_method_needs_room_for_an_elite(monkeypatch, tmp_path):
     begun = pretend(monkeypatch)
-    cli.main(["evolve", "--method", method, "--generations=3", "--population=2", "--out", str(tmp_path / "out")])
+    cli.main(["evolve", "--method=cmaes", "--generations=3", "--population=2", "--out", str(tmp_path / "out")])
     assert len(begun) == 6

@@ -1,19 +1,11 @@
-"""Tables of results in Markdown: their numbers by hand; blocks of pages, of which nothing else is replaced."""
+"""Tables of results in Markdown: their numbers and texts by hand; blocks of pages, of which nothing else changes."""
 
-import pytest
-from helpers_findings import GRASP_SETTINGS, grasp_rows
+from helpers_findings import grasp_rows
+from hypothesis import given
+from hypothesis import strategies as st
 
-from iswarm_mj.experiments.analysis.findings import (
-    FAILS,
-    HOLDS,
-    TOO_FEW,
-    UNDECIDED,
-)
-from iswarm_mj.experiments.analysis.statistics import LEVEL
-from iswarm_mj.experiments.report.numbers import engines, grouped
-from iswarm_mj.experiments.report.tables import Tables, filled, new_texts
-from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.tables import write_table
+from iswarm_mj.experiments.report.numbers import grouped, text
+from iswarm_mj.experiments.report.tables import filled, new_texts
 
 
 def cells(text):
@@ -56,49 +48,6 @@ def test_groups_by_hand():
     assert first == ["no contact", "10", "0 of 9", ""] and second == ["grasp", "10", "10 of 10", "20 (20 to 20)"]
 
 
-def engine_rows(factor, n=8, scatter=0.02):
-    """Runs whose times are those of one engine times a factor."""
-    hop = [
-        run_row(factor * 200 * (1 + scatter * k) if flag else None, k, use_hop_count=flag)
-        for flag in (True, False)
-        for k in range(n)
-    ]
-    density = [run_row(factor * 1000 * d * (1 + scatter * k), k, density=d) for d in (0.1, 0.2) for k in range(n)]
-    return {"hop-count": hop, "density": density}
-
-
-def test_engines_are_equal_by_their_times():
-    """Not by few or scattered runs."""
-    for factor, verdict in ((1.02, HOLDS), (1.5, FAILS)):
-        first = engine_rows(1.0)
-        first["density"] += [run_row(500, k, density=0.4) for k in range(8)]  # which the other has not
-        _, *lines = cells(engines({"results": first, "other": engine_rows(factor)}))
-        assert [line[0][-3:] for line in lines[:-1]] == ["nts", "0.1", "0.2", "all"]
-        assert lines[0][1] == "214" and lines[-2][4] == verdict and lines[-2][3].startswith(f"{factor:.3g} (")
-    for options, verdict in (({"n": 4}, TOO_FEW), ({"scatter": 0.5}, UNDECIDED)):
-        rows = engine_rows(1.0, **options)
-        assert {line[4] for line in cells(engines({"a": rows, "b": rows}))[1:-1]} == {verdict}
-
-
-def test_contents_of_blocks(tmp_path):
-    """Of one directory and of two; a block without results stays as it is, one of an unknown name is refused."""
-    for name, repeats in (("results", 8), ("results-initial", 2)):
-        (tmp_path / name / "grasp").mkdir(parents=True)
-        write_table(tmp_path / name / "grasp" / "trials.parquet", grasp_rows(repeats=repeats), GRASP_SETTINGS)
-    tables = Tables(tmp_path)
-    text = tables.content("results", "grasp", "results-initial")
-    assert "`results`:\n\n| " in text and "40 of 40" in text and "10 of 10" in text
-    assert tables.content("results", "laws") and tables.content("results", "statements").count("### ") == 2
-    assert tables.content("results", "density") is None is tables.content("results-none", "grasp")
-    assert tables.content("results", "engines", "results-initial") is None
-    summary, level = tables.content("results", "summary"), LEVEL.get()
-    # each of 16 intervals is at 1 - 0.05 / 16, by which 40 of 40 no longer shows that more than 90 % do
-    assert "with intervals at 99.69 %, by Bonferroni for these 16 verdicts" in summary and level == 0.95
-    assert "become undecided: Without contact no ball is lifted" in summary
-    with pytest.raises(UserError, match=r"^The block was 'grasps'; there are laws, grasp, "):
-        tables.content("results", "grasps")
-
-
 PAGE = """# A page
 
 Before. <!-- results: in a line of text --> is no mark.
@@ -132,3 +81,16 @@ def test_only_what_is_between_the_marks_changes(tmp_path):
     first.write_text(PAGE)
     second.write_text("no block\n")
     assert new_texts([first, second], fill) == {first: new}
+
+
+@given(st.text("<>!/[]()|\\\n `a"))
+def test_text_is_no_markup(words):
+    shown = text(words)
+    assert "\n" not in shown and "](" not in shown
+    assert "<a" not in shown and "<!" not in shown and "</" not in shown
+    assert "|" not in shown.replace("\\|", "")
+
+
+def test_words_by_hand():
+    assert text("p < 0.001 | a") == "p < 0.001 \\| a"
+    assert text("<script>x</script> ![i](http://a)") == "&lt;script>x&lt;/script> ![i]\\(http://a)"

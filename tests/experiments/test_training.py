@@ -1,14 +1,14 @@
 """`iswarm train`: its flags, real trainings, and what cannot be trained, of which nothing stays behind."""
 
 import re
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_robots import robot_file
-from helpers_training import SMALL, TRAINING, Three, pretend
+from helpers_training import SMALL, TRAINING, Three
 
 from iswarm_mj.commands import main as cli
 from iswarm_mj.config import SwarmConfig
@@ -17,7 +17,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import training
 from iswarm_mj.experiments.runner.training import Training, policy, train
 from iswarm_mj.strategy.network import load_weights
-from iswarm_mj.strategy.neural import N_WEIGHTS, Neural
+from iswarm_mj.strategy.neural import Neural
 from iswarm_mj.tasks.aggregation import Aggregation
 from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.utils.errors import UserError
@@ -28,17 +28,12 @@ FLAGS += ["--arena.size=15", "--arena.dump-size=3", "--arena.dust-area-size=3", 
 
 
 def test_the_command_trains_in_worlds(tmp_path, capfd, monkeypatch):
-    """The networks, with which another training begins; and the policy of the documentation, whose flag takes them."""
+    """The policy of the documentation, whose flag takes the weights."""
     monkeypatch.chdir(tmp_path)
-    cli.main(["train", *FLAGS, "--out=runs/networks"])
-    assert re.search(r"fitness .* in generation 3\n.*weights in runs/networks/weights\.npz", capfd.readouterr().out)
-    weights = load_weights("runs/networks/weights.npz")
-    assert len(weights) == N_WEIGHTS
-    begins = Neural(Path("runs/networks/weights.npz")).for_training(SMALL, None, 4)
-    np.testing.assert_array_equal(begins.weights, weights)
     page = (Path(__file__).parents[2] / "docs/policies.md").read_text()
     Path("turner.py").write_text(re.search(r"```python\n(# turner.py.*?)```", page, re.S)[1])
     cli.main(["train", "--strategy", "turner.py:Turner", *FLAGS])
+    assert re.search(r"fitness .* in generation 3\n.*weights in runs/train/weights\.npz", capfd.readouterr().out)
     weights = load_weights("runs/train/weights.npz")
     assert len(weights) == 4 * 4 + (4 + 4) * 2
     again = cli.parse(["train", "--strategy", "turner.py:Turner", "--weights", "runs/train/weights.npz"])
@@ -65,21 +60,6 @@ def test_the_command_forwards_all_flags(tmp_path, monkeypatch):
     assert given["args"][0] == Training() and given["args"][3] == MjxSettings("warp").for_batches() != MjxSettings(
         "warp"
     )
-
-
-@dataclass
-class Strict(Three):
-    weights: object = field(init=False)
-
-    def __post_init__(self):
-        self.weights = jnp.zeros(3)
-
-
-def test_weights_need_not_pass_through_init(monkeypatch, tmp_path):
-    """Those of many worlds at once may have a shape that a class refuses."""
-    asked = pretend(monkeypatch)
-    train(replace(TRAINING, generations=1), Strict(), tmp_path, PlanarSettings(1), task=CLEANING)
-    assert asked[0].shape == (8, 3)
 
 
 class Balls:
@@ -147,13 +127,13 @@ def test_a_candidate_may_have_a_world_for_each_number_of_robots():
     assert replace(TRAINING, robots=(4, 5)).robots == (4, 5) and Training().worlds >= len(Training().robots)
 
 
-@pytest.mark.parametrize("weights", [None, [1.0], jnp.zeros(3, int), [jnp.zeros(3), jnp.zeros(3, int)]])
-def test_strategies_without_weights_are_refused(weights):
-    with pytest.raises(UserError, match="Three has no weights to train"):
+@pytest.mark.parametrize(
+    ("weights", "sentence"),
+    [
+        *((none, "Three has no weights to train") for none in (None, [1.0], jnp.zeros(3, int))),
+        *((jnp.array(first, float), "weights must be") for first in ([], [0.5], [0.0, np.nan], [2e6, 0.0])),
+    ],
+)
+def test_weights_that_no_search_can_begin_with(weights, sentence):
+    with pytest.raises(UserError, match=sentence):
         policy(Three(weights), SMALL, 4)
-
-
-@pytest.mark.parametrize("first", [[], [0.5], [0.0, np.nan], [np.inf, 0.0], [2e6, 0.0]])
-def test_weights_that_no_search_can_begin_with(first):
-    with pytest.raises(UserError, match="weights must be"):
-        policy(Three(jnp.array(first, float)), SMALL, 4)

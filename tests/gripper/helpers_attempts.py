@@ -1,12 +1,17 @@
-"""Random attempts to lift and to release balls, and steps of robots that make them."""
+"""Random attempts to lift and to release balls, and steps of robots that make them.
+
+Steps share programs: robots and balls far away fill up to `N` and `K`, and what differs between worlds is no constant.
+"""
+
+from dataclasses import replace
+from functools import partial
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-from helpers_sensing import place
+from helpers_sensing import lay, place
 
 from iswarm_mj.config import GripperConfig, SwarmConfig
-from iswarm_mj.gripper.attempts import Attempts
+from iswarm_mj.gripper.attempts import Attempts, by_balance
 from iswarm_mj.gripper.handling import carry, handle
 from iswarm_mj.gripper.laws.detachment import (
     VARIATION_OBJECT_SUBSTRATE,
@@ -22,7 +27,8 @@ from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.utils.units import RD
 
-PROBE, DUMP = jnp.array([0.9, 0.0]), 5 * RD
+PROBE, DUMP = np.array([0.9, 0.0], np.float32), 5 * RD
+N, K = 4, 4
 GRIPPER = GripperConfig(spread_tool_object=0.0, spread_object_substrate=0.0)
 """Whose attempts are alike."""
 KEY = jax.random.key(0)
@@ -64,16 +70,31 @@ def _attempts(random, lifts, voltage, radius, works):
     return Attempts(lifts, ~lifts, *(np.asarray(values, np.float32) for values in (voltage, radius, *works, miss)))
 
 
-def step(gripper, balls, poses, falls=False, key=KEY, **kwargs):
-    """One step of the hands of robots at rows of x, y, heading [deg]; whether all balls that are held fall."""
-    poses, falls = jnp.asarray(place(*poses), jnp.float32), jnp.full(len(balls.radius), falls)
-    return handled(gripper, balls, poses, jnp.ones(len(poses), bool), falls, key, **kwargs)
+def step(gripper, balls, rows, *, picks=True, falls=False, voltage=69.0, decider=by_balance, key=KEY):
+    """One step of the hands of robots at rows of x, y, heading [deg]: the balls, and who lifted in vain."""
+    n, k, own = len(rows), len(balls.radius), conditions_of(SwarmConfig(gripper=gripper))
+    poses = place(*rows, *[(500, 500, 0)] * (N - n))
+    if k < K:
+        far = lay(*[(-500, -500)] * (K - k))
+        balls = jax.tree.map(lambda a, b: np.concatenate([a, b]), balls, far)
+    picks, voltage, falls = filled(picks, n, N), filled(np.float32(voltage), n, N), filled(falls, k, K)
+    usual = replace(gripper, **{name: getattr(GRIPPER, name) for name in own._fields if hasattr(GRIPPER, name)})
+    given = poses.astype(np.float32), picks, falls, key, voltage
+    balls, failed = jax.device_get(_step(usual, decider, own, balls, *given))
+    return jax.tree.map(lambda a: a[:k], balls), failed[:n]
 
 
-def handled(gripper, balls, poses, picks, falls, key, **kwargs):
+def filled(values, count, size):
+    """An array of so many values, or of one for each, with zeros up to `size`."""
+    found = np.zeros(max(count, size), np.asarray(values).dtype)
+    found[:count] = values
+    return found
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _step(gripper, decider, conditions, balls, poses, picks, falls, key, voltage):
     """One step of the hands: the balls, and who lifted in vain."""
     tips = probe_tips(poses, PROBE)
     balls = carry(balls, tips)
     view = sense(poses, tips, balls.position, balls.is_lying, DUMP, 0.75 * RD)
-    conditions = conditions_of(SwarmConfig(gripper=gripper))
-    return handle(gripper, conditions, balls, tips, view, picks, falls, key=key, **kwargs)
+    return handle(gripper, conditions, balls, tips, view, picks, falls, key=key, decider=decider, voltage=voltage)

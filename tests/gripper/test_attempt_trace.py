@@ -25,7 +25,7 @@ def made():
     before = lay((40.9, 0), (60.9, 0), (0.9, 0), (90.0, 0), holders=[None, None, 2, None])
     volts = np.array([60.0, 10.0, 60.0, 60.0], np.float32)
     after, _ = step(gripper, before, PLACES, decider=by_host, voltage=volts)
-    return jax.device_get((before, after))
+    return jax.device_get(before), after
 
 
 def test_attempts_follow_from_the_balls(made):
@@ -38,8 +38,8 @@ def test_attempts_follow_from_the_balls(made):
 def test_an_attempt_that_is_broken_off_is_none():
     gripper, balls, found = replace(GRIPPER, grasp_time=1.0), lay((40.9, 0)), []
     for x in (40, 60):
-        before, (balls, _) = balls, step(gripper, balls, [(x, 0, 0)])
-        found += attempts_between(*jax.device_get((before, balls)))
+        before, (balls, _) = jax.device_get(balls), step(gripper, balls, [(x, 0, 0)])
+        found += attempts_between(before, balls)
     assert balls.broken_off.tolist() == [1] and found == []
 
 

@@ -6,7 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_attempts import GRIPPER, any_attempts, random_attempts
+from helpers_attempts import GRIPPER, any_attempts, random_attempts, step
+from helpers_sensing import lay
 
 from iswarm_mj.gripper.attempts import Attempts, by_balance
 from iswarm_mj.gripper.bench import swarm_trials
@@ -136,9 +137,8 @@ def test_a_batch_that_is_full_postpones():
     balls = lay((40.9, 0), (60.9, 0), (80.9, 0))
     where = [(40, 0, 0), (60, 0, 0), (80, 0, 0)]
     held = []
-    go = jax.jit(lambda balls: step(gripper, balls, where, decider=by_batch)[0])
     for _ in range(2):
-        balls = go(balls)
+        balls, _ = step(gripper, balls, where, decider=by_batch)
         held.append((int(balls.is_held.sum()), int(balls.attempts.sum()), int(balls.postponed.sum())))
     assert held == [(2, 2, 1), (3, 3, 1)]
 

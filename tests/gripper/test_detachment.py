@@ -20,6 +20,7 @@ from iswarm_mj.gripper.laws.detachment import (
     WORK_TOOL_OBJECT,
     ball_weight,
     detachment_voltage,
+    grasp_deficit,
     grasp_voltage,
     is_grasped,
     is_released,
@@ -59,6 +60,10 @@ def test_no_lift_without_contact_below_fifty_volts():
     held = dmt_pull_off(RADII, WORK_OBJECT_SUBSTRATE) + ball_weight(RADII)
     assert np.all(pick_force(50.0, 0.7e-6, RADII, PROBE_RADIUS) < held)
     assert np.all(pick_force(50.0, 0.6e-6, RADII, PROBE_RADIUS) > held)
+
+
+def test_equal_adhesions_leave_the_weight():
+    assert float(grasp_deficit(20e-6, 3e-3, 3e-3)) == pytest.approx(float(ball_weight(20e-6)))
 
 
 @settings(deadline=None)

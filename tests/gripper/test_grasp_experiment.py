@@ -1,6 +1,6 @@
-"""The paper's experiment on the bench: each of its statements, and what the spread of the trials does to it.
+"""The paper's experiment on the bench, and what the spread of the trials does to it.
 
-5 radii x 5 repeats at two humidities, seed 0, in the C engine. Fitted to the paper: the levels at 10 % RH and the
+5 radii x 2 repeats at two humidities, seed 0, in the C engine. Fitted to the paper: the levels at 10 % RH and the
 widths of the bands. Not fitted: that a landed ball stays where the voltage is cut. That the radius does not matter is
 algebra.
 """
@@ -20,7 +20,7 @@ from iswarm_mj.workflows.grasp import summary, trial_rows
 from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
 
 RADII = np.linspace(15e-6, 25e-6, 5)
-SETTINGS = GraspSettings(tuple(map(str, RADII)), (10.0, 50.0), no_contact_gap=(1e-6,))
+SETTINGS = GraspSettings(tuple(map(str, RADII)), (10.0, 50.0), 2, no_contact_gap=(1e-6,))
 
 
 @pytest.fixture(scope="module")
@@ -29,30 +29,14 @@ def rows():
     return trial_rows(SETTINGS, cases(SETTINGS), outcomes)
 
 
-def voltages(rows, experiment, humidity):
-    """Voltages (5 radii, 5 repeats)."""
-    found = [r for r in rows if (r.experiment, r.relative_humidity) == (experiment, humidity)]
-    return np.array([r.voltage for r in found], float).reshape(5, 5)
-
-
-def test_grasp_voltage_does_not_depend_on_the_radius(rows):
-    slope = np.polyfit(RADII * 1e6, voltages(rows, "grasp", 10).mean(axis=1), 1)[0]
-    assert abs(slope) < 0.2
-
-
-def test_humidity_raises_grasp_voltages(rows):
-    dry, humid = (voltages(rows, "grasp", humidity).mean() for humidity in (10, 50))
-    assert dry + 2 < humid
-
-
 def test_no_ball_is_lifted_without_contact_at_fifty_volts(rows):
-    for humidity in (10, 50):
-        assert np.isnan(voltages(rows, "no_contact", humidity)).all()
+    tried = [row for row in rows if row.experiment == "no_contact"]
+    assert len(tried) == 20 and all(row.voltage is None for row in tried)
 
 
 def test_released_balls_land_and_stay(rows):
     release = [row for row in rows if row.experiment == "release"]
-    assert len(release) == 50 and all(row.landed for row in release)
+    assert len(release) == 20 and all(row.landed for row in release)
     assert all(0.05e-3 < row.flight_time < 0.3e-3 for row in release)
     assert all(0.03 < row.landing_speed < 0.5 for row in release)
 
@@ -94,6 +78,7 @@ def test_a_ball_that_fell_before_its_release_has_none_and_did_not_melt():
 
 
 def test_each_voltage_is_the_laws(rows):
+    """At each radius and humidity."""
     for row in rows:
         if row.voltage is not None:
             late = 0.06 * row.voltage if row.experiment == "release" else 0.0  # the charge follows the ramp

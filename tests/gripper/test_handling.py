@@ -2,11 +2,10 @@
 
 from dataclasses import replace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_attempts import DUMP, GRIPPER, KEY, PROBE, handled
+from helpers_attempts import DUMP, GRIPPER, PROBE, K, N, step
 from helpers_sensing import lay, place
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,26 +13,13 @@ from hypothesis import strategies as st
 from iswarm_mj.gripper.handling import loaded
 from iswarm_mj.sensors.floor import probe_tips
 
-grip = jax.jit(handled, static_argnums=0)
-N, K = 4, 3
 WEAK = replace(GRIPPER, grasp_voltage=5.0)
 STICKY = replace(GRIPPER, release_voltage=5.0)
 
 
-def hands(balls, *rows, gripper=GRIPPER, picks=True, falls=False):
-    """One step of robots at rows of x, y, heading [deg]: balls and who lifted in vain.
-
-    Robots and balls far away fill up to N and K, for one program.
-    """
-    n, k = len(rows), len(balls.radius)
-    more_robots, more_balls = max(0, N - n), max(0, K - k)
-    poses = jnp.asarray(place(*rows, *[(500, 500, 0)] * more_robots), jnp.float32)
-    if more_balls:
-        balls = jax.tree.map(lambda a, b: jnp.concatenate([a, b]), balls, lay(*[(-500, -500)] * more_balls))
-    picks = jnp.append(jnp.broadcast_to(picks, n), jnp.zeros(more_robots, bool))
-    falls = jnp.append(jnp.broadcast_to(falls, k), jnp.zeros(more_balls, bool))
-    balls, failed = grip(gripper, balls, poses, picks, falls, KEY)
-    return jax.tree.map(lambda a: a[:k], balls), np.asarray(failed)[:n]
+def hands(balls, *rows, gripper=GRIPPER, **given):
+    """Balls and who lifted in vain after one step of robots at rows of x, y, heading [deg]."""
+    return step(gripper, balls, rows, **given)
 
 
 def owner(balls, ball=0):
@@ -59,11 +45,11 @@ def test_the_nearer_of_two_has_the_ball_and_the_other_fails(nearer):
 
 def test_the_ball_hangs_at_the_tip():
     balls = lay((0, 0), (7, 7), holders=[1, None])
-    for step, row in enumerate([(40, 30, 90), (41, 30, 180)], start=1):
+    for count, row in enumerate([(40, 30, 90), (41, 30, 180)], start=1):
         balls, _ = hands(balls, (60, 60, 0), row)
-        tip = {1: (40, 30.9), 2: (40.1, 30)}[step]
+        tip = {1: (40, 30.9), 2: (40.1, 30)}[count]
         np.testing.assert_allclose(balls.position, [tip, (7, 7)], atol=1e-5)
-        assert balls.carried_steps.tolist() == [step, 0]
+        assert balls.carried_steps.tolist() == [count, 0]
 
 
 EDGE = DUMP / 2
@@ -135,7 +121,7 @@ def test_no_ball_is_lost_or_doubled_whatever_happens(positions, steps):
     balls = lay(*positions)
     for gripper, rows, picks, falls in steps:
         before = balls
-        balls, failed = hands(before, *rows, gripper=gripper, picks=jnp.array(picks), falls=jnp.array(falls))
+        balls, failed = hands(before, *rows, gripper=gripper, picks=picks, falls=falls)
         held, delivered = np.asarray(balls.is_held), np.asarray(balls.is_delivered)
         lying = np.asarray(balls.is_lying)
         assert (held.astype(int) + delivered + lying == 1).all()

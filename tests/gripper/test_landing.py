@@ -145,31 +145,6 @@ def test_balls_stay_if_the_voltage_is_cut_and_fly_back_if_it_is_held_or_cut_late
     assert (held.landing_speed > cut.landing_speed).all()
 
 
-def measured(timestep, trials, protocol):
-    """Grasp and release voltages, speeds of the landing, and which balls stay, at a time step [ms]."""
-    bench = MujocoBench(trials, protocol.start_gap, timestep=timestep * 1e-3)
-    grasp = staircase(bench, protocol, len(trials))
-    held = hang(bench, protocol, 5e-6)
-    found = release(bench, protocol, held, 5e-6)
-    return grasp.voltage, found.voltage, found.landing_speed, found.landed
-
-
-def test_the_time_step_changes_little():
-    """0.25, 0.5, 1 and 2 us; the voltages within 1 % of those at 0.25 us, the speed of the landing within 2 % a us.
-
-    With the voltage held, since a cut begins with an interval of the ramp, 10 us, whenever in it the ball left.
-    """
-    trials = [draw(0, radius, 10.0, 1) for radius in (16e-6, 23e-6)]
-    protocol = Protocol(step_voltage=0.1, ramp_rate=10e3, grasp_limit=51.2, after_release="held", flight_limit=0.3e-3)
-    fine = measured(0.25e-3, trials, protocol)
-    for step in (0.5, 1.0, 2.0):
-        found = measured(step * 1e-3, trials, protocol)
-        np.testing.assert_allclose(found[0], fine[0], rtol=0.01)
-        np.testing.assert_allclose(found[1], fine[1], rtol=0.01)
-        np.testing.assert_allclose(found[2], fine[2], rtol=0.02 * step)
-        assert not found[3].any()
-
-
 def test_the_map_of_sticking_is_that_of_a_contact_torn_apart():
     """Over impact speed and restitution, under a live tool that pulls up whatever leaves the plate."""
     cells = landing_map((0.02, 0.15), (0.005, 0.04, 0.2))

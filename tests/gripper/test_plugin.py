@@ -13,7 +13,6 @@ from iswarm_mj.gripper.laws.electrostatics import (
     pick_force,
     release_force,
 )
-from iswarm_mj.gripper.laws.humidity import humidity_factor
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
 TEXT = BENCH.read_text(encoding="utf-8")
@@ -107,19 +106,6 @@ def test_out_of_contact_only_van_der_waals_is_left(model):
     place(model, data, 3, 1e-5, 0)
     mujoco.mj_forward(model, data)
     assert data.plugin_state[force] == 0
-
-
-def test_humidity_and_work_can_be_changed_in_a_run(model):
-    data = mujoco.MjData(model)
-    place(model, data, 3, -0.01, 0)
-    for humidity in (0, 5, 10, 30, 47.3, 50, 100):
-        data.plugin_state[at(model, "adhesion_plate", "humidity")] = humidity
-        data.plugin_state[at(model, "adhesion_plate", "work")] = 20
-        mujoco.mj_forward(model, data)
-        expected = dmt_pull_off(20e-6, 20e-3 * humidity_factor(humidity)) * 1e9
-        assert data.plugin_state[at(model, "adhesion_plate", "force")] == pytest.approx(expected, rel=1e-12)
-    mujoco.mj_resetData(model, data)
-    assert data.plugin_state[at(model, "adhesion_plate", "work")] == 14.7
 
 
 @pytest.mark.parametrize("on_probe", [False, True])

@@ -1,11 +1,11 @@
-"""The staircase of grasps on benches whose balls lift at known voltages."""
+"""The staircase of grasps on benches whose balls lift at known voltages; when a release is over."""
 
 import numpy as np
 
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import staircase
-from iswarm_mj.gripper.bench.script import Watch
+from iswarm_mj.gripper.bench.script import Progress, Ramp, Watch, released
 
 
 class Benches(MujocoBench):
@@ -63,3 +63,10 @@ def test_a_ball_that_comes_down_again_is_not_lifted():
     """It bounces, and is at the tool just as it is looked at."""
     found = staircase(Benches((8.0, np.inf), bounces=(3.0, 5.0)), Protocol(step_voltage=1.0, grasp_limit=10.0), 1)
     np.testing.assert_array_equal(found.voltage, [8.0])
+
+
+def test_the_limit_of_a_flight_counts_from_the_last_touch():
+    limit = Protocol().flight_limit
+    was = Progress(1.0, 1.0 + limit / 2, np.inf, 0.0, 1.0, False, False, False)
+    watch, now = Watch(-np.inf, -np.inf, np.inf, 0.0, 1e-4, 1e-4, 1.0, True), 1.0 + 1.25 * limit
+    assert released(Protocol(), Ramp(1.0, 1.0, 9.0), 0.0, was, watch, now - 1e-6, now).is_over

@@ -20,15 +20,6 @@ ROBOT, OPTICS = read_robot(), OpticsConfig(mode="power")
 FRONT = np.ones(2000), np.zeros(2000)
 
 
-def test_far_away_it_falls_with_the_square_of_the_distance_and_halves_at_30_degrees():
-    on_axis, half = light(np.array([9.0, 18.0]), np.zeros(2), ROBOT, replace(OPTICS, communication_radius=18.0))
-    ahead = ROBOT.leds[0][0] + ROBOT.receivers[0][0]
-    gaps = mm_from_rd(np.array([9.0, 18.0])) - ahead
-    assert on_axis / half == pytest.approx((gaps[1] / gaps[0]) ** 2) and half == pytest.approx(1)
-    aside = light(np.full(2, 12.0), np.array([0.0, math.radians(30)]), ROBOT, OPTICS)
-    assert aside[1] / aside[0] == pytest.approx(0.5, rel=0.1)  # the LED stands a third of a diameter ahead
-
-
 @pytest.mark.parametrize("radius", [2.0, 3.5, 6.0])
 def test_the_threshold_is_where_robots_stop_to_hear(radius):
     """Random places around the sender, and receivers that face it."""

@@ -13,12 +13,10 @@ import numpy as np
 import pytest
 from helpers_rrd import read
 from helpers_swarm_recording import PERIOD, column, cut, make_frames, make_scene, names, write
-from helpers_trace import bench_trace
 from rerun.chunk import RrdReader
 
 from iswarm_mj.output import shapes, swarm_classes
 from iswarm_mj.output.rerun_swarm import Recording, shown_lanes
-from iswarm_mj.output.rerun_trial import record_trace
 from iswarm_mj.output.swarm_classes import states_of
 from iswarm_mj.output.trajectory import AREA, METRIC
 from iswarm_mj.utils.errors import UserError
@@ -229,22 +227,11 @@ def test_an_exception_leaves_a_complete_file_and_what_is_written_before_a_kill_i
     subprocess.run([sys.executable, "-m", "rerun", "rrd", "verify", path], check=True, capture_output=True)
 
 
-def swarm(path):
-    """Open the recording of a swarm."""
-    Recording(path, make_scene(5, 2), {}, {})
-
-
-def trial(path):
-    """Write the recording of a trial."""
-    record_trace(path, bench_trace(), {})
-
-
-@pytest.mark.parametrize("make", [swarm, trial])
-def test_switched_off_by_the_environment(tmp_path, monkeypatch, make):
+def test_switched_off_by_the_environment(tmp_path, monkeypatch):
     monkeypatch.setenv("RERUN", "0")
     (tmp_path / "run.rrd").write_text("old")
     with pytest.raises(UserError, match=r"RERUN=0.*unset"):
-        make(tmp_path / "run.rrd")
+        Recording(tmp_path / "run.rrd", make_scene(5, 2), {}, {})
     assert (tmp_path / "run.rrd").read_text() == "old"
 
 

@@ -136,13 +136,6 @@ def test_what_is_accepted_runs(place, seed):
             assert all(np.isfinite(file[one]).all() for one in ("pose", "ball_position", "mean_speed")), line
 
 
-@pytest.mark.parametrize("line", [["clean", "--genome"], ["clean", "--out"], ["picture"], ["report", "--results"]])
-def test_names_of_files_that_are_too_long(tmp_path, monkeypatch, line):
-    monkeypatch.chdir(tmp_path)
-    assert answer([*line, "n" * 300]) == "refused"
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
 def test_output_to_a_full_disk(tmp_path):

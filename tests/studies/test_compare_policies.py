@@ -3,18 +3,14 @@
 import sys
 
 import compare_policies
-import neural_without
 import numpy as np
 import pytest
 from helpers_robots import robot_file
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.analysis.statistics import interval
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.strategy.network import save_weights
-from iswarm_mj.strategy.neural import N_WEIGHTS, first_weights
 from iswarm_mj.tasks.measures import Measures
 
 FOUND = [
@@ -83,21 +79,3 @@ def test_conditions_reach_the_runs(told, tmp_path):
     assert (settings.n_robots, settings.steps, settings.n_worlds, settings.failed_fraction) == (9, 70, 4, 0.25)
     assert settings.seed == compare_policies.FRESH > 2**31
     assert told("--worlds", "4", "--only", "type1")[0][0][0][0] == SwarmConfig()
-
-
-def test_strategies(told, tmp_path):
-    """All of the default, and the parts; weights of a file for the networks but the untrained one."""
-    save_weights(tmp_path / "w.npz", np.arange(N_WEIGHTS))
-    names = [*compare_policies.OTHERS, *compare_policies.NETWORKS]
-    given, rows = told("--worlds", "2", "--weights", str(tmp_path / "w.npz"), "--only", *names)
-    assert [row.split(" | ")[0][2:] for row in rows] == names
-    kinds = {"no-messages": "Mute", "no-vectors": "Vectorless", "no-flag": "Flagless", "no-memory": "Forgetful"}
-    for name, ((config, genome, *_), options) in zip(names, given, strict=True):
-        assert (genome is None) == (name not in PRESETS) and (options["strategy"] is None) == (name in PRESETS)
-        assert isinstance(options["task"], neural_without.Told) == (name == "knows-all")
-        if name not in compare_policies.NETWORKS:
-            continue
-        made = options["strategy"].for_world(config, read_robot(), 3)
-        expected = first_weights() if name == "untrained" else np.arange(N_WEIGHTS)
-        np.testing.assert_array_equal(made.weights, expected)
-        assert type(made).__name__ == (kinds | {"knows-all": "Omniscient"}).get(name, "NeuralStrategy")
