@@ -1,5 +1,6 @@
 """Physics of the planar engine for batches, with 32-bit floats: against that for CPUs. Units: mm, s."""
 
+from dataclasses import replace
 from functools import cache
 
 import jax
@@ -11,6 +12,7 @@ from helpers_small import SMALL
 from helpers_touching import pairs_of
 
 from iswarm_mj.engines.base import Phase
+from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.utils.units import RD
 
 EDGE = 7.5 * RD
@@ -139,3 +141,31 @@ class TestBits:
         back = moved(engine, jax.tree.map(lambda a: a[::-1], first), velocity[::-1])
         for one, other in zip((*forth.bodies, forth.touching), (*back.bodies, back.touching), strict=True):
             assert same_bits(one, other[::-1])
+
+
+def softer(spec):
+    """Robots of another softness than walls: no number of one law is that of the other."""
+    for geom in spec.geoms:
+        if geom.name.endswith("hull"):
+            geom.solref, geom.solimp = [0.5, 1.3], [0.6, 0.97, 0.3, 0.3, 3.0]
+            geom.solmix = 3.0
+
+
+def test_contact_laws_of_robots_and_walls():
+    """Each number of both laws matters: the crowd moves as with the engine for CPUs, and not so with another number."""
+    engines = both_engines(SMALL, tune=softer, tolerance=1e-5)
+    rng = np.random.default_rng(1)
+    start = crowd(2, rng)
+    start[1, :, :2] += engines[0].plane.edge - 3 * RD - 1.0
+    start, velocity = rounded(start), rounded(rng.uniform(-1.4, 1.4, start.shape))
+    plain, batch = (moved(engine, placed(engine, start), velocity, 20).bodies.poses for engine in engines)
+    np.testing.assert_allclose(batch, plain, atol=2e-5)
+    plane = engines[1].plane
+    assert not set(plane.between_robots) & set(plane.at_walls)
+    for kind in ("between_robots", "at_walls"):
+        for name in ContactLaw._fields:
+            law = getattr(plane, kind)
+            other = replace(
+                engines[1], plane=plane._replace(**{kind: law._replace(**{name: 0.9 * getattr(law, name)})})
+            )
+            assert np.abs(moved(other, placed(other, start), velocity, 20).bodies.poses - plain).max() > 1e-4, name
