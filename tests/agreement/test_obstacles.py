@@ -18,7 +18,7 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.obstacles import corners, distances, numbers
+from iswarm_mj.utils.obstacles import distances, numbers
 from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import beyond, in_mm
 from iswarm_mj.workflows.clean import clean
@@ -91,14 +91,6 @@ def test_room_for_contacts_with_obstacles():
     _, batch = both_engines(SwarmConfig(arena_with(*boxes)))
     motion = moved(batch, placed(batch, start), 0.1, 2)
     assert motion.fault[0] == 0 and motion.fault[1] & FaultKind.TOO_MANY_CONTACTS
-
-
-def test_corners_by_hand():
-    box = numbers([(1.0, 2.0, 2.0, 1.0, 90.0)])
-    np.testing.assert_allclose(corners(box)[0], [[0, 4], [0, 0], [2, 0], [2, 4]], atol=1e-12)
-    np.testing.assert_allclose(
-        distances(np.array([[1.0, 1.0], [5.0, 2.0], [4.0, 6.0], [1.0, -3.0]]), box), [0, 3, np.sqrt(8), 3]
-    )
 
 
 def test_recordings_show_walls_and_obstacles(tmp_path):

@@ -20,13 +20,6 @@ class Pair:
     other: Any
 
 
-@jax.tree_util.register_dataclass
-@dataclass(frozen=True)
-class Twin:
-    one: Any
-    other: Any
-
-
 def tree(xp):
     """Types and shapes in turn, among them numbers, nothing, and an axis of one."""
     rng = np.random.default_rng(0)
@@ -57,16 +50,3 @@ def test_random_keys_are_left_as_they_are():
     for one, other in ((found[0], keys[0]), (found[2], keys[1]), (packed.tree[2], keys[1])):
         np.testing.assert_array_equal(jax.random.key_data(one), jax.random.key_data(other))
     assert isinstance(found[1], np.ndarray)
-
-
-def test_what_was_not_packed_stays():
-    given = {"a": np.ones((B, 2)), "b": 3}
-    assert unpacked(given)["a"] is given["a"] and unpacked(given)["b"] == 3
-
-
-def test_programs_tell_classes_with_the_same_fields_apart():
-    seen = []
-    program = jax.jit(lambda packed: seen.append(type(packed.tree)))
-    for kind in (Pair, Twin):
-        program(pack(kind(np.ones((B, 2)), np.ones(B))))
-    assert seen == [Pair, Twin]
