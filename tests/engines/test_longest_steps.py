@@ -17,6 +17,7 @@ from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.simulation.step import drive_phases
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
+from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import mm_from_rd
 
 ARENA = ArenaConfig(size=10, dump_size=1, dust_area_size=1, dust_area_offset=3, n_dust=4)
@@ -71,6 +72,29 @@ def nearest_pass(before, after):
     way = last - first
     share = np.clip(-(first * way).sum(-1) / np.maximum((way**2).sum(-1), 1e-12), 0, 1)
     return np.linalg.norm(first + share[..., None] * way, axis=-1).min()
+
+
+def allowed(rng):
+    """A drive anywhere in its ranges; where it moves too far in a physics step, what refuses it says what to change."""
+    step, turn = float(rng.uniform(0.01, 1.0)), float(rng.uniform(1, 180))
+    walks, turns, period = int(rng.integers(1, 30)), int(rng.integers(1, 30)), float(10 ** rng.uniform(-1, 2))
+    try:
+        return DriveConfig(step, period, turns, walks, turn)
+    except ConfigError as error:
+        least_walks, least_turns = int(np.ceil(step / LONGEST_STEP)), int(np.ceil(turn / LARGEST_TURN))
+        assert f"at least {least_walks} with" in str(error) or f"at least {least_turns} with" in str(error)
+        assert walks < least_walks or turns < least_turns
+        return DriveConfig(step, period, max(turns, least_turns), max(walks, least_walks), turn)
+
+
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 60))])
+def test_robots_keep_their_sides_anywhere_in_the_ranges(seed):
+    """Drives, and ways of robots, are drawn; on the planar engine, and every third time on MuJoCo in C too."""
+    rng = np.random.default_rng(seed)
+    drive, where = allowed(rng), ["centre", "corner", "to and fro", "at random"][rng.integers(4)]
+    for engine_of in (planar, mujoco) if seed % 3 == 0 else (planar,):
+        nearest, faults = crowd_moves(drive, where, engine_of, 6)
+        assert nearest > 1.0 and faults == 0, drive
 
 
 def planar(config, refinement=1):

@@ -65,6 +65,8 @@ def remembers(rules, vector, **senses):
     """Whether robots still know their ways to dust and to the dump after a step."""
     seen = senses_nothing(MANY)._replace(**{name: np.full(MANY, value) for name, value in senses.items()})
     memory, _ = act_here(CONFIG, PROBE, rules, memories(MANY, dust=vector, dump=vector), seen, jax.random.key(1))
+    for part in (memory.dust, memory.dump):
+        assert not np.asarray(part.vector)[~np.asarray(part.known)].any()
     dust, dump = (set(np.asarray(memory.known).tolist()) for memory in (memory.dust, memory.dump))
     return dust, dump
 

@@ -19,17 +19,6 @@ class TestAbsentRobots:
         present = np.arange(6) < [[3], [6]]
         return Worlds(small, start, present=present), start
 
-    def test_do_not_hide_anything(self, small):
-        worlds, _ = self.worlds(small)
-        links = worlds.sense().links
-        assert links.valid[:, 0, 0].tolist() == [True, True] and links.sender[:, 0, 0].tolist() == [1, 3]
-
-    def test_neither_send_nor_hear_nor_see(self, small):
-        worlds, _ = self.worlds(small)
-        sight = worlds.sense()
-        assert not sight.links.valid[0, 3:].any() and not sight.sees_wall[0, 3:].any()
-        assert (sight.links.sender[0][sight.links.valid[0]] < 3).all()
-
     def test_leave_a_world_as_if_it_had_never_had_them(self, small):
         start, rng = crowd(2, np.random.default_rng(18)), np.random.default_rng(19)
         start[0, 15:] = 0.0

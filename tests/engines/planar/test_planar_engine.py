@@ -45,12 +45,6 @@ class TestServo:
         np.testing.assert_allclose(motion.bodies.poses, [[(0, 0.6, math.pi / 2)]], atol=1e-12)
         assert not bodies.poses.any()  # what went in is as it was
 
-    def test_worlds_that_do_not_run_stand_still(self, small):
-        engine = engine_of(small)
-        bodies = placed(engine, np.zeros((3, 1, 3)))
-        motion = moved(engine, bodies, 1.0, 4, [True, False, True])
-        np.testing.assert_allclose(motion.bodies.poses[:, 0, 0], [0.4, 0, 0.4])
-
 
 class TestRefinement:
     def test_it_is_a_finer_step_of_the_drive(self, small):
