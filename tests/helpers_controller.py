@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from helpers_sensing import remember
 
@@ -42,14 +41,14 @@ def memories(n, scouts=False, dust=None, dump=None):
     def memory(vector):
         return remember(np.broadcast_to(np.zeros(2) if vector is None else vector, (n, 2)), known=vector is not None)
 
-    return RobotMemory(memory(dust), memory(dump), jnp.full(n, scouts))
+    return RobotMemory(memory(dust), memory(dump), np.full(n, scouts))
 
 
 def draws(n, **numbers):
     """Draws of n robots that are zero but for these numbers."""
-    numbers = {name: jnp.broadcast_to(jnp.asarray(number, jnp.float32), n) for name, number in numbers.items()}
-    zero, ties = jnp.zeros(n), jnp.zeros((n, 4))
-    return Draws(zero, zero, zero, zero, ties, ties, jnp.zeros((n, 2)))._replace(**numbers)
+    numbers = {name: np.broadcast_to(np.float32(number), n) for name, number in numbers.items()}
+    zero, ties = np.zeros(n, np.float32), np.zeros((n, 4), np.float32)
+    return Draws(zero, zero, zero, zero, ties, ties, np.zeros((n, 2), np.float32))._replace(**numbers)
 
 
 def genes(**values):

@@ -1,17 +1,16 @@
 """Robots of the learned strategy, and what they sense."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from helpers_sensing import senses_nothing
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.neural import FIRST_TRUST, SHAPE, WAYS, untrained
 
 CONFIG = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=4))
 ROBOT = read_robot()
+act_here = jax.jit(lambda policy, *given: policy.act(*given))
 
 
 def strategy(trust=FIRST_TRUST, **gains):
@@ -23,12 +22,10 @@ def strategy(trust=FIRST_TRUST, **gains):
     return untrained(CONFIG, ROBOT, np.concatenate([hidden, constants.ravel(), trust, trust]))
 
 
-def does(policy, seen, memory=None, key=0):
+def does(policy, seen, memory=None):
     memory = policy.init(len(seen.at_dust), jax.random.key(1)) if memory is None else memory
-    return policy.act(memory, seen, jax.random.key(key))
+    return act_here(policy, memory, seen, jax.random.key(0))
 
 
 def sees(n=1, **changed):
-    nothing = VectorMemory(jnp.zeros((n, 4, 2)), jnp.zeros((n, 4), jnp.int32), jnp.zeros((n, 4), bool))
-    silence = {"priority": jnp.zeros((n, 4), bool), "dust": nothing, "dump": nothing}
-    return senses_nothing(n)._replace(payload=silence, **changed)
+    return senses_nothing(n)._replace(**changed)

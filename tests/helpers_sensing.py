@@ -46,26 +46,26 @@ def wrapped(angle):
 
 def remember(vector, hop=0, known=True):
     """Memories of vectors (..., 2), empty where not `known`."""
-    vector = jnp.asarray(vector, jnp.float32)
-    shape = vector.shape[:-1]
-    memory = VectorMemory(vector, jnp.broadcast_to(jnp.asarray(hop, jnp.int32), shape), jnp.ones(shape, bool))
-    return memory.where(jnp.broadcast_to(jnp.asarray(known), shape))
+    vector = np.asarray(vector, np.float32)
+    known = np.broadcast_to(known, vector.shape[:-1])
+    hop = np.where(known, hop, 0).astype(np.int32)
+    return VectorMemory(np.where(known[..., None], vector, np.float32(0)), hop, known)
 
 
 def senses_nothing(n, sides=4):
     """Observation of N robots that neither hear nor feel anything; use `_replace`."""
-    no, never = jnp.zeros(n, bool), jnp.zeros((n, sides), bool)
-    silence = remember(jnp.zeros((n, sides, 2)), known=False)
-    bearing = jnp.broadcast_to(jnp.arange(sides) * (jnp.pi / 2), (n, sides))
+    no, never = np.zeros(n, bool), np.zeros((n, sides), bool)
+    silence = remember(np.zeros((n, sides, 2)), known=False)
+    bearing = np.broadcast_to(np.float32(np.arange(sides) * (np.pi / 2)), (n, sides))
     return Observation(
         is_heard=never,
         bearing=bearing,
-        distance=jnp.full((n, sides), 5.0),
-        led=jnp.zeros((n, sides), jnp.int32),
+        distance=np.full((n, sides), 5.0, np.float32),
+        led=np.zeros((n, sides), np.int32),
         payload={"priority": never, "dust": silence, "dump": silence},
         sees_wall=never,
         at_dust=no,
-        ball_vector=jnp.zeros((n, 2)),
+        ball_vector=np.zeros((n, 2), np.float32),
         on_dump=no,
         is_loaded=no,
         grasp_failed=no,
@@ -78,18 +78,12 @@ def lay(*positions, holders=None):
     """Balls of the median strength at `positions`; `holders` lists who holds each, None for nobody."""
     k = len(positions)
     holders = holders or [None] * k
-    balls = jax.tree.map(
-        jnp.asarray, untouched(np.asarray(positions, np.float32), *np.full((3, k), [[20e-6], [1.41e-3], [14.7e-3]]))
-    )
-    held = jnp.array([h is not None for h in holders])
-    return balls._replace(
-        radius=jnp.full(k, 20e-6),
-        work_tool_object=jnp.full(k, 1.41e-3),
-        work_object_substrate=jnp.full(k, 14.7e-3),
-        is_held=held,
-        holder=jnp.array([h or 0 for h in holders], jnp.int32),
-        was_picked=held,
-    )
+    works = np.full((3, k), [[20e-6], [1.41e-3], [14.7e-3]], np.float32)
+    balls = untouched(np.asarray(positions, np.float32), *works)
+    held = np.array([h is not None for h in holders])
+    holder = np.array([h or 0 for h in holders], np.int32)
+    balls = balls._replace(is_held=held, holder=holder, was_picked=held)
+    return jax.tree.map(jnp.asarray, balls)
 
 
 def crowd(rng, density, edge=9):

@@ -8,7 +8,6 @@ import pytest
 from helpers_planar import moved, placed
 from helpers_robots import HALF, numbered, two_kinds
 from helpers_small import SMALL
-from helpers_touching import pairs_of
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
@@ -58,16 +57,6 @@ def test_kinds_of_different_mass_exchange_momentum(file, name):
     assert gained[2, 0] > 5
     np.testing.assert_allclose(gained.sum(axis=0), 0, atol=2e-3 if name == "warp" else 1e-9)
     np.testing.assert_allclose(gained[1], 0, atol=2e-3 if name == "warp" else 1e-9)
-
-
-@pytest.mark.parametrize("name", ["mujoco", "numba", "warp"])
-@pytest.mark.parametrize(("x", "meets"), [(2.19, True), (2.21, False)])
-def test_hulls_meet_where_their_own_edges_are(file, name, x, meets):
-    """The second robot of the second kind, 1.2 mm long ahead, before one of the first, of 1 mm."""
-    engine = engines(few(file), 1, 3)[name]
-    bodies = placed(engine, [[(0, 0, 0), (8, 8, 0), (x, 0, 0)]])
-    touching = moved(engine, bodies, np.zeros((1, 3, 3)), 1).touching
-    assert pairs_of(touching).any() == meets
 
 
 def test_a_file_twice_is_one_kind():

@@ -5,7 +5,6 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-import mujoco
 import numpy as np
 import pytest
 from helpers_touching import pairs_of
@@ -14,7 +13,6 @@ from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mjx.arena import ContactCapacity, compile_mjx_arena
-from iswarm_mj.engines.mjx.contacts import box_box, plane_box
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.tasks.layout import place_robots
@@ -118,58 +116,3 @@ class TestMotion:
         full = FaultKind.TOO_MANY_PAIRS
         assert ours.fault.tolist() == [full, FaultKind.TOO_MANY_CONTACTS, 0, full]
         np.testing.assert_array_equal(ours.bodies.poses, poses)
-
-
-class TestContacts:
-    def test_boxes_touch_where_mujoco_says(self):
-        rng, count = np.random.default_rng(0), 0
-        xml = """<mujoco><worldbody><geom type="box" size="1 1 .5"/>
-            <body><freejoint/><geom type="box" size="1 1 .5"/></body></worldbody></mujoco>"""
-        model = mujoco.MjModel.from_xml_string(xml)
-        data, contact = mujoco.MjData(model), jax.jit(box_box)
-        for _ in range(60):
-            away, yaw = rng.uniform(-np.pi, np.pi, 2)
-            distance = rng.uniform(1.6, 2.6)
-            data.qpos[:] = [distance * np.cos(away), distance * np.sin(away), 0, np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]
-            mujoco.mj_forward(model, data)
-            boxes = [(data.geom_xpos[i], data.geom_xmat[i].reshape(3, 3), model.geom_size[i]) for i in range(2)]
-            ours, points, normal = contact(*boxes)
-            self.check(data.contact, ours, points, normal)
-            count += data.ncon > 0
-        assert count > 25
-
-    def test_boxes_touch_at_one_height_only(self):
-        """As all robots that a world does not have, which wait below each other."""
-        size, upright, contact = np.array([1.0, 1.0, 0.5]), np.eye(3), jax.jit(box_box)
-        for height, touches in ((0.0, True), (0.99, True), (1.01, False), (-1.01, False), (-1000.0, False)):
-            boxes = [(np.array([0.1, 0.0, z]), upright, size) for z in (0.0, height)]
-            assert (np.asarray(contact(*boxes)[0]) < 0).tolist() == [touches] * 4
-
-    def test_boxes_touch_walls_where_mujoco_says(self):
-        rng = np.random.default_rng(1)
-        xml = """<mujoco><worldbody><geom type="plane" size="0 0 1" zaxis="1 0 0"/>
-            <body><freejoint/><geom type="box" size="1 1 .5"/></body></worldbody></mujoco>"""
-        model = mujoco.MjModel.from_xml_string(xml)
-        data, contact = mujoco.MjData(model), jax.jit(plane_box)
-        for _ in range(30):
-            yaw = rng.uniform(-np.pi, np.pi)
-            data.qpos[:] = [rng.uniform(0.6, 1.5), rng.uniform(-3, 3), 0, np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]
-            mujoco.mj_forward(model, data)
-            boxes = [(data.geom_xpos[i], data.geom_xmat[i].reshape(3, 3), model.geom_size[i]) for i in range(2)]
-            ours, points, normal = contact(*boxes)
-            self.check(data.contact, ours, points, normal)
-
-    @staticmethod
-    def check(theirs, distance, points, normal):
-        touches = np.asarray(distance) < 0
-        assert touches.sum() == len(theirs)
-        if not len(theirs):
-            return
-
-        def ordered(distance, points):
-            table = np.column_stack([distance, points])
-            return table[np.lexsort(np.round(table, 4).T)]
-
-        mine = ordered(np.asarray(distance)[touches], np.asarray(points)[touches])
-        np.testing.assert_allclose(mine, ordered(theirs.dist, theirs.pos), atol=2e-5)
-        np.testing.assert_allclose(np.tile(normal, (len(theirs), 1)), theirs.frame[:, :3], atol=1e-5)

@@ -16,9 +16,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.obstacles import corners, distances, numbers
 from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import beyond, in_mm
 from iswarm_mj.workflows.clean import clean
@@ -32,13 +30,6 @@ def engines(n_worlds, n_robots, *boxes):
     config = SwarmConfig(arena_with(*boxes))
     whole = compile_arena(config, n_robots, np.zeros(0))
     return MujocoEngine(config, whole, n_worlds, 1, n_robots), *both_engines(config)
-
-
-def test_robots_start_beside_obstacles():
-    """At any heading they touch none: their centres are half a diameter away."""
-    boxes = (4.0, 3.0, 2.0, 0.3, 30.0), (-4.0, -3.0, 0.4, 1.5, -70.0), (-5.0, 4.0, 0.2, 0.2, 10.0)
-    poses = place_robots(arena_with(*boxes), 100, np.random.default_rng(0))
-    assert distances(poses[:, :2], numbers(boxes, RD)).min() >= RD / 2
 
 
 def test_light_past_a_box():
@@ -91,14 +82,6 @@ def test_room_for_contacts_with_obstacles():
     _, batch = both_engines(SwarmConfig(arena_with(*boxes)))
     motion = moved(batch, placed(batch, start), 0.1, 2)
     assert motion.fault[0] == 0 and motion.fault[1] & FaultKind.TOO_MANY_CONTACTS
-
-
-def test_corners_by_hand():
-    box = numbers([(1.0, 2.0, 2.0, 1.0, 90.0)])
-    np.testing.assert_allclose(corners(box)[0], [[0, 4], [0, 0], [2, 0], [2, 4]], atol=1e-12)
-    np.testing.assert_allclose(
-        distances(np.array([[1.0, 1.0], [5.0, 2.0], [4.0, 6.0], [1.0, -3.0]]), box), [0, 3, np.sqrt(8), 3]
-    )
 
 
 def test_recordings_show_walls_and_obstacles(tmp_path):

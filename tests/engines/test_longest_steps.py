@@ -120,8 +120,3 @@ def test_planar_robots_keep_their_sides(drive, where):
 def test_robots_of_mujoco_keep_their_sides():
     nearest, faults = crowd_moves(LONGEST, "centre", mujoco, 6)
     assert nearest > 1.0 and faults == 0
-
-
-def test_refined_steps_keep_robots_farther_apart():
-    coarse, fine = (crowd_moves(LONGEST, "centre", lambda c, r=r: planar(c, r))[0] for r in (1, 10))
-    assert coarse < 1.7 and fine > 1.8

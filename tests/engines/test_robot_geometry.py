@@ -8,21 +8,12 @@ import shutil
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_runs import run_of
 from helpers_sensing import place
-from helpers_worlds import start_of
 
 from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, models_directory, read_robot
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.sensors.optics import receive
-from iswarm_mj.simulation.initial import Start
-from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.worlds import World
-from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -106,12 +97,6 @@ class TestRecord:
 
 
 class TestLight:
-    @pytest.mark.parametrize(("y", "is_clear"), [(-1.25, True), (-1.23, False)])
-    def test_a_robot_in_the_way_must_leave_the_path_to_the_led_free(self, sense, y, is_clear):
-        """Light from (5.5, -0.4) to (0.5, 0) passes (3.5, -0.24), where the one between has a corner at y + 1."""
-        valid, _ = sense(place((0, 0, 0), (6, 0, 180), (3, y, 0)))
-        assert valid[0].tolist() == [is_clear, False, False, False]
-
     def test_walls_are_seen_from_the_leds(self, sense):
         """1.5 rd = 4.243 mm in front of an LED, which is 0.5 mm ahead of the centre, but 1 mm left of it."""
         edge, ahead, left = 5 * RD, 0.5 + 1.5 * RD, 1 + 1.5 * RD
@@ -130,26 +115,3 @@ class TestLight:
         power = (4 / gap) ** (np.log(0.5) / np.log(np.cos(np.radians(30)))) * (4 / gap) / gap**2
         assert got.bearing[0] == pytest.approx(np.arctan2(-0.4, 4), abs=1e-6)
         assert got.effective_distance[0] == pytest.approx(power**-0.5 + 1, rel=1e-6)
-
-
-def test_run_takes_the_file(file):
-    """Two robots 1.1 mm one behind the other, which stand still: only those of 2 mm would overlap."""
-    balls = start_of(CONFIG, N, 0, 0).task
-    start = Start(place((0, 10, 0), (1.1, 10, 0), ASIDE), balls, np.zeros(N, bool))
-    settings = RunSettings(N, 1)
-    worlds = [World(PRESETS["type1"], N, start=start)]
-    run = Run(CONFIG, PRESETS["type1"], settings, MujocoSettings(1), worlds=worlds, robot_file=file)
-    assert run.robot == read_robot(file)
-    assert run.advance().collisions.tolist() == [[0]]
-    with pytest.raises(UserError, match="no robots overlap"):
-        Run(CONFIG, PRESETS["type1"], settings, MujocoSettings(1), worlds=worlds)
-
-
-@pytest.fixture(scope="module")
-def scene(file):
-    return RecordedWorld.of(run_of(CONFIG, n_robots=N, steps=1, robot_file=file), 0).scene
-
-
-class TestOutput:
-    def test_scene_has_the_size_of_the_robot(self, scene):
-        np.testing.assert_allclose(scene.robot_size[-1], [1e-3, 2e-3, 1e-3])

@@ -3,7 +3,6 @@
 import dataclasses
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from helpers_sensing import remember, turned
 
@@ -18,6 +17,11 @@ from iswarm_mj.strategy.vector_strategy import payload_for
 MAX_RANGE = 138.6
 PAYLOAD = payload_for(MAX_RANGE)
 CLEAN = OpticsConfig(error_distance_measure=0.0, error_in_communication=0.0, p_communication_break=0.0)
+exchange_here, pack_here, unpack_here = (
+    jax.jit(exchange, static_argnums=1),
+    jax.jit(PAYLOAD.pack),
+    jax.jit(PAYLOAD.unpack),
+)
 N = 25_000  # robots, so 1e5 messages
 
 
@@ -34,7 +38,7 @@ def contents(n, seed=0):
     def memory():
         return remember(rng.uniform(-90, 90, (n, 2)), rng.integers(0, 17, n), rng.random(n) < 0.8)
 
-    return {"priority": jnp.asarray(rng.random(n) < 0.5), "dust": memory(), "dump": memory()}
+    return {"priority": rng.random(n) < 0.5, "dust": memory(), "dump": memory()}
 
 
 def wires(n, seed=0):
@@ -45,10 +49,10 @@ def wires(n, seed=0):
 
 
 def send(optics, content, wiring, seed=0):
-    sender, led, valid, distance = (jnp.asarray(a) for a in wiring)
-    links = Links(sender, valid, led, measured_bearing=jnp.zeros_like(distance), true_distance=distance)
+    sender, led, valid, distance = wiring
+    links = Links(sender, valid, led, measured_bearing=np.zeros_like(distance), true_distance=np.float32(distance))
     noise = conditions_of(SwarmConfig(optics=optics))
-    return exchange(noise, PAYLOAD, content, links, jax.random.key(seed))
+    return exchange_here(noise, PAYLOAD, content, links, jax.random.key(seed))
 
 
 def test_without_noise_everything_arrives_as_packed():
@@ -56,12 +60,12 @@ def test_without_noise_everything_arrives_as_packed():
     message, arrived, measured, bits = send(CLEAN, content, (sender, led, valid, distance))
     np.testing.assert_array_equal(arrived, valid)
     np.testing.assert_allclose(measured, distance, rtol=1e-6)
-    spoken = Message(jnp.asarray(led), jax.tree.map(lambda a: a[sender], content))
-    expected, _ = PAYLOAD.unpack(PAYLOAD.pack(spoken))
+    spoken = Message(led, jax.tree.map(lambda a: a[sender], content))
+    expected, _ = unpack_here(pack_here(spoken))
     jax.tree.map(np.testing.assert_array_equal, message, expected)
-    np.testing.assert_array_equal(bits[sender, led], PAYLOAD.pack(spoken))
+    np.testing.assert_array_equal(bits[sender, led], pack_here(spoken))
     np.testing.assert_array_equal(message.led, led)
-    np.testing.assert_array_equal(message.payload["priority"], np.asarray(content["priority"])[sender])
+    np.testing.assert_array_equal(message.payload["priority"], content["priority"][sender])
 
 
 def lost(optics, seed=1):
@@ -85,38 +89,14 @@ def test_one_message_in_ten_is_damaged_and_found_out():
     assert close(lost(clean_but(error_in_communication=0.1)), 0.1)
 
 
-def test_two_wrong_bits_pass_for_a_message():
-    """With independent bits 0.5 % of the messages arrive with two wrong ones."""
-    error, n = 0.1, 4 * N
-    optics = clean_but(error_in_communication=error, independent_bit_errors=True)
-    everyone = (np.zeros((N, 4), int), np.zeros((N, 4), int), np.ones((N, 4), bool), np.full((N, 4), 5.0))
-    content = contents(2)
-    message, arrived, *_ = send(optics, content, everyone)
-    first = jax.tree.map(lambda a: a[0], content)
-    spoken = PAYLOAD.unpack(PAYLOAD.pack(Message(jnp.int32(0), first)))[0]
-    wrong = jax.tree.map(lambda got, said: np.asarray(got != said).reshape(N, 4, -1).any(axis=2), message, spoken)
-    rate = 1 - (1 - error) ** (1 / 32)
-    one_wrong = 32 * rate * (1 - rate) ** 31
-    assert close(1 - np.asarray(arrived).mean(), one_wrong)
-    undetected = (np.any(jax.tree.leaves(wrong), axis=0) & np.asarray(arrived)).mean()
-    two_wrong = error - one_wrong
-    assert 0.8 * two_wrong < undetected < two_wrong + 4.5 * np.sqrt(two_wrong / n)  # some damage makes no difference
-
-
-def test_breaks_and_damage_are_independent():
-    together = lost(clean_but(p_communication_break=0.1, error_in_communication=0.1))
-    damaged = lost(clean_but(error_in_communication=0.1), seed=2)
-    assert abs(together - (1 - 0.9 * (1 - damaged))) < 0.005
-
-
 def test_breaks_depend_neither_on_the_number_of_wrong_bits_nor_on_their_places():
     """Of 1e5 messages whose checks nobody looks at, most with two wrong bits, as many break of each kind."""
     noise = clean_but(p_communication_break=0.2, error_in_communication=0.9, independent_bit_errors=True)
     conditions = conditions_of(SwarmConfig(optics=dataclasses.replace(noise, parity_check=False)))
-    zeros, shape = jnp.zeros((N, 4), jnp.int32), (N, 4)
-    links = Links(zeros, jnp.ones(shape, bool), zeros, jnp.zeros(shape), jnp.full(shape, 5.0))
+    zeros, shape = np.zeros((N, 4), np.int32), (N, 4)
+    links = Links(zeros, np.ones(shape, bool), zeros, *np.full((2, *shape), 5.0, np.float32))
     payload = Payload({"word": Integer(29)})
-    got = exchange(conditions, payload, {"word": jnp.zeros(N, jnp.int32)}, links, jax.random.key(5))
+    got = exchange_here(conditions, payload, {"word": np.zeros(N, np.int32)}, links, jax.random.key(5))
     wrong = (np.asarray(got.message.payload["word"]) << 2 | np.asarray(got.message.led)).ravel()
     arrives, count = np.asarray(got.is_heard).ravel(), np.bitwise_count(wrong)
     lowest = np.log2(np.where(wrong, wrong & -wrong, 1)).astype(int)
@@ -155,12 +135,7 @@ def test_a_receiver_learns_nothing_but_the_32_bits():
             length = (steps[i] + nudge * rng.uniform(-0.45, 0.45, n)) * (MAX_RANGE / 31)
             return remember(turned(np.stack([length, np.zeros(n)], -1), angle), hop[i])
 
-        return {"priority": jnp.ones(n, bool), "dust": memory(0), "dump": memory(1)}
+        return {"priority": np.ones(n, bool), "dust": memory(0), "dump": memory(1)}
 
     got = send(OpticsConfig(), content(0), wires(n)), send(OpticsConfig(), content(1), wires(n))
     jax.tree.map(np.testing.assert_array_equal, *got)
-
-
-def test_other_keys_are_other_noise():
-    one, other = (send(OpticsConfig(), contents(50), wires(50), seed) for seed in (0, 1))
-    assert (np.asarray(one[1]) != np.asarray(other[1])).any() and not np.array_equal(one[2], other[2])

@@ -76,14 +76,6 @@ def test_nearest_of_two_on_one_photodiode(sight):
 
 
 @both_sights
-def test_one_sender_on_each_photodiode(sight):
-    links = sight(place((0, 0, 0), facing(10, 5), facing(80, 6), facing(190, 7), facing(-95, 8))[None])
-    assert {k: v for k, v in heard(links).items() if k[0] == 0} == {(0, s): (s + 1, 0) for s in range(4)}
-    np.testing.assert_allclose(links.true_distance[0, 0], [5, 6, 7, 8])
-    np.testing.assert_allclose(links.measured_bearing[0, 0], np.arange(4) * np.pi / 2)
-
-
-@both_sights
 def test_a_robot_between_two_cuts_their_link(sight):
     poses = place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None]
     assert (0, 0) not in heard(sight(poses))
@@ -115,14 +107,6 @@ def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, he
     assert (heard(links).get((0, 0)) == (1, 0)) is hears
 
 
-@both_sights
-def test_the_next_behind_a_hidden_one_is_heard_if_it_is_clear(sight):
-    poses = place((0, 0, 0), (6, 0, 180), facing(40, 8), (3, 0, DARK))[None]
-    assert heard(sight(poses))[0, 0] == (2, 0)
-    poses[0, 2, 2] += np.radians(45)  # shines past
-    assert (0, 0) not in heard(sight(poses))
-
-
 def test_rays_are_cast_only_where_circles_leave_it_open():
     def reaches(*pairs):
         assert not len(pairs[0])
@@ -141,10 +125,9 @@ def test_a_robot_alone_hears_nobody(sight):
     assert sight(place((0, 0, 0), (RADIUS - 0.01, 0, 180))[None]).valid.sum() == 2
 
 
-@pytest.mark.parametrize("seed", range(2))
-@pytest.mark.parametrize(("density", "edge"), [(0.2, 9), (0.5, 9), (0.8, 9), (0.8, 12)])
-def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge, seed):
-    poses = crowd(np.random.default_rng([seed, edge, int(10 * density)]), density, edge)[:81]
+@pytest.mark.parametrize(("density", "edge"), [(0.2, 9), (0.5, 9), (0.8, 12)])
+def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge):
+    poses = crowd(np.random.default_rng([edge, int(10 * density)]), density, edge)[:81]
     scene = scene_at(poses[None])
 
     def ray(world, origin, target, receiver, sender):
@@ -162,9 +145,7 @@ def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge, seed):
         sender, led, passed_over = all_links(poses, reaches)
         np.testing.assert_array_equal(np.where(links.valid[0], links.sender[0], -1), sender)
         np.testing.assert_array_equal(np.where(links.valid[0], links.led[0], -1), led)
-    assert links.valid.sum() > 80
-    if (density, edge) != (0.8, 9):  # there the nearest is next door, with nobody in between
-        assert passed_over > 0 and sum(asked) > 0
+    assert links.valid.sum() > 80 and passed_over > 0 and sum(asked) > 0
 
 
 @pytest.mark.parametrize("mode", ["sector", "power"])
@@ -196,9 +177,8 @@ def test_relabelled_robots_have_relabelled_links():
         np.testing.assert_array_equal(getattr(after, name)[0], getattr(before, name)[0, new])
 
 
-@pytest.mark.parametrize("mode", ["sector", "power"])
-def test_worlds_do_not_hear_each_other(mode):
-    optics = OpticsConfig(mode=mode)
+def test_worlds_do_not_hear_each_other():
+    optics = OpticsConfig(mode="power")
     rng = np.random.default_rng(9)
     poses = np.stack([crowd(rng, density, edge=5) for density in (0.8, 0.3, 0.5)])
     together = by_rays(poses, optics)
@@ -207,12 +187,6 @@ def test_worlds_do_not_hear_each_other(mode):
         alone = by_rays(poses[world][None], optics)
         for name, a, b in zip(alone._fields, alone, together, strict=True):
             np.testing.assert_array_equal(a[0], b[world], err_msg=name)
-
-
-def test_both_sights_agree_on_received_power():
-    optics = OpticsConfig(mode="power")
-    poses = crowd(np.random.default_rng(10), 0.5, edge=6)[None]
-    same(by_geometry(poses, optics), by_rays(poses, optics))
 
 
 def test_who_shines_brightest_is_heard_not_who_is_nearest():

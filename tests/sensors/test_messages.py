@@ -1,14 +1,12 @@
 """The 32 bits: layout, round trip, parity and noise."""
 
+from functools import partial
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_sensing import remember, turned, wrapped
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from helpers_sensing import remember
 
 from iswarm_mj.sensors.fields import Vector
 from iswarm_mj.sensors.memory import VectorMemory
@@ -18,11 +16,10 @@ from iswarm_mj.strategy.vector_strategy import payload_for
 MAX_RANGE = 138.6
 QUANTUM = MAX_RANGE / 31
 BEARING = 2 * np.pi / 32
-vectors = st.tuples(st.floats(-np.pi, np.pi), st.floats(0, MAX_RANGE), st.integers(0, 14))
-PATTERNS = np.array([0, 1, 0xFFFFFFFF, 0x80000000, 0xDEADBEEF, 0x12345678], np.uint32)
 
 PAYLOAD, VECTOR = payload_for(MAX_RANGE), Vector(MAX_RANGE)
-pack_here, unpack_here = jax.jit(PAYLOAD.pack), jax.jit(PAYLOAD.unpack)
+pack_here, encode_here, decode_here = jax.jit(PAYLOAD.pack), jax.jit(VECTOR.encode), jax.jit(VECTOR.decode)
+corrupt_here = jax.jit(corrupt)
 
 
 def vector(bearing, steps):
@@ -32,7 +29,7 @@ def vector(bearing, steps):
 
 def message(led=0, priority=False, dust=None, dump=None):
     nothing = remember(np.zeros(2), known=False)
-    return Message(jnp.int32(led), {"priority": jnp.array(priority), "dust": dust or nothing, "dump": dump or nothing})
+    return Message(np.int32(led), {"priority": np.array(priority), "dust": dust or nothing, "dump": dump or nothing})
 
 
 @pytest.mark.parametrize(
@@ -53,8 +50,8 @@ def message(led=0, priority=False, dust=None, dump=None):
     ],
 )
 def test_hand_worked_messages_have_the_documented_layout(content, bits):
-    packed = PAYLOAD.pack(content)
-    assert packed.dtype == jnp.uint32
+    packed = pack_here(content)
+    assert packed.dtype == np.uint32
     assert f"{int(packed):032b}" == f"{bits:032b}"
 
 
@@ -66,14 +63,14 @@ def test_bits_are_those_of_the_codec_that_knew_no_other_payload(n_leds):
 
     def content(kind):
         def of(name):
-            return jnp.asarray(kept[f"{kind}{n_leds}_{name}"])
+            return kept[f"{kind}{n_leds}_{name}"]
 
         vectors = {name: VectorMemory(*(of(f"{name}_{p}") for p in VectorMemory._fields)) for name in ("dust", "dump")}
         return Message(of("led"), {"priority": of("priority"), **vectors})
 
     payload = payload_for(138.6, n_leds)
-    np.testing.assert_array_equal(payload.pack(content("sent"), n_leds), kept[f"bits{n_leds}"])
-    got, is_right = payload.unpack(jnp.asarray(kept[f"noisy{n_leds}"]), n_leds)
+    np.testing.assert_array_equal(jax.jit(partial(payload.pack, n_leds=n_leds))(content("sent")), kept[f"bits{n_leds}"])
+    got, is_right = jax.jit(partial(payload.unpack, n_leds=n_leds))(kept[f"noisy{n_leds}"])
     np.testing.assert_array_equal(is_right, kept[f"ok{n_leds}"])
     assert 0.1 < 1 - np.mean(is_right) < 0.5
     kept_back = content("got")
@@ -85,37 +82,22 @@ def test_bits_are_those_of_the_codec_that_knew_no_other_payload(n_leds):
     jax.tree.map(np.testing.assert_array_equal, got, kept_back)
 
 
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 3), st.booleans(), st.tuples(vectors, vectors))
-def test_round_trip_keeps_everything_within_half_a_quantum(led, priority, content):
-    sent = [remember(turned(np.array([length, 0.0]), angle), hop=hop) for angle, length, hop in content]
-    received, parity_holds = unpack_here(pack_here(message(led, priority, *sent)))
-    assert parity_holds
-    assert (int(received.led), bool(received.payload["priority"])) == (led, priority)
-    for memory, (angle, length, hop) in zip((received.payload["dust"], received.payload["dump"]), content, strict=True):
-        x, y = np.asarray(memory.vector)
-        assert bool(memory.known) and int(memory.hop) == hop
-        assert abs(np.hypot(x, y) - length) <= MAX_RANGE / 62 * (1 + 1e-4)
-        if np.hypot(x, y) > 0:
-            assert abs(wrapped(np.arctan2(y, x) - angle)) <= np.radians(5.625) + 1e-4
-
-
 def test_every_code_of_a_vector_comes_back():
     bearing, steps, hop = (a.ravel() for a in np.meshgrid(np.arange(32), np.arange(1, 32), np.arange(15)))
     codes = bearing | steps << 5 | hop << 10
-    memory = VECTOR.decode(jnp.asarray(codes, jnp.uint32))
+    memory = decode_here(codes.astype(np.uint32))
     np.testing.assert_allclose(memory.vector, vector(bearing, steps), atol=1e-3)
-    np.testing.assert_array_equal(VECTOR.encode(memory), codes)
+    np.testing.assert_array_equal(encode_here(memory), codes)
 
 
 def test_too_long_a_vector_ends_at_the_codecs_range():
-    memory = VECTOR.decode(VECTOR.encode(remember(np.array([0.0, 5 * MAX_RANGE]))))
+    memory = decode_here(encode_here(remember(np.array([0.0, 5 * MAX_RANGE]))))
     np.testing.assert_allclose(memory.vector, [0.0, MAX_RANGE], atol=1e-3)
 
 
 def test_unknown_and_well_travelled_vectors_are_not_sent():
     sent = remember(np.tile([3.0, 4.0], (18, 1)), hop=np.arange(18), known=np.arange(18) != 7)
-    memory = VECTOR.decode(VECTOR.encode(sent))
+    memory = decode_here(encode_here(sent))
     is_sent = (np.arange(18) <= 14) & (np.arange(18) != 7)
     np.testing.assert_array_equal(memory.known, is_sent)
     np.testing.assert_array_equal(memory.hop, np.where(is_sent, np.arange(18), 0))
@@ -125,8 +107,8 @@ def test_unknown_and_well_travelled_vectors_are_not_sent():
 def wrong_bits(n, error):
     """Flipped bits of n messages (n, 32)."""
     uniform = jax.random.uniform(jax.random.key(3), (3, n))
-    bits = jnp.broadcast_to(jnp.uint32(0xDEADBEEF), (n,))
-    flips = np.asarray(corrupt(bits, uniform, error) ^ bits)
+    bits = np.full(n, 0xDEADBEEF, np.uint32)
+    flips = np.asarray(corrupt_here(bits, uniform, error)) ^ bits
     return (flips[:, None] >> np.arange(32, dtype=np.uint32)) & 1
 
 
@@ -153,20 +135,19 @@ def test_every_pair_of_bits_is_wrong_equally_often():
 
 
 def test_without_error_nothing_changes_whatever_is_drawn():
-    uniform = jnp.array([[0.0, 0.9999999]] * 3)
-    bits = jnp.asarray(PATTERNS[:2])
-    np.testing.assert_array_equal(corrupt(bits, uniform, 0.0), bits)
+    uniform, bits = np.float32([[0.0, 0.9999999]] * 3), np.array([0, 1], np.uint32)
+    np.testing.assert_array_equal(corrupt_here(bits, uniform, 0.0), bits)
 
 
 def test_extreme_draws_stay_within_32_bits():
-    uniform = jnp.full((3, 1), np.nextafter(np.float32(1), np.float32(0)))
-    flips = int((corrupt(jnp.zeros(1, jnp.uint32), uniform, 0.1))[0])
+    uniform = np.full((3, 1), np.nextafter(np.float32(1), np.float32(0)))
+    flips = int(corrupt_here(np.zeros(1, np.uint32), uniform, 0.1)[0])
     assert flips.bit_count() == 2
 
 
 def test_dependent_errors_are_one_bit_each_in_one_message_of_ten():
     n, error = 100_000, 0.1
     uniform = jax.random.uniform(jax.random.key(4), (3, n))
-    flips = np.asarray(corrupt(jnp.zeros(n, jnp.uint32), uniform, error, independent=False))
+    flips = np.asarray(corrupt_here(np.zeros(n, np.uint32), uniform, error, False))
     assert set(np.bitwise_count(flips)) == {0, 1}
     assert abs((flips > 0).mean() - error) < 4.5 * np.sqrt(error * (1 - error) / n)

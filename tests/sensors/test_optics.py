@@ -1,6 +1,5 @@
 """Beams and photodiodes: hand-worked pairs, limits and symmetries, in both modes."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_sensing import RADIUS, place, turned, wrapped
@@ -70,22 +69,10 @@ def test_four_headings_and_four_sides(optics, side, led):
     assert got.effective_distance[0] == pytest.approx(6.0)
 
 
-@pytest.mark.parametrize(("heading", "led"), [(0, 2), (90, 1), (180, 0), (270, 3), (155, 0), (205, 0)])
-def test_led_that_shines_back_from_straight_ahead(heading, led):
-    got = light(HERE, place((5, 0, heading)))
-    assert arrives(got) and got.led[0] == led
-
-
 def test_light_goes_one_way_where_only_one_beam_is_aimed():
     front, beside = place((0, 0, 0)), place((5, 0, 45))  # the second shines past the first
     assert not arrives(light(front, beside))
     assert arrives(light(beside, front))
-
-
-@both_modes
-def test_range_on_the_axis(optics):
-    assert arrives(light(HERE, seen_at(0, RADIUS - 1e-6), optics))
-    assert not arrives(light(HERE, seen_at(0, RADIUS + 1e-6), optics))
 
 
 def test_range_in_a_sector_is_the_same_off_axis():
@@ -115,18 +102,6 @@ def test_a_beam_ends_30_degrees_from_its_axis(sign, led):
         got = light(HERE, seen_at(10, off_beam=sign * edge - 90 * led))
         assert arrives(got) is not ends
         assert got.led[0] == led
-
-
-@both_modes
-def test_numpy_and_jax_agree(optics):
-    receiver, sender = pairs(2000, seed=1)
-    here, there = light(receiver, sender, optics), light(receiver, sender, optics, jnp)
-    clear = abs(np.nan_to_num(here.effective_distance, posinf=0) - RADIUS) > 1e-3
-    for name in ("side", "led"):
-        np.testing.assert_array_equal(getattr(here, name), getattr(there, name))
-    np.testing.assert_allclose(wrapped(here.bearing - np.asarray(there.bearing)), 0, atol=1e-3)
-    np.testing.assert_allclose(here.effective_distance[clear], np.asarray(there.effective_distance)[clear], rtol=1e-4)
-    assert 0.1 < np.isfinite(here.effective_distance).mean() < 0.9
 
 
 @both_modes

@@ -1,6 +1,5 @@
 """Runs of compiled engines: the swarm of the engines for CPUs, worlds that differ, faults, devices."""
 
-import importlib.util
 import json
 import os
 import subprocess
@@ -14,7 +13,6 @@ import pytest
 from helpers_mjx import ENGINES, RECORDED, SEED, TINY, WORLDS, N, compilations, mjx, poses, ran, settings, warp
 from helpers_worlds import begin_with, centres, start_of
 
-from iswarm_mj.config import GripperConfig, OpticsConfig
 from iswarm_mj.engines.mjx.arena import contact_capacity
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -150,32 +148,6 @@ def test_worlds_of_other_sizes_and_genomes():
     assert np.abs(poses(ours)[1] - poses(ours)[2]).max() > 1
 
 
-LOOSE = replace(WORLD, index=1)
-"""A world in which robots do not crowd in 20 steps."""
-
-
-def differing(**parts):
-    """The world with other parts of the configuration."""
-    return replace(LOOSE, config=replace(TINY, **parts))
-
-
-def test_worlds_of_other_conditions():
-    """At 50 % RH this tool lifts nothing; a world without drops, one that always drops, and one of failed robots."""
-    humid = differing(gripper=GripperConfig(relative_humidity=50, grasp_voltage=20, drop_rate=0))
-    loose = differing(gripper=GripperConfig(drop_rate=1.0))
-    deaf = differing(optics=OpticsConfig(p_communication_break=1.0))
-    dead = replace(LOOSE, failed_fraction=1.0)
-    grips, hears = (run_in(ENGINES["warp"], [LOOSE, *others])[0] for others in ((humid, loose), (deaf, dead)))
-    assert not grips.faults and not hears.faults
-    picked = [grips.measures(w).picked for w in range(3)]
-    carried = grips.arrays()[1].swarm.task.carried_steps.sum(axis=1)
-    assert picked[0] > 0 and picked[1] == 0 and picked[2] > 0
-    assert carried[0] > 2 * carried[2] > 0
-    hops = np.asarray(hears.arrays()[1].swarm.memory.dust.hop)
-    assert hops[0].max() > 0 and hops[1].max() == 0
-    np.testing.assert_allclose(poses(hears)[2], hears.starts[2].poses, atol=1e-5)
-
-
 def test_stages_are_timed_on_worlds_of_the_run_alone(batch):
     params, state, _ = batch.run._loop.on_first_device()
     assert {a.shape[0] for a in jax.tree.leaves((params, state))} == {WORLDS}
@@ -199,19 +171,6 @@ def test_stages_are_timed_on_worlds_of_the_run_alone(batch):
 def test_settings_that_do_not_fit_are_refused(make, own, says):
     with pytest.raises(UserError, match=says):
         make(**own)
-
-
-def test_without_the_package_warp_is_refused(monkeypatch):
-    found = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "warp" else found(name, *a))
-    with pytest.raises(UserError, match=r"`impl` warp needs the package warp-lang; .*iswarm-mj\[warp\]"):
-        Run(TINY, TYPE1, settings(), warp())
-
-
-def test_worlds_that_cannot_share_a_program_are_refused():
-    for other in ({"optics": OpticsConfig(mode="power")}, {"gripper": GripperConfig(release_gap=4e-6)}):
-        with pytest.raises(UserError, match="which all worlds of one run share; run it separately"):
-            run_in(ENGINES["mjx"], [WORLD, WORLD, differing(**other)])
 
 
 def test_genomes_need_no_other_program(batch):

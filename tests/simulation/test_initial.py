@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from helpers_worlds import start_of
 
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.tasks import layout
@@ -52,21 +51,3 @@ def test_robots_start_apart_outside_the_dump(arena):
     assert gap.min() == pytest.approx(RD)
     assert np.abs(poses[:, :2]).max(axis=1).min() > arena.dump_size / 2 * RD
     assert np.abs(poses[:, :2]).max() + RD / 2 <= arena.size / 2 * RD + 1e-9
-
-
-def test_start_poses_are_spread_evenly():
-    """Each quadrant and each quarter of the headings gets its share: 600 of 2400 within 6 standard deviations."""
-    poses = np.concatenate([layout.place_robots(PAPER, 240, generator(seed)) for seed in range(10)])
-    west, south, yaw = poses[:, 0] < 0, poses[:, 1] < 0, poses[:, 2]
-    shares = np.bincount(2 * west + south, minlength=4), np.histogram(yaw, 4, (-np.pi, np.pi))[0]
-    assert np.abs(np.array(shares) - 600).max() < 130
-    assert np.sum(shares) == 4800
-    one, other = (layout.place_robots(PAPER, 240, generator(seed)) for seed in (0, 1))
-    assert len(np.unique(np.concatenate([one, other])[:, :2].round(6), axis=0)) > 400
-
-
-def test_worlds_of_neighbouring_seeds_begin_differently(small):
-    """World 1 of seed 0 is not world 0 of seed 1."""
-    starts = [start_of(small, 3, seed, world) for seed in range(4) for world in range(4)]
-    for values in zip(*((s.poses, s.task.position) for s in starts), strict=True):
-        assert len({value.tobytes() for value in values}) == 16

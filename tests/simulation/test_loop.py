@@ -50,7 +50,7 @@ def test_a_world_is_the_same_in_any_batch(small, monkeypatch):
     """Whole states in the last bit, alone and among others, in shares of one world to three, on any threads."""
     monkeypatch.setattr(share, "WORLDS", 4)
     most = end_and_state(run_in(small, MujocoSettings(1), 9, 15))
-    for n_worlds, threads in ((1, 1), (4, 3), (5, 2)):
+    for n_worlds, threads in ((1, 1), (4, 5), (5, 2)):
         found = end_and_state(run_in(small, MujocoSettings(threads), n_worlds, 15))
         of_most = jax.tree.map(lambda a, n=n_worlds: a[:n], most)
         jax.tree.map(np.testing.assert_array_equal, found, of_most)
@@ -81,7 +81,9 @@ def end_and_state(run):
 def test_records_are_of_the_worlds_asked_for(small):
     """In their order, whatever shares they are in."""
     picked = (5, 0, 4, 3)
-    everything, some = (run_in(small, PlanarSettings(2), 6, 5, rows) for rows in (tuple(range(6)), picked))
+    everything, some, none = (run_in(small, PlanarSettings(2), 6, 5, rows) for rows in (tuple(range(6)), picked, ()))
+    assert none.advance() is None
+    np.testing.assert_array_equal(everything.start.poses[:, list(picked)], some.start.poses)
     while not some.is_over:
         every, found = everything.advance(), some.advance()
         jax.tree.map(lambda all_, of: np.testing.assert_array_equal(all_[:, list(picked)], of), every, found)

@@ -1,6 +1,5 @@
 """An engine from outside the package: runs, environments and commands take it."""
 
-import json
 from pathlib import Path
 
 import jax
@@ -73,17 +72,6 @@ class TestCommands:
         far, near = (np.linalg.norm(found[factor][1] - found[factor][0], axis=-1) for factor in (0.5, 0.25))
         assert far.max() > 1e-4
         np.testing.assert_allclose(far, 2 * near, atol=1e-7)
-
-    def test_bench_takes_it(self, capfd):
-        assert code_of("bench", "--robots=30", "--engine", NAME, "--far=0.1", "--steps=2", "--warm-up=1") == 0
-        content = json.loads(capfd.readouterr().out)
-        assert (content["engine"], content["far"]) == ("teleport", 0.1)
-
-    def test_help_shows_its_flags(self, capfd):
-        assert code_of("run", "--engine", NAME, "--help") == 0
-        text = " ".join(capfd.readouterr().out.replace("│", " ").split())
-        assert "--far FLOAT Factor of all distances and turns. (between 0.1 and 100; default 1.0)" in text
-        assert "--refinement" not in text and "--threads" not in text
 
     @pytest.mark.parametrize(
         ("flags", "message"),

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_sensing import lay, place
@@ -24,26 +23,27 @@ from iswarm_mj.utils.units import RD, mm_from_rd
 
 CONFIG = SwarmConfig(energy=EnergyConfig(model="capacitor"))
 FULL = CONFIG.energy.full
+after = jax.jit(power.after, static_argnums=0)
 
 
 def test_light_fills_a_capacitor_and_no_more():
     assert pytest.approx(1.8e-3) == FULL
-    found = power.charged(CONFIG, jnp.array([0.0, 0.9 * FULL]))
+    found = power.charged(CONFIG, np.array([0.0, 0.9 * FULL]))
     np.testing.assert_allclose(found, [0.48e-3, FULL], rtol=1e-6)
-    np.testing.assert_allclose(power.voltage(CONFIG.energy, jnp.array([FULL, FULL / 4])), [60.0, 30.0], rtol=1e-6)
+    np.testing.assert_allclose(power.voltage(CONFIG.energy, np.array([FULL, FULL / 4])), [60.0, 30.0], rtol=1e-6)
 
 
 def test_what_robots_draw():
     """One stands and sends, one walks at full speed, one waits for energy, one charges its tool, one is dead."""
-    command = Command(jnp.zeros(5), jnp.array([0.0, 0.5 * RD, 0.0, 0.0, 0.0]))
-    charges = jnp.zeros(5).at[3].set(40**2)
-    energy, alive = jnp.full(5, 1e-3).at[2].set(0.3e-3), jnp.array([True, True, True, True, False])
-    left = power.after(CONFIG, energy, command, charges, alive)
+    command = Command(np.zeros(5), np.float32([0.0, 0.5 * RD, 0.0, 0.0, 0.0]))
+    charges = np.float32([0, 0, 0, 40**2, 0])
+    energy, alive = np.float32([1e-3, 1e-3, 0.3e-3, 1e-3, 1e-3]), np.array([True, True, True, True, False])
+    left = after(CONFIG, energy, command, charges, alive)
     tool = 10e-12 * 40**2
     expected = [80e-6, 80e-6 + 0.6 * 0.3e-3, 0.0, 80e-6 + tool, 0.0]
     np.testing.assert_allclose(energy - left, expected, rtol=1e-5, atol=1e-9)
     large = replace(CONFIG, energy=replace(CONFIG.energy, tool_capacitance=1e-8))
-    assert power.after(large, energy, command, 1000 * charges, alive)[3] == 0
+    assert after(large, energy, command, 1000 * charges, alive)[3] == 0
 
 
 AWAY, ON_DUMP = (40, 0, 30), (0, 0, 30)
@@ -64,21 +64,23 @@ def test_the_tool_is_charged_to_the_voltage_that_it_uses_in_attempts_alone(
 ):
     """Or to that of the capacitor, 30 V, if that is less; of the second of two robots, the first is elsewhere."""
     config = replace(CONFIG, gripper=GripperConfig(drop_rate=drop_rate))
-    poses, robot, here = jnp.asarray(place((60, 60, 0), where), jnp.float32), read_robot(), jnp.ones(2, bool)
+    poses, robot, here = np.float32(place((60, 60, 0), where)), read_robot(), np.ones(2, bool)
     tip = where[0] + robot.probe_tip[0] * np.exp(1j * np.radians(where[2]))
     balls = lay((tip.real, tip.imag), holders=[1 if holds else None])
 
     def decided(gripper, attempts):
-        nothing = jnp.zeros(1)
+        nothing = np.zeros(1)
         return Outcomes(attempts.lifts & succeeds, attempts.releases & succeeds, nothing > 0, nothing, nothing)
 
-    for has in (60.0, 30.0):
-        voltage = jnp.array([45.0, has])
+    @jax.jit
+    def squared(voltage):
         inputs = TaskInputs(
             poses, here, here, here & picks, 0 * here, 0 * here, conditions_of(config), config, robot, decided, voltage
         )
-        _, sensed = update_balls(balls, inputs, jax.random.key(0))
-        np.testing.assert_allclose(sensed.tool_voltage_squared, [0.0, min(volts, has) ** 2])
+        return update_balls(balls, inputs, jax.random.key(0))[1].tool_voltage_squared
+
+    for has in (60.0, 30.0):
+        np.testing.assert_allclose(squared(np.float32([45.0, has])), [0.0, min(volts, has) ** 2])
 
 
 @pytest.mark.parametrize(
@@ -126,7 +128,7 @@ def test_who_lights_its_leds():
     alive = np.ones((1, 3), bool)
     np.testing.assert_array_equal(power.is_emitting(CONFIG, alive, None), alive)
     dark = replace(CONFIG, energy=replace(CONFIG.energy, light_power=0.0))
-    energy = jnp.array([[0.37e-3, 0.39e-3, 0.0]])
+    energy = np.array([[0.37e-3, 0.39e-3, 0.0]])
     np.testing.assert_array_equal(power.is_emitting(dark, alive, energy), [[False, True, False]])
     np.testing.assert_array_equal(power.is_emitting(CONFIG, alive, energy), alive)
 
@@ -140,6 +142,6 @@ def test_in_full_light_no_robot_waits(small):
 
 def test_the_longest_step_of_slow_messages_takes_the_power_of_full_speed():
     config = SwarmConfig(optics=OpticsConfig(baud_rate=1000.0), energy=EnergyConfig(model="capacitor"))
-    full = Command(jnp.zeros(1), jnp.full(1, mm_from_rd(config.step_length)))
-    left = power.after(config, jnp.full(1, 1e-3), full, jnp.zeros(1), jnp.ones(1, bool))
+    full = Command(np.zeros(1), np.full(1, mm_from_rd(config.step_length)))
+    left = after(config, np.full(1, 1e-3), full, np.zeros(1), np.ones(1, bool))
     np.testing.assert_allclose(1e-3 - left, [80e-6 + 0.6 * 0.3e-3], rtol=1e-4)

@@ -113,13 +113,6 @@ def test_the_start_is_recorded_too(small):
     np.testing.assert_allclose(centres(start)[0, :, :2], run.starts[0].task.position, atol=1e-6)
 
 
-def test_only_recorded_worlds_are_returned(small):
-    every, some, none = (run_of(small, n_worlds=2, steps=2, record_worlds=w) for w in ((0, 1), (1, 0), ()))
-    assert none.advance() is None
-    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [1, 0]], b), every.start, some.start)
-    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a[:, [1, 0]], b), every.advance(), some.advance())
-
-
 def test_the_dead_neither_move_nor_send_nor_carry(small):
     run = run_of(small, steps=60, seed=4, failed_fraction=0.5)
     dead = ~run.start.swarm.is_alive[0, 0]

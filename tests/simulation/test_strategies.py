@@ -6,10 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_rrd import read
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -17,7 +15,6 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.workflows.rollout import rollout
 
 HERE = MujocoSettings(1)
 
@@ -131,20 +128,3 @@ class TestRuns:
         ):
             with pytest.raises(UserError, match=words):
                 Run(small, strategy=strategy, settings=RunSettings(2, 1), engine=HERE)
-
-
-class TestRollouts:
-    KEYS = jax.random.split(jax.random.key(1), 2)
-
-    def test_are_recorded(self, small, tmp_path):
-        """Vectors in mm are drawn as arrows, by 3 and 4 mm in the robot's frame."""
-        path = tmp_path / "x.rrd"
-        found = rollout(
-            small, Ahead(), self.KEYS, n_robots=3, steps=4, engine=PlanarSettings(1), record=path, poses_of=(1,)
-        )
-        recorded = read(path)
-        body = np.array(recorded["/world/robots/body"]["Boxes3D:centers"])
-        np.testing.assert_allclose(body[..., :2], found.poses[0, ..., :2], atol=1e-4)
-        arrows = np.array(recorded["/world/memory/home"]["Arrows3D:vectors"])
-        np.testing.assert_allclose(np.linalg.norm(arrows, axis=-1), 5.0, rtol=1e-5)
-        assert [path.name for path in tmp_path.iterdir()] == ["x.rrd"]

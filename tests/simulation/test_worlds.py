@@ -89,21 +89,6 @@ class TestWorldsOfDifferentSize:
     def worlds(self):
         return [World(TYPE1, n, index=index) for index, n in enumerate(self.SIZES)]
 
-    def test_each_is_as_if_alone(self, small):
-        """Robots that a world lacks are in its model, out of the way: only contact forces round otherwise."""
-        run = run_of(small, worlds=self.worlds(), steps=60)
-        together = list(records(run))
-        for world, n_robots in enumerate(self.SIZES):
-            steps = 60 if n_robots == N else 12  # of the others, in which contact forces round otherwise, the first
-            own = {"n_robots": n_robots, "steps": steps, "capacity": N}
-            alone = run_of(small, worlds=self.worlds()[world : world + 1], **own)
-            for one, many in zip(records(alone), together, strict=steps == 60):
-                np.testing.assert_allclose(many.poses[world], one.poses[0], atol=1e-8 if n_robots < N else 0, rtol=0)
-                np.testing.assert_array_equal(many.links.valid[world], one.links.valid[0])
-                assert many.collisions[world] == one.collisions[0]
-            assert steps == 12 or run.measures(world) == alone.measures(0)
-        assert run.measures(1).collisions > 0 and run.measures(1).picked > 0
-
     def test_absent_robots_do_nothing(self, small):
         run = run_of(small, worlds=self.worlds(), steps=12)
         before = poses_of(run)

@@ -3,7 +3,6 @@
 import math
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_controller import CONFIG, PROBE, RULES, STEP, approach_here, draws, genes, genes_read, memories, strategy
@@ -20,7 +19,7 @@ choose_here, steer_here = (jax.jit(f, static_argnums=0) for f in (choose, steer)
 
 def planned(memory, loaded=False, follow=0.0, direction=0.5, rules=RULES, config=CONFIG):
     n = len(memory.is_scout)
-    seen = senses_nothing(n)._replace(is_loaded=jnp.full(n, loaded))
+    seen = senses_nothing(n)._replace(is_loaded=np.full(n, loaded))
     return choose_here(config, rules, memory, seen, draws(n, follow=follow, direction=direction))
 
 
@@ -77,7 +76,7 @@ def test_a_vector_shorter_than_half_a_step_is_not_followed():
 def test_a_step_does_not_overshoot_the_target():
     memory = memories(1, dust=[0.7 * STEP, 0])
     wanted, limit, _ = planned(memory)
-    assert steer_here(CONFIG, wanted, limit, jnp.zeros(1, bool)).forward[0] == pytest.approx(0.7 * STEP, rel=1e-5)
+    assert steer_here(CONFIG, wanted, limit, np.zeros(1, bool)).forward[0] == pytest.approx(0.7 * STEP, rel=1e-5)
 
 
 # How to get there
@@ -97,7 +96,7 @@ def test_a_step_does_not_overshoot_the_target():
 )
 def test_turn_then_walk(degrees, length, turn, pace):
     direction = turned(np.array([[length, 0.0]]), math.radians(degrees))
-    command = steer_here(CONFIG, jnp.asarray(direction), jnp.array([jnp.inf]), jnp.ones(1, bool))
+    command = steer_here(CONFIG, np.float32(direction), np.float32([np.inf]), np.ones(1, bool))
     assert math.degrees(command.turn[0]) == pytest.approx(turn, abs=1e-3)
     assert command.forward[0] == pytest.approx(pace * STEP, abs=1e-5)
 
@@ -105,24 +104,23 @@ def test_turn_then_walk(degrees, length, turn, pace):
 def test_turns_are_limited_as_configured():
     slow = SwarmConfig(drive=DriveConfig(max_turn=20))
     for direction, turn in (([0.0, 1.0], 20), ([-1.0, -0.1], -20), ([1.0, 0.1], math.degrees(math.atan(0.1)))):
-        command = steer_here(slow, jnp.array([direction]), jnp.array([jnp.inf]), jnp.ones(1, bool))
+        command = steer_here(slow, np.float32([direction]), np.float32([np.inf]), np.ones(1, bool))
         assert math.degrees(command.turn[0]) == pytest.approx(turn, abs=1e-3)
 
 
 # At a ball
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_tip_comes_to_the_ball(seed):
+def test_the_tip_comes_to_the_ball():
     """Robots that move as they are told have the ball under the tip after at most four steps."""
-    n, rng = 40, np.random.default_rng(seed)
+    n, rng = 120, np.random.default_rng(0)
     yaw, xy = rng.uniform(-3, 3, n), rng.uniform(-20, 20, (n, 2))
     ball = xy + turned(np.column_stack([0.75 * RD * np.sqrt(rng.random(n)), np.zeros(n)]), rng.uniform(-3, 3, n))
-    idle = Command(jnp.zeros(n), jnp.zeros(n))
+    idle = Command(*np.zeros((2, n), np.float32))
     for _ in range(4):
         there = turned(ball - xy, -yaw)
-        seen = senses_nothing(n)._replace(at_dust=jnp.ones(n, bool), ball_vector=jnp.asarray(there, jnp.float32))
-        command = approach_here(CONFIG, PROBE, jnp.ones(n, bool), seen.ball_vector, idle)
+        seen = senses_nothing(n)._replace(at_dust=np.ones(n, bool), ball_vector=np.float32(there))
+        command = approach_here(CONFIG, PROBE, np.ones(n, bool), seen.ball_vector, idle)
         assert np.abs(command.turn).max() <= np.pi / 2 + 1e-6 and np.abs(command.forward).max() <= STEP + 1e-6
         yaw = yaw + np.asarray(command.turn, float)
         xy = xy + turned(np.column_stack([command.forward, np.zeros(n)]), yaw)
@@ -140,16 +138,16 @@ def test_the_tip_comes_to_the_ball(seed):
     ],
 )
 def test_only_empty_robots_at_dust_approach_unless_it_stuck(change, approaches):
-    seen = senses_nothing(1)._replace(at_dust=jnp.array([True]), ball_vector=jnp.array([[0.0, 1.5]]))
-    seen = seen._replace(**{name: jnp.array([value]) for name, value in change.items()})
+    seen = senses_nothing(1)._replace(at_dust=np.array([True]), ball_vector=np.array([[0.0, 1.5]]))
+    seen = seen._replace(**{name: np.array([value]) for name, value in change.items()})
     for n_scouts, comes in ((0, approaches), (1, False)):
         one = strategy(n_scouts=n_scouts)
         assert approaching(one.picks(one.init(1, KEY)), seen)[0] == comes
 
 
 def test_the_tip_goes_to_the_ball_that_is_approached():
-    command, ball = Command(jnp.array([0.1, 0.1]), jnp.array([1.2, 1.2])), jnp.array([[0.0, 1.5]] * 2)
-    got = approach_here(CONFIG, PROBE, jnp.array([True, False]), ball, command)
+    command, ball = Command(np.float32([0.1, 0.1]), np.float32([1.2, 1.2])), np.float32([[0.0, 1.5]] * 2)
+    got = approach_here(CONFIG, PROBE, np.array([True, False]), ball, command)
     np.testing.assert_allclose(got, [[math.pi / 2, 0.1], [1.5 - PROBE[0], 1.2]], rtol=1e-5)
 
 
@@ -160,7 +158,7 @@ def test_scouts_pick_only_if_they_may():
 
 
 def test_who_sends_the_priority_flag():
-    memory, loaded = strategy(n_scouts=2).init(4, KEY), jnp.array([False, True, False, True])
+    memory, loaded = strategy(n_scouts=2).init(4, KEY), np.array([False, True, False, True])
     for scouts, carriers, flags in (
         (False, True, [0, 1, 0, 1]),
         (True, False, [1, 1, 0, 0]),
@@ -171,15 +169,9 @@ def test_who_sends_the_priority_flag():
         np.testing.assert_array_equal(strategy(rules).say(memory, loaded)["priority"], np.array(flags, bool))
 
 
-def test_workers_and_scouts_at_the_start():
-    memory = strategy(n_scouts=3).init(10, KEY)
-    np.testing.assert_array_equal(memory.is_scout, np.arange(10) < 3)
-    assert not memory.dust.known.any() and not memory.dump.known.any()
-
-
 def test_a_robot_pushed_straight_back_chooses_its_side():
-    direction = jnp.array([[-1.0, 1e-9], [-1.0, -1e-9], [-1.0, 0.0], [-1.0, 0.1], [-1.0, -0.1]])
-    limit = jnp.full(5, jnp.inf)
+    direction = np.float32([[-1.0, 1e-9], [-1.0, -1e-9], [-1.0, 0.0], [-1.0, 0.1], [-1.0, -0.1]])
+    limit = np.full(5, np.inf, np.float32)
     for prefers_left, sides in ((True, [1, 1, 1, 1, -1]), (False, [-1, -1, -1, 1, -1])):
-        turn = steer(CONFIG, direction, limit, jnp.full(5, prefers_left)).turn
+        turn = steer_here(CONFIG, direction, limit, np.full(5, prefers_left)).turn
         np.testing.assert_array_equal(np.sign(turn), sides)

@@ -1,7 +1,6 @@
 """Readings of the rules beside avoidance: at dust, with errors of odometry."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_controller import ROBOT, act_here
@@ -20,7 +19,8 @@ from iswarm_mj.strategy.vectors import believed_motion
 from iswarm_mj.utils.units import RD
 
 N, PROBE = 5000, (0.9, 0.0)
-NOTHING = RobotMemory(*[remember(jnp.zeros((N, 2)), known=False)] * 2, jnp.zeros(N, bool))
+actuate_here, motion_here = jax.jit(actuate, static_argnums=0), jax.jit(believed_motion)
+NOTHING = RobotMemory(*[remember(np.zeros((N, 2)), known=False)] * 2, np.zeros(N, bool))
 
 
 def acts(strategy, seen, memory=NOTHING, genome=PRESETS["type1"]):
@@ -31,17 +31,17 @@ def neighbour_ahead(distance):
     """A ball one robot diameter to the left, and a neighbour ahead at `distance` [mm]."""
     seen = senses_nothing(N)
     return seen._replace(
-        is_heard=seen.is_heard.at[:, 0].set(True),
-        distance=seen.distance.at[:, 0].set(distance),
-        at_dust=jnp.ones(N, bool),
-        ball_vector=jnp.broadcast_to(jnp.array([0.0, 1.5]), (N, 2)),
+        is_heard=np.tile(np.arange(4) == 0, (N, 1)),
+        distance=np.where(np.arange(4) == 0, np.float32(distance), seen.distance),
+        at_dust=np.ones(N, bool),
+        ball_vector=np.broadcast_to(np.float32([0.0, 1.5]), (N, 2)),
     )
 
 
 def test_robots_at_dust_avoid_others_if_so_read():
     """A neighbour ahead turns one that avoids it further than the ball, which lies straight to the left."""
     for distance, swerves in ((0.3 * 3.5 * RD, True), (0.7 * 3.5 * RD, False)):
-        seen = neighbour_ahead(distance)._replace(ball_vector=jnp.broadcast_to(jnp.array([1.5, 1.5]), (N, 2)))
+        seen = neighbour_ahead(distance)._replace(ball_vector=np.broadcast_to(np.float32([1.5, 1.5]), (N, 2)))
         plain, careful = (acts(StrategyConfig(avoids_at_dust=flag), seen)[1] for flag in (False, True))
         np.testing.assert_allclose(plain.turn, np.pi / 4, rtol=1e-5)
         assert (np.asarray(careful.turn) > 1.5).all() if swerves else (np.asarray(careful.turn == plain.turn)).all()
@@ -49,19 +49,19 @@ def test_robots_at_dust_avoid_others_if_so_read():
 
 def test_robots_know_that_they_fell_short():
     """Vectors to a place are those of a robot that commanded what it walked in truth."""
-    strategy = VectorStrategy(rules_of(Genome()), 0, SwarmConfig(), ROBOT)
-    place = remember(jnp.array([[3.0, 1.0], [-2.0, 4.0]]))
-    memory = RobotMemory(place, place._replace(known=jnp.array([True, False])), jnp.zeros(2, bool))
-    short = strategy.fell_short(memory, jnp.array([0.5, -1.0]))
+    place = remember(np.array([[3.0, 1.0], [-2.0, 4.0]]))
+    memory = RobotMemory(place, place._replace(known=np.array([True, False])), np.zeros(2, bool))
+    fell_short = jax.jit(VectorStrategy(rules_of(Genome()), 0, SwarmConfig(), ROBOT).fell_short)
+    short = fell_short(memory, np.float32([0.5, -1.0]))
     np.testing.assert_allclose(short.dust.vector, [[3.5, 1.0], [-3.0, 4.0]], rtol=1e-6)
     assert short.dump.vector.tolist() == [[3.5, 1.0], [0.0, 0.0]]
 
 
 def test_odometry_errs_as_configured():
-    command = Command(jnp.full(N, 0.5), jnp.full(N, 1.2))
+    command = Command(np.full(N, 0.5, np.float32), np.full(N, 1.2, np.float32))
     error = jax.random.normal(jax.random.key(0), (N, 2))
     exact, wrong = (
-        Command(*believed_motion(rules_of(Genome(), strategy), *command, error))
+        Command(*motion_here(rules_of(Genome(), strategy), *command, error))
         for strategy in (StrategyConfig(), StrategyConfig(odometry_error_turn=10.0, odometry_error_step=0.1))
     )
     assert (exact.turn == command.turn).all() and (exact.forward == command.forward).all()
@@ -69,13 +69,13 @@ def test_odometry_errs_as_configured():
     assert abs(turn.mean()) < 0.6 and turn.std() == pytest.approx(10, rel=0.05)
     assert abs(step.mean()) < 0.006 and step.std() == pytest.approx(0.1, rel=0.05)
     assert abs(np.corrcoef(turn, step)[0, 1]) < 0.07
-    rest = Command(jnp.zeros(N), jnp.zeros(N))
+    rest = Command(*np.zeros((2, N), np.float32))
     drunk = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
-    np.testing.assert_array_equal(believed_motion(drunk, *rest, error), rest)
+    np.testing.assert_array_equal(motion_here(drunk, *rest, error), rest)
 
 
 def test_what_a_robot_remembers_errs_with_its_odometry():
-    known = RobotMemory(remember(jnp.full((N, 2), 9.0)), NOTHING.dump, NOTHING.is_scout)
+    known = RobotMemory(remember(np.full((N, 2), 9.0)), NOTHING.dump, NOTHING.is_scout)
     never = Genome(p_vector_forget=0.0, weight_find_dust=1.0)
     ends = [
         acts(strategy, senses_nothing(N), known, never)[0].dust.vector
@@ -87,12 +87,15 @@ def test_what_a_robot_remembers_errs_with_its_odometry():
 
 def test_actuators_err_as_configured():
     """No error of a robot that stands; none of the others by default."""
-    command = Command(jnp.full(N, 0.5).at[0].set(0.0), jnp.full(N, 0.9).at[0].set(0.0))
+    stands = np.arange(N) == 0
+    command = Command(
+        np.where(stands, np.float32(0), np.float32(0.5)), np.where(stands, np.float32(0), np.float32(0.9))
+    )
     sloppy = DriveConfig(error_turn=10.0, error_step=0.1)
-    swarm, zero = swarm_of(None, lay((0.0, 60.0)), N), jnp.zeros(N)
-    places = Places(jnp.zeros((N, 3)), zero == 0)
+    swarm, zero = swarm_of(None, lay((0.0, 60.0)), N), np.zeros(N, np.float32)
+    places = Places(np.zeros((N, 3), np.float32), zero == 0)
     exact, wrong = (
-        actuate(config, conditions_of(config), command, swarm, zero > 0, places, zero, jax.random.key(0)).command
+        actuate_here(config, conditions_of(config), command, swarm, zero > 0, places, zero, jax.random.key(0)).command
         for config in (SwarmConfig(), SwarmConfig(drive=sloppy))
     )
     np.testing.assert_array_equal(exact, command)

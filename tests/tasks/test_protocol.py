@@ -148,11 +148,6 @@ def test_wrong_tasks_are_refused(small, task, sentence):
         run_of(small, MujocoSettings(1), task)
 
 
-def test_more_than_there_is_to_do(small):
-    with pytest.raises(UserError, match=r"stop_at must be between 1 and the goal of Eastward, 6 \(got 7\)"):
-        run_of(small, MujocoSettings(1), stop_at=7)
-
-
 def test_what_no_task_offers(small):
     """Cleaning has no gap to sense."""
     with pytest.raises(UserError, match=r"Homing.act raised KeyError: 'gap'"):

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_crowds import crowd
 from helpers_mujoco import EDGE, INERTIA, MASS, Worlds, corners, far_apart, separation
 from helpers_touching import pairs_of
 
@@ -29,13 +28,6 @@ class TestServo:
         there = engine.poses
         engine.move(np.zeros(start.shape), 5)
         np.testing.assert_allclose(engine.poses, there, atol=1e-9)
-
-    def test_any_time_step(self, small):
-        config = replace(small, drive=replace(small.drive, turn_substeps=8, walk_substeps=17, control_period=0.5))
-        start = far_apart(1, np.random.default_rng(5))
-        engine = Worlds(config, start)
-        engine.move(np.full(start.shape, 1.0), 17)
-        np.testing.assert_allclose(engine.poses, start + 17 * 0.02, atol=1e-9)
 
     def test_robots_are_placed_at_rest(self, small):
         start = far_apart(1, np.random.default_rng(6))
@@ -102,43 +94,6 @@ class TestCollisions:
         come[0, 0, 0], go[0, 0, 0] = 1.0, -2.0
         motion = engine.engine.move(engine.bodies, [Phase(2, lambda _: come), Phase(4, lambda _: go)], np.ones(1, bool))
         assert np.argwhere(pairs_of(motion.touching[0])).tolist() == [[0, 1], [0, 2]]
-
-
-class TestRays:
-    def cast(self, engine, *rays):
-        """Share and hit for rays (world, x, y, dx, dy, robot)."""
-        world, x, y, dx, dy, robot = np.array(rays, float).T
-        vectors = np.column_stack([x, y]), np.column_stack([dx, dy])
-        return engine.cast_rays(world.astype(int), *vectors, robot.astype(int))
-
-    def test_distances_by_hand(self, small):
-        """A robot at the origin, one 6 mm east turned by 45 degrees, one 5 mm north."""
-        engine = Worlds(small, [[(0, 0, 0), (6, 0, np.pi / 4), (0, 5, 0)]])
-        share, hit = self.cast(
-            engine,
-            (0, 1, 0, 5, 0, 0),  # on to the corner, 6 - sqrt 2
-            (0, 0, 1, 0, 4, 0),  # on to the flat side
-            (0, 0, 1, 0, 2.999, 0),  # just too short: MuJoCo looks beyond the end of the vector
-            (0, 1, 0.5, 10, 0, 0),  # the corner's flank, half a mm lower
-            (0, -1, 0, -1, 0, 0),  # west: the wall
-            (0, 0, -1, 3, -3, 0),  # south-east: the corner of two walls is far off
-        )
-        expected = [(5 - np.sqrt(2)) / 5, 3 / 4, 3 / 2.999, (5 - np.sqrt(2) + 0.5) / 10, EDGE - 1, (EDGE - 1) / 3]
-        np.testing.assert_allclose(share, expected, rtol=1e-9)
-        assert hit[:4].tolist() == [1, 2, 2, 1]
-        assert (hit[4:] >= 3).all()
-
-    def test_many_at_once_are_as_one_at_a_time(self, small):
-        rng = np.random.default_rng(8)
-        engine = Worlds(small, crowd(4, rng))
-        world = rng.permutation(np.repeat([0, 1, 3], [17, 1, 40]))  # none in world 2
-        origin, vector = rng.uniform(-10, 10, (58, 2)), rng.normal(size=(58, 2))
-        robot = rng.integers(25, size=58)
-        share, hit = engine.cast_rays(world, origin, vector, robot)
-        for i in range(58):
-            alone = engine.cast_rays(world[i : i + 1], origin[i : i + 1], vector[i : i + 1], robot[i : i + 1])
-            assert (alone[0][0], alone[1][0]) == (share[i], hit[i])
-        assert len(np.unique(hit)) > 15
 
 
 @pytest.mark.parametrize("wall_range", [0.0, 1e-320, 0.05])

@@ -1,6 +1,5 @@
 """Worlds of a batch in C: independent, with places that are empty, and with faults."""
 
-import jax
 import numpy as np
 from helpers_crowds import crowd
 from helpers_mujoco import Worlds, far_apart
@@ -8,46 +7,6 @@ from helpers_touching import pairs_of
 
 from iswarm_mj.engines.mujoco import engine as mujoco_engine
 from iswarm_mj.utils.errors import FaultKind
-
-
-def test_threads_do_not_matter(small):
-    start = crowd(3, np.random.default_rng(9))
-    ends = []
-    for n_threads in (1, 2):
-        engine, rng = Worlds(small, start, n_threads), np.random.default_rng(10)
-        touching = [engine.move(rng.uniform(-2, 2, start.shape), 10).touching for _ in range(10)]
-        ends.append((engine.poses, touching))
-    np.testing.assert_array_equal(ends[0][0], ends[1][0])
-    np.testing.assert_array_equal(ends[0][1], ends[1][1])
-    assert ends[0][1][-1].any()
-
-
-def test_each_world_is_its_own(small):
-    start = crowd(3, np.random.default_rng(11))
-    velocity = np.random.default_rng(12).uniform(-2, 2, start.shape)
-    together = Worlds(small, start)
-    together.move(velocity, 10)
-    for w in range(3):
-        alone = Worlds(small, start[w : w + 1])
-        alone.move(velocity[w : w + 1], 10)
-        np.testing.assert_array_equal(alone.poses[0], together.poses[w])
-
-
-def test_places_beyond_the_robots_change_nothing(small):
-    start, rng = crowd(2, np.random.default_rng(16)), np.random.default_rng(17)
-    velocity = rng.uniform(-2, 2, start.shape)
-    exact, roomy = Worlds(small, start), Worlds(small, start, capacity=40)
-    sights = [worlds.sense() for worlds in (exact, roomy)]
-    more = np.concatenate([velocity, np.full((2, 15, 3), np.nan)], axis=1)
-    motions = [exact.move(velocity, 10), roomy.move(more, 10)]
-    assert sights[0].links.valid.sum() > 40 and motions[0].touching.any()
-    jax.tree.map(lambda a, b: np.testing.assert_array_equal(a, b[:, :25]), sights[0], sights[1])
-    jax.tree.map(lambda b: np.testing.assert_array_equal(b[:, 25:], 0), sights[1])
-    np.testing.assert_array_equal(exact.poses, roomy.poses[:, :25])
-    assert not roomy.poses[:, 25:].any() and not motions[1].fault.any()
-    alone, among = (pairs_of(motion.touching) for motion in motions)
-    np.testing.assert_array_equal(alone, among[:, :25, :25])
-    assert not among[:, 25:].any() and not among[:, :, 25:].any()
 
 
 class TestAbsentRobots:
@@ -59,17 +18,6 @@ class TestAbsentRobots:
         start[1] = [(-3.0, 0, 0), (3.0, 0, np.pi), (0.0, 6.0, 0.3), (0, 0, 0), (8, 8, 0), (-8, 8, 0)]
         present = np.arange(6) < [[3], [6]]
         return Worlds(small, start, present=present), start
-
-    def test_do_not_hide_anything(self, small):
-        worlds, _ = self.worlds(small)
-        links = worlds.sense().links
-        assert links.valid[:, 0, 0].tolist() == [True, True] and links.sender[:, 0, 0].tolist() == [1, 3]
-
-    def test_neither_send_nor_hear_nor_see(self, small):
-        worlds, _ = self.worlds(small)
-        sight = worlds.sense()
-        assert not sight.links.valid[0, 3:].any() and not sight.sees_wall[0, 3:].any()
-        assert (sight.links.sender[0][sight.links.valid[0]] < 3).all()
 
     def test_leave_a_world_as_if_it_had_never_had_them(self, small):
         start, rng = crowd(2, np.random.default_rng(18)), np.random.default_rng(19)

@@ -45,20 +45,8 @@ class TestServo:
         np.testing.assert_allclose(motion.bodies.poses, [[(0, 0.6, math.pi / 2)]], atol=1e-12)
         assert not bodies.poses.any()  # what went in is as it was
 
-    def test_worlds_that_do_not_run_stand_still(self, small):
-        engine = engine_of(small)
-        bodies = placed(engine, np.zeros((3, 1, 3)))
-        motion = moved(engine, bodies, 1.0, 4, [True, False, True])
-        np.testing.assert_allclose(motion.bodies.poses[:, 0, 0], [0.4, 0, 0.4])
-
 
 class TestRefinement:
-    def test_phases_last_as_long_in_finer_steps(self, small):
-        engine = PlanarEngine(small, compile_arena(small, 1, np.zeros(0), refinement=5), 1)
-        motion = moved(engine, placed(engine, [[(0, 0, 0)]]), (1.0, -0.5, 0.3), 6)
-        assert engine.plane.timestep == pytest.approx(0.02)
-        np.testing.assert_allclose(motion.bodies.poses, [[(0.6, -0.3, 0.18)]], atol=1e-12)
-
     def test_it_is_a_finer_step_of_the_drive(self, small):
         """The same steps as of a drive with five times as many, and the same pairs in contact as a phase ends."""
         drive = small.drive
@@ -86,26 +74,6 @@ class TestContacts:
         np.testing.assert_allclose(motion.bodies.overlap, [0.3, 0.1, 0.0], atol=1e-9)
         assert (moved(engine, motion.bodies, 0.0).bodies.overlap < 0.05).all()  # of this control step alone
 
-    def test_a_robot_meets_a_wall(self, small):
-        """Two alike rows of a flat side: J v' + R p / 2 + offset = 0 with m v' = m v - p, solved by hand."""
-        engine = engine_of(small)
-        overlap, speed = 0.05, 1.2
-        d, time_constant, h = 0.99, 0.2, 0.1
-        softness = (1 - d) / d * (2 / 3 / MASS) / 4  # of four points as one
-        offset = speed - h * (2 / (d * time_constant) * speed + d / (d * time_constant) ** 2 * overlap)
-        impulse = (speed - offset) / (1 / MASS + softness)
-        bodies = placed(engine, [[(EDGE - 1 + overlap, 0, 0)]])
-        bodies.velocities[0, 0, 0] = speed
-        new = moved(engine, bodies, [speed, 0, 0], 1).bodies
-        np.testing.assert_allclose(new.velocities[0, 0], [speed - impulse / MASS, 0, 0], rtol=1e-9, atol=1e-9)
-
-    def test_robots_that_are_no_near_pair_as_a_phase_begins_meet_in_it(self, small):
-        """Head-on: 4.4 mm apart, each walks 1.4 mm ahead; they are seen to touch after 9 of 10 steps."""
-        engine = engine_of(small)
-        start = placed(engine, [[(0, 0, 0), (4.4, 0, math.pi)]])
-        motion = moved(engine, start, [[[1.4, 0, 0], [-1.4, 0, 0]]])
-        assert pairs_of(motion.touching[0])[0, 1] and np.ptp(motion.bodies.poses[0, :, 0]) > 1.8
-
     def test_robots_deeper_in_each_other_than_they_are_high_part(self, small):
         engine = engine_of(small)
         bodies = moved(engine, placed(engine, [[(0, 0, 0), (0.7, 0.1, 0.3)]]), 0.0, 30).bodies
@@ -123,20 +91,6 @@ class TestAbsentRobots:
         np.testing.assert_array_equal(with_absent.touching[:, :, :25], without.touching)
         assert not with_absent.touching[:, :, 25:].any() and pairs_of(without.touching).sum() > 5
         np.testing.assert_array_equal(with_absent.bodies.poses[:, 25:], start[:, 25:])
-
-
-class TestFaults:
-    def test_sweeps_end_within_their_tolerance(self, small):
-        """Where all robots walk to the middle, more sweeps put them elsewhere by less than the stated 0.0001 mm."""
-        inward = Phase(10, lambda p: -p * np.array([1, 1, 0]) / np.maximum(np.hypot(p[..., :1], p[..., 1:2]), 0.5))
-        near, exact = engine_of(small), engine_of(small, tolerance=1e-10)
-        poses = place_robots(small.arena, 60, np.random.default_rng(3))[None]
-        for _ in range(20):
-            poses = near.move(placed(near, poses), [inward], np.ones(1, bool)).bodies.poses
-        here, there = (
-            engine.move(placed(engine, poses), [inward], np.ones(1, bool)).bodies.poses for engine in (near, exact)
-        )
-        assert 0 < np.abs(here - there).max() < 1e-4
 
 
 @pytest.fixture(scope="module")
@@ -190,21 +144,3 @@ def test_each_step_of_a_jam_is_solved_whatever_it_begins_with(small):
     motion = moved(engine, bodies, velocity, 6)
     np.testing.assert_allclose(motion.bodies.poses, steps.poses, atol=1e-6)
     assert pairs_of(motion.touching).sum() > 60
-
-
-class TestManyWorlds:
-    def test_threads_and_companions_do_not_matter(self, small):
-        """Worlds of different size, on one thread, on two, and each alone."""
-        rng = np.random.default_rng(6)
-        start = crowd(11, rng)
-        present = np.arange(25) < rng.integers(10, 26, 11)[:, None]
-        velocity = rng.uniform(-2, 2, start.shape)
-        one = moved(engine_of(small), placed(engine_of(small), start, present), velocity, 20)
-        two = moved(engine_of(small, 2), placed(engine_of(small), start, present), velocity, 20)
-        np.testing.assert_array_equal(two.bodies.poses, one.bodies.poses)
-        np.testing.assert_array_equal(two.touching, one.touching)
-        for world in range(11):
-            pick = [world]
-            alone = moved(engine_of(small), placed(engine_of(small), start[pick], present[pick]), velocity[pick], 20)
-            np.testing.assert_array_equal(alone.bodies.poses[0], one.bodies.poses[world])
-        assert one.touching.any(axis=(1, 2)).all()
