@@ -66,7 +66,7 @@ class TestCrowds:
             motions = [moved(engine, one, velocity) for engine, one in zip(engines(), bodies, strict=True)]
             bodies = [motion.bodies for motion in motions]
         np.testing.assert_allclose(bodies[1].poses, bodies[0].poses, atol=1e-3)
-        np.testing.assert_allclose(bodies[1].velocity, bodies[0].velocities, atol=1e-2)
+        np.testing.assert_allclose(bodies[1].velocity, bodies[0].velocity, atol=1e-2)
         np.testing.assert_array_equal(motions[1].touching, motions[0].touching)
 
 

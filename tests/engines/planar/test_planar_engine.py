@@ -95,9 +95,9 @@ class TestContacts:
         offset = speed - h * (2 / (d * time_constant) * speed + d / (d * time_constant) ** 2 * overlap)
         impulse = (speed - offset) / (1 / MASS + softness)
         bodies = placed(engine, [[(EDGE - 1 + overlap, 0, 0)]])
-        bodies.velocities[0, 0, 0] = speed
+        bodies.velocity[0, 0, 0] = speed
         new = moved(engine, bodies, [speed, 0, 0], 1).bodies
-        np.testing.assert_allclose(new.velocities[0, 0], [speed - impulse / MASS, 0, 0], rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(new.velocity[0, 0], [speed - impulse / MASS, 0, 0], rtol=1e-9, atol=1e-9)
 
     def test_robots_that_are_no_near_pair_as_a_phase_begins_meet_in_it(self, small):
         """Head-on: 4.4 mm apart, each walks 1.4 mm ahead; they are seen to touch after 9 of 10 steps."""
