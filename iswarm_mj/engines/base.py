@@ -78,11 +78,11 @@ class FreeBodies(NamedTuple):
     """[mm/s, mm/s, rad/s]"""
     is_present: Bool[Array, "*B NM"]
     """The others stay where they are, and touch and hide nothing."""
-    overlap: Float[Array, "*B"] | None = None
-    """Deepest overlap of bodies with each other and with walls since the latest control step began [mm]; None where the
-    engine does not look for it."""
-    work: Int[Array, "*B"] | None = None
-    """What an engine that begins with the slowest worlds counted in the latest phase of each."""
+    overlap: Any = None
+    """(B,) deepest overlap of bodies with each other and with walls since the latest control step began [mm]; None where
+    the engine does not look for it."""
+    work: Any = None
+    """(B,) what an engine that begins with the slowest worlds counted in the latest phase of each."""
 
 
 class WithBoxes:

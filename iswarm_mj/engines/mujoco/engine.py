@@ -96,7 +96,7 @@ class MujocoEngine(WithBoxes):
         sight = sense(
             self._scene,
             bodies.poses[:, :n],
-            self.boxes(bodies),
+            np.asarray(self.boxes(bodies)),
             np.asarray(emits)[:, :n],
             np.asarray(self._is_present & np.asarray(is_running)[:, None]),
         )

@@ -1,6 +1,7 @@
 """Physics steps of worlds: contacts, impulses, Euler integration."""
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ _FAILED = int(FaultKind.SOLVER_FAILED)
 def take_steps(
     worlds: np.ndarray,
     n_substeps: int,
-    bodies: FreeBodies,
+    bodies: Any,
     targets: np.ndarray,
     touching: np.ndarray,
     failure: np.ndarray,
@@ -36,7 +37,7 @@ def take_steps(
     Args:
         worlds: indices of these worlds.
         n_substeps: number of physics steps.
-        bodies: (B, N + M, ...) state of N robots and M boxes, changed.
+        bodies: `FreeBodies` (B, N + M, ...) of N robots and M boxes, changed.
         targets: (B, N + M, 3) set points of the servos [mm/s, mm/s, rad/s].
         touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are added.
         failure: (B,) output, bits of `FaultKind`; where the contact solver fails, that ends the steps of the world.
@@ -65,7 +66,7 @@ def take_steps(
 @compiled
 def _take_steps(
     n_substeps: int,
-    bodies: FreeBodies,
+    bodies: Any,
     targets: np.ndarray,
     touching: np.ndarray,
     solids: np.ndarray,
@@ -130,7 +131,7 @@ def _add(touching: np.ndarray, robot: int, partner: int) -> None:
 
 
 @compiled
-def _integrate(bodies: FreeBodies, places: np.ndarray, velocities: np.ndarray, timestep: float) -> float:
+def _integrate(bodies: Any, places: np.ndarray, velocities: np.ndarray, timestep: float) -> float:
     """Move the robots of a world with their new velocities; return how far the fastest one went [mm]."""
     poses, farthest = bodies.poses, 0.0
     for i in range(len(poses)):
