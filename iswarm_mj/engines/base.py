@@ -79,8 +79,8 @@ class FreeBodies(NamedTuple):
     is_present: Bool[Array, "*B NM"]
     """The others stay where they are, and touch and hide nothing."""
     overlap: Any = None
-    """(B,) deepest overlap of bodies with each other and with walls since the latest control step began [mm]; None where
-    the engine does not look for it."""
+    """(B,) deepest overlap of bodies with each other and with walls since the latest control step began [mm]; None
+    where the engine does not look for it."""
     work: Any = None
     """(B,) what an engine that begins with the slowest worlds counted in the latest phase of each."""
 

@@ -20,11 +20,10 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.worlds import World, first_state, world_params
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.strategy.pytrees import as_pytree
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.library import find_task
-from iswarm_mj.tasks.signatures import check_methods
+from iswarm_mj.tasks.signatures import usable_task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import RobotFile
@@ -117,8 +116,7 @@ def task_of(given: Any) -> Any:
         if isinstance(given, type):
             with user_code(given.__name__):
                 given = given()
-    check_methods(given)
-    return as_pytree(given, "task")
+    return usable_task(given)
 
 
 def as_payload(given: Any) -> Payload:

@@ -21,7 +21,7 @@ from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.layout import cell_of, check_robots
 from iswarm_mj.tasks.protocol import Task
-from iswarm_mj.tasks.signatures import as_task, check_task
+from iswarm_mj.tasks.signatures import as_task, check_task, usable_task
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.robot import RobotFile, Robots
@@ -116,7 +116,7 @@ def set_up(
     check("worlds", found, "a list of at least one World", are_worlds and len(worlds) > 0)
     largest = max(world.n_robots for world in worlds)
     check("n_robots", settings.n_robots, f"that of the largest world, {largest}", settings.n_robots == largest)
-    arrays = as_task(task)
+    usable_task(task)
     goal = goal_of(task, config, settings)
     check_robots(config.arena, largest, cell_of(robot))
     slots, n_leds = config.optics.slots, len(robot.sides)
@@ -130,6 +130,7 @@ def set_up(
     known = config.arena.boxes == () or engine.has_boxes
     check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)
     program = program_config(config, task, engine.on_host)
+    arrays = as_task(task)
     sensed = check_task(arrays, program, robot, starts[0].task, capacity, len(config.arena.boxes))
     tasks = of_worlds(arrays, len(starts))
     return Setup(config, program, settings, engine, robot, file, task, tasks, sensed, goal, worlds, starts)

@@ -32,14 +32,23 @@ def check_methods(given: Any) -> None:
     check_has(given, needed, "a task", "iswarm_mj.tasks.protocol.Task")
 
 
-def as_task(given: Any) -> Any:
-    """Return a task that JAX can handle, with all its numbers as arrays.
+def usable_task(given: Any) -> Any:
+    """Return a task as it was given, whose class is made a pytree if it is none.
 
     Raises:
         UserError: it lacks a method, is a class, or cannot be made a pytree.
     """
     check_methods(given)
-    return as_arrays(as_pytree(given, "task"), f"task {type(given).__name__}")
+    return as_pytree(given, "task")
+
+
+def as_task(given: Any) -> Any:
+    """Return a task that JAX can handle, with all its numbers as arrays.
+
+    Raises:
+        UserError: as of `usable_task`, or it holds something that is no array.
+    """
+    return as_arrays(usable_task(given), f"task {type(given).__name__}")
 
 
 def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
