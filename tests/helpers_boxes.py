@@ -30,6 +30,5 @@ def at_start(engine, bodies, poses, velocities):
         engine._qpos[:, engine._arena.qpos], engine._qvel[:, engine._arena.qpos] = poses, velocities
         engine._batch.forward()
         return bodies._replace(poses=np.array(poses))
-    name = "velocities" if hasattr(bodies, "velocities") else "velocity"
     dtype = np.asarray(bodies.poses).dtype
-    return bodies._replace(**{"poses": np.asarray(poses, dtype), name: np.asarray(velocities, dtype)})
+    return bodies._replace(poses=np.asarray(poses, dtype), velocity=np.asarray(velocities, dtype))

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
+import jax
 from jaxtyping import Bool, Float, Int, Shaped
 
 from iswarm_mj.sensors.links import Links
@@ -71,12 +72,38 @@ def find_lost(
 class FreeBodies(NamedTuple):
     """Mechanical state of N robots, and of boxes after them, in one world or in several, all of which is here."""
 
-    poses: Float[Array, "*B N 3"]
+    poses: Float[Array, "*B NM 3"]
     """x, y [mm] and yaw [rad], which is not wrapped."""
-    velocity: Float[Array, "*B N 3"]
+    velocity: Float[Array, "*B NM 3"]
     """[mm/s, mm/s, rad/s]"""
-    is_present: Bool[Array, "*B N"]
-    """The others touch and hide nothing."""
+    is_present: Bool[Array, "*B NM"]
+    """The others stay where they are, and touch and hide nothing."""
+    overlap: Any = None
+    """(B,) deepest overlap of bodies with each other and with walls since the latest control step began [mm]; None
+    where the engine does not look for it."""
+    work: Any = None
+    """(B,) what an engine that begins with the slowest worlds counted in the latest phase of each."""
+
+
+class WithBoxes:
+    """Part of engines whose bodies have `poses` (*B, N + M, 3), those of robots and then of boxes."""
+
+    @property
+    def n_boxes(self) -> int:
+        """M."""
+        raise NotImplementedError
+
+    def n_robots(self, bodies: Any) -> int:
+        """Return N."""
+        return bodies.poses.shape[-2] - self.n_boxes
+
+    def poses(self, bodies: Any) -> Float[Array, "*B N 3"]:
+        """See `Engine.poses`."""
+        return bodies.poses[..., : self.n_robots(bodies), :]
+
+    def boxes(self, bodies: Any) -> Float[Array, "*B M 3"]:
+        """See `PushingEngine.boxes`."""
+        return bodies.poses[..., self.n_robots(bodies) :, :]
 
 
 def with_boxes(of_robots: Shaped[Array, "*B N"], n_boxes: int) -> Shaped[Array, "*B NM"]:
@@ -109,7 +136,7 @@ def take_phases(
     """`Engine.move` by the steps of one phase after the other; a fault ends those of its world.
 
     Args:
-        bodies: a named tuple of arrays, the first axes those of worlds; has `poses` and `is_present`.
+        bodies: a pytree of arrays, the first axes those of worlds; has `poses` and `is_present`.
         phases: what the robots do.
         is_running: which worlds move.
         walls: see `utils.walls.half_planes` [mm].
@@ -136,11 +163,11 @@ def concluded(bodies: Any, moved: Any, touching: Array, fault: Array, is_running
     lost, robot = find_lost(moved.poses, bodies.is_present & is_running[..., None], walls)
     fault = xp.where(is_running, fault | lost, 0).astype(xp.int32)
     keeps = ~is_running | (fault != 0)
-    kept = (
-        xp.where(keeps[(..., *[None] * (new.ndim - keeps.ndim))], old, new)
-        for old, new in zip(bodies, moved, strict=True)
-    )
-    return Motion(type(bodies)(*kept), touching, fault, robot)
+
+    def kept(old: Array, new: Array) -> Array:
+        return xp.where(keeps[(..., *[None] * (new.ndim - keeps.ndim))], old, new)
+
+    return Motion(jax.tree.map(kept, bodies, moved), touching, fault, robot)
 
 
 @runtime_checkable

@@ -23,7 +23,7 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.library import find_task
-from iswarm_mj.tasks.signatures import check_object
+from iswarm_mj.tasks.signatures import usable_task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import RobotFile
@@ -77,10 +77,10 @@ def make_env(
     config = setup.config
     speaker: Any = Speaker(as_payload(payload))
     speaker.payload.check_room(len(setup.robot.sides))
-    params = world_params(config, layouts[:1], speaker, setup.job.task, setup.target, setup.capacity)
+    params = world_params(config, layouts[:1], speaker, setup.tasks, setup.goal, setup.capacity)
     poses, worlds = first_state(config, setup.starts, setup.task, setup.robot, setup.capacity)
     senses = tuple(
-        (name, (quantity, int(np.prod(setup.job.sensed[name].shape[1:], dtype=int))))
+        (name, (quantity, int(np.prod(setup.sensed[name].shape[1:], dtype=int))))
         for name, quantity in getattr(setup.task, "senses", {}).items()  # a task without has no such attribute
     )
     with jax.default_device(setup.device):
@@ -116,8 +116,7 @@ def task_of(given: Any) -> Any:
         if isinstance(given, type):
             with user_code(given.__name__):
                 given = given()
-    check_object(given)
-    return given
+    return usable_task(given)
 
 
 def as_payload(given: Any) -> Payload:

@@ -3,68 +3,30 @@
 import json
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.pytrees import as_arrays, as_strategy
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.protocol import Task
-from iswarm_mj.tasks.signatures import as_task, check_goal, check_task
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
 
 _MAX_STATED = 64
 """Numbers of an array that results state."""
-ENDLESS = 2**31 - 1
-"""Progress that no task reaches."""
 
 
-class Job(NamedTuple):
-    """A task for the worlds of a run."""
-
-    task: Any
-    """With a first axis of B worlds."""
-    sensed: dict[str, Any]
-    """Shapes and types of what robots sense of it beside balls and dump."""
-
-
-def job_of(
-    given: Any, config: SwarmConfig, robot: Robots, starts: Sequence[Start], capacity: int, n_boxes: int = 0
-) -> Job:
-    """Return a task that was checked, for B worlds.
-
-    Args:
-        given: by the user.
-        config: what control steps are compiled for.
-        robot: its geometry.
-        starts: of B worlds.
-        capacity: places for robots.
-        n_boxes: that they push.
-
-    Raises:
-        UserError: see `tasks.signatures.check_task`.
-    """
-    task = as_task(given)
-    sensed = check_task(task, config, robot, starts[0].task, capacity, n_boxes)
-    return Job(of_worlds(task, len(starts)), sensed)
-
-
-def of_worlds(task: Any, n_worlds: int) -> Any:
-    """Return a task that JAX can handle with a first axis of B worlds.
-
-    Raises:
-        UserError: see `tasks.signatures.as_task`.
-    """
-    return jax.tree.map(lambda a: jnp.broadcast_to(a, (n_worlds, *a.shape)), as_task(task))
+def of_worlds(tree: Any, n_worlds: int) -> Any:
+    """Return a pytree of arrays with a first axis of B worlds."""
+    return jax.tree.map(lambda a: jnp.broadcast_to(a, (n_worlds, *a.shape)), tree)
 
 
 def goal_of(task: Task, config: SwarmConfig, settings: RunSettings) -> int | None:
@@ -75,7 +37,8 @@ def goal_of(task: Task, config: SwarmConfig, settings: RunSettings) -> int | Non
     """
     with user_code(f"{type(task).__name__}.goal"):
         most = task.goal(config, settings.n_robots)
-    check_goal(task, most)
+    if most is not None and (not isinstance(most, int) or isinstance(most, bool) or most < 1):
+        raise UserError(f"{type(task).__name__}.goal must return a whole number above 0, or None (got {most!r})")
     if settings.stop_at is None or most is None:
         return most if settings.stop_at is None else int(settings.stop_at)
     constraint = f"between 1 and the goal of {type(task).__name__}, {most}"
@@ -121,7 +84,7 @@ def of_all_worlds(
         return _per_world(as_arrays(as_strategy(given), "strategy"), len(worlds))
     if not hasattr(given, "for_world") or isinstance(given, type):
         own = as_arrays(as_strategy(given), "strategy")
-        return jax.tree.map(lambda a: jnp.broadcast_to(a, (len(worlds), *a.shape)), own)
+        return of_worlds(own, len(worlds))
     name, made = type(given).__name__, {}
     for key in dict.fromkeys((world.config or config, world.n_robots) for world in worlds):
         with user_code(f"{name}.for_world"):

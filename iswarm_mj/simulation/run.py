@@ -1,6 +1,6 @@
 """A run in progress: B worlds that advance together, on any engine, until each of them has ended."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -11,10 +11,8 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.checked import check_links
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.common import check_common
 from iswarm_mj.simulation.given import of_all_worlds, of_worlds, to_json
-from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.memory_check import check_memory
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
@@ -31,10 +29,11 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.tasks.signatures import as_task
 from iswarm_mj.utils.constraints import check, check_kind, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
-from iswarm_mj.utils.robot import RobotFile, Robots
+from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.units import mm_from_rd
 
 STEPS = 800
@@ -65,23 +64,6 @@ class Run(Standing):
         robot_file: MJCF file of the robots, as an absolute path, or several; None for `models/robot.xml`.
         watch: times of the stages.
     """
-
-    config: SwarmConfig
-    genome: Genome
-    settings: RunSettings
-    engine: EngineSettings
-    worlds: list[World]
-    starts: Sequence[Start]
-    start: StepRecord
-    strategy: Strategy | Any
-    task: Task
-    goal: int | None
-    recorded: Mapping[str, str]
-    payload: Payload
-    teams: Mapping[str, int]
-    robot: Robots
-    robot_file: RobotFile
-    watch: Stopwatch
 
     def __init__(
         self,
@@ -127,21 +109,20 @@ class Run(Standing):
         if settings is None:
             density = genome.density_of_robots
             settings = RunSettings(robots_for(config.arena, density, "density_of_robots"), STEPS)
-        check_kind("settings", settings, RunSettings)
         engine, task = MujocoSettings() if engine is None else engine, CLEANING if task is None else task
         setup = set_up(config, settings, engine, task, genome if worlds is None else worlds, robot_file)
         n_worlds = len(setup.worlds)
         check("worlds", n_worlds, f"as many as n_worlds, {settings.n_worlds}", n_worlds == settings.n_worlds)
         self.config, self.genome, self.settings, self.engine = setup.config, genome, settings, setup.engine
         self.worlds, self.starts, self.task, self.goal = list(setup.worlds), setup.starts, setup.task, setup.goal
-        self.robot, self.robot_file, self._job = setup.robot, setup.robot_file, setup.job
+        self.robot, self.robot_file, self._tasks = setup.robot, setup.robot_file, setup.tasks
         self.strategy, self._is_per_world, n_leds = strategy, strategy_per_world, len(setup.robot.sides)
         own = self._strategies()
         if strategy is None:
             self.recorded = recorded_of(VectorStrategy)
             self.payload = payload_for(mm_from_rd(config.strategy.message_range), n_leds)
         else:
-            memory = check_strategies(own, setup.capacity, n_leds, setup.job.sensed)
+            memory = check_strategies(own, setup.capacity, n_leds, setup.sensed)
             check_memory(setup.engine, n_worlds, setup.capacity, memory)
             self.recorded, self.payload = recorded_of(own), payload_of(own)
         self.teams = team_sizes(own, setup.capacity)
@@ -229,12 +210,12 @@ class Run(Standing):
         check_common(self.config, config)
         if task is not None:
             validate(task)
-            self.task, self._job = task, self._job._replace(task=of_worlds(task, len(self.worlds)))
+            self.task, self._tasks = task, of_worlds(as_task(task), len(self.worlds))
         self.worlds = [replace(world, config=config, genome=genome) for world in self.worlds]
         self.strategy = strategy
         params, state = self.arrays()
         conditions = conditions_of_worlds(config, self.worlds)
-        params = params._replace(strategy=self._strategies(), conditions=conditions, task=self._job.task)
+        params = params._replace(strategy=self._strategies(), conditions=conditions, task=self._tasks)
         self._loop.replace(params, state.swarm)
 
     def edit(self, edit: Callable[[SwarmState], SwarmState]) -> None:

@@ -13,7 +13,7 @@ from iswarm_mj.engines.registry import ENGINES, check_settings
 from iswarm_mj.engines.robot_file import as_robot_file, check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.simulation.common import program_config
-from iswarm_mj.simulation.given import ENDLESS, Job, goal_of, job_of
+from iswarm_mj.simulation.given import goal_of, of_worlds
 from iswarm_mj.simulation.initial import Start, boxed, check_boxes
 from iswarm_mj.simulation.memory_check import check_memory, devices_of
 from iswarm_mj.simulation.settings import RunSettings
@@ -21,7 +21,7 @@ from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.layout import cell_of, check_robots
 from iswarm_mj.tasks.protocol import Task
-from iswarm_mj.tasks.signatures import check_object
+from iswarm_mj.tasks.signatures import as_task, check_task, usable_task
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.jax_setup import configure_jax
 from iswarm_mj.utils.robot import RobotFile, Robots
@@ -41,8 +41,10 @@ class Setup(NamedTuple):
     """As an absolute path, or several; None for `models/robot.xml`."""
     task: Task
     """As given."""
-    job: Job
-    """The task for each of `worlds`."""
+    tasks: Any
+    """The task, with a first axis of `worlds`."""
+    sensed: dict[str, Any]
+    """Shapes and types of what robots sense of it beside balls and dump."""
     goal: int | None
     """Progress of the task that finishes a world; None if it never is."""
     worlds: Sequence[World]
@@ -53,11 +55,6 @@ class Setup(NamedTuple):
     def capacity(self) -> int:
         """Places for robots in each world."""
         return self.settings.capacity or self.settings.n_robots
-
-    @property
-    def target(self) -> int:
-        """Progress of the task that finishes a world, or that no task reaches."""
-        return ENDLESS if self.goal is None else self.goal
 
     @property
     def device(self) -> Any:
@@ -111,14 +108,15 @@ def set_up(
     file = as_robot_file(robot_file)
     check_total(file, settings.n_robots)
     robot = read_robots(file)
-    check_memory(engine, settings.n_worlds, settings.capacity or settings.n_robots)
+    capacity = settings.capacity or settings.n_robots
+    check_memory(engine, settings.n_worlds, capacity)
     worlds = worlds_of_seed(worlds, settings) if isinstance(worlds, Genome) else worlds
     are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
     found = f"a {type(worlds).__name__}" if not are_worlds else "none"
     check("worlds", found, "a list of at least one World", are_worlds and len(worlds) > 0)
     largest = max(world.n_robots for world in worlds)
     check("n_robots", settings.n_robots, f"that of the largest world, {largest}", settings.n_robots == largest)
-    check_object(task)
+    usable_task(task)
     goal = goal_of(task, config, settings)
     check_robots(config.arena, largest, cell_of(robot))
     slots, n_leds = config.optics.slots, len(robot.sides)
@@ -132,5 +130,7 @@ def set_up(
     known = config.arena.boxes == () or engine.has_boxes
     check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)
     program = program_config(config, task, engine.on_host)
-    job = job_of(task, program, robot, starts, settings.capacity or largest, len(config.arena.boxes))
-    return Setup(config, program, settings, engine, robot, file, task, job, goal, worlds, starts)
+    arrays = as_task(task)
+    sensed = check_task(arrays, program, robot, starts[0].task, capacity, len(config.arena.boxes))
+    tasks = of_worlds(arrays, len(starts))
+    return Setup(config, program, settings, engine, robot, file, task, tasks, sensed, goal, worlds, starts)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.simulation.given import Job, metrics_of
+from iswarm_mj.simulation.given import metrics_of
 from iswarm_mj.simulation.loop import Loop
 from iswarm_mj.simulation.state import Fault, WorldParams, WorldState
 from iswarm_mj.simulation.worlds import World
@@ -54,7 +54,7 @@ class Standing:
     worlds: list[World]
     task: Task
     _loop: Loop
-    _job: Job
+    _tasks: Any
     _snapshot: WorldState | None
 
     @property
@@ -97,7 +97,7 @@ class Standing:
 
     def metrics(self) -> dict[str, np.ndarray]:
         """Return the metrics of the task in each world (B,) so far, by their names."""
-        return metrics_of(self._job.task, self.task_state)
+        return metrics_of(self._tasks, self.task_state)
 
     def measures(self, world: int) -> Measures:
         """Return the measures of a world so far.

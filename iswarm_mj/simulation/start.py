@@ -31,7 +31,7 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Loop
         The loop, and the record of the start of the recorded worlds (1, W, ...).
     """
     config, settings, program, capacity = setup.config, setup.settings, setup.program_config, setup.capacity
-    params = world_params(config, setup.worlds, strategy, setup.job.task, setup.target, capacity)
+    params = world_params(config, setup.worlds, strategy, setup.tasks, setup.goal, capacity)
     first = first_memories(strategy, params.key, capacity)
     poses, state = first_state(config, setup.starts, setup.task, setup.robot, capacity, first)
     boxes = poses[:, capacity:] if poses.shape[1] > capacity else None

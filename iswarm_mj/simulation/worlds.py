@@ -30,6 +30,9 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.robot import Robots
 
+ENDLESS = 2**31 - 1
+"""Progress that no task reaches."""
+
 
 @dataclass(frozen=True)
 class World:
@@ -94,7 +97,7 @@ def random_keys(worlds: Sequence[World]) -> Array:
 
 
 def world_params(
-    config: SwarmConfig, worlds: Sequence[World], strategy: Any, task: Task, goal: int, capacity: int
+    config: SwarmConfig, worlds: Sequence[World], strategy: Any, task: Task, goal: int | None, capacity: int
 ) -> WorldParams:
     """Return what stays the same in each world, stacked.
 
@@ -103,7 +106,7 @@ def world_params(
         worlds: B of them.
         strategy: with a first axis of B worlds.
         task: likewise.
-        goal: progress that finishes a world.
+        goal: progress that finishes a world; None if it never is.
         capacity: places for robots.
     """
     n_robots = np.array([world.n_robots for world in worlds])
@@ -112,7 +115,7 @@ def world_params(
         conditions=conditions_of_worlds(config, worlds),
         key=random_keys(worlds),
         is_present=np.arange(capacity) < n_robots[:, None],
-        goal=np.full(len(worlds), goal, np.int32),
+        goal=np.full(len(worlds), ENDLESS if goal is None else goal, np.int32),
         task=task,
     )
 

@@ -1,5 +1,6 @@
 """Whether a task is one, and returns what a control step needs: shapes and types, found without running it."""
 
+from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
-from iswarm_mj.strategy.contract import check_has, compare
+from iswarm_mj.strategy.contract import check_has, compare, shapes_of
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree, is_number
 from iswarm_mj.strategy.user_code import user_code
@@ -31,24 +32,23 @@ def check_methods(given: Any) -> None:
     check_has(given, needed, "a task", "iswarm_mj.tasks.protocol.Task")
 
 
-def check_object(given: Any) -> None:
-    """Check that something is a task, and not a class of tasks.
+def usable_task(given: Any) -> Any:
+    """Return a task as it was given, whose class is made a pytree if it is none.
 
     Raises:
-        UserError: it is not.
+        UserError: it lacks a method, is a class, or cannot be made a pytree.
     """
     check_methods(given)
-    if isinstance(given, type):
-        raise UserError(f"task is the class {given.__name__} itself; give an object of it, as {given.__name__}()")
+    return as_pytree(given, "task")
 
 
 def as_task(given: Any) -> Any:
     """Return a task that JAX can handle, with all its numbers as arrays.
 
     Raises:
-        UserError: it cannot be made a pytree.
+        UserError: as of `usable_task`, or it holds something that is no array.
     """
-    return as_arrays(as_pytree(given, "task"), f"task {type(given).__name__}")
+    return as_arrays(usable_task(given), f"task {type(given).__name__}")
 
 
 def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
@@ -100,18 +100,13 @@ def _check_shapes(
     n_robots: int,
     n_boxes: int,
 ) -> dict[str, Any]:
-    task, state = jax.tree.unflatten(structure, leaves)
-    name, here = type(task).__name__, (n_robots,)
-    flags, floats = jax.ShapeDtypeStruct(here, jnp.bool_), jax.ShapeDtypeStruct(here, jnp.float32)
-    plane = jax.ShapeDtypeStruct((n_robots, 2), jnp.float32)
-    poses, team = jax.ShapeDtypeStruct((n_robots, 3), jnp.float32), jax.ShapeDtypeStruct(here, jnp.int32)
-    world, boxes = (poses, flags, flags, flags, team, team), jax.ShapeDtypeStruct((n_boxes, 3), jnp.float32)
+    task, before = jax.tree.unflatten(structure, leaves)
+    name, world = type(task).__name__, shapes_of(TaskInputs, N=n_robots, M=n_boxes)
     conditions = Conditions(*map(jnp.asarray, conditions_of(config)))
-    whole = jax.ShapeDtypeStruct((), jnp.int32)
 
-    def shapes(method: str, *arguments: Any) -> Any:
-        def call(own: Any, world: Any, boxes: Any, conditions: Any, *given: Any) -> Any:
-            inputs = TaskInputs(*world, conditions=conditions, config=config, robot=robot, boxes=boxes)
+    def result(method: str, *given: Any) -> Any:
+        def call(own: Any, world: Any, conditions: Any, *given: Any) -> Any:
+            inputs = TaskInputs(**world, conditions=conditions, config=config, robot=robot)
             match method:
                 case "advance":
                     given = (given[0], inputs, given[1])
@@ -119,61 +114,47 @@ def _check_shapes(
                     zero = jnp.zeros(n_robots)
                     sent = inputs._replace(command=Command(zero, zero), message=jnp.zeros(n_robots, jnp.uint32))
                     given = (*given, sent)
+                case "conditions":
+                    given = (*given, conditions)
+                case "areas":
+                    given = (config, *given)
             return getattr(own, method)(*given)
 
         with user_code(f"{name}.{method}"):
-            return jax.eval_shape(call, task, world, boxes, conditions, *arguments)
+            return jax.eval_shape(call, task, world, conditions, *given)
 
-    before = state
-    returned = shapes("advance", before, jax.random.key(0))
+    def named(method: str, attribute: str, given: Any) -> Iterator[tuple[str, Any]]:
+        """What a method returns by the names that the task declares, which are all."""
+        names = set(getattr(task, attribute, {}))
+        if not isinstance(given, dict) or set(given) != names:
+            got = ", ".join(sorted(given)) or "nothing" if isinstance(given, dict) else f"a {type(given).__name__}"
+            wanted = ", ".join(sorted(names)) or "nothing"
+            raise UserError(f"{name}.{method} must return by name what {attribute} declares, {wanted} (got {got})")
+        yield from given.items()
+
+    returned = result("advance", before, jax.random.key(0))
     if not isinstance(returned, tuple) or len(returned) != 2 or not isinstance(returned[1], Sensed):
         raise UserError(f"{name}.advance must return its state and Sensed (got a {type(returned).__name__})")
     after, sensed = returned
     compare(f"{name}.advance", after, before, "state")
-    own = _declared(f"{name}.advance", "senses", task, dict(sensed.own))
-    for key, found in own.items():
-        if found.shape[:1] != here:
+    for key, found in named("advance", "senses", dict(sensed.own)):
+        if found.shape[:1] != (n_robots,):
             raise UserError(f"{name}.advance must return {key} of {n_robots} robots first (got shape {found.shape})")
-    wanted: list[Any] = [flags, plane, flags, flags, flags, flags, floats, sensed.own]
-    compare(f"{name}.advance", sensed, Sensed(*wanted), "sensed")
-    compare(f"{name}.progress", shapes("progress", before), whole)
-    compare(f"{name}.reward", shapes("reward", before, after), floats)
+    compare(f"{name}.advance", sensed, Sensed(**shapes_of(Sensed, N=n_robots), own=sensed.own), "sensed")
+    compare(f"{name}.progress", result("progress", before), jax.ShapeDtypeStruct((), jnp.int32))
+    compare(f"{name}.reward", result("reward", before, after), jax.ShapeDtypeStruct((n_robots,), jnp.float32))
     if isinstance(task, ChangingTask):
-        with user_code(f"{name}.conditions"):
-            changed = jax.eval_shape(lambda own, *given: own.conditions(*given), task, before, conditions)
-        compare(f"{name}.conditions", changed, conditions, "conditions")
+        compare(f"{name}.conditions", result("conditions", before), conditions, "conditions")
     if isinstance(task, DeadlyTask):
-        compare(f"{name}.survives", shapes("survives", after), flags)
+        compare(f"{name}.survives", result("survives", after), world["is_alive"])
     if isinstance(task, DrivingTask):
-        compare(f"{name}.drive_boxes", shapes("drive_boxes", after), boxes)
-    for key, found in _declared(f"{name}.metrics", "measured", task, shapes("metrics", before)).items():
+        compare(f"{name}.drive_boxes", result("drive_boxes", after), world["boxes"])
+    for key, found in named("metrics", "measured", result("metrics", before)):
         if found.shape != () or found.dtype not in _SCALARS:
             got = f"{found.dtype}{list(found.shape)}"
             raise UserError(f"{name}.metrics must return {key} as a scalar float32, int32 or bool (got {got})")
     if getattr(task, "drawn", None):
-        with user_code(f"{name}.areas"):
-            drawn = jax.eval_shape(lambda own, state: own.areas(config, state), task, before)
-        for key, found in _declared(f"{name}.areas", "drawn", task, drawn).items():
+        for key, found in named("areas", "drawn", result("areas", before)):
             if found.shape[1:] != (3,):
                 raise UserError(f"{name}.areas must return {key} as numbers (M, 3) (got shape {found.shape})")
-    return own
-
-
-def check_goal(task: Any, goal: Any) -> None:
-    """Check what `Task.goal` returned.
-
-    Raises:
-        UserError: it is neither a whole number above 0 nor None.
-    """
-    if goal is not None and (not isinstance(goal, int) or isinstance(goal, bool) or goal < 1):
-        raise UserError(f"{type(task).__name__}.goal must return a whole number above 0, or None (got {goal!r})")
-
-
-def _declared(method: str, attribute: str, task: Any, given: Any) -> dict[str, Any]:
-    """The arrays by their names, which must be those that the task declares."""
-    names = set(getattr(task, attribute, {}))
-    if not isinstance(given, dict) or set(given) != names:
-        got = ", ".join(sorted(given)) or "nothing" if isinstance(given, dict) else f"a {type(given).__name__}"
-        wanted = ", ".join(sorted(names)) or "nothing"
-        raise UserError(f"{method} must return by name what {attribute} declares, {wanted} (got {got})")
-    return given
+    return dict(sensed.own)

@@ -78,7 +78,7 @@ def test_velocities_of_each_physics_step_are_those_of_mujoco(start, velocity, to
     for _ in range(12):
         in_c, here = both_move(pairs, [Phase(1, lambda _: velocity)])
         expected = mujoco._qvel[0, mujoco._arena.qpos]
-        np.testing.assert_allclose(here.bodies.velocities[0], expected, rtol=tolerance, atol=tolerance)
+        np.testing.assert_allclose(here.bodies.velocity[0], expected, rtol=tolerance, atol=tolerance)
         np.testing.assert_allclose(here.bodies.poses, in_c.bodies.poses, rtol=tolerance, atol=tolerance)
         pairs = [(mujoco, in_c.bodies), (planar, here.bodies)]
     assert np.abs(expected - velocity[0]).max() > 0.3

@@ -15,7 +15,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.engines.planar import batch_engine, physics
+from iswarm_mj.engines.planar import batch_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -62,13 +62,11 @@ def moved(impl, poses, velocities, phases):
     """Motion of these bodies in the planar engine, at MuJoCo's time step."""
     arena, present = compile_arena(CONFIG, 1, np.zeros(0)), np.ones(poses.shape[:2], bool)
     if impl == "numba":
-        engine, bodies = (
-            PlanarEngine(CONFIG, arena, 1),
-            physics.Bodies(poses, velocities, present, np.zeros(len(poses))),
-        )
+        engine = PlanarEngine(CONFIG, arena, 1)
     else:
         engine = batch_engine.read_engine(arena, CONFIG, jax.default_backend())
-        bodies = engine.place(poses, present)._replace(velocity=np.asarray(velocities, np.float32))
+    bodies = engine.place(poses, present)
+    bodies = bodies._replace(velocity=np.asarray(velocities, bodies.poses.dtype))
     return jax.tree.map(np.asarray, engine.move(bodies, phases, np.ones(len(poses), bool)))
 
 

@@ -9,7 +9,17 @@ import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight, concluded, set_points, with_boxes
+from iswarm_mj.engines.base import (
+    FreeBodies,
+    Mapping,
+    Motion,
+    Phase,
+    Sight,
+    WithBoxes,
+    concluded,
+    set_points,
+    with_boxes,
+)
 from iswarm_mj.engines.mjx.api import mjx, quick_trees
 from iswarm_mj.engines.mjx.arena import MjxArena, without_absent
 from iswarm_mj.engines.mjx.contacts import planar_contacts
@@ -25,7 +35,7 @@ _SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations th
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class MjxEngine:
+class MjxEngine(WithBoxes):
     """`CompiledEngine` on MJX; acts on one world.
 
     Attributes:
@@ -49,15 +59,12 @@ class MjxEngine:
 
     def place(self, poses: Float[Array, "NM 3"], is_present: Bool[Array, "N"]) -> FreeBodies:
         """See `Engine.place`."""
-        return FreeBodies(poses, jnp.zeros_like(poses), with_boxes(is_present, len(poses) - len(is_present)))
+        return FreeBodies(poses, jnp.zeros_like(poses), with_boxes(is_present, self.n_boxes))
 
-    def poses(self, bodies: FreeBodies) -> Float[Array, "*B N 3"]:
-        """See `Engine.poses`."""
-        return bodies.poses[..., : self.arena.n_robots, :]
-
-    def boxes(self, bodies: FreeBodies) -> Float[Array, "*B M 3"]:
-        """See `PushingEngine.boxes`."""
-        return bodies.poses[..., self.arena.n_robots :, :]
+    @property
+    def n_boxes(self) -> int:
+        """See `WithBoxes.n_boxes`."""
+        return len(self.arena.halves)
 
     def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, ""]) -> Sight:
         """See `Engine.sense`."""

@@ -10,7 +10,7 @@ from mujoco.batch import Batch, SimulationError
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases, with_boxes
+from iswarm_mj.engines.base import Motion, Phase, Sight, WithBoxes, take_phases, with_boxes
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco_library import without_timers
 from iswarm_mj.utils.arrays import Array
@@ -35,7 +35,7 @@ class Bodies(NamedTuple):
     """Contact points in the last physics step, which choose the solver of the next ones."""
 
 
-class MujocoEngine:
+class MujocoEngine(WithBoxes):
     """`Engine` on `mujoco.batch`: B worlds at once, bit-identical at any number of threads."""
 
     def __init__(self, config: SwarmConfig, arena: ArenaModel, n_worlds: int, n_threads: int, capacity: int):
@@ -49,8 +49,7 @@ class MujocoEngine:
             capacity: P, number of robots of the arrays that pass in and out; at least N.
         """
         self._arena, self._capacity, self._n_robots = arena, capacity, arena.n_robots
-        self._n_boxes = len(arena.hull) - arena.n_robots
-        self._there = np.r_[: arena.n_robots, capacity : capacity + self._n_boxes]  # of the places, those of bodies
+        self._there = np.r_[: arena.n_robots, capacity : capacity + self.n_boxes]  # of the places, those of bodies
         self._batch = Batch(arena.model, n_worlds, n_threads, persistent=True)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._force = self._batch.bind("qfrc_applied")
@@ -68,12 +67,13 @@ class MujocoEngine:
             self._height = self._batch.expand("body_pos")[..., 2]
         if self._height is not None:
             depth = _PARKED - 10.0 * np.arange(self._n_robots)
-            standing = self._arena.model.body_pos[self._robots(self._arena.body), 2]
-            self._height[:, self._robots(self._arena.body)] = np.where(self._is_present, standing, depth)
+            robots = self._arena.body[: self._n_robots]
+            standing = self._arena.model.body_pos[robots, 2]
+            self._height[:, robots] = np.where(self._is_present, standing, depth)
         self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
         self._qpos[:, self._arena.qpos] = np.asarray(poses)[:, self._there]
         self._batch.forward()
-        there = self._padded(np.asarray(with_boxes(self._is_present, self._n_boxes)))
+        there = self._padded(np.asarray(with_boxes(self._is_present, self.n_boxes)))
         return Bodies(self._padded(self._qpos[:, self._arena.qpos]), there, np.zeros(len(poses), int))
 
     def replace(self, bodies: Bodies, worlds: Int[np.ndarray, "W"], poses: Float[np.ndarray, "W PM 3"]) -> Bodies:
@@ -85,13 +85,10 @@ class MujocoEngine:
         n_contacts[worlds] = 0
         return Bodies(self._padded(self._qpos[:, self._arena.qpos]), bodies.is_present, n_contacts)
 
-    def poses(self, bodies: Bodies) -> Float[np.ndarray, "B P 3"]:
-        """See `Engine.poses`."""
-        return bodies.poses[:, : self._capacity]
-
-    def boxes(self, bodies: Bodies) -> Float[np.ndarray, "B M 3"]:
-        """See `PushingEngine.boxes`."""
-        return bodies.poses[:, self._capacity :]
+    @property
+    def n_boxes(self) -> int:
+        """See `WithBoxes.n_boxes`."""
+        return len(self._arena.hull) - self._n_robots
 
     def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
@@ -99,7 +96,7 @@ class MujocoEngine:
         sight = sense(
             self._scene,
             bodies.poses[:, :n],
-            self.boxes(bodies),
+            np.asarray(self.boxes(bodies)),
             np.asarray(emits)[:, :n],
             np.asarray(self._is_present & np.asarray(is_running)[:, None]),
         )
@@ -156,15 +153,11 @@ class MujocoEngine:
         fits = rank < len(touching)
         touching[rank[fits], robot[fits]] = partner[fits]
 
-    def _robots(self, values: Shaped[np.ndarray, "NM ..."]) -> Shaped[np.ndarray, "N ..."]:
-        """Those of robots."""
-        return values[: self._n_robots]
-
     def _padded(self, values: Shaped[np.ndarray, "B NM ..."]) -> Shaped[np.ndarray, "B PM ..."]:
         """Values of robots and boxes, with zeros, or false, for the places between them."""
         if self._capacity == self._n_robots:
             return values
-        filled = np.zeros((len(values), self._capacity + self._n_boxes, *values.shape[2:]), values.dtype)
+        filled = np.zeros((len(values), self._capacity + self.n_boxes, *values.shape[2:]), values.dtype)
         filled[:, self._there] = values
         return filled
 

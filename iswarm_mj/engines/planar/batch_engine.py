@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Mapping, Motion, Phase, Sight, take_phases, with_boxes
+from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight, WithBoxes, take_phases, with_boxes
 from iswarm_mj.engines.planar.gpu import physics, sight, surroundings
 from iswarm_mj.engines.planar.gpu.cells import n_cells
 from iswarm_mj.engines.planar.gpu.functions import jax_kernel, words_of
@@ -38,20 +38,9 @@ ROBOTS_PER_WARP = 70
 """In a world, for each 32 threads of its block."""
 
 
-class BatchBodies(NamedTuple):
-    """As `engines.base.FreeBodies`, of B worlds."""
-
-    poses: Float[Array, "B NM 3"]
-    velocity: Float[Array, "B NM 3"]
-    is_present: Bool[Array, "B NM"]
-    work: Int[Array, "B"]
-    """Colours of contacts that the solver went through in the latest phase. Worlds with most of them go first, lest the
-    others wait for one that began late (Graham 1969, SIAM J. Appl. Math. 17, 416)."""
-
-
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class PlanarBatchEngine:
+class PlanarBatchEngine(WithBoxes):
     """`CompiledEngine` of B worlds at once.
 
     Attributes:
@@ -74,29 +63,19 @@ class PlanarBatchEngine:
         """See `CompiledEngine.mapping`."""
         return "batch"
 
-    def place(self, poses: Float[Array, "B NM 3"], is_present: Bool[Array, "B N"]) -> BatchBodies:
+    def place(self, poses: Float[Array, "B NM 3"], is_present: Bool[Array, "B N"]) -> FreeBodies:
         """See `Engine.place`."""
-        poses, there = jnp.asarray(poses, jnp.float32), with_boxes(jnp.asarray(is_present), self._n_boxes)
-        return BatchBodies(poses, jnp.zeros_like(poses), there, jnp.zeros(len(poses), jnp.int32))
-
-    def poses(self, bodies: BatchBodies) -> Float[Array, "B N 3"]:
-        """See `Engine.poses`."""
-        return bodies.poses[:, : self._n_robots(bodies)]
-
-    def boxes(self, bodies: BatchBodies) -> Float[Array, "B M 3"]:
-        """See `PushingEngine.boxes`."""
-        return bodies.poses[:, self._n_robots(bodies) :]
+        poses, there = jnp.asarray(poses, jnp.float32), with_boxes(jnp.asarray(is_present), self.n_boxes)
+        return FreeBodies(poses, jnp.zeros_like(poses), there, work=jnp.zeros(len(poses), jnp.int32))
 
     @property
-    def _n_boxes(self) -> int:
+    def n_boxes(self) -> int:
+        """See `WithBoxes.n_boxes`."""
         return len(self.kinds) - len(self.robot.kinds)
 
-    def _n_robots(self, bodies: BatchBodies) -> int:
-        return bodies.poses.shape[1] - self._n_boxes
-
-    def sense(self, bodies: BatchBodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
-        n_worlds, n_robots = len(bodies.poses), self._n_robots(bodies)
+        n_worlds, n_robots = len(bodies.poses), self.n_robots(bodies)
         is_present = bodies.is_present[:, :n_robots] & is_running[:, None]
         n_threads, radius = self._threads(n_robots), search_radius(self.light, self.plane)
         plane, kinds, light = words_of(self.plane), self._table(n_robots), words_of(self.light)
@@ -125,16 +104,16 @@ class PlanarBatchEngine:
             links = [values[..., 0] for values in links]
         return Sight(Links(*links), sees_wall)
 
-    def move(self, bodies: BatchBodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
+    def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
-        walls, n_robots = self._solids()[: self.plane.n_walls, :3], self._n_robots(bodies)
+        walls, n_robots = self._solids()[: self.plane.n_walls, :3], self.n_robots(bodies)
         return take_phases(bodies, phases, is_running, walls, self.robot, n_robots, self._take_steps)
 
     def _take_steps(
-        self, bodies: BatchBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
-    ) -> tuple[BatchBodies, Array, Array]:
+        self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
+    ) -> tuple[FreeBodies, Array, Array]:
         """See `Take`."""
-        (n_worlds, n_bodies), n_robots, n_walls = bodies.is_present.shape, self._n_robots(bodies), self.plane.n_walls
+        (n_worlds, n_bodies), n_robots, n_walls = bodies.is_present.shape, self.n_robots(bodies), self.plane.n_walls
         n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, 2 * self.plane.radius + SKIN, n_robots)
         areas = [kind.half_x * kind.half_y for kind in self.kinds[: len(self.robot.kinds)]]
         crowding = math.ceil(max(areas) / min(areas))
@@ -148,6 +127,8 @@ class PlanarBatchEngine:
             targets.astype(jnp.float32),
             bodies.is_present,
             runs,
+            # Worlds in which most colours of contacts were solved go first, lest the others wait for one that began
+            # late (Graham 1969, SIAM J. Appl. Math. 17, 416).
             jnp.argsort(-bodies.work).astype(jnp.int32),
             words_of(self.plane),
             self._table(n_robots),
@@ -159,7 +140,7 @@ class PlanarBatchEngine:
             launch_dims=n_worlds * n_threads,
             output_dims=sizes,
         )
-        return BatchBodies(poses, velocity, bodies.is_present, work), touching, failure
+        return bodies._replace(poses=poses, velocity=velocity, work=work), touching, failure
 
     def _kernel(self, function: Callable, n_threads: int | None, n_outputs: int, *in_out: str) -> Any:
         """A kernel as a function of JAX's arrays; `in_out` names arguments that are changed in place."""

@@ -5,13 +5,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Motion, Phase, Sight, take_phases, with_boxes
-from iswarm_mj.engines.planar.physics import Bodies, take_steps
+from iswarm_mj.engines.base import FreeBodies, Motion, Phase, Sight, WithBoxes, take_phases, with_boxes
+from iswarm_mj.engines.planar.physics import take_steps
 from iswarm_mj.engines.planar.plane import FINEST, read_kinds, read_plane, solids_of, solids_with, table_of
 from iswarm_mj.engines.planar.reception import points_of, read_light
 from iswarm_mj.engines.planar.sight import empty_sight, sense
@@ -21,7 +22,7 @@ from iswarm_mj.utils.arrays import Array
 _SHARES = 4  # of the worlds for each thread, so that none waits long for another
 
 
-class PlanarEngine:
+class PlanarEngine(WithBoxes):
     """`Engine` of B worlds at once, bit-identical at any number of threads.
 
     At the finest tolerance robots end a control step within 0.001 mm of where MuJoCo in C puts them. Those that
@@ -47,29 +48,19 @@ class PlanarEngine:
         self._n_threads = n_threads or len(os.sched_getaffinity(0))
         self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
 
-    def place(self, poses: Float[Array, "B NM 3"], is_present: Bool[Array, "B N"]) -> Bodies:
+    def place(self, poses: Float[Array, "B NM 3"], is_present: Bool[Array, "B N"]) -> FreeBodies:
         """See `Engine.place`."""
-        poses, there = np.array(poses, float), with_boxes(np.asarray(is_present, bool), self._n_boxes)
-        return Bodies(poses, np.zeros_like(poses), np.array(there), np.zeros(len(poses)))
-
-    def poses(self, bodies: Bodies) -> Float[np.ndarray, "B N 3"]:
-        """See `Engine.poses`."""
-        return bodies.poses[:, : self._n_robots(bodies)]
-
-    def boxes(self, bodies: Bodies) -> Float[np.ndarray, "B M 3"]:
-        """See `PushingEngine.boxes`."""
-        return bodies.poses[:, self._n_robots(bodies) :]
+        poses, there = np.array(poses, float), with_boxes(np.asarray(is_present, bool), self.n_boxes)
+        return FreeBodies(poses, np.zeros_like(poses), np.array(there), np.zeros(len(poses)))
 
     @property
-    def _n_boxes(self) -> int:
+    def n_boxes(self) -> int:
+        """See `WithBoxes.n_boxes`."""
         return len(self.kinds) - len(self.robot.kinds)
 
-    def _n_robots(self, bodies: Bodies) -> int:
-        return bodies.poses.shape[1] - self._n_boxes
-
-    def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
-        n_worlds, n_robots = len(bodies.poses), self._n_robots(bodies)
+        n_worlds, n_robots = len(bodies.poses), self.n_robots(bodies)
         sight = empty_sight(n_worlds, n_robots, len(self.robot.sides), self._light.n_senders)
         worlds, emits = np.flatnonzero(is_running), np.array(emits, float)  # a copy: JAX's arrays are of another type
         solids = solids_with(self._solids, self.boxes(bodies), self.kinds, self.robot)
@@ -79,19 +70,19 @@ class PlanarEngine:
             return sight
         return sight._replace(links=Links(*(values[..., 0] for values in sight.links)))
 
-    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
+    def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
         bodies = bodies._replace(overlap=np.zeros(len(is_running)))
-        walls, n_robots = self._solids[: self.plane.n_walls, :3], self._n_robots(bodies)
+        walls, n_robots = self._solids[: self.plane.n_walls, :3], self.n_robots(bodies)
         return take_phases(bodies, phases, is_running, walls, self.robot, n_robots, self._take_steps)
 
     def _take_steps(
-        self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
-    ) -> tuple[Bodies, Array, Array]:
+        self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
+    ) -> tuple[FreeBodies, Array, Array]:
         """See `Take`."""
-        new, failure = Bodies(*(part.copy() for part in bodies)), np.zeros(len(runs), np.int32)
+        new, failure = jax.tree.map(np.copy, bodies), np.zeros(len(runs), np.int32)
         arguments = n_substeps * self.plane.refinement, new, np.ascontiguousarray(targets, float), touching
-        kinds = table_of(self.kinds, self.robot, self._n_robots(bodies))
+        kinds = table_of(self.kinds, self.robot, self.n_robots(bodies))
         self._spread(take_steps, np.flatnonzero(runs), *arguments, failure, self._solids, kinds)
         return new, touching, failure
 

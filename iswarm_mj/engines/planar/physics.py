@@ -1,10 +1,11 @@
 """Physics steps of worlds: contacts, impulses, Euler integration."""
 
 import math
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
+from iswarm_mj.engines.base import FreeBodies
 from iswarm_mj.engines.planar.compiled import cached, compiled
 from iswarm_mj.engines.planar.contacts import CONTACT, find_contacts
 from iswarm_mj.engines.planar.near_pairs import near_pairs, set_places
@@ -19,24 +20,11 @@ SKIN = 1.5
 _FAILED = int(FaultKind.SOLVER_FAILED)
 
 
-class Bodies(NamedTuple):
-    """Mechanical state of B worlds with N robots and M boxes, in this order."""
-
-    poses: np.ndarray
-    """(B, N + M, 3) x, y [mm] and yaw [rad]."""
-    velocities: np.ndarray
-    """(B, N + M, 3) [mm/s, mm/s, rad/s]."""
-    is_present: np.ndarray
-    """(B, N + M) bool; the others stay where they are, and touch and hide nothing."""
-    overlap: np.ndarray
-    """(B,) deepest overlap of bodies with each other and with walls since the latest control step began [mm]."""
-
-
 @cached
 def take_steps(
     worlds: np.ndarray,
     n_substeps: int,
-    bodies: Bodies,
+    bodies: Any,
     targets: np.ndarray,
     touching: np.ndarray,
     failure: np.ndarray,
@@ -49,7 +37,7 @@ def take_steps(
     Args:
         worlds: indices of these worlds.
         n_substeps: number of physics steps.
-        bodies: state, changed.
+        bodies: `FreeBodies` (B, N + M, ...) of N robots and M boxes, changed.
         targets: (B, N + M, 3) set points of the servos [mm/s, mm/s, rad/s].
         touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are added.
         failure: (B,) output, bits of `FaultKind`; where the contact solver fails, that ends the steps of the world.
@@ -60,11 +48,12 @@ def take_steps(
     for world in worlds:
         failure[world] = _take_steps(
             n_substeps,
-            Bodies(
+            FreeBodies(
                 bodies.poses[world],
-                bodies.velocities[world],
+                bodies.velocity[world],
                 bodies.is_present[world],
                 bodies.overlap[world : world + 1],
+                None,
             ),
             targets[world],
             touching[world],
@@ -77,7 +66,7 @@ def take_steps(
 @compiled
 def _take_steps(
     n_substeps: int,
-    bodies: Bodies,
+    bodies: Any,
     targets: np.ndarray,
     touching: np.ndarray,
     solids: np.ndarray,
@@ -87,7 +76,7 @@ def _take_steps(
     """As `take_steps`, of one world, without an axis of worlds; return bits of `FaultKind`."""
     n_bodies, n_robots = len(bodies.poses), touching.shape[1]
     velocities = np.zeros((n_bodies + 1, 3))  # the last row is that of the walls
-    _copy(bodies.velocities, velocities)
+    _copy(bodies.velocity, velocities)
     rubs, places = np.zeros((n_bodies, 3)), np.empty((n_bodies, 4))
     set_places(bodies.poses, places)
     pairs, contacts, solved = np.empty((0, 2), np.int64), np.empty(0, CONTACT), np.empty(0, CONTACT)
@@ -115,7 +104,7 @@ def _take_steps(
             return _FAILED
         solved = found.copy()
         moved += _integrate(bodies, places, velocities, plane.timestep)
-    _copy(velocities, bodies.velocities)
+    _copy(velocities, bodies.velocity)
     for contact in solved:
         if contact.first < n_robots:
             _add(touching, contact.first, contact.second)
@@ -142,7 +131,7 @@ def _add(touching: np.ndarray, robot: int, partner: int) -> None:
 
 
 @compiled
-def _integrate(bodies: Bodies, places: np.ndarray, velocities: np.ndarray, timestep: float) -> float:
+def _integrate(bodies: Any, places: np.ndarray, velocities: np.ndarray, timestep: float) -> float:
     """Move the robots of a world with their new velocities; return how far the fastest one went [mm]."""
     poses, farthest = bodies.poses, 0.0
     for i in range(len(poses)):

@@ -2,7 +2,6 @@
 
 import math
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -11,8 +10,6 @@ from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.planar.plane import read_kinds, read_plane
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
-
-BIT = mujoco.mjtDisableBit
 
 
 def arena_with(change=None, n_robots=2):
@@ -35,13 +32,6 @@ def test_one_robot_stands_for_all():
         np.testing.assert_allclose(one, five, rtol=1e-12)
 
 
-def set_option(name, value):
-    def change(model, arena):
-        setattr(model.opt, name, value)
-
-    return change
-
-
 def set_array(name, value, which):
     def change(model, arena):
         getattr(model, name)[which(arena)] = value
@@ -58,23 +48,14 @@ def joint(arena):
 
 
 REFUSED = {
-    "Euler": set_option("integrator", mujoco.mjtIntegrator.mjINT_RK4),
-    "eulerdamp": set_option("disableflags", 0),
-    "constraint to be enabled": set_option("disableflags", BIT.mjDSBL_EULERDAMP | BIT.mjDSBL_CONSTRAINT),
-    "horizontal gravity": set_option("gravity", [0, 1, -9810]),
     "condim 1": set_array("geom_condim", 3, hull),
     "margin": set_array("geom_margin", 0.1, hull),
     "positive solref": set_array("geom_solref", -100.0, hull),
-    "one size": set_array("geom_size", 2.0, hull),
     "same solimp": set_array("geom_solimp", 0.5, hull),
     "adhesion": set_array("geom_adhesion", 1.0, hull),
-    "sleep to be disabled": set_option("enableflags", mujoco.mjtEnableBit.mjENBL_SLEEP),
     "centre of mass": set_array("body_ipos", 0.1, lambda arena: arena.body[1]),
-    "size, mass and inertia of all robots of a kind": set_array("dof_M0", 20.0, joint),
-    "hulls, boxes, walls and obstacles alone": set_array("geom_contype", 1, lambda arena: arena.model.geom("floor").id),
+    "same mass of a robot along x and y": set_array("dof_M0", 20.0, joint),
     "collide with each other": set_array("geom_contype", 0, hull),
-    "planes": set_array("geom_type", mujoco.mjtGeom.mjGEOM_BOX, lambda arena: arena.walls[2]),
-    "walls where": set_array("geom_pos", 3.0, lambda arena: arena.walls[2]),
 }
 
 

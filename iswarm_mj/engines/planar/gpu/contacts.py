@@ -1,8 +1,11 @@
-"""Contacts of one world: the touching pairs, with what the solver needs of each, see `planar.contact_rows`."""
+"""Contacts of one world: the robots near each other, the pairs that touch, and what the solver needs of each, see
+`planar.contact_rows`.
+"""
 
 import warp as wp
 
 from iswarm_mj.engines.planar.gpu.block import barrier
+from iswarm_mj.engines.planar.gpu.cells import around, fill
 from iswarm_mj.engines.planar.gpu.functions import rows
 from iswarm_mj.engines.planar.gpu.records import (
     ARM,
@@ -21,8 +24,38 @@ from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, Worl
 from iswarm_mj.utils.errors import FaultKind
 
 _TOO_MANY = wp.constant(int(FaultKind.TOO_MANY_CONTACTS))
+_TOO_MANY_PAIRS = wp.constant(int(FaultKind.TOO_MANY_PAIRS))
 _overlaps, _meets_wall, _rows_of, _Touch = rows.overlaps, rows.meets_wall, rows.rows_of, rows.Touch
 _touch_wall, _touch_box = rows.touch_wall, rows.touch_box
+
+
+@wp.func
+def find_near_pairs(w: World, radius: float, lane: int):
+    """List the pairs of robots whose centres are less than `radius` apart [mm], each once, in any order."""
+    if lane == 0:
+        w.count[N_NEAR] = 0
+    fill(w.cells, w.place, w.is_present, lane)
+    for i in range(lane, w.n_robots, wp.block_dim()):
+        if w.is_present[i]:
+            p = w.place[i]
+            for up in range(-1, 2):
+                span = around(p, w.cells, up)
+                for at in range(span[0], span[1]):
+                    j = w.cells.robot[at]
+                    if j > i and j < w.n_robots:
+                        dx, dy = w.place[j][0] - p[0], w.place[j][1] - p[1]
+                        if dx * dx + dy * dy < radius * radius:
+                            _add_near(w, wp.vec2i(i, j))
+    barrier()
+
+
+@wp.func
+def _add_near(w: World, pair: wp.vec2i):
+    at = wp.atomic_add(w.count, N_NEAR, 1)
+    if at < w.near.shape[0]:
+        w.near[at] = pair
+    else:
+        wp.atomic_or(w.count, FAILURE, _TOO_MANY_PAIRS)
 
 
 @wp.func

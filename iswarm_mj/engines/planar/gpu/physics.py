@@ -9,10 +9,9 @@ import warp as wp
 from iswarm_mj.engines.planar import physics
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.colours import MAX_COLOURS, colour_contacts
-from iswarm_mj.engines.planar.gpu.contacts import find_contacts, n_contacts, set_contacts
+from iswarm_mj.engines.planar.gpu.contacts import find_contacts, find_near_pairs, n_contacts, set_contacts
 from iswarm_mj.engines.planar.gpu.functions import kinds_in, plane_in
 from iswarm_mj.engines.planar.gpu.memory import Memory, lay_out, own_bytes, shared_memory
-from iswarm_mj.engines.planar.gpu.near_pairs import find_near_pairs
 from iswarm_mj.engines.planar.gpu.records import N_ROWS, bodies_of, numbers_of
 from iswarm_mj.engines.planar.gpu.solver import rub, solve
 from iswarm_mj.engines.planar.gpu.world import FAILURE, World, heading
@@ -67,7 +66,7 @@ def take_steps_in(n_shared: int) -> Callable:
             new_poses: (B, N + M) output.
             new_velocities: (B, N + M) output.
             failure: (B,) output, bits of `FaultKind`.
-            work: (B,) output, see `batch_engine.BatchBodies`.
+            work: (B,) output, see `engines.base.FreeBodies`.
             own: (B, M) memory of the blocks.
         """
         world, lane = order[wp.tid() // wp.block_dim()], wp.tid() % wp.block_dim()
