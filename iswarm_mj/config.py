@@ -82,6 +82,7 @@ MESSAGE_BITS = 32
 SENDERS_IN_SIGHT = 5
 """Nearest senders in sight of a side that engines report where messages take time; others neither jam nor are heard."""
 _IN_SLOTS = Needs("baud_rate")
+_IN_TRIALS = Needs("resolution", ("dynamic",))
 
 
 @dataclass(frozen=True)
@@ -174,9 +175,9 @@ class GripperConfig:
     without a rate; see docs/readings.md."""
     resolution: Literal["quasi-static", "dynamic"] = "quasi-static"
     """What decides about attempts to pick up and release: a force balance (`quasi-static`) or trials (`dynamic`)."""
-    bench: Literal["auto", "c", "mjx"] = "auto"
+    bench: Annotated[Literal["auto", "c", "mjx"], _IN_TRIALS] = "auto"
     """Where trials run: MuJoCo in C, or a batch in MJX; `auto`: C with engines on the CPU, MJX with compiled ones."""
-    bench_capacity: Annotated[int, Within(1, 1024)] = 8
+    bench_capacity: Annotated[int, Within(1, 1024), _IN_TRIALS] = 8
     """Trials per world and control step in MJX; further robots try again in the next step."""
     tool_error: Annotated[float, Within(0, 1e-4, "m")] = 0.0
     """Standard deviation of the tool's position relative to the ball, per axis and attempt [m]; see docs/gripper.md."""

@@ -1,6 +1,7 @@
 """Files of `--config`: TOML whose keys are flags, or the result.json of an earlier run."""
 
 import tomllib
+from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,8 +80,7 @@ class ConfigFile:
             for name, value in self.values.items()
             if name in flags and not replaced & {*names([flag(name)])}
         }
-        made = [self._argument(name, value, flags[name]) for name, value in values.items()]
-        return [word for words in sorted(made, key=lambda words: len(words) == 1) for word in words]
+        return [word for name, value in values.items() for word in self._argument(name, value, flags[name])]
 
     def _argument(self, name: str, value: Any, default: Any) -> list[str]:
         word = flag(name)
@@ -89,7 +89,7 @@ class ConfigFile:
             return [word if value else f"--{group}{dot}no-{own}"]
         if isinstance(value, list):
             parts = [part for one in value for part in (one if isinstance(one, list) else [one])]
-            return [word, *(self._word(name, part) for part in parts)] if parts else []
+            return [word, *(self._word(name, part) for part in parts)]
         return [f"{word}={self._word(name, value)}"]
 
     def words(self, name: str) -> list[str]:
@@ -99,11 +99,11 @@ class ConfigFile:
 
     def _word(self, name: str, value: Any) -> str:
         try:
-            if isinstance(value, str | int | float):
-                return str(value)
+            if isinstance(value, str | int | float) and not (word := str(value)).startswith("--"):
+                return word
         except ValueError:  # Python refuses to print whole numbers of thousands of digits
             value = "a number of too many digits"
-        kinds = "a number, a word, true or false, or a list"
+        kinds = "a number, a word that is no flag, true or false, or a list"
         raise UserError(f"--config {self.path}: {shown(name)} must be {kinds} (got {shown(value)})")
 
 
@@ -144,5 +144,12 @@ def _named(path: Path, word: str, own: Mapping[str, Any], given: Collection[str]
 
 
 def _flat(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values by names of flags."""
-    return {name.replace("-", "_"): value for name, value in flat(values)}
+    """Values by names of flags.
+
+    Raises:
+        ValueError: one occurs twice, with hyphens and with underscores.
+    """
+    found = [(name.replace("-", "_"), value) for name, value in flat(values)]
+    if twice := [name for name, n in Counter(name for name, _ in found).items() if n > 1]:
+        raise ValueError(f"{shown(twice[0])} occurs twice")
+    return dict(found)

@@ -1,18 +1,18 @@
 """`iswarm experiment`."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import tyro
 
-from iswarm_mj.commands.flags import changed, refuse
+from iswarm_mj.commands.flags import changed, refuse, usual
 from iswarm_mj.commands.options import ManyRunsOptions
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.strategy.genome import load_genome
-from iswarm_mj.utils.errors import UserError, closest, shown
-
-OWN_GENOMES = ("types", "time-step", "infer")
-"""Experiments that take the presets."""
+from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,41 @@ class Experiment(ManyRunsOptions):
                 raise UserError(f"--list takes no name; leave out {self.name}")
             print(listing())
             return
-        if self.name in OWN_GENOMES:
-            refuse(self, ["genome"], f"in the experiment {self.name}, which has its own")
         if self.name not in EXPERIMENTS:
             similar = f"; perhaps you meant {match}" if (match := closest(self.name, EXPERIMENTS)) else ""
             remedy = f"choose {', '.join(EXPERIMENTS)}, which --list describes"
             raise UserError(f"there is no experiment {shown(self.name)!r}{similar}; {remedy}")
         plan = Plan(self.config, load_genome(self.genome), self.seed, self.quick)
+        self._check_varied(EXPERIMENTS[self.name], plan)
         out = self.out or Path("runs/experiments") / (f"{self.name}-quick" if self.quick else self.name)
         run_experiment(EXPERIMENTS[self.name], plan, out, self.execution, self.again)
+
+    def _check_varied(self, made: Any, plan: Any) -> None:
+        """Refuse settings that differ from their defaults, and without which the runs of an experiment are the same."""
+        from iswarm_mj.experiments.runner.experiment import varied
+
+        jobs, usually = [entry.job for entry in made.entries(plan)], usual(self)
+        for name in changed(self):
+            group, _, part = name.partition(".")
+            with suppress(ConfigError):  # other settings may refuse the default of this one
+                if name == "genome":
+                    other = replace(plan, genome=load_genome(usually.genome))
+                elif hasattr(plan.config, group):
+                    value = getattr(getattr(usually, group), part)
+                    other = replace(plan, config=varied(plan.config, {name: value}))
+                else:
+                    continue
+                if [entry.job for entry in made.entries(other)] == jobs:
+                    raise UserError(
+                        f"`{name}` has no effect in the experiment {made.name}, which has its own; leave it out"
+                    )
+
+    @property
+    def configs(self) -> Sequence[SwarmConfig]:
+        """See `ConfigOptions.configs`; of all runs, which may differ from that of the flags."""
+        from iswarm_mj.experiments.runner.experiment import Plan
+        from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+
+        if self.name not in EXPERIMENTS:
+            return super().configs
+        return [entry.job.config for entry in EXPERIMENTS[self.name].entries(Plan(self.config))]

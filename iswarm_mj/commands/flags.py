@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.config import READINGS
+from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.utils.constraints import needs_of
 from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
 
@@ -20,6 +20,8 @@ _NAME = re.compile(r"`([a-z_]+(?:\.[a-z_]+)?)`")
 """A setting that a message names."""
 _UNNAMED = ("override", "own", "own_task", "physics")
 """Groups whose flags have no prefix."""
+_CONFIG = {f"{part.name}." for part in fields(SwarmConfig)}
+"""Groups of the configuration."""
 
 
 def settings(command: Any) -> Iterator[tuple[str, Any, Any, str]]:
@@ -93,11 +95,16 @@ def refuse(command: Any, names: Iterable[str], why: str) -> None:
 def check_effects(command: Any) -> None:
     """Refuse settings that differ from their defaults, and lack what their annotations say that they need.
 
+    Those of a configuration lack it only if all `configs` of the command do.
+
     Raises:
         UserError: there is one.
     """
     given = set(changed(command))
     for full, _, owner, name in settings(command):
         for need in needs_of(type(owner)).get(name, ()) if full in given else ():
-            if why := need.unmet(owner, full.removesuffix(name)):
-                raise UserError(f"`{full}` has no effect {why}; leave it out")
+            group = full.removesuffix(name)
+            owners = [getattr(config, group[:-1]) for config in command.configs] if group in _CONFIG else [owner]
+            reasons = [need.unmet(one, group) for one in owners]
+            if all(reasons):
+                raise UserError(f"`{full}` has no effect {reasons[0]}; leave it out")

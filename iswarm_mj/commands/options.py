@@ -1,5 +1,6 @@
 """Flags that several commands share: the configuration, many runs, engines."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
@@ -49,6 +50,11 @@ class ConfigOptions(SwarmConfig):
             boxes = boxes_of_picture(self.maze, *np.ptp(arena.corners, axis=0).tolist())
             arena = replace(arena, obstacles=(*arena.obstacles, *boxes))
         return SwarmConfig(arena, self.drive, self.optics, self.gripper, self.strategy, self.energy)
+
+    @property
+    def configs(self) -> Sequence[SwarmConfig]:
+        """Configurations of the runs, in one of which a setting must have an effect."""
+        return [self]
 
 
 @dataclass(frozen=True)

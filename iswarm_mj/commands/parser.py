@@ -25,6 +25,8 @@ from iswarm_mj.utils.errors import UserError, closest
 
 HELP = {"-h", "--help"}
 HELP_ALL = {"--help-all", "--help_all"}
+_NAMED = {"config": "a TOML file or a result.json", "strategy": "FILE.py:CLASS, or an installed strategy"}
+"""Flags that need a value which no error of the parser asks for, and what they name."""
 
 
 def parse(name: str, cls: type, given: Sequence[str]) -> Any:
@@ -46,9 +48,10 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
             word = next(word.partition("=")[0] for word in given if names([word]) == [twice[0]])
             raise UserError(f"{word} is given twice; give it once, with all its values if it takes several")
         words = _words(given)
+        for word, remedy in _NAMED.items():
+            if word in named and not words[word]:
+                raise UserError(f"--{word} has no value; name {remedy}")
         path = words.pop("config")
-        if "config" in named and not path:
-            raise UserError("--config has no value; name a TOML file or a result.json")
         file = ConfigFile.read(Path(path[0]), named) if path else None
         if file is not None:
             words = {word: found or file.words(word) for word, found in words.items()}
@@ -60,7 +63,7 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
         reading = READINGS.get(str(first["reading"])) if "reading" in settable else None
         default = cls() if reading is None else cls(reading=first["reading"], **vars(reading))
         known = dict.fromkeys(settable)
-        engine = (first["engine"] or default.engine) if "physics" in settable else None
+        engine = (default.engine if first["engine"] is None else first["engine"]) if "physics" in settable else None
         own = {} if engine is None else {"physics": _engine(engine)}
         own |= _own({word: found for word, found in words.items() if SETTINGS.get(word) in settable and found})
         replaced = {"own": "override", "physics": "physics"}  # by a strategy, and by an engine
@@ -72,7 +75,7 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
         if engine is not None and (others := {*named, *keys} & {*OF_ENGINES} - {*known}):
             raise UserError(f"{flag(min(others))} has no effect with --engine {engine}; leave it out")
         if file is not None:
-            arguments = [*file.arguments(name, known, named), *arguments]
+            arguments += file.arguments(name, known, named)  # after words, which flags of several values would take
         asked = {*given} & {*HELP, *HELP_ALL}
         everything = not asked or bool(asked & HELP_ALL)
         shown = {part: one for part, one in own.items() if everything or part != "physics" or first["engine"]}

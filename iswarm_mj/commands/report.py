@@ -72,9 +72,9 @@ class Reproduce(ManyRunsOptions):
     def run(self) -> None:
         """Run the command."""
         if self.tables:
-            others = [name for name in changed(self) if name not in ("tables", "results", "out", "pages")]
+            others = [name for name in changed(self) if name not in ("tables", "results", "pages")]
             refuse(self, others, "with `tables`, which makes no runs")
-        refuse(self, ["again"] if self.list else [], "with `list`")
+        refuse(self, ["again", "pages"] if self.list else [], "with `list`")
         from iswarm_mj.experiments.report.reproduce import listing, parts_of, reproduce, rewrite
         from iswarm_mj.experiments.runner.experiment import Plan
 

@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-from argparse import ArgumentParser
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,15 +12,19 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from iswarm_mj.commands.clean import Clean, Run
-from iswarm_mj.commands.flags import flag, settings
+from iswarm_mj.commands.flags import check_effects, flag, in_flags, refuse, settings
 from iswarm_mj.commands.parser import parse
 from iswarm_mj.strategy.sources import sources
 from iswarm_mj.utils.constraints import check, spaced, validate
-from iswarm_mj.utils.errors import SimulationFault
+from iswarm_mj.utils.errors import SimulationFault, UserError
 
 MOST_RUNS = 10_000
 _FORM = "FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as density=0.1:0.4:7 or genome=type1,evolved"
 _COMMANDS: dict[str, type] = {"clean": Clean, "run": Run}
+_SWITCHES = ("--again", "-h", "--help", "--help-all", "--help_all")
+_FLAGS = ("--over", "--out", *_SWITCHES)
+"""Of the sweep itself; all others are of its command."""
+_UNUSED = ("out", "record_worlds", "record_grasps")
 
 
 @dataclass(frozen=True)
@@ -51,17 +54,17 @@ class Sweep:
     @staticmethod
     def _split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
         """Return the arguments of the sweep, and those of its command."""
-        parser = ArgumentParser(add_help=False, allow_abbrev=False)
-        parser.add_argument("--over", nargs="*", action="append", default=[])
-        parser.add_argument("--out", nargs="*", action="append", default=[])
-        switches = ["--again", "-h", "--help", "--help-all"]
-        for name in switches:
-            parser.add_argument(name, action="store_true")
-        own, rest = parser.parse_known_args(list(arguments))
+        own: list[str] = []
+        rest: list[str] = []
+        part = rest
+        for word in arguments:
+            if word.startswith("-"):
+                part = own if word.partition("=")[0] in _FLAGS else rest
+            part.append(word)
+            if word in _SWITCHES:
+                part = rest
         command, rest = (rest[:1], rest[1:]) if rest and not rest[0].startswith("-") else ([], rest)
-        words = [*command, *(name for name in switches if getattr(own, name.lstrip("-").replace("-", "_")))]
-        words += [word for values in own.over for word in ("--over", *values)]
-        return words + [word for values in own.out for word in ("--out", *values)], tuple(rest)
+        return [*command, *own], tuple(rest)
 
     def run(self) -> None:
         """Run the command."""
@@ -71,19 +74,34 @@ class Sweep:
         check("over", self.over, f"one or more of {_FORM}, each flag once", 0 < len(over) == len(self.over))
         n_runs = math.prod(map(len, over.values()))
         check("over", f"{n_runs} runs", f"values that make at most {MOST_RUNS} runs", n_runs <= MOST_RUNS)
-        labels, variants = [_labels(values) for values in over.values()], []
+        labels, variants, idle = [_labels(values) for values in over.values()], [], []
         for values, found in zip(product(*over.values()), product(*labels), strict=True):
             own = [word for name, value in zip(over, values, strict=True) for word in (flag(name), value)]
             command: Any = parse(self.command, _COMMANDS[self.command], [*self.given, *own])
             given = [(name, str(value), _content(value)) for name, value, *_ in settings(command) if name != "out"]
-            make = partial(command.run_of, *command.planned(()))  # refuses settings before any run
+            try:
+                refuse(command, _UNUSED, "on the runs of a sweep, which are not recorded")
+                make = partial(command.run_of, *command.planned(()))  # refuses settings before any run
+            except UserError as error:
+                raise _in_its_flags(error, command) from None
+            try:
+                check_effects(command)
+            except UserError as error:
+                idle.append(_in_its_flags(error, command))
             variants.append(Variant(dict(zip(over, found, strict=True)), repr((self.command, given)), make))
+        if len(idle) == len(variants):
+            raise idle[0]
         about = {"command": self.command, "arguments": self.given, "over": list(over)}
         rows = sweep(variants, self.out, about, self.again)
         lines = *summary(rows, list(over)), "", f"medians over worlds; all worlds in {self.out / 'sweep.csv'}"
         print("\n".join(lines))
         if faults := [row["fault"] for row in rows if row["fault"]]:
             raise SimulationFault(f"{len(faults)} of {len(rows)} worlds had a fault, the first: {faults[0]}")
+
+
+def _in_its_flags(error: UserError, command: Any) -> UserError:
+    """An error of the command whose flags vary, with these in place of settings."""
+    return UserError(in_flags(error, [name for name, *_ in settings(command)]))
 
 
 def _values(text: str) -> tuple[str, list[str]]:

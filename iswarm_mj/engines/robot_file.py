@@ -93,7 +93,7 @@ def robot_spec(path: Path | None = None) -> mujoco.MjSpec:
         check_plain(path)
         spec = mujoco.MjSpec.from_file(str(path))
         found = {kind: {element.name for element in getattr(spec, parts)} for kind, parts in _TYPES.items()}
-        found["mesh"] = {spec.meshdir, *(mesh.file for mesh in spec.meshes)}  # names that are no text raise here
+        _check_named(spec, path.parent)
     except (ValueError, RuntimeError, OSError, ExpatError) as error:
         why = "there is none" if isinstance(error, FileNotFoundError) else _one_line(error)
         raise UserError(
@@ -112,6 +112,22 @@ def robot_spec(path: Path | None = None) -> mujoco.MjSpec:
         if not (path.parent / spec.meshdir / mesh.file).exists() and beside.exists():
             mesh.file = str(beside.absolute())
     return spec
+
+
+def _check_named(spec: mujoco.MjSpec, folder: Path) -> None:
+    """Raise an error if a file that a robot's file names has a name that is no text, or is there but is no plain file.
+
+    Args:
+        spec: of the robot.
+        folder: of its file.
+    """
+    meshes, textures = (folder / name for name in (spec.meshdir, spec.texturedir))
+    named = [meshes / mesh.file for mesh in spec.meshes if mesh.file]
+    named += [textures / name for texture in spec.textures for name in (texture.file, *texture.cubefiles) if name]
+    named += [folder / skin.file for skin in spec.skins if skin.file]
+    for path in named:
+        if path.exists():
+            check_file(path)
 
 
 def without_visual(spec: mujoco.MjSpec) -> mujoco.MjSpec:

@@ -74,7 +74,11 @@ class Stage:
         file = as_robot_file(robot_file)
         scene = scene_of(frames)
         tune = partial(_lay_floor, scene) if config.arena.outline else None
-        arena = compile_arena(config, n_robots, frames["scene_ball_radius"], True, tune, file)
+        try:
+            arena = compile_arena(config, n_robots, frames["scene_ball_radius"], True, tune, file)
+        except ValueError as error:
+            reason = " ".join(str(error).split())
+            raise UserError(f"the robots of {robot_file or 'models/robot.xml'} cannot be drawn ({reason})") from None
         size = 2 * MM * arena.robot.each("half_edges", n_robots)
         recorded = np.broadcast_to(frames["scene_robot_size"], size.shape)
         differs = ~np.isclose(recorded, size, rtol=1e-6).all(axis=1)

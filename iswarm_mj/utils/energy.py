@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from iswarm_mj.utils.constraints import Within, check, validate
+from iswarm_mj.utils.constraints import Needs, Within, check, validate
+
+_USED = Needs("model", ("capacitor",))
 
 
 @dataclass(frozen=True)
@@ -16,17 +18,17 @@ class EnergyConfig:
 
     model: Literal["none", "capacitor"] = "none"
     """Robots have unlimited energy, or what is left in their capacitor."""
-    capacitance: Annotated[float, Within(1e-9, 1e-3, "F")] = 1e-6
+    capacitance: Annotated[float, Within(1e-9, 1e-3, "F"), _USED] = 1e-6
     """Capacitance [F]."""
-    largest_voltage: Annotated[float, Within(1, 69, "V")] = 60.0
+    largest_voltage: Annotated[float, Within(1, 69, "V"), _USED] = 60.0
     """Voltage to which light charges it, and at the start [V]."""
-    light_power: Annotated[float, Within(0, 1, "W")] = 0.48e-3
+    light_power: Annotated[float, Within(0, 1, "W"), _USED] = 0.48e-3
     """Charging power [W]: a cell of 4 mm^2 and 12 % in sunlight of 1000 W/m^2."""
-    walking_power: Annotated[float, Within(0, 1, "W")] = 0.3e-3
+    walking_power: Annotated[float, Within(0, 1, "W"), _USED] = 0.3e-3
     """Power of walking at full speed or turning at full rate [W]."""
-    message_energy: Annotated[float, Within(0, 1e-3, "J")] = 80e-6
+    message_energy: Annotated[float, Within(0, 1e-3, "J"), _USED] = 80e-6
     """Energy of the LEDs per control step [J]: 1 mW for 20 ms on each of four sides."""
-    tool_capacitance: Annotated[float, Within(0, 1e-6, "F")] = 10e-12
+    tool_capacitance: Annotated[float, Within(0, 1e-6, "F"), _USED] = 10e-12
     """Capacitance of tool and leads, charged in each attempt [F]; the ball adds some 10 fF."""
 
     def __post_init__(self):

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Int
 
 from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.files import check_file
 from iswarm_mj.utils.obstacles import Obstacle
 
 MOST = 1000
@@ -26,6 +27,7 @@ def boxes_of_picture(path: Path, width: float, height: float) -> tuple[Obstacle,
     from PIL import Image, UnidentifiedImageError
 
     try:
+        check_file(path)
         with Image.open(path) as picture:
             shown = picture.convert("RGBA")
             white = Image.new("RGBA", shown.size, "white")

@@ -60,6 +60,9 @@ def test_flags_override_the_file(order):
         ("steps = ", "x.toml is no TOML"),
         (f"steps = 0x{'f' * 4000}", "steps must be .*too many digits"),
         (f"{'.'.join('a' * 2000)} = 1", "x.toml is no TOML"),
+        ("[arena]\nn-dust = 5\nn_dust = 7", r"arena\.n_dust occurs twice"),
+        ('record_worlds = ["--seed=3"]', "record_worlds must be .* no flag, .*got --seed=3"),
+        ("optics.baud-rate = []", "Missing value for argument '--optics.baud-rate'"),
         ("\n".join(f"key{n} = 1" for n in range(20_000)), r"names key0, key1, .{1,100}\.\.\., which"),
     ],
 )
@@ -67,6 +70,15 @@ def test_what_a_file_must_not_have(here, text, says):
     (here / "x.toml").write_text(text)
     with pytest.raises(UserError, match=says):
         parse(["clean", "--config", "x.toml"])
+
+
+def test_lists_are_whole_values(here):
+    """Also empty ones; and words after them are not theirs."""
+    (here / "x.toml").write_text("no_contact_gap = []")
+    assert parse(["grasp", "--config", "x.toml"]).no_contact_gap == ()
+    (here / "y.toml").write_text('draw = ["trails"]')
+    command = parse(["replay", "--config", "y.toml", "runs/other"])
+    assert (command.draw, str(command.directory)) == (("trails",), "runs/other")
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from helpers_cli import code_of, refused
 from helpers_small import FLAGS
 
-from iswarm_mj.commands.flags import in_flags, settings
+from iswarm_mj.commands.flags import check_effects, in_flags, settings
 from iswarm_mj.commands.main import parse
 from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, UserError
 
@@ -28,6 +28,8 @@ REFUSED = [
     ("clean --gripper.resolution lunch", ["--gripper.resolution", "lunch", "quasi-static", "dynamic"]),
     ("clean --out=", ["--out", "name of a file"]),
     ("clean --config --steps 3", ["--config has no value", "TOML"]),
+    ("clean --strategy --steps 3", ["--strategy has no value", "FILE.py:CLASS"]),
+    ("clean --engine=", ["--engine must be FILE.py:CLASS", "(got '')"]),
     ("clean --robots 5 --robots 7", ["--robots is given twice"]),
     ("clean --record --no-record", ["--record is given twice"]),
     ("clean --arena.n_dust 5 --arena.n-dust 7", ["is given twice"]),
@@ -77,8 +79,18 @@ IDLE = [
     ("experiment types --genome type2", "--genome", "in the experiment types"),
     ("experiment hop-count --engine mjx --workers 2", "--workers", "with runs in batches"),
     ("evolve --method cmaes --operators.span 0.1", "--operators.span", "with --method cmaes"),
+    ("experiment time-step --drive.walk-substeps 12", "--drive.walk-substeps", "in the experiment time-step"),
+    ("experiment infer --strategy.random-turn 60", "--strategy.random-turn", "in the experiment infer"),
+    ("experiment resolved-grasps --genome type2", "--genome", "in the experiment resolved-grasps"),
+    ("experiment hop-count --optics.slots 9", "--optics.slots", "without --optics.baud-rate"),
+    ("clean --energy.capacitance 0.001", "--energy.capacitance", "with --energy.model none"),
+    ("clean --gripper.bench c", "--gripper.bench", "with --gripper.resolution quasi-static"),
+    ("sweep --over seed=1,2 --optics.slots 9", "--optics.slots", "without --optics.baud-rate"),
+    ("sweep --over seed=1,2 --worlds 2 --record-worlds 1", "--record-worlds", "on the runs of a sweep"),
     ("reproduce --tables --engine planar", "--engine", "with --tables"),
     ("reproduce --tables --quick", "--quick", "with --tables"),
+    ("reproduce --tables --out x", "--out", "with --tables"),
+    ("reproduce --list --pages README.md", "--pages", "with --list"),
     ("reproduce --list --again", "--again", "with --list"),
 ]
 
@@ -91,6 +103,15 @@ def test_is_refused(line, facts, capfd, here):
     (here / "file").touch()
     error = refused(capfd, here, *line.split())
     assert "Traceback" not in error and [fact for fact in facts if fact not in error] == []
+
+
+@pytest.mark.parametrize(
+    "line", ["message-time --optics.slots 16", "resolved-grasps --gripper.bench c", "types --strategy.random-turn 60"]
+)
+def test_what_some_runs_of_an_experiment_need_has_an_effect(line):
+    command = parse(["experiment", *line.split()])
+    check_effects(command)
+    assert command.configs
 
 
 def test_what_a_small_arena_needs_has_an_effect():

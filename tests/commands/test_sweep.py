@@ -78,6 +78,12 @@ def test_modules_that_a_strategy_imports_count(here, counted):
         assert code_of(*command) == 0 and len(counted) == n_made
 
 
+def test_a_setting_needs_an_effect_in_one_run_only(here, counted):
+    command = ["sweep", "clean", *FLAGS, "--robots=5", "--optics.photodiode-splay=20", "--over"]
+    assert code_of(*command, "optics.mode=sector,power") == 0 and len(counted) == 2
+    assert code_of(*command, "seed=1,2") == 2
+
+
 def test_metrics_of_a_task_are_columns(here):
     command = ["sweep", "run", "--task=aggregation", "--engine=planar", "--threads=1", "--steps=5", "--robots=12"]
     assert code_of(*command, "--over", "strategy=beeclust", "seed=0,1", "--out=found") == 0
@@ -96,6 +102,9 @@ def test_metrics_of_a_task_are_columns(here):
         (["density=0.1,3"], r"--density must be above 0 and at most 1 \(got 3.0\)"),
         (["seed=0:99:100", "robots=1:1000:1000"], "at most 10000 runs .got '?100000 runs"),
         (["steps=1,2"], "--steps is given twice"),
+        (["seed=1,2", "--again=1"], "Unrecognized options: 1"),
+        (["seed=1,2", "--again", "--again"], "--again is given twice"),
+        (["seed=1,2", "--stop-at=500"], "--stop-at must be between 1 and the number of balls, 24"),
     ],
 )
 def test_what_varies_is_checked_first(here, capfd, over, words):

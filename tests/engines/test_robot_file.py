@@ -179,6 +179,15 @@ def test_small_files_of_huge_robots_are_refused_before_mujoco_parses_them(tmp_pa
     assert str(path) in str(refused.value) and "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize("asset", ['texture name="t" type="2d"', 'mesh name="m"', 'skin name="s"'])
+def test_files_that_a_robot_names_must_be_files(tmp_path, asset):
+    """MuJoCo would wait for a pipe's end."""
+    os.mkfifo(tmp_path / "pipe")
+    path = written(tmp_path, PAPER.replace("<asset>", f'<asset><{asset} file="{tmp_path}/pipe"/>'))
+    with pytest.raises(UserError, match=r"cannot be read as MJCF \(it is a pipe or a device"):
+        read_robot(path)
+
+
 def test_counts_up_to_the_limit_are_read(tmp_path):
     path = written(tmp_path, PAPER.replace('nkey="0"', 'nkey="0" nuser_site="16" memory="1M"'))
     assert read_robot(path) == read_robot()

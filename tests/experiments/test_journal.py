@@ -2,8 +2,10 @@
 
 import resource
 import signal
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 
 import pytest
 
@@ -101,6 +103,24 @@ def test_what_is_refused_stays_as_it_was(path, written, monkeypatch):
         assert path.read_bytes() == whole[:size]
     monkeypatch.setattr(journals, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"})
     with pytest.raises(UserError, match=r"different versions \(iswarm_mj: .* there, 9\.9 now, "):
+        entries(path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "ALTER TABLE runs RENAME TO others; CREATE VIEW runs AS WITH RECURSIVE endless (key, entry) AS "
+        "(SELECT '[]', '1' UNION ALL SELECT key, entry FROM endless) SELECT * FROM endless",
+        "CREATE TRIGGER forgets AFTER INSERT ON runs BEGIN DELETE FROM runs; END",
+        """UPDATE runs SET entry = '{"versions": "x", "settings": []}' WHERE key = '[]'""",
+    ],
+)
+def test_journals_hold_data_alone(path, written, change):
+    """Views could compute for ever, and triggers remove runs."""
+    with closing(sqlite3.connect(path)) as file:
+        file.executescript(change)
+    assert count(path) == (3 if change.startswith("UPDATE") else 0)
+    with pytest.raises(UserError, match=r"^[^\n]*damaged[^\n]*$"):
         entries(path)
 
 

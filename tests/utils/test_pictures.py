@@ -1,5 +1,7 @@
 """Obstacles from pictures: they cover what is dark, and nothing else."""
 
+import os
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -60,3 +62,9 @@ def test_what_is_no_maze_is_refused(pixels, says, tmp_path):
         boxes_of_picture(path, 49.0, 49.0)
     with pytest.raises(UserError, match="must be a picture"):
         boxes_of_picture(tmp_path / "none.png", 49.0, 49.0)
+
+
+def test_a_pipe_is_no_maze(tmp_path):
+    os.mkfifo(tmp_path / "map.png")
+    with pytest.raises(UserError, match=r"must be a picture.*a pipe or a device"):
+        boxes_of_picture(tmp_path / "map.png", 49.0, 49.0)

@@ -21,6 +21,7 @@ from iswarm_mj.utils.lock import locked
 Key = tuple[int, ...]
 _HEAD = b"SQLite format 3\0"
 """How its files begin; SQLite writes over shorter ones."""
+_TABLE = "CREATE TABLE runs (key TEXT PRIMARY KEY, entry TEXT)"
 _INSERT = "INSERT OR REPLACE INTO runs (key, entry) VALUES (?, ?)"
 
 
@@ -54,9 +55,9 @@ class Journal:
             self._file = sqlite3.connect(path)
             try:
                 # One that is refused stays as it is, so that nothing is written before it is read.
-                if not self._file.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
+                if not _is_begun(self._file):
                     with self._file:
-                        self._file.execute("CREATE TABLE runs (key TEXT PRIMARY KEY, entry TEXT)")
+                        self._file.execute(_TABLE)
                         self._file.execute(_INSERT, ("[]", json.dumps(wanted)))
                 rows = self._file.execute("SELECT key, entry FROM runs")
                 self.entries: dict[Key, Any] = {tuple(json.loads(key)): json.loads(entry) for key, entry in rows}
@@ -96,7 +97,7 @@ class Journal:
             yield
         except sqlite3.OperationalError as error:
             raise write_error(self._path, OSError(str(error))) from None
-        except (sqlite3.Error, ValueError, TypeError, KeyError, RecursionError) as error:
+        except (sqlite3.Error, LookupError, ValueError, TypeError, AttributeError, RecursionError) as error:
             raise UserError(
                 f"{self._path} is not a journal of iswarm, or damaged ({error}); begin again in another `out`"
             ) from None
@@ -112,10 +113,20 @@ def journal(path: Path, settings: Mapping[str, Any], again: bool = False) -> Ite
             yield opened
 
 
+def _is_begun(file: sqlite3.Connection) -> bool:
+    """Whether a file has the table of a journal; a ValueError if it has anything else, such as views, which may
+    compute for ever."""
+    made = [text for (text,) in file.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL")]
+    if made not in ([], [_TABLE]):
+        raise ValueError("it holds something else than its table of runs")
+    return bool(made)
+
+
 def count(path: Path) -> int:
     """Number of the runs in a journal; 0 if it cannot be read."""
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as file:
-            return max(0, file.execute("SELECT count(*) FROM runs").fetchone()[0] - 1)
-    except sqlite3.Error:
+            is_begun = _is_begun(file)
+            return max(0, file.execute("SELECT count(*) FROM runs").fetchone()[0] - 1) if is_begun else 0
+    except (sqlite3.Error, ValueError):
         return 0

@@ -145,17 +145,19 @@ def train(
             entry = {} if is_new else finished.entries[generation,]
             if is_new:
                 entry["candidates"] = tried(candidates, training.worlds, generation).tolist()
-            found = np.array(entry["candidates"])
+            with finished.explained():
+                found = np.array(entry["candidates"], float).reshape(training.population, 1 + len(COUNTED))
+                mean = None if is_new or entry["mean"] is None else float(entry["mean"])
             search.tell(list(zip(candidates, -found[:, 0], strict=True)))
             if is_new:
-                is_tenth = generation % VALIDATED_EVERY == VALIDATED_EVERY - 1
-                mean = tried(search.mean[None], training.validation, VALIDATION)[0, 0] if is_tenth else None
-                entry["mean"] = None if mean is None else float(mean)
+                if generation % VALIDATED_EVERY == VALIDATED_EVERY - 1:
+                    mean = float(tried(search.mean[None], training.validation, VALIDATION)[0, 0])
+                entry["mean"] = mean
                 finished.add((generation,), entry)
-            score = -np.inf if entry["mean"] is None else entry["mean"]
+            score = -np.inf if mean is None else mean
             if score >= best:
                 best, kept = score, search.mean.copy()
-            rows.append(_row(generation, found, entry["mean"], float(candidates.std(axis=0).mean())))
+            rows.append(_row(generation, found, mean, float(candidates.std(axis=0).mean())))
             if is_new or generation == wanted - 1:
                 write_csv(out / CURVE, rows)
                 save_weights(out / WEIGHTS, kept)
