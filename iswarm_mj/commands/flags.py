@@ -98,6 +98,6 @@ def check_effects(command: Any) -> None:
     """
     given = set(changed(command))
     for full, _, owner, name in settings(command):
-        for need in needs_of(type(owner)).get(name, ()) if full in given else ():
+        for need in needs_of(type(owner), name) if full in given else ():
             if why := need.unmet(owner, full.removesuffix(name)):
                 raise UserError(f"`{full}` has no effect {why}; leave it out")
