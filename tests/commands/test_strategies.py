@@ -190,6 +190,8 @@ MISTAKES = [
     ((), LAST, f"if seen.at_dust.any(): turn = 0\n        {LAST}", r"Walk\.act .*, line LINE: `if seen.*jnp\.where"),
     ((), LAST, f"import numpy; turn = numpy.sin(turn)\n        {LAST}", r"Walk\.act .*, line LINE: .*jax\.numpy"),
     ((), "Command(turn, ", "Command(turn[:2], ", r"turn of its command \(got float32\[2\]\)"),
+    ((), '"turned": memory["turned"] + turn}', '"turned": memory["count"]}', r"its memory .*got int32\[12"),
+    ((), 'memory["turned"] < jnp.inf', 'memory["count"]', r"picks must return bool\[12\] as its result \(got int32"),
     ((), '"turned": "rad"', '"turn": "rad"', "recorded names 'turn', which its memory lacks"),
     (
         (),

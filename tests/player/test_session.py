@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -17,6 +18,7 @@ from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.utils.errors import UserError
 
@@ -191,6 +193,12 @@ def test_controls_have_the_ranges_that_settings_declare():
 def test_each_control_takes_its_own_value():
     for control in controls(SCENARIO):
         assert SCENARIO.set(control.name, control.value).get(control.name) == control.value
+
+
+def test_switches_of_a_genome_are_copied():
+    scenario = replace(SCENARIO, genome=replace(TYPE1, use_hop_count=not TYPE1.use_hop_count))
+    command = parse(["play", *shlex.split(Session(scenario).command())[2:-2]])
+    assert command.session().start.genome == scenario.genome
 
 
 def test_earlier_changes_of_a_setting_are_kept():
