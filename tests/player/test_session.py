@@ -18,7 +18,7 @@ from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import TYPE1
+from iswarm_mj.strategy.genome import PRESETS, TYPE1
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.utils.errors import UserError
 
@@ -193,6 +193,8 @@ def test_controls_have_the_ranges_that_settings_declare():
 def test_each_control_takes_its_own_value():
     for control in controls(SCENARIO):
         assert SCENARIO.set(control.name, control.value).get(control.name) == control.value
+    paper = Scenario(strategy=Beeclust()).set("strategy", "type2")
+    assert (paper.genome, paper.strategy) == (PRESETS["type2"], None)
 
 
 def test_switches_of_a_genome_are_copied():
