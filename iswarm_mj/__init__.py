@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from iswarm_mj.engines.planar.settings import PlanarSettings
     from iswarm_mj.envs.make import make_env
     from iswarm_mj.output.saved import load
-    from iswarm_mj.player.serve import play
+    from iswarm_mj.player.page import play
     from iswarm_mj.simulation.run import Run
     from iswarm_mj.simulation.settings import RunSettings
     from iswarm_mj.strategy.genome import PRESETS
@@ -48,7 +48,7 @@ _MODULES = {
     "config": ("READINGS", "SwarmConfig"),
     "envs.make": ("make_env",),
     "output.saved": ("load",),
-    "player.serve": ("play",),
+    "player.page": ("play",),
     "workflows.grasp": ("run_grasp",),
     "workflows.grasp_settings": ("GraspSettings",),
     "workflows.rollout": ("rollout",),

@@ -20,8 +20,9 @@ from playwright.sync_api import sync_playwright
 from iswarm_mj.commands.main import main as iswarm
 from iswarm_mj.output.saved import load
 from iswarm_mj.player.bench import Bench
+from iswarm_mj.player.film import Film
 from iswarm_mj.player.page import Page, close_server, open_server
-from iswarm_mj.player.replay import Film, swarm_film, write_replay
+from iswarm_mj.player.replay import swarm_film, write_replay
 from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.scene import STATE
 from iswarm_mj.player.session import Session
@@ -137,7 +138,7 @@ def swarm(name: str) -> None:
         words = shlex.split(card.command.replace(large.name, str(large)))
         iswarm([*words, "--engine", "planar", "--out", f"{place}/run"])
         run = load(f"{place}/run")
-        draw, _ = swarm_film(run, card.film)
+        draw, *_ = swarm_film(run, card.film)
         if name == next(iter(CARDS)):
             write_replay(run, Film(40, 100, title="280 robots clean the floor"), OUT / f"{name}.html")
     server = open_server(8400)

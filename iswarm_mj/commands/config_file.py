@@ -130,9 +130,8 @@ def _of_result(path: Path, content: Any, given: Collection[str]) -> dict[str, An
 
 def _named(path: Path, word: str, own: Mapping[str, Any], given: Collection[str]) -> dict[str, Any]:
     """Values of a strategy or a task, and the name under which a package offers it, unless another is given."""
-    from iswarm_mj.strategy.library import STRATEGIES, offered
+    from iswarm_mj.strategy.library import STRATEGIES, TASKS, offered
     from iswarm_mj.tasks.cleaning import CLEANING
-    from iswarm_mj.tasks.library import TASKS
 
     cls, values = own.get("class"), {name: value for name, value in own.items() if name != "class"}
     if word in given or (word == "task" and cls == type(CLEANING).__name__):

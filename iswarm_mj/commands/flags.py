@@ -102,7 +102,7 @@ def check_effects(command: Any) -> None:
     """
     given = set(changed(command))
     for full, _, owner, name in settings(command):
-        for need in needs_of(type(owner)).get(name, ()) if full in given else ():
+        for need in needs_of(type(owner), name) if full in given else ():
             group = full.removesuffix(name)
             owners = [getattr(config, group[:-1]) for config in command.configs] if group in _CONFIG else [owner]
             reasons = [need.unmet(one, group) for one in owners]

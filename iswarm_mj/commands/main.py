@@ -126,7 +126,7 @@ def _user_code(error: BaseException, command: Any) -> int | None:
             name = "the output, or the cache of compiled programs," if error.filename is None else str(error.filename)
             words, code = f"{name} cannot be read or written ({error.strerror or error}); choose another.", 2
         case MemoryError():
-            words, code = f"there is not enough memory ({error or 'none is left'}); use fewer worlds or robots.", 2
+            words, code = f"there is not enough memory ({str(error) or 'none is left'}); use fewer worlds or robots.", 2
         case _:
             return None
     text = printable(" ".join(words.splitlines()))

@@ -154,10 +154,10 @@ def _own(named: dict[str, list[str]]) -> dict[str, Any]:
             if not isinstance(one, Genome):
                 check_methods(one)
     if "task" in named:
-        from iswarm_mj.tasks.library import find_task
+        from iswarm_mj.strategy.library import TASKS, find
         from iswarm_mj.tasks.signatures import check_methods
 
-        found["own_task"] = find_task(named["task"][0])
+        found["own_task"] = find(TASKS, named["task"][0])
         check_methods(found["own_task"])
     return found
 

@@ -8,7 +8,6 @@ from typing import Annotated, Any, ClassVar
 
 from iswarm_mj.commands.flags import refuse
 from iswarm_mj.commands.swarm import WithTask
-from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.progress import waiting
 
@@ -39,17 +38,16 @@ class Play(WithTask):
         from iswarm_mj.player.scenario import Scenario
         from iswarm_mj.player.session import Session
 
-        is_genome = self.own is None or isinstance(self.own, Genome)
         scenario = Scenario(
             config,
             genome,
-            None if is_genome else self.own,
+            self.own,
             self.task,
             self.robots if self.density is None else n_robots,
             self.seed,
             self.engine_settings,
             self.robot_file,
-            None if is_genome else shlex.join(self.controller) if self.controller[1:] else self.controller[0],
+            shlex.join(self.controller) if self.controller[1:] else "".join(self.controller),
             self.task_name,
         )
         with waiting("placing the robots"):

@@ -6,11 +6,9 @@ from typing import Annotated, Literal
 
 import tyro
 
+from iswarm_mj.player.film import Film
 from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import printable
-
-MOST_REPLAYED = 200
-"""Control steps of a replay by default at most, some 2 MB for 280 robots."""
 
 
 @dataclass(frozen=True)
@@ -89,52 +87,32 @@ class Video(RenderOptions):
 
     def run(self) -> None:
         """Run the command."""
+        from iswarm_mj.output import video
         from iswarm_mj.output.stage import Shot
-        from iswarm_mj.output.video import Film, write_video
 
         shot = Shot(self.camera, (self.width, self.height), fine=False)
-        write_video(self.directory, self.out, Film(self.title, self.steps, self.frames_per_step, shot))
+        film = video.Film(self.title, self.steps, self.frames_per_step, shot)
+        video.write_video(self.directory, self.out, film)
         print(f"video of {self.directory}: {self.out}")
 
 
 @dataclass(frozen=True)
-class Replay:
+class Replay(Film):
     """Make one HTML file of a recorded run, which opens in any browser without a server."""
 
     directory: tyro.conf.Positional[Path] = Path("runs/clean")
     """The --out of a run of `iswarm clean` or `iswarm run`."""
-    first: Annotated[int, Within(0)] = 0
-    """Control step with which it begins."""
-    last: Annotated[int | None, Within(1)] = None
-    """Control step with which it ends; by default that of the run, at most 200 after the first."""
-    speed: Annotated[float, Within(0.1, 100, "1/s")] = 8.0
-    """Control steps a second."""
-    frames_per_step: Annotated[float, Within(0.001, 24)] = 2.0
-    """Pictures for each control step; more are smoother, and the file is larger; below 1 not all steps are shown."""
-    colour_by: str = "state"
-    """What colours the robots: state; or hops to, says or remembers, and a name, as "hops to dust"."""
-    draw: tuple[str, ...] = ("links",)
-    """Of links, trails and the names of vectors that robots remember."""
-    title: str = ""
-    """Text in the upper left corner."""
-    dark: bool = False
-    """Light on dark."""
     out: Path = Path("replay.html")
     """The file to write."""
 
     def __post_init__(self):
-        validate(self)
+        super().__post_init__()
         check("out", str(self.out), "a name ending in .html", self.out.suffix == ".html")
 
     def run(self) -> None:
         """Run the command."""
         from iswarm_mj.output.stage import recorded
-        from iswarm_mj.player.replay import Film, write_replay
+        from iswarm_mj.player.replay import write_replay
 
-        run = recorded(self.directory)
-        end = int(run.arrays["step"][-1])
-        last = min(end, self.first + MOST_REPLAYED) if self.last is None else self.last
-        each, draw = self.frames_per_step, self.draw
-        film = Film(self.first, last, self.speed, each, self.colour_by, draw, self.title, self.dark)
-        write_replay(run, film, self.out)
+        last = write_replay(recorded(self.directory), self, self.out)
         print(f"steps {self.first} to {last} of {self.directory}: {self.out}")

@@ -53,7 +53,7 @@ class Reproduce(ManyRunsOptions):
     """Rewrite the findings and the tables from existing results, without runs."""
     quick: bool = False
     """A trial of some minutes with few and short runs, away from the results and without tables in README and docs."""
-    again: bool = False
+    again: Annotated[bool, Needs("list", (False,))] = False
     """Make also what is there, from the beginning."""
     replicates: Annotated[Repeats, Needs("quick", (False,))] = 16
     """Of each search."""
@@ -74,7 +74,7 @@ class Reproduce(ManyRunsOptions):
         if self.tables:
             others = [name for name in changed(self) if name not in ("tables", "results", "pages")]
             refuse(self, others, "with `tables`, which makes no runs")
-        refuse(self, ["again", "pages"] if self.list else [], "with `list`")
+        refuse(self, ["pages"] if self.list else [], "with `list`")
         from iswarm_mj.experiments.report.reproduce import listing, parts_of, reproduce, rewrite
         from iswarm_mj.experiments.runner.experiment import Plan
 

@@ -20,9 +20,9 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.worlds import World, first_state, world_params
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.library import TASKS, find
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.tasks.library import find_task
 from iswarm_mj.tasks.signatures import usable_task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
@@ -112,7 +112,7 @@ def task_of(given: Any) -> Any:
         UserError: it is none.
     """
     if isinstance(given, str):
-        given = CLEANING if given == "cleaning" else find_task(given)
+        given = CLEANING if given == "cleaning" else find(TASKS, given)
         if isinstance(given, type):
             with user_code(given.__name__):
                 given = given()

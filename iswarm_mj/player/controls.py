@@ -11,10 +11,9 @@ from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.simulation.common import PER_WORLD_FIELDS
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.library import STRATEGIES, Offer
+from iswarm_mj.strategy.library import STRATEGIES, TASKS, Offer
 from iswarm_mj.strategy.pytrees import is_static_field
 from iswarm_mj.strategy.rules import Rules
-from iswarm_mj.tasks.library import TASKS
 from iswarm_mj.utils.constraints import choices, constraint_of
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.errors import ConfigError, UserError

@@ -9,12 +9,19 @@ from typing import Any
 
 import numpy as np
 
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.robot_file import as_robot_file
+from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.output import shapes
 from iswarm_mj.player import view as look
 from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.panel import GRIPPER, THEME, Panel
+from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.utils.robot import RobotFile
 
 HOST, PORT = "127.0.0.1", 8080
 """Where the page is; the first port from there on that is free."""
@@ -182,3 +189,43 @@ class Page:
         if way[2] < 0 and self._view.root.visible:
             x, y, _ = origin + (height / 2 - origin[2]) / way[2] * way
             self._panel.clicked(float(x), float(y), 0.8 * length)
+
+
+def play(
+    config: SwarmConfig | None = None,
+    *,
+    strategy: Any = None,
+    task: Any = None,
+    robots: int | None = None,
+    seed: int = 0,
+    engine: EngineSettings | None = None,
+    robot_file: RobotFile = None,
+    port: int = PORT,
+) -> Page:
+    """Show a swarm in the browser while it runs, and change it there; see docs/play.md.
+
+    In a notebook the returned object shows the page; a script calls its `wait`.
+
+    Args:
+        config: of the run.
+        strategy: a genome, or see `strategy.protocol.Strategy`; by default the paper's of type 1.
+        task: see `tasks.protocol.Task`; cleaning by default.
+        robots: their number; by default that of the genome.
+        seed: of all random numbers.
+        engine: `MujocoSettings()` by default.
+        robot_file: MJCF file of the robots, or of each kind (`RobotFile`), by default `models/robot.xml`.
+        port: where the page is, on this machine alone; the first one from there on that is free.
+
+    Raises:
+        UserError: settings that do not fit each other.
+    """
+    scenario = Scenario(
+        config or SwarmConfig(),
+        strategy=strategy,
+        task=CLEANING if task is None else task,
+        robots=robots,
+        seed=seed,
+        engine=engine or MujocoSettings(),
+        robot_file=as_robot_file(robot_file),
+    )
+    return Page(Session(scenario), port)

@@ -17,8 +17,7 @@ from iswarm_mj.player.inspection import described
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
 from iswarm_mj.player.widgets import AXIS, copied, show, spots, widget
-from iswarm_mj.strategy.library import STRATEGIES
-from iswarm_mj.tasks.library import TASKS
+from iswarm_mj.strategy.library import STRATEGIES, TASKS
 from iswarm_mj.utils.obstacles import Obstacle, distances, numbers
 from iswarm_mj.utils.units import RD
 

@@ -5,7 +5,7 @@ import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from iswarm_mj.output.memory import vectors
 from iswarm_mj.output.palette import Rgb
@@ -14,6 +14,7 @@ from iswarm_mj.output.schema import ARRAYS, Frames
 from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import AREA, METRIC
 from iswarm_mj.player import scene as arrays
+from iswarm_mj.player.film import Film
 from iswarm_mj.player.page import close_server, open_server
 from iswarm_mj.player.view import SwarmView, aim, light
 from iswarm_mj.player.widgets import spots
@@ -24,31 +25,14 @@ _LOADER, _RESET = "e.textContent=code", r'.replace(/[\w$]+\.useEnvironment\.set\
 """Where viser's HTML starts its client, and what removes one statement from it: viser 1.1 restores its bright default
 lights and environment map whenever a replay starts again (`resetScene` in FilePlayback.tsx)."""
 
+MOST_STEPS = 200
+"""Control steps of a replay by default at most, some 2 MB for 280 robots."""
 Draw = Callable[[Any], Iterator[float]]
 """Draws what changes on a server, and yields how long each picture is shown [s]."""
 
 
-class Film(NamedTuple):
-    """Which part of a run a replay shows, and how."""
-
-    first: int = 0
-    """Control step."""
-    last: int | None = None
-    """Control step; None for the last one."""
-    speed: float = 8.0
-    """Control steps a second."""
-    frames_per_step: float = 2.0
-    """Pictures for each control step; below 1 not all steps are shown."""
-    by: str = arrays.STATE
-    """What colours robots, see `scene.ways_to_colour`."""
-    draws: tuple[str, ...] = ("links",)
-    """Of links, trails and the names of vectors."""
-    title: str = ""
-    dark: bool = False
-
-
-def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]]]:
-    """Return what draws the first recorded world of a run, and its legend.
+def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]], int]:
+    """Return what draws the first recorded world of a run, its legend, and the last step that is shown.
 
     Raises:
         ConfigError: the run has no such steps, no such colours, or nothing of that name to draw.
@@ -56,18 +40,18 @@ def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]]]:
     scene, known = run.scene, {*ARRAYS, *run.scene.memory_names}
     frames = Frames.of({k: v for k, v in run.arrays.items() if k in known or k.startswith((AREA, METRIC))})
     end = int(frames.step[-1])
-    last = end if film.last is None else film.last
+    last = min(end, film.first + MOST_STEPS) if film.last is None else film.last
     check("last", last, f"a control step after the first one, up to {end}", film.first < last <= end)
     ways = arrays.ways_to_colour(scene, frames[:1])
-    check("colour_by", film.by, f"one of {', '.join(ways)}", film.by in ways)
+    check("colour_by", film.colour_by, f"one of {', '.join(ways)}", film.colour_by in ways)
     drawn = ("links", "trails", *(vector.stem for vector in vectors(scene.memory)))
-    for name in film.draws:
+    for name in film.draw:
         check("draw", name, f"some of {', '.join(drawn)}", name in drawn)
 
     def draw(server: Any) -> Iterator[float]:
         aim(server.initial_camera, scene)
         view = SwarmView(server.scene, scene)
-        view.by, view.shows, view.is_coarse = film.by, set(film.draws), True
+        view.by, view.shows, view.is_coarse = film.colour_by, set(film.draw), True
         each = film.frames_per_step
         for picture in range(round((last - film.first) * each) + 1):
             time = round(film.first + picture / each, 6)  # in control steps
@@ -76,7 +60,7 @@ def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]]]:
             view.show(shown, time - after + 1)
             yield 1 / (film.speed * each)
 
-    return draw, arrays.legend(scene, film.by, frames[film.first : last + 1].is_alive)
+    return draw, arrays.legend(scene, film.colour_by, frames[film.first : last + 1].is_alive), last
 
 
 def serialized(draw: Draw) -> Any:
@@ -107,13 +91,14 @@ body {{ background: {paper}; color: {ink}; font: 16px system-ui, sans-serif; }}
     return text.replace(_LOADER, _LOADER + _RESET, 1).replace("<body>", f"<body>{about}", 1)
 
 
-def write_replay(run: SavedRun, film: Film, out: Path) -> None:
-    """Write the replay of a run, whole or not at all.
+def write_replay(run: SavedRun, film: Film, out: Path) -> int:
+    """Write the replay of a run, whole or not at all; return its last step.
 
     Raises:
         UserError: the run has no such steps, or the file cannot be written.
     """
-    draw, legend = swarm_film(run, film)
+    draw, legend, last = swarm_film(run, film)
     text = page(draw, legend, film.title or f"{len(run.scene.is_alive)} robots, {run.path.name}", film.dark)
     with atomic_write(out) as part:
         part.write_text(text, encoding="utf-8")
+    return last

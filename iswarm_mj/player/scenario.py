@@ -18,12 +18,11 @@ from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome
-from iswarm_mj.strategy.library import STRATEGIES, Offer, find, find_teams, offered
+from iswarm_mj.strategy.library import STRATEGIES, TASKS, Offer, find, find_teams, offered
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
-from iswarm_mj.tasks.library import TASKS
 from iswarm_mj.utils.robot import RobotFile
 
 STEPS = 1_000_000
@@ -38,7 +37,7 @@ class Scenario:
     genome: Genome = TYPE1
     """Of the paper's strategy."""
     strategy: Any = None
-    """Another strategy; None for the paper's."""
+    """Another strategy; None for the paper's. A genome given here becomes `genome`."""
     task: Any = CLEANING
     robots: int | None = None
     """Their number; None: it follows from the genome's density."""
@@ -50,6 +49,11 @@ class Scenario:
     or its file."""
     task_name: str | None = None
     """As --task takes it, likewise."""
+
+    def __post_init__(self):
+        if isinstance(self.strategy, Genome):
+            for name, value in (("genome", self.strategy), ("strategy", None), ("strategy_name", None)):
+                object.__setattr__(self, name, value)
 
     @property
     def n_robots(self) -> int:
@@ -103,10 +107,7 @@ class Scenario:
         if name == "engine":
             return self if value == self.engine_name else replace(self, engine=find_engine(value).usual())
         if name == "strategy":
-            found = _made(STRATEGIES, value)
-            if isinstance(found, Genome):
-                return replace(self, genome=found, strategy=None, strategy_name=None)
-            return replace(self, strategy=found, strategy_name=value)
+            return replace(self, strategy=_made(STRATEGIES, value), strategy_name=value)
         if name == "task":
             return replace(self, task=_made(TASKS, value), task_name=value)
         before = replace(self, robots=None) if name == "density_of_robots" else self
@@ -181,12 +182,14 @@ def _name(offer: Offer, cls: type) -> str:
 
 def command_line(command: str, values: Mapping[str, Any]) -> str:
     """Return a command with these settings as flags."""
-    return shlex.join(["iswarm", command, *(word for name, value in values.items() for word in _flag(name, value))])
+    words = [word for name, value in values.items() for word in _flag(name, value, "strategy" in values)]
+    return shlex.join(["iswarm", command, *words])
 
 
-def _flag(name: str, value: Any) -> list[str]:
+def _flag(name: str, value: Any, is_named: bool) -> list[str]:
+    """The words that give a flag a value; a parameter of a genome that no --strategy names takes True or False."""
     group, dot, own = name.replace("_", "-").rpartition(".")
-    if isinstance(value, bool):
+    if isinstance(value, bool) and (name not in _names(TYPE1) or is_named):
         return [f"--{group}{dot}{'' if value else 'no-'}{own}"]
     if isinstance(value, tuple):
         inner = [part for one in value for part in (one if isinstance(one, tuple) else (one,))]

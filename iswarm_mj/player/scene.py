@@ -57,11 +57,6 @@ def moment(scene: Scene, before: Frames, after: Frames, share: float) -> Moment:
     )
 
 
-def links(scene: Scene, frames: Frames, centre: Float[np.ndarray, "N 3"]) -> tuple[np.ndarray, Bool[np.ndarray, "L"]]:
-    """Return the ends of links (L, 2, 3), and whether each message was heard."""
-    return shapes.link_ends(frames, centre[None]), frames.link_heard[frames.link_valid]
-
-
 def arrows(scene: Scene, frames: Frames, centre: Float[np.ndarray, "N 3"]) -> dict[str, Float[np.ndarray, "M 2 3"]]:
     """Return the ends of the arrows of what robots remember, by the names of the vectors."""
     found = {}

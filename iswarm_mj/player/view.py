@@ -171,7 +171,7 @@ class SwarmView:
         """Links and trails."""
         lines = {name: _FLAT for name in self._lines}
         if "links" in self.shows:
-            ends, heard = arrays.links(self.scene, past[-1], now.centre)
+            ends, heard = shapes.link_ends(past[-1], now.centre[None]), past[-1].link_heard[past[-1].link_valid]
             lines |= {"heard": ends[heard], "damaged": ends[~heard]}
         if "trails" in self.shows:
             lines["trails"] = arrays.trails(self.scene, past)

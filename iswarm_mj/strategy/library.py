@@ -41,6 +41,7 @@ class Offer(NamedTuple):
 
 
 STRATEGIES = Offer("strategy", "strategies", "act", "walk.py:Walk", "iswarm_mj.strategy.protocol")
+TASKS = Offer("task", "tasks", "lay_out", "gather.py:Gather", "iswarm_mj.tasks.protocol")
 
 
 def find_strategy(name: str) -> Any:

@@ -113,8 +113,8 @@ def validate(settings: Any, group: str = "") -> None:
         ConfigError: a field is out of range, not one of a `Literal`'s values, or of another type. Whole numbers do
             as floats, and None where the type allows it. Of a tuple each element is checked.
     """
-    for name, kind, constraint in _rules(type(settings)):
-        value = getattr(settings, name)
+    for name, (kind, _) in _declared(type(settings)).items():
+        value, constraint = getattr(settings, name), constraint_of(type(settings), name)
         full = f"{group}.{name}" if group else name
         if kind is bool:
             check(full, value, "true or false", isinstance(value, bool))
@@ -155,37 +155,34 @@ def spaced(text: str, most: int = 10_000) -> list[str]:
 
 def choices(cls: type, name: str) -> tuple[Any, ...]:
     """Values that a field of a dataclass may have whose type is a `Literal`; none for another type, or no field."""
-    kind = get_type_hints(cls).get(name)
+    kind, _ = _declared(cls).get(name, (None, ()))
     return get_args(kind) if get_origin(kind) is Literal else ()
 
 
 def per_world(cls: type) -> list[str]:
     """Names of the fields of a dataclass that are annotated `PER_WORLD`."""
-    hints = get_type_hints(cls, include_extras=True)
-    return [name for name, kind in hints.items() if PER_WORLD in getattr(kind, "__metadata__", ())]
+    return [name for name, (_, extras) in _declared(cls).items() if PER_WORLD in extras]
 
 
+@functools.cache
 def constraint_of(cls: type, name: str) -> Within | None:
     """Limits of a field of a dataclass, or of the elements of a tuple; None for a field without limits."""
-    found = next((constraint for known, _, constraint in _rules(cls) if known == name), None)
+    _, extras = _declared(cls).get(name, (None, ()))
+    found = next((one for one in extras if isinstance(one, Within)), None)
     return found if found is None or found.source is not None else replace(found, source=(cls, name))
 
 
-@functools.cache
-def needs_of(cls: type) -> dict[str, list[Needs]]:
-    """What the settings of a class need in order to have an effect, by their names."""
-    found = {name: getattr(kind, "__metadata__", ()) for name, kind in get_type_hints(cls, include_extras=True).items()}
-    return {name: [one for one in extras if isinstance(one, Needs)] for name, extras in found.items()}
+def needs_of(cls: type, name: str) -> list[Needs]:
+    """What a setting of a class needs in order to have an effect."""
+    _, extras = _declared(cls).get(name, (None, ()))
+    return [one for one in extras if isinstance(one, Needs)]
 
 
 @functools.cache
-def _rules(cls: type) -> list[tuple[str, Any, Within | None]]:
-    """Name, type without annotations, and constraint of each field."""
-    plain, annotated = get_type_hints(cls), get_type_hints(cls, include_extras=True)
-    return [
-        (name, kind, next((c for c in getattr(annotated[name], "__metadata__", ()) if isinstance(c, Within)), None))
-        for name, kind in plain.items()
-    ]
+def _declared(cls: type) -> dict[str, tuple[Any, tuple[Any, ...]]]:
+    """Type of each field without annotations, and these, by name."""
+    annotated = get_type_hints(cls, include_extras=True)
+    return {name: (kind, getattr(annotated[name], "__metadata__", ())) for name, kind in get_type_hints(cls).items()}
 
 
 def _text(number: float) -> str:

@@ -4,7 +4,7 @@ import ast
 import functools
 import inspect
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import pairwise
 
 
@@ -16,25 +16,14 @@ def field_docs(cls: type) -> Mapping[str, str]:
     """
     found: dict[str, str] = {}
     for base in reversed(cls.__mro__):
-        found |= _own_docs(base)
-    return found
-
-
-def _own_docs(cls: type) -> dict[str, str]:
-    try:
-        tree = ast.parse(textwrap.dedent(inspect.getsource(cls)))
-    except (OSError, TypeError, SyntaxError):
-        return {}
-    node = tree.body[0]
-    return docs_of(node.body) if isinstance(node, ast.ClassDef) and node.name == cls.__name__ else {}
-
-
-def docs_of(body: Sequence[ast.stmt]) -> dict[str, str]:
-    """Strings that follow assignments, by the names assigned to, each on one line."""
-    found = {}
-    for before, after in pairwise(body):
-        target = before.targets[0] if isinstance(before, ast.Assign) else getattr(before, "target", None)
-        text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else None
-        if isinstance(target, ast.Name) and isinstance(text, str):
-            found[target.id] = " ".join(text.split())
+        try:
+            node = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
+        except (OSError, TypeError, SyntaxError):
+            continue
+        body = node.body if isinstance(node, ast.ClassDef) and node.name == base.__name__ else []
+        for before, after in pairwise(body):
+            target = before.targets[0] if isinstance(before, ast.Assign) else getattr(before, "target", None)
+            text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else None
+            if isinstance(target, ast.Name) and isinstance(text, str):
+                found[target.id] = " ".join(text.split())
     return found

@@ -1,14 +1,10 @@
-"""Where the time of a run goes, and on what machine."""
+"""Where the time of a run goes."""
 
-import os
-import platform
 import time
 from array import array
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
-from typing import Any
 
 
 class Stopwatch:
@@ -25,17 +21,3 @@ class Stopwatch:
             yield
         finally:
             self.laps[stage].append(time.perf_counter() - start)
-
-
-def processor() -> str:
-    """Name of the processor, as reported by the system."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    except (OSError, StopIteration):
-        return platform.processor() or platform.machine()
-
-
-def hardware() -> dict[str, Any]:
-    """Processor, and how many of its cores may be used."""
-    return {"cores": len(os.sched_getaffinity(0)), "machine": processor()}

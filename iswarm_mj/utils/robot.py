@@ -99,17 +99,17 @@ class Robots:
     @property
     def circumradius(self) -> float:
         """Distance from the centre to the corners of the largest kind, seen from above [mm]."""
-        return max(kind.circumradius for kind in self.kinds)
+        return max(math.hypot(*kind.half_edges[:2]) for kind in self.kinds)
 
     @property
     def inradius(self) -> float:
         """Distance from the centre to the nearest side of the narrowest kind [mm]."""
-        return min(kind.inradius for kind in self.kinds)
+        return min(min(kind.half_edges[:2]) for kind in self.kinds)
 
     @property
     def ray_height(self) -> float:
         """Height of the centres above the floor, at which light travels [mm]."""
-        return self.kinds[0].ray_height
+        return self.kinds[0].half_edges[2]
 
     @property
     def optical_offset(self) -> float:
@@ -118,7 +118,11 @@ class Robots:
         Of sides that look along the normals of the hull it is the distance from their middle; otherwise, the distance
         from the robot's centre will do.
         """
-        return max(kind.optical_offset for kind in self.kinds)
+        normals = (*self.sides.leds, *self.sides.photodiodes)
+        sites = [site for kind in self.kinds for site in zip(normals, (*kind.leds, *kind.receivers), strict=True)]
+        if self.sides.is_regular:
+            return max(abs(normal[0] * y - normal[1] * x) for normal, (x, y) in sites)
+        return max(math.hypot(x, y) for _, (x, y) in sites)
 
     def kind_of(self, which: int | Int[np.ndarray, "N"]) -> Int[np.ndarray, "N"]:
         """Return the index in `kinds` of the first robots, so many, or of those of these numbers."""
@@ -173,21 +177,6 @@ class Robot(Robots):
         object.__setattr__(self, "kinds", (self,))
 
     @property
-    def circumradius(self) -> float:
-        """See `Robots.circumradius`."""
-        return math.hypot(self.half_edges[0], self.half_edges[1])
-
-    @property
-    def inradius(self) -> float:
-        """See `Robots.inradius`."""
-        return min(self.half_edges[:2])
-
-    @property
-    def ray_height(self) -> float:
-        """See `Robots.ray_height`."""
-        return self.half_edges[2]
-
-    @property
     def yaw_inertia(self) -> float:
         """Moment of inertia about the vertical axis through the centre of a homogeneous box, m (a^2 + b^2) / 3.
 
@@ -199,17 +188,6 @@ class Robot(Robots):
     def receivers(self) -> tuple[Point, ...]:
         """Where each side receives light: halfway between its photodiodes [mm]."""
         return tuple(((ax + bx) / 2, (ay + by) / 2) for (ax, ay), (bx, by) in self.photodiodes)
-
-    @property
-    def optical_offset(self) -> float:
-        """See `Robots.optical_offset`."""
-        sites = (
-            *zip(self.sides.leds, self.leds, strict=True),
-            *zip(self.sides.photodiodes, self.receivers, strict=True),
-        )
-        if self.sides.is_regular:
-            return max(abs(normal[0] * y - normal[1] * x) for normal, (x, y) in sites)
-        return max(math.hypot(x, y) for _, (x, y) in sites)
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,1 @@
-"""Whole jobs: a cleaning run, trials on the bench, benchmarks."""
+"""Whole jobs: a cleaning run, trials on the bench, rollouts."""

@@ -64,16 +64,7 @@ def test_same_seed_same_rows_among_any_trials_at_any_number_of_threads():
     assert len(works) == 2 and works.isdisjoint({draw(5, 20e-6, 10.0, repeat).work_tool_object for repeat in (0, 1)})
 
 
-@pytest.mark.usefixtures("tables_only")
-def test_a_ball_that_cannot_be_lifted(capfd):
-    flags = ["--radius", "20e-6", "--rh", 10, "--repeats", 1, "--protocol.grasp-limit", 10, "--out", "out"]
-    assert code_of("grasp", *FAST, *flags) == 0
-    rows = {row["experiment"]: row for row in from_path("out")}
-    assert set(rows) == {"grasp", "no_contact"} and rows["grasp"]["voltage"] is None
-    assert "1 of 1 not up to 10 V" in capfd.readouterr().out
-
-
-def test_results_of_an_earlier_run_are_replaced(here):
+def test_a_ball_that_cannot_be_lifted_replaces_results_of_an_earlier_run(here, capfd):
     (here / "out").mkdir()
     for name in ("grasp_voltage_humidity.png", "release_voltage_3um.svg", "trial-0001.rrd", "trial-notes.txt"):
         (here / "out" / name).write_text("old")
@@ -81,6 +72,9 @@ def test_results_of_an_earlier_run_are_replaced(here):
     assert code_of("grasp", *flags, "--out", "out") == 0
     names = {"trials", "grasp_voltage", "no_contact", "trial-notes", "result"}
     assert {path.stem for path in (here / "out").iterdir()} == names
+    rows = {row["experiment"]: row for row in from_path("out")}
+    assert set(rows) == {"grasp", "no_contact"} and rows["grasp"]["voltage"] is None
+    assert "1 of 1 not up to 10 V" in capfd.readouterr().out
 
 
 def test_results_that_cannot_be_written(here, capfd):

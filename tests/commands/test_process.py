@@ -5,38 +5,36 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import asdict
 
-import numpy as np
 import pytest
 from helpers_cli import ARENA_FLAGS, SMALL, code_of, result
-from helpers_rrd import read
 
 from iswarm_mj import __version__ as version
 from iswarm_mj.commands.main import parse
-from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
 
 
-class TestFaults:
-    def test_ends_with_code_1_and_readable_files(self, capfd, here, monkeypatch):
-        move, steps = MujocoEngine.move, iter(range(1, 99))
+@pytest.mark.parametrize(
+    ("error", "code", "says"),
+    [
+        (SimulationFault(step=8, world=0, robots=[5], kind=FaultKind.OUTSIDE), 1, "step 8, world 0: robot 5 left the "),
+        (UserError("`robots` is odd"), 2, "`robots` is odd\n"),
+        (MemoryError(), 2, "there is not enough memory (none is left); use fewer worlds or robots.\n"),
+        (OSError(28, "No space left on device"), 2, "the output, or the cache of compiled programs, cannot be read or"),
+        (PermissionError(13, "Permission denied", "runs/x"), 2, "runs/x cannot be read or written (Permission denied)"),
+        (BrokenPipeError(), 141, ""),  # the reader has ended, as in `iswarm inspect ... | head -1`
+    ],
+)
+def test_errors_of_a_command_are_exit_codes_and_sentences(monkeypatch, capfd, error, code, says):
+    def broken(self):
+        raise error
 
-        def faulty(self, bodies, phases, is_running):
-            if next(steps) == 8:
-                self._qpos[0, self._arena.qpos[[5, 6], 2]] = np.nan
-            return move(self, bodies, phases, is_running)
-
-        monkeypatch.setattr(MujocoEngine, "move", faulty)
-        assert code_of("clean", *SMALL, "--steps", 20, "--out", "out") == 1
-        error = capfd.readouterr().err.splitlines()[-1]  # after MuJoCo's own warnings
-        assert re.fullmatch(r"iswarm: step 8, world 0: the pose of robot 5 is not finite; [^\n]*", error)
-        assert sorted(path.name for path in (here / "out").iterdir()) == ["clean.rrd", "result.json", "trajectory.npz"]
-        with np.load("out/trajectory.npz") as file:
-            assert file["step"].tolist() == list(range(9)) and np.isfinite(file["pose"]).all()
-        assert read("out/clean.rrd")["/world/robots/body"]["step"] == list(range(9))
-        (fault,) = result("out")["faults"]
-        assert fault.startswith("step 8, world 0: the pose of robot 5 is not finite; ")
+    monkeypatch.setattr("iswarm_mj.commands.recorded.Inspect.run", broken)
+    monkeypatch.setattr("iswarm_mj.commands.main._discard_output", lambda: None)
+    assert code_of("inspect") == code
+    out, told = capfd.readouterr()
+    assert out == "" and told.count("\n") == bool(says) and told.startswith(f"iswarm: {says}" if says else "")
 
 
 def test_an_interruption_leaves_at_once():
@@ -64,17 +62,6 @@ class TestProcess:
         assert sorted(path.name for path in here.iterdir()) == ["out"]
         names = sorted(path.name for path in (here / "out").iterdir())
         assert names == ["clean.rrd", "result.json", "trajectory.npz"]
-
-
-def test_a_reader_that_has_ended_is_no_error(monkeypatch, capfd):
-    """As `iswarm inspect ... | head -1`."""
-
-    def broken(self):
-        raise BrokenPipeError
-
-    monkeypatch.setattr("iswarm_mj.commands.recorded.Inspect.run", broken)
-    monkeypatch.setattr("iswarm_mj.commands.main._discard_output", lambda: None)
-    assert code_of("inspect") == 141 and capfd.readouterr() == ("", "")
 
 
 class TestPlanarInBatches:
@@ -118,52 +105,26 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
         assert parse(["bench", "--engine", "mjx"]).engine_settings.impl == ("warp" if has_gpu else "jax")
 
 
-class TestClean:
-    def test_writes_results_and_prints_a_summary(self, small, capfd):
-        assert code_of("clean", *SMALL, "--steps", 30, "--seed", 3) == 0
-        out, _ = capfd.readouterr()
-        content = result()
-        assert content["config"] == json.loads(json.dumps(asdict(small)))
-        assert (content["seed"], content["n_robots"], content["steps"], content["stop_at"]) == (3, 30, 30, 24)
-        assert content["genome"] == asdict(PRESETS["type1"]) and content["engine"] == "mujoco"
-        for line in (
-            "robots  30 in 1 world(s), seed 3",
-            f"delivered  {content['delivered']} of 24 balls; picked up {content['picked']}",
-            f"collisions  {content['collisions']}",
-            f"fitness  {content['fitness']:.1f}",
-        ):
-            assert line in out
-        with np.load("runs/clean/trajectory.npz") as file:
-            assert file["delivered"][-1] == content["delivered"] and len(file["step"]) == 31
-
-    def test_stop_at(self):
-        assert code_of("clean", *SMALL, "--no-record", "--stop-at", 2, "--seed", 1) == 0
-        content = result()
-        assert 2 <= content["delivered"] < 24 and content["steps"] == content["finished_at"] < 800
-
-    def test_a_genome_file_and_single_parameters(self, here):
-        (here / "mine.json").write_text('{"p_vector_forget": 0.5, "fraction_scouts": 0.2}')
-        parameters = ["--genome=mine.json", "--fraction-scouts=0.4", "--use-hop-count=False"]
-        assert code_of("clean", *SMALL, *parameters, "--steps=2", "--no-record") == 0
-        expected = asdict(Genome(p_vector_forget=0.5, fraction_scouts=0.4, use_hop_count=False))
-        assert result()["genome"] == expected
-
-    def test_the_genome_tells_the_density(self):
-        for flags, n_robots in (([], 25), (["--genome", "type2"], 29), (["--density", "0.05"], 11)):
-            assert number_of_robots(*ARENA_FLAGS, *flags) == n_robots
+def test_clean_writes_results_and_prints_a_summary(capfd):
+    assert code_of("clean", *SMALL, "--stop-at", 2, "--seed", 1) == 0
+    out, content = capfd.readouterr().out, result()
+    assert 2 <= content["delivered"] < 24 and content["steps"] == content["finished_at"] < 800
+    for line in (
+        "robots  30 in 1 world(s), seed 1",
+        f"delivered  {content['delivered']} of 24 balls; picked up {content['picked']}",
+        f"collisions  {content['collisions']}",
+        f"fitness  {content['fitness']:.1f}",
+    ):
+        assert line in out
 
 
-def number_of_robots(*flags):
-    """Number of robots that a run would have, without the run."""
-    seen = []
-
-    def clean(run, *_):
-        seen.append(run.settings.n_robots)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("iswarm_mj.workflows.clean.clean", clean)
-        assert code_of("clean", *flags) == 0
-    return seen[0]
+def test_the_genome_is_a_file_with_single_parameters_and_tells_the_density(here):
+    (here / "mine.json").write_text('{"p_vector_forget": 0.5, "fraction_scouts": 0.2}')
+    parameters = ["--genome=mine.json", "--fraction-scouts=0.4", "--use-hop-count=False"]
+    genome = parse(["clean", *parameters]).checked()[1]
+    assert genome == Genome(p_vector_forget=0.5, fraction_scouts=0.4, use_hop_count=False)
+    for flags, n_robots in (([], 25), (["--genome", "type2"], 29), (["--density", "0.05"], 11)):
+        assert parse(["clean", *ARENA_FLAGS, *flags]).checked()[2] == n_robots
 
 
 def test_version(capfd):

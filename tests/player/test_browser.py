@@ -23,7 +23,8 @@ from iswarm_mj.commands.main import parse
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.saved import load
-from iswarm_mj.player.replay import Film, write_replay
+from iswarm_mj.player.film import Film
+from iswarm_mj.player.replay import write_replay
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.workflows.clean import clean

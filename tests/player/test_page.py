@@ -17,10 +17,12 @@ from iswarm_mj.config import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.saved import load
+from iswarm_mj.player import replay
 from iswarm_mj.player.bench import BenchSettings, outcome
+from iswarm_mj.player.film import Film
 from iswarm_mj.player.page import close_server, open_server
 from iswarm_mj.player.panel import BUILD, DROP, LIFE, REMOVE
-from iswarm_mj.player.replay import Film, write_replay
+from iswarm_mj.player.replay import swarm_film, write_replay
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.errors import UserError
@@ -138,7 +140,13 @@ def test_a_replay_is_one_file_with_the_run_in_it(run, tmp_path):
     assert min(np.abs(one - expected).max() for one in found) <= 1 / 128 + 1e-4
 
 
-@pytest.mark.parametrize("film", [Film(0, 99), Film(5, 5), Film(by="red"), Film(draws=("links", "foo"))])
+def test_the_last_step_of_a_replay_is_that_of_the_run_or_some_after_the_first(run, monkeypatch):
+    assert swarm_film(run, Film(2))[2] == 12
+    monkeypatch.setattr(replay, "MOST_STEPS", 3)
+    assert swarm_film(run, Film(2))[2] == 5
+
+
+@pytest.mark.parametrize("film", [Film(0, 99), Film(5, 5), Film(colour_by="red"), Film(draw=("links", "foo"))])
 def test_impossible_replays(run, film, tmp_path):
     with pytest.raises(UserError):
         write_replay(run, film, tmp_path / "page.html")

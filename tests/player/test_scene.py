@@ -10,7 +10,7 @@ from helpers_robots import two_kinds
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.palette import LOADED, rgb
-from iswarm_mj.output.shapes import TRAIL_FRAMES
+from iswarm_mj.output.shapes import TRAIL_FRAMES, link_ends
 from iswarm_mj.output.swarm_classes import BALL_CLASSES
 from iswarm_mj.player import scene as arrays
 from iswarm_mj.player.page import close_server, open_server
@@ -49,28 +49,27 @@ def test_robots_and_balls_are_where_the_engine_has_them(session):
     np.testing.assert_array_equal(shown.ball_colour, np.array(list(colours.values()))[expected])
 
 
-def test_balls_are_drawn_as_large_as_they_are(session):
+@pytest.fixture
+def server():
     server = open_server(9300)
-    try:
-        view = SwarmView(server.scene, session.scene)
-        np.testing.assert_allclose(view._balls.batched_scales, session.scene.ball_radius / 20e-6, rtol=0.2)
-        assert np.corrcoef(view._balls.batched_scales, session.scene.ball_radius)[0, 1] > 0.9999
-    finally:
-        close_server(server)
+    yield server
+    close_server(server)
 
 
-def test_between_two_steps_robots_are_between(session):
-    scene, before, after = last(session)
-    first, middle, end = (arrays.moment(scene, before, after, share) for share in (0.0, 0.25, 1.0))
-    np.testing.assert_allclose(middle.centre, 0.75 * first.centre + 0.25 * end.centre, atol=1e-4)
-    np.testing.assert_allclose(first.centre[:, :2], before.pose[0, :, :2] * 1e3, atol=1e-4)
+def test_balls_are_drawn_as_large_as_they_are(session, server):
+    view = SwarmView(server.scene, session.scene)
+    np.testing.assert_allclose(view._balls.batched_scales, session.scene.ball_radius / 20e-6, rtol=0.2)
+    assert np.corrcoef(view._balls.batched_scales, session.scene.ball_radius)[0, 1] > 0.9999
 
 
-def test_balls_are_carried_between_two_steps(session):
-    """Those that a robot holds before and after; a robot goes 1 mm at most."""
+def test_robots_and_the_balls_that_they_carry_are_between_two_steps(session):
+    """Balls that a robot holds before and after; a robot goes 1 mm at most."""
     n_moved = 0
     for one, other in itertools.pairwise(session.snapshots):
-        first, middle, end = (arrays.moment(session.scene, one.frames, other.frames, s).ball for s in (0.0, 0.25, 1.0))
+        shown = [arrays.moment(session.scene, one.frames, other.frames, share) for share in (0.0, 0.25, 1.0)]
+        centres, (first, middle, end) = [moment.centre for moment in shown], [moment.ball for moment in shown]
+        np.testing.assert_allclose(centres[1], 0.75 * centres[0] + 0.25 * centres[2], atol=1e-4)
+        np.testing.assert_allclose(centres[0][:, :2], one.frames.pose[0, :, :2] * 1e3, atol=1e-4)
         held = (one.frames.ball_state[0] == 1) & (other.frames.ball_state[0] == 1)
         np.testing.assert_allclose(middle[held], 0.75 * first[held] + 0.25 * end[held], atol=1e-4)
         n_moved += (np.linalg.norm(end[held] - first[held], axis=-1) > 0.2).sum()
@@ -80,8 +79,8 @@ def test_balls_are_carried_between_two_steps(session):
 def test_links_lead_from_receivers_to_senders_in_range(session):
     scene, before, after = last(session)
     centre = arrays.moment(scene, before, after, 1.0).centre
-    ends, heard = arrays.links(scene, after, centre)
-    assert len(ends) == after.link_valid.sum() == len(heard) and 0 < heard.sum() <= len(heard)
+    ends = link_ends(after, centre[None])
+    assert len(ends) == after.link_valid.sum() > 0
     for end in ends.reshape(-1, 3):
         assert np.isclose(centre, end).all(axis=1).any()
     assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max() < (3.5 + 1.2) * 2 * np.sqrt(2)
@@ -128,20 +127,16 @@ def test_trails_end_at_loaded_robots(session):
     np.testing.assert_array_equal(segments.reshape(-1, length, 2, 3)[:, -1, 1], ends)
 
 
-def test_hulls_are_drawn_with_their_sizes(tmp_path):
+def test_hulls_are_drawn_with_their_sizes(tmp_path, server):
     session = Session(Scenario(CONFIG, robots=6, engine=PlanarSettings(), robot_file=two_kinds(tmp_path, 6)))
     session.advance()
-    server = open_server(8300)
-    try:
-        view = SwarmView(server.scene, session.scene)
-        view.show([one.frames for one in session.snapshots], 1.0)
-        hull, front = view.nodes["robots"], view.nodes["fronts"]
-        for sizes in (hull.batched_scales, front.batched_scales):
-            drawn = np.ptp(hull.vertices, axis=0) * sizes
-            np.testing.assert_allclose(drawn[[1, 3]], [[2.0, 2.0, 1.0], [2.4, 1.6, 1.0]], atol=1e-6)
-        w, _, _, z = hull.batched_wxyzs[1]
-        yaw = session.snapshots[-1].frames.pose[0, 1, 2]
-        np.testing.assert_allclose([w * w - z * z, 2 * w * z], [np.cos(yaw), np.sin(yaw)], atol=1e-5)
-        assert front.vertices[:, 0].min() > 0.2 and front.vertices[:, 0].max() < 0.5  # ahead of the centre, on the hull
-    finally:
-        close_server(server)
+    view = SwarmView(server.scene, session.scene)
+    view.show([one.frames for one in session.snapshots], 1.0)
+    hull, front = view.nodes["robots"], view.nodes["fronts"]
+    for sizes in (hull.batched_scales, front.batched_scales):
+        drawn = np.ptp(hull.vertices, axis=0) * sizes
+        np.testing.assert_allclose(drawn[[1, 3]], [[2.0, 2.0, 1.0], [2.4, 1.6, 1.0]], atol=1e-6)
+    w, _, _, z = hull.batched_wxyzs[1]
+    yaw = session.snapshots[-1].frames.pose[0, 1, 2]
+    np.testing.assert_allclose([w * w - z * z, 2 * w * z], [np.cos(yaw), np.sin(yaw)], atol=1e-5)
+    assert front.vertices[:, 0].min() > 0.2 and front.vertices[:, 0].max() < 0.5  # ahead of the centre, on the hull

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -17,6 +18,7 @@ from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.genome import PRESETS, TYPE1
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.utils.errors import UserError
 
@@ -146,33 +148,27 @@ def test_a_ball_lies_where_it_was_dropped():
     assert distance.min() < 1e-4 and balls.is_lying[0, distance.argmin()]
 
 
-IMPOSSIBLE = [
-    ("kill", "99"),
-    ("kill", "x"),
-    ("ball", "99,0"),
-    ("ball", "a"),
-    ("nothing", "1"),
-    ("p_vector_forget", "2"),
-]
+IMPOSSIBLE = ["kill=20", "kill=x", "revive=-1", "ball=99,0", "ball=nan,0", "ball=3", "ball=a", "nothing=1", "robots=3"]
+IMPOSSIBLE += ["p_vector_forget=2", "use_hop_count=1"]
 
 
-@pytest.mark.parametrize(("what", "value"), IMPOSSIBLE)
-def test_impossible_changes_change_nothing(what, value):
-    session = steps(Session(SCENARIO), 1)
-    before = state(session.run)
+@pytest.fixture(scope="module")
+def begun():
+    """A session after a step."""
+    return steps(Session(SCENARIO), 1)
+
+
+@pytest.mark.parametrize("words", IMPOSSIBLE)
+def test_impossible_changes_begin_no_session_and_change_nothing_later(begun, words):
+    change = Change.parse(f"4:{words}")
     with pytest.raises(UserError):
-        session.change(what, value)
-    for a, b in zip(before, state(session.run), strict=True):
+        Session(SCENARIO, [change])
+    before = state(begun.run)
+    begun.post(lambda: begun.change(change.what, change.value))
+    begun.work()
+    assert begun.messages.get_nowait() and not begun.made
+    for a, b in zip(before, state(begun.run), strict=True):
         np.testing.assert_array_equal(a, b)
-    session.post(lambda: session.change(what, value))
-    session.work()
-    assert session.messages.get_nowait()
-
-
-@pytest.mark.parametrize("text", ["4:robots=3", "4:p_vector_forget=2", "4:nothing=1", "4:use_hop_count=1"])
-def test_impossible_changes_begin_no_session(text):
-    with pytest.raises(UserError):
-        Session(SCENARIO, [Change.parse(text)])
 
 
 @pytest.mark.parametrize("text", ["", "5", "x:kill=1", "5:kill", "-1:kill=2"])
@@ -197,6 +193,14 @@ def test_controls_have_the_ranges_that_settings_declare():
 def test_each_control_takes_its_own_value():
     for control in controls(SCENARIO):
         assert SCENARIO.set(control.name, control.value).get(control.name) == control.value
+    paper = Scenario(strategy=Beeclust()).set("strategy", "type2")
+    assert (paper.genome, paper.strategy) == (PRESETS["type2"], None)
+
+
+def test_switches_of_a_genome_are_copied():
+    scenario = replace(SCENARIO, genome=replace(TYPE1, use_hop_count=not TYPE1.use_hop_count))
+    command = parse(["play", *shlex.split(Session(scenario).command())[2:-2]])
+    assert command.session().start.genome == scenario.genome
 
 
 def test_earlier_changes_of_a_setting_are_kept():
@@ -207,17 +211,6 @@ def test_earlier_changes_of_a_setting_are_kept():
     assert [str(change) for change in session.made] == ["1:p_vector_forget=0.5", "2:p_vector_forget=0.6"]
 
 
-@pytest.mark.parametrize("text", ["1:kill=20", "3:revive=-1", "2:kill=x", "2:ball=3", "2:ball=99,0", "2:ball=nan,0"])
-def test_impossible_edits_are_refused_at_the_start(text):
-    with pytest.raises(UserError):
-        Session(SCENARIO, [Change.parse(text)])
-
-
 def test_balls_are_refused_where_a_task_has_none():
     with pytest.raises(UserError, match="Aggregation has no balls"):
         Session(Scenario(strategy=Beeclust(), task=Aggregation(), robots=4), [Change.parse("9:ball=0,0")])
-
-
-def test_the_robot_after_the_last_cannot_be_killed():
-    with pytest.raises(UserError):
-        steps(Session(SCENARIO), 1).change("kill", "20")

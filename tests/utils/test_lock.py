@@ -9,37 +9,21 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.lock import locked
 
 
-def holder(out):
-    """A process that holds the lock until its input ends."""
+def test_another_process_is_refused_until_the_first_is_killed(tmp_path):
+    out = tmp_path / "out"
     code = (
         "import sys; from pathlib import Path; from iswarm_mj.utils.lock import locked\n"
         f"with locked(Path({str(out)!r})): print('has it', flush=True); sys.stdin.read()"
     )
-    return subprocess.Popen([sys.executable, "-c", code], stdin=-1, stdout=-1, text=True)
-
-
-def test_another_process_is_refused_until_the_first_ends(tmp_path):
-    out = tmp_path / "out"
-    with holder(out) as process:
+    with subprocess.Popen([sys.executable, "-c", code], stdin=-1, stdout=-1, text=True) as process:
         assert process.stdout.readline() == "has it\n"
         said = r"out is in use by another process; wait for its end or choose another `out`$"
         with pytest.raises(UserError, match=said), locked(out):
             pass
-        process.stdin.close()
-        assert process.wait(timeout=600) == 0
-    assert list(out.iterdir()) == []
+        process.kill()
     with locked(out), pytest.raises(UserError, match="in use"), locked(out):
         pass
-
-
-def test_the_lock_goes_with_a_process_that_is_killed(tmp_path):
-    with holder(tmp_path) as process:
-        assert process.stdout.readline() == "has it\n"
-        process.kill()
-        process.wait(timeout=600)
-    with locked(tmp_path):
-        pass
-    assert list(tmp_path.iterdir()) == []
+    assert list(out.iterdir()) == []
 
 
 def test_many_at_once_are_never_two(tmp_path):

@@ -6,8 +6,8 @@ import subprocess
 import sys
 import time
 from contextlib import closing
-from pathlib import Path
 
+import psutil
 import pytest
 from joblib.externals.loky.process_executor import TerminatedWorkerError, _ExecutorManagerThread
 from joblib.externals.loky.reusable_executor import _ReusablePoolExecutor
@@ -53,18 +53,9 @@ def results(call, numbers, *how):
         return sorted(found)
 
 
-def children_of(parent):
-    """Process ids of the loky workers of a process."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*"):
-        try:
-            if b"popen_loky" in (path / "cmdline").read_bytes():
-                status = (path / "stat").read_text().rpartition(")")[2].split()
-                if int(status[1]) == parent and status[0] != "Z":
-                    found.append(int(path.name))
-        except OSError:
-            pass
-    return found
+def workers_of(parent):
+    """The loky workers of a process."""
+    return [child for child in psutil.Process(parent).children() if "popen_loky" in " ".join(child.cmdline())]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -147,7 +138,7 @@ def test_workers_end_with_their_parent(tmp_path, number):
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with subprocess.Popen([sys.executable, script], **pipes, text=True, start_new_session=True) as process:
         assert [process.stdout.readline() for _ in range(2)] == ["one more\n"] * 2
-        workers = children_of(process.pid)
+        workers = workers_of(process.pid)
         assert len(workers) == 2
         if number == signal.SIGINT:  # as a terminal does, to the workers too
             os.killpg(process.pid, number)
@@ -156,8 +147,7 @@ def test_workers_end_with_their_parent(tmp_path, number):
         else:
             process.kill()
             process.wait(timeout=LIMIT)
-    while any(Path(f"/proc/{worker}").exists() for worker in workers):
-        time.sleep(0.05)
+    assert psutil.wait_procs(workers, LIMIT)[1] == []
 
 
 def test_a_sentence_names_ray_where_it_is_missing(monkeypatch):

@@ -6,7 +6,7 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 from helpers_rrd import read
-from helpers_runs import engine_of, first_step, records, run_of, spoil
+from helpers_runs import first_step, records, run_of, spoil
 
 from iswarm_mj.output.schema import ARRAYS
 from iswarm_mj.output.trajectory import ABOUT, Scene
@@ -169,24 +169,3 @@ class TestFaults:
         assert recorded["step"] == list(range(self.STEP + 1))
         centres = np.array(recorded["Boxes3D:centers"])
         np.testing.assert_allclose(centres[..., :2], 1e3 * frames["pose"][..., :2], atol=1e-4)
-
-    def test_what_was_recorded_is_kept_whatever_happens(self, done, small, tmp_path, monkeypatch):
-        run = run_to(small)
-        step = iter(range(1, 100))
-
-        def interrupted(*arguments):
-            if next(step) == self.STEP:
-                raise KeyboardInterrupt
-            return sense(*arguments)
-
-        sense = engine_of(run).sense
-        monkeypatch.setattr(engine_of(run), "sense", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            clean(run, tmp_path)
-        assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.rrd", "result.json", "trajectory.npz"]
-        content = json.loads((tmp_path / "result.json").read_text())
-        assert content["interrupted"] and content["steps"] == self.STEP - 1 and content["collisions"] > 0
-        assert content.keys() - {"interrupted"} == done[1].keys()
-        assert read(tmp_path / "clean.rrd")["/world/robots/body"]["step"] == list(range(self.STEP))
-        with np.load(tmp_path / "trajectory.npz") as file:
-            np.testing.assert_array_equal(file["pose"], done[2]["pose"][: self.STEP])

@@ -165,20 +165,6 @@ def test_keys_are_parted_without_a_program():
 
 
 @pytest.mark.parametrize(
-    "methods, words",
-    [
-        ({"act": lambda s, m, seen, key: (m * 1.0, Command(m * 0.1, m * 0.1))}, r"its memory .*got float32\[2"),
-        ({"picks": lambda s, m: m}, r"picks must return bool\[2\] as its result \(got int32"),
-        ({"say": lambda s, m, is_loaded: m}, "has a method say, but no attribute payload; declare"),
-    ],
-)
-def test_what_methods_return_is_checked(methods, words):
-    cls = jax.tree_util.register_dataclass(dataclass(frozen=True)(type("Own", (Straight,), methods)))
-    with pytest.raises(UserError, match=words):
-        rollout(TINY, cls(jnp.float32(0.1)), KEYS, n_robots=2, steps=1)
-
-
-@pytest.mark.parametrize(
     "given, words",
     [
         ({"keys": KEYS.reshape(3, 1)}, r"was key<fry>\[3, 1\]"),

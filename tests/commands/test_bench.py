@@ -4,12 +4,12 @@ import json
 
 import pytest
 
+from iswarm_mj.commands.bench import bench
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.workflows.benchmark import bench
 
 N_ROBOTS, N_WORLDS, WARM_UP, STEPS = 30, 3, 2, 5
 
