@@ -74,7 +74,6 @@ class Reproduce(ManyRunsOptions):
         if self.tables:
             others = [name for name in changed(self) if name not in ("tables", "results", "pages")]
             refuse(self, others, "with `tables`, which makes no runs")
-        refuse(self, ["pages"] if self.list else [], "with `list`")
         from iswarm_mj.experiments.report.reproduce import listing, parts_of, reproduce, rewrite
         from iswarm_mj.experiments.runner.experiment import Plan
 

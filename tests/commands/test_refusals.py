@@ -90,7 +90,6 @@ IDLE = [
     ("reproduce --tables --engine planar", "--engine", "with --tables"),
     ("reproduce --tables --quick", "--quick", "with --tables"),
     ("reproduce --tables --out x", "--out", "with --tables"),
-    ("reproduce --list --pages README.md", "--pages", "with --list"),
     ("reproduce --list --again", "--again", "with --list"),
 ]
 

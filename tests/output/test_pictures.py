@@ -48,7 +48,7 @@ def directory(tmp_path_factory):
     )
 
 
-OBLIQUE, SIZE, FILM = [(120, 200), (320, 100)], 400, (320, 240)
+OBLIQUE, SIZE, FILM = [(120, 200), (320, 100)], 400, (640, 480)
 
 
 @pytest.fixture(scope="module")
