@@ -43,8 +43,36 @@ class TestEveryModel:
         assert (model.geom_solimp[:, 2] != 0.001).all()
         assert (model.jnt_solref != [0.02, 1]).any(axis=1).all()
 
+    def test_compiles_without_warnings(self, name, recwarn):
+        load(name)
+        assert [str(w.message) for w in recwarn] == []
+
 
 class TestRobot:
+    def test_has_the_names_of_the_contract(self):
+        model = load("robot.xml")
+        sides = [f"{part}{i}{s}" for i in range(4) for part, s in [("led", ""), *[("photodiode", k) for k in "ab"]]]
+        seen = ["substrate", "leg0", "leg1", "leg2", "chip", "solar_cell", "probe", *sides]
+        for body in ["robot", "visual", *seen]:
+            assert model.body(body).name == body
+        for site in ["probe_tip", *sides]:
+            assert model.site(site).bodyid == model.body("robot").id
+        for geom in ["hull", *seen]:
+            assert model.geom(geom).name == geom
+        assert [model.joint(i).name for i in range(model.njnt)] == ["x", "y", "yaw"]
+
+    def test_hull_alone_collides(self):
+        model = load("robot.xml")
+        colliding = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
+        np.testing.assert_array_equal(colliding, [model.geom("hull").id])
+        assert model.geom("hull").condim == 1 and model.geom("hull").group == 3
+        others = np.delete(np.arange(model.ngeom), colliding)
+        assert (model.geom_group[others] == 2).all()
+
+    def test_drive_has_a_time_constant_of_one_time_step_on_every_axis(self):
+        model = load("robot.xml")
+        np.testing.assert_allclose([10, 10, 20 / 3] / model.dof_damping, model.opt.timestep)
+
     def test_probe_is_26_um_wide_and_ends_at_its_tip(self):
         model, data = forwarded("robot.xml")
         probe, tip = model.geom("probe"), data.site("probe_tip").xpos
@@ -121,6 +149,12 @@ class TestArena:
         model = load("arena.xml")
         names = {model.geom(i).name for i in np.flatnonzero(model.geom_contype | model.geom_conaffinity)}
         assert names == {f"wall{k}" for k in range(4)}
+
+    def test_has_cameras_light_and_a_large_framebuffer(self):
+        model = load("arena.xml")
+        assert model.camera("above").name and model.camera("oblique").name
+        assert model.nlight == 1
+        assert min(model.vis.global_.offwidth, model.vis.global_.offheight) >= 1280
 
 
 def test_panels_of_a_small_arena_stand_behind_its_walls():

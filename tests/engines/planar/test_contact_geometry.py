@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 
 from iswarm_mj.engines.planar.contact_geometry import rectangle_contact, separation, wall_contact
 from iswarm_mj.engines.planar.near_pairs import near_pairs
@@ -77,6 +78,36 @@ def test_rectangles_touch_walls_where_mujoco_says(half_edges):
         np.testing.assert_allclose(twice_sorted((x, -0.2), points[:3], points[3:]), expected, atol=1e-7)
 
 
+def test_gaps_by_hand():
+    c = np.sqrt(0.5)
+    assert separation(2.5, 0.3, 1, 0, 1, 0, 1, 1, 1, 1) == (0.5, 0)
+    np.testing.assert_allclose(separation(0, 3, 1, 0, c, c, 1, 1, 1, 1)[0], 2 - np.sqrt(2))
+    assert separation(0.2, 1.9, 1, 0, 0, 1, 1, 1, 1, 1)[0] == pytest.approx(-0.1)
+
+
+def test_sides_that_meet_flat_touch_at_the_ends_of_their_overlap():
+    nx, ny, x1, y1, d1, x2, y2, d2 = rectangle_contact(1.9, 0.6, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0)
+    assert (nx, ny) == (1, 0)
+    np.testing.assert_allclose(sorted([(x1, y1, d1), (x2, y2, d2)]), [(0.95, -0.4, -0.1), (0.95, 1.0, -0.1)])
+
+
+@pytest.mark.parametrize(("n", "edge"), [(1, 20.0), (2, 5.0), (150, 20.0), (150, 400.0)])
+def test_near_pairs_are_all_pairs_within_the_radius(n, edge):
+    rng = np.random.default_rng(n)
+    poses, radius = np.column_stack([rng.uniform(-22, 22, (n, 2)), np.zeros(n)]), 4.0
+    pairs = near_pairs(poses, np.ones(n, bool), radius, edge)
+    first, second = np.triu_indices(n, 1)
+    near = pdist(poses[:, :2]) < radius if n > 1 else np.zeros(0, bool)
+    assert sorted(map(tuple, pairs.tolist())) == list(zip(first[near].tolist(), second[near].tolist(), strict=True))
+
+
 def test_near_pairs_of_a_heap_are_all_pairs():
     """Hundred robots at one point: more pairs than the first array has places for."""
     assert len(near_pairs(np.zeros((100, 3)), np.ones(100, bool), 4.0, 20.0)) == 100 * 99 // 2
+
+
+def test_near_pairs_leave_out_who_is_absent_or_not_finite():
+    poses = np.zeros((4, 3))
+    poses[3, 0] = np.nan
+    pairs = near_pairs(poses, np.array([True, False, True, True]), 4.0, 20.0)
+    assert pairs.tolist() == [[0, 2]]

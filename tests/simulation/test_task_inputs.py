@@ -1,0 +1,80 @@
+"""What a task sees of its run: the run's own configuration, wherever that differs from the default."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from helpers_mjx import ran
+
+from iswarm_mj import make_env
+from iswarm_mj.config import ArenaConfig, DriveConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.tasks.layout import place_robots
+from iswarm_mj.tasks.protocol import Quantity, only
+from iswarm_mj.utils.units import RD
+
+ARENA = ArenaConfig(
+    size=14, dump_size=3, dust_area_size=3, dust_area_offset=4.5, n_dust=20, obstacles=((4.0, 5.0, 1.0, 0.5, 30.0),)
+)
+CONFIG = SwarmConfig(ARENA, optics=OpticsConfig(error_in_communication=0.2), drive=DriveConfig(error_turn=3.0))
+EXPECTED = [14, 3, 4.5, 20, 5.0, 0.2, 3.0]
+CELLS, N, STEPS = 20, 8, 30
+
+
+def seen(config):
+    arena, noise = config.arena, (config.optics.error_in_communication, config.drive.error_turn)
+    places = [y for _, y, *_ in arena.obstacles]
+    return jnp.array([arena.size, arena.dump_size, arena.dust_area_offset, arena.n_dust, *places, *noise])
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Robots are to visit all cells of the arena; the reward is the sum of what the task sees."""
+
+    measured: ClassVar = {"cells": Quantity("visited"), **{f"seen_{k}": Quantity("a setting") for k in range(7)}}
+
+    def lay_out(self, config, n_robots, rng, shared, cell):
+        state = np.zeros((CELLS, CELLS), bool), np.asarray(seen(config))
+        return place_robots(config.arena, n_robots, rng, cell), state
+
+    def goal(self, config, n_robots):
+        return CELLS**2
+
+    def advance(self, state, inputs, key):
+        edge = inputs.config.arena.size * RD
+        row, column = jnp.floor((inputs.poses[:, :2] / edge + 0.5) * CELLS).astype(int).T
+        state = state[0].at[row, column].set(True), seen(inputs.config)
+        return state, only(len(row))
+
+    def progress(self, state):
+        return state[0].sum(dtype=jnp.int32)
+
+    def reward(self, before, after, inputs):
+        return jnp.full(len(inputs.poses), seen(inputs.config).sum())
+
+    def metrics(self, state):
+        return {"cells": state[0].sum(), **{f"seen_{k}": value for k, value in enumerate(state[1])}}
+
+
+ENGINE = PlanarSettings(1)
+
+
+def test_a_task_counts_in_the_arena_of_its_run():
+    run = Run(CONFIG, settings=RunSettings(N, STEPS, seed=2), engine=ENGINE, task=Coverage())
+    record = ran(run)
+    poses = np.concatenate([run.start.poses, record.poses[:-1]])[..., :2]
+    visited = {tuple(cell) for cell in np.floor((poses.reshape(-1, 2) / (14 * RD) + 0.5) * CELLS).astype(int)}
+    metrics = run.metrics()
+    assert len(visited) > 4 * N and metrics["cells"].tolist() == [len(visited)]
+    np.testing.assert_allclose([metrics[f"seen_{k}"][0] for k in range(7)], EXPECTED, rtol=1e-6)
+
+
+def test_rewards_are_of_the_configuration_of_the_environment():
+    env = make_env(Coverage(), n_robots=N, config=CONFIG, engine=ENGINE, n_starts=2, n_worlds=2)
+    state = env.reset(jax.random.split(jax.random.key(0), 2))
+    state = env.step(state, np.zeros((2, N, env.action_size)))
+    np.testing.assert_allclose(state.reward, sum(EXPECTED), rtol=1e-6)
