@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import tyro
 
-from iswarm_mj.commands.flags import changed, refuse, usual
+from iswarm_mj.commands.flags import changed, refuse, usual, without_effect
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.strategy.genome import load_genome
@@ -70,9 +70,7 @@ class Experiment(ManyRunsOptions):
                 else:
                     continue
                 if [entry.job for entry in made.entries(other)] == jobs:
-                    raise UserError(
-                        f"`{name}` has no effect in the experiment {made.name}, which has its own; leave it out"
-                    )
+                    raise without_effect(name, f"in the experiment {made.name}, which has its own")
 
     @property
     def configs(self) -> Sequence[SwarmConfig]:

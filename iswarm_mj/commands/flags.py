@@ -89,22 +89,35 @@ def refuse(command: Any, names: Iterable[str], why: str) -> None:
     """
     given = set(changed(command))
     if idle := [name for name in names if name in given]:
-        raise UserError(f"`{idle[0]}` has no effect {why}; leave it out")
+        raise without_effect(idle[0], why)
+
+
+def without_effect(name: str, why: str) -> UserError:
+    """Return the error of a setting that has no effect."""
+    return UserError(f"`{name}` has no effect {why}; leave it out")
 
 
 def check_effects(command: Any) -> None:
-    """Refuse settings that differ from their defaults, and lack what their annotations say that they need.
-
-    Those of a configuration lack it only if all `configs` of the command do.
+    """Refuse settings that have no effect, see `idle`.
 
     Raises:
         UserError: there is one.
     """
-    given = set(changed(command))
+    for name, why in idle(command).items():
+        raise without_effect(name, why)
+
+
+def idle(command: Any) -> dict[str, str]:
+    """Return why settings that differ from their defaults have no effect: they lack what their annotations name.
+
+    Those of a configuration lack it only if all `configs` of the command do.
+    """
+    given, found = set(changed(command)), {}
     for full, _, owner, name in settings(command):
         for need in needs_of(type(owner), name) if full in given else ():
             group = full.removesuffix(name)
             owners = [getattr(config, group[:-1]) for config in command.configs] if group in _CONFIG else [owner]
             reasons = [need.unmet(one, group) for one in owners]
             if all(reasons):
-                raise UserError(f"`{full}` has no effect {reasons[0]}; leave it out")
+                found.setdefault(full, reasons[0])
+    return found

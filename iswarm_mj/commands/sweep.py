@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from iswarm_mj.commands.clean import Clean, Run
-from iswarm_mj.commands.flags import check_effects, flag, in_flags, refuse, settings
+from iswarm_mj.commands.flags import changed, flag, idle, in_flags, refuse, settings, without_effect
 from iswarm_mj.commands.parser import parse
 from iswarm_mj.strategy.sources import sources
 from iswarm_mj.utils.constraints import check, spaced, validate
@@ -74,7 +74,9 @@ class Sweep:
         check("over", self.over, f"one or more of {_FORM}, each flag once", 0 < len(over) == len(self.over))
         n_runs = math.prod(map(len, over.values()))
         check("over", f"{n_runs} runs", f"values that make at most {MOST_RUNS} runs", n_runs <= MOST_RUNS)
-        labels, variants, idle = [_labels(values) for values in over.values()], [], []
+        labels, variants = [_labels(values) for values in over.values()], []
+        unused: dict[str, UserError] = {}
+        used: set[str] = set()
         for values, found in zip(product(*over.values()), product(*labels), strict=True):
             own = [word for name, value in zip(over, values, strict=True) for word in (flag(name), value)]
             command: Any = parse(self.command, _COMMANDS[self.command], [*self.given, *own])
@@ -84,13 +86,12 @@ class Sweep:
                 make = partial(command.run_of, *command.planned(()))  # refuses settings before any run
             except UserError as error:
                 raise _in_its_flags(error, command) from None
-            try:
-                check_effects(command)
-            except UserError as error:
-                idle.append(_in_its_flags(error, command))
+            own_idle = idle(command)
+            unused |= {name: _in_its_flags(without_effect(name, why), command) for name, why in own_idle.items()}
+            used |= {*changed(command)} - {*own_idle}
             variants.append(Variant(dict(zip(over, found, strict=True)), repr((self.command, given)), make))
-        if len(idle) == len(variants):
-            raise idle[0]
+        for error in (error for name, error in unused.items() if name not in used):  # by no run
+            raise error
         about = {"command": self.command, "arguments": self.given, "over": list(over)}
         rows = sweep(variants, self.out, about, self.again)
         lines = *summary(rows, list(over)), "", f"medians over worlds; all worlds in {self.out / 'sweep.csv'}"

@@ -1,5 +1,6 @@
 """What every engine can do: put robots somewhere, sense light, move."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
@@ -85,13 +86,13 @@ class FreeBodies(NamedTuple):
     """(B,) what an engine that begins with the slowest worlds counted in the latest phase of each."""
 
 
-class WithBoxes:
+class WithBoxes(ABC):
     """Part of engines whose bodies have `poses` (*B, N + M, 3), those of robots and then of boxes."""
 
     @property
+    @abstractmethod
     def n_boxes(self) -> int:
         """M."""
-        raise NotImplementedError
 
     def n_robots(self, bodies: Any) -> int:
         """Return N."""

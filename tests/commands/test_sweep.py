@@ -67,7 +67,9 @@ def test_finished_runs_are_kept_unless_a_file_or_what_it_imports_has_changed(her
 def test_a_setting_needs_an_effect_in_one_run_only(here, counted):
     command = ["sweep", "clean", *FLAGS, "--robots=5", "--optics.photodiode-splay=20", "--over"]
     assert code_of(*command, "optics.mode=sector,power") == 0 and len(counted) == 2
+    assert code_of(*command, "optics.mode=sector,power", "--optics.photodiode-aperture=80", "--again") == 0
     assert code_of(*command, "seed=1,2") == 2
+    assert code_of(*command[:-2], "--over", "optics.photodiode-splay=30,20") == 2  # the first is the default
 
 
 def test_metrics_of_a_task_are_columns(here):
