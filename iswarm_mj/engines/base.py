@@ -4,7 +4,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
-import jax
 from jaxtyping import Bool, Float, Int, Shaped
 
 from iswarm_mj.sensors.links import Links
@@ -137,7 +136,7 @@ def take_phases(
     """`Engine.move` by the steps of one phase after the other; a fault ends those of its world.
 
     Args:
-        bodies: a pytree of arrays, the first axes those of worlds; has `poses` and `is_present`.
+        bodies: a named tuple of arrays or None, the first axes those of worlds; has `poses` and `is_present`.
         phases: what the robots do.
         is_running: which worlds move.
         walls: see `utils.walls.half_planes` [mm].
@@ -164,11 +163,11 @@ def concluded(bodies: Any, moved: Any, touching: Array, fault: Array, is_running
     lost, robot = find_lost(moved.poses, bodies.is_present & is_running[..., None], walls)
     fault = xp.where(is_running, fault | lost, 0).astype(xp.int32)
     keeps = ~is_running | (fault != 0)
-
-    def kept(old: Array, new: Array) -> Array:
-        return xp.where(keeps[(..., *[None] * (new.ndim - keeps.ndim))], old, new)
-
-    return Motion(jax.tree.map(kept, bodies, moved), touching, fault, robot)
+    kept = (
+        None if new is None else xp.where(keeps[(..., *[None] * (new.ndim - keeps.ndim))], old, new)
+        for old, new in zip(bodies, moved, strict=True)
+    )
+    return Motion(type(bodies)(*kept), touching, fault, robot)
 
 
 @runtime_checkable

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -80,7 +79,8 @@ class PlanarEngine(WithBoxes):
         self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[FreeBodies, Array, Array]:
         """See `Take`."""
-        new, failure = jax.tree.map(np.copy, bodies), np.zeros(len(runs), np.int32)
+        changed = {name: np.copy(getattr(bodies, name)) for name in ("poses", "velocity", "overlap")}
+        new, failure = bodies._replace(**changed), np.zeros(len(runs), np.int32)
         arguments = n_substeps * self.plane.refinement, new, np.ascontiguousarray(targets, float), touching
         kinds = table_of(self.kinds, self.robot, self.n_robots(bodies))
         self._spread(take_steps, np.flatnonzero(runs), *arguments, failure, self._solids, kinds)
