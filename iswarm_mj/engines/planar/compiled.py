@@ -14,7 +14,7 @@ from iswarm_mj.utils import compiled as compilation
 compiled = numba.njit(nogil=True)
 """For functions that other compiled functions call."""
 
-uncounted = numba.njit(nogil=True, _nrt=False)
+uncounted: Any = numba.njit(nogil=True, _nrt=False)  # pyright: ignore[reportCallIssue]
 """For those that allocate nothing and return no arrays. Without this option of numba, which refuses others, each use of
 an array in a tuple counts its owners, and that takes most of the time of light."""
 
