@@ -12,8 +12,6 @@ from iswarm_mj.output.trajectory import (
     ABOUT,
     AREA,
     METRIC,
-    OTHER_RECORDING,
-    RECORDING,
     RESULT,
     SCENE,
     TRAJECTORY,
@@ -114,15 +112,3 @@ def read_about(path: Path, arrays: Arrays) -> dict[str, Any]:
     if about.ndim or about.dtype.kind not in "SU":
         raise UserError(f"{path} does not state its run, and no {RESULT} lies beside it; {REMEDY}.")
     return _of_a_run(path, from_json(about.item(), f"`{ABOUT}` in {path}", REMEDY))
-
-
-def no_trajectory(directory: Path) -> UserError:
-    """Return the error to raise for a run without a trajectory."""
-    recordings = [name for name in (RECORDING, OTHER_RECORDING) if (directory / name).exists()]
-    if not recordings:
-        return UserError(f"{directory} holds no {TRAJECTORY}, since no world was recorded; run it without --no-record.")
-    again = f"`iswarm {'clean' if RECORDING in recordings else 'run'} --config {directory / RESULT}`"
-    return UserError(
-        f"{directory} holds no {TRAJECTORY}, which is written at the end; the run is unfinished or was killed: wait "
-        f"for its end, or repeat it by {again}. What was recorded until then is in {directory / recordings[0]}."
-    )

@@ -10,14 +10,12 @@ from typing import Any
 import pyarrow as pa
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.engines.robot_file import as_robot_file
-from iswarm_mj.output.reading import REMEDY, no_trajectory, read_about, read_result, read_trajectory
-from iswarm_mj.output.tables import TABLES, table_of
+from iswarm_mj.output.reading import REMEDY, read_about, read_result, read_trajectory
+from iswarm_mj.output.tables import table_of
 from iswarm_mj.output.trajectory import RESULT, SCENE, TRAJECTORY, Arrays, Scene
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import RobotFile
@@ -36,26 +34,15 @@ class SavedRun:
 
     path: Path
     """Directory of the run."""
-    version: str
-    """Version of the package that wrote it."""
     config: SwarmConfig
     genome: Genome | None
-    """Parameters of the paper's strategy; None for another one, see `strategy`."""
-    strategy: dict[str, Any] | None
-    """Class and parameters of a strategy other than the paper's; None for the paper's."""
-    task: dict[str, Any]
-    """Class and settings of the task."""
+    """Parameters of the paper's strategy; None for another one, see `result`."""
     settings: RunSettings
     """Settings of the run; `record_worlds` are the recorded worlds found."""
-    engine: dict[str, Any]
-    """Name and main settings of the engine."""
-    measures: list[Measures]
-    """Measures of each world, of an interrupted run up to the interruption; empty without result.json, and for tasks
-    other than cleaning."""
-    metrics: list[dict[str, Any]]
-    """Metrics of the task in each world; None for unknown ones."""
     result: dict[str, Any]
-    """Everything in result.json: `steps`, `fitness`, `wall_s`, `faults` and others; empty if there is none."""
+    """Everything in result.json: measures such as `delivered`, of several worlds as lists, `metrics` of the task,
+    `steps`, `faults`, `version`, `engine`, `strategy` and others; without the file what the trajectory states of its
+    run."""
     scenes: dict[int, Scene]
     """Constants of each recorded world, by its number."""
     robot_file: RobotFile
@@ -71,12 +58,6 @@ class SavedRun:
         """
         self._check_recorded()
         return next(iter(self._arrays.values()))
-
-    @property
-    def units(self) -> dict[str, dict[str, str]]:
-        """Unit of each column of each table, empty for numbers without one."""
-        tables = {name: getattr(self, name) for name in TABLES}
-        return {name: {f.name: f.metadata[b"unit"].decode() for f in table.schema} for name, table in tables.items()}
 
     @property
     def scene(self) -> Scene:
@@ -124,7 +105,10 @@ class SavedRun:
 
     def _check_recorded(self) -> None:
         if not self._arrays:
-            raise no_trajectory(self.path.parent if self.path.name == RESULT else self.path)
+            raise UserError(
+                f"{self.path} is of a run without {TRAJECTORY}, which is written at the end, unless with --no-record; "
+                "wait for the end, or repeat the run."
+            )
 
 
 def load(path: str | Path) -> SavedRun:
@@ -151,25 +135,12 @@ def load(path: str | Path) -> SavedRun:
     source = files[0] if files else place / RESULT
     try:
         worlds = _by_number(read)
-        settings = RunSettings(**about["settings"], record_worlds=tuple(worlds))
-        n_worlds = settings.n_worlds
-        measures = {name: _by_world(about[name], n_worlds) for name in Measures._fields if name in about}
-        metrics = {name: _by_world(values, n_worlds) for name, values in (about.get("metrics") or {}).items()}
-        known = range(min(n_worlds, *map(len, [*measures.values(), *metrics.values(), range(n_worlds)])))
         return SavedRun(
             path=path,
-            version=about["version"],
             config=restored(SwarmConfig, about["config"]),
             genome=restored(Genome, about["genome"]) if "genome" in about else None,
-            strategy=about.get("strategy"),
-            task=about["task"],
-            settings=settings,
-            engine={name: about[name] for name in IDENTITY if name in about},
-            measures=[
-                Measures(**{name: of[k] for name, of in measures.items()}) for k in known if "picked" in measures
-            ],
-            metrics=[{name: values[k] for name, values in metrics.items()} for k in known],
-            result=about if "wall_s" in about else {},
+            settings=RunSettings(**about["settings"], record_worlds=tuple(worlds)),
+            result=about,
             robot_file=as_robot_file(about["robot"]["file"]),
             scenes={number: scene_of(arrays) for number, arrays in worlds.items()},
             _arrays=worlds,
@@ -194,11 +165,6 @@ def restored(cls: type[Any], values: Mapping[str, Any]) -> Any:
     """
     inner: dict[str, Any] = {f.name: f.default_factory for f in fields(cls) if is_dataclass(f.default_factory)}
     return cls(**{name: restored(inner[name], value) if name in inner else value for name, value in values.items()})
-
-
-def _by_world(values: Any, n_worlds: int) -> list[Any]:
-    """A measure of each world; one world states it by itself, and what an interrupted run does not know is None."""
-    return values if isinstance(values, list) else [values] * n_worlds
 
 
 def _by_number(read: Mapping[Path, Arrays]) -> dict[int, Arrays]:
