@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.flags import changed, refuse
-from iswarm_mj.gripper.bench.contacts import Contacts
+from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.utils.constraints import Needs, Within, check
 from iswarm_mj.workflows.grasp_settings import GraspSettings
 

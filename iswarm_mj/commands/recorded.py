@@ -53,8 +53,7 @@ class Picture(RenderOptions):
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.output.render import render
-        from iswarm_mj.output.stage import Shot
+        from iswarm_mj.output.stage import Shot, render
 
         shot = Shot(self.camera, (self.width, self.height))
         step = render(self.directory, self.step, shot, self.out)

@@ -23,8 +23,8 @@ from jaxtyping import Float
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper import contact, plugin
 from iswarm_mj.gripper.laws import spline
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
-from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.numbers import in_arrays
 from iswarm_mj.gripper.laws.probe_table import tables
 from iswarm_mj.gripper.native.attributes import ATTRIBUTES, ELECTROSTATIC, NUMBER

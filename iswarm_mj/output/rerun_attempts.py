@@ -12,8 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
-from iswarm_mj.gripper.bench.attempt_trace import trace_attempt
-from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
+from iswarm_mj.gripper.bench.tracing import Trace, thinned, trace_attempt
 from iswarm_mj.gripper.handling import Tried
 from iswarm_mj.output import rerun_trial as look
 from iswarm_mj.output.palette import GREEN, ORANGE, rgb

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from iswarm_mj import __version__
-from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
+from iswarm_mj.gripper.bench.tracing import Trace, thinned
 from iswarm_mj.output import rerun_format as views
 from iswarm_mj.output.palette import GREEN, GREY, ORANGE, PALE, PURPLE, SKY, WALL, YELLOW, rgb
 from iswarm_mj.output.rerun_format import RrdFile, columns_of, durations, send_properties, settings_document

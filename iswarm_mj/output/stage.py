@@ -1,4 +1,4 @@
-"""The arena of a recorded run before a camera, rendered off-screen by MuJoCo."""
+"""The arena of a recorded run before a camera, rendered off-screen by MuJoCo, and a picture of it."""
 
 import importlib
 import os
@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
+from PIL import Image
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
@@ -18,14 +19,17 @@ from iswarm_mj.output.palette import DUMP, DUST, FLOOR, rgb
 from iswarm_mj.output.saved import SavedRun, load, scene_of
 from iswarm_mj.output.shapes import floor
 from iswarm_mj.output.swarm_classes import robot_classes, shown_classes
-from iswarm_mj.output.trajectory import AREA, SCENE, Arrays, Scene
+from iswarm_mj.output.trajectory import AREA, SCENE, Arrays, Scene, areas_of
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import atomic_write, make_output_directory
 from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.units import MM, mm_from_m, mm_from_rd
 
 BALL_SCALE = 15.0
 """Magnification of the balls, since 20 um are invisible beside 139 mm."""
+STEP = 100
+"""The step that is shown by default."""
 
 
 class Shot(NamedTuple):
@@ -211,3 +215,31 @@ def _step_back(model: Any, data: Any, shot: Shot, half: float) -> None:
     wanted = sides * corners[:, :2] + limits * corners[:, 2:]
     gained = sides * (place @ axes)[:2] + limits * (place @ axes)[2]
     model.cam_pos[camera.id] = np.max(wanted / gained) * place
+
+
+def render(directory: Path, step: int | None, shot: Shot, out: Path) -> int:
+    """Render one frame of a run to a PNG; return its step.
+
+    Args:
+        directory: the `--out` of the run.
+        step: control step, from 0 for the start; None for step 100, or the last one of a shorter run.
+        shot: camera, size and quality.
+        out: the file to write.
+
+    Raises:
+        UserError: no such run, step or camera, or no off-screen OpenGL, or `out` is not writable.
+    """
+    check("out", str(out), "a name ending in .png", out.suffix in Image.registered_extensions())
+    run = recorded(directory)
+    frames = run.arrays
+    last = int(frames["step"][-1])
+    step = min(STEP, last) if step is None else step
+    check("step", step, f"a step of the run, 0 to {last}", 0 <= step <= last)
+    make_output_directory(out.parent, given=out)
+    with Stage(run.config, frames, shot, run.robot_file) as stage:
+        names = ("pose", "is_loaded", "ball_position", "box_pose")
+        pose, is_loaded, balls, boxes = (frames[name][step] for name in names)
+        pixels = stage.show(pose, is_loaded, balls, boxes, areas_of(frames, step))
+    with atomic_write(out) as part:
+        Image.fromarray(pixels).save(part)
+    return step

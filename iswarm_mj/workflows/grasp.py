@@ -16,6 +16,7 @@ from iswarm_mj.gripper.bench.force_curve import UNITS, force_curve
 from iswarm_mj.gripper.bench.run_trials import Outcomes, run_trials
 from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import (
     RELEASE_GAP,
     WORK_OBJECT_SUBSTRATE,
@@ -23,7 +24,6 @@ from iswarm_mj.gripper.laws.detachment import (
     grasp_voltage,
     release_voltage,
 )
-from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.melting import melts
 from iswarm_mj.output.results import write_result
 from iswarm_mj.output.trajectory import RESULT

@@ -5,9 +5,8 @@ from functools import cached_property
 from itertools import product
 from typing import Annotated, Any, NamedTuple
 
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Gaps, Protocol
-from iswarm_mj.gripper.bench.trial import Trial, draw
+from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.laws import detachment, materials
 from iswarm_mj.gripper.units import UM
 from iswarm_mj.utils.constraints import Within, check, spaced, validate
@@ -124,7 +123,7 @@ class GraspSettings:
         """What is not as in the experiments to which works, gap and spreads are fitted."""
         spans = (
             ("radius", self.radii, (15e-6, 25e-6), UM, "um"),  # of the paper's balls
-            ("rh", self.humidities, (5.0, 90.0), 1.0, "%"),  # for which the factor of `laws.humidity` is valid
+            ("rh", self.humidities, (5.0, 90.0), 1.0, "%"),  # for which the factor of `laws.adhesion` is valid
         )
         found = [
             f"{name} {min(values) / unit:g} to {max(values) / unit:g} {text}, not {low / unit:g} to {high / unit:g}"

@@ -6,8 +6,8 @@ import numpy as np
 from helpers_capacitance import capacitance
 from jaxtyping import Float
 
+from iswarm_mj.gripper.bench.tracing import Trace
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.laws.detachment import GRAVITY
 from iswarm_mj.gripper.laws.electrostatics import pick_force
 

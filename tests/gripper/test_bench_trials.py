@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Gaps, Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.run_trials import hang, release, run_trials, rung, staircase, touch
 from iswarm_mj.gripper.bench.script import is_lifted
 from iswarm_mj.gripper.bench.tracing import trace_trial
-from iswarm_mj.gripper.bench.trial import Trial, draw
+from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.laws.detachment import CONTACT_GAP, PROBE_RADIUS, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 
 IDEAL = Contacts(leak=0.0, restitution=0.0)

@@ -8,12 +8,11 @@ from helpers_capacitance import capacitance
 from helpers_energy import energy_balance
 
 from iswarm_mj.gripper import contact
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.bench.tracing import trace_of, trace_trial
-from iswarm_mj.gripper.bench.trial import Trial, draw
+from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage
 from iswarm_mj.gripper.laws.numbers import numbers_of
 

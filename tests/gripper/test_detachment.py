@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
+from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, humidity_factor
 from iswarm_mj.gripper.laws.detachment import (
     EQ3_CONSTANT,
     PRINTED_EQ3_CONSTANT,
@@ -28,7 +28,6 @@ from iswarm_mj.gripper.laws.detachment import (
     scattered_work,
 )
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force
-from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 
 RADII = np.linspace(15e-6, 25e-6, 21)

@@ -9,7 +9,7 @@ import pytest
 from helpers_cli import code_of, refused
 
 import iswarm_mj
-from iswarm_mj.gripper.bench.contacts import Contacts
+from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.laws import detachment, materials
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 from iswarm_mj.utils.errors import ConfigError

@@ -15,10 +15,9 @@ from PIL import Image
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
-from iswarm_mj.output.render import render
 from iswarm_mj.output.saved import load
 from iswarm_mj.output.shapes import floor
-from iswarm_mj.output.stage import Shot, Stage
+from iswarm_mj.output.stage import Shot, Stage, render
 from iswarm_mj.output.video import RATE, Film, write_video
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER, mm_from_rd
@@ -163,7 +162,7 @@ def test_what_a_run_does_not_have_is_refused(tmp_path, shot, step, out, says):
 
 
 def test_a_run_that_ended_early_is_shown_at_its_end(directory, tmp_path, monkeypatch):
-    monkeypatch.setattr("iswarm_mj.output.render.Stage", Blank)
+    monkeypatch.setattr("iswarm_mj.output.stage.Stage", Blank)
     assert render(directory, None, Shot(size=(64, 64)), tmp_path / "a.png") == 0
 
 
