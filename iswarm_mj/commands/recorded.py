@@ -90,8 +90,7 @@ class Video(RenderOptions):
         from iswarm_mj.output.stage import Shot
 
         shot = Shot(self.camera, (self.width, self.height), fine=False)
-        film = video.Film(self.title, self.steps, self.frames_per_step, shot)
-        video.write_video(self.directory, self.out, film)
+        video.write_video(self.directory, self.out, shot, self.frames_per_step, self.steps, self.title)
         print(f"video of {self.directory}: {self.out}")
 
 

@@ -12,25 +12,24 @@ from iswarm_mj.output import rerun_entities as shown
 from iswarm_mj.output import rerun_format as views
 from iswarm_mj.output.memory import numbers, vectors
 from iswarm_mj.output.rerun_entities import Block, entities
-from iswarm_mj.output.rerun_format import RrdFile, columns_of, index, send_properties, settings_document
+from iswarm_mj.output.rerun_format import RrdFile, columns_of, index, send_properties
 from iswarm_mj.output.schema import LINKS, ROBOTS, Frames
 from iswarm_mj.output.shapes import MILLIMETRES, TRAIL_FRAMES, centres
-from iswarm_mj.output.swarm_classes import groups
 from iswarm_mj.output.trajectory import METRIC, Scene
 
-CONFIG, KEY = "config", "legend"
-_LEGEND = {
-    "": "**Robots**: orange empty, green scout, blue loaded; darker: sends priority. A dot marks the front.",
-    "balls": "**Balls**: black on the floor, yellow held, purple delivered; drawn enlarged, above the robots.",
-    "links": "**Lines**: grey from a robot to the one it hears, pink if the message arrived damaged; "
-    "blue the trail of a loaded robot.",
-    "selected": "**Selected**: a robot shows its number, its message of 32 bits and what that says, its hop counts "
-    "(-1: no vector), its turn and its way; a line the numbers of receiver and sender, side, LED, and whether the "
-    "message was heard; a ball its number and its holder; an arrow or a trail the number of its robot.",
-    "floor": "**Floor**: yellow the dump, sand the dust.",
-    "units": "All lengths are in millimetres.",
-}
-"""Paragraphs of the legend."""
+KEY = "legend"
+LEGEND = """**Robots**: orange empty, green scout, blue loaded; darker: sends priority. Teams and kinds have a colour each,
+darker: loaded. A dot marks the front.
+
+**Balls**: black on the floor, yellow held, purple delivered; drawn enlarged, above the robots.
+
+**Lines**: grey from a robot to the one it hears, pink if the message arrived damaged; blue the trail of a loaded robot.
+
+**Selected**: a robot shows its number, its message of 32 bits and what that says, its hop counts (-1: no vector), its turn
+and its way; a line the numbers of receiver and sender, side, LED, and whether the message was heard; a ball its number and
+its holder; an arrow or a trail the number of its robot.
+
+**Floor**: yellow the dump, sand the dust. All lengths are in millimetres."""
 
 
 class Recording:
@@ -48,7 +47,7 @@ class Recording:
         Args:
             path: the file to write, by custom `*.rrd`; an existing one is replaced.
             scene: constants of the run.
-            config: shown as a table beside the arena, and stored as property `settings`; may be nested.
+            config: stored as property `settings`; may be nested.
             properties: everything else that identifies the run (seed, version, ...), stored as property `run` with the
                 number of the world.
 
@@ -67,10 +66,8 @@ class Recording:
         for entity, look, _ in self._entities:
             if look is not None:
                 self.stream.log(entity, look, static=True, strict=True)
-        key = rr.TextDocument(legend(scene), media_type=rr.MediaType.MARKDOWN)
+        key = rr.TextDocument(LEGEND, media_type=rr.MediaType.MARKDOWN)
         self.stream.log(KEY, key, static=True, strict=True)
-        document = settings_document(legend(scene), "Parameter", config)
-        self.stream.log(CONFIG, document, static=True, strict=True)
         self._file.flush()
 
     def close(self) -> None:
@@ -109,24 +106,13 @@ class Recording:
         self._before = np.concatenate([self._before, frames.pose])[-TRAIL_FRAMES:]
 
 
-def legend(scene: Scene) -> str:
-    """Return what colours and lines mean, as far as this scene has them."""
-    absent = {
-        "balls": not len(scene.ball_radius),
-        "floor": scene.dump[2] <= scene.dump[0] and not np.size(scene.dust_areas),
-    }
-    names = groups(scene)[1]
-    own = {"": f"**Robots** by group: {', '.join(names)}; darker: loaded. A dot marks the front."} if names else {}
-    return "\n\n".join(own.get(name, text) for name, text in _LEGEND.items() if not absent.get(name))
-
-
 def layout(scene: Scene) -> rrb.Blueprint:
     """Return the layout of the viewer."""
     return views.blueprint(content(scene))
 
 
 def content(scene: Scene) -> rrb.Horizontal:
-    """Return the arena on the left; time series and configuration above the legend on the right."""
+    """Return the arena on the left; time series above the legend on the right."""
     own = {  # time series with a plot of their own, whose names have units in round brackets
         entity: shown.label(column).replace("[", "(").replace("]", ")").capitalize()
         for entity, column in shown.SERIES.items()
@@ -143,12 +129,7 @@ def content(scene: Scene) -> rrb.Horizontal:
         name="Time series",
     )
     memory = [views.time_series(f"{shown.MEMORY}/{name}", name, None) for name in numbers(scene)]
-    tabs = rrb.Tabs(
-        plots,
-        *([rrb.Vertical(*memory, name="Memory of each robot")] if memory else []),
-        rrb.TextDocumentView(origin=CONFIG, name="Configuration"),
-        active_tab=0,
-    )
+    tabs = rrb.Tabs(plots, *([rrb.Vertical(*memory, name="Memory of each robot")] if memory else []), active_tab=0)
     key = rrb.TextDocumentView(origin=KEY, name="Legend")
     return rrb.Horizontal(_arena(scene), rrb.Vertical(tabs, key, row_shares=[2, 1]), column_shares=[2, 1])
 

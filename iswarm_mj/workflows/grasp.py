@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import product
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -151,16 +152,6 @@ def measures(rows: Sequence[TrialRow]) -> list[dict[str, Any]]:
     return found
 
 
-def pull_offs(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the pull-off of each retraction of force-distance curves: radius [m], voltage [V], force [N], gap [m]."""
-    least: dict[tuple[float, float], Mapping[str, Any]] = {}
-    for row in (row for row in rows if row["direction"] == "retract"):
-        key = row["radius"], row["voltage"]
-        least[key] = min(least.get(key, row), row, key=lambda r: r["total"])
-    names = {"radius": "radius", "voltage": "voltage", "pull_off": "total", "gap": "gap"}
-    return [{name: row[column] for name, column in names.items()} for row in least.values()]
-
-
 def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
     """Names and texts of the lines of a readable summary."""
     lines = [("trials", f"{settings.n_trials}, seed {settings.seed}")]
@@ -261,14 +252,19 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
 
     humidity = settings.humidities[0]
     rows: list[dict[str, Any]] = []
+    pull_offs = []
     metadata = {**settings.metadata(), "relative_humidity": humidity}
     with locked(out):
         for radius, voltage in product(settings.radii, voltages):
             trial = of_settings(settings, Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity))
-            rows += force_curve(trial, settings.protocol, voltage)
+            own = force_curve(trial, settings.protocol, voltage)
+            least = min((row for row in own if row["direction"] == "retract"), key=itemgetter("total"))
+            about = {"pull_off": least["total"], "gap": least["gap"]}
+            pull_offs.append({"radius": radius, "voltage": voltage, **about})
+            rows += own
         write_table(out / CURVES, rows, metadata, csv=True, units=UNITS)
         draw_force_curve(rows, metadata, out)
-        _write_result(settings, pull_offs(rows), out)
+        _write_result(settings, pull_offs, out)
     print(f"{len(settings.radii) * len(voltages)} force-distance curves at {humidity:g} % RH: {out / CURVES}")
     if settings.beyond_the_fit:
         print(f"     warning  beyond the fit, so that forces are predictions: {', '.join(settings.beyond_the_fit)}")
