@@ -30,8 +30,6 @@ class Curve(NamedTuple):
     """Between tool and ball, negative in contact [nm]."""
     force: np.ndarray
     """On the tool, negative if it is attracted [nN]."""
-    touches: np.ndarray
-    """Whether tool and ball are in contact."""
 
 
 def curves_of(rows: Rows) -> list[Curve]:
@@ -39,17 +37,15 @@ def curves_of(rows: Rows) -> list[Curve]:
     found: dict[tuple[float, float, str], list[Mapping[str, Any]]] = {}
     for row in rows:
         found.setdefault((row["voltage"], row["radius"], row["direction"]), []).append(row)
-    return [
-        Curve(*key, column(own, "gap") * _NM, column(own, "total") * NN, column(own, "gap") <= 0)
-        for key, own in sorted(found.items())
-    ]
+    return [Curve(*key, column(own, "gap") * _NM, column(own, "total") * NN) for key, own in sorted(found.items())]
 
 
 def snap_in(curve: Curve) -> tuple[float, float] | None:
     """Gap and force at the last sample before first touch on approach; None where they do not touch."""
-    if not curve.touches.any():
+    touches = curve.gap <= 0
+    if not touches.any():
         return None
-    place = max(int(np.argmax(curve.touches)) - 1, 0)
+    place = max(int(np.argmax(touches)) - 1, 0)
     return float(curve.gap[place]), float(curve.force[place])
 
 
