@@ -110,7 +110,7 @@ class EnvRecording:
             self._step += 1
             moved = mean_step(self._before.poses[0], record.poses[0], np.ones(record.poses.shape[1:3], bool))
             record = record._replace(step=np.array([[self._step]], np.int32), speed=moved[None] / env.dt)
-            self._file.append(self._recorded.frames([record], self._before))
+            self._file.append(self._recorded.frames([record]))
         self._before = record
 
     def close(self) -> None:

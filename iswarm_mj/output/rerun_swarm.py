@@ -26,8 +26,8 @@ each, darker: loaded. A dot marks the front.
 **Lines**: grey from a robot to the one it hears, pink if the message arrived damaged; blue the trail of a loaded robot.
 
 **Selected**: a robot shows its number, its message of 32 bits and what that says, its hop counts (-1: no vector), its
-turn and its way; a line the numbers of receiver and sender, side, LED, and whether the message was heard; a ball its number
-and its holder; an arrow or a trail the number of its robot.
+turn and its way; a line the numbers of receiver and sender, side, LED, and whether the message was heard; a ball its
+number and its holder; an arrow or a trail the number of its robot.
 
 **Floor**: yellow the dump, sand the dust. All lengths are in millimetres."""
 

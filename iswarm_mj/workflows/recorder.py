@@ -114,7 +114,6 @@ class Recorder:
         self._about = results.about(run)
         self._is_saved = False
         self._records: list[StepRecord] = [run.start]
-        self._before: StepRecord | None = None
         self._block, self._n_written = BLOCK, 0
         self._frames = None if trajectory is None else FrameStore(trajectory)
         metadata = {**run.rules, "run": asdict(run.settings), **asdict(run.config)}
@@ -168,7 +167,7 @@ class Recorder:
     def _write(self) -> None:
         records, self._records = self._records, []
         if records:
-            block, self._before = self._world.frames(records, self._before), records[-1]
+            block = self._world.frames(records)
             self._recording.append(block)
             self._n_written += len(block)
             n_bytes = sum(array.nbytes for array in block.arrays().values())
