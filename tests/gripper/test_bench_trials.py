@@ -134,11 +134,3 @@ def test_a_ball_is_carried_aside_unless_it_rolls_off(rolling, arrives):
     assert still.landed[0] and still.off_target[0] < 1e-9
     assert (outcome.landed[0] and outcome.off_target[0] < 0.5e-6) == arrives
     assert not arrives or outcome.voltage == pytest.approx(still.voltage, abs=0.05)
-
-
-def test_the_tool_moves_aside_and_stays_there():
-    bench = MujocoBench([draw(0, 20e-6, 10.0, 0)._replace(misalignment=1e-6)], 5e-6, 1)
-    assert bench.off_axis() == pytest.approx([-1e-6], abs=1e-9)
-    bench.move("aside", 0.2e-3, 5e-6, 0.0, aside=3e-6)
-    bench.move("still", 0.2e-3, 5e-6, 0.0)
-    assert bench.off_axis() == pytest.approx([-4e-6], abs=1e-9)

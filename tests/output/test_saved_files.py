@@ -12,7 +12,6 @@ from helpers_runs import run_of
 import iswarm_mj
 from iswarm_mj.config import READINGS, OpticsConfig, SwarmConfig
 from iswarm_mj.output.saved import restored
-from iswarm_mj.output.schema import dtype_of
 from iswarm_mj.output.stage import recorded
 from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
@@ -148,8 +147,3 @@ def test_a_run_without_a_trajectory(tmp_path):
 def test_configurations_come_back(config):
     assert restored(SwarmConfig, json.loads(json.dumps(asdict(config)))).optics == config.optics
     assert restored(SwarmConfig, asdict(config)) == config
-
-
-def test_senders_beyond_the_numbers_of_sixteen_bits_are_kept():
-    """A world may have 200,000 robots."""
-    assert all(np.iinfo(dtype_of(name)).max > 200_000 for name in ("link_sender", "ball_holder"))
