@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float, UInt8
 from PIL import Image
 
 from iswarm_mj.config import SwarmConfig
@@ -19,7 +19,7 @@ from iswarm_mj.output.palette import DUMP, DUST, FLOOR, rgb
 from iswarm_mj.output.saved import SavedRun, load, scene_of
 from iswarm_mj.output.shapes import floor
 from iswarm_mj.output.swarm_classes import robot_classes, shown_classes
-from iswarm_mj.output.trajectory import AREA, SCENE, Arrays, Scene, areas_of
+from iswarm_mj.output.trajectory import AREA, SCENE, Arrays, Scene
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
@@ -133,25 +133,17 @@ class Stage:
         """Release OpenGL."""
         self._renderer.close()
 
-    def show(
-        self,
-        pose: Float[np.ndarray, "N 3"],
-        is_loaded: Bool[np.ndarray, "N"],
-        balls: Float[np.ndarray, "K 3"],
-        boxes: Float[np.ndarray, "M 3"],
-        areas: Arrays | None = None,
-    ) -> UInt8[np.ndarray, "height width 3"]:
-        """Pixels of robots, balls, boxes and areas of the task.
+    def show(self, frames: Arrays, step: int, part: float = 0.0) -> UInt8[np.ndarray, "height width 3"]:
+        """Pixels of robots, balls, boxes and areas of the task after a control step.
 
         Args:
-            pose: x [m], y [m], yaw [rad].
-            is_loaded: whether each robot carries a ball.
-            balls: their centres [m].
-            boxes: as the robots.
-            areas: of the task after the step, see `trajectory.areas_of`; those that it lacks are not drawn.
+            frames: arrays of a trajectory.
+            step: the step.
+            part: of the next step, in which bodies move straight.
         """
-        model, data = self._arena.model, self._data
-        bodies = np.concatenate([pose, boxes]).astype(float)
+        model, data, is_loaded = self._arena.model, self._data, frames["is_loaded"][step]
+        pose, boxes, balls = (_interpolated(frames[n], step, part) for n in ("pose", "box_pose", "ball_position"))
+        bodies = np.concatenate([pose, boxes])
         data.qpos[self._arena.qpos] = np.column_stack([mm_from_m(bodies[:, :2]), bodies[:, 2]])
         data.mocap_pos[self._arena.mocap] = mm_from_m(balls)
         loaded_too = self._scene._replace(ball_radius=np.zeros(1))  # robots may be loaded where there are no balls
@@ -165,11 +157,17 @@ class Stage:
         scene = self._renderer.scene
         for is_disc, colour, name in self._areas:
             kind = mujoco.mjtGeom.mjGEOM_CYLINDER if is_disc else mujoco.mjtGeom.mjGEOM_BOX
-            for x, y, half in mm_from_m(np.asarray((areas or {}).get(name, ()), float).reshape(-1, 3)):
+            for x, y, half in mm_from_m(frames[name][step].astype(float)):
                 size = [half, _FLAT, 0.0] if is_disc else [half, half, _FLAT]
                 mujoco.mjv_initGeom(scene.geoms[scene.ngeom], kind, size, [x, y, -_FLAT], np.eye(3).ravel(), colour)
                 scene.ngeom += 1
         return self._renderer.render()
+
+
+def _interpolated(values: Float[np.ndarray, "T *shape"], step: int, part: float) -> Float[np.ndarray, "*shape"]:
+    """Values at a part of the way from a step to the next."""
+    here = values[step].astype(float)
+    return here + part * (values[step + 1] - here) if part else here
 
 
 def _lay_floor(scene: Scene, spec: mujoco.MjSpec) -> None:
@@ -237,9 +235,7 @@ def render(directory: Path, step: int | None, shot: Shot, out: Path) -> int:
     check("step", step, f"a step of the run, 0 to {last}", 0 <= step <= last)
     make_output_directory(out.parent, given=out)
     with Stage(run.config, frames, shot, run.robot_file) as stage:
-        names = ("pose", "is_loaded", "ball_position", "box_pose")
-        pose, is_loaded, balls, boxes = (frames[name][step] for name in names)
-        pixels = stage.show(pose, is_loaded, balls, boxes, areas_of(frames, step))
+        pixels = stage.show(frames, step)
     with atomic_write(out) as part:
         Image.fromarray(pixels).save(part)
     return step

@@ -9,11 +9,10 @@ from tempfile import TemporaryFile
 
 import imageio_ffmpeg
 import numpy as np
-from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
 from iswarm_mj.output.stage import Shot, Stage, recorded
-from iswarm_mj.output.trajectory import METRIC, Arrays, areas_of
+from iswarm_mj.output.trajectory import METRIC, Arrays
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 from iswarm_mj.utils.progress import Progress
@@ -86,21 +85,10 @@ def _pictures(
     metrics = frames["scene_metric_names"].tolist()
     for number in range(last * frames_per_step + 1):
         step, part = divmod(number, frames_per_step)
-        moving = frames["pose"], frames["ball_position"], frames["box_pose"]
-        pose, balls, boxes = (interpolated(values, step, part / frames_per_step) for values in moving)
-        delivered = f"{frames['delivered'][step]} of {balls.shape[0]} balls delivered"
+        delivered = f"{frames['delivered'][step]} of {frames['ball_state'].shape[1]} balls delivered"
         counts = [f"{name} {frames[METRIC + name][step]:.3g}" for name in metrics] or [delivered]
-        yield _captioned(
-            stage.show(pose, frames["is_loaded"][step], balls, boxes, areas_of(frames, step)),
-            [title, f"step {step}", *counts],
-        )
+        yield _captioned(stage.show(frames, step, part / frames_per_step), [title, f"step {step}", *counts])
         bar.update()
-
-
-def interpolated(values: Float[np.ndarray, "T *shape"], step: int, part: float) -> Float[np.ndarray, "*shape"]:
-    """Values at a fraction of the way from a step to the next, interpolated linearly."""
-    here = values[step].astype(float)
-    return here + part * (values[step + 1] - here) if part else here
 
 
 def _captioned(pixels: np.ndarray, lines: list[str]) -> np.ndarray:
