@@ -251,19 +251,18 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
     from iswarm_mj.output.plot_force_curve import draw_force_curve
 
     humidity = settings.humidities[0]
-    rows: list[dict[str, Any]] = []
-    pull_offs = []
+    curves, pull_offs = [], []
     metadata = {**settings.metadata(), "relative_humidity": humidity}
     with locked(out):
         for radius, voltage in product(settings.radii, voltages):
             trial = of_settings(settings, Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity))
-            own = force_curve(trial, settings.protocol, voltage)
-            least = min((row for row in own if row["direction"] == "retract"), key=itemgetter("total"))
+            curves.append(force_curve(trial, settings.protocol, voltage))
+            least = min((row for row in curves[-1] if row["direction"] == "retract"), key=itemgetter("total"))
             about = {"pull_off": least["total"], "gap": least["gap"]}
             pull_offs.append({"radius": radius, "voltage": voltage, **about})
-            rows += own
+        rows = [row for curve in curves for row in curve]
         write_table(out / CURVES, rows, metadata, csv=True, units=UNITS)
-        draw_force_curve(rows, metadata, out)
+        draw_force_curve(curves, metadata, out)
         _write_result(settings, pull_offs, out)
     print(f"{len(settings.radii) * len(voltages)} force-distance curves at {humidity:g} % RH: {out / CURVES}")
     if settings.beyond_the_fit:
