@@ -12,17 +12,14 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.engines.robot_file import as_robot_file, read_robot, read_robots
+from iswarm_mj.engines.robot_file import as_robot_file, read_robots
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.initial import Start, start_with
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
-from iswarm_mj.strategy.rules import rules_of
-from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
@@ -164,12 +161,6 @@ def rollout(
         faults=run.faults,
         metrics=run.metrics(),
     )
-
-
-def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> VectorStrategy:
-    """Return the paper's strategy for worlds of N robots, of which the genome's share are scouts."""
-    rules, n_scouts = rules_of(genome, config.strategy), jnp.asarray(round(genome.fraction_scouts * n_robots))
-    return VectorStrategy(rules, n_scouts, common(config).config, read_robot())
 
 
 def _check_keys(keys: jax.Array) -> None:

@@ -14,7 +14,7 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import draw_radii, place_robots
 from iswarm_mj.utils.errors import FaultKind, UserError
-from iswarm_mj.workflows.rollout import Rollout, paper_strategy, rollout
+from iswarm_mj.workflows.rollout import Rollout, rollout
 
 KEYS = jax.random.split(jax.random.key(8), 3)
 N_FEW = 5
@@ -113,7 +113,7 @@ def test_a_command_that_is_no_number_ends_its_world_alone(straight_on):
 
 def papers(keys, **own):
     settings = {"n_robots": N, "steps": 60, "every": 25, "stop_at": 6, "poses_of": (2, 0), "engine": PlanarSettings(1)}
-    return rollout(TINY, paper_strategy(TINY, PRESETS["type1"], N), keys, **settings | own)
+    return rollout(TINY, PRESETS["type1"], keys, **settings | own)
 
 
 @pytest.fixture(scope="module")
