@@ -4,11 +4,9 @@ from functools import cache
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
-from iswarm_mj.gripper.bench.tracing import trace_of
-from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.bench.trial_trace import Trace
+from iswarm_mj.gripper.bench.tracing import Trace, trace_of
+from iswarm_mj.gripper.bench.trial import Contacts, Trial
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 
 SCRIPT = (

@@ -45,14 +45,14 @@ def test_an_example_runs(name, tmp_path, monkeypatch):
     size = ["--robots=16", "--steps=40", "--seed=1"]
     assert code_of("run", *ARGUMENTS[name], *size, "--engine=planar") == 0
     saved = iswarm_mj.load("runs/task")
-    assert saved.result["steps"] == 40 and (name != "door" or saved.metrics[0]["through"] == 0.0)
+    assert saved.result["steps"] == 40 and (name != "door" or saved.result["metrics"]["through"] == 0.0)
 
 
 def test_tables_say_when_robots_failed_and_that_they_are_silent_then(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert code_of("run", *FAILURES, "--robots=16", "--steps=25", "--engine=planar") == 0
     saved = iswarm_mj.load("runs/task")
-    assert saved.metrics[0]["failed"] == 4
+    assert saved.result["metrics"]["failed"] == 4
     robots = saved.robots
     alive, message = (robots[name].to_numpy(zero_copy_only=False).reshape(26, 16) for name in ("is_alive", "message"))
     assert alive[0].all() and alive[-1].sum() == 12 and 12 < alive[10].sum() < 16

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import iswarm_mj
 
-LAWS = ["adhesion", "detachment", "electrostatics", "humidity", "probe_table"]
+LAWS = ["adhesion", "detachment", "electrostatics", "probe_table"]
 """Files of `gripper/laws/`."""
 
 

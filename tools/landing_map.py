@@ -9,11 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
-from iswarm_mj.gripper.bench.trial import Trial, draw
+from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.gripper.laws.restitution import MODULUS_PLATE, sticking_speed
 

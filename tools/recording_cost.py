@@ -11,8 +11,8 @@ from contextlib import closing
 from pathlib import Path
 
 from iswarm_mj import load
-from iswarm_mj.output.reading import read_trajectory
 from iswarm_mj.output.rerun_swarm import Recording
+from iswarm_mj.output.saved import read_trajectory
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import ABOUT, SCENE, TRAJECTORY
 from iswarm_mj.workflows.recorder import BLOCK

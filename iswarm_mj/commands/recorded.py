@@ -53,8 +53,7 @@ class Picture(RenderOptions):
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.output.render import render
-        from iswarm_mj.output.stage import Shot
+        from iswarm_mj.output.stage import Shot, render
 
         shot = Shot(self.camera, (self.width, self.height))
         step = render(self.directory, self.step, shot, self.out)
@@ -91,8 +90,7 @@ class Video(RenderOptions):
         from iswarm_mj.output.stage import Shot
 
         shot = Shot(self.camera, (self.width, self.height), fine=False)
-        film = video.Film(self.title, self.steps, self.frames_per_step, shot)
-        video.write_video(self.directory, self.out, film)
+        video.write_video(self.directory, self.out, shot, self.frames_per_step, self.steps, self.title)
         print(f"video of {self.directory}: {self.out}")
 
 

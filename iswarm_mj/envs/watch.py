@@ -17,7 +17,6 @@ from iswarm_mj.envs.env import Env
 from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.stage import Shot, Stage
-from iswarm_mj.output.trajectory import areas_of
 from iswarm_mj.simulation.given import to_json
 from iswarm_mj.simulation.start import start_record
 from iswarm_mj.simulation.state import StepRecord
@@ -65,9 +64,7 @@ class Pictures:
     def show(self, state: State, world: int = 0) -> UInt8[np.ndarray, "height width 3"]:
         """Return the pixels of a world in a state."""
         record = _record(self._env, state, world)
-        arrays = _recorded(self._env, record, world).frames([record]).arrays()
-        pose, is_loaded, balls, boxes = (arrays[n][0] for n in ("pose", "is_loaded", "ball_position", "box_pose"))
-        return self._stage.show(pose, is_loaded, balls, boxes, areas_of(arrays, 0))
+        return self._stage.show(_recorded(self._env, record, world).frames([record]).arrays(), 0)
 
     def close(self) -> None:
         """Release OpenGL."""
@@ -110,7 +107,7 @@ class EnvRecording:
             self._step += 1
             moved = mean_step(self._before.poses[0], record.poses[0], np.ones(record.poses.shape[1:3], bool))
             record = record._replace(step=np.array([[self._step]], np.int32), speed=moved[None] / env.dt)
-            self._file.append(self._recorded.frames([record], self._before))
+            self._file.append(self._recorded.frames([record]))
         self._before = record
 
     def close(self) -> None:

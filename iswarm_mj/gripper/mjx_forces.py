@@ -6,7 +6,7 @@
     state = first_state(forces)
     dx, force = step(forces, mx, dx, state)      # in jit, scan, vmap; next with force.state
 
-MJX has no plugins and drops their forces, so here they enter as `qfrc_applied`. `GripperForces` is a pytree whose
+MJX has no plugins and drops their forces, so here they enter as `xfrc_applied`. `GripperForces` is a pytree whose
 arrays can be replaced and batched by `vmap`, and so can the radii in the model (`mjx_model.resize`), and the voltages
 and the probe's path in `Data.ctrl`. The docstring of `plugin` describes the forces.
 """
@@ -23,8 +23,8 @@ from jaxtyping import Float
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper import contact, plugin
 from iswarm_mj.gripper.laws import spline
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
-from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.numbers import in_arrays
 from iswarm_mj.gripper.laws.probe_table import tables
 from iswarm_mj.gripper.native.attributes import ATTRIBUTES, ELECTROSTATIC, NUMBER
@@ -52,15 +52,6 @@ class State(NamedTuple):
     """1 while an impact throws the ball back."""
 
 
-class Joint(NamedTuple):
-    """A joint that moves a body."""
-
-    kind: int
-    number: int
-    dof: int
-    body: int
-
-
 class Pair(NamedTuple):
     """A ball and a surface that adhere."""
 
@@ -84,7 +75,7 @@ class GripperForces:
         ball, probe, plate: geoms.
         voltage: actuator.
         plane: whether each geom is a plane.
-        joints: the joints that move each geom.
+        bodies: the body of each geom.
     """
 
     numbers: dict[tuple[str, str], Array]
@@ -95,7 +86,7 @@ class GripperForces:
     plate: int = field(metadata={"static": True})
     voltage: int = field(metadata={"static": True})
     plane: tuple[bool, ...] = field(metadata={"static": True})
-    joints: tuple[tuple[Joint, ...], ...] = field(metadata={"static": True})
+    bodies: tuple[int, ...] = field(metadata={"static": True})
 
     def having(self, numbers: dict[tuple[str, str], Array]) -> "GripperForces":
         """The same forces with other values of these numbers."""
@@ -125,19 +116,8 @@ def gripper_forces(model: mujoco.MjModel) -> GripperForces:
         circuits[0],
         **ids,
         plane=tuple(bool(kind == mujoco.mjtGeom.mjGEOM_PLANE) for kind in model.geom_type),
-        joints=tuple(_joints(model, body) for body in model.geom_bodyid),
+        bodies=tuple(model.geom_bodyid.tolist()),
     )
-
-
-def _joints(model: mujoco.MjModel, body: int) -> tuple[Joint, ...]:
-    """Joints that move a body, its own and those of the bodies that carry it."""
-    chain = []
-    while body > 0:
-        first = model.body_jntadr[body]
-        for j in range(first, first + model.body_jntnum[body]):
-            chain.append(Joint(int(model.jnt_type[j]), j, int(model.jnt_dofadr[j]), int(body)))
-        body = model.body_parentid[body]
-    return tuple(chain)
 
 
 def first_state(forces: GripperForces) -> State:
@@ -149,8 +129,8 @@ def first_state(forces: GripperForces) -> State:
 class Force(NamedTuple):
     """The forces at one moment."""
 
-    generalized: Float[Array, "nv"]
-    """For `qfrc_applied`."""
+    applied: Float[Array, "nbody 6"]
+    """For `xfrc_applied`."""
     adhesion: Float[Array, "P"]
     """Towards the surface [nN]."""
     electrostatic: Float[Array, ""]
@@ -178,8 +158,8 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
         data: of MJX, whose bodies are where `mjx.kinematics` places them.
         state: as the last call returned it.
     """
-    total = jnp.zeros_like(data.qvel)
-    mass = model.body_mass[forces.joints[forces.ball][0].body]
+    total = jnp.zeros_like(data.xfrc_applied)
+    mass = model.body_mass[forces.bodies[forces.ball]]
     adhesion, gaps, rebounds, landings = [], [], [], []
     for i, (instance, ball, surface) in enumerate(forces.pairs):
         own = {name: value for (it, name), value in forces.numbers.items() if it == instance}
@@ -246,7 +226,7 @@ def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) 
         The data, and the force that acted, with the state for the next step.
     """
     force = gripper_force(forces, model, mjx.kinematics(model, data), state)
-    return mjx.step(model, data.replace(qfrc_applied=force.generalized)), force
+    return mjx.step(model, data.replace(xfrc_applied=force.applied)), force
 
 
 def _gap(forces: GripperForces, model: mjx.Model, data: mjx.Data, ball: int, surface: int) -> tuple[Array, Array]:
@@ -269,26 +249,11 @@ def _gap(forces: GripperForces, model: mjx.Model, data: mjx.Data, ball: int, sur
 def _attraction(
     forces: GripperForces, model: mjx.Model, data: mjx.Data, pair: tuple[int, int], gap: Array, force: Array
 ) -> Array:
-    """Generalised force (nv,) of a pull (3,) of the ball on the surface, and of the surface on the ball."""
-    ball, surface = pair
+    """Forces and torques (nbody, 6) of a pull (3,) of the ball on the surface, and of the surface on the ball."""
     strength = jnp.sqrt(jnp.maximum(force @ force, 1e-30))
-    point = data.geom_xpos[ball] - (model.geom_size[ball, 0] + gap / 2) * force / strength
-    return _generalized(forces.joints[surface], data, point, force) - _generalized(
-        forces.joints[ball], data, point, force
-    )
-
-
-def _generalized(joints: tuple[Joint, ...], data: mjx.Data, point: Array, force: Array) -> Array:
-    """Generalised force (nv,) of a force (3,) at a point (3,) of a body that these joints move."""
-    total = jnp.zeros_like(data.qvel)
-    for joint in joints:
-        axis, torque = data.xaxis[joint.number], jnp.cross(point - data.xanchor[joint.number], force)
-        own = data.xmat[joint.body].reshape(3, 3).T @ torque
-        moved = {
-            mujoco.mjtJoint.mjJNT_FREE: jnp.concatenate([force, own]),
-            mujoco.mjtJoint.mjJNT_BALL: own,
-            mujoco.mjtJoint.mjJNT_SLIDE: (axis @ force)[None],
-            mujoco.mjtJoint.mjJNT_HINGE: (axis @ torque)[None],
-        }[mujoco.mjtJoint(joint.kind)]
-        total = total.at[joint.dof : joint.dof + len(moved)].add(moved)
+    point = data.geom_xpos[pair[0]] - (model.geom_size[pair[0], 0] + gap / 2) * force / strength
+    total = jnp.zeros_like(data.xfrc_applied)
+    for geom, own in zip(pair, (-force, force), strict=True):
+        body = forces.bodies[geom]
+        total = total.at[body].add(jnp.concatenate([own, jnp.cross(point - data.xipos[body], own)]))
     return total

@@ -37,7 +37,8 @@ def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
         model: of `mjx_compatible`.
         radius: [um]; for a batch use `vmap`.
     """
-    joint = forces.joints[forces.ball][0]
+    body = forces.bodies[forces.ball]
+    dof = int(model.body_dofadr[body])
     ratio = radius / model.geom_size[forces.ball, 0]
     mass, inertia = ratio**3, ratio**5
     loose = jnp.repeat(jnp.stack([1 / mass, 1 / inertia]), 3)
@@ -45,9 +46,9 @@ def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
         geom_size=model.geom_size.at[forces.ball, 0].set(radius),
         geom_rbound=model.geom_rbound.at[forces.ball].set(radius),
         geom_aabb=model.geom_aabb.at[forces.ball].multiply(ratio),
-        body_mass=model.body_mass.at[joint.body].multiply(mass),
-        body_subtreemass=model.body_subtreemass.at[joint.body].multiply(mass),
-        body_inertia=model.body_inertia.at[joint.body].multiply(inertia),
-        body_invweight0=model.body_invweight0.at[joint.body].multiply(loose[2:4]),
-        dof_invweight0=model.dof_invweight0.at[joint.dof : joint.dof + 6].multiply(loose),
+        body_mass=model.body_mass.at[body].multiply(mass),
+        body_subtreemass=model.body_subtreemass.at[body].multiply(mass),
+        body_inertia=model.body_inertia.at[body].multiply(inertia),
+        body_invweight0=model.body_invweight0.at[body].multiply(loose[2:4]),
+        dof_invweight0=model.dof_invweight0.at[dof : dof + 6].multiply(loose),
     )

@@ -19,7 +19,6 @@ from iswarm_mj.strategy.declared import array_name, parts_of
 from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.tasks.layout import no_balls
 from iswarm_mj.tasks.protocol import DrawnTask, Look, Quantity, Task, balls_of
-from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
@@ -90,16 +89,11 @@ class RecordedWorld:
         about = {"number": world.index, "recorded": run.recorded, "payload": run.payload, "teams": run.teams}
         return cls(run.start, index, world.config or run.config, run.task, run.robot, **about)
 
-    def frames(self, records: Sequence[StepRecord], before: StepRecord | None = None) -> Frames:
-        """Return its frames.
-
-        Args:
-            records: of consecutive steps (T, W, ...) of the W recorded worlds.
-            before: record that ends with the step before the first of these; None if they begin with the start.
-        """
+    def frames(self, records: Sequence[StepRecord]) -> Frames:
+        """Return its frames, of records of consecutive steps (T, W, ...) of the W recorded worlds."""
         world = self._index
         record = jax.tree.map(lambda *parts: np.concatenate([part[:, world] for part in parts]), *records)
-        seen = self._observed(record, record.poses[0] if before is None else before.poses[-1, world])
+        seen = self._observed(record)
         parts = parts_of(record.swarm.memory)
         memory = {array_name(name): _in_si(parts[name], unit) for name, unit in self._recorded.items()}
         return Frames.observed(seen, memory, self._watch(record.swarm.task))
@@ -114,7 +108,7 @@ class RecordedWorld:
             robot_size=2 * MM * self._robot.each("half_edges", numbers),
             kind=self._robot.kind_of(numbers),
             is_scout=_scouts(own),
-            ball_radius=np.asarray(self._observed(own, own.poses[0]).balls.radius[0]),
+            ball_radius=np.asarray(self._observed(own).balls.radius[0]),
             arena_size=config.arena.size * ROBOT_DIAMETER,
             dump=rectangles.get("dump", np.zeros((1, 4)))[0],
             dust_areas=rectangles.get("dust_areas", np.zeros((0, 4))),
@@ -137,14 +131,12 @@ class RecordedWorld:
             metric_descriptions=tuple(quantity.description for quantity in metrics.values()),
         )
 
-    def _observed(self, record: StepRecord, poses: Float[Array, "N 3"]) -> Observed:
-        """Its steps (T, ...), the first of which began at these poses, with what the task offers of them."""
+    def _observed(self, record: StepRecord) -> Observed:
+        """Its steps (T, ...), with what the task offers of them."""
         balls = balls_of(self._task, record.swarm.task)
         if balls is None:
             balls = jax.tree.map(lambda a: np.zeros((len(record.poses), *a.shape), a.dtype), no_balls())
-        before = np.concatenate([poses[None], record.poses[:-1]])
-        centres = np.asarray(ball_centres(balls, record.poses, self._robot))
-        return Observed(record, balls, centres, before, self.config.drive.control_period)
+        return Observed(record, balls, np.asarray(ball_centres(balls, record.poses, self._robot)))
 
 
 def _scouts(start: StepRecord) -> Bool[np.ndarray, "N"]:

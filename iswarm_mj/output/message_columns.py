@@ -20,11 +20,6 @@ def stored(payload: Payload) -> str:
     return json.dumps(payload.to_json())
 
 
-def payload_of(scene: Scene) -> Payload:
-    """Return the declaration of what messages carry."""
-    return Payload.from_json(json.loads(scene.payload))
-
-
 def said(scene: Scene, messages: UInt32[np.ndarray, "T N"]) -> Iterator[tuple[Column, Shaped[np.ndarray, "T N"]]]:
     """Yield the columns of the fields of messages, vectors by their parts, and their values, masked where none is.
 
@@ -32,7 +27,7 @@ def said(scene: Scene, messages: UInt32[np.ndarray, "T N"]) -> Iterator[tuple[Co
         scene: what they carry.
         messages: their bits.
     """
-    payload = payload_of(scene)
+    payload = Payload.from_json(json.loads(scene.payload))
     values = payload.unpack(messages, int(scene.n_leds))[0].payload
     for name, field in payload.fields:
         for part, numbers in zip(columns(name, field), _numbers(field, values[name]), strict=True):
@@ -40,13 +35,13 @@ def said(scene: Scene, messages: UInt32[np.ndarray, "T N"]) -> Iterator[tuple[Co
 
 
 def shown_fields(scene: Scene, messages: UInt32[np.ndarray, "T N"]) -> dict[str, Shaped[np.ndarray, "T N"]]:
-    """Return what recordings show of messages beside their bits and `priority`: all fields but vectors.
+    """Return what recordings and the page show of messages beside their bits and `priority`: all fields but vectors.
 
     Args:
         scene: what they carry.
         messages: their bits.
     """
-    fields = payload_of(scene).fields
+    fields = Payload.from_json(json.loads(scene.payload)).fields
     shown = {f"said_{name}" for name, field in fields if not isinstance(field, Vector) and name != PRIORITY}
     return {column.name: values for column, values in said(scene, messages) if column.name in shown} if shown else {}
 

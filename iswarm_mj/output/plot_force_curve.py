@@ -1,9 +1,10 @@
 """Figure of force-distance curves in the convention of AFMs: attraction is negative, with snap-in and pull-off."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import cycle
+from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -17,79 +18,56 @@ _NEAR = 30.0
 """Gaps up to which a curve is near contact [nm]."""
 _HUES = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, DARK)
 _DASHES = ("-", "--", ":", "-.")
-_WIDTHS = {"approach": 0.9, "retract": 2.0}
 
 
-class Curve(NamedTuple):
-    """One approach or retract."""
-
-    voltage: float
-    radius: float
-    direction: str
-    gap: np.ndarray
-    """Between tool and ball, negative in contact [nm]."""
-    force: np.ndarray
-    """On the tool, negative if it is attracted [nN]."""
-    touches: np.ndarray
-    """Whether tool and ball are in contact."""
-
-
-def curves_of(rows: Rows) -> list[Curve]:
-    """Curves by voltage, radius and direction; rows in the order of time, see `draw_force_curve`."""
-    found: dict[tuple[float, float, str], list[Mapping[str, Any]]] = {}
-    for row in rows:
-        found.setdefault((row["voltage"], row["radius"], row["direction"]), []).append(row)
-    return [
-        Curve(*key, column(own, "gap") * _NM, column(own, "total") * NN, column(own, "gap") <= 0)
-        for key, own in sorted(found.items())
-    ]
-
-
-def snap_in(curve: Curve) -> tuple[float, float] | None:
+def snap_in(gap: np.ndarray, force: np.ndarray) -> tuple[float, float] | None:
     """Gap and force at the last sample before first touch on approach; None where they do not touch."""
-    if not curve.touches.any():
+    touches = gap <= 0
+    if not touches.any():
         return None
-    place = max(int(np.argmax(curve.touches)) - 1, 0)
-    return float(curve.gap[place]), float(curve.force[place])
+    place = max(int(np.argmax(touches)) - 1, 0)
+    return float(gap[place]), float(force[place])
 
 
-def pull_off(curve: Curve) -> tuple[float, float]:
+def pull_off(gap: np.ndarray, force: np.ndarray) -> tuple[float, float]:
     """Gap and force where a retracting tool is held back most."""
-    place = int(np.argmin(curve.force))
-    return float(curve.gap[place]), float(curve.force[place])
+    place = int(np.argmin(force))
+    return float(gap[place]), float(force[place])
 
 
-def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> None:
+def draw_force_curve(curves: Sequence[Rows], settings: Mapping[str, Any], out: Path) -> None:
     """Draw force-distance curves, as a whole and near pull-off.
 
     A colour for each voltage, dashes for each radius; approach is thin, retract is thick.
 
     Args:
-        rows: in the order of time; gap between tool and ball [m], voltage [V], direction ("approach" or "retract"),
-            the force total [N], negative if it attracts, and radius [m].
+        curves: rows of one voltage [V] and radius [m] each, in the order of time; gap between tool and ball [m],
+            direction ("approach" or "retract"), the force total [N], negative if it attracts.
         settings: of the run; `relative_humidity` [%] goes into the caption if it is one number.
         out: directory of force_curve.png and .svg.
     """
-    curves = curves_of(rows)
-    hues = dict(zip(sorted({curve.voltage for curve in curves}), cycle(_HUES)))
-    dashes = dict(zip(sorted({curve.radius for curve in curves}), cycle(_DASHES)))
+    by_setting = sorted((((rows[0]["voltage"], rows[0]["radius"]), rows) for rows in curves), key=itemgetter(0))
+    hues = dict(zip(sorted({voltage for (voltage, _), _ in by_setting}), cycle(_HUES)))
+    dashes = dict(zip(sorted({radius for (_, radius), _ in by_setting}), cycle(_DASHES)))
     humidity = settings.get("relative_humidity")
     condition = f" at {humidity:g} % RH" if isinstance(humidity, int | float) else ""
     caption = (
         f"One curve for each voltage and radius{condition}, works of adhesion at their medians; retract is thicker.\n"
         "Force on the tool as in an AFM: attraction is negative. Circle: last before touch; triangle: pull-off."
     )
-    lowest = min(-1.0, *(float(curve.force.min()) for curve in curves))
-    least = min(float(curve.gap.min()) for curve in curves)
+    lowest = min(-1.0, *(float(column(rows, "total").min()) * NN for rows in curves))
+    least = min(float(column(rows, "gap").min()) * _NM for rows in curves)
     with figure(out / "force_curve", columns=2, size=(4.3, 3.6), caption=caption) as (whole, near):
         for axes, title in ((whole, "(a) near contact"), (near, "(b) attraction, magnified")):
-            for curve in curves:
-                label = f"{curve.voltage:g} V, R = {curve.radius * UM:g} µm" if curve.direction == "retract" else None
-                style = {"color": hues[curve.voltage], "ls": dashes[curve.radius], "lw": _WIDTHS[curve.direction]}
-                axes.plot(curve.gap, curve.force, label=label, **style)
-                mark, found = ("o", snap_in(curve)) if curve.direction == "approach" else ("v", pull_off(curve))
-                if found is not None:
-                    axes.plot(*found, mark, color=hues[curve.voltage], ms=5, mec="white", zorder=5)
+            for (voltage, radius), rows in by_setting:
+                for direction, width, mark, place in _SIDES:
+                    own = [row for row in rows if row["direction"] == direction]
+                    gap, force = column(own, "gap") * _NM, column(own, "total") * NN
+                    label = f"{voltage:g} V, R = {radius * UM:g} µm" if direction == "retract" else None
+                    axes.plot(gap, force, label=label, color=hues[voltage], ls=dashes[radius], lw=width)
+                    found = place(gap, force)
+                    if found is not None:
+                        axes.plot(*found, mark, color=hues[voltage], ms=5, mec="white", zorder=5)
             axes.axhline(0, color="0.4", lw=0.8)
             axes.axvline(0, color="0.4", lw=0.8)
             axes.set(
@@ -100,3 +78,7 @@ def draw_force_curve(rows: Rows, settings: Mapping[str, Any], out: Path) -> None
             )
         near.set_ylim(1.15 * lowest, -0.3 * lowest)
         whole.legend(fontsize=7)
+
+
+_SIDES: tuple[Any, ...] = (("approach", 0.9, "o", snap_in), ("retract", 2.0, "v", pull_off))
+"""Directions, widths of their lines, marks and what these mark."""

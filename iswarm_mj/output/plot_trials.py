@@ -13,8 +13,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from iswarm_mj.gripper.laws import detachment
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, grasp_voltage, release_voltage
-from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.reference import PAPER_GRASP, PAPER_HUMIDITY, PAPER_NO_CONTACT, PAPER_RELEASE
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PURPLE, RED
 from iswarm_mj.output.plot_style import figure

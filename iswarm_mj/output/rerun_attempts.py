@@ -12,8 +12,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
-from iswarm_mj.gripper.bench.attempt_trace import trace_attempt
-from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
+from iswarm_mj.gripper.bench.tracing import Trace, thinned, trace_attempt
 from iswarm_mj.gripper.handling import Tried
 from iswarm_mj.output import rerun_trial as look
 from iswarm_mj.output.palette import GREEN, ORANGE, rgb
@@ -88,8 +87,8 @@ class AttemptView:
     def _write(self, trace: Trace, tried: Tried, step: int, start: float) -> None:
         """Write one trial, which begins at a time [s], and its line in the list."""
         self._at(start, step - 1)
-        for entity, archetype in look.static_entities(trace, {}):
-            if entity in _SIZED or (self._count == 1 and entity != look.SETTINGS):
+        for entity, archetype in look.static_entities(trace):
+            if entity in _SIZED or self._count == 1:
                 self._stream.log(ROOT + entity, archetype, static=entity not in _SIZED, strict=True)
         about = f"{tried.voltage:.0f} V, {tried.radius * UM:.1f} µm, {tried.misalignment * UM:.1f} µm beside the axis"
         text = f"attempt {self._count} at ball {tried.ball}: {outcome(tried)} ({about})"

@@ -1,4 +1,4 @@
-"""Common parts of all Rerun recordings: their files, settings as properties and as a table, columns, views."""
+"""Common parts of all Rerun recordings: their files, settings as properties, columns, views."""
 
 import ctypes
 import os
@@ -172,13 +172,6 @@ def columns_of(
     # As arrow arrays: of an empty one Rerun otherwise does not know the type.
     more = {name: rr.AnyBatchValue(name, pa.array(value.ravel())) for name, value in values.items()}
     return [rr.ComponentColumn(name, part, offsets=offsets) for name, part in [*parts.items(), *more.items()]]
-
-
-def settings_document(legend: str, header: str, settings: Mapping[str, Any]) -> rr.TextDocument:
-    """A legend above a table of nested settings, whose first column has this header."""
-    rows = "\n".join(f"| {name} | {str(value).replace('|', '/')} |" for name, value in flatten(settings))
-    text = f"{legend}\n\n| {header} | Value |\n|:--|:--|\n{rows}\n"
-    return rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
 
 
 def time_series(

@@ -10,10 +10,10 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 
 from iswarm_mj import __version__
-from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
+from iswarm_mj.gripper.bench.tracing import Trace, thinned
 from iswarm_mj.output import rerun_format as views
 from iswarm_mj.output.palette import GREEN, GREY, ORANGE, PALE, PURPLE, SKY, WALL, YELLOW, rgb
-from iswarm_mj.output.rerun_format import RrdFile, columns_of, durations, send_properties, settings_document
+from iswarm_mj.output.rerun_format import RrdFile, columns_of, durations, send_properties
 from iswarm_mj.output.trial_shapes import LINES, NN, PROBE_LENGTH, UM, trial_shapes
 from iswarm_mj.utils.files import atomic_write
 
@@ -27,7 +27,7 @@ Index = Callable[[Float[np.ndarray, "T"]], list[rr.TimeColumn]]
 PLATE, PROBE = "world/plate", "world/probe"
 BALL, BALL_MARK, SHADOW, FORCES = "world/ball", "world/ball_mark", "world/shadow", "world/forces"
 PHASE, PLACE, POTENTIAL = "states/phase", "states/ball", "states/potential"
-SETTINGS, KEY = "settings", "legend"
+KEY = "legend"
 
 STATES = {
     PLACE: {"on the plate": ORANGE, "between tool and plate": GREY, "at the tool": GREEN, "free": SKY},
@@ -53,7 +53,7 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
     Args:
         path: the file to write, by custom `*.rrd`; an existing one is replaced.
         trace: at least two samples; long ones are thinned.
-        settings: shown as a table, and stored with the package's version as property `settings`; may be nested.
+        settings: stored with the package's version as property `settings`; may be nested.
 
     Raises:
         UserError: the file cannot be written, or recording is switched off by the environment.
@@ -62,10 +62,10 @@ def record_trace(path: str | Path, trace: Trace, settings: Mapping[str, Any]) ->
     with atomic_write(path) as part:
         file = RrdFile("iswarm_mj_grasp", part, layout(trace), path)
         try:
-            stream, shown = file.stream, {"version": __version__, **settings}
+            stream = file.stream
             stream.send_recording_name(path.stem)
-            send_properties(stream, "settings", shown)
-            for entity, archetype in static_entities(trace, shown):
+            send_properties(stream, "settings", {"version": __version__, **settings})
+            for entity, archetype in static_entities(trace):
                 stream.log(entity, archetype, static=True, strict=True)
             send_trace(stream, thinned(trace, SAMPLES), lambda time: [durations(time)])
             file.flush()
@@ -121,7 +121,7 @@ def states_of(trace: Trace) -> dict[str, np.ndarray]:
     }
 
 
-def static_entities(trace: Trace, settings: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+def static_entities(trace: Trace) -> Iterator[tuple[str, Any]]:
     """Yield (entity, archetype) of all that does not change."""
     radius, probe_radius = trace.radius * UM, trace.probe_radius * UM
     yield "world", rr.ViewCoordinates.RIGHT_HAND_Z_UP
@@ -142,7 +142,6 @@ def static_entities(trace: Trace, settings: Mapping[str, Any]) -> Iterator[tuple
         colours = [*map(rgb, states.values())]
         yield entity, rr.StateConfiguration(values=list(states), labels=list(states), colors=colours)
     yield KEY, rr.TextDocument(LEGEND, media_type=rr.MediaType.MARKDOWN)
-    yield SETTINGS, settings_document(LEGEND, "Setting", settings)
 
 
 def states_view(root: str = "") -> rrb.StateTimelineView:
@@ -158,7 +157,7 @@ def plot(name: str, root: str = "", corner: str | None = None, **more: Any) -> r
 
 
 def layout(trace: Trace) -> rrb.Blueprint:
-    """Return the layout: bench, states and legend on the left; time series or settings on the right.
+    """Return the layout: bench, states and legend on the left; time series on the right.
 
     The plots have no legends of their own, which would lie on the short contact and on the landing.
     """
@@ -171,7 +170,6 @@ def layout(trace: Trace) -> rrb.Blueprint:
     plots = [plot(name) for name in ("voltage", "gaps", "attraction", "contact")]
     plots.insert(3, plot("attraction", title="Small forces on the ball (nN)", axis_y=scale))
     left = rrb.Vertical(bench, states_view(), rrb.TextDocumentView(origin=KEY, name="Legend"), row_shares=[9, 3, 4])
-    shown = rrb.Vertical(*plots, name="Time series")
-    right = rrb.Tabs(shown, rrb.TextDocumentView(origin=SETTINGS, name="Settings"), active_tab=0)
+    right = rrb.Vertical(*plots, name="Time series")
     speed = float(trace.time[-1] - trace.time[0]) / _PLAYED
     return views.blueprint(rrb.Horizontal(left, right, column_shares=[1, 1]), playback_speed=speed, loop_mode="all")

@@ -1,7 +1,6 @@
-"""What a cleaning run writes: result.json, trajectory.npz, clean.rrd. Each appears whole or not at all."""
+"""What becomes of a run in result.json, and how the files of earlier runs make way."""
 
 import json
-from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -10,8 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from iswarm_mj import __version__
-from iswarm_mj.output.frame_store import FrameStore
-from iswarm_mj.output.trajectory import ABOUT, OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY, Scene
+from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.protocol import ScoredTask
@@ -104,11 +102,3 @@ def write_result(out: Path, content: dict[str, Any]) -> None:
     """Write result.json."""
     with atomic_write(out / RESULT) as part:
         part.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-
-
-def write_trajectory(out: Path, scene: Scene, frames: FrameStore, about: Mapping[str, Any]) -> None:
-    """Write trajectory.npz: the arrays of `Frames`, with the prefix scene_ those of `Scene`, and `about` as JSON."""
-    more: dict[str, Any] = scene.arrays()
-    more[ABOUT] = np.bytes_(json.dumps(about).encode())
-    with atomic_write(out / TRAJECTORY) as part, part.open("wb") as file:
-        frames.write(file, more)

@@ -1,26 +1,39 @@
-"""A run read back from its files: settings, results, and tidy tables of the recording."""
+"""A run read back from its files, which are checked: settings, results, arrays, and tidy tables of the recording."""
 
 import os
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
+from jaxtyping import jaxtyped
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.engines.robot_file import as_robot_file
-from iswarm_mj.output.reading import REMEDY, no_trajectory, read_about, read_result, read_trajectory
-from iswarm_mj.output.tables import TABLES, table_of
-from iswarm_mj.output.trajectory import RESULT, SCENE, TRAJECTORY, Arrays, Scene
+from iswarm_mj.output.schema import ARRAYS
+from iswarm_mj.output.tables import table_of
+from iswarm_mj.output.trajectory import ABOUT, AREA, METRIC, RESULT, SCENE, TRAJECTORY, Arrays, Scene
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import check_file, from_json, read_json
+from iswarm_mj.utils.memory import check_memory
 from iswarm_mj.utils.robot import RobotFile
+
+REMEDY = f"give the --out of a run of `iswarm clean`, or its {RESULT} or {TRAJECTORY}"
+LARGEST_TRAJECTORY = 2**36
+"""Size up to which a trajectory.npz is read, if its arrays fit into memory [bytes]."""
+_KNOWN: dict[str, Any] = {name: f.type for name, f in ARRAYS.items()} | {
+    SCENE + n: t for n, t in Scene.__annotations__.items()
+}
+"""Arrays of each trajectory, and their types."""
+_NAMED = {"memory_names": "", "area_names": AREA, "metric_names": METRIC}
+"""Fields of `Scene` that name further arrays, and their prefixes."""
 
 
 @dataclass(frozen=True)
@@ -36,26 +49,15 @@ class SavedRun:
 
     path: Path
     """Directory of the run."""
-    version: str
-    """Version of the package that wrote it."""
     config: SwarmConfig
     genome: Genome | None
-    """Parameters of the paper's strategy; None for another one, see `strategy`."""
-    strategy: dict[str, Any] | None
-    """Class and parameters of a strategy other than the paper's; None for the paper's."""
-    task: dict[str, Any]
-    """Class and settings of the task."""
+    """Parameters of the paper's strategy; None for another one, see `result`."""
     settings: RunSettings
     """Settings of the run; `record_worlds` are the recorded worlds found."""
-    engine: dict[str, Any]
-    """Name and main settings of the engine."""
-    measures: list[Measures]
-    """Measures of each world, of an interrupted run up to the interruption; empty without result.json, and for tasks
-    other than cleaning."""
-    metrics: list[dict[str, Any]]
-    """Metrics of the task in each world; None for unknown ones."""
     result: dict[str, Any]
-    """Everything in result.json: `steps`, `fitness`, `wall_s`, `faults` and others; empty if there is none."""
+    """Everything in result.json: measures such as `delivered`, of several worlds as lists, `metrics` of the task,
+    `steps`, `faults`, `version`, `engine`, `strategy` and others; without the file what the trajectory states of its
+    run."""
     scenes: dict[int, Scene]
     """Constants of each recorded world, by its number."""
     robot_file: RobotFile
@@ -71,12 +73,6 @@ class SavedRun:
         """
         self._check_recorded()
         return next(iter(self._arrays.values()))
-
-    @property
-    def units(self) -> dict[str, dict[str, str]]:
-        """Unit of each column of each table, empty for numbers without one."""
-        tables = {name: getattr(self, name) for name in TABLES}
-        return {name: {f.name: f.metadata[b"unit"].decode() for f in table.schema} for name, table in tables.items()}
 
     @property
     def scene(self) -> Scene:
@@ -124,7 +120,10 @@ class SavedRun:
 
     def _check_recorded(self) -> None:
         if not self._arrays:
-            raise no_trajectory(self.path.parent if self.path.name == RESULT else self.path)
+            raise UserError(
+                f"{self.path} is of a run without {TRAJECTORY}, which is written at the end, unless with --no-record; "
+                "wait for the end, or repeat the run."
+            )
 
 
 def load(path: str | Path) -> SavedRun:
@@ -151,25 +150,12 @@ def load(path: str | Path) -> SavedRun:
     source = files[0] if files else place / RESULT
     try:
         worlds = _by_number(read)
-        settings = RunSettings(**about["settings"], record_worlds=tuple(worlds))
-        n_worlds = settings.n_worlds
-        measures = {name: _by_world(about[name], n_worlds) for name in Measures._fields if name in about}
-        metrics = {name: _by_world(values, n_worlds) for name, values in (about.get("metrics") or {}).items()}
-        known = range(min(n_worlds, *map(len, [*measures.values(), *metrics.values(), range(n_worlds)])))
         return SavedRun(
             path=path,
-            version=about["version"],
             config=restored(SwarmConfig, about["config"]),
             genome=restored(Genome, about["genome"]) if "genome" in about else None,
-            strategy=about.get("strategy"),
-            task=about["task"],
-            settings=settings,
-            engine={name: about[name] for name in IDENTITY if name in about},
-            measures=[
-                Measures(**{name: of[k] for name, of in measures.items()}) for k in known if "picked" in measures
-            ],
-            metrics=[{name: values[k] for name, values in metrics.items()} for k in known],
-            result=about if "wall_s" in about else {},
+            settings=RunSettings(**about["settings"], record_worlds=tuple(worlds)),
+            result=about,
             robot_file=as_robot_file(about["robot"]["file"]),
             scenes={number: scene_of(arrays) for number, arrays in worlds.items()},
             _arrays=worlds,
@@ -196,11 +182,6 @@ def restored(cls: type[Any], values: Mapping[str, Any]) -> Any:
     return cls(**{name: restored(inner[name], value) if name in inner else value for name, value in values.items()})
 
 
-def _by_world(values: Any, n_worlds: int) -> list[Any]:
-    """A measure of each world; one world states it by itself, and what an interrupted run does not know is None."""
-    return values if isinstance(values, list) else [values] * n_worlds
-
-
 def _by_number(read: Mapping[Path, Arrays]) -> dict[int, Arrays]:
     """Trajectories by the numbers of their worlds, in ascending order."""
     found: dict[int, Arrays] = {}
@@ -219,3 +200,84 @@ def scene_of(arrays: Arrays) -> Scene:
     words = [name for name in values if isinstance(Scene._field_defaults.get(name), tuple)]
     values |= {name: tuple(tuple(v) if isinstance(v, list) else v for v in values[name].tolist()) for name in words}
     return Scene(**values)
+
+
+def read_result(path: Path) -> dict[str, Any]:
+    """Return the content of result.json.
+
+    Raises:
+        UserError: there is no such file, or it is no run's.
+    """
+    return _of_a_run(path, read_json(path, REMEDY))
+
+
+def _of_a_run(path: Path, content: Any) -> dict[str, Any]:
+    if not isinstance(content, dict) or not isinstance(content.get("config"), dict):
+        raise UserError(f"{path} is not the {path.name} of a run, for it has no `config`; {REMEDY}.")
+    return content
+
+
+def read_trajectory(path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays of trajectory.npz: `Frames`, with the prefix scene_ `Scene`, and `about`.
+
+    Raises:
+        UserError: there is no such file, it is no trajectory, or its arrays do not fit each other.
+    """
+    try:
+        check_file(path, LARGEST_TRAJECTORY)
+        with zipfile.ZipFile(path) as archive:
+            check_memory(sum(part.file_size for part in archive.infolist()))
+        with np.load(path) as file:
+            arrays = dict(file)
+        own = [prefix + n for key, prefix in _NAMED.items() for n in arrays.get(SCENE + key, np.zeros(0)).tolist()]
+    except OSError as error:
+        raise UserError(f"{path} cannot be read ({error.strerror or error}); {REMEDY}.") from None
+    except Exception as error:  # bytes that another program wrote may break each part of the reader
+        raise UserError(f"{path} is cut off or no file of arrays ({error}); {REMEDY}.") from None
+    for name in (*_KNOWN, *own):
+        if name not in arrays:
+            raise UserError(f"{path} is not the {TRAJECTORY} of a run, for it has no array `{name}`; {REMEDY}.")
+    _check_shapes(path, arrays)
+    return arrays
+
+
+def _check_shapes(path: Path, arrays: Arrays) -> None:
+    """Refuse arrays of other kinds of values, sizes that differ along the same axis, and what no camera can show."""
+    with jaxtyped("context"):
+        for name, kind in _KNOWN.items():
+            if hasattr(kind, "dim_str") and not isinstance(arrays[name], kind):
+                found = f"{arrays[name].dtype} {arrays[name].shape}"
+                raise UserError(
+                    f"{path}: `{name}` ({found}) does not fit the other arrays as {kind.__name__}; {REMEDY}."
+                )
+    for key, prefix in _NAMED.items():
+        axes = arrays["pose"].shape[: 2 if key == "memory_names" else 1]
+        for name in arrays[SCENE + key].tolist():
+            if arrays[prefix + name].shape[: len(axes)] != axes:
+                raise UserError(f"{path}: `{prefix + name}` is not there for each step and robot; {REMEDY}.")
+    steps = arrays["step"]
+    if not len(steps) or not np.array_equal(steps, np.arange(len(steps))):
+        raise UserError(f"{path} has no steps that count from 0; {REMEDY}.")
+    for name in ("pose", "ball_position", "scene_ball_radius", "scene_robot_size"):
+        least = 0.0 if name.startswith(SCENE) else -np.inf
+        if not np.all(np.isfinite(arrays[name]) & (arrays[name] > least)):
+            raise UserError(f"{path}: `{name}` does not hold finite numbers above {least}; {REMEDY}.")
+
+
+def read_about(path: Path, arrays: Arrays) -> dict[str, Any]:
+    """Return what a run was, as its result.json says or, without one, its trajectory.
+
+    Args:
+        path: of the trajectory; result.json lies beside it or, of further worlds, one folder above.
+        arrays: of the trajectory.
+
+    Raises:
+        UserError: neither says so.
+    """
+    for place in (path.parent, path.parent.parent)[: 2 if path.parent.name.startswith("world-") else 1]:
+        if (place / RESULT).exists():
+            return read_result(place / RESULT)
+    about = arrays.get(ABOUT, np.zeros(0))
+    if about.ndim or about.dtype.kind not in "SU":
+        raise UserError(f"{path} does not state its run, and no {RESULT} lies beside it; {REMEDY}.")
+    return _of_a_run(path, from_json(about.item(), f"`{ABOUT}` in {path}", REMEDY))

@@ -37,10 +37,6 @@ class Observed(NamedTuple):
     """(T, K); no balls where the task has none."""
     ball_centres: Float[np.ndarray, "T K 3"]
     """After each step [mm]."""
-    poses_before: Float[np.ndarray, "T N 3"]
-    """x, y [mm] and yaw [rad] as each step began; at the start those of the start."""
-    control_period: float
-    """Duration of a step [s]."""
 
 
 class Column(NamedTuple):

@@ -1,4 +1,4 @@
-"""The arena of a recorded run before a camera, rendered off-screen by MuJoCo."""
+"""The arena of a recorded run before a camera, rendered off-screen by MuJoCo, and a picture of it."""
 
 import importlib
 import os
@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Float, UInt8
+from PIL import Image
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
@@ -21,11 +22,14 @@ from iswarm_mj.output.swarm_classes import robot_classes, shown_classes
 from iswarm_mj.output.trajectory import AREA, SCENE, Arrays, Scene
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import atomic_write, make_output_directory
 from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.units import MM, mm_from_m, mm_from_rd
 
 BALL_SCALE = 15.0
 """Magnification of the balls, since 20 um are invisible beside 139 mm."""
+STEP = 100
+"""The step that is shown by default."""
 
 
 class Shot(NamedTuple):
@@ -129,25 +133,17 @@ class Stage:
         """Release OpenGL."""
         self._renderer.close()
 
-    def show(
-        self,
-        pose: Float[np.ndarray, "N 3"],
-        is_loaded: Bool[np.ndarray, "N"],
-        balls: Float[np.ndarray, "K 3"],
-        boxes: Float[np.ndarray, "M 3"],
-        areas: Arrays | None = None,
-    ) -> UInt8[np.ndarray, "height width 3"]:
-        """Pixels of robots, balls, boxes and areas of the task.
+    def show(self, frames: Arrays, step: int, part: float = 0.0) -> UInt8[np.ndarray, "height width 3"]:
+        """Pixels of robots, balls, boxes and areas of the task after a control step.
 
         Args:
-            pose: x [m], y [m], yaw [rad].
-            is_loaded: whether each robot carries a ball.
-            balls: their centres [m].
-            boxes: as the robots.
-            areas: of the task after the step, see `trajectory.areas_of`; those that it lacks are not drawn.
+            frames: arrays of a trajectory.
+            step: the step.
+            part: of the next step, in which bodies move straight.
         """
-        model, data = self._arena.model, self._data
-        bodies = np.concatenate([pose, boxes]).astype(float)
+        model, data, is_loaded = self._arena.model, self._data, frames["is_loaded"][step]
+        pose, boxes, balls = (_interpolated(frames[n], step, part) for n in ("pose", "box_pose", "ball_position"))
+        bodies = np.concatenate([pose, boxes])
         data.qpos[self._arena.qpos] = np.column_stack([mm_from_m(bodies[:, :2]), bodies[:, 2]])
         data.mocap_pos[self._arena.mocap] = mm_from_m(balls)
         loaded_too = self._scene._replace(ball_radius=np.zeros(1))  # robots may be loaded where there are no balls
@@ -161,11 +157,17 @@ class Stage:
         scene = self._renderer.scene
         for is_disc, colour, name in self._areas:
             kind = mujoco.mjtGeom.mjGEOM_CYLINDER if is_disc else mujoco.mjtGeom.mjGEOM_BOX
-            for x, y, half in mm_from_m(np.asarray((areas or {}).get(name, ()), float).reshape(-1, 3)):
+            for x, y, half in mm_from_m(frames[name][step].astype(float)):
                 size = [half, _FLAT, 0.0] if is_disc else [half, half, _FLAT]
                 mujoco.mjv_initGeom(scene.geoms[scene.ngeom], kind, size, [x, y, -_FLAT], np.eye(3).ravel(), colour)
                 scene.ngeom += 1
         return self._renderer.render()
+
+
+def _interpolated(values: Float[np.ndarray, "T *shape"], step: int, part: float) -> Float[np.ndarray, "*shape"]:
+    """Values at a part of the way from a step to the next."""
+    here = values[step].astype(float)
+    return here + part * (values[step + 1] - here) if part else here
 
 
 def _lay_floor(scene: Scene, spec: mujoco.MjSpec) -> None:
@@ -211,3 +213,29 @@ def _step_back(model: Any, data: Any, shot: Shot, half: float) -> None:
     wanted = sides * corners[:, :2] + limits * corners[:, 2:]
     gained = sides * (place @ axes)[:2] + limits * (place @ axes)[2]
     model.cam_pos[camera.id] = np.max(wanted / gained) * place
+
+
+def render(directory: Path, step: int | None, shot: Shot, out: Path) -> int:
+    """Render one frame of a run to a PNG; return its step.
+
+    Args:
+        directory: the `--out` of the run.
+        step: control step, from 0 for the start; None for step 100, or the last one of a shorter run.
+        shot: camera, size and quality.
+        out: the file to write.
+
+    Raises:
+        UserError: no such run, step or camera, or no off-screen OpenGL, or `out` is not writable.
+    """
+    check("out", str(out), "a name ending in .png", out.suffix in Image.registered_extensions())
+    run = recorded(directory)
+    frames = run.arrays
+    last = int(frames["step"][-1])
+    step = min(STEP, last) if step is None else step
+    check("step", step, f"a step of the run, 0 to {last}", 0 <= step <= last)
+    make_output_directory(out.parent, given=out)
+    with Stage(run.config, frames, shot, run.robot_file) as stage:
+        pixels = stage.show(frames, step)
+    with atomic_write(out) as part:
+        Image.fromarray(pixels).save(part)
+    return step

@@ -19,11 +19,6 @@ Arrays = Mapping[str, np.ndarray]
 """Arrays of a trajectory by their names: `Frames`, and with the prefix scene_ `Scene`."""
 
 
-def areas_of(arrays: Arrays, step: int) -> Arrays:
-    """Return the arrays (M, 3) of a task's areas after a step, by their names in a trajectory."""
-    return {name: values[step] for name, values in arrays.items() if name.startswith(AREA)}
-
-
 class Scene(NamedTuple):
     """Constants of one world with N robots, K balls and A dust areas. SI units throughout.
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from iswarm_mj.gripper.bench.trial_trace import Trace
+from iswarm_mj.gripper.bench.tracing import Trace
 from iswarm_mj.output.palette import GREEN, GREY, ORANGE, PALE_GREEN, PALE_ORANGE, SKY, YELLOW
 
 UM, NN = 1e6, 1e9

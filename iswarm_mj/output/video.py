@@ -6,15 +6,13 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import NamedTuple
 
 import imageio_ffmpeg
 import numpy as np
-from jaxtyping import Float
 from PIL import Image, ImageDraw, ImageFont
 
 from iswarm_mj.output.stage import Shot, Stage, recorded
-from iswarm_mj.output.trajectory import METRIC, Arrays, areas_of
+from iswarm_mj.output.trajectory import METRIC, Arrays
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 from iswarm_mj.utils.progress import Progress
@@ -25,37 +23,29 @@ RATE_FACTOR = 30
 """Constant rate factor of x264: from 0, without loss, to 51."""
 
 
-class Film(NamedTuple):
-    """What a video shows, and how."""
-
-    title: str = ""
-    """Text in the upper left corner, above time and deliveries."""
-    steps: int | None = None
-    """Control steps from the start; None for all."""
-    frames_per_step: int = 2
-    """Frames per control step; robots move straight between two steps."""
-    shot: Shot = Shot("oblique", (1280, 720), fine=False)
-    """Camera, size and quality; width and height are even."""
-
-
-def write_video(directory: Path, out: Path, film: Film) -> None:
+def write_video(
+    directory: Path, out: Path, shot: Shot, frames_per_step: int = 2, steps: int | None = None, title: str = ""
+) -> None:
     """Write a video of a run.
 
     Args:
         directory: the `--out` of a run of `iswarm clean`.
         out: the file to write, ending in .mp4.
-        film: what it shows.
+        shot: camera, size and quality; width and height are even.
+        frames_per_step: frames per control step; robots move straight between two steps.
+        steps: control steps from the start; None for all.
+        title: text in the upper left corner, above time and deliveries.
 
     Raises:
         UserError: no recorded run, no such camera, no off-screen OpenGL, or ffmpeg could not write the file.
     """
     run = recorded(directory)
     frames = run.arrays
-    last = len(frames["step"]) - 1 if film.steps is None else min(film.steps, len(frames["step"]) - 1)
+    last = len(frames["step"]) - 1 if steps is None else min(steps, len(frames["step"]) - 1)
     make_output_directory(out.parent, given=out)
-    bar = Progress(last * film.frames_per_step + 1, "frame", out.stem)
-    with atomic_write(out) as part, Stage(run.config, frames, film.shot, run.robot_file) as stage, bar:
-        encode(_pictures(stage, frames, film, last, bar), part, film.shot.size)
+    bar = Progress(last * frames_per_step + 1, "frame", out.stem)
+    with atomic_write(out) as part, Stage(run.config, frames, shot, run.robot_file) as stage, bar:
+        encode(_pictures(stage, frames, title, frames_per_step, last, bar), part, shot.size)
 
 
 def encode(pictures: Iterable[np.ndarray], out: Path, size: tuple[int, int]) -> None:
@@ -88,26 +78,17 @@ def encode(pictures: Iterable[np.ndarray], out: Path, size: tuple[int, int]) -> 
         raise UserError(f"ffmpeg could not write the video ({reason}); make room or choose another `out`")
 
 
-def _pictures(stage: Stage, frames: Arrays, film: Film, last: int, bar: Progress) -> Iterator[np.ndarray]:
+def _pictures(
+    stage: Stage, frames: Arrays, title: str, frames_per_step: int, last: int, bar: Progress
+) -> Iterator[np.ndarray]:
     """Frames with their captions, up to the step `last`."""
     metrics = frames["scene_metric_names"].tolist()
-    for number in range(last * film.frames_per_step + 1):
-        step, part = divmod(number, film.frames_per_step)
-        moving = frames["pose"], frames["ball_position"], frames["box_pose"]
-        pose, balls, boxes = (interpolated(values, step, part / film.frames_per_step) for values in moving)
-        delivered = f"{frames['delivered'][step]} of {balls.shape[0]} balls delivered"
+    for number in range(last * frames_per_step + 1):
+        step, part = divmod(number, frames_per_step)
+        delivered = f"{frames['delivered'][step]} of {frames['ball_state'].shape[1]} balls delivered"
         counts = [f"{name} {frames[METRIC + name][step]:.3g}" for name in metrics] or [delivered]
-        yield _captioned(
-            stage.show(pose, frames["is_loaded"][step], balls, boxes, areas_of(frames, step)),
-            [film.title, f"step {step}", *counts],
-        )
+        yield _captioned(stage.show(frames, step, part / frames_per_step), [title, f"step {step}", *counts])
         bar.update()
-
-
-def interpolated(values: Float[np.ndarray, "T *shape"], step: int, part: float) -> Float[np.ndarray, "*shape"]:
-    """Values at a fraction of the way from a step to the next, interpolated linearly."""
-    here = values[step].astype(float)
-    return here + part * (values[step + 1] - here) if part else here
 
 
 def _captioned(pixels: np.ndarray, lines: list[str]) -> np.ndarray:

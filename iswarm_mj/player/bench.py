@@ -9,9 +9,8 @@ import numpy as np
 
 from iswarm_mj.gripper.bench.force_curve import force_curve
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.tracing import trace_trial
+from iswarm_mj.gripper.bench.tracing import Trace, thinned, trace_trial
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.bench.trial_trace import Trace, thinned
 from iswarm_mj.gripper.laws import detachment as usual
 from iswarm_mj.gripper.laws.materials import Name
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PALE, WALL, YELLOW, rgb

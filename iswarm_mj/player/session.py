@@ -108,7 +108,7 @@ class Session:
             self.lines: dict[str, deque[float]] = {}
             self.version += 1
             self._laps: deque[float] = deque(maxlen=9)
-            self._seen(run.start, None)
+            self._seen(run.start)
 
     @property
     def scene(self) -> Any:
@@ -163,13 +163,13 @@ class Session:
         while self.waiting and self.waiting[0].step <= self.step:
             self.change(*self.waiting.pop(0)[1:])
         began = time.perf_counter()
-        record, before = self.run.advance(), self.snapshots[-1].record
+        record = self.run.advance()
         took = time.perf_counter() - began
         if self.step:  # the first step compiles
             self._laps.append(took)
             self.rate = 1 / median(self._laps)
         assert record is not None  # world 0 is recorded
-        self._seen(record, before)
+        self._seen(record)
         if self._recorder is not None:
             self._recorder.add(record)
         for fault in self.run.faults:
@@ -213,9 +213,9 @@ class Session:
             self.made = [one for one in self.made if one[:2] != change[:2]]
         self.made.append(change)
 
-    def _seen(self, record: StepRecord, before: StepRecord | None) -> None:
+    def _seen(self, record: StepRecord) -> None:
         """Take in what a control step looks like."""
-        frames = self.world.frames([record], before)
+        frames = self.world.frames([record])
         self.snapshots.append(Snapshot(frames, record))
         arrays = frames.arrays()
         for name in ("step", *getattr(self.run.task, "measured", {}), "collisions", "mean_speed"):

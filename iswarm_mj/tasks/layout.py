@@ -7,7 +7,7 @@ from jaxtyping import Float
 
 from iswarm_mj.config import ArenaConfig, GripperConfig
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.obstacles import distances, numbers
 from iswarm_mj.utils.robot import Robots

@@ -5,6 +5,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import product
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,6 +17,7 @@ from iswarm_mj.gripper.bench.force_curve import UNITS, force_curve
 from iswarm_mj.gripper.bench.run_trials import Outcomes, run_trials
 from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import (
     RELEASE_GAP,
     WORK_OBJECT_SUBSTRATE,
@@ -23,7 +25,6 @@ from iswarm_mj.gripper.laws.detachment import (
     grasp_voltage,
     release_voltage,
 )
-from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.melting import melts
 from iswarm_mj.output.results import write_result
 from iswarm_mj.output.trajectory import RESULT
@@ -151,16 +152,6 @@ def measures(rows: Sequence[TrialRow]) -> list[dict[str, Any]]:
     return found
 
 
-def pull_offs(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return the pull-off of each retraction of force-distance curves: radius [m], voltage [V], force [N], gap [m]."""
-    least: dict[tuple[float, float], Mapping[str, Any]] = {}
-    for row in (row for row in rows if row["direction"] == "retract"):
-        key = row["radius"], row["voltage"]
-        least[key] = min(least.get(key, row), row, key=lambda r: r["total"])
-    names = {"radius": "radius", "voltage": "voltage", "pull_off": "total", "gap": "gap"}
-    return [{name: row[column] for name, column in names.items()} for row in least.values()]
-
-
 def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
     """Names and texts of the lines of a readable summary."""
     lines = [("trials", f"{settings.n_trials}, seed {settings.seed}")]
@@ -244,7 +235,7 @@ def _rows(settings: GraspSettings) -> tuple[list[TrialRow], Float[np.ndarray, "N
 def _write_result(settings: GraspSettings, found: Sequence[Mapping[str, Any]], out: Path) -> None:
     """Write result.json: the settings as flags take them, what was measured, and what is not as in the fit."""
     flags = {name: value for name, value in asdict(settings).items() if name != "out"}
-    flags |= {name: getattr(settings, name)._asdict() for name in ("contacts", "tool", "plate")}
+    flags["contacts"] = settings.contacts._asdict()
     content = {"version": __version__, "grasp": flags, "beyond_the_fit": settings.beyond_the_fit, "measures": found}
     write_result(out, content)
 
@@ -253,22 +244,26 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
     """Write table and figure of force-distance curves with the medians of the works of adhesion; return the rows.
 
     Args:
-        settings: radii, the first humidity, materials, tip, surfaces, contacts and protocol count.
+        settings: radii, the first humidity, materials, tip, contacts and protocol count.
         voltages: one curve each [V].
         out: directory.
     """
     from iswarm_mj.output.plot_force_curve import draw_force_curve
 
     humidity = settings.humidities[0]
-    rows: list[dict[str, Any]] = []
+    curves, pull_offs = [], []
     metadata = {**settings.metadata(), "relative_humidity": humidity}
     with locked(out):
         for radius, voltage in product(settings.radii, voltages):
             trial = of_settings(settings, Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity))
-            rows += force_curve(trial, settings.protocol, voltage)
+            curves.append(force_curve(trial, settings.protocol, voltage))
+            least = min((row for row in curves[-1] if row["direction"] == "retract"), key=itemgetter("total"))
+            about = {"pull_off": least["total"], "gap": least["gap"]}
+            pull_offs.append({"radius": radius, "voltage": voltage, **about})
+        rows = [row for curve in curves for row in curve]
         write_table(out / CURVES, rows, metadata, csv=True, units=UNITS)
-        draw_force_curve(rows, metadata, out)
-        _write_result(settings, pull_offs(rows), out)
+        draw_force_curve(curves, metadata, out)
+        _write_result(settings, pull_offs, out)
     print(f"{len(settings.radii) * len(voltages)} force-distance curves at {humidity:g} % RH: {out / CURVES}")
     if settings.beyond_the_fit:
         print(f"     warning  beyond the fit, so that forces are predictions: {', '.join(settings.beyond_the_fit)}")

@@ -1,9 +1,11 @@
 """The steps of a run, and recordings of its worlds, for Rerun and as trajectory.npz; frames are kept on disk."""
 
-from collections.abc import Iterator, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import jax
@@ -12,11 +14,13 @@ import numpy as np
 from iswarm_mj import __version__
 from iswarm_mj.gripper.handling import attempts_between
 from iswarm_mj.output import results
-from iswarm_mj.output.frame_store import FrameStore
 from iswarm_mj.output.frames import RecordedWorld
+from iswarm_mj.output.schema import Frames
+from iswarm_mj.output.trajectory import ABOUT, TRAJECTORY, Scene
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.tasks.protocol import BallTask
+from iswarm_mj.utils.files import atomic_write, write_error
 from iswarm_mj.utils.interruption import postponed
 from iswarm_mj.utils.memory import give_back
 
@@ -26,6 +30,60 @@ LONG_BYTES = 16_000_000
 """Bytes of a block's frames at most; what is made of them takes several times as much while they are written."""
 LARGE_BYTES = 4_000_000
 """Bytes of a block's frames from which on that is given back to the system afterwards."""
+
+
+class FrameStore:
+    """Frames one after the other, rows of a structured array, in a file without a name, which goes with the process."""
+
+    def __init__(self, directory: Path):
+        """Begin without frames.
+
+        Args:
+            directory: on whose disk the frames are kept.
+
+        Raises:
+            UserError: no file can be made there.
+        """
+        self._directory, self._rows = directory, np.zeros(0, [])
+        try:
+            self._file = TemporaryFile(dir=directory, buffering=0)  # noqa: SIM115, closed in `close`
+        except OSError as error:
+            raise write_error(directory, error) from None
+
+    def append(self, frames: Frames) -> None:
+        """Keep some further frames; where they cannot be written, those before stay as they were.
+
+        Raises:
+            UserError: the disk is full.
+        """
+        arrays = frames.arrays()
+        rows = np.zeros(len(frames), [(name, array.dtype, array.shape[1:]) for name, array in arrays.items()])
+        for name, array in arrays.items():
+            rows[name] = array
+        left = memoryview(rows.tobytes())
+        try:
+            self._file.seek(self._rows.nbytes)
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError as error:
+            raise write_error(self._directory, error) from None
+        self._rows = np.memmap(self._file, rows.dtype, "r", shape=len(self._rows) + len(rows))
+
+    def write(self, scene: Scene, about: Mapping[str, Any]) -> None:
+        """Write trajectory.npz, without having all frames in memory.
+
+        Args:
+            scene: constants of the world.
+            about: what the run was.
+        """
+        arrays: dict[str, Any] = {name: self._rows[name] for name in self._rows.dtype.names or ()}
+        arrays |= {**scene.arrays(), ABOUT: np.bytes_(json.dumps(about).encode())}
+        with atomic_write(self._directory / TRAJECTORY) as part, part.open("wb") as file:
+            np.savez(file, **arrays)
+
+    def close(self) -> None:
+        """Let the frames go."""
+        self._file.close()
 
 
 class Recorder:
@@ -50,13 +108,12 @@ class Recorder:
         """
         from iswarm_mj.output.rerun_swarm import Recording
 
-        self._watch, self._out, self._index = run.watch, trajectory, index
+        self._watch, self._index = run.watch, index
         self._world = RecordedWorld.of(run, index)
         self._scene = self._world.scene
         self._about = results.about(run)
         self._is_saved = False
         self._records: list[StepRecord] = [run.start]
-        self._before: StepRecord | None = None
         self._block, self._n_written = BLOCK, 0
         self._frames = None if trajectory is None else FrameStore(trajectory)
         metadata = {**run.rules, "run": asdict(run.settings), **asdict(run.config)}
@@ -85,8 +142,8 @@ class Recorder:
                 self._write()
                 self._recording.close()
             finally:
-                if self._out is not None and self._frames is not None:
-                    results.write_trajectory(self._out, self._scene, self._frames, self._about)
+                if self._frames is not None:
+                    self._frames.write(self._scene, self._about)
                     self._frames.close()
 
     def add(self, record: StepRecord) -> None:
@@ -110,7 +167,7 @@ class Recorder:
     def _write(self) -> None:
         records, self._records = self._records, []
         if records:
-            block, self._before = self._world.frames(records, self._before), records[-1]
+            block = self._world.frames(records)
             self._recording.append(block)
             self._n_written += len(block)
             n_bytes = sum(array.nbytes for array in block.arrays().values())

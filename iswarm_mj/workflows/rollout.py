@@ -1,10 +1,10 @@
 """Rollouts of any strategy in many worlds at once: one call, arrays with a world axis."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from types import NoneType
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -12,17 +12,14 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.engines.robot_file import as_robot_file, read_robot, read_robots
+from iswarm_mj.engines.robot_file import as_robot_file, read_robots
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.initial import Start, start_with
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
-from iswarm_mj.strategy.rules import rules_of
-from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
@@ -124,11 +121,11 @@ def rollout(
     robot = read_robots(as_robot_file(robot_file))
     starts: dict[tuple[bytes, int], Start] = {}  # worlds of the same key begin alike
     worlds = []
-    for index, (number, (data, key)) in enumerate(zip(numbers, _each(keys), strict=True)):
+    for index, (number, data) in enumerate(zip(numbers, np.asarray(jax.random.key_data(keys)), strict=True)):
         if (which := (data.tobytes(), int(number))) not in starts:
             rng = np.random.default_rng(data)
             starts[which] = start_with(config, task, robot, which[1], rng, rng)
-        worlds.append(World(genome, which[1], index=index, start=starts[which], key=key))
+        worlds.append(World(genome, which[1], index=index, start=starts[which], key=keys[index]))
     run = Run(
         config,
         genome,
@@ -164,19 +161,6 @@ def rollout(
         faults=run.faults,
         metrics=run.metrics(),
     )
-
-
-def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> VectorStrategy:
-    """Return the paper's strategy for worlds of N robots, of which the genome's share are scouts."""
-    rules, n_scouts = rules_of(genome, config.strategy), jnp.asarray(round(genome.fraction_scouts * n_robots))
-    return VectorStrategy(rules, n_scouts, common(config).config, read_robot())
-
-
-def _each(keys: jax.Array) -> Iterator[tuple[np.ndarray, jax.Array]]:
-    """Data and key of each world; by way of the host, since JAX would compile a program of B results to part keys."""
-    impl, rows = jax.random.key_impl(keys), np.asarray(jax.random.key_data(keys))
-    for data in cast(Any, rows):  # NumPy's arrays do, too
-        yield data, jax.random.wrap_key_data(data, impl=impl)
 
 
 def _check_keys(keys: jax.Array) -> None:

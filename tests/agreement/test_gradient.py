@@ -13,6 +13,8 @@ from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.decide import decide
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
@@ -21,10 +23,10 @@ from iswarm_mj.simulation.step import Stepper, control_step, drive_phases
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.profiling import Stopwatch
-from iswarm_mj.workflows.rollout import paper_strategy
 
 SMALL = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
 APART = [[-6, -6, 0.3], [6, -5, 2.0], [-5, 6, -1.0], [5, 5, -2.5]]
@@ -157,7 +159,9 @@ class Paced:
 def test_through_whole_control_steps():
     """Sight, messages, noise and decisions included: the mean square of displacements, against differences."""
     n_robots = len(APART)
-    strategy = Paced(paper_strategy(SMALL, PRESETS["type1"], n_robots), jnp.float32(1))
+    rules = rules_of(PRESETS["type1"], SMALL.strategy)
+    papers = VectorStrategy(rules, jnp.asarray(0), common(SMALL).config, read_robot())
+    strategy = Paced(papers, jnp.float32(1))
     start = start_of(SMALL, n_robots, 0, 0)._replace(poses=np.array(APART))
     world = World(PRESETS["type1"], n_robots, start=start)
     many = jax.tree.map(lambda a: jnp.asarray(a)[None], strategy)

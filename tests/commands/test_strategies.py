@@ -106,11 +106,11 @@ def test_every_engine_runs_carries_and_records_it(engine):
     names = run.robots.column_names
     table = {name: run.robots[name].to_numpy(zero_copy_only=False).reshape(STEPS + 1, N) for name in names}
     np.testing.assert_array_equal(table["turned"], turned)
-    units = run.units["robots"]
-    assert [units[name] for name in ("turned", "said_aim", "said_heat")] == ["rad", "rad", ""]
-    assert run.genome is None and run.strategy == {"class": "Walk", "turn": 40.0}
+    units = [run.robots.schema.field(name).metadata[b"unit"] for name in ("turned", "said_aim", "said_heat")]
+    assert units == [b"rad", b"rad", b""]
     content = json.loads(Path("runs/clean/result.json").read_text())
-    assert content["strategy"] == run.strategy and "genome" not in content
+    assert content["strategy"] == {"class": "Walk", "turn": 40.0}
+    assert run.result == content and run.genome is None and "genome" not in content
     assert "said_dust_x" not in table and "said_priority" not in table
     for name, step, most in (("count", 1, 15), ("heat", 1 / 255, 1), ("aim", 2 * np.pi / 8, 4)):
         said = table[f"said_{name}"]

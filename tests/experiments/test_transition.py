@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from iswarm_mj.experiments.analysis.bench_statements import STATEMENTS
-from iswarm_mj.gripper.bench.contacts import Contacts
+from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.laws.detachment import (
     CONTACT_GAP,
     PROBE_RADIUS,

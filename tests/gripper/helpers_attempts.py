@@ -13,6 +13,7 @@ from helpers_sensing import lay, place
 from iswarm_mj.config import GripperConfig, SwarmConfig
 from iswarm_mj.gripper.attempts import Attempts, by_balance
 from iswarm_mj.gripper.handling import carry, handle
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import (
     VARIATION_OBJECT_SUBSTRATE,
     VARIATION_TOOL_OBJECT,
@@ -22,7 +23,6 @@ from iswarm_mj.gripper.laws.detachment import (
     release_voltage,
     scattered_work,
 )
-from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.utils.units import RD

@@ -6,8 +6,8 @@ import numpy as np
 from helpers_capacitance import capacitance
 from jaxtyping import Float
 
+from iswarm_mj.gripper.bench.tracing import Trace
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.bench.trial_trace import Trace
 from iswarm_mj.gripper.laws.detachment import GRAVITY
 from iswarm_mj.gripper.laws.electrostatics import pick_force
 
@@ -17,46 +17,14 @@ Steps = Float[np.ndarray, "T-1"]
 class EnergyBalance(NamedTuple):
     """Energies of a trial, summed over its samples [J]. Each is found by itself, none from another's balance."""
 
-    supply: float
-    """Work of the voltage source, V times the charge that it moved."""
-    drive: float
-    """Work of the tool's drive."""
-    adhesion: float
-    """Work of adhesion on ball and tool, negative where they are torn apart."""
-    field: float
-    """Change of the field's energy, C_t (V - u)^2 / 2 + C_p u^2 / 2."""
-    joule: float
-    """Heat in the contacts with tool and plate, I^2 R, by the resistances of the circuit."""
-    on_ball: float
-    """Work of the field's forces on the ball."""
-    on_tool: float
-    """Work of the field's forces on the tool."""
-    kinetic: float
-    """Change of the motion's energy, of ball and tool."""
-    potential: float
-    """Change of the height's energy, of ball and tool."""
-    contact: float
-    """What the contacts take, pressing and damping, a ball that is caught, too."""
-    impact: float
-    """Lost in impacts from which the ball rebounds, m v^2 (1 - e^2) / 2."""
     turnover: float
     """Work of the source without its sign: what errors are compared with."""
-
-    @property
-    def electrical(self) -> float:
-        """What is missing between the source's work and its uses, over the turnover."""
-        return (self.supply - self.field - self.joule - self.on_ball - self.on_tool) / self.turnover
-
-    @property
-    def mechanical(self) -> float:
-        """What is missing between the work on ball and tool and its uses, over the turnover."""
-        work = self.on_ball + self.on_tool + self.drive + self.adhesion
-        return (work - self.kinetic - self.potential - self.contact - self.impact) / self.turnover
-
-    @property
-    def error(self) -> float:
-        """What is missing in the whole trial, over the turnover."""
-        return self.electrical + self.mechanical
+    electrical: float
+    """What is missing between the source's work and its uses, over the turnover."""
+    mechanical: float
+    """What is missing between the work on ball and tool and its uses, over the turnover."""
+    parts: dict[str, float]
+    """Over the turnover: `joule` heat of the contacts, work of the `drive`, what pressing takes, and impacts."""
 
 
 def energy_balance(trace: Trace, trial: Trial) -> EnergyBalance:
@@ -81,19 +49,18 @@ def energy_balance(trace: Trace, trial: Trial) -> EnergyBalance:
     contact = _during(trace.contact_tool, ball - tool) - _during(trace.contact_plate, ball)
     masses = (trace.weight / GRAVITY, ball), (trace.probe_weight / GRAVITY, tool)
     step = trace.time[1] - trace.time[0]
+    supply, turnover = float((voltage * moved).sum()), float(np.abs(voltage * moved).sum())
+    field, heat, drive = float(energy[-1] - energy[0]), float(joule.sum()), float((_middle(trace.drive) * tool).sum())
+    on_ball, on_tool = float((_middle(trace.electrostatic) * ball).sum()), float((-_middle(up) * tool).sum())
+    kinetic = float(sum(mass / 2 * (way[-1] ** 2 - way[0] ** 2) / step**2 for mass, way in masses))
+    potential = float(trace.weight * ball.sum() + trace.probe_weight * tool.sum())
+    impact, worked = float(trace.impact_loss.sum()), on_ball + on_tool + drive + float(adhesion.sum())
+    parts = {"joule": heat, "drive": drive, "contact": contact, "impact": impact}
     return EnergyBalance(
-        supply=float((voltage * moved).sum()),
-        drive=float((_middle(trace.drive) * tool).sum()),
-        adhesion=float(adhesion.sum()),
-        field=float(energy[-1] - energy[0]),
-        joule=float(joule.sum()),
-        on_ball=float((_middle(trace.electrostatic) * ball).sum()),
-        on_tool=float((-_middle(up) * tool).sum()),
-        kinetic=float(sum(mass / 2 * (way[-1] ** 2 - way[0] ** 2) / step**2 for mass, way in masses)),
-        potential=float(trace.weight * ball.sum() + trace.probe_weight * tool.sum()),
-        contact=contact,
-        impact=float(trace.impact_loss.sum()),
-        turnover=float(np.abs(voltage * moved).sum()),
+        turnover,
+        (supply - field - heat - on_ball - on_tool) / turnover,
+        (worked - kinetic - potential - contact - impact) / turnover,
+        {name: value / turnover for name, value in parts.items()},
     )
 
 

@@ -8,10 +8,10 @@ from scipy import integrate
 
 from iswarm_mj.gripper.laws.adhesion import (
     dmt_pull_off,
+    humidity_factor,
     jkr_pull_off,
     van_der_waals_force,
 )
-from iswarm_mj.gripper.laws.humidity import humidity_factor
 
 
 def test_pull_off_bounds_of_eq_1():

@@ -8,8 +8,8 @@ import pytest
 from helpers_attempts import GRIPPER, step
 from helpers_sensing import lay
 
-from iswarm_mj.gripper.bench.attempt_trace import PHASES, trace_attempt
 from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, TIMESTEP, by_host
+from iswarm_mj.gripper.bench.tracing import PHASES, trace_attempt
 from iswarm_mj.gripper.handling import attempts_between
 
 PLACES = [(40, 0, 0), (60, 0, 0), (0, 0, 0), (80, 0, 0)]

@@ -11,9 +11,8 @@ from helpers_sensing import lay
 
 from iswarm_mj.gripper.attempts import Attempts, by_balance
 from iswarm_mj.gripper.bench import swarm_trials
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.swarm_trials import SingleBench, by_host
-from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.bench.trial import Contacts, Trial
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, is_released
 
 BAND = 0.06

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Gaps, Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.run_trials import hang, release, run_trials, rung, staircase, touch
 from iswarm_mj.gripper.bench.script import is_lifted
 from iswarm_mj.gripper.bench.tracing import trace_trial
-from iswarm_mj.gripper.bench.trial import Trial, draw
+from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.laws.detachment import CONTACT_GAP, PROBE_RADIUS, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 
 IDEAL = Contacts(leak=0.0, restitution=0.0)
@@ -135,11 +134,3 @@ def test_a_ball_is_carried_aside_unless_it_rolls_off(rolling, arrives):
     assert still.landed[0] and still.off_target[0] < 1e-9
     assert (outcome.landed[0] and outcome.off_target[0] < 0.5e-6) == arrives
     assert not arrives or outcome.voltage == pytest.approx(still.voltage, abs=0.05)
-
-
-def test_the_tool_moves_aside_and_stays_there():
-    bench = MujocoBench([draw(0, 20e-6, 10.0, 0)._replace(misalignment=1e-6)], 5e-6, 1)
-    assert bench.off_axis() == pytest.approx([-1e-6], abs=1e-9)
-    bench.move("aside", 0.2e-3, 5e-6, 0.0, aside=3e-6)
-    bench.move("still", 0.2e-3, 5e-6, 0.0)
-    assert bench.off_axis() == pytest.approx([-4e-6], abs=1e-9)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
+from iswarm_mj.gripper.bench.trial import Contacts
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.workflows.grasp import summary, trial_rows
 from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
 

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from landing_map import landing_map
 
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_numbers, sized
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import hang, release, staircase
-from iswarm_mj.gripper.bench.trial import Trial, draw
+from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.contact import rebound_ratio
 from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
 from iswarm_mj.gripper.laws.restitution import (

@@ -107,8 +107,10 @@ def test_forces_and_states_are_the_plugins(world, circuit):
         mujoco.mj_forward(model, data)
         here = mine.having({key: jnp.float32(value) for key, value in humidity.items()})
         force = evaluate(here, mx, in_mjx(dx, data), kept)
-        largest = np.abs(data.qfrc_passive).max()
-        np.testing.assert_allclose(force.generalized, data.qfrc_passive, atol=1e-4 * largest)
+        largest, generalized = np.abs(data.qfrc_passive).max(), np.zeros(model.nv)
+        for body, applied in enumerate(np.asarray(force.applied, float)):
+            mujoco.mj_applyFT(model, data, applied[:3], applied[3:], data.xipos[body], body, generalized)
+        np.testing.assert_allclose(generalized, data.qfrc_passive, atol=1e-4 * largest)
         electrostatic, voltage = (state(model, data, "electrostatic", name) for name in ("force", "ball_voltage"))
         assert force.electrostatic == pytest.approx(electrostatic, rel=1e-4, abs=1e-4 * largest)
         assert force.ball_voltage == pytest.approx(voltage, abs=1e-3)
@@ -127,7 +129,7 @@ def test_forces_and_states_are_the_plugins(world, circuit):
 def test_a_resized_model_is_the_one_compiled_at_that_size(world, radius):
     _, forces, mx, _ = world
     sized, compiled = resize(forces, mx, jnp.float32(radius)), mjx_compatible(bench(radius))
-    ball, dofs = forces.joints[forces.ball][0].body, slice(0, 6)
+    ball, dofs = forces.bodies[forces.ball], slice(0, 6)
     for name in FIELDS:
         ours, theirs = np.asarray(getattr(sized, name)), getattr(compiled, name)
         theirs = theirs.reshape(ours.shape)

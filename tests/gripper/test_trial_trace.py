@@ -3,7 +3,7 @@
 import numpy as np
 from helpers_trace import bench_trace
 
-from iswarm_mj.gripper.bench.trial_trace import thinned
+from iswarm_mj.gripper.bench.tracing import thinned
 
 
 def test_samples_are_samples_of_the_trace():

@@ -3,13 +3,11 @@
 from copy import copy
 from dataclasses import replace
 
-import jax
 import numpy as np
 import pytest
 from helpers_runs import N, run_of
 
 from iswarm_mj.output.frames import RecordedWorld
-from iswarm_mj.output.schema import Frames
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import ROBOT_DIAMETER as RD
@@ -37,18 +35,3 @@ def test_obstacles_are_in_metres_and_radians(run):
     run.config = replace(run.config, arena=replace(run.config.arena, obstacles=((4.0, -4.0, 0.8, 0.5, 30.0),)))
     scene = RecordedWorld.of(run, 0).scene
     np.testing.assert_allclose(scene.obstacles, [[4 * RD, -4 * RD, 0.8 * RD, 0.5 * RD, np.pi / 6]])
-
-
-def test_getters_see_where_robots_were_before_each_step_also_across_blocks(run, monkeypatch):
-    """Blocks of one and of two steps give the distances that the poses say."""
-    records = [run.start, *(run.advance() for _ in range(3))]
-    records = [records[0]] + [jax.tree.map(lambda a: a[:1], record) for record in records[1:]]
-    poses = np.concatenate([record.poses for record in records])[:, 1]
-    whole = np.concatenate([poses[:1], poses[:-1]])
-    world, seen, before, observed = RecordedWorld.of(run, 1), [], None, Frames.observed
-    monkeypatch.setattr(Frames, "observed", staticmethod(lambda *given: (seen.append(given[0]), observed(*given))[1]))
-    for block in (records[:1], records[1:3], records[3:]):
-        world.frames(block, before)
-        before = block[-1]
-    np.testing.assert_array_equal(np.concatenate([each.poses_before for each in seen]), whole)
-    assert {each.control_period for each in seen} == {0.5}

@@ -15,11 +15,10 @@ from PIL import Image
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
-from iswarm_mj.output.render import render
 from iswarm_mj.output.saved import load
 from iswarm_mj.output.shapes import floor
-from iswarm_mj.output.stage import Shot, Stage
-from iswarm_mj.output.video import RATE, Film, write_video
+from iswarm_mj.output.stage import Shot, Stage, render
+from iswarm_mj.output.video import RATE, write_video
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER, mm_from_rd
 from iswarm_mj.utils.walls import area_of
@@ -163,7 +162,7 @@ def test_what_a_run_does_not_have_is_refused(tmp_path, shot, step, out, says):
 
 
 def test_a_run_that_ended_early_is_shown_at_its_end(directory, tmp_path, monkeypatch):
-    monkeypatch.setattr("iswarm_mj.output.render.Stage", Blank)
+    monkeypatch.setattr("iswarm_mj.output.stage.Stage", Blank)
     assert render(directory, None, Shot(size=(64, 64)), tmp_path / "a.png") == 0
 
 
@@ -197,11 +196,11 @@ def test_a_video_that_fails_leaves_the_old_one(tmp_path_factory, tmp_path, monke
     out.write_bytes(b"old")
 
     monkeypatch.setattr("iswarm_mj.output.video.Stage", Blank)
-    film = Film(frames_per_step=24, shot=Shot(size=(320, 240)))
+    film = Shot(size=(320, 240)), 24
     with pytest.raises(UserError, match=r"^ffmpeg could not write"), full_disk(20_000):
-        write_video(run, out, film)
+        write_video(run, out, *film)
     assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"] and out.read_bytes() == b"old"
-    write_video(run, out, film)
+    write_video(run, out, *film)
     frames, about = decoded(out, (320, 240))
     assert len(frames) == 49
     assert about["codec"] == "h264" and about["pix_fmt"].startswith("yuv420p") and about["fps"] == RATE

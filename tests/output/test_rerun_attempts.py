@@ -7,7 +7,7 @@ import pytest
 from helpers_swarm_recording import PERIOD, make_scene
 from rerun.chunk import RrdReader
 
-from iswarm_mj.gripper.bench.attempt_trace import trace_attempt
+from iswarm_mj.gripper.bench.tracing import trace_attempt
 from iswarm_mj.gripper.handling import Tried
 from iswarm_mj.output.rerun_attempts import AttemptView
 from iswarm_mj.output.rerun_swarm import Recording

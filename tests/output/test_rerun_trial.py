@@ -95,11 +95,3 @@ def test_the_file_has_a_layout_and_its_settings(recorded):
     assert [file.name for file in path.parent.iterdir()] == ["trial.rrd"]
     kept = read(path)["/__properties/settings"]
     assert kept["version"] == [__version__] and kept["seed"] == [3] and kept["protocol.step_voltage"] == [0.25]
-
-
-def test_an_error_leaves_the_old_file(tmp_path):
-    path, trace = tmp_path / "trial.rrd", bench_trace()
-    path.write_text("old")
-    with pytest.raises(TypeError):
-        record_trace(path, trace._replace(ball=None), {})
-    assert path.read_text() == "old" and len(list(tmp_path.iterdir())) == 1

@@ -47,9 +47,8 @@ class TestEveryEngine:
         run, _, saved, _ = done
         assert (saved.config, saved.genome) == (run.config, run.genome)
         assert saved.settings == replace(run.settings, record_worlds=(0, 2), stop_at=None)
-        assert saved.engine == run.identity and saved.version == iswarm_mj.__version__
-        assert saved.measures == [run.measures(world) for world in range(3)]
-        assert saved.result["steps"] == 25
+        assert saved.result.items() >= run.identity.items() and saved.result["version"] == iswarm_mj.__version__
+        assert saved.result["picked"] == [run.measures(world).picked for world in range(3)]
         assert list(saved.scenes) == [0, 2] and saved.scene.world == 0 and saved.scene.control_period == 1.0
 
     def test_robots(self, done):
@@ -121,7 +120,6 @@ class TestEveryEngine:
             steps = of_world(saved.steps, world)
             np.testing.assert_allclose(steps["mean_speed"], 1e-3 * records.speed[:, place], rtol=1e-5)
             assert steps["time"].to_pylist() == list(range(26)) and all(steps["is_running"].to_pylist())
-            measures = saved.measures[world]
             last = {name: steps[name][-1].as_py() for name in ("picked", "delivered", "collisions")}
-            assert last == {name: getattr(measures, name) for name in last}
+            assert last == {name: saved.result[name][world] for name in last}
         assert "held" in saved.balls["state"].to_pylist()

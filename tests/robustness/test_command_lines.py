@@ -26,7 +26,7 @@ STARTS = [
     "iswarm_mj.experiments.runner.pool.run_jobs",
     "iswarm_mj.workflows.grasp.run_trials",
     "iswarm_mj.workflows.grasp.force_curve",
-    "iswarm_mj.output.render.Stage",
+    "iswarm_mj.output.stage.Stage",
     "iswarm_mj.output.video.Stage",
 ]
 """Where physics, pictures or workers would start."""

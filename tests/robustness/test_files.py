@@ -190,7 +190,7 @@ def read_everything(out):
 
     def tables():
         run = load(out)
-        assert run.units and run.scene and all(map(len, (run.robots, run.balls, run.steps)))
+        assert run.scene and all(map(len, (run.robots, run.balls, run.steps)))
 
     for read in (tables, lambda: recorded(out), lambda: inspection(out), lambda: parsed("--config", out / RESULT)):
         try:

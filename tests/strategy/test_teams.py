@@ -158,7 +158,7 @@ def test_a_swarm_of_two_teams_is_recorded_by_team(tmp_path):
     assert table["said_loud"].to_pylist() == [False] * 7 + [True] * 3
     assert table["said_index"].to_pylist() == [0, 1, 2, 3, 4, 5, 6, 0, 0, 0]
     assert 0 <= max(table["count_heard"].to_pylist()) <= 6
-    assert saved.strategy["count"] == {"share": 0.7, "class": "Counter", "turn": 0.5}
+    assert saved.result["strategy"]["count"] == {"share": 0.7, "class": "Counter", "turn": 0.5}
 
 
 def test_worlds_of_other_sizes_are_refused():

@@ -168,9 +168,9 @@ class TestFiles:
     def test_result(self, saved):
         out, run = saved
         content = json.loads((out / "result.json").read_text())
-        assert content["task"] == run.task == {"class": "Eastward", "line": 2.0}
+        assert content["task"] == run.result["task"] == {"class": "Eastward", "line": 2.0}
         assert not {"delivered", "fitness", "n_dust"} & content.keys() and content["stop_at"] == N
-        assert [m["steps"] for m in run.metrics] == content["metrics"]["steps"] == [12, 12]
+        assert content["metrics"]["steps"] == [12, 12]
 
     def test_the_summary_states_units(self, small, tmp_path, capsys):
         class Counted(Eastward):
@@ -189,8 +189,8 @@ class TestFiles:
         x = np.array(robots["x"]).reshape(2, 13, N)
         shares = np.array(steps["share"]).reshape(2, 13)
         np.testing.assert_allclose(shares[:, 1:], (x[:, :-1] > 2e-3).mean(axis=-1), atol=1e-6)
-        np.testing.assert_allclose(shares[:, -1], [m["share"] for m in run.metrics], atol=1e-6)
-        assert run.units["steps"]["share"] == ""
+        np.testing.assert_allclose(shares[:, -1], run.result["metrics"]["share"], atol=1e-6)
+        assert run.steps.schema.field("share").metadata[b"unit"] == b""
 
     def test_recording(self, saved):
         """Areas are drawn where the task has them, and neither dump nor dust; metrics are time series."""

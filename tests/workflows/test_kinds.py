@@ -10,7 +10,6 @@ import pytest
 from helpers_cli import code_of, refused, result
 from helpers_robots import HALF, numbered, two_kinds
 from helpers_small import FLAGS, SMALL
-from helpers_worlds import start_of
 
 import iswarm_mj
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -26,7 +25,6 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Aggregation, Spots
 from iswarm_mj.tasks.foraging import Forager
-from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.utils.errors import ConfigError, UserError
 
 N = 20  # eight of the first kind
@@ -111,15 +109,6 @@ def test_teams_of_one_kind_are_given_its_robot(files):
     assert [team.strategy.masses for team in made.teams] == [(10.0,) * 8 + (30.0,) * 2, (30.0,) * 10]
     with pytest.raises(UserError, match="one length; make each kind of robots a team, or set"):
         Forager().for_world(SMALL, robots, N)
-
-
-def test_held_balls_hang_at_the_holder_s_tip(files):
-    """Robot 9, the second of its kind, looks to the left."""
-    balls = start_of(SMALL, N, 0, 0).task
-    balls = balls._replace(is_held=balls.is_held | (np.arange(24) == 3), holder=np.full(24, 9, np.int32))
-    poses = np.zeros((N, 3))
-    poses[9] = 5, 7, np.pi / 2
-    np.testing.assert_allclose(ball_centres(balls, poses, read_robots(files))[3, :2], [5 - 0.1, 7 + 1.1], atol=1e-6)
 
 
 @pytest.mark.parametrize(("x", "fits"), [(2.2, True), (2.1, False)])

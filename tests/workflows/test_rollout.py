@@ -14,7 +14,7 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import draw_radii, place_robots
 from iswarm_mj.utils.errors import FaultKind, UserError
-from iswarm_mj.workflows.rollout import Rollout, _each, paper_strategy, rollout
+from iswarm_mj.workflows.rollout import Rollout, rollout
 
 KEYS = jax.random.split(jax.random.key(8), 3)
 N_FEW = 5
@@ -113,7 +113,7 @@ def test_a_command_that_is_no_number_ends_its_world_alone(straight_on):
 
 def papers(keys, **own):
     settings = {"n_robots": N, "steps": 60, "every": 25, "stop_at": 6, "poses_of": (2, 0), "engine": PlanarSettings(1)}
-    return rollout(TINY, paper_strategy(TINY, PRESETS["type1"], N), keys, **settings | own)
+    return rollout(TINY, PRESETS["type1"], keys, **settings | own)
 
 
 @pytest.fixture(scope="module")
@@ -151,17 +151,6 @@ class TestSwarm:
                 jax.tree.map(np.testing.assert_array_equal, mine, its)
         np.testing.assert_array_equal(swarm.metrics["picked"], swarm.picked)
         assert len(set(map(tuple, swarm.delivered_after.tolist()))) > 1 or len(set(swarm.collisions)) > 1
-
-
-def test_keys_are_parted_without_a_program():
-    """JAX would make one of 37 results."""
-    keys = jax.random.split(jax.random.key(1, impl="rbg"), 37)
-    with compilations() as names:
-        parted = list(_each(keys))
-    assert names == [] and len(parted) == 37
-    for k in (0, 36):
-        assert parted[k][1] == keys[k]
-        np.testing.assert_array_equal(parted[k][0], jax.random.key_data(keys[k]))
 
 
 @pytest.mark.parametrize(

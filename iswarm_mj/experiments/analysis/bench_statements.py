@@ -21,9 +21,9 @@ from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, UNDECIDED, Jud
 from iswarm_mj.experiments.analysis.judge import RARE, Estimate, always, averages, differences, judged, shares
 from iswarm_mj.experiments.analysis.measures import VOLTAGE, by, select, values
 from iswarm_mj.experiments.analysis.statistics import Interval, difference, slope
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, jkr_pull_off
+from iswarm_mj.gripper.bench.trial import Contacts
+from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, humidity_factor, jkr_pull_off
 from iswarm_mj.gripper.laws.detachment import (
     EQ3_CONSTANT,
     MELTING_VOLTAGE,
@@ -35,7 +35,6 @@ from iswarm_mj.gripper.laws.detachment import (
     detachment_voltage,
 )
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force, release_force
-from iswarm_mj.gripper.laws.humidity import humidity_factor
 from iswarm_mj.gripper.laws.melting import melting_time, melts
 from iswarm_mj.gripper.reference import (
     PAPER_FIG_6,

@@ -16,7 +16,7 @@ from iswarm_mj.experiments.runner.experiment import RUNS
 from iswarm_mj.experiments.runner.journal import count
 from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.output.reading import read_result
+from iswarm_mj.output.saved import read_result
 from iswarm_mj.output.trajectory import RESULT
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import aligned, read_table

@@ -21,8 +21,8 @@ from iswarm_mj.experiments.runner.search import run_search
 from iswarm_mj.experiments.runner.search import settings_of as settings_of_search
 from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory, remove
@@ -51,7 +51,10 @@ class Part:
     """Writes the results into a directory, resuming what is there unless called with `again`."""
 
     def lacks(self, results: Path) -> str:
-        """Why the part has to be made, in words; empty if its table is there below `results`, of whichever engine."""
+        """Why the part has to be made, in words; empty if its table is there below `results`, of whichever engine.
+
+        Settings of the table that no longer exist do not count.
+        """
         path = results / self.name / self.table
         if not path.is_file():
             return "not there"
@@ -61,7 +64,7 @@ class Part:
             return "not readable"
         wanted = json.loads(json.dumps({**self.settings, "version": __version__}))
         ignored = () if self.name in OWN_ENGINE else IDENTITY
-        names = {name for name in {*wanted, *settings} if wanted.get(name) != settings.get(name)}.difference(ignored)
+        names = {name for name in wanted if wanted[name] != settings.get(name)}.difference(ignored)
         return f"made with another {', another '.join(sorted(names))}" if names else ""
 
     def publish(self, work: Path, results: Path) -> None:

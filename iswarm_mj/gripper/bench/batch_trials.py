@@ -220,7 +220,7 @@ def _leapt(
     (forces, model), where, ball = ready, bench.where, force.state
     gravity = -model.opt.gravity[2]
     tool, plate = (force.adhesion[k] for k in forces.tool_and_plate)
-    hold = tool - plate - gravity * model.body_mass[forces.joints[forces.ball][0].body]
+    hold = tool - plate - gravity * model.body_mass[forces.bodies[forces.ball]]
     electric = data.ctrl[where.voltage], force.ball_voltage, ball.charge, *force.capacitances
     hanging = Hanging(*electric, forces.numbers[forces.circuit, "leak"], *force.pulls, tool, hold)
     gaps, velocity = _gaps(bench, ready, data), data.qvel[where.ball : where.ball + 3]

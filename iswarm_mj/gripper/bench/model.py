@@ -11,9 +11,8 @@ from jaxtyping import Float
 
 from iswarm_mj.engines.arena import models_directory
 from iswarm_mj.gripper import plugin  # noqa: F401, registers what the model names
-from iswarm_mj.gripper.bench.contacts import Contacts
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
-from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.bench.trial import Contacts, Trial
 from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, PROBE_RADIUS
 from iswarm_mj.gripper.units import DENSITY, MS, NN, PER_OHM, PRESSURE, UM
 

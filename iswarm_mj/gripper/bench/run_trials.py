@@ -41,11 +41,11 @@ LARGEST_BATCH = 1024
 """Trials that run at once."""
 
 
-class Grasp(NamedTuple):
-    """Outcome of a staircase on each of B benches."""
+class Lift(NamedTuple):
+    """Outcome of a staircase, or of a ramp without contact, on each of B benches."""
 
     voltage: Float[np.ndarray, "B"]
-    """First rung that lifted, nan: none [V]."""
+    """First rung that lifted, or voltage when the ball left the plate, nan: none [V]."""
     faulty: Bool[np.ndarray, "B"]
     """Whether the state became infinite or nan."""
 
@@ -64,7 +64,7 @@ def rung(bench: MujocoBench, protocol: Protocol, voltage: Voltages, active: Mask
     return bench.move(*last, active)
 
 
-def staircase(bench: MujocoBench, protocol: Protocol, count: int) -> Grasp:
+def staircase(bench: MujocoBench, protocol: Protocol, count: int) -> Lift:
     """Find the first voltage that lifts, on `count` new benches; in the end the balls that can be lifted are lifted."""
     touch(bench, protocol)
     start = bench.save()
@@ -88,7 +88,7 @@ def staircase(bench: MujocoBench, protocol: Protocol, count: int) -> Grasp:
     bench.restore(start)
     voltage = np.minimum(high, top) * protocol.step_voltage
     rung(bench, protocol, voltage)
-    return Grasp(np.where(high <= top, voltage, np.nan), faulty)
+    return Lift(np.where(high <= top, voltage, np.nan), faulty)
 
 
 def hang(bench: MujocoBench, protocol: Protocol, gap: float, active: Mask | None = None) -> Mask:
@@ -121,15 +121,6 @@ class Release(NamedTuple):
     """Distance of the ball from below the tool's axis at the end [m]."""
     hung: Bool[np.ndarray, "B"]
     """Whether it hung at the tool as the ramp began; otherwise it had fallen."""
-
-
-class Attempt(NamedTuple):
-    """Outcome of a ramp without contact on each of B benches."""
-
-    voltage: Float[np.ndarray, "B"]
-    """Voltage when the ball left the plate, nan: it did not [V]."""
-    faulty: Bool[np.ndarray, "B"]
-    """Whether the state became infinite or nan."""
 
 
 def release(
@@ -172,7 +163,7 @@ def release(
     )
 
 
-def no_contact(bench: MujocoBench, protocol: Protocol, gap: float, count: int) -> Attempt:
+def no_contact(bench: MujocoBench, protocol: Protocol, gap: float, count: int) -> Lift:
     """Stop the tool at a gap before the ball [m] and ramp the voltage, on `count` new benches."""
     bench.move("approach", protocol.approach_time, gap, 0.0)
     ramp, period = _ramp(protocol, protocol.no_contact_rate, protocol.no_contact_limit), _period(bench, protocol)
@@ -185,7 +176,7 @@ def no_contact(bench: MujocoBench, protocol: Protocol, gap: float, count: int) -
         touched = np.where(is_gone, touched, np.maximum(touched, began + watch.last_plate))
         is_gone, is_faulty = is_gone | (watch.gap_plate > protocol.away), is_faulty | ~watch.finite
     voltage = _script.ramp_voltage(protocol, ramp, np.inf, touched)
-    return Attempt(np.where(is_gone, voltage, np.nan), is_faulty)
+    return Lift(np.where(is_gone, voltage, np.nan), is_faulty)
 
 
 def _ramp(protocol: Protocol, rate: float, limit: float) -> Ramp:
@@ -201,10 +192,10 @@ def _period(bench: MujocoBench, protocol: Protocol) -> float:
 class Outcomes(NamedTuple):
     """Outcomes of N trials."""
 
-    grasp: Grasp
+    grasp: Lift
     release: dict[float, Release]
     """By the gap to the plate [m]; meaningless for balls that were not lifted."""
-    no_contact: dict[float, Attempt]
+    no_contact: dict[float, Lift]
     """By the gap to the tool [m]."""
     timestep: float
     """[s]"""

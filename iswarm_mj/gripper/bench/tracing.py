@@ -1,20 +1,96 @@
-"""Traces of trials from the states that a bench recorded."""
+"""Traces of trials, sample by sample, from the states that a bench recorded; also of attempts that a swarm made."""
+
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.model import STATE, layout
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import hang, release, rung, touch
-from iswarm_mj.gripper.bench.script import is_lifted
+from iswarm_mj.gripper.bench.script import hangs, is_lifted
+from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, TIMESTEP, ramp_to
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.bench.trial_trace import Trace
+from iswarm_mj.gripper.handling import Tried
 from iswarm_mj.gripper.units import MS, NN, UM
 
 States = Float[np.ndarray, "T n"]
+
+PHASES = ("approach", "contact", "voltage", "retract", "lift", "off", "ramp", "flight", "rest")
+"""Of lifts, then of releases, in their order."""
+
+
+class Trace(NamedTuple):
+    """T samples of one trial, at increasing times. SI units throughout; z up, the plate's surface at z = 0."""
+
+    time: Float[np.ndarray, "T"]
+    """Since the trial began [s]."""
+    phase: Int[np.ndarray, "T"]
+    """Indices into `phases`."""
+    phases: tuple[str, ...]
+    """Names of the phases: approach, ramp, ..."""
+    voltage: Float[np.ndarray, "T"]
+    """Of the probe against the plate [V]."""
+    probe: Float[np.ndarray, "T 3"]
+    """Centre of the tip's face [m]."""
+    ball: Float[np.ndarray, "T 3"]
+    """Centre of the ball [m]."""
+    ball_quaternion: Float[np.ndarray, "T 4"]
+    """Orientation of the ball, w first."""
+    gap_tool: Float[np.ndarray, "T"]
+    """Between probe and ball, negative where they are pressed together [m]."""
+    gap_plate: Float[np.ndarray, "T"]
+    """Between ball and plate, negative where they are pressed together [m]."""
+    adhesion_tool: Float[np.ndarray, "T"]
+    """Attraction of the ball by the probe, at least 0 [N]."""
+    adhesion_plate: Float[np.ndarray, "T"]
+    """Attraction of the ball by the plate, at least 0 [N]."""
+    electrostatic: Float[np.ndarray, "T"]
+    """Force on the ball, positive towards the probe, negative towards the plate [N]."""
+    contact_tool: Float[np.ndarray, "T"]
+    """Normal force between probe and ball, at least 0 [N]."""
+    contact_plate: Float[np.ndarray, "T"]
+    """Normal force between ball and plate, at least 0 [N]."""
+    on_plate_potential: Bool[np.ndarray, "T"]
+    """Whether the ball has the plate's potential; otherwise it has the probe's."""
+    ball_voltage: Float[np.ndarray, "T"]
+    """Of the ball against the plate [V]."""
+    broken: Bool[np.ndarray, "T"]
+    """Whether the oxide of the tool's contact is broken down."""
+    drive: Float[np.ndarray, "T"]
+    """Force of the drive on the tool, upwards [N]."""
+    impact_loss: Float[np.ndarray, "T"]
+    """Energy lost in an impact from which the ball rebounds [J]; 0 where there is none."""
+    radius: float
+    """Of the ball [m]."""
+    probe_radius: float
+    """[m]"""
+    weight: float
+    """Of the ball [N]."""
+    probe_weight: float
+    """Of the probe and what carries it [N]."""
+
+
+def thinned(trace: Trace, limit: int) -> Trace:
+    """Return a trace of about `limit` samples at most, dense where the ball moves or the electrostatic force changes.
+
+    Samples are kept at even distances along a path to which time, the ball's height and the force contribute a third
+    each, and so are the first sample of each phase and the last one of the trace.
+    """
+    if len(trace.time) <= limit:
+        return trace
+    path = np.zeros(len(trace.time))
+    for values in (trace.time, trace.ball[:, 2], trace.electrostatic):
+        length = np.cumsum(np.abs(np.diff(values, prepend=values[0])))
+        path += length / max(length[-1], np.finfo(float).tiny)
+    cell = np.floor(path / path[-1] * (limit - 1))
+    is_new = (np.diff(cell, prepend=-1) > 0) | (np.diff(trace.phase, prepend=-1) != 0)
+    is_new[-1] = True
+    arrays = {name: value[is_new] for name, value in trace._asdict().items() if isinstance(value, np.ndarray)}
+    return trace._replace(**arrays)
 
 
 def trace_trial(
@@ -37,6 +113,24 @@ def trace_trial(
         hang(bench, protocol, gap)
         release(bench, protocol, np.array([True]), gap, to_the_end=True)
     return trace_of(bench)
+
+
+def trace_attempt(tried: Tried, gap: float) -> tuple[Trace, bool]:
+    """Trace of an attempt, whose phases are `PHASES`, and whether it succeeded; releases are at a gap [m]."""
+    works = tried.work_tool_object, tried.work_object_substrate
+    trial = Trial(tried.radius, *works, 10.0, misalignment=tried.misalignment)  # whose factor of humidity is 1
+    bench = MujocoBench(
+        [trial], PROTOCOL.start_gap, 1, TIMESTEP, is_recorded=True, hanging=None if tried.is_lift else gap
+    )
+    if tried.is_lift:
+        touch(bench, PROTOCOL)
+        watch = rung(bench, PROTOCOL, tried.voltage)
+        succeeded = hangs(watch.gap_tool, watch.gap_plate, PROTOCOL)
+    else:
+        succeeded = release(bench, PROTOCOL, np.array([True]), gap, ramp_to(tried.voltage)).landed
+    trace = trace_of(bench)
+    places = np.array([PHASES.index(name) for name in trace.phases])
+    return trace._replace(phase=places[trace.phase], phases=PHASES), bool(succeeded[0])
 
 
 def trace_of(bench: MujocoBench) -> Trace:

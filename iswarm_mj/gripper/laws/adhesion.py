@@ -1,11 +1,12 @@
-"""Adhesion of an elastic sphere to a plane: pull-off forces and the works of adhesion behind them.
+"""Adhesion of an elastic sphere to a plane: pull-off forces, and how humidity changes the work of adhesion.
 
-Forces are positive [N]. Arguments in SI: `radius` R of the sphere [m], work of adhesion `work` W [J/m^2].
+Forces are positive [N]. Arguments in SI: `radius` R of the sphere [m], work of adhesion `work` W [J/m^2]. Relative
+humidity is a percentage everywhere, 0 to 100.
 """
 
 import math
 
-from iswarm_mj.utils.arrays import Quantity
+from iswarm_mj.utils.arrays import Quantity, array_module
 
 
 def jkr_pull_off(radius: Quantity, work: Quantity) -> Quantity:
@@ -43,3 +44,14 @@ def van_der_waals_force(hamaker: Quantity, radius: Quantity, gap: Quantity) -> Q
         gap: closest distance z of the surfaces [m].
     """
     return 2 * hamaker / (3 * gap) * (radius / gap) * (radius / (gap + 2 * radius)) ** 2
+
+
+def humidity_factor(relative_humidity: Quantity) -> Quantity:
+    """Work of adhesion over that at 10 % RH, h = 1 + (RH - 10)/70 above 10 % and 1 + 0.04 (10 - RH) below.
+
+    Source: empirical, after section 3.2.1 on its ref. 54: least at 10 % RH, twice that in air at 70 to 90 %.
+    Valid for 5 to 90 % RH; of the lower branch only the sign is known.
+    """
+    xp = array_module(relative_humidity)
+    above = relative_humidity - 10.0
+    return 1 + xp.where(above > 0, above / 70, -0.04 * above)

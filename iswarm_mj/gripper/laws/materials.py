@@ -45,7 +45,7 @@ MATERIALS: dict[str, Material] = {
 metals Tyson and Miller 1977, silicon {111} Gilman 1960, silica Brunauer et al. 1956, polystyrene Wu 1982. Hardness of
 metals: Samsonov 1968. Breakdown: Sze 1981. Density and elasticity: CRC Handbook."""
 BALL, TOOL, PLATE = "solder", "aluminium", "steel"
-"""To which the works of adhesion are fitted, and whose moduli are the defaults of `bench.contacts`."""
+"""To which the works of adhesion are fitted, and whose moduli are the defaults of `bench.trial`."""
 
 
 def material(setting: str, text: str, usual: str) -> Material:

@@ -44,17 +44,12 @@ def probe_factor(task: str, gap_ratio: Quantity, probe_ratio: Quantity) -> Quant
     Returns:
         f, a pure number.
     """
-    return interpolated(spline_coefficients(task), gap_ratio, probe_ratio)
-
-
-def interpolated(coefficients: np.ndarray, gap_ratio: Quantity, probe_ratio: Quantity) -> Quantity:
-    """Positive quantity of the table's two ratios, whose logarithm has these `coefficients_of`; limits as above."""
     _check("gap over sphere radius", gap_ratio, GAP_EXPONENTS)
     _check("probe radius over sphere radius", probe_ratio, PROBE_EXPONENTS)
     xp = array_module(gap_ratio, probe_ratio)
     functions = in_arrays(spline, xp)
     place = functions.place_of(xp.asarray(gap_ratio), xp.asarray(probe_ratio), AXES.tolist())
-    return functions.value_at(xp.asarray(coefficients, dtype=place[2][0].dtype), place)
+    return functions.value_at(xp.asarray(spline_coefficients(task), dtype=place[2][0].dtype), place)
 
 
 def _check(name: str, ratio: Quantity, exponents: np.ndarray) -> None:

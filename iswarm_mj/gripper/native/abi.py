@@ -40,8 +40,6 @@ _CALLBACKS = (
     *("actuator_act_dot", "sdf_distance", "sdf_gradient", "sdf_staticdistance", "sdf_attribute", "sdf_aabb"),
 )
 
-_kept: list[Any] = []
-
 
 class Plugin(ctypes.Structure):
     """The struct mjpPlugin of mjplugin.h."""
@@ -110,7 +108,6 @@ def register(name: str, attributes: Sequence[str], callbacks: Mapping[str, Any])
         setattr(plugin, callback, function.address)
     kept = (plugin, dict(callbacks))
     ctypes.pythonapi.Py_IncRef(ctypes.py_object(kept))  # MuJoCo calls them even after this module is gone
-    _kept.append(kept)
     return int(lib.mjp_registerPlugin(ctypes.byref(plugin)))
 
 

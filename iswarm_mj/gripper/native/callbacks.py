@@ -17,12 +17,11 @@ from numba import types
 
 from iswarm_mj.gripper import contact
 from iswarm_mj.gripper.laws import adhesion, electrostatics, restitution, spline
-from iswarm_mj.gripper.laws.humidity import humidity_factor
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.numbers import numbers_of
 from iswarm_mj.gripper.laws.probe_table import tables
-from iswarm_mj.gripper.native import abi, attraction, attributes
-from iswarm_mj.gripper.native.abi import Struct, compiled, pointer_offsets, read_fields
-from iswarm_mj.gripper.native.attraction import attract, gap_to
+from iswarm_mj.gripper.native import abi, attributes
+from iswarm_mj.gripper.native.abi import PLANE, Struct, compiled, pointer_offsets, read_fields
 from iswarm_mj.gripper.native.attributes import OF_ADHESION, OF_ELECTROSTATIC, raise_error, read_attributes
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
 
@@ -45,12 +44,62 @@ _compute = types.void(Struct, Struct, types.int32, types.int32)
 _advance = types.void(Struct, Struct, types.int32)
 
 
+@compiled
+def _gap_to(f, ball, surface):
+    """Gap from a plane or cylinder to a ball [um], and the unit vector that points along it to the ball."""
+    b, s, r = 3 * ball, 3 * surface, 9 * surface
+    x, y, z = f.geom_xpos[b], f.geom_xpos[b + 1], f.geom_xpos[b + 2]
+    x, y, z = x - f.geom_xpos[s], y - f.geom_xpos[s + 1], z - f.geom_xpos[s + 2]
+    ux, uy, uz = f.geom_xmat[r + 2], f.geom_xmat[r + 5], f.geom_xmat[r + 8]
+    along = x * ux + y * uy + z * uz
+    radius = f.geom_size[b]
+    if f.geom_type[surface] == PLANE:
+        return along - radius, ux, uy, uz
+    # The part of the vector beyond the cylinder's half length and radius.
+    x, y, z = x - along * ux, y - along * uy, z - along * uz
+    aside = np.sqrt(x * x + y * y + z * z)
+    beyond = along - min(max(along, -f.geom_size[s + 1]), f.geom_size[s + 1])
+    share = 1 - f.geom_size[s] / aside if aside > f.geom_size[s] else 0.0
+    x, y, z = share * x + beyond * ux, share * y + beyond * uy, share * z + beyond * uz
+    distance = np.sqrt(x * x + y * y + z * z)
+    scale = 1 / distance if distance > 0 else 0.0
+    return distance - radius, scale * x, scale * y, scale * z
+
+
+@compiled
+def _attract(f, ball, surface, gap, nx, ny, nz, force):
+    """Pull a ball and a surface together, each at the middle of the gap between them."""
+    b = 3 * ball
+    reach = f.geom_size[b] + gap / 2
+    px, py, pz = f.geom_xpos[b] - reach * nx, f.geom_xpos[b + 1] - reach * ny, f.geom_xpos[b + 2] - reach * nz
+    _push(f, f.geom_bodyid[ball], px, py, pz, -force * nx, -force * ny, -force * nz)
+    _push(f, f.geom_bodyid[surface], px, py, pz, force * nx, force * ny, force * nz)
+
+
+@compiled
+def _push(f, body, px, py, pz, fx, fy, fz):
+    """Add a force at a point to the generalised forces of the joints that move a body."""
+    while body > 0 and f.body_dofnum[body] == 0:
+        body = f.body_parentid[body]
+    if body == 0:
+        return
+    c = 3 * f.body_rootid[body]
+    rx, ry, rz = px - f.subtree_com[c], py - f.subtree_com[c + 1], pz - f.subtree_com[c + 2]
+    tx, ty, tz = ry * fz - rz * fy, rz * fx - rx * fz, rx * fy - ry * fx
+    dof = f.body_dofadr[body] + f.body_dofnum[body] - 1
+    while dof >= 0:
+        a = 6 * dof
+        turn = f.cdof[a] * tx + f.cdof[a + 1] * ty + f.cdof[a + 2] * tz
+        f.qfrc_passive[dof] += turn + f.cdof[a + 3] * fx + f.cdof[a + 4] * fy + f.cdof[a + 5] * fz
+        dof = f.dof_parentid[dof]
+
+
 def _offsets() -> np.ndarray:
     """Offsets of the fields, and a checksum of whatever else the compiled code depends on.
 
     Numba caches compiled code on disk, and the arrays that a callback encloses are part of the key.
     """
-    modules = (adhesion, electrostatics, restitution, contact, attraction, attributes, abi, spline)
+    modules = (adhesion, electrostatics, restitution, contact, attributes, abi, spline)
     text = "".join([mujoco.__version__, *(inspect.getsource(module) for module in modules)])
     return np.append(pointer_offsets(), zlib.crc32(text.encode()))
 
@@ -115,7 +164,7 @@ def adhesion_callbacks() -> dict[str, Any]:
         low = min(int(percent), 99)
         factor = factors[low] + (percent - low) * (factors[low + 1] - factors[low])
         work = state[s + at.work] * factor * NN / UM
-        gap, nx, ny, nz = gap_to(f, ball, surface)
+        gap, nx, ny, nz = _gap_to(f, ball, surface)
         radius, mass = f.geom_size[3 * ball] * UM, f.body_mass[f.geom_bodyid[ball]]
         force = _adhesion_force(work, state[s + at.hamaker] * NN * UM, radius, gap * UM) / NN
         before, push = state[s + at.before], 0.0
@@ -139,7 +188,7 @@ def adhesion_callbacks() -> dict[str, Any]:
             force = 0.0
         state[s + at.gap], state[s + at.force] = gap, force
         if force != push:
-            attract(f, ball, surface, gap, nx, ny, nz, force - push)
+            _attract(f, ball, surface, gap, nx, ny, nz, force - push)
 
     @_callback(_advance)
     def advance(m, d, instance):
@@ -162,8 +211,8 @@ def electrostatic_callbacks() -> dict[str, Any]:
         state, s = f.plugin_state, f.plugin_stateadr[instance]
         ball, probe, plate = int(state[s + at.ball]), int(state[s + at.probe]), int(state[s + at.plate])
         voltage = f.ctrl[int(state[s + at.voltage])]
-        probe_gap, px, py, pz = gap_to(f, ball, probe)
-        plate_gap, nx, ny, nz = gap_to(f, ball, plate)
+        probe_gap, px, py, pz = _gap_to(f, ball, probe)
+        plate_gap, nx, ny, nz = _gap_to(f, ball, plate)
         least, has_circuit = state[s + at.contact_gap], state[s + at.leak] > 0
         radius, probe_radius = f.geom_size[3 * ball], f.geom_size[3 * probe]
         pick, to_probe = _shape_of(0, radius, probe_gap, least, probe_radius, splines, axes)
@@ -174,9 +223,9 @@ def electrostatic_callbacks() -> dict[str, Any]:
         up = pick * _asymptotic(across, max(probe_gap, least) * UM, radius * UM) / NN
         down = release * _asymptotic(mine, max(plate_gap, least) * UM, radius * UM) / NN
         if across != 0:
-            attract(f, ball, probe, probe_gap, px, py, pz, up)
+            _attract(f, ball, probe, probe_gap, px, py, pz, up)
         if mine != 0:
-            attract(f, ball, plate, plate_gap, nx, ny, nz, down)
+            _attract(f, ball, plate, plate_gap, nx, ny, nz, down)
         state[s + at.ball_voltage], state[s + at.force] = mine, up - down
         state[s + at.probe_gap], state[s + at.plate_gap] = probe_gap, plate_gap
         state[s + at.to_probe], state[s + at.to_plate] = to_probe, to_plate

@@ -7,8 +7,9 @@ import pytest
 from helpers_files import full_disk
 from helpers_swarm_recording import joined, make_frames, make_scene
 
-from iswarm_mj.output.frame_store import FrameStore
+from iswarm_mj.output.trajectory import TRAJECTORY
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.workflows.recorder import FrameStore
 
 
 def made(n_frames, seed):
@@ -26,12 +27,11 @@ def stored(tmp_path, blocks):
 
 
 def test_the_file_is_that_of_numpy(tmp_path):
-    blocks = [made(n, n) for n in (1, 64, 64, 7)]
-    found, wanted = io.BytesIO(), io.BytesIO()
-    stored(tmp_path, blocks).write(found, {"about": np.bytes_(b"{}"), "size": np.arange(3.0)})
+    blocks, wanted = [made(n, n) for n in (1, 64, 64, 7)], io.BytesIO()
+    stored(tmp_path, blocks).write(make_scene(3, 2), {})
     together = {name: np.ascontiguousarray(values) for name, values in joined(blocks).arrays().items()}
-    np.savez(wanted, **together, about=np.bytes_(b"{}"), size=np.arange(3.0))
-    assert found.getvalue() == wanted.getvalue()
+    np.savez(wanted, **together, **make_scene(3, 2).arrays(), about=np.bytes_(b"{}"))
+    assert (tmp_path / TRAJECTORY).read_bytes() == wanted.getvalue()
 
 
 def test_a_full_disk_ends_with_a_sentence_and_keeps_what_was_there(tmp_path):
@@ -39,8 +39,6 @@ def test_a_full_disk_ends_with_a_sentence_and_keeps_what_was_there(tmp_path):
     with full_disk(3000), pytest.raises(UserError, match=r"cannot be written \(File too large\); make room"):
         store.append(block)
     for wanted in ([made(64, 2)], [made(64, 2), block]):
-        found = io.BytesIO()
-        store.write(found, {})
-        found.seek(0)
-        np.testing.assert_array_equal(np.load(found)["pose"], joined(wanted).pose)
+        store.write(make_scene(3, 2), {})
+        np.testing.assert_array_equal(np.load(tmp_path / TRAJECTORY)["pose"], joined(wanted).pose)
         store.append(block)  # there is room again
