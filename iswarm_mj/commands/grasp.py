@@ -6,13 +6,14 @@ from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.gripper.bench.trial import Contacts
+from iswarm_mj.gripper.laws.roughness import Surface
 from iswarm_mj.utils.constraints import Needs, Within, check
 from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 _PROTOCOL = ("start_gap", "approach_time", "press", "dwell", "rise_time", "peel", "peel_time")
 _BALL = ("radius", "rh", "work_tool_object", "work_object_substrate", "probe_radius", "ball_density")
 _BALL += ("ball_material", "tool_material", "plate_material", "tip_curvature")
-_PARTS = {"protocol": _PROTOCOL, "contacts": Contacts._fields}
+_PARTS = {"protocol": _PROTOCOL, "tool": Surface._fields, "plate": Surface._fields, "contacts": Contacts._fields}
 OF_CURVES = {*_BALL, "force_curve", "voltages", "out", *(f"{part}.{name}" for part in _PARTS for name in _PARTS[part])}
 """Settings that force-distance curves follow."""
 

@@ -235,7 +235,7 @@ def _rows(settings: GraspSettings) -> tuple[list[TrialRow], Float[np.ndarray, "N
 def _write_result(settings: GraspSettings, found: Sequence[Mapping[str, Any]], out: Path) -> None:
     """Write result.json: the settings as flags take them, what was measured, and what is not as in the fit."""
     flags = {name: value for name, value in asdict(settings).items() if name != "out"}
-    flags["contacts"] = settings.contacts._asdict()
+    flags |= {name: getattr(settings, name)._asdict() for name in ("contacts", "tool", "plate")}
     content = {"version": __version__, "grasp": flags, "beyond_the_fit": settings.beyond_the_fit, "measures": found}
     write_result(out, content)
 
@@ -244,7 +244,7 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
     """Write table and figure of force-distance curves with the medians of the works of adhesion; return the rows.
 
     Args:
-        settings: radii, the first humidity, materials, tip, contacts and protocol count.
+        settings: radii, the first humidity, materials, tip, surfaces, contacts and protocol count.
         voltages: one curve each [V].
         out: directory.
     """

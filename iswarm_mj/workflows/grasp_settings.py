@@ -8,6 +8,7 @@ from typing import Annotated, Any, NamedTuple
 from iswarm_mj.gripper.bench.protocol import Gaps, Protocol
 from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.laws import detachment, materials
+from iswarm_mj.gripper.laws.roughness import Surface, effective_work
 from iswarm_mj.gripper.units import UM
 from iswarm_mj.utils.constraints import Within, check, spaced, validate
 from iswarm_mj.utils.errors import ConfigError
@@ -84,6 +85,10 @@ class GraspSettings:
     protocol: Protocol = field(default_factory=Protocol)
     contacts: Contacts = field(default_factory=Contacts)
     """Conduction, breakdown and impacts of the ball's contacts."""
+    tool: Surface = field(default_factory=Surface)
+    """Roughness, preload and hysteresis of the tool's contact."""
+    plate: Surface = field(default_factory=Surface)
+    """Roughness, preload and hysteresis of the plate's contact."""
 
     def __post_init__(self):
         validate(self)
@@ -172,6 +177,8 @@ class GraspSettings:
             "no_contact_gaps": self.no_contact_gap,
             "protocol": asdict(self.protocol),
             "contacts": self.used.contacts._asdict(),
+            "tool": self.tool._asdict(),
+            "plate": self.plate._asdict(),
             **({"tip_curvature": self.tip_curvature} if self.tip_curvature else {}),
             "calibration": {name: getattr(detachment, name) for name in CALIBRATION}
             | {name.upper(): value for name, value in self.used._asdict().items() if name != "contacts"}
@@ -197,7 +204,7 @@ def cases(settings: GraspSettings) -> list[Case]:
 
 
 def of_settings(settings: GraspSettings, trial: Trial) -> Trial:
-    """A trial of the default materials with those of the settings: works of adhesion, contacts, tip.
+    """A trial of the default materials with those of the settings: works of adhesion, surfaces, contacts, tip.
 
     A rounded tip of curvature R_c touches like a plane whose work is 1 / (1 + R / R_c) as large, and attracts like one
     that is (1 + R / R_c) as far, for gaps far below both radii (Derjaguin 1934).
@@ -208,8 +215,8 @@ def of_settings(settings: GraspSettings, trial: Trial) -> Trial:
     farther = 1 + trial.radius / settings.tip_curvature if settings.tip_curvature else 1.0
     return Trial(
         trial.radius,
-        tool / farther,
-        plate,
+        float(effective_work(tool, trial.radius, settings.tool)) / farther,
+        float(effective_work(plate, trial.radius, settings.plate)),
         trial.relative_humidity,
         contact_gap=trial.contact_gap * farther,
         probe_radius=settings.probe_radius,

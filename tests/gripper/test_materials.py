@@ -73,7 +73,7 @@ def test_a_round_tip_takes_the_voltages_of_the_laws():
 
 def test_a_run_says_what_is_not_as_in_the_fit_and_result_json_repeats_it(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
-    flags = ["--radius=12e-6", "--rh=10", "--repeats=1", "--plate-material=silica", "--record"]
+    flags = ["--radius=12e-6", "--rh=10", "--repeats=1", "--plate-material=silica", "--tool.roughness=1e-9", "--record"]
     flags += ["--contacts.oxide=6e-8", "--protocol.hold-time=0.002", "--no-contact-gap=2e-6"]
     assert code_of("grasp", *flags, "--out=one") == 0
     said = capfd.readouterr().out

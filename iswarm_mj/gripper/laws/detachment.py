@@ -4,8 +4,8 @@ The default constants are a calibration, not measurements. Fitted to the paper's
 W_TO to the release voltages, W_OS to the grasp voltages given D_eff, D_eff to "no lift without contact
 below 50 V", and the two spreads to the widths of the voltage bands. That neither voltage depends on the
 ball's radius is algebra: pull-off and electrical force are proportional to it. The ratio of the two works,
-10.4, is fitted. The weakest assumption is that the ball stays at the substrate's potential while the tool touches it,
-see `bench.trial`.
+10.4, is fitted; `roughness` says which roughnesses would make it. The weakest assumption is that the ball stays at the
+substrate's potential while the tool touches it, see `bench.trial`.
 
 Arguments in SI: `voltage` of the tool against the substrate [V], `radius` of the ball [m], works of adhesion
 `work_tool_object` W_TO and `work_object_substrate` W_OS [J/m^2], `probe_radius` of the tool [m]; `gap` is that between
