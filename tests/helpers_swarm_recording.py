@@ -8,9 +8,15 @@ from helpers_recorded import scene, zeros
 from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.schema import Frames, dtype_of
+from iswarm_mj.output.swarm_classes import states
 from iswarm_mj.strategy.vector_strategy import payload_for
 
 PERIOD = 0.4
+
+
+def names(scene):
+    """Of the states of its robots."""
+    return [state.name for state in states(scene)]
 
 
 def make_scene(n_robots=40, n_balls=12):

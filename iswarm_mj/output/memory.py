@@ -1,10 +1,10 @@
-"""Vectors among what is recorded of the robots' memory, and the colours of their hop counts on the page."""
+"""Vectors among what is recorded of the robots' memory, and the colours of their hop counts in recordings."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int8, UInt8
+from jaxtyping import Bool, Int8, UInt32
 
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
@@ -48,13 +48,13 @@ def hop_counts(frames: Frames, which: Vector) -> Int8[np.ndarray, "T N"]:
     return np.where(is_known(frames, which), frames.memory[which.hop], UNKNOWN).astype(np.int8)
 
 
-def hop_colours(hops: Int8[np.ndarray, "N"]) -> UInt8[np.ndarray, "N 3"]:
-    """Return red, green and blue for each hop count."""
+def hop_colours(hops: Int8[np.ndarray, "T N"]) -> UInt32[np.ndarray, "T N"]:
+    """Return a colour for each hop count, its bytes red, green, blue and 255 from the highest to the lowest."""
     return _COLOURS[hops.astype(np.intp)]
 
 
 _VIRIDIS = {0: (68, 1, 84), 4: (59, 82, 139), 8: (33, 145, 140), 11: (94, 201, 98), 15: (253, 231, 37)}
 """Colours of some hop counts, which the colour-blind can distinguish (Smith and van der Walt 2015)."""
 _RGB = [[*np.interp(np.arange(2**7), list(_VIRIDIS), part), 170] for part in zip(*_VIRIDIS.values(), strict=True)]
-_COLOURS = np.rint(_RGB).T.astype(np.uint8)
+_COLOURS = (np.rint(_RGB).T.astype(np.uint32) @ np.array([2**24, 2**16, 2**8], np.uint32) + 255).astype(np.uint32)
 """Colour of each hop count from 0 on; the last, a grey, is that of `UNKNOWN`, -1."""

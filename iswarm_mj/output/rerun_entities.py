@@ -18,7 +18,7 @@ from jaxtyping import Float, Int, Real, Shaped
 from iswarm_mj.output import palette
 from iswarm_mj.output import shapes as geometry
 from iswarm_mj.output import swarm_classes as classes
-from iswarm_mj.output.memory import UNKNOWN, Vector, hop_counts, is_known, numbers, vectors
+from iswarm_mj.output.memory import UNKNOWN, Vector, hop_colours, hop_counts, is_known, numbers, vectors
 from iswarm_mj.output.message_columns import shown_fields
 from iswarm_mj.output.palette import rgb
 from iswarm_mj.output.schema import ARRAYS, BALLS, LINKS, ROBOTS, Column, Frames, columns_of
@@ -26,7 +26,7 @@ from iswarm_mj.output.schema import numbers as numbers_of
 from iswarm_mj.output.shapes import FRONT_RADIUS, MILLIMETRES, SHEET
 from iswarm_mj.output.trajectory import AREA, METRIC, Scene
 
-FRONTS, BALL_MARKERS, TRAILS = "world/robots/front", "world/balls/marker", "world/trails"
+FRONTS, BALL_MARKERS, TRAILS, COUNTS = "world/robots/front", "world/balls/marker", "world/trails", "series/states"
 ARROWS, AREAS, MEMORY, SHARES, METRICS = "world/memory", "world/arena", "memory", "series/known", "series/task"
 BOXES = "world/boxes"
 UNITS = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", float(np.rad2deg(np.float32(1))))}
@@ -89,7 +89,7 @@ class Entity(NamedTuple):
 
 
 def entities(scene: Scene) -> list[Entity]:
-    """Return all entities."""
+    """Return all entities but the lanes of states."""
     size, points = np.atleast_2d(scene.robot_size) * MILLIMETRES, rr.Radius.ui_points
     robots, balls = ([str(number) for number in range(len(of))] for of in (scene.is_scout, scene.ball_radius))
     corners, triangles = geometry.floor(scene)
@@ -121,6 +121,9 @@ def entities(scene: Scene) -> list[Entity]:
         look = rr.Arrows3D.from_fields(colors=rgb(colour), radii=0.06 * scene.length * MILLIMETRES)
         found.append(Entity(f"{ARROWS}/{vector.stem}", look, partial(_arrows, scene, vector)))
     found += [Entity(f"{MEMORY}/{name}", None, partial(_remembered, name)) for name in numbers(scene)]
+    names, colours = zip(*((state.name, state.colour) for state in classes.states(scene)), strict=True)
+    look = rr.SeriesLines(names=names, colors=colours, widths=[1.5] * len(names))
+    found.append(Entity(COUNTS, look, partial(_counts, scene)))
     return [*found, *_series(scene)]
 
 
@@ -192,7 +195,8 @@ def _robots(scene: Scene, block: Block) -> Shape:
         quaternions=_turns(frames.pose[..., 2]),
         class_ids=classes.robot_classes(scene, frames.is_loaded, frames.has_priority).reshape(-1),
     )
-    values = shown_values(ROBOTS, frames) | shown_fields(scene, frames.message) | hops
+    values = shown_values(ROBOTS, frames) | shown_fields(scene, frames.message)
+    values |= hops | {f"{name}_colour": hop_colours(of) for name, of in hops.items()}
     return Shape(boxes, frames.pose.shape[1], values)
 
 
@@ -266,6 +270,13 @@ def _arrows(scene: Scene, vector: Vector, block: Block) -> Shape:
     origins, ends, known = geometry.arrows(scene, block.frames, vector, block.centres)
     arrows, robot = rr.Arrows3D.from_fields(origins=origins, vectors=ends), np.nonzero(known)[1]
     return Shape(arrows, np.count_nonzero(known, axis=1), {"robot": robot.astype(np.int32)})
+
+
+def _counts(scene: Scene, block: Block) -> Shape:
+    """How many robots are in each state."""
+    found = classes.states_of(scene, block.frames)
+    places = np.arange(len(classes.states(scene)))
+    return _scalars(np.count_nonzero(found[..., None] == places, axis=1))
 
 
 def _remembered(name: str, block: Block) -> Shape:

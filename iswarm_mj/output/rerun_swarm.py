@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
+from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
 from iswarm_mj.output import rerun_entities as shown
 from iswarm_mj.output import rerun_format as views
@@ -15,15 +16,22 @@ from iswarm_mj.output.rerun_entities import Block, entities
 from iswarm_mj.output.rerun_format import RrdFile, columns_of, index, send_properties
 from iswarm_mj.output.schema import LINKS, ROBOTS, Frames
 from iswarm_mj.output.shapes import MILLIMETRES, TRAIL_FRAMES, centres
+from iswarm_mj.output.swarm_classes import STATES, states, states_of
 from iswarm_mj.output.trajectory import METRIC, Scene
 
 KEY = "legend"
+MOST_LANES = 8
+"""Robots whose states have a lane each, at most."""
 LEGEND = """**Robots**: orange empty, green scout, blue loaded; darker: sends priority. Teams and kinds have a colour
 each, darker: loaded. A dot marks the front.
 
 **Balls**: black on the floor, yellow held, purple delivered; drawn enlarged, above the robots.
 
 **Lines**: grey from a robot to the one it hears, pink if the message arrived damaged; blue the trail of a loaded robot.
+
+**Hop counts**: purple 0, blue 4, teal 8, green 11, yellow 15; grey without a vector.
+
+**States**: colours as robots, lighter if an empty one knows dust or a loaded one the dump, greyer if it stands.
 
 **Selected**: a robot shows its number, its message of 32 bits and what that says, its hop counts (-1: no vector), its
 turn and its way; a line the numbers of receiver and sender, side, LED, and whether the message was heard; a ball its
@@ -56,7 +64,8 @@ class Recording:
         """
         self._scene = scene
         self._before = np.zeros((0, len(scene.is_scout), 3), np.float32)
-        self._entities = entities(scene)
+        self._last_states = np.full(len(scene.is_scout), len(STATES), np.uint8)
+        self._entities, self._lanes = entities(scene), shown_lanes(scene)
         self._result: dict[str, Any] = {}
         self._file = RrdFile("iswarm_mj", Path(path), layout(scene))
         self.stream = self._file.stream
@@ -66,6 +75,11 @@ class Recording:
         for entity, look, _ in self._entities:
             if look is not None:
                 self.stream.log(entity, look, static=True, strict=True)
+        names, colours = zip(*((state.name, state.colour) for state in states(scene)), strict=True)
+        for robot in self._lanes:
+            labels = [f"scout, {name}" if scene.is_scout[robot] else name for name in names]
+            look = rr.StateConfiguration(values=names, labels=labels, colors=colours)
+            self.stream.log(lane(robot), look, static=True, strict=True)
         key = rr.TextDocument(LEGEND, media_type=rr.MediaType.MARKDOWN)
         self.stream.log(KEY, key, static=True, strict=True)
         self._file.flush()
@@ -97,6 +111,7 @@ class Recording:
                 instances, lengths, values = moving(block)
                 columns = columns_of(instances, values, len(frames), lengths)
                 self.stream.send_columns(entity, times, columns, strict=True)
+        self._change_lanes(frames)
         names = {METRIC + name: name for name in self._scene.metric_names}
         names |= {name: name for name in ("delivered", "picked", "collisions")}
         arrays = frames.arrays()
@@ -105,6 +120,30 @@ class Recording:
         self._file.flush()
         self._before = np.concatenate([self._before, frames.pose])[-TRAIL_FRAMES:]
 
+    def _change_lanes(self, frames: Frames) -> None:
+        """Write where states of the robots that have a lane change; in the first frame all do."""
+        found, names = states_of(self._scene, frames), states(self._scene)
+        is_new = np.diff(found, axis=0, prepend=self._last_states[None]) != 0
+        for robot in self._lanes:
+            when = np.flatnonzero(is_new[:, robot])
+            if len(when):
+                columns = rr.StateChange.columns(state=[names[place].name for place in found[when, robot]])
+                times = index(frames.step[when], self._scene.control_period)
+                self.stream.send_columns(lane(robot), times, columns, strict=True)
+        self._last_states = found[-1]
+
+
+def lane(robot: int) -> str:
+    """Return the entity of a robot's states."""
+    return f"states/robot_{robot}"
+
+
+def shown_lanes(scene: Scene) -> tuple[int, ...]:
+    """Return the robots that get a lane: some that are alive, from the first to the last."""
+    alive = np.flatnonzero(scene.is_alive)
+    places = np.linspace(0, len(alive) - 1, min(MOST_LANES, len(alive)), dtype=int)
+    return tuple(alive[places].tolist())
+
 
 def layout(scene: Scene) -> rrb.Blueprint:
     """Return the layout of the viewer."""
@@ -112,7 +151,7 @@ def layout(scene: Scene) -> rrb.Blueprint:
 
 
 def content(scene: Scene) -> rrb.Horizontal:
-    """Return the arena on the left; time series above the legend on the right."""
+    """Return the arena on the left; time series and states above the legend on the right."""
     own = {  # time series with a plot of their own, whose names have units in round brackets
         entity: shown.label(column).replace("[", "(").replace("]", ")").capitalize()
         for entity, column in shown.SERIES.items()
@@ -128,16 +167,34 @@ def content(scene: Scene) -> rrb.Horizontal:
         rrb.Horizontal(*(views.time_series(entity, name, None) for entity, name in own.items())),
         name="Time series",
     )
+    states = rrb.Vertical(
+        rrb.StateTimelineView(origin="states", name="States of some robots"),
+        views.time_series(shown.COUNTS, "Robots in each state", None),
+        row_shares=[3, 2],
+        name="States",
+    )
     memory = [views.time_series(f"{shown.MEMORY}/{name}", name, None) for name in numbers(scene)]
-    tabs = rrb.Tabs(plots, *([rrb.Vertical(*memory, name="Memory of each robot")] if memory else []), active_tab=0)
+    tabs = rrb.Tabs(
+        plots,
+        states,
+        *([rrb.Vertical(*memory, name="Memory of each robot")] if memory else []),
+        active_tab=0,
+    )
     key = rrb.TextDocumentView(origin=KEY, name="Legend")
     return rrb.Horizontal(_arena(scene), rrb.Vertical(tabs, key, row_shares=[2, 1]), column_shares=[2, 1])
 
 
+def _coloured(component: str) -> Any:
+    """Boxes in other colours than their own, which a component has."""
+    source = ComponentSourceKind.SourceComponent
+    colours = VisualizerComponentMapping("Boxes3D:colors", source, source_component=component)
+    return rr.Boxes3D.from_fields().visualizer(mappings=[colours])
+
+
 def _arena(scene: Scene) -> rrb.Tabs:
-    """Views of the arena: of everything, of each remembered vector, of links with ids."""
-    size = scene.arena_size * MILLIMETRES
-    arrows = {vector: f"{shown.ARROWS}/{vector.stem}" for vector in vectors(scene.memory)}
+    """Views of the arena: of everything, of each remembered vector, of its hop counts, of links with ids."""
+    each, size = vectors(scene.memory), scene.arena_size * MILLIMETRES
+    arrows = {vector: f"{shown.ARROWS}/{vector.stem}" for vector in each}
 
     def view(name: str, *hidden: str, robots: Any = None) -> rrb.Spatial3DView:
         """From above, slightly from the south; robots may look otherwise in it."""
@@ -149,5 +206,12 @@ def _arena(scene: Scene) -> rrb.Tabs:
     for vector, own in arrows.items():
         others = (entity for entity in arrows.values() if entity != own)
         tabs.append(view(f"Vectors: {vector.stem} (mm)", *others, LINKS, shown.TRAILS))
+    for vector in each:
+        if vector.hop in scene.memory_names:
+            hidden, robots = (
+                (*arrows.values(), LINKS, shown.TRAILS, shown.BALL_MARKERS),
+                _coloured(f"{vector.hop}_colour"),
+            )
+            tabs.append(view(f"Hop counts: {vector.stem}", *hidden, robots=robots))
     numbered = rr.Boxes3D.from_fields(show_labels=True, colors=(255, 255, 255)).visualizer()  # as are the labels then
     return rrb.Tabs(*tabs, view("Links and ids", *arrows.values(), shown.TRAILS, robots=numbered), active_tab=0)

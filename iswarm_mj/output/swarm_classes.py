@@ -1,11 +1,14 @@
-"""Classes of robots, balls and links, and their colours, in recordings and on the page."""
+"""Classes of robots, balls and links, states of robots, and their colours, in recordings and on the page."""
 
 from itertools import cycle
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Int, UInt16
+from jaxtyping import Bool, Int, UInt8, UInt16
 
+from iswarm_mj.output.memory import is_known, vectors
 from iswarm_mj.output.palette import EMPTY, LOADED, PINK, PURPLE, SCOUT, SKY, YELLOW, Rgb, rgb
+from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 
 ROBOT_CLASSES = (
@@ -62,4 +65,49 @@ def shown_classes(scene: Scene) -> list[tuple[int, str, Rgb]]:
     for number, (name, colour) in enumerate(zip(names, cycle(TEAM_COLOURS))):
         place, dark = TEAM_CLASS_OFFSET + 2 * number, (colour[0] * 3 // 5, colour[1] * 3 // 5, colour[2] * 3 // 5)
         found += [(place, name, colour), (place + 1, f"{name}, loaded", dark)][: 1 + has_balls]
+    return found
+
+
+class State(NamedTuple):
+    """A state of a robot; of several that hold, the last one of `STATES` is shown."""
+
+    name: str
+    colour: Rgb
+    is_loaded: bool = False
+    """Whether the robot holds a ball."""
+    vector: str = ""
+    """The recorded vector that the robot knows; empty if that does not matter."""
+    stands: bool = False
+    """The drive carried out neither a turn nor a way."""
+
+
+DEAD = State("dead", (70, 70, 70))
+STATES = (
+    State("empty", rgb(EMPTY)),
+    State("empty, knows dust", (240, 165, 95), vector="dust_vector"),
+    State("empty, stands", (150, 120, 100), stands=True),
+    State("loaded", rgb(LOADED), True),
+    State("loaded, knows dump", rgb(SKY), True, "dump_vector"),
+    State("loaded, stands", (100, 120, 150), True, stands=True),
+    DEAD,
+)
+"""Colours are those of the robots, lighter with a vector, greyer at rest."""
+
+
+def states(scene: Scene) -> list[State]:
+    """Return the states that robots of this scene can have."""
+    recorded = {"", *(vector.name for vector in vectors(scene.memory))}
+    return [
+        state for state in STATES if state.vector in recorded and (not state.is_loaded or len(scene.ball_radius) > 0)
+    ]
+
+
+def states_of(scene: Scene, frames: Frames) -> UInt8[np.ndarray, "T N"]:
+    """Return the state of each robot, its place in `states`; at the start, before the first step, none stands."""
+    stands = ~frames.command.any(axis=-1) & (frames.step > 0)[:, None]
+    known = {vector.name: is_known(frames, vector) for vector in vectors(scene.memory)}
+    found = np.zeros(frames.is_loaded.shape, np.uint8)
+    for place, state in enumerate(states(scene)):
+        is_in = (frames.is_loaded == state.is_loaded) & known.get(state.vector, True) & (stands | (not state.stands))
+        found[is_in if state != DEAD else ~frames.is_alive] = place
     return found

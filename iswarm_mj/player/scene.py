@@ -116,7 +116,8 @@ def colours(scene: Scene, frames: Frames, by: str, energy: np.ndarray | None = N
         colours = {place: colour for place, _, colour in shown_classes(scene)}
         found = np.array([colours[place] for place in classes.tolist()], np.uint8)
     else:
-        found = hop_colours(np.rint(numbers_of(scene, frames, energy)[by]).astype(np.int8))
+        words = hop_colours(np.rint(numbers_of(scene, frames, energy)[by]).astype(np.int8))
+        found = np.stack([words >> 24, words >> 16 & 255, words >> 8 & 255], axis=-1).astype(np.uint8)
     return np.where(frames.is_alive[0, :, None], found, np.array(DEAD, np.uint8))
 
 
@@ -125,8 +126,9 @@ def legend(scene: Scene, by: str, is_alive: Bool[np.ndarray, "..."]) -> list[tup
     if by == STATE:
         robots = [(label, colour) for _, label, colour in shown_classes(scene)]
     else:
-        shades = map(tuple, hop_colours(np.array([-1, 0, 5, 10, 15], np.int8)).tolist())
-        robots = list(zip(("none", "0 or least", "", "", "15 or most"), shades, strict=True))
+        words = hop_colours(np.array([-1, 0, 5, 10, 15], np.int8))
+        names = ("none", "0 or least", "", "", "15 or most")
+        robots = [(n, (int(w) >> 24, int(w) >> 16 & 255, int(w) >> 8 & 255)) for n, w in zip(names, words, strict=True)]
     robots += [] if np.all(is_alive) else [("dead", DEAD)]
     balls = [(f"ball {label}", colour) for _, label, colour in BALL_CLASSES] if len(scene.ball_radius) else []
     return robots + balls

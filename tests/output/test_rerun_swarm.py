@@ -6,16 +6,18 @@ import subprocess
 import sys
 from contextlib import closing
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 from helpers_rrd import read
-from helpers_swarm_recording import PERIOD, column, cut, make_frames, make_scene, write
+from helpers_swarm_recording import PERIOD, column, cut, make_frames, make_scene, names, write
 from rerun.chunk import RrdReader
 
 from iswarm_mj.output import shapes, swarm_classes
-from iswarm_mj.output.rerun_swarm import Recording
+from iswarm_mj.output.rerun_swarm import Recording, shown_lanes
+from iswarm_mj.output.swarm_classes import states_of
 from iswarm_mj.output.trajectory import AREA, METRIC
 from iswarm_mj.utils.errors import UserError
 
@@ -43,7 +45,7 @@ def test_every_name_is_stated_and_exists(run):
     for entity, columns in run[2].items():
         if "step" in columns:
             for name in columns.keys() - {"step", "sim_time", "rerun.controls.RowId"}:
-                own, entity = name, entity.removeprefix("/")
+                own, entity = name, re.sub(r"robot_\d+$", "robot_N", entity.removeprefix("/"))
                 found.add(
                     tuple(
                         re.sub(r"(?<=[/_])(dust|dump|wait|share|spot)$|^(dust|dump)(?=_)", "NAME", one)
@@ -58,7 +60,7 @@ def test_every_name_is_stated_and_exists(run):
 def test_timelines(run):
     _, frames, recorded = run
     for entity, columns in recorded.items():
-        if "step" in columns:
+        if "step" in columns and not entity.startswith("/states/"):
             assert columns["step"] == frames.step.tolist(), entity
             seconds = [t.total_seconds() for t in columns["sim_time"]]
             np.testing.assert_allclose(seconds, frames.step * PERIOD, atol=1e-6)
@@ -159,6 +161,50 @@ def test_blocks_make_no_difference(run, tmp_path):
         if "step" in again[entity]:
             for name in again[entity].keys() - {"rerun.controls.RowId"}:
                 assert again[entity][name] == recorded[entity][name], (entity, name)
+
+
+def test_lanes_hold_every_change_and_nothing_else(run):
+    scene, frames, recorded = run
+    found, changes = states_of(scene, frames), 0
+    for robot in shown_lanes(scene):
+        lane = recorded[f"/states/robot_{robot}"]
+        steps, given = np.array(lane["step"]), [state for (state,) in lane["StateChange:state"]]
+        assert steps[0] == 0 and all(a != b for a, b in pairwise(given))
+        held = [given[np.searchsorted(steps, step, side="right") - 1] for step in frames.step]
+        assert held == [names(scene)[place] for place in found[:, robot]]
+        changes += len(given) - 1
+    assert changes > 0
+    assert {entity for entity in recorded if entity.startswith("/states/")} == {
+        f"/states/robot_{n}" for n in shown_lanes(scene)
+    }
+
+
+def test_lanes_by_default_are_of_living_robots_from_the_first_to_the_last():
+    scene = make_scene(40)._replace(is_alive=np.arange(40) > 9)
+    chosen = shown_lanes(scene)
+    assert len(chosen) == 8 and (chosen[0], chosen[-1]) == (10, 39)
+    assert shown_lanes(make_scene(3)) == (0, 1, 2)
+    assert shown_lanes(make_scene(3)._replace(is_alive=np.zeros(3, bool))) == ()
+
+
+def test_every_robot_is_counted_once(run):
+    scene, frames, recorded = run
+    counts = np.stack(recorded["/series/states"]["Scalars:scalars"])
+    assert counts.shape == (len(frames), len(names(scene)))
+    assert (counts.sum(axis=1) == 40).all() and (counts.max(axis=0) > 0).sum() >= 3
+    loaded = [place for place, name in enumerate(names(scene)) if name.startswith("loaded")]
+    np.testing.assert_array_equal(counts[:, loaded].sum(axis=1), frames.is_loaded.sum(axis=1))
+
+
+def test_hop_counts_have_colours(run):
+    _, frames, recorded = run
+    robots = recorded["/world/robots/body"]
+    for name in ("dust", "dump"):
+        known, hops = frames.memory[f"{name}_known"], frames.memory[f"{name}_hop"]
+        colours = np.stack(robots[f"{name}_hop_colour"])
+        assert set(colours[~known]) == {0xAAAAAAFF}
+        assert set(colours[known & (hops == 0)]) == {0x440154FF}
+        assert len(set(colours[known])) == len(set(hops[known])) > 10
 
 
 @pytest.mark.filterwarnings("ignore:RRD file has no footer")
