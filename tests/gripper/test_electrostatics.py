@@ -59,6 +59,17 @@ def test_forces_go_with_voltage_squared_and_not_with_size(task, gap, probe, volt
 
 
 @pytest.mark.parametrize("task", FORCES)
+@pytest.mark.parametrize("argument", [1, 2, 3])
+def test_gradients(task, argument):
+    force = FORCES[task]
+    arguments = [40.0, 5e-6, 20e-6, 13e-6]
+    step = 1e-4 * arguments[argument]
+    ends = [force(*(x + sign * step * (i == argument) for i, x in enumerate(arguments))) for sign in (1, -1)]
+    slope = jax.jit(jax.grad(force, argnums=argument))(*(jnp.float32(x) for x in arguments))
+    assert float(slope) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-3)
+
+
+@pytest.mark.parametrize("task", FORCES)
 @pytest.mark.parametrize(("gap", "probe"), [(1e-9, 13e-6), (5e-6, 1e-3)])
 def test_concrete_numbers_outside_the_table_are_refused(task, gap, probe):
     with pytest.raises(UserError, match=r"is .*, outside the table's .* to .*; change"):
@@ -74,3 +85,4 @@ def test_traced_numbers_outside_the_table_are_clamped(task):
     clamped = jax.jit(lambda x, y: probe_factor(task, x, y))
     low, high = 2.0 ** GAP_EXPONENTS[0], 2.0 ** PROBE_EXPONENTS[-1]
     assert float(clamped(0.0, 100.0)) == pytest.approx(float(probe_factor(task, low, high)), rel=1e-5)
+    assert np.isfinite(jax.grad(clamped)(0.0, 1.0))

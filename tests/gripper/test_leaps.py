@@ -66,6 +66,22 @@ def test_charge_flows_while_a_ball_hangs_as_it_does_in_physics():
     assert numbers(leapt)[2] == pytest.approx(numbers(other)[2], rel=1e-3)
 
 
+def test_a_ball_that_hangs_is_let_go_when_physics_lets_it_go():
+    """Leapt until little holds it, it leaves the tool within 4 us of when it leaves without a leap; one that is held by
+    more than the voltage can pull, hangs for as long as asked for."""
+    leapt, other = charged(0.0), charged(0.0)
+    time = leapt.leap((LONG, 0.0), PERIOD)
+    assert 0.2e-3 < time < 2e-3
+    left = []
+    for each in (leapt, other):
+        left.append(0.0)
+        while each.watch().gap_tool <= 0.2e-6:
+            each.step(GAP, 60.0)
+            left[-1] += TIMESTEP
+    assert time + left[0] == pytest.approx(left[1], abs=4e-6) and left[0] > 20e-6
+    assert charged(0.0, 20.0).leap((LONG, 0.0), PERIOD) == pytest.approx(LONG)
+
+
 @pytest.mark.parametrize("speed", [15.0, -15.0, 3.0])
 def test_an_uncharged_ball_flies_as_it_does_in_physics(speed):
     """Up to 20 nm from a surface, which then pulls it in. Physics, which changes the velocity first and then the place,
@@ -83,6 +99,14 @@ def test_an_uncharged_ball_flies_as_it_does_in_physics(speed):
     lower = [0.0, 0.0, 1e6 * 9.81 * time * TIMESTEP / 2]
     np.testing.assert_allclose(leapt.data.qpos[ball], other.data.qpos[ball] + lower, rtol=0, atol=3e-5)
     np.testing.assert_allclose(leapt.data.qvel[ball], other.data.qvel[ball], rtol=0, atol=1e-3)
+
+
+def test_what_is_near_a_surface_charged_or_held_is_left_to_physics():
+    hanging = charged(0.0)
+    assert hanging.leap((0.0, 1e-3), PERIOD) == 0  # touches the tool
+    hanging.data.qpos[hanging.where.ball + 2] -= 2.5
+    hanging.step(GAP, 60.0)
+    assert hanging.leap((1e-3, 1e-3), PERIOD) == 0  # charged, and touches nothing
 
 
 def test_a_tool_that_presses_ends_where_all_of_its_way_leads():
