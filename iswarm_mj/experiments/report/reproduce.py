@@ -51,10 +51,7 @@ class Part:
     """Writes the results into a directory, resuming what is there unless called with `again`."""
 
     def lacks(self, results: Path) -> str:
-        """Why the part has to be made, in words; empty if its table is there below `results`, of whichever engine.
-
-        Settings of the table that no longer exist do not count.
-        """
+        """Why the part has to be made, in words; empty if its table is there below `results`, of whichever engine."""
         path = results / self.name / self.table
         if not path.is_file():
             return "not there"
@@ -64,7 +61,7 @@ class Part:
             return "not readable"
         wanted = json.loads(json.dumps({**self.settings, "version": __version__}))
         ignored = () if self.name in OWN_ENGINE else IDENTITY
-        names = {name for name in wanted if wanted[name] != settings.get(name)}.difference(ignored)
+        names = {name for name in {*wanted, *settings} if wanted.get(name) != settings.get(name)}.difference(ignored)
         return f"made with another {', another '.join(sorted(names))}" if names else ""
 
     def publish(self, work: Path, results: Path) -> None:
