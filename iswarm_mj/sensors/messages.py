@@ -97,8 +97,8 @@ class Payload:
         if (more := led + self.bits + 1 - MESSAGE_BITS) > 0:
             fields = ", ".join(f"{name} {field.bits}" for name, field in self.fields)
             raise UserError(
-                f"a payload of {self.bits} bits ({fields}) with {led} for the LED's number and 1 for the parity is longer "
-                f"than a message of {MESSAGE_BITS} bits; leave out or shorten fields by {more} bits"
+                f"a payload of {self.bits} bits ({fields}) with {led} for the LED's number and 1 for the parity is "
+                f"longer than a message of {MESSAGE_BITS} bits; leave out or shorten fields by {more} bits"
             )
 
     def pack(self, message: Message, n_leds: int = 4) -> UInt32[Array, "*N"]:

@@ -15,7 +15,8 @@ from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import RD, mm_from_rd
 from iswarm_mj.utils.walls import beyond, in_mm
 
-_KINDS = {"f": ("fiu", "numbers"), "i": ("iu", "whole numbers"), "b": ("b", "truth values")}
+_KINDS = {"f": ("fiu", "finite numbers"), "b": ("b", "truth values")}
+_WHOLE = ("iu", "whole numbers")
 _TOLERANCE = 1e-3
 """Robots that overlap by less only touch [mm]."""
 
@@ -43,17 +44,20 @@ def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robots, arena
         check(name, f"robots {found} mm", "such that no robots overlap", False)
 
 
-def check_shapes(name: str, state: Any, drawn: Any) -> None:
-    """Raise a ConfigError unless a state of a task has the structure and the shapes of one that the task laid out."""
-    found, structure = jax.tree.structure(state), jax.tree.structure(drawn)
-    check(name, found, f"as the task lays it out, {structure}", found == structure)
-    for (path, leaf), usual in zip(jax.tree_util.tree_leaves_with_path(state), jax.tree.leaves(drawn), strict=True):
-        found, shape = np.shape(leaf), np.shape(usual)
-        check(f"{name}{jax.tree_util.keystr(path)}", found, f"an array of shape {shape}", found == shape)
+def check_start(start: Any, drawn: Any) -> None:
+    """Raise a ConfigError unless a start has the structure, shapes and kinds of numbers of one that was drawn."""
+    _check_array("start.poses", start.poses, drawn.poses)
+    _check_array("start.is_alive", start.is_alive, drawn.is_alive)
+    found, structure = jax.tree.structure(start.task), jax.tree.structure(drawn.task)
+    check("start.task", found, f"as the task lays it out, {structure}", found == structure)
+    for (path, leaf), its in zip(
+        jax.tree_util.tree_leaves_with_path(start.task), jax.tree.leaves(drawn.task), strict=True
+    ):
+        _check_array(f"start.task{jax.tree_util.keystr(path)}", leaf, its)
 
 
 def check_balls(balls: Any, n_robots: int, arena: ArenaConfig) -> None:
-    """Raise a ConfigError unless balls that a user places have the shapes of one world, and can be.
+    """Raise a ConfigError unless balls that a user places can be so.
 
     Args:
         balls: of one world.
@@ -62,11 +66,7 @@ def check_balls(balls: Any, n_robots: int, arena: ArenaConfig) -> None:
     """
     name = "start.task"
     check_kind(name, balls, Balls)
-    n_balls = len(np.atleast_1d(balls.radius))
-    own = {
-        part: check_array(f"{name}.{part}", getattr(balls, part), (n_balls, *shape), kind)
-        for part, shape, kind in _of_balls()
-    }
+    own = {part: np.asarray(values) for part, values in balls._asdict().items()}
     outside = np.asarray(beyond(own["position"], in_mm(arena.walls))) > 0
     _refuse(f"{name}.position", "ball", own["position"], outside, _within(arena))
     for part in ("radius", "work_tool_object", "work_object_substrate"):
@@ -91,20 +91,9 @@ def _refuse(name: str, what: str, places: np.ndarray, is_bad: np.ndarray, constr
         check(name, f"{what} {number} at {places[number, :2].round(3).tolist()} mm", constraint, False)
 
 
-def _of_balls() -> list[tuple[str, tuple[int, ...], str]]:
-    """Name, shape but for the first axis, and kind of each array of `Balls`, by their annotations."""
-    found = []
-    for name, annotation in Balls.__annotations__.items():
-        _, *more = annotation.dim_str.split()
-        found.append((name, tuple(map(int, more)), {"F": "f", "I": "i", "B": "b"}[annotation.__name__[0]]))
-    return found
-
-
-def check_array(name: str, values: Any, shape: tuple[int, ...], kind: str) -> np.ndarray:
-    """Return values as an array of this shape, which must hold numbers ("f"), integers ("i") or flags ("b")."""
-    found, (kinds, what) = np.shape(values), _KINDS[kind]
+def _check_array(name: str, values: Any, usual: Any) -> None:
+    """Raise a ConfigError unless values have the shape of the usual ones, and are as these numbers, whole or flags."""
+    found, shape, array = np.shape(values), np.shape(usual), np.asarray(values)
     check(name, found, f"an array of shape {shape}", found == shape)
-    array = np.asarray(values)
-    is_kind = array.dtype.kind in kinds and bool(np.isfinite(array).all())
-    check(name, array.ravel()[:3], f"finite {what}" if kind == "f" else what, is_kind)
-    return array
+    kinds, what = _KINDS.get(np.asarray(usual).dtype.kind, _WHOLE)
+    check(name, array.ravel()[:3], what, array.dtype.kind in kinds and bool(np.isfinite(array).all()))

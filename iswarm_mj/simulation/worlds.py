@@ -15,7 +15,7 @@ from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.common import check_common, common
 from iswarm_mj.simulation.initial import Start, boxed, draw_start
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.start_check import check_array, check_balls, check_poses, check_shapes
+from iswarm_mj.simulation.start_check import check_balls, check_poses, check_start
 from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState, no_fault
 from iswarm_mj.strategy.declared import led_power
 from iswarm_mj.strategy.genome import Genome
@@ -186,7 +186,7 @@ def vector_strategies(config: SwarmConfig, robot: Robots, worlds: Sequence[World
     """Return the paper's strategy with the genome and the readings of each world, stacked along a first axis."""
     rules = rules_of_worlds([world.genome for world in worlds], [(world.config or config).strategy for world in worlds])
     n_scouts = np.array([round(world.genome.fraction_scouts * world.n_robots) for world in worlds], np.int32)
-    return VectorStrategy(rules, n_scouts, common(config).config, robot)
+    return VectorStrategy(rules, n_scouts, common(config), robot)
 
 
 @jax.jit
@@ -229,10 +229,8 @@ def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: 
     check_kind("start", given, Start)
     given = given._replace(boxes=own.arena.boxes) if given.boxes is None else given
     own = boxed(own, given.boxes, "start")
-    check_array("start.poses", given.poses, (n_robots, 3), "f")
-    check_array("start.is_alive", given.is_alive, (n_robots,), "b")
+    check_start(given, usual[n_robots])
     check_poses("start.poses", np.asarray(given.poses), robot, own.arena)
-    check_shapes("start.task", given.task, usual[n_robots].task)
     if isinstance(task, BallTask):
         with user_code(f"{type(task).__name__}.balls"):
             balls = task.balls(given.task)

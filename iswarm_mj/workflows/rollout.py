@@ -169,7 +169,7 @@ def rollout(
 def paper_strategy(config: SwarmConfig, genome: Genome, n_robots: int) -> VectorStrategy:
     """Return the paper's strategy for worlds of N robots, of which the genome's share are scouts."""
     rules, n_scouts = rules_of(genome, config.strategy), jnp.asarray(round(genome.fraction_scouts * n_robots))
-    return VectorStrategy(rules, n_scouts, common(config).config, read_robot())
+    return VectorStrategy(rules, n_scouts, common(config), read_robot())
 
 
 def _each(keys: jax.Array) -> Iterator[tuple[np.ndarray, jax.Array]]:

@@ -16,7 +16,7 @@ from iswarm_mj.config import (
     StrategyConfig,
 )
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation.common import PER_WORLD_FIELDS, common
+from iswarm_mj.simulation.common import PER_WORLD_FIELDS, shared
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -124,4 +124,4 @@ def test_what_is_compiled_in_may_not_differ(mixed, part, name, value):
     other = replace(small, **{part: replace(getattr(small, part), **{name: value})})
     with pytest.raises(UserError, match=rf"differs from its run in {part}\.{name}, which all worlds of one run share"):
         run_of(small, worlds=[World(TYPE1, N, config=other)])
-    assert common(small) != common(other)
+    assert shared(small) != shared(other)

@@ -7,10 +7,7 @@ import pytest
 from helpers_runs import N, end_of, place_of, poses_of, records, run_of, scripted
 
 from iswarm_mj.engines.base import find_lost
-from iswarm_mj.simulation.standing import MAX_LISTED, decode, summary
-from iswarm_mj.simulation.state import Fault
-from iswarm_mj.simulation.worlds import World
-from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.simulation.state import MAX_LISTED, Fault, decode, summary
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
 from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import corners_of, half_planes, in_mm
@@ -97,7 +94,7 @@ class TestFaults:
 
 def faults_of(bits, step=3, robot=7, first=0):
     bits = np.array(bits)
-    worlds = [World(Genome(), 9, index=first + k) for k in range(len(bits))]
+    worlds = range(first, first + len(bits))
     each = decode(Fault(bits, np.full_like(bits, step), np.full_like(bits, robot)), worlds)
     assert [fault is not None for fault in each] == [bool(b) for b in bits]
     return [fault for fault in each if fault is not None]
