@@ -11,14 +11,14 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
-from iswarm_mj.simulation.actuate import Places, actuate
+from iswarm_mj.simulation.actuate import actuate
 from iswarm_mj.simulation.packed import Packed, pack
 from iswarm_mj.simulation.perceive import Spoken, StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.declared import led_power, said
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, ReleasingStrategy, Strategy
+from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, ReleasingStrategy
 from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
 from iswarm_mj.tasks.protocol import DrivingTask
 from iswarm_mj.utils.arrays import Array
@@ -71,17 +71,30 @@ def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: Swarm
     seen = perceive(config, robot, params, swarm, begin, keys, payload, picks, releases)
     observation = seen.observation
     if config.strategy.update_order == "sequential" and payload:
-        relaying = _relaying(strategy)
+        if not isinstance(strategy, RelayingStrategy):
+            raise UserError(
+                f"strategy.update_order is sequential, but {type(strategy).__name__} has no method listen; add one "
+                "(see RelayingStrategy), or use synchronous updates."
+            )
 
         def relay(observation: Observation) -> Message:
-            heard = relaying.listen(swarm.memory, observation, keys.policy)
-            return seen.transmit(relaying.say(heard, observation.is_loaded)).message
+            heard = strategy.listen(swarm.memory, observation, keys.policy)
+            return seen.transmit(strategy.say(heard, observation.is_loaded)).message
 
         turns = draw_turns(keys.turns, n_robots)
         observation = heard_in_turn(observation, turns, seen.links.sender, relay)
     memory, command = strategy.act(swarm.memory, observation, keys.policy)
-    squared, places = seen.sensed.tool_voltage_squared, Places(begin.poses, params.is_present)
-    done = actuate(config, params.conditions, command, seen.swarm, observation.waits, places, squared, keys.actuators)
+    done = actuate(
+        config,
+        params.conditions,
+        command,
+        seen.swarm,
+        observation.waits,
+        begin.poses,
+        params.is_present,
+        seen.sensed.tool_voltage_squared,
+        keys.actuators,
+    )
     if isinstance(strategy, ReckoningStrategy):
         memory = strategy.fell_short(memory, done.shortfall)
     decided = seen.swarm._replace(memory=memory, energy=done.energy, led_power=led_power(strategy, memory))
@@ -104,25 +117,21 @@ def decide_worlds(
 
 @partial(jax.jit, static_argnames=("config", "robot"))
 def decide_packed(config: SwarmConfig, robot: Robots, params: Packed, swarm: SwarmState, begin: StepInputs) -> Decision:
-    """`decide_invariant`, where the parameters are packed, and so are memories and the state of the task."""
+    """`decide_worlds`, where what a world decides does not depend on how many there are, to the last bit.
+
+    The parameters are packed, and so are memories and the state of the task.
+    """
+    own, step = params.tree, begin.step
     swarm = swarm._replace(memory=swarm.memory.tree, task=swarm.task.tree)
-    decision = decide_invariant(config, robot, params.tree, swarm, begin)
-    memory, task = pack(decision.swarm.memory), pack(decision.swarm.task)
-    return decision._replace(swarm=decision.swarm._replace(memory=memory, task=task))
-
-
-def decide_invariant(
-    config: SwarmConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs
-) -> Decision:
-    """`decide_worlds`, where what a world decides does not depend on how many there are, to the last bit."""
-    step = begin.step
 
     def of_all(params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
         return decide_worlds(config, robot, params, swarm, begin._replace(step=step))
 
-    known = all(getattr(rules, "batch_invariant", False) for rules in (params.strategy, params.task))
+    known = all(getattr(rules, "batch_invariant", False) for rules in (own.strategy, own.task))
     known = known and config.gripper.resolution == "quasi-static"
-    return (of_all if known else pad_singleton_batch(of_all))(params, swarm, begin._replace(step=begin.is_running))
+    decision = (of_all if known else pad_singleton_batch(of_all))(own, swarm, begin._replace(step=begin.is_running))
+    memory, task = pack(decision.swarm.memory), pack(decision.swarm.task)
+    return decision._replace(swarm=decision.swarm._replace(memory=memory, task=task))
 
 
 def pad_singleton_batch(function: Callable[..., Tree]) -> Callable[..., Tree]:
@@ -142,12 +151,3 @@ def pad_singleton_batch(function: Callable[..., Tree]) -> Callable[..., Tree]:
         return jax.tree.map(lambda a: a[:1], jax.lax.optimization_barrier(function(*twice)))
 
     return of_worlds
-
-
-def _relaying(strategy: Strategy) -> RelayingStrategy:
-    if isinstance(strategy, RelayingStrategy):
-        return strategy
-    raise UserError(
-        f"strategy.update_order is sequential, but {type(strategy).__name__} has no method listen; add one (see "
-        "RelayingStrategy), or use synchronous updates."
-    )

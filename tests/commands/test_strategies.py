@@ -207,7 +207,7 @@ MISTAKES = [
         (),
         "for name in self.payload}",
         "for name in ('heat', 'aim')}",
-        "dictionary with the payload's fields count, heat, aim .got ",
+        "by name what payload declares, count, heat, aim .got ",
     ),
     ((), "{name: memory[name] ", "{name: memory['count'] ", "float32.12. as its field heat"),
     ((), "payload = ", "payloads = ", "Walk has a method say, but no attribute payload; declare what it says"),
