@@ -1,10 +1,10 @@
-"""How control steps follow each other: what a run needs of it, and the loop on the host."""
+"""How control steps follow each other on the host."""
 
 import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -20,50 +20,12 @@ from iswarm_mj.utils.profiling import Stopwatch
 Tree = TypeVar("Tree")
 
 
-@runtime_checkable
-class Loop(Protocol):
-    """Carries B worlds through control steps."""
-
-    devices: list[Any]
-    """JAX devices that the worlds are spread over; none where the CPU's threads do all."""
-
-    def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
-        """Take some control steps.
-
-        Args:
-            first: number of the first one, from 0.
-            last: number of steps of the run; those beyond are not taken.
-            recorded: W worlds.
-
-        Returns:
-            The number T of steps taken, and their record (T, W, ...); None where no world is recorded.
-        """
-        ...
-
-    def read(self, part: Callable[[WorldState], Tree]) -> Tree:
-        """Return part of the state of all B worlds, as NumPy arrays."""
-        ...
-
-    def worlds(self) -> tuple[WorldParams, WorldState]:
-        """Return parameters and state of all worlds, as NumPy arrays where possible."""
-        ...
-
-    def replace(self, params: WorldParams, swarm: SwarmState) -> None:
-        """Put other parameters and another state of the swarm, of the same shapes and types, in place of the present.
-
-        Args:
-            params: of B worlds; goal and places for robots stay as they are.
-            swarm: of B worlds.
-        """
-        ...
-
-    def stage_times(self) -> dict[str, float]:
-        """Return the median seconds that a control step spends in sense, policy and physics."""
-        ...
-
-
 class HostLoop:
-    """Control steps one by one: threads carry shares of the worlds through a step, and meet at its end."""
+    """Control steps one by one: threads carry shares of the worlds through a step, and meet at its end.
+
+    Attributes:
+        devices: JAX devices that the worlds are spread over, which are none here.
+    """
 
     def __init__(
         self,
@@ -98,7 +60,16 @@ class HostLoop:
             self._shares.append(Share(engine, config, own, state, watch))
 
     def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
-        """Take one control step, see `Loop.advance`."""
+        """Take one control step.
+
+        Args:
+            first: its number, from 0.
+            last: number of steps of the run; those beyond are not taken.
+            recorded: W worlds.
+
+        Returns:
+            The number T of steps taken, and their record (T, W, ...); None where no world is recorded.
+        """
         of_share = [[world for world in recorded if part.start <= world < part.stop] for part in self._parts]
         found: list[StepRecord | None] = [None] * len(self._shares)
 
@@ -115,21 +86,29 @@ class HostLoop:
         return 1, jax.tree.map(lambda a: a[places][None], record)
 
     def read(self, part: Callable[[WorldState], Tree]) -> Tree:
-        """See `Loop.read`."""
+        """Return part of the state of all B worlds, as NumPy arrays."""
         return _joined([part(share.state) for share in self._shares])
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
-        """See `Loop.worlds`."""
+        """Return parameters and state of all worlds, as NumPy arrays where possible."""
         params, state = _joined([(share.params, share.state) for share in self._shares])
         return params, state
 
     def replace(self, params: WorldParams, swarm: SwarmState) -> None:
-        """See `Loop.replace`."""
+        """Put other parameters and another state of the swarm, of the same shapes and types, in place of the present.
+
+        Args:
+            params: of B worlds; goal and places for robots stay as they are.
+            swarm: of B worlds.
+        """
         for share, part in zip(self._shares, self._parts, strict=True):
             share.replace(*rows((params, swarm), part))
 
     def stage_times(self) -> dict[str, float]:
-        """See `Loop.stage_times`; of all steps so far, by the clock if all threads have as much to do."""
+        """Return the median seconds that a control step spends in sense, policy and physics.
+
+        They are of all steps so far, by the clock if all threads have as much to do.
+        """
         laps, turns = self._watch.laps, len(self._shares) / self._n_workers
         return {stage: turns * float(np.median(laps[stage])) for stage in ("sense", "policy", "physics") if laps[stage]}
 

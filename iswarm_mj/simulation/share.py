@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.base import Engine, Motion, Phase, PushingEngine, Sight
+from iswarm_mj.engines.base import Engine
 from iswarm_mj.simulation.decide import Decision, decide_packed
 from iswarm_mj.simulation.packed import is_key, pack, unpacked
 from iswarm_mj.simulation.perceive import StepInputs
@@ -43,12 +43,12 @@ class Share:
     """
 
     def __init__(self, engine: Engine, config: SwarmConfig, params: WorldParams, state: WorldState, watch: Stopwatch):
-        self.engine, self._config, self._watch = TimedEngine(engine, watch), config, watch
+        self.engine, self._config, self._watch = engine, config, watch
         self.state = state
         self.replace(params, state.swarm)
 
     def replace(self, params: WorldParams, swarm: SwarmState) -> None:
-        """See `loop.Loop.replace`."""
+        """See `loop.HostLoop.replace`."""
         cpu = jax.local_devices(backend="cpu")[0]
         swarm = swarm._replace(memory=pack(swarm.memory), task=pack(swarm.task))
         self.params, (self._packed_params, swarm) = params, jax.device_put((pack(params), swarm), cpu)
@@ -65,19 +65,18 @@ class Share:
         Returns:
             Their record (W, ...) as NumPy arrays; None where no world is recorded.
         """
-        stepper = Stepper(self.engine, self._config, self._decide, bool(recorded))
+        stepper = Stepper(self.engine, self._config, self._decide, bool(recorded), self._watch)
         self.state, record = control_step(
             stepper, self.params, self.state, np.asarray(step, np.int32), np.asarray(last, np.int32)
         )
         return None if record is None else jax.tree.map(lambda a: np.asarray(a)[list(recorded)], unpacked(record))
 
     def _decide(self, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
-        with self._watch("policy"):
-            poses, boxes = jax.tree.map(lambda a: a.astype(np.float32), (begin.poses, begin.boxes))
-            begin = begin._replace(poses=poses, boxes=boxes)
-            decision = decide_packed(self._config, self.engine.robot, self._packed_params, swarm, begin)
-            names = "command", "is_refused", "is_blocked", "progress", "boxes"
-            return decision._replace(**{name: jax.tree.map(np.asarray, getattr(decision, name)) for name in names})
+        poses, boxes = jax.tree.map(lambda a: a.astype(np.float32), (begin.poses, begin.boxes))
+        begin = begin._replace(poses=poses, boxes=boxes)
+        decision = decide_packed(self._config, self.engine.robot, self._packed_params, swarm, begin)
+        names = "command", "is_refused", "is_blocked", "progress", "boxes"
+        return decision._replace(**{name: jax.tree.map(np.asarray, getattr(decision, name)) for name in names})
 
 
 def rows(tree: Any, worlds: slice) -> Any:
@@ -90,23 +89,3 @@ def rows(tree: Any, worlds: slice) -> Any:
         return np.asarray(values)[worlds]
 
     return jax.tree.map(of, tree)
-
-
-class TimedEngine:
-    """An engine on the host, with the time that it takes."""
-
-    def __init__(self, engine: Engine, watch: Stopwatch):
-        self._engine, self._watch = engine, watch
-        self.place, self.poses, self.robot = engine.place, engine.poses, engine.robot
-        if isinstance(engine, PushingEngine):
-            self.boxes = engine.boxes
-
-    def sense(self, bodies: Any, emits: Array, is_running: Array) -> Sight:
-        """See `Engine.sense`."""
-        with self._watch("sense"):
-            return self._engine.sense(bodies, emits, is_running)
-
-    def move(self, bodies: Any, phases: Sequence[Phase], is_running: Array) -> Motion:
-        """See `Engine.move`."""
-        with self._watch("physics"):
-            return self._engine.move(bodies, phases, is_running)

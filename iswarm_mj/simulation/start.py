@@ -9,7 +9,7 @@ import numpy as np
 
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
-from iswarm_mj.simulation.loop import HostLoop, Loop
+from iswarm_mj.simulation.loop import HostLoop
 from iswarm_mj.simulation.setup import Setup
 from iswarm_mj.simulation.state import StepRecord, WorldState
 from iswarm_mj.simulation.worlds import first_memories, first_state, world_params
@@ -19,7 +19,7 @@ from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robots
 
 
-def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Loop, StepRecord]:
+def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[HostLoop | CompiledLoop, StepRecord]:
     """Make the engine of a run and place its worlds in it.
 
     Args:
