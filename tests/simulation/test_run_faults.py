@@ -58,7 +58,7 @@ class TestFaults:
         for record in records(run):
             seen.append(record.is_running)
             for values in (record.links.valid, record.is_heard, *record.command):
-                assert values[0].any() and (values[1].any() or not record.is_running[1])
+                assert values[0].any() and (values[1].any() == record.is_running[1])
         seen = np.array(seen)
         assert seen[:9].all() and not seen[9:, 1].any() and seen[9:, 0].all()
         (fault,) = run.faults
