@@ -79,7 +79,8 @@ class Payload:
 
     def to_json(self) -> dict[str, Any]:
         """Return the declaration in JSON."""
-        return {"fields": [[name, {"kind": type(field).__name__, **asdict(field)}] for name, field in self.fields]}
+        fields = [[name, {"kind": type(field).__name__, **asdict(field)}] for name, field in self.fields]
+        return {"fields": fields, "check": "parity"}
 
     @staticmethod
     def from_json(content: Mapping[str, Any]) -> "Payload":
