@@ -13,9 +13,8 @@ from jaxtyping import Bool, Float
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.common import check_common, common
-from iswarm_mj.simulation.initial import Start, boxed, draw_start
+from iswarm_mj.simulation.initial import Start, boxed, check_balls, check_poses, check_start, draw_start
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.start_check import check_balls, check_poses, check_start
 from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState, no_fault
 from iswarm_mj.strategy.declared import led_power
 from iswarm_mj.strategy.genome import Genome
