@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_runs import CountingMemory, N, Scripted, engine_of, first_step, records, run_of, scripted
+from helpers_tasks import Still
 from helpers_worlds import start_of
 
 from iswarm_mj.config import OpticsConfig
@@ -66,14 +67,8 @@ def test_robots_that_sense_neither_dust_nor_dump_pick_nothing_up(small):
 
 @jax.tree_util.register_static
 @dataclass(frozen=True)
-class Ahead:
+class Ahead(Still):
     """Robots walk straight on."""
-
-    def init(self, n_robots, key):
-        return jnp.zeros(n_robots)
-
-    def picks(self, memory):
-        return jnp.zeros(len(memory), bool)
 
     def act(self, memory, observation, key):
         return memory, Command(jnp.zeros(len(memory)), jnp.full(len(memory), STEP))
