@@ -85,12 +85,8 @@ def starts_of(config: SwarmConfig, task: Task, robot: Robots, worlds: Sequence[W
 
 
 def random_keys(worlds: Sequence[World]) -> Array:
-    """Return the `World.random_key` of B worlds (B,), by one program instead of one or more for each."""
-    if all(world.key is None for world in worlds):
-        seeds, indices = [world.seed for world in worlds], [world.index for world in worlds]
-        return _keys(np.array(seeds, np.uint32), np.array(indices, np.uint32))
+    """Return the `World.random_key` of B worlds (B,), stacked on the host: JAX would compile a program for each B."""
     keys = [world.random_key for world in worlds]
-    # On the host, since JAX would compile a program of B operands to stack them.
     data = np.stack(jax.device_get([jax.random.key_data(key) for key in keys]))
     return jax.random.wrap_key_data(jax.device_put(data), impl=jax.random.key_impl(keys[0]))
 
@@ -122,7 +118,8 @@ def world_params(
 def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Conditions:
     """Return the conditions of B worlds, NumPy arrays (B,); of worlds without a configuration those of the run's."""
     each = [conditions_of(world.config or config) for world in worlds]
-    return Conditions(*map(_column, zip(*each, strict=True)))
+    columns = zip(*each, strict=True)
+    return Conditions(*(np.array(column, bool if isinstance(column[0], bool) else np.float32) for column in columns))
 
 
 def _stacked(task: Task, states: Sequence[Any]) -> Any:
@@ -188,12 +185,6 @@ def vector_strategies(config: SwarmConfig, robot: Robots, worlds: Sequence[World
     return VectorStrategy(rules, n_scouts, common(config), robot)
 
 
-@jax.jit
-@jax.vmap
-def _keys(seed: Array, index: Array) -> Array:
-    return jax.random.fold_in(jax.random.key(seed), index)
-
-
 @partial(jax.jit, static_argnames=("capacity",))
 def first_memories(strategy: Strategy, key: Array, capacity: int) -> tuple[Any, Float[Array, "B N"] | None]:
     """Return what the robots of B worlds remember at the start, and the power of their LEDs, see `led_power`."""
@@ -211,11 +202,6 @@ def _padded(each: Sequence[np.ndarray], capacity: int) -> np.ndarray:
     for row, values in zip(filled, each, strict=True):
         row[: len(values)] = values
     return filled
-
-
-def _column(values: Sequence[float | bool]) -> np.ndarray:
-    """A condition of all worlds (B,), bool or float32."""
-    return np.array(values, bool if isinstance(values[0], bool) else np.float32)
 
 
 def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: dict[int, Start]) -> Start:
