@@ -8,17 +8,15 @@ from itertools import pairwise
 from typing import Any, TypeVar
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine
 from iswarm_mj.simulation.decide import Decision, decide_packed
-from iswarm_mj.simulation.packed import is_key, pack, unpacked
+from iswarm_mj.simulation.packed import pack, unpacked
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
-from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.profiling import Stopwatch
 
 Tree = TypeVar("Tree")
@@ -42,7 +40,7 @@ class Share:
 
     Attributes:
         engine: of these worlds.
-        params: as NumPy arrays, but for random keys.
+        params: as NumPy arrays.
         state: with packed memories and a packed state of the task (`packed.Packed`).
     """
 
@@ -83,18 +81,6 @@ class Share:
         return decision._replace(**{name: jax.tree.map(np.asarray, getattr(decision, name)) for name in names})
 
 
-def rows(tree: Any, worlds: slice) -> Any:
-    """Those of some worlds, as NumPy arrays but for random keys; JAX would compile a program for each shape."""
-
-    def of(values: Array) -> Array:
-        if is_key(values):
-            data = jnp.asarray(np.asarray(jax.random.key_data(values))[worlds])
-            return jax.random.wrap_key_data(data, impl=jax.random.key_impl(values))
-        return np.asarray(values)[worlds]
-
-    return jax.tree.map(of, tree)
-
-
 class HostLoop:
     """Control steps one by one: threads carry shares of the worlds through a step, and meet at its end.
 
@@ -129,7 +115,7 @@ class HostLoop:
         self._shares: list[Share] = []
         self._is_compiled = False
         for part in self._parts:
-            own, (poses, state) = rows(params, part), rows(start, part)
+            own, (poses, state) = jax.tree.map(lambda a, part=part: np.asarray(a)[part], (params, start))
             engine = make_engine(len(poses), n_threads // self._n_workers)
             state = state._replace(bodies=engine.place(poses, own.is_present))
             self._shares.append(Share(engine, config, own, state, watch))
@@ -177,7 +163,7 @@ class HostLoop:
             swarm: of B worlds.
         """
         for share, part in zip(self._shares, self._parts, strict=True):
-            share.replace(*rows((params, swarm), part))
+            share.replace(*jax.tree.map(lambda a, part=part: np.asarray(a)[part], (params, swarm)))
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics.
@@ -211,11 +197,9 @@ class HostLoop:
 
 
 def _joined(parts: Sequence[Tree]) -> Tree:
-    """Of shares of worlds one after the other, as NumPy arrays but for random keys."""
+    """Of shares of worlds one after the other, as NumPy arrays."""
 
-    def join(*values: Any) -> Any:
-        if is_key(values[0]):
-            return jnp.concatenate(values)
+    def join(*values: Any) -> np.ndarray:
         return np.asarray(values[0]) if len(values) == 1 else np.concatenate(values)
 
     return jax.tree.map(join, *map(unpacked, parts))

@@ -28,8 +28,8 @@ class WorldParams(NamedTuple):
 
     strategy: Strategy
     conditions: Conditions
-    key: Array
-    """Random key of the world's noise and of its robots' chances."""
+    key: UInt32[Array, "*B 2"]
+    """Data of the random key of the world's noise and of its robots' chances."""
     is_present: Bool[Array, "*B N"]
     """The other places are empty."""
     goal: Int[Array, "*B"]

@@ -92,13 +92,20 @@ def random_keys(worlds: Sequence[World]) -> Array:
 
 
 def world_params(
-    config: SwarmConfig, worlds: Sequence[World], strategy: Any, task: Task, goal: int | None, capacity: int
+    config: SwarmConfig,
+    worlds: Sequence[World],
+    keys: Array,
+    strategy: Any,
+    task: Task,
+    goal: int | None,
+    capacity: int,
 ) -> WorldParams:
     """Return what stays the same in each world, stacked.
 
     Args:
         config: that all worlds share.
         worlds: B of them.
+        keys: see `random_keys`, of which the first 64 bits count.
         strategy: with a first axis of B worlds.
         task: likewise.
         goal: progress that finishes a world; None if it never is.
@@ -108,7 +115,7 @@ def world_params(
     return WorldParams(
         strategy=strategy,
         conditions=conditions_of_worlds(config, worlds),
-        key=random_keys(worlds),
+        key=np.asarray(jax.random.key_data(keys))[:, :2],
         is_present=np.arange(capacity) < n_robots[:, None],
         goal=np.full(len(worlds), ENDLESS if goal is None else goal, np.int32),
         task=task,

@@ -77,7 +77,8 @@ class TestManyWorlds:
         for n_worlds, is_first in ((2, True), (37, False)):
             worlds = [World(TYPE1, 5, index=k) for k in range(n_worlds)]
             with compilations() as names:
-                world_params(small, worlds, vector_strategies(small, read_robot(), worlds), CLEANING, 24, 5)
+                strategies = vector_strategies(small, read_robot(), worlds)
+                world_params(small, worlds, random_keys(worlds), strategies, CLEANING, 24, 5)
             assert is_first or names == []
 
 
