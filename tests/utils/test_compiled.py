@@ -13,10 +13,10 @@ import iswarm_mj
 CODE = """
 import numpy as np
 import iswarm_mj
-from iswarm_mj.sensors.occlusion import meets_boxes
+from iswarm_mj.sensors.neighbours import find_neighbours
 import iswarm_mj.engines.planar.physics, iswarm_mj.engines.planar.sight, iswarm_mj.gripper.plugin
-found = [meets_boxes(0.0, 0.0, x, 0.0, np.array([[4.0, 0.0, 1.0, 0.0, 1.0, 1.0]])) for x in (2.0, 9.0)]
-print(iswarm_mj.__file__, found)
+found = find_neighbours(np.array([[[0.0, 0.0], [3.0, 4.0], [90.0, 0.0]]]), 6.0)
+print(iswarm_mj.__file__, found.other.tolist(), found.distance.tolist())
 """
 
 
@@ -30,4 +30,4 @@ def test_they_are_compiled_all_the_same(tmp_path):
     env = {name: value for name, value in os.environ.items() if name not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
     env |= {"HOME": "/dev/null/none", "PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
     done = subprocess.run([sys.executable, "-c", CODE], capture_output=True, text=True, env=env, cwd=tmp_path)
-    assert done.stdout == f"{copy / '__init__.py'} [False, True]\n", done.stderr
+    assert done.stdout == f"{copy / '__init__.py'} [1, 0] [5.0, 5.0]\n", done.stderr
