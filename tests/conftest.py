@@ -23,7 +23,6 @@ CHECKED = [
         "strategy.avoidance",
         "strategy.vectors",
         "strategy.controller",
-        "strategy.turns",
         "strategy.vector_strategy",
         "engines.base",
         "engines.mjx.engine",

@@ -54,7 +54,7 @@ def place_of(run, world):
     """The engine of a world on the host, and the world's place in it."""
     parts, shares = run._loop._parts, run._loop._shares
     share = next(index for index, part in enumerate(parts) if part.start <= world < part.stop)
-    return shares[share].engine._engine, world - parts[share].start
+    return shares[share].engine, world - parts[share].start
 
 
 def poses_of(run):

@@ -6,10 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from iswarm_mj.config import GripperConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.interface import Observation
-from iswarm_mj.tasks.layout import untouched
+from iswarm_mj.tasks.layout import lying
 from iswarm_mj.utils.units import RD
 
 RADIUS = 3.5 * RD
@@ -78,8 +79,7 @@ def lay(*positions, holders=None):
     """Balls of the median strength at `positions`; `holders` lists who holds each, None for nobody."""
     k = len(positions)
     holders = holders or [None] * k
-    works = np.full((3, k), [[20e-6], [1.41e-3], [14.7e-3]], np.float32)
-    balls = untouched(np.asarray(positions, np.float32), *works)
+    balls = lying(GripperConfig(), np.array(positions), np.full(k, 20e-6))
     held = np.array([h is not None for h in holders])
     holder = np.array([h or 0 for h in holders], np.int32)
     balls = balls._replace(is_held=held, holder=holder, was_picked=held)

@@ -1,4 +1,4 @@
-"""A task of a stranger: the robots are to be east of a line, which they sense by how far away it is."""
+"""A task of a stranger: robots are to be east of a line, which they sense by how far away it is; and a strategy."""
 
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.tasks.protocol import Look, Quantity, only
 from iswarm_mj.utils.constraints import Within
@@ -45,3 +46,17 @@ class Eastward:
 
     def areas(self, config, state):
         return {"east": jnp.stack([self.line + 5.0, jnp.float32(0.0), jnp.float32(5.0)])[None]}
+
+
+@dataclass(frozen=True)
+class Still:
+    """A strategy of robots that stand, pick nothing up, and remember their numbers."""
+
+    def init(self, n_robots, key):
+        return jnp.arange(n_robots)
+
+    def picks(self, memory):
+        return memory < 0
+
+    def act(self, memory, seen, key):
+        return memory, Command(jnp.zeros(len(memory)), jnp.zeros(len(memory)))

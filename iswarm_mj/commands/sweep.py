@@ -14,7 +14,7 @@ import tyro
 from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.flags import changed, flag, idle, in_flags, refuse, settings, without_effect
 from iswarm_mj.commands.parser import parse
-from iswarm_mj.strategy.sources import sources
+from iswarm_mj.strategy.library import sources
 from iswarm_mj.utils.constraints import check, spaced, validate
 from iswarm_mj.utils.errors import SimulationFault, UserError
 

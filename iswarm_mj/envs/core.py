@@ -17,7 +17,7 @@ from iswarm_mj.engines.base import Motion, Sight
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.tables import Row
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.actuate import Actuated, Places, actuate
+from iswarm_mj.simulation.actuate import Actuated, actuate
 from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
@@ -151,8 +151,8 @@ class Core:
         command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
         swarm, key = data.world.swarm, step_keys(data.key, data.step).actuators
         conditions, charge = with_conditions(self.params, swarm).conditions, data.tool_voltage_squared
-        places = Places(poses, self.params.is_present)
-        done = actuate(self.config, conditions, command, swarm, data.waits, places, charge, key)
+        is_present = self.params.is_present
+        done = actuate(self.config, conditions, command, swarm, data.waits, poses, is_present, charge, key)
         said = jax.tree.map(partial(jnp.where, is_new), tables.silence(self.payload, len(action)), said)
         done = done._replace(
             is_refused=(done.is_refused | is_bad) & ~is_new,

@@ -18,7 +18,7 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.memory_check import devices_of
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
-from iswarm_mj.simulation.worlds import World, first_state, world_params
+from iswarm_mj.simulation.worlds import World, first_state, random_keys, world_params
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.library import TASKS, find
 from iswarm_mj.strategy.user_code import user_code
@@ -77,7 +77,8 @@ def make_env(
     config = setup.config
     speaker: Any = Speaker(as_payload(payload))
     speaker.payload.check_room(len(setup.robot.sides))
-    params = world_params(config, layouts[:1], speaker, setup.tasks, setup.goal, setup.capacity)
+    any_key = random_keys(layouts[:1])  # an episode has its own
+    params = world_params(config, layouts[:1], any_key, speaker, setup.tasks, setup.goal, setup.capacity)
     poses, worlds = first_state(config, setup.starts, setup.task, setup.robot, setup.capacity)
     senses = tuple(
         (name, (quantity, int(np.prod(setup.sensed[name].shape[1:], dtype=int))))

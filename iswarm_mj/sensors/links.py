@@ -17,6 +17,7 @@ from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
 from iswarm_mj.sensors.occlusion import CLEAR, OPEN, Circles, Paths, circles, judge
 from iswarm_mj.sensors.optics import (
     Reception,
+    Views,
     facing_side,
     into_frame,
     led_positions,
@@ -92,8 +93,9 @@ def find_candidates(
     side = facing_side(ahead, left, sides.photodiodes)
     shines = side if sides.leds == sides.photodiodes else facing_side(ahead, left, sides.leds)
     power = None if sends.dtype == bool else sends[around.other]
-    views, kinds = ((ahead, left), (ahead[back], left[back])), (kind[around.robot], kind[around.other])
-    reception = receive_views(*views, side, shines[back], robot, optics, power, kinds)
+    kinds = kind[around.robot], kind[around.other]
+    views = Views((ahead, left), (ahead[back], left[back]), side, shines[back], kinds)
+    reception = receive_views(views, robot, optics, power)
     arrives = np.flatnonzero(np.isfinite(reception.effective_distance) & (sends[around.other] > 0))
     reception = Reception(*(values[arrives] for values in reception))
     slot = around.robot[arrives] * len(sides) + reception.side

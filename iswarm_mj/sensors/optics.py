@@ -42,6 +42,21 @@ Components = tuple[Float[Array, "*#P"], Float[Array, "*#P"]]
 """Two components of vectors: ahead and to the left in a robot's frame, or cosine and sine of its yaw."""
 
 
+class Views(NamedTuple):
+    """How the robots of each pair see each other."""
+
+    at_receiver: Components
+    """The sender's position ahead and to the left of the receiver [mm]."""
+    at_sender: Components
+    """The receiver's position ahead and to the left of the sender [mm]."""
+    side: Int[Array, "*P"]
+    """The receiver's side that faces the sender."""
+    led: Int[Array, "*P"]
+    """The sender's LED that faces the receiver."""
+    kinds: Kinds
+    """Index in `robot.kinds` of the receivers and of the senders."""
+
+
 def into_frame(dx: Float[Array, "*#P"], dy: Float[Array, "*#P"], heading: Components) -> Components:
     """Components ahead and to the left of world vectors (dx, dy), in frames that look along `heading` (cos, sin)."""
     c, s = heading
@@ -96,49 +111,24 @@ def receive(
     at_receiver = into_frame(dx, dy, receiver)
     at_sender = into_frame(-dx, -dy, sender)
     side, led = facing_side(*at_receiver, robot.sides.photodiodes), facing_side(*at_sender, robot.sides.leds)
-    return receive_views(at_receiver, at_sender, side, led, robot, optics, power, kinds)
+    return receive_views(Views(at_receiver, at_sender, side, led, kinds), robot, optics, power)
 
 
 def receive_views(
-    at_receiver: Components,
-    at_sender: Components,
-    side: Int[Array, "*P"],
-    led: Int[Array, "*P"],
-    robot: Robots,
-    optics: OpticsConfig,
-    power: Float[Array, "*#P"] | None = None,
-    kinds: Kinds = (0, 0),
+    views: Views, robot: Robots, optics: OpticsConfig, power: Float[Array, "*#P"] | None = None
 ) -> Reception:
-    """As `receive`, for callers that know how the robots of each pair see each other.
-
-    Args:
-        at_receiver: the sender's position ahead and to the left of the receiver [mm].
-        at_sender: the receiver's position ahead and to the left of the sender [mm].
-        side: the receiver's side that faces the sender.
-        led: the sender's LED that faces the receiver.
-        robot: positions of LEDs and photodiodes.
-        optics: mode, range and cones.
-        power: see `receive`.
-        kinds: likewise.
-    """
+    """As `receive`, for callers that know how the robots of each pair see each other."""
     rule = _in_sector if optics.mode == "sector" else _by_power
-    bearing, way, beside = rule(at_receiver, at_sender, side, led, robot, kinds, optics)
-    xp = array_module(side)
+    bearing, way, beside = rule(views, robot, optics)
+    xp = array_module(views.side)
     effective = (way if power is None else way / xp.sqrt(xp.maximum(power, 1e-12))) + beside  # the inverse square
     received = effective < mm_from_rd(optics.communication_radius)
-    return Reception(side, led, bearing, xp.where(received, effective, math.inf))
+    return Reception(views.side, views.led, bearing, xp.where(received, effective, math.inf))
 
 
-def _in_sector(
-    at_receiver: Components,
-    at_sender: Components,
-    side: Array,
-    led: Array,
-    robot: Robots,
-    kinds: Kinds,
-    optics: OpticsConfig,
-) -> tuple[Array, Array, Any]:
+def _in_sector(views: Views, robot: Robots, optics: OpticsConfig) -> tuple[Array, Array, Any]:
     """Bearing and way of the light by the paper's rule: in the receiver's sector and in the sender's beam."""
+    at_receiver, at_sender, side, led, _ = views
     xp, sides = array_module(side), robot.sides
     distance = xp.sqrt(at_receiver[0] ** 2 + at_receiver[1] ** 2)
     seen = _in_cone(at_receiver, side, sides.photodiodes, optics.photodiode_aperture)
@@ -163,15 +153,7 @@ def _bearing(side: Array, sides: Sides, like: Array) -> Array:
     return _look_up(sides.bearings, side, like)
 
 
-def _by_power(
-    at_receiver: Components,
-    at_sender: Components,
-    side: Array,
-    led: Array,
-    robot: Robots,
-    kinds: Kinds,
-    optics: OpticsConfig,
-) -> tuple[Array, Array, Any]:
+def _by_power(views: Views, robot: Robots, optics: OpticsConfig) -> tuple[Array, Array, Any]:
     """Bearing and way of the light by power: Lambertian lobe, inverse square, acceptance of the photodiodes.
 
     The lobe is cos^m with half its power at half the beam's aperture, m = -ln 2 / ln cos(aperture / 2) (Kahn &
@@ -180,6 +162,7 @@ def _by_power(
     their powers a and b give the bearing, tan(bearing) tan(splay) = (a - b) / (a + b). The threshold is such that a
     sender on both axes is received up to `communication_radius`, from centre to centre.
     """
+    at_receiver, at_sender, side, led, kinds = views
     xp = array_module(side)
     along_r, across_r = onto_axis(at_receiver[0], at_receiver[1], side, robot.sides.photodiodes)
     along_s, across_s = onto_axis(at_sender[0], at_sender[1], led, robot.sides.leds)

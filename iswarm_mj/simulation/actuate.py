@@ -23,14 +23,6 @@ CELLS = 2048
 """Cells of 1 rd in a row, more than in the largest arena."""
 
 
-class Places(NamedTuple):
-    """Where N robots of a world are as a control step begins."""
-
-    poses: Float[Array, "N 3"]
-    """x, y [mm] and yaw [rad]."""
-    is_present: Bool[Array, "N"]
-
-
 class Actuated(NamedTuple):
     """Commands of N robots as their drives carry them out."""
 
@@ -52,7 +44,8 @@ def actuate(
     command: Command,
     swarm: SwarmState,
     waits: Bool[Array, "N"],
-    places: Places,
+    poses: Float[Array, "N 3"],
+    is_present: Bool[Array, "N"],
     tool_voltage_squared: Float[Array, "N"],
     key: Array,
 ) -> Actuated:
@@ -64,7 +57,8 @@ def actuate(
         command: turns [rad] and distances [mm].
         swarm: which robots live, and what their capacitors have.
         waits: robots that stand still.
-        places: where robots are.
+        poses: where robots are as the step begins: x, y [mm] and yaw [rad].
+        is_present: the other places are empty.
         tool_voltage_squared: see `tasks.protocol.Sensed` [V^2].
         key: of the errors.
     """
@@ -78,7 +72,7 @@ def actuate(
     command = Command(jnp.clip(command.turn, -turn, turn), jnp.clip(wanted, -reach, reach))
     is_blocked = jnp.zeros(len(wanted), bool)
     if config.drive.locations == "cells":
-        is_blocked = acts & enters_taken_cell(places, command)
+        is_blocked = acts & enters_taken_cell(poses, is_present, command)
         command = command._replace(forward=jnp.where(is_blocked, 0.0, command.forward))
     turning, walking = fusion_barrier(partial(_errors, len(wanted)), conditions.error_turn, conditions.error_step, key)
     turned, walked = command.turn + jnp.where(moves, turning, 0.0), command.forward * walking
@@ -97,17 +91,17 @@ def _errors(n_robots: int, error_turn: Array, error_step: Array, key: Array) -> 
     return jnp.deg2rad(error_turn) * turning, 1.0 + error_step * walking
 
 
-def enters_taken_cell(places: Places, command: Command) -> Bool[Array, "N"]:
+def enters_taken_cell(poses: Float[Array, "N 3"], is_present: Bool[Array, "N"], command: Command) -> Bool[Array, "N"]:
     """Whether a robot's step would end in another cell of 1 rd than it begins in, where a robot stands as it begins."""
-    yaw = places.poses[:, 2] + command.turn
+    yaw = poses[:, 2] + command.turn
     step = command.forward[:, None] * jnp.stack([jnp.cos(yaw), jnp.sin(yaw)], axis=-1)
 
     def cells(xy: Array) -> Array:
         column, row = jnp.round(xy / mm_from_rd(1.0)).astype(jnp.int32).T
         return column * CELLS + row
 
-    now, then = cells(places.poses[:, :2]), cells(places.poses[:, :2] + step)
-    taken = jnp.sort(jnp.where(places.is_present, now, -(CELLS**2)))
+    now, then = cells(poses[:, :2]), cells(poses[:, :2] + step)
+    taken = jnp.sort(jnp.where(is_present, now, -(CELLS**2)))
     found = taken[jnp.minimum(jnp.searchsorted(taken, then), len(taken) - 1)] == then
     return found & (then != now)
 

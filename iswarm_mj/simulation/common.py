@@ -1,7 +1,7 @@
 """What the worlds of one run have in common, and in which settings they may differ."""
 
 from dataclasses import fields, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions
@@ -31,28 +31,25 @@ PER_WORLD_FIELDS = {
 """Settings in which worlds of one run may differ, by parts of the configuration."""
 
 
-class Common(NamedTuple):
-    """What worlds of one run have in common."""
-
-    config: SwarmConfig
-    """With the defaults of all that may differ, and of the arena: what control steps are compiled for."""
-    corners: tuple[tuple[float, float], ...]
-    """Of the arena [rd]."""
-    n_dust: int
-    """Balls."""
-    standing: tuple[tuple[float, ...], ...]
-    """Obstacles and boxes in the arena."""
+def shared(config: SwarmConfig) -> tuple[tuple[str, Any], ...]:
+    """Return names and values of the settings that all worlds of a run share."""
+    return tuple(
+        (f"{part}.{f.name}", getattr(mine, f.name))
+        for part, mine in vars(config).items()
+        for f in fields(mine)
+        if f.name not in PER_WORLD_FIELDS[part]
+    )
 
 
-def common(config: SwarmConfig) -> Common:
-    """Return what a world of this configuration has in common with others of the same run."""
+def common(config: SwarmConfig) -> SwarmConfig:
+    """Return what control steps are compiled for: the defaults of all that may differ, and of the arena."""
     usual = SwarmConfig()
     parts = {
         part: replace(mine, **{name: getattr(getattr(usual, part), name) for name in PER_WORLD_FIELDS[part]})
         for part, mine in vars(config).items()
         if part != "arena"
     }
-    return Common(SwarmConfig(ArenaConfig(), **parts), config.arena.corners, config.arena.n_dust, config.arena.standing)
+    return SwarmConfig(ArenaConfig(), **parts)
 
 
 def program_config(config: SwarmConfig, task: Task, on_host: bool) -> SwarmConfig:
@@ -66,7 +63,7 @@ def program_config(config: SwarmConfig, task: Task, on_host: bool) -> SwarmConfi
         task: see `tasks.protocol.Task`.
         on_host: the engine computes on the host, where the bench is that of MuJoCo in C unless it is chosen.
     """
-    config = common(config).config if getattr(task, "shares_program", False) else config
+    config = common(config) if getattr(task, "shares_program", False) else config
     if config.gripper.bench != "auto":
         return config
     return replace(config, gripper=replace(config.gripper, bench="c" if on_host else "mjx"))
@@ -74,15 +71,9 @@ def program_config(config: SwarmConfig, task: Task, on_host: bool) -> SwarmConfi
 
 def check_common(config: SwarmConfig, other: SwarmConfig) -> None:
     """Raise a UserError if a world's configuration differs from its run's in what all worlds of a run share."""
-    if common(config) == common(other):
-        return
-    differ = [
-        f"{part}.{f.name}"
-        for part, cls in _PARTS.items()
-        for f in fields(cls)
-        if f.name not in PER_WORLD_FIELDS[part]
-        and getattr(getattr(config, part), f.name) != getattr(getattr(other, part), f.name)
-    ]
-    raise UserError(
-        f"a world differs from its run in {' and '.join(differ)}, which all worlds of one run share; run it separately."
-    )
+    pairs = zip(shared(config), shared(other), strict=True)
+    if differ := [name for (name, value), (_, its) in pairs if value != its]:
+        raise UserError(
+            f"a world differs from its run in {' and '.join(differ)}, which all worlds of one run share; "
+            "run it separately."
+        )

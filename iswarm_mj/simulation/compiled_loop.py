@@ -42,7 +42,7 @@ class Shared(NamedTuple):
 
 
 class CompiledLoop:
-    """Chunks of control steps of B worlds, spread over devices."""
+    """Chunks of control steps of B worlds, spread over devices; to a run it is as a `HostLoop`."""
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ class CompiledLoop:
         return jax.device_put(tree, NamedSharding(self.mesh, spec))
 
     def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
-        """Take a chunk of control steps, see `Loop.advance`."""
+        """Take a chunk of control steps, see `HostLoop.advance`."""
         rows = self._rows[list(recorded)]
         shared = Shared(
             engine=self._engine,
@@ -109,15 +109,15 @@ class CompiledLoop:
         return taken, jax.tree.map(lambda a: np.moveaxis(np.asarray(a)[device, :, index], 0, 1)[:taken], records)
 
     def read(self, part: Callable[[WorldState], Tree]) -> Tree:
-        """See `Loop.read`."""
+        """See `HostLoop.read`."""
         return jax.tree.map(lambda a: np.asarray(a)[self._rows], part(self._state))
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
-        """See `Loop.worlds`."""
+        """See `HostLoop.worlds`."""
         return jax.tree.map(lambda a: a[self._rows], (self._params, self._state))
 
     def replace(self, params: WorldParams, swarm: SwarmState) -> None:
-        """See `Loop.replace`."""
+        """See `HostLoop.replace`."""
         old, state = self.worlds()
         params = params._replace(goal=old.goal, is_present=old.is_present)
         finished = self._state.is_finished  # so are rows that only fill up the devices
@@ -125,7 +125,7 @@ class CompiledLoop:
         self._state = state._replace(is_finished=finished)
 
     def stage_times(self) -> dict[str, float]:
-        """See `Loop.stage_times`; each stage as a program of its own, of the worlds of the first device."""
+        """See `HostLoop.stage_times`; each stage as a program of its own, of the worlds of the first device."""
         params, state, engine = self.on_first_device()
         config, running = self._config, jnp.ones(len(params.goal), bool)
         is_batched = engine.mapping(self.devices[0].platform) == "batch"

@@ -11,15 +11,14 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
-from iswarm_mj.simulation.actuate import Places, actuate
+from iswarm_mj.simulation.actuate import actuate
 from iswarm_mj.simulation.packed import Packed, pack
 from iswarm_mj.simulation.perceive import Spoken, StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.declared import led_power, said
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, ReleasingStrategy, Strategy
-from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
+from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, ReleasingStrategy
 from iswarm_mj.tasks.protocol import DrivingTask
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
@@ -71,17 +70,30 @@ def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: Swarm
     seen = perceive(config, robot, params, swarm, begin, keys, payload, picks, releases)
     observation = seen.observation
     if config.strategy.update_order == "sequential" and payload:
-        relaying = _relaying(strategy)
+        if not isinstance(strategy, RelayingStrategy):
+            raise UserError(
+                f"strategy.update_order is sequential, but {type(strategy).__name__} has no method listen; add one "
+                "(see RelayingStrategy), or use synchronous updates."
+            )
 
         def relay(observation: Observation) -> Message:
-            heard = relaying.listen(swarm.memory, observation, keys.policy)
-            return seen.transmit(relaying.say(heard, observation.is_loaded)).message
+            heard = strategy.listen(swarm.memory, observation, keys.policy)
+            return seen.transmit(strategy.say(heard, observation.is_loaded)).message
 
         turns = draw_turns(keys.turns, n_robots)
         observation = heard_in_turn(observation, turns, seen.links.sender, relay)
     memory, command = strategy.act(swarm.memory, observation, keys.policy)
-    squared, places = seen.sensed.tool_voltage_squared, Places(begin.poses, params.is_present)
-    done = actuate(config, params.conditions, command, seen.swarm, observation.waits, places, squared, keys.actuators)
+    done = actuate(
+        config,
+        params.conditions,
+        command,
+        seen.swarm,
+        observation.waits,
+        begin.poses,
+        params.is_present,
+        seen.sensed.tool_voltage_squared,
+        keys.actuators,
+    )
     if isinstance(strategy, ReckoningStrategy):
         memory = strategy.fell_short(memory, done.shortfall)
     decided = seen.swarm._replace(memory=memory, energy=done.energy, led_power=led_power(strategy, memory))
@@ -91,6 +103,47 @@ def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: Swarm
     links = seen.links if config.optics.baud_rate else None
     boxes = params.task.drive_boxes(kept.task) if isinstance(params.task, DrivingTask) else None
     return Decision(kept, done.command, done.is_refused, done.is_blocked, progress, flag, links, seen.spoken, boxes)
+
+
+def draw_turns(key: Array, n_robots: int) -> Float[Array, "N"]:
+    """Random numbers in [0, 1) by which robots take their turns: the smallest first.
+
+    Two robots with equal numbers, which occur once in 2^23 pairs, take their turns at the same time.
+    """
+    return jax.random.uniform(key, (n_robots,))
+
+
+def heard_in_turn(
+    observation: Observation,
+    turns: Float[Array, "N"],
+    sender: Int[Array, "N S"],
+    relay: Callable[[Observation], Message],
+) -> Observation:
+    """What robots hear that take their turns one after the other, in an order that the paper does not state.
+
+    A robot hears what those before it have just learned, and what those after it said at the end of the step before.
+    All robots are updated at once, repeatedly, until no message changes. Since nobody hears anything new from the
+    robots after it, k sweeps settle all robots that news reaches through at most k others: in the end all have heard
+    what they would have heard one by one. That takes one sweep more than the longest path of news has links.
+
+    Args:
+        observation: what N robots sense, with the messages that were said at the end of the step before.
+        turns: when each robot has its turn.
+        sender: who sends to each side, where something is heard.
+        relay: messages (N, S) as they arrive if all robots have heard what it is given, and say so.
+    """
+    old = Message(observation.led, observation.payload)
+    is_new = observation.is_heard & (turns[sender] < turns[:, None])
+
+    def sweep(state: tuple[Message, Array]) -> tuple[Message, Array]:
+        before, sweeps_left = state
+        relayed = relay(observation._replace(**before._asdict()))
+        now = jax.tree.map(partial(jax.vmap(jax.vmap(jnp.where)), is_new), relayed, old)
+        changes = [(a != b).any() for a, b in zip(jax.tree.leaves(now), jax.tree.leaves(before), strict=True)]
+        return now, jnp.where(jnp.stack(changes).any(), sweeps_left - 1, 0)
+
+    settled, _ = jax.lax.while_loop(lambda state: state[1] > 0, sweep, (old, jnp.int32(len(turns))))
+    return observation._replace(**settled._asdict())
 
 
 def decide_worlds(
@@ -104,25 +157,21 @@ def decide_worlds(
 
 @partial(jax.jit, static_argnames=("config", "robot"))
 def decide_packed(config: SwarmConfig, robot: Robots, params: Packed, swarm: SwarmState, begin: StepInputs) -> Decision:
-    """`decide_invariant`, where the parameters are packed, and so are memories and the state of the task."""
+    """`decide_worlds`, where what a world decides does not depend on how many there are, to the last bit.
+
+    The parameters are packed, and so are memories and the state of the task.
+    """
+    own, step = params.tree, begin.step
     swarm = swarm._replace(memory=swarm.memory.tree, task=swarm.task.tree)
-    decision = decide_invariant(config, robot, params.tree, swarm, begin)
-    memory, task = pack(decision.swarm.memory), pack(decision.swarm.task)
-    return decision._replace(swarm=decision.swarm._replace(memory=memory, task=task))
-
-
-def decide_invariant(
-    config: SwarmConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs
-) -> Decision:
-    """`decide_worlds`, where what a world decides does not depend on how many there are, to the last bit."""
-    step = begin.step
 
     def of_all(params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
         return decide_worlds(config, robot, params, swarm, begin._replace(step=step))
 
-    known = all(getattr(rules, "batch_invariant", False) for rules in (params.strategy, params.task))
+    known = all(getattr(rules, "batch_invariant", False) for rules in (own.strategy, own.task))
     known = known and config.gripper.resolution == "quasi-static"
-    return (of_all if known else pad_singleton_batch(of_all))(params, swarm, begin._replace(step=begin.is_running))
+    decision = (of_all if known else pad_singleton_batch(of_all))(own, swarm, begin._replace(step=begin.is_running))
+    memory, task = pack(decision.swarm.memory), pack(decision.swarm.task)
+    return decision._replace(swarm=decision.swarm._replace(memory=memory, task=task))
 
 
 def pad_singleton_batch(function: Callable[..., Tree]) -> Callable[..., Tree]:
@@ -142,12 +191,3 @@ def pad_singleton_batch(function: Callable[..., Tree]) -> Callable[..., Tree]:
         return jax.tree.map(lambda a: a[:1], jax.lax.optimization_barrier(function(*twice)))
 
     return of_worlds
-
-
-def _relaying(strategy: Strategy) -> RelayingStrategy:
-    if isinstance(strategy, RelayingStrategy):
-        return strategy
-    raise UserError(
-        f"strategy.update_order is sequential, but {type(strategy).__name__} has no method listen; add one (see "
-        "RelayingStrategy), or use synchronous updates."
-    )

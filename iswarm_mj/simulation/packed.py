@@ -1,15 +1,12 @@
 """Trees of arrays in few arrays, since each that a program takes or returns costs it a microsecond or two."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.utils.arrays import Array, array_module
-
-_KEY = "key "  # and a number: names an array of random keys
 
 
 @jax.tree_util.register_dataclass
@@ -18,7 +15,7 @@ class Packed:
     """A tree of arrays of B worlds, itself a pytree of one array for each type of their values.
 
     Attributes:
-        arrays: (B, n) the values of all leaves of a type, side by side; random keys are left as they are.
+        arrays: (B, n) the values of all leaves of a type, side by side.
         treedef: structure of the tree.
         places: of each leaf, the name of its array, its first column there and that after its last, and its shape
             (B, ...) without B.
@@ -36,20 +33,17 @@ class Packed:
         return jax.tree.unflatten(self.treedef, [self._leaf(*place) for place in self.places])
 
     def _leaf(self, name: str, first: int, end: int, shape: tuple[int, ...]) -> Array:
-        if name.startswith(_KEY):
-            return self.arrays[name]
         values = self.arrays[name][:, first:end]
         return values if len(shape) == 1 else values.reshape(len(values), *shape)
 
 
 def pack(tree: Any) -> Packed:
-    """Pack a tree of arrays (B, ...), all NumPy's but for random keys, or all JAX's."""
+    """Pack a tree of arrays (B, ...), all NumPy's or all JAX's."""
     leaves, treedef = jax.tree.flatten(tree)
     parts: dict[str, list[Array]] = {}
     places = []
-    for index, leaf in enumerate(leaves):
-        name = f"{_KEY}{index}" if is_key(leaf) else str(leaf.dtype)
-        part = leaf if is_key(leaf) else leaf.reshape(len(leaf), -1)
+    for leaf in leaves:
+        name, part = str(leaf.dtype), leaf.reshape(len(leaf), -1)
         first = sum(before.shape[1] for before in parts.setdefault(name, []))
         places.append((name, first, first + part.size // len(part), leaf.shape[1:]))
         parts[name].append(part)
@@ -67,17 +61,9 @@ def kinds_of(treedef: Any) -> tuple[type | None, ...]:
 
 
 def unpacked(tree: Any) -> Any:
-    """Return a tree with all that is packed in it as views of NumPy arrays, but for random keys."""
+    """Return a tree with all that is packed in it as views of NumPy arrays."""
 
     def of(part: Any) -> Any:
-        if not isinstance(part, Packed):
-            return part
-        arrays = {name: values if is_key(values) else np.asarray(values) for name, values in part.arrays.items()}
-        return replace(part, arrays=arrays).tree
+        return jax.tree.map(np.asarray, part).tree if isinstance(part, Packed) else part
 
     return jax.tree.map(of, tree, is_leaf=lambda part: isinstance(part, Packed))
-
-
-def is_key(values: Array) -> bool:
-    """Whether an array holds random keys, which are no numbers."""
-    return isinstance(values, jax.Array) and jnp.issubdtype(values.dtype, jax.dtypes.prng_key)

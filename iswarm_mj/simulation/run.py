@@ -12,13 +12,12 @@ from iswarm_mj.engines.checked import check_links
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.simulation.common import check_common
-from iswarm_mj.simulation.given import of_all_worlds, of_worlds, to_json
+from iswarm_mj.simulation.given import metrics_of, of_all_worlds, of_worlds, to_json
 from iswarm_mj.simulation.memory_check import check_memory
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
-from iswarm_mj.simulation.standing import Standing
 from iswarm_mj.simulation.start import start_loop
-from iswarm_mj.simulation.state import StepRecord, SwarmState
+from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState, decode, summary
 from iswarm_mj.simulation.worlds import World, conditions_of_worlds, vector_strategies
 from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -28,10 +27,11 @@ from iswarm_mj.strategy.teams import team_sizes
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
-from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.tasks.measures import Measures, measure
+from iswarm_mj.tasks.protocol import Task, balls_of
 from iswarm_mj.tasks.signatures import as_task
-from iswarm_mj.utils.constraints import check, check_kind, validate
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.constraints import check, check_kind, is_whole, validate
+from iswarm_mj.utils.errors import SimulationFault, UserError, shown
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.units import mm_from_rd
@@ -40,7 +40,7 @@ STEPS = 800
 """Control steps of a run at most, unless its settings say otherwise."""
 
 
-class Run(Standing):
+class Run:
     """B worlds that advance together until each is finished or faulty, or the time is up.
 
     A fault ends only its own world, and `faults` names it. With MJX on Warp, a full contact buffer ends all worlds of
@@ -131,7 +131,8 @@ class Run(Standing):
             self._loop, self.start = start_loop(setup, own, self.watch)
         self._taken = 0
         self.first_call_s, self._first_steps = 0.0, 0
-        self._has_ended, self._snapshot = np.zeros(n_worlds, bool), None
+        self._has_ended = np.zeros(n_worlds, bool)
+        self._snapshot: WorldState | None = None
 
     def _strategies(self) -> Any:
         """The strategy with a first axis of B worlds."""
@@ -243,3 +244,57 @@ class Run(Standing):
         stats = [device.memory_stats() for device in self._loop.devices]
         peaks = [found["peak_bytes_in_use"] for found in stats if found and "peak_bytes_in_use" in found]
         return round(max(peaks) / 1e9, 2) if peaks else None
+
+    @property
+    def faults(self) -> list[SimulationFault]:
+        """What went wrong so far, at most one fault a world."""
+        return [fault for fault in self.fault_of_each if fault is not None]
+
+    @property
+    def fault_of_each(self) -> list[SimulationFault | None]:
+        """The fault of each world, None for a world without one."""
+        return decode(self._state.fault, [world.index for world in self.worlds])
+
+    @property
+    def _state(self) -> WorldState:
+        """State of all worlds but for their bodies and memories, which leaves a device when it is asked for."""
+        if self._snapshot is None:
+            self._snapshot = self._loop.read(
+                lambda state: state._replace(bodies=None, touching=None, swarm=state.swarm._replace(memory=None))
+            )
+        return self._snapshot
+
+    @property
+    def task_state(self) -> Any:
+        """State of the task in all worlds, as NumPy arrays with a first axis of B worlds."""
+        return self._state.swarm.task
+
+    def raise_faults(self) -> None:
+        """Raise one SimulationFault for all faults so far, if there are any."""
+        if faults := self.faults:
+            raise faults[0] if len(faults) == 1 else SimulationFault(summary(faults))
+
+    def arrays(self) -> tuple[WorldParams, WorldState]:
+        """Return parameters and state of all worlds."""
+        return self._loop.worlds()
+
+    def progress(self) -> np.ndarray:
+        """Return the progress of the task in each world (B,)."""
+        return np.asarray(self._state.progress)
+
+    def metrics(self) -> dict[str, np.ndarray]:
+        """Return the metrics of the task in each world (B,) so far, by their names."""
+        return metrics_of(self._tasks, self.task_state)
+
+    def measures(self, world: int) -> Measures:
+        """Return the measures of a world so far.
+
+        Raises:
+            IndexError: there is no such world.
+        """
+        if not (is_whole(world) and 0 <= world < len(self.worlds)):
+            raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {shown(world)})")
+        state = self._state
+        finished_at = int(state.finished_at[world]) if state.is_finished[world] else None
+        starved = 0 if state.swarm.starved is None else int(state.swarm.starved[world].sum())
+        return measure(balls_of(self.task, self.task_state), world, int(state.collisions[world]), finished_at, starved)

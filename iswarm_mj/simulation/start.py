@@ -9,17 +9,17 @@ import numpy as np
 
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
-from iswarm_mj.simulation.loop import HostLoop, Loop
+from iswarm_mj.simulation.loop import HostLoop
 from iswarm_mj.simulation.setup import Setup
 from iswarm_mj.simulation.state import StepRecord, WorldState
-from iswarm_mj.simulation.worlds import first_memories, first_state, world_params
+from iswarm_mj.simulation.worlds import first_memories, first_state, random_keys, world_params
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robots
 
 
-def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Loop, StepRecord]:
+def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[HostLoop | CompiledLoop, StepRecord]:
     """Make the engine of a run and place its worlds in it.
 
     Args:
@@ -31,8 +31,9 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Loop
         The loop, and the record of the start of the recorded worlds (1, W, ...).
     """
     config, settings, program, capacity = setup.config, setup.settings, setup.program_config, setup.capacity
-    params = world_params(config, setup.worlds, strategy, setup.tasks, setup.goal, capacity)
-    first = first_memories(strategy, params.key, capacity)
+    keys = random_keys(setup.worlds)
+    params = world_params(config, setup.worlds, keys, strategy, setup.tasks, setup.goal, capacity)
+    first = first_memories(strategy, keys, capacity)
     poses, state = first_state(config, setup.starts, setup.task, setup.robot, capacity, first)
     boxes = poses[:, capacity:] if poses.shape[1] > capacity else None
     start = start_record(state, poses[:, :capacity], settings.record_worlds, setup.robot, boxes)

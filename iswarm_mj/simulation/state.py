@@ -3,8 +3,10 @@
 All are pytrees of arrays of one world, or of B worlds with a leading axis.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.sensors.conditions import Conditions
@@ -13,6 +15,12 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.errors import FaultKind, SimulationFault
+
+MAX_LISTED = 5
+"""Worlds that a message lists at most."""
+
+_OF_ROBOTS = FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE | FaultKind.COMMAND_NOT_FINITE
 
 
 class WorldParams(NamedTuple):
@@ -20,8 +28,8 @@ class WorldParams(NamedTuple):
 
     strategy: Strategy
     conditions: Conditions
-    key: Array
-    """Random key of the world's noise and of its robots' chances."""
+    key: UInt32[Array, "*B 2"]
+    """Data of the random key of the world's noise and of its robots' chances."""
     is_present: Bool[Array, "*B N"]
     """The other places are empty."""
     goal: Int[Array, "*B"]
@@ -62,6 +70,28 @@ class Fault(NamedTuple):
 def no_fault(zero: Int[Array, "*B"]) -> Fault:
     """Return what says of B worlds, or of one, that nothing went wrong."""
     return Fault(zero, zero, zero)
+
+
+def decode(fault: Fault, worlds: Sequence[int]) -> list[SimulationFault | None]:
+    """Return the fault of each of B worlds, None for a world without one.
+
+    Args:
+        fault: NumPy arrays (B,).
+        worlds: their numbers.
+    """
+    found: list[SimulationFault | None] = [None] * len(worlds)
+    for row in np.flatnonzero(fault.bits).tolist():
+        kind = FaultKind(int(fault.bits[row]))
+        robots = [int(fault.robot[row])] if kind & _OF_ROBOTS else []
+        found[row] = SimulationFault(step=int(fault.step[row]), world=worlds[row], robots=robots, kind=kind)
+    return found
+
+
+def summary(faults: Sequence[SimulationFault]) -> str:
+    """One sentence that lists the faults."""
+    listed = [str(fault) for fault in faults[:MAX_LISTED]]
+    more = len(faults) - MAX_LISTED
+    return "; ".join(listed) + (f"; and {more} more worlds" if more > 0 else "")
 
 
 class WorldState(NamedTuple):

@@ -1,7 +1,8 @@
 """One control step of the swarm, written once for all engines: sense, decide, move, account."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from contextlib import nullcontext
+from typing import Any, NamedTuple
 
 from jaxtyping import Bool, Float, Int
 
@@ -31,6 +32,8 @@ class Stepper(NamedTuple):
     """What the robots decide."""
     records: bool
     """Return a record of each step."""
+    watch: Callable[[str], Any] = nullcontext
+    """Times a stage, by its name; only on the host."""
 
 
 def control_step(
@@ -49,12 +52,16 @@ def control_step(
     is_running = ~state.is_finished & (state.fault.bits == 0) & (step < last)
     emits = is_emitting(config, swarm.is_alive, swarm.energy)
     emits = emits if swarm.led_power is None else emits * swarm.led_power
-    sight = engine.sense(state.bodies, emits, is_running)
+    with stepper.watch("sense"):
+        sight = engine.sense(state.bodies, emits, is_running)
     begin = StepInputs(engine.poses(state.bodies), sight, step, is_running, boxes_of(engine, state.bodies))
-    decision = stepper.decide(params, swarm, begin)
+    with stepper.watch("policy"):
+        decision = stepper.decide(params, swarm, begin)
     moves = is_running & ~decision.is_refused.any(axis=-1)
     boxes = velocity_towards(config, decision.boxes, begin.boxes)
-    motion = engine.move(state.bodies, drive_phases(config.drive, decision.command, boxes), moves)
+    phases = drive_phases(config.drive, decision.command, boxes)
+    with stepper.watch("physics"):
+        motion = engine.move(state.bodies, phases, moves)
     moved = after_motion(state, motion, decision.is_refused, decision.is_blocked, step, is_running)
     new = after_task(params, moved._replace(swarm=decision.swarm), decision.progress, step, is_running)
     return new, record(stepper, params, new, decision, begin) if stepper.records else None

@@ -13,9 +13,8 @@ from jaxtyping import Bool, Float
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.common import check_common, common
-from iswarm_mj.simulation.initial import Start, boxed, draw_start
+from iswarm_mj.simulation.initial import Start, boxed, check_balls, check_poses, check_start, draw_start
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.start_check import check_array, check_balls, check_poses, check_shapes
 from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState, no_fault
 from iswarm_mj.strategy.declared import led_power
 from iswarm_mj.strategy.genome import Genome
@@ -86,24 +85,27 @@ def starts_of(config: SwarmConfig, task: Task, robot: Robots, worlds: Sequence[W
 
 
 def random_keys(worlds: Sequence[World]) -> Array:
-    """Return the `World.random_key` of B worlds (B,), by one program instead of one or more for each."""
-    if all(world.key is None for world in worlds):
-        seeds, indices = [world.seed for world in worlds], [world.index for world in worlds]
-        return _keys(np.array(seeds, np.uint32), np.array(indices, np.uint32))
+    """Return the `World.random_key` of B worlds (B,), stacked on the host: JAX would compile a program for each B."""
     keys = [world.random_key for world in worlds]
-    # On the host, since JAX would compile a program of B operands to stack them.
     data = np.stack(jax.device_get([jax.random.key_data(key) for key in keys]))
     return jax.random.wrap_key_data(jax.device_put(data), impl=jax.random.key_impl(keys[0]))
 
 
 def world_params(
-    config: SwarmConfig, worlds: Sequence[World], strategy: Any, task: Task, goal: int | None, capacity: int
+    config: SwarmConfig,
+    worlds: Sequence[World],
+    keys: Array,
+    strategy: Any,
+    task: Task,
+    goal: int | None,
+    capacity: int,
 ) -> WorldParams:
     """Return what stays the same in each world, stacked.
 
     Args:
         config: that all worlds share.
         worlds: B of them.
+        keys: see `random_keys`, of which the first 64 bits count.
         strategy: with a first axis of B worlds.
         task: likewise.
         goal: progress that finishes a world; None if it never is.
@@ -113,7 +115,7 @@ def world_params(
     return WorldParams(
         strategy=strategy,
         conditions=conditions_of_worlds(config, worlds),
-        key=random_keys(worlds),
+        key=np.asarray(jax.random.key_data(keys))[:, :2],
         is_present=np.arange(capacity) < n_robots[:, None],
         goal=np.full(len(worlds), ENDLESS if goal is None else goal, np.int32),
         task=task,
@@ -123,7 +125,8 @@ def world_params(
 def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Conditions:
     """Return the conditions of B worlds, NumPy arrays (B,); of worlds without a configuration those of the run's."""
     each = [conditions_of(world.config or config) for world in worlds]
-    return Conditions(*map(_column, zip(*each, strict=True)))
+    columns = zip(*each, strict=True)
+    return Conditions(*(np.array(column, bool if isinstance(column[0], bool) else np.float32) for column in columns))
 
 
 def _stacked(task: Task, states: Sequence[Any]) -> Any:
@@ -186,13 +189,7 @@ def vector_strategies(config: SwarmConfig, robot: Robots, worlds: Sequence[World
     """Return the paper's strategy with the genome and the readings of each world, stacked along a first axis."""
     rules = rules_of_worlds([world.genome for world in worlds], [(world.config or config).strategy for world in worlds])
     n_scouts = np.array([round(world.genome.fraction_scouts * world.n_robots) for world in worlds], np.int32)
-    return VectorStrategy(rules, n_scouts, common(config).config, robot)
-
-
-@jax.jit
-@jax.vmap
-def _keys(seed: Array, index: Array) -> Array:
-    return jax.random.fold_in(jax.random.key(seed), index)
+    return VectorStrategy(rules, n_scouts, common(config), robot)
 
 
 @partial(jax.jit, static_argnames=("capacity",))
@@ -214,11 +211,6 @@ def _padded(each: Sequence[np.ndarray], capacity: int) -> np.ndarray:
     return filled
 
 
-def _column(values: Sequence[float | bool]) -> np.ndarray:
-    """A condition of all worlds (B,), bool or float32."""
-    return np.array(values, bool if isinstance(values[0], bool) else np.float32)
-
-
 def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: dict[int, Start]) -> Start:
     own, given, n_robots = world.config or config, world.start, world.n_robots
     if given is None or n_robots not in usual:
@@ -229,10 +221,8 @@ def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: 
     check_kind("start", given, Start)
     given = given._replace(boxes=own.arena.boxes) if given.boxes is None else given
     own = boxed(own, given.boxes, "start")
-    check_array("start.poses", given.poses, (n_robots, 3), "f")
-    check_array("start.is_alive", given.is_alive, (n_robots,), "b")
+    check_start(given, usual[n_robots])
     check_poses("start.poses", np.asarray(given.poses), robot, own.arena)
-    check_shapes("start.task", given.task, usual[n_robots].task)
     if isinstance(task, BallTask):
         with user_code(f"{type(task).__name__}.balls"):
             balls = task.balls(given.task)

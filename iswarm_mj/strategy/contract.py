@@ -1,6 +1,6 @@
 """What protocols ask of strategies, tasks and engines of users: methods, and shapes and types of what these return."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import jax
@@ -79,6 +79,14 @@ def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
                 f"{method} must return {its.dtype}{list(its.shape)} as {part + ' of ' if part else ''}its {what}{same} "
                 f"(got {got}); {remedy}"
             )
+
+
+def check_names(method: str, given: Any, names: Collection[str], attribute: str) -> None:
+    """Raise a UserError unless a method returned a dictionary with the names that its class declares."""
+    if not isinstance(given, dict) or set(given) != set(names):
+        got = ", ".join(map(str, given)) or "nothing" if isinstance(given, dict) else f"a {type(given).__name__}"
+        wanted = ", ".join(names) or "nothing"
+        raise UserError(f"{method} must return by name what {attribute} declares, {wanted} (got {got})")
 
 
 def _named(tree: Any) -> str:

@@ -101,8 +101,9 @@ def as_arrays(given: Any, what: str) -> Any:
 
 
 def is_number(leaf: Any) -> bool:
-    """Return whether JAX takes something for an array."""
-    return isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float)
+    """Return whether JAX takes something for an array of numbers, which random keys are not."""
+    is_key = isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key)
+    return isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float) and not is_key
 
 
 @cache

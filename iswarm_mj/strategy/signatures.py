@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.strategy.contract import compare, shapes_of
+from iswarm_mj.strategy.contract import check_names, compare, shapes_of
 from iswarm_mj.strategy.declared import check_recorded, payload_of
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.protocol import DimmingStrategy, RelayingStrategy, ReleasingStrategy, Strategy
@@ -68,11 +68,7 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
     check_recorded(strategy, memory, n_robots)
     if wanted := payload.shapes(n_robots):
         said = result("say", memory, flags)
-        if not isinstance(said, dict) or set(said) != set(wanted):
-            got = (", ".join(map(str, said)) or "none") if isinstance(said, dict) else f"a {type(said).__name__}"
-            raise UserError(
-                f"{name}.say must return a dictionary with the payload's fields {', '.join(wanted)} (got {got})"
-            )
+        check_names(f"{name}.say", said, wanted, "payload")
         for field, its in wanted.items():
             compare(f"{name}.say", said[field], its, f"field {field}")
     compare(f"{name}.picks", result("picks", memory), flags)

@@ -5,13 +5,13 @@ import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import iswarm_mj
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
 _INNER = ("<", str(Path(iswarm_mj.__file__).parent), *map(sysconfig.get_path, ("stdlib", "purelib", "platlib")))
 """How paths of code begin that is not the user's."""
+_JAX_ERRORS = "https://docs.jax.dev/en/latest/errors.html"
 
 
 def is_users(file: str) -> bool:
@@ -40,31 +40,6 @@ def user_code(what: str) -> Iterator[None]:
         raise UserError(_sentence(what, error, frames)) from error
 
 
-def _of_traced_values() -> dict[Any, tuple[str, str]]:
-    """Errors of JAX where Python asks for values of arrays that it traces: what the line does, and the remedy."""
-    import jax  # help does without
-
-    return {
-        jax.errors.TracerBoolConversionError: (
-            "decides by values that are known only while the robots act, which Python's if, while, and, or, not cannot",
-            "use jnp.where(condition, a, b), the operators & | ~, or jax.lax.cond",
-        ),
-        jax.errors.TracerArrayConversionError: (
-            "hands NumPy values that are known only while the robots act",
-            "use jax.numpy in its place",
-        ),
-        jax.errors.NonConcreteBooleanIndexError: (
-            "selects by a mask that is known only while the robots act",
-            "use jnp.where(mask, a, b), which keeps the shape",
-        ),
-        (jax.errors.ConcretizationTypeError, jax.errors.TracerIntegerConversionError): (
-            "needs now a number that is known only while the robots act",
-            "use jax.numpy or jax.lax (as jax.lax.fori_loop), or make a parameter of the class static by "
-            'field(metadata={"static": True})',
-        ),
-    }
-
-
 def _sentence(what: str, error: BaseException, frames: list[traceback.FrameSummary]) -> str:
     """What went wrong, and in which of the user's own lines, of which the error passed through `frames`."""
     place = "its parameters or its call"
@@ -72,8 +47,6 @@ def _sentence(what: str, error: BaseException, frames: list[traceback.FrameSumma
         place = f"{error.filename}, line {error.lineno}: `{(error.text or '').strip()}`"
     elif frames:
         place = f"{frames[-1].filename}, line {frames[-1].lineno}: `{frames[-1].line}`"
-    for kinds, (does, remedy) in _of_traced_values().items():
-        if isinstance(error, kinds):
-            return f"{what} {does} ({place}); {remedy}"
     text = ": ".join(filter(None, [type(error).__name__, str(error).strip().partition("\n")[0]]))
-    return f"{what} raised {text} ({place}); correct it there"
+    explained = f", as {_JAX_ERRORS}#jax.errors.{type(error).__name__} explains"
+    return f"{what} raised {text} ({place}); correct it there{explained * (type(error).__module__ == 'jax.errors')}"

@@ -8,6 +8,7 @@ from jaxtyping import Float
 from iswarm_mj.config import ArenaConfig, GripperConfig
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
+from iswarm_mj.strategy.contract import shapes_of
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.obstacles import distances, numbers
 from iswarm_mj.utils.robot import Robots
@@ -108,32 +109,16 @@ def lying(gripper: GripperConfig, position: Float[np.ndarray, "K 2"], radius: Fl
         position: of the balls [mm].
         radius: of the balls [m].
     """
+    nothing = {name: np.zeros(its.shape, its.dtype) for name, its in shapes_of(Balls, K=len(radius)).items()}
     factor = float(humidity_factor(gripper.relative_humidity))
-    works = (np.full(len(radius), factor * w) for w in (gripper.work_tool_object, gripper.work_object_substrate))
-    floats = (a.astype(np.float32) for a in (position, radius, *works))
-    return untouched(*floats)
-
-
-def untouched(
-    position: Float[np.ndarray, "K 2"],
-    radius: Float[np.ndarray, "K"],
-    work_tool_object: Float[np.ndarray, "K"],
-    work_object_substrate: Float[np.ndarray, "K"],
-) -> Balls:
-    """Balls that nobody has touched yet; arguments as the fields of `Balls`."""
-    k = len(radius)
-    kinds = {name: np.int32 for name in Balls._fields[4:]} | dict.fromkeys(FLAGS, np.bool_)
-    kinds |= dict.fromkeys(("work_time", "lost_time", "impact"), np.float32)
-    own = position, radius, work_tool_object, work_object_substrate
-    zeros = {name: np.zeros(k, kind) for name, kind in kinds.items()}
-    return Balls(*own, **zeros | {"tried": np.zeros((k, 4), np.float32)})
-
-
-FLAGS = ("is_held", "is_delivered", "was_picked")
-"""Of balls."""
+    return Balls(**nothing)._replace(
+        position=np.asarray(position, np.float32),
+        radius=np.asarray(radius, np.float32),
+        work_tool_object=np.full(len(radius), factor * gripper.work_tool_object, np.float32),
+        work_object_substrate=np.full(len(radius), factor * gripper.work_object_substrate, np.float32),
+    )
 
 
 def no_balls() -> Balls:
     """No balls at all, for tasks without."""
-    none = np.zeros(0, np.float32)
-    return untouched(np.zeros((0, 2), np.float32), none, none, none)
+    return lying(GripperConfig(), np.zeros((0, 2)), np.zeros(0))

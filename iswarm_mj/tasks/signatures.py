@@ -1,6 +1,5 @@
 """Whether a task is one, and returns what a control step needs: shapes and types, found without running it."""
 
-from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
-from iswarm_mj.strategy.contract import check_has, compare, shapes_of
+from iswarm_mj.strategy.contract import check_has, check_names, compare, shapes_of
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree, is_number
 from iswarm_mj.strategy.user_code import user_code
@@ -123,21 +122,13 @@ def _check_shapes(
         with user_code(f"{name}.{method}"):
             return jax.eval_shape(call, task, world, conditions, *given)
 
-    def named(method: str, attribute: str, given: Any) -> Iterator[tuple[str, Any]]:
-        """What a method returns by the names that the task declares, which are all."""
-        names = set(getattr(task, attribute, {}))
-        if not isinstance(given, dict) or set(given) != names:
-            got = ", ".join(sorted(given)) or "nothing" if isinstance(given, dict) else f"a {type(given).__name__}"
-            wanted = ", ".join(sorted(names)) or "nothing"
-            raise UserError(f"{name}.{method} must return by name what {attribute} declares, {wanted} (got {got})")
-        yield from given.items()
-
     returned = result("advance", before, jax.random.key(0))
     if not isinstance(returned, tuple) or len(returned) != 2 or not isinstance(returned[1], Sensed):
         raise UserError(f"{name}.advance must return its state and Sensed (got a {type(returned).__name__})")
     after, sensed = returned
     compare(f"{name}.advance", after, before, "state")
-    for key, found in named("advance", "senses", dict(sensed.own)):
+    check_names(f"{name}.advance", dict(sensed.own), getattr(task, "senses", {}), "senses")
+    for key, found in sensed.own.items():
         if found.shape[:1] != (n_robots,):
             raise UserError(f"{name}.advance must return {key} of {n_robots} robots first (got shape {found.shape})")
     compare(f"{name}.advance", sensed, Sensed(**shapes_of(Sensed, N=n_robots), own=sensed.own), "sensed")
@@ -149,12 +140,16 @@ def _check_shapes(
         compare(f"{name}.survives", result("survives", after), world["is_alive"])
     if isinstance(task, DrivingTask):
         compare(f"{name}.drive_boxes", result("drive_boxes", after), world["boxes"])
-    for key, found in named("metrics", "measured", result("metrics", before)):
+    metrics = result("metrics", before)
+    check_names(f"{name}.metrics", metrics, getattr(task, "measured", {}), "measured")
+    for key, found in metrics.items():
         if found.shape != () or found.dtype not in _SCALARS:
             got = f"{found.dtype}{list(found.shape)}"
             raise UserError(f"{name}.metrics must return {key} as a scalar float32, int32 or bool (got {got})")
-    if getattr(task, "drawn", None):
-        for key, found in named("areas", "drawn", result("areas", before)):
+    if drawn := getattr(task, "drawn", None):
+        areas = result("areas", before)
+        check_names(f"{name}.areas", areas, drawn, "drawn")
+        for key, found in areas.items():
             if found.shape[1:] != (3,):
                 raise UserError(f"{name}.areas must return {key} as numbers (M, 3) (got shape {found.shape})")
     return dict(sensed.own)

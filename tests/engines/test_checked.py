@@ -49,7 +49,7 @@ IN_PROGRAMS = [
         "Places(poses.astype(int))\n\n    def poses",
         r"poses must return float32\[1, 4, 3\]",
     ),
-    ("return bodies.poses", "return bodies.poses if bodies.poses.sum() else 1", "use jnp.where"),
+    ("return bodies.poses", "return bodies.poses if bodies.poses.sum() else 1", "TracerBoolConversionError explains"),
     (SIGHT, SIGHT.replace("whole, flags", "whole + 9, ~flags"), "glide must return a sender from 0 to 3"),
     ("Places(poses), touching", "Places(poses.astype(jnp.float16)), touching", "poses of its bodies as it was given"),
 ]

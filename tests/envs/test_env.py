@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_envs import ENGINES, FIELDS, SMALL, act, made, poses_of, roll
@@ -11,87 +10,13 @@ from helpers_mjx import compilations
 from helpers_tasks import Eastward
 
 from iswarm_mj import make_env
-from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig
-from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.config import DriveConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.worlds import World, starts_of
-from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import FaultKind, UserError
-from iswarm_mj.utils.units import mm_from_rd
 
 KEYS = jax.random.split(jax.random.key(5), 3)
-
-
-class Steady:
-    """Robots that turn and walk as robots of an environment whose action is always 0.5 and 1, and say their number."""
-
-    payload = FIELDS
-    recorded = ("heard", "is_heard", "at_dust")
-
-    def init(self, n_robots, key):
-        no = jnp.zeros((n_robots, 4), bool)
-        return {"heard": jnp.zeros((n_robots, 4), jnp.int32), "is_heard": no, "at_dust": no[:, 0], "acts": no[:, 0]}
-
-    def say(self, memory, is_loaded):
-        n = len(is_loaded)
-        return {"number": jnp.where(memory["acts"], jnp.arange(n) % 8, 0)}
-
-    def picks(self, memory):
-        return memory["at_dust"] | True
-
-    def act(self, memory, seen, key):
-        n = len(seen.at_dust)
-        heard = jnp.where(seen.is_heard, seen.payload["number"], 0)
-        turn, forward = jnp.full(n, 0.5 * np.float32(np.pi / 2)), jnp.full(n, np.float32(mm_from_rd(0.5)))
-        after = {"heard": heard, "is_heard": seen.is_heard, "at_dust": seen.at_dust, "acts": jnp.ones(n, bool)}
-        return after, Command(turn, forward)
-
-
-NOISY = replace(SMALL, drive=DriveConfig(error_turn=5.0, error_step=0.1))
-TIRED = EnergyConfig(model="capacitor", light_power=5e-5)
-SLOW = replace(SMALL, energy=TIRED, gripper=GripperConfig(grasp_time=2.0))
-
-
-@pytest.mark.parametrize(
-    "engine, config",
-    [(MujocoSettings(1), NOISY), (PlanarSettings(1), SLOW)],
-    ids=["mujoco", "planar, slow grasps and little energy"],
-)
-def test_worlds_do_what_they_do_in_a_run(engine, config):
-    """The same start, noise, messages and errors of the drive: poses, what is heard, and balls."""
-    n, steps = 12, 8
-    env = make_env(n_robots=n, config=config, engine=engine, payload=FIELDS, n_worlds=1, n_starts=4, seed=3)
-    start_key, key, _ = jax.random.split(KEYS[0], 3)
-    index = int(jax.random.randint(start_key, (), 0, 4))
-    start = starts_of(config, CLEANING, read_robot(), [World(PRESETS["type1"], n, 3, index)])[0]
-    start = start._replace(poses=start.poses.astype(np.float32).astype(float))
-    world = World(PRESETS["type1"], n, start=start, key=key)
-    run = Run(config, strategy=Steady(), settings=RunSettings(n, steps), engine=engine, worlds=[world])
-    action = np.zeros((1, n, 3), np.float32)
-    action[..., 0], action[..., 1] = 0.5, 1.0
-    action[..., 2] = (np.arange(n) % 8) / 7 * 2 - 1
-    state = env.reset(KEYS[:1])
-    heard = waited = 0
-    for _ in range(steps):
-        record = run.advance()
-        seen = env.named(np.asarray(state.obs))
-        memory = record.swarm.memory
-        np.testing.assert_array_equal(seen["heard_number"][0], memory["heard"][0, 0])
-        np.testing.assert_array_equal(seen["is_heard"][0], memory["is_heard"][0, 0])
-        np.testing.assert_array_equal(seen["at_dust"][0, :, 0], memory["at_dust"][0, 0])
-        np.testing.assert_array_equal(state.metrics["picked"], record.swarm.task.was_picked.sum(axis=-1)[0])
-        heard += seen["heard_number"].sum()
-        waited += seen["waits"].sum() if config is SLOW else 0
-        state = env.step(state, action)
-        np.testing.assert_array_equal(poses_of(env, state), record.poses[0])
-        assert int(state.metrics["collisions"][0]) == int(record.collisions[0, 0])
-    assert heard > 20 and (waited > 5) == (config is SLOW)
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=["planar", "mujoco", "mjx"])

@@ -1,5 +1,7 @@
 """Policies of environments as strategies: a run does what the environment did."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +10,9 @@ from helpers_envs import SMALL, poses_of
 from helpers_tasks import Eastward
 
 from iswarm_mj import make_env
+from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig
 from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs import PolicyStrategy
 from iswarm_mj.sensors.fields import Integer, Vector
@@ -34,14 +38,19 @@ def counting(params, obs, count):
     return action, count + 1
 
 
-def run_like(env, strategy, engine, task=CLEANING):
+NOISY = replace(SMALL, drive=DriveConfig(error_turn=5.0, error_step=0.1))
+TIRED = EnergyConfig(model="capacitor", light_power=5e-5)
+SLOW = replace(SMALL, energy=TIRED, gripper=GripperConfig(grasp_time=2.0))
+
+
+def run_like(strategy, engine, task=CLEANING, config=SMALL):
     """A run in the first episode of an environment."""
     start_key, key, _ = jax.random.split(KEYS[0], 3)
     index = int(jax.random.randint(start_key, (), 0, 4))
-    start = starts_of(SMALL, task, read_robot(), [World(PRESETS["type1"], N, SEED, index)])[0]
+    start = starts_of(config, task, read_robot(), [World(PRESETS["type1"], N, SEED, index)])[0]
     start = start._replace(poses=start.poses.astype(np.float32).astype(float))
     world = World(PRESETS["type1"], N, start=start, key=key)
-    return Run(SMALL, strategy=strategy, settings=RunSettings(N, STEPS), engine=engine, worlds=[world], task=task)
+    return Run(config, strategy=strategy, settings=RunSettings(N, STEPS), engine=engine, worlds=[world], task=task)
 
 
 def params_of(env):
@@ -50,29 +59,35 @@ def params_of(env):
     return {"weights": jnp.asarray(weights), "bias": jnp.zeros(env.action_size).at[1].set(0.5)}
 
 
-@pytest.mark.parametrize("memory", [None, jnp.ones], ids=["without memory", "with memory"])
-def test_runs_do_what_the_environment_did(memory):
-    engine = PlanarSettings(1)
-    env = make_env(n_robots=N, config=SMALL, engine=engine, payload=FIELDS, n_worlds=1, n_starts=4, seed=SEED)
+@pytest.mark.parametrize(
+    ("engine", "config", "memory"),
+    [(MujocoSettings(1), NOISY, None), (PlanarSettings(1), SLOW, jnp.ones)],
+    ids=["mujoco, errors of the drive", "planar, slow grasps, little energy and memory"],
+)
+def test_runs_do_what_the_environment_did(engine, config, memory):
+    """The same start, noise, messages and errors of the drive: poses, balls, and what robots observe to act on."""
+    env = make_env(n_robots=N, config=config, engine=engine, payload=FIELDS, n_worlds=1, n_starts=4, seed=SEED)
     params, apply = params_of(env), linear if memory is None else counting
-    run = run_like(env, PolicyStrategy(apply, params, FIELDS, memory=memory), engine)
-    state, own, heard = env.reset(KEYS), None if memory is None else memory(N), 0
+    run = run_like(PolicyStrategy(apply, params, FIELDS, memory=memory), engine, config=config)
+    state, own, heard, waited = env.reset(KEYS), None if memory is None else memory(N), 0, 0
     for _ in range(STEPS):
-        obs = jnp.asarray(state.obs[0])
+        obs, seen = jnp.asarray(state.obs[0]), env.named(np.asarray(state.obs))
         action, own = (apply(params, obs), None) if memory is None else apply(params, obs, own)
         record = run.advance()
-        heard += int(np.asarray(env.named(state.obs)["heard_count"]).sum())
+        np.testing.assert_array_equal(seen["is_heard"], record.is_heard[0])
+        heard, waited = heard + seen["heard_count"].sum(), waited + seen["waits"].sum()
         state = env.step(state, np.asarray(action)[None])
         np.testing.assert_allclose(poses_of(env, state)[0], record.poses[0, 0], atol=1e-5)
         np.testing.assert_array_equal(state.metrics["picked"], record.swarm.task.was_picked.sum(axis=-1)[0])
-    assert heard > 20 and np.ptp(np.asarray(action)[:, 0]) > 0.1
+        assert int(state.metrics["collisions"][0]) == int(record.collisions[0, 0])
+    assert heard > 20 and np.ptp(np.asarray(action)[:, 0]) > 0.1 and (waited > 5) == (config is SLOW)
 
 
 def test_what_a_task_lets_robots_sense_is_observed():
     task, engine = Eastward(), PlanarSettings(1)
     env = make_env(task, n_robots=N, config=SMALL, engine=engine, n_worlds=1, n_starts=4, seed=SEED)
     params = params_of(env)
-    run = run_like(env, PolicyStrategy(linear, params, task=task), engine, task)
+    run = run_like(PolicyStrategy(linear, params, task=task), engine, task)
     state = env.reset(KEYS)
     for _ in range(3):
         action = linear(params, jnp.asarray(state.obs[0]))
@@ -84,11 +99,11 @@ def test_an_action_that_is_not_finite_is_a_fault_of_its_robot():
     def broken(params, obs):
         return jnp.zeros((len(obs), 2)).at[4, 1].set(jnp.nan)
 
-    run = run_like(None, PolicyStrategy(broken, {}), PlanarSettings(1))
+    run = run_like(PolicyStrategy(broken, {}), PlanarSettings(1))
     run.advance()
     assert [(fault.kind, fault.robots) for fault in run.faults] == [(FaultKind.COMMAND_NOT_FINITE, (4,))]
 
 
 def test_actions_of_another_size_are_refused():
     with pytest.raises(UserError, match=r"must return actions \(12, 2\), .* \(got \(12, 3\)\)"):
-        run_like(None, PolicyStrategy(lambda params, obs: jnp.zeros((len(obs), 3)), {}), PlanarSettings(1))
+        run_like(PolicyStrategy(lambda params, obs: jnp.zeros((len(obs), 3)), {}), PlanarSettings(1))

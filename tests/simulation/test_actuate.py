@@ -10,7 +10,7 @@ from helpers_sensing import lay
 from helpers_worlds import swarm_of
 
 from iswarm_mj.sensors.conditions import conditions_of
-from iswarm_mj.simulation.actuate import Places, actuate
+from iswarm_mj.simulation.actuate import actuate
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.units import RD
 
@@ -24,8 +24,8 @@ def carried_out(config, turn, forward, is_alive=True, waits=False, poses=None, i
     swarm = swarm_of(None, lay((0.0, 60.0)), n)._replace(is_alive=alive, is_loaded=loaded)
     command = Command(*(jnp.asarray(part, jnp.float32) for part in (turn, forward)))
     poses = jnp.zeros((n, 3)) if poses is None else jnp.asarray(poses, jnp.float32)
-    places = Places(poses, jnp.full(n, is_present))
-    return actuate(config, conditions_of(config), command, swarm, jnp.full(n, waits), places, jnp.zeros(n), key)
+    places = poses, jnp.full(n, is_present)
+    return actuate(config, conditions_of(config), command, swarm, jnp.full(n, waits), *places, jnp.zeros(n), key)
 
 
 def test_commands_are_brought_within_the_limits(small):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from helpers_runs import records
 from helpers_small import SMALL
+from helpers_tasks import Still
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -29,20 +30,6 @@ from iswarm_mj.utils.units import RD
 
 ENGINE = PlanarSettings(threads=1)
 CALM = SwarmConfig(SMALL.arena, optics=SMALL.optics)
-
-
-@dataclass(frozen=True)
-class Still:
-    """Robots stand."""
-
-    def init(self, n_robots, key):
-        return jnp.arange(n_robots)
-
-    def picks(self, memory):
-        return memory < 0
-
-    def act(self, memory, seen, key):
-        return memory, Command(jnp.zeros(len(memory)), jnp.zeros(len(memory)))
 
 
 class Dim(Still):

@@ -1,6 +1,6 @@
 """Worlds of one run whose settings differ: each is as a run of its own settings, by one program."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ from iswarm_mj.config import (
     StrategyConfig,
 )
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation.common import PER_WORLD_FIELDS, common
+from iswarm_mj.simulation.common import shared
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -95,19 +95,6 @@ def test_one_program_serves_all_settings_in_which_worlds_may_differ(mixed):
         assert names == []
 
 
-def test_all_that_may_differ_is_tried_here():
-    """Or the worlds above would not show that it takes effect."""
-    tried = {"arena": {"dump_size", "dust_area_size", "dust_area_offset"}} | {
-        part: {f.name for f in fields(other) if getattr(other, f.name) != getattr(type(other)(), f.name)}
-        for part, other in OTHERS.items()
-    }
-    at_the_start = {"arena": {"ball_radius_min", "ball_radius_max"}, "gripper": {"work_tool_object"}}
-    assert tried["strategy"] == PER_WORLD_FIELDS["strategy"] and tried["drive"] == PER_WORLD_FIELDS["drive"]
-    assert tried["optics"] == PER_WORLD_FIELDS["optics"]
-    assert tried["arena"] | at_the_start["arena"] == PER_WORLD_FIELDS["arena"]
-    assert tried["gripper"] <= PER_WORLD_FIELDS["gripper"] >= at_the_start["gripper"]
-
-
 @pytest.mark.parametrize(
     ("part", "name", "value"),
     [
@@ -124,4 +111,4 @@ def test_what_is_compiled_in_may_not_differ(mixed, part, name, value):
     other = replace(small, **{part: replace(getattr(small, part), **{name: value})})
     with pytest.raises(UserError, match=rf"differs from its run in {part}\.{name}, which all worlds of one run share"):
         run_of(small, worlds=[World(TYPE1, N, config=other)])
-    assert common(small) != common(other)
+    assert shared(small) != shared(other)

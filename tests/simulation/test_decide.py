@@ -27,7 +27,7 @@ USERS = {
     "channel": (perceive, "exchange", 4),
     "task": (Cleaning, "advance", 3),
     "strategy": (VectorStrategy, "act", 3),
-    "actuators": (decide, "actuate", 7),
+    "actuators": (decide, "actuate", 8),
 }
 """What draws random numbers in a step: where it is, its name, and which of its arguments the key is."""
 

@@ -10,10 +10,10 @@ from helpers_runs import N, end_of, poses_of
 from iswarm_mj.config import READINGS
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation import share
+from iswarm_mj.simulation import loop
+from iswarm_mj.simulation.loop import WORLDS, Share, shares_of
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.share import WORLDS, Share, shares_of
 from iswarm_mj.strategy.genome import PRESETS
 
 
@@ -36,7 +36,7 @@ class TestShares:
 
 def test_threads_do_not_matter(small, monkeypatch):
     """Not in the last bit; nine worlds are three shares here, so one of two threads takes two of them."""
-    monkeypatch.setattr(share, "WORLDS", 4)
+    monkeypatch.setattr(loop, "WORLDS", 4)
     one, *others = (run_in(small, PlanarSettings(threads)) for threads in (1, 2, 7))
     poses, measures = end_of(one)
     assert np.abs(np.diff(poses, axis=0)).max(axis=(1, 2)).min() > 1.0  # worlds differ
@@ -48,7 +48,7 @@ def test_threads_do_not_matter(small, monkeypatch):
 
 def test_a_world_is_the_same_in_any_batch(small, monkeypatch):
     """Whole states in the last bit, alone and among others, in shares of one world to three, on any threads."""
-    monkeypatch.setattr(share, "WORLDS", 4)
+    monkeypatch.setattr(loop, "WORLDS", 4)
     most = end_and_state(run_in(small, MujocoSettings(1), 9, 15))
     for n_worlds, threads in ((1, 1), (4, 5), (5, 2)):
         found = end_and_state(run_in(small, MujocoSettings(threads), n_worlds, 15))

@@ -50,15 +50,6 @@ def test_comes_back(xp):
             np.testing.assert_array_equal(one, other)
 
 
-def test_random_keys_are_left_as_they_are():
-    keys = [jax.random.split(jax.random.key(seed), B) for seed in (0, 1)]
-    packed = pack((keys[0], jnp.ones((B, 2)), keys[1]))
-    found = unpacked({"a": packed})["a"]
-    for one, other in ((found[0], keys[0]), (found[2], keys[1]), (packed.tree[2], keys[1])):
-        np.testing.assert_array_equal(jax.random.key_data(one), jax.random.key_data(other))
-    assert isinstance(found[1], np.ndarray)
-
-
 def test_what_was_not_packed_stays():
     given = {"a": np.ones((B, 2)), "b": 3}
     assert unpacked(given)["a"] is given["a"] and unpacked(given)["b"] == 3

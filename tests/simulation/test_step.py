@@ -7,19 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_runs import CountingMemory, N, Scripted, engine_of, first_step, records, run_of, scripted
+from helpers_tasks import Still
 from helpers_worlds import start_of
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.actuate import drive_phases
-from iswarm_mj.simulation.decide import Decision
 from iswarm_mj.simulation.initial import Start
-from iswarm_mj.simulation.perceive import Spoken, StepInputs
-from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState
-from iswarm_mj.simulation.step import Stepper
-from iswarm_mj.simulation.step import record as record_of
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command
@@ -41,31 +36,6 @@ def test_robots_turn_on_the_spot_then_walk(small):
     expected = [(-8 + STEP, 0, 0), (0, STEP, np.pi / 2), (8 + half, -half, 3 * np.pi / 4)]
     np.testing.assert_allclose(motion.bodies.poses[0], expected, atol=1e-6)
     assert not motion.touching.any()
-
-
-def test_the_record_of_a_world_that_does_not_run_has_no_links(small):
-    """Nor did its robots hear anything or move; the other world's did."""
-    poses, lit = np.array([[(-8, 0, 0), (8, 0, 0)]] * 2, float), np.ones((2, 2, 4), bool)
-    engine = MujocoEngine(small, compile_arena(small, 2, np.zeros(0)), 2, 1, 2)
-    bodies = engine.place(poses, lit[..., 0])
-    balls = start_of(small, 2, 0, 0).task
-    balls = type(balls)(*(np.stack([values, values]) for values in balls))
-    decision = Decision(
-        swarm=SwarmState(None, balls, *np.ones((2, 2, 2), bool)),
-        command=Command(np.ones((2, 2)), np.ones((2, 2))),
-        is_refused=np.zeros((2, 2), bool),
-        is_blocked=np.zeros((2, 2), bool),
-        has_priority=lit[..., 0],
-        links=Links(*[lit] * len(Links._fields)),
-        spoken=Spoken(np.zeros((2, 2), np.uint32), lit, np.ones((2, 2, 4))),
-        progress=np.zeros(2, int),
-    )
-    params = WorldParams(None, None, None, np.ones((2, 2), bool), np.ones(2, int), None)
-    state = WorldState(bodies, decision.swarm, np.zeros((2, 12, 2), np.int32), *[np.zeros(2, int)] * 4, fault=None)
-    begin = StepInputs(poses, None, np.int32(3), np.array([True, False]))
-    made = record_of(Stepper(engine, small, None, True), params, state, decision, begin)
-    for values in (made.links.valid, made.is_heard, *made.command):
-        assert values[0].all() and not values[1].any()
 
 
 def quarter_turn(start):
@@ -97,14 +67,8 @@ def test_robots_that_sense_neither_dust_nor_dump_pick_nothing_up(small):
 
 @jax.tree_util.register_static
 @dataclass(frozen=True)
-class Ahead:
+class Ahead(Still):
     """Robots walk straight on."""
-
-    def init(self, n_robots, key):
-        return jnp.zeros(n_robots)
-
-    def picks(self, memory):
-        return jnp.zeros(len(memory), bool)
 
     def act(self, memory, observation, key):
         return memory, Command(jnp.zeros(len(memory)), jnp.full(len(memory), STEP))

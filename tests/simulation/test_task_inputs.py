@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from helpers_mjx import ran
 
-from iswarm_mj import make_env
 from iswarm_mj.config import ArenaConfig, DriveConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
@@ -71,10 +69,3 @@ def test_a_task_counts_in_the_arena_of_its_run():
     metrics = run.metrics()
     assert len(visited) > 4 * N and metrics["cells"].tolist() == [len(visited)]
     np.testing.assert_allclose([metrics[f"seen_{k}"][0] for k in range(7)], EXPECTED, rtol=1e-6)
-
-
-def test_rewards_are_of_the_configuration_of_the_environment():
-    env = make_env(Coverage(), n_robots=N, config=CONFIG, engine=ENGINE, n_starts=2, n_worlds=2)
-    state = env.reset(jax.random.split(jax.random.key(0), 2))
-    state = env.step(state, np.zeros((2, N, env.action_size)))
-    np.testing.assert_allclose(state.reward, sum(EXPECTED), rtol=1e-6)

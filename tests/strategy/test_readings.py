@@ -9,7 +9,7 @@ from helpers_worlds import swarm_of
 
 from iswarm_mj.config import READINGS, DriveConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import conditions_of
-from iswarm_mj.simulation.actuate import Places, actuate
+from iswarm_mj.simulation.actuate import actuate
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.interface import Command
@@ -93,9 +93,9 @@ def test_actuators_err_as_configured():
     )
     sloppy = DriveConfig(error_turn=10.0, error_step=0.1)
     swarm, zero = swarm_of(None, lay((0.0, 60.0)), N), np.zeros(N, np.float32)
-    places = Places(np.zeros((N, 3), np.float32), zero == 0)
+    places = np.zeros((N, 3), np.float32), zero == 0
     exact, wrong = (
-        actuate_here(config, conditions_of(config), command, swarm, zero > 0, places, zero, jax.random.key(0)).command
+        actuate_here(config, conditions_of(config), command, swarm, zero > 0, *places, zero, jax.random.key(0)).command
         for config in (SwarmConfig(), SwarmConfig(drive=sloppy))
     )
     np.testing.assert_array_equal(exact, command)

@@ -5,8 +5,7 @@ import sys
 import numba
 import pytest
 
-from iswarm_mj.strategy.library import find_strategy
-from iswarm_mj.strategy.sources import sources
+from iswarm_mj.strategy.library import find_strategy, sources
 
 FILES = {
     "main.py": "import numpy, iswarm_mj.config\nfrom beside import one\ndef late():\n    import pack.deep as d\n",

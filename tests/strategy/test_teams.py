@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_small import SMALL
+from helpers_tasks import Still
 
 import iswarm_mj
 from iswarm_mj.engines.arena import read_robot
@@ -109,24 +110,11 @@ def test_robots_say_nothing_in_the_fields_of_other_teams():
 
 
 def test_vectors_of_robots_without_such_are_unknown():
-    genome = Teams({"red": (2, Forgetful()), "blue": (2, TYPE1)}).for_world(SMALL, read_robot(), 4)
+    genome = Teams({"red": (2, Still()), "blue": (2, TYPE1)}).for_world(SMALL, read_robot(), 4)
     said = genome.say(genome.init(4, jax.random.key(0)), jnp.ones(4, bool))
     bits = dict(genome.payload.fields)["dust"].encode(said["dust"])
     assert not dict(genome.payload.fields)["dust"].decode(bits).known.any()
     assert said["priority"].tolist() == [False, False, True, True]
-
-
-class Forgetful:
-    """Says nothing."""
-
-    def init(self, n_robots, key):
-        return jnp.zeros(n_robots)
-
-    def picks(self, memory):
-        return memory > 0
-
-    def act(self, memory, seen, key):
-        return memory, Command(memory, memory)
 
 
 @pytest.mark.parametrize("share", [1.0, 12])

@@ -19,13 +19,13 @@ from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.simulation import decide
+from iswarm_mj.simulation.decide import draw_turns, heard_in_turn
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.signatures import observation_shapes
-from iswarm_mj.strategy.turns import draw_turns, heard_in_turn
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.strategy.vectors import after_motion
 from iswarm_mj.utils.errors import UserError

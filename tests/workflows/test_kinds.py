@@ -18,9 +18,9 @@ from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_entities import entities
 from iswarm_mj.output.schema import ROBOTS
 from iswarm_mj.output.stage import Shot, Stage
+from iswarm_mj.simulation.initial import check_poses
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.start_check import check_poses
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Aggregation, Spots

@@ -8,7 +8,7 @@ from typing import Any
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.simulation.common import common
+from iswarm_mj.simulation.common import shared
 from iswarm_mj.simulation.memory_check import most_worlds
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -104,7 +104,7 @@ def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes
     """
     alike: dict[Any, list[int]] = {}
     for index, job in enumerate(jobs):
-        alike.setdefault((common(job.config), job.steps, job.stop_at), []).append(index)
+        alike.setdefault((shared(job.config), job.steps, job.stop_at), []).append(index)
     for indices in (part for every in alike.values() for part in _parts(every, jobs, engine)):
         yield from zip(indices, outcomes([jobs[index] for index in indices], engine), strict=True)
 
