@@ -2,8 +2,7 @@
 
 A message begins with the number of the LED that sends it, in two bits (0 front, 1 left, 2 back, 3 right), or three of
 robots with five to eight LEDs. Then come the fields of the strategy's `Payload`, one after the other, and in the
-highest bit the parity, which makes the number of ones even. Bits between are 0. The layout of the paper's strategy is
-`strategy.vector_strategy.payload_for`.
+highest bits a check. Bits between are 0. The layout of the paper's strategy is `strategy.vector_strategy.payload_for`.
 """
 
 from collections.abc import Iterable, Mapping
@@ -14,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
-from iswarm_mj.config import MESSAGE_BITS
+from iswarm_mj.sensors.checks import CHECKS, WORD, holds, with_check
 from iswarm_mj.sensors.fields import KINDS, Field, Flag, Vector
-from iswarm_mj.utils.arrays import Array, array_module
+from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 
 MAX_LEDS = 8
@@ -39,13 +38,16 @@ class Message(NamedTuple):
 
 @dataclass(frozen=True)
 class Payload:
-    """What a strategy's messages carry: fields by their names, as `Payload({"count": Integer(bits=4)})`.
+    """What a strategy's messages carry: fields by their names, and how receivers check them.
 
-    Without fields, messages carry the number of the LED alone.
+    `Payload({"count": Integer(bits=4), "heat": Real(0, 1, bits=8)}, check="crc-8/smbus")`; without fields, messages
+    carry the number of the LED alone.
     """
 
     fields: Any = ()
     """A mapping from names to `sensors.fields`, or pairs of both; kept as a tuple of pairs."""
+    check: str = "parity"
+    """One of `checks.CHECKS`."""
 
     def __post_init__(self):
         given = self.fields.items() if isinstance(self.fields, Mapping) else self.fields
@@ -66,6 +68,8 @@ class Payload:
         parts = [part for name, field in own for part in columns(name, field)]
         if twice := sorted({part for part in parts if parts.count(part) > 1}):
             raise UserError(f"fields of a payload share the name {twice[0]!r}; rename one of them")
+        if self.check not in CHECKS:
+            raise UserError(f"check of a payload must be one of {', '.join(CHECKS)} (got {self.check!r})")
         self.check_room(4)
 
     @property
@@ -80,13 +84,13 @@ class Payload:
     def to_json(self) -> dict[str, Any]:
         """Return the declaration in JSON."""
         fields = [[name, {"kind": type(field).__name__, **asdict(field)}] for name, field in self.fields]
-        return {"fields": fields, "check": "parity"}
+        return {"fields": fields, "check": self.check}
 
     @staticmethod
     def from_json(content: Mapping[str, Any]) -> "Payload":
         """Return the declaration that `to_json` gave."""
         pairs = [(name, dict(values)) for name, values in content["fields"]]
-        return Payload([(name, KINDS[values.pop("kind")](**values)) for name, values in pairs])
+        return Payload([(name, KINDS[values.pop("kind")](**values)) for name, values in pairs], content["check"])
 
     def check_room(self, n_leds: int) -> None:
         """Check that the fields have room in the messages of robots with so many LEDs.
@@ -94,36 +98,31 @@ class Payload:
         Raises:
             UserError: they have not.
         """
-        led = _led_bits(n_leds)
-        if (more := led + self.bits + 1 - MESSAGE_BITS) > 0:
+        led, check = _led_bits(n_leds), CHECKS[self.check].width
+        if (more := led + self.bits + check - WORD) > 0:
             fields = ", ".join(f"{name} {field.bits}" for name, field in self.fields)
             raise UserError(
-                f"a payload of {self.bits} bits ({fields}) with {led} for the LED's number and 1 for the parity is "
-                f"longer than a message of {MESSAGE_BITS} bits; leave out or shorten fields by {more} bits"
+                f"a payload of {self.bits} bits ({fields}) with {led} for the LED's number and {check} for the check "
+                f"({self.check}) is longer than a message of {WORD} bits; leave out or shorten fields by {more} bits"
             )
 
     def pack(self, message: Message, n_leds: int = 4) -> UInt32[Array, "*N"]:
-        """32 bits that encode a message of a robot with so many LEDs, including the parity."""
+        """32 bits that encode a message of a robot with so many LEDs, including the check."""
         at = _led_bits(n_leds)
         bits = message.led.astype(jnp.uint32) & (2**at - 1)
         for name, field in self.fields:
             bits = bits | (field.encode(message.payload[name]) << at)
             at += field.bits
-        return bits | parity(bits) << (MESSAGE_BITS - 1)
+        return with_check(self.check, bits)
 
     def unpack(self, bits: UInt32[Array, "*N"], n_leds: int = 4) -> tuple[Message, Bool[Array, "*N"]]:
-        """Message that 32 bits encode, and whether its parity is right."""
+        """Message that 32 bits encode, and whether its check is right."""
         values, at = {}, _led_bits(n_leds)
         led = (bits & (2**at - 1)).astype(np.int32)
         for name, field in self.fields:
             values[name] = field.decode((bits >> at) & (2**field.bits - 1))
             at += field.bits
-        return Message(led, values), parity(bits) == 0
-
-
-def parity(bits: UInt32[Array, "*N"]) -> UInt32[Array, "*N"]:
-    """Parity of 32 bits: 1 where the number of ones is odd."""
-    return array_module(bits).bitwise_count(bits).astype(np.uint32) & 1
+        return Message(led, values), holds(self.check, bits)
 
 
 def _led_bits(n_leds: int) -> int:

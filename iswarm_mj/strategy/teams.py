@@ -118,15 +118,17 @@ class Teams:
         """Fields of all teams.
 
         Raises:
-            UserError: two teams have different fields of the same name, or the fields have no room.
+            UserError: two teams have different fields of the same name, or checks; or the fields have no room.
         """
         own = [payload_of(team.strategy) for team in self.teams]
         pairs = dict.fromkeys(pair for payload in own for pair in payload.fields)
         fields = dict([*pairs])
-        if len(fields) < len(pairs):
+        checks = dict.fromkeys(payload.check for payload in own if payload.fields)
+        if len(fields) < len(pairs) or len(checks) > 1:
+            what = "check messages alike" if len(checks) > 1 else "have equal fields of the same name"
             found = "; ".join(f"{team.name}: {payload}" for team, payload in zip(self.teams, own, strict=True))
-            raise UserError(f"teams share one channel, and must have equal fields of the same name (got {found})")
-        return Payload(fields)
+            raise UserError(f"teams share one channel, and must {what} (got {found})")
+        return Payload(fields, *checks)
 
     @property
     def recorded(self) -> dict[str, str]:

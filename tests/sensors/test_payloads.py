@@ -24,6 +24,12 @@ def test_fields_stand_one_after_the_other():
     assert f"{int(bits):032b}" == "0" + 16 * "0" + f"{51:08b}" + "1000" + "100"
 
 
+def test_another_check_stands_in_the_highest_bits():
+    payload = Payload(HEAT.fields, check="crc-16/xmodem")
+    bits = payload.pack(Message(np.int32(1), {"count": np.int32(0), "heat": np.float32(0)}))
+    assert int(bits) & 0xFFFF == 1 and int(bits) >> 16 == 0x1021  # the polynomial is the remainder of x^16
+
+
 def test_without_fields_messages_tell_the_led():
     message, is_right = Payload().unpack(Payload().pack(Message(np.arange(4), {})))
     np.testing.assert_array_equal(message.led, range(4))
@@ -52,9 +58,10 @@ def test_robots_without_payload_are_heard(n_leds):
 
 
 def test_every_damaged_message_is_found_out():
-    content = {"count": np.array([3, 40]), "heat": np.float32([0.5, -1.0])}
-    assert np.mean(sent(HEAT, content, error=0.9).is_heard) < 0.6
-    assert sent(HEAT, content).is_heard.all()
+    for check in ("parity", "crc-8/smbus"):
+        content = {"count": np.array([3, 40]), "heat": np.float32([0.5, -1.0])}
+        assert np.mean(sent(Payload(HEAT.fields, check), content, error=0.9).is_heard) < 0.6
+        assert sent(Payload(HEAT.fields, check), content).is_heard.all()
 
 
 def test_declarations_survive_json():
@@ -65,29 +72,31 @@ def test_declarations_survive_json():
         "b": Bearing(3),
         "r": Real(-1, 1, 4, unit="mm"),
     }
-    payload = Payload(fields)
+    payload = Payload(fields, check="crc-3/gsm")
     assert Payload.from_json(payload.to_json()) == payload
 
 
 @pytest.mark.parametrize(
-    "fields, words",
+    "fields, check, words",
     [
         (
             {"a": Integer(20), "b": Real(0, 1, bits=12)},
-            r"32 bits \(a 20, b 12\) with 2 for the LED's number and 1 for the parity is longer than a "
+            "parity",
+            r"32 bits \(a 20, b 12\) with 2 for the LED's number and 1 for the check \(parity\) is longer than a "
             "message of 32 bits; leave out or shorten fields by 3 bits",
         ),
-        ({"led": Flag()}, "cannot be called 'led'; give it a name as of a variable, but not led or message"),
-        ({3: Flag()}, "cannot be called 3"),
-        ({"priority": Integer(3)}, "make it a Flag, or give it another name"),
-        ([("a", Flag()), ("a", Integer(3))], "share the name 'a'; rename one"),
-        ({"a": 4}, "field 'a' of a payload is 4; make it one of Flag, Integer, Real, Bearing, Vector"),
-        (Flag(), "a payload is a dictionary of names and fields"),
+        ({"led": Flag()}, "parity", "cannot be called 'led'; give it a name as of a variable, but not led or message"),
+        ({3: Flag()}, "parity", "cannot be called 3"),
+        ({"priority": Integer(3)}, "parity", "make it a Flag, or give it another name"),
+        ([("a", Flag()), ("a", Integer(3))], "parity", "share the name 'a'; rename one"),
+        ({"a": 4}, "parity", "field 'a' of a payload is 4; make it one of Flag, Integer, Real, Bearing, Vector"),
+        (Flag(), "parity", "a payload is a dictionary of names and fields"),
+        ({"a": Flag()}, "crc-32", r"must be one of parity, crc-3/gsm, .* \(got 'crc-32'\)"),
     ],
 )
-def test_refused(fields, words):
+def test_refused(fields, check, words):
     with pytest.raises(UserError, match=words):
-        Payload(fields)
+        Payload(fields, check)
 
 
 def test_another_bit_for_the_leds_may_be_one_too_many():
