@@ -82,7 +82,7 @@ def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
 
 
 def check_names(method: str, given: Any, names: Collection[str], attribute: str) -> None:
-    """Raise a UserError unless a method returned a dictionary with the names that its class declares."""
+    """Raise a UserError unless a method returned a dictionary with the names that an attribute declares."""
     if not isinstance(given, dict) or set(given) != set(names):
         got = ", ".join(map(str, given)) or "nothing" if isinstance(given, dict) else f"a {type(given).__name__}"
         wanted = ", ".join(names) or "nothing"
