@@ -1,4 +1,4 @@
-"""How tyro makes flags of settings: with their ranges and units, the main ones alone where help is short."""
+"""How tyro makes flags of settings: with their ranges and units, and without groups where help is short."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -17,6 +17,7 @@ from tyro.constructors import (
     StructTypeInfo,
 )
 
+from iswarm_mj.commands.flags import is_group
 from iswarm_mj.engines.settings import Devices
 from iswarm_mj.utils.constraints import constraint_of, validate
 from iswarm_mj.utils.docstrings import field_docs
@@ -59,15 +60,14 @@ class Rules(ConstructorRegistry):
     """Rules for one command.
 
     Args:
-        command: class of its flags; `MAIN` names the main ones, of a few all are.
+        command: class of its flags.
         own: classes or objects, whose values are defaults, that take the places of its fields of these names.
-        everything: whether there are all flags, or the main ones.
+        everything: whether there are all flags, or only those that belong to no group.
     """
 
     def __init__(self, command: type, own: dict[str, Any], everything: bool = True):
         super().__init__()
-        self._main = () if everything else getattr(command, "MAIN", ())
-        self._command, self._own = command, own
+        self._command, self._own, self._everything = command, own, everything
         teams = [found for one in own.values() if isinstance(one, TeamFlags) for found in one.strategies.values()]
         self._found = [*own.values(), *teams]
         self.struct_rule(self._struct)
@@ -91,24 +91,17 @@ class Rules(ConstructorRegistry):
         return StructConstructorSpec(cls if own is None else _explained(cls), tuple(made))
 
     def _of_command(self, default: Any) -> StructConstructorSpec:
-        hidden = {"own", "own_task", "physics"}
-        if "own" in self._own:  # in place of the genome
-            hidden |= {"override"} | ({"genome"} if self._main else set())
-        made = {
-            name: _flag(self._command, name, kind, usual)
-            for name, kind, usual in _members(self._command, default)
-            if name not in hidden and (not self._main or name in self._main)
-        }
-        made = {name: made[name] for name in self._main or made if name in made}
-        for name, found in self._own.items():
-            made[name] = _own(name, found, tyro.conf.arg(name=""))
-        common = [_flag(Common, *member) for member in _members(Common, None)]
-        shown = common if self._main else common[:1]
+        hidden = {"own", "own_task", "physics", "override" if "own" in self._own else ""}
+        members = [member for member in _members(self._command, default) if member[0] not in hidden]
+        shown = [member for member in members if self._everything or not is_group(member[-1])]
+        made = [_flag(self._command, *member) for member in shown]
+        made += [_own(name, found, tyro.conf.arg(name="")) for name, found in self._own.items()]
+        made += [_flag(Common, *member) for member in _members(Common, None)][: 1 + (len(shown) < len(members))]
 
         def command(**given: Any) -> Any:
             return self._command(**{name: value for name, value in given.items() if name not in Common._fields})
 
-        return StructConstructorSpec(command, (*made.values(), *shown))
+        return StructConstructorSpec(command, tuple(made))
 
 
 def _members(cls: Any, default: Any) -> Iterator[tuple[str, Any, Any]]:
@@ -125,7 +118,7 @@ def _members(cls: Any, default: Any) -> Iterator[tuple[str, Any, Any]]:
 def _own(name: str, found: Any, how: object) -> StructFieldSpec:
     """The flags of a class, or of an object whose values are defaults."""
     cls: Any = found if isinstance(found, type) else type(found)
-    return StructFieldSpec(name, _annotated(cls, how), MISSING_NONPROP if found is cls else found)
+    return StructFieldSpec(name, Annotated[cls, how], MISSING_NONPROP if found is cls else found)
 
 
 def _flag(cls: Any, name: str, kind: Any, default: Any) -> StructFieldSpec:
@@ -141,11 +134,7 @@ def _flag(cls: Any, name: str, kind: Any, default: Any) -> StructFieldSpec:
         facts = [str(limits or "").split(", since")[0], f"default {shown}" * has_default]
         return f"({'; '.join(filter(None, facts))})" * any(facts)
 
-    return StructFieldSpec(name, _annotated(kind, tyro.conf.arg(help_behavior_hint=hint)), default, text)
-
-
-def _annotated(kind: Any, extra: object) -> Any:
-    return Annotated[kind, extra]
+    return StructFieldSpec(name, Annotated[kind, tyro.conf.arg(help_behavior_hint=hint)], default, text)
 
 
 def _explained(cls: type) -> Callable[..., Any]:
