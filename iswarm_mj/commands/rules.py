@@ -124,10 +124,8 @@ def _own(name: str, found: Any, how: object) -> StructFieldSpec:
 def _flag(cls: Any, name: str, kind: Any, default: Any) -> StructFieldSpec:
     """A flag with its text, range, unit and default; without the unit in brackets where the range has it."""
     described = getattr(cls, "described_by", cls)
-    limits, text = constraint_of(described, name), field_docs(described).get(name)
-    if text is None and limits is not None and limits.source is not None:  # the setting that the flag sets
-        text = field_docs(limits.source[0])[limits.source[1]]
-    text = _UNIT.sub(".", text or "") if limits is not None and limits.unit else text or ""
+    limits, text = constraint_of(described, name), field_docs(described).get(name, "")
+    text = _UNIT.sub(".", text) if limits is not None and limits.unit else text
 
     def hint(shown: str) -> str:
         has_default = shown not in ("None", "") and cls is not Common

@@ -42,6 +42,24 @@ class RobotOptions:
 
 
 @dataclass(frozen=True)
+class TaskOptions:
+    """What the robots are to do."""
+
+    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
+    """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package
+    offers one (entry points iswarm_mj.tasks); its fields become flags, see --task ... --help."""
+    own_task: Any = None
+    """The task with the values of its flags, where `task_name` names one."""
+
+    @property
+    def task(self) -> Any:
+        """What the robots are to do."""
+        from iswarm_mj.tasks.cleaning import CLEANING
+
+        return CLEANING if self.own_task is None else self.own_task
+
+
+@dataclass(frozen=True)
 class Swarm(ConfigOptions, RobotOptions):
     """Settings that the commands on a swarm share."""
 
@@ -132,19 +150,8 @@ class Swarm(ConfigOptions, RobotOptions):
 
 
 @dataclass(frozen=True)
-class WithTask(Swarm):
-    """Settings of commands with any task."""
-
-    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
-    """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package
-    offers one (entry points iswarm_mj.tasks); its fields become flags, see --task ... --help."""
-    own_task: Any = None
-    """The task with the values of its flags, where `task_name` names one."""
-
-    @property
-    def task(self) -> Any:
-        """What the robots are to do."""
-        return super().task if self.own_task is None else self.own_task
+class WithTask(TaskOptions, Swarm):
+    """Settings of commands on a swarm with any task."""
 
     def checked(self) -> tuple[SwarmConfig, Genome, int]:
         """See `Swarm.checked`."""
