@@ -10,11 +10,15 @@ from collections.abc import Callable, Generator, Iterable
 from typing import Any, Literal, cast
 
 from joblib import Parallel, cpu_count, delayed
+from joblib.externals.loky import process_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
 Backend = Literal["processes", "ray"]
+_MOST_GROWTH = 4_000_000_000
+"""Bytes by which a worker may grow before joblib starts another in its place. Joblib's 300 MB are too few: programs for
+five numbers of robots take as much, and the other worker would compile them anew."""
 _HALF_WRITTEN = r"Error reading persistent compilation cache entry for .*truncated stream"
 
 
@@ -44,7 +48,6 @@ def _in_processes(
     call: Callable[..., Any], given: Iterable[tuple[Any, ...]], workers: int
 ) -> Generator[Any, None, None]:
     options: dict[str, Any] = {"initializer": _begin, "initargs": (os.getpid(),)} if workers > 1 else {}
-    warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)  # one that has grown by 300 MB
     pool = Parallel(workers, "loky", "generator_unordered", batch_size=cast(Any, 1), **options)
     try:  # the pool may break while it hands over the first calls, too
         results = cast(Generator[Any, None, None], pool(delayed(call)(*arguments) for arguments in given))
@@ -105,6 +108,7 @@ def _begin(parent: int) -> None:
     """Prepare a worker: interrupts are its parent's, with which it ends even if that is killed, and so are GPUs."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ["JAX_PLATFORMS"] = "cpu"
+    process_executor._MAX_MEMORY_LEAK_SIZE = _MOST_GROWTH
     # While one worker writes a compiled program, another may read half of it; it compiles the program itself then.
     warnings.filterwarnings("ignore", _HALF_WRITTEN, UserWarning)
     threading.Thread(target=_end_with, args=[parent], daemon=True).start()

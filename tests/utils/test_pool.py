@@ -19,6 +19,9 @@ LIMIT = 600
 """Longest time for something that has to happen [s]."""
 
 
+KEPT = []
+
+
 def square(number):
     return number**2
 
@@ -41,6 +44,13 @@ def dying(number):
 
 def place(number):
     """Where a call is made."""
+    return os.getpid()
+
+
+def growing(number):
+    """Where a call is made that keeps 160 MB more."""
+    KEPT.append(b"x" * 160_000_000)
+    time.sleep(0.6)  # joblib looks once a second
     return os.getpid()
 
 
@@ -67,6 +77,10 @@ def test_every_call_is_made_once(workers):
 def test_workers_start_once_and_see_no_gpu():
     assert len({*results(place, range(9), 2), *results(place, range(9), 2)} - {os.getpid()}) <= 2
     assert results(environment, ["JAX_PLATFORMS"], 2) == ["cpu"]
+
+
+def test_workers_that_grow_stay():
+    assert len(set(results(growing, range(8), 2))) == 2
 
 
 def test_a_lost_worker_is_told_and_the_next_call_works():
