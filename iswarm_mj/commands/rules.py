@@ -1,6 +1,5 @@
 """How tyro makes flags of settings: with their ranges and units, and without groups where help is short."""
 
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
@@ -22,8 +21,6 @@ from iswarm_mj.engines.settings import Devices
 from iswarm_mj.utils.constraints import constraint_of, validate
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.jax_setup import devices
-
-_UNIT = re.compile(r"\s*\[[^\]]*\]\.?$")
 
 
 class Common(NamedTuple):
@@ -122,10 +119,9 @@ def _own(name: str, found: Any, how: object) -> StructFieldSpec:
 
 
 def _flag(cls: Any, name: str, kind: Any, default: Any) -> StructFieldSpec:
-    """A flag with its text, range, unit and default; without the unit in brackets where the range has it."""
+    """A flag with its text, range, unit and default."""
     described = getattr(cls, "described_by", cls)
     limits, text = constraint_of(described, name), field_docs(described).get(name, "")
-    text = _UNIT.sub(".", text) if limits is not None and limits.unit else text
 
     def hint(shown: str) -> str:
         has_default = shown not in ("None", "") and cls is not Common

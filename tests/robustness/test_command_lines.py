@@ -30,10 +30,8 @@ STARTS = [
     "iswarm_mj.output.video.Stage",
 ]
 """Where physics, pictures or workers would start."""
-REFUSAL = re.compile(
-    r"(iswarm: (placing|preparing) [^\n]+\n)*(iswarm: [^\n]+|.*full helptext.*|.*\n\.\.\.)\n", re.DOTALL
-)
-"""One sentence, or what the parser says of words that it cannot read."""
+REFUSAL = re.compile(r"(iswarm: (placing|preparing) [^\n]+\n)*iswarm: [^\n]+\n")
+"""One sentence."""
 NUMBERS = [
     "0", "1", "-1", "2", "10", "48", "100", "1000", "0.1", "0.999", "1.5", "89.9", "180", "1e-320", "1e300", "-0.0",
     "nan", "-inf", "1e999", "4294967295", "9223372036854775808", "1_000", "0x10", "١٢", "+3", ".5", "1,5", "9" * 5000,
@@ -103,7 +101,7 @@ def answer(line):
         code = code_of(*line)
     said = error.getvalue()
     assert "Traceback" not in said and "\x1b" not in said and len(said) < 5000, said
-    assert code in (None, 0, 1, 2) and (code in (None, 0) or REFUSAL.search(said)), (code, said)
+    assert code in (None, 0, 1, 2) and (code in (None, 0) or REFUSAL.fullmatch(said)), (code, said)
     return {None: "accepted", 0: "answered", 1: "fault", 2: "refused"}[code]
 
 
