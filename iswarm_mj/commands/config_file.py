@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.commands.flags import SETTINGS, flag, names
+from iswarm_mj.commands.flags import SETTINGS, flag, names, switch
 from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.utils.errors import UserError, closest, shown
 from iswarm_mj.utils.files import flat, read_json, read_text
@@ -85,8 +85,7 @@ class ConfigFile:
     def _argument(self, name: str, value: Any, default: Any) -> list[str]:
         word = flag(name)
         if isinstance(value, bool) and isinstance(default, bool):
-            group, dot, own = word.removeprefix("--").rpartition(".")
-            return [word if value else f"--{group}{dot}no-{own}"]
+            return [switch(name, value)]
         if isinstance(value, list):
             parts = [part for one in value for part in (one if isinstance(one, list) else [one])]
             return [word, *(self._word(name, part) for part in parts)]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.config import READINGS, SwarmConfig
+from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import needs_of
 from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
 
@@ -18,7 +19,7 @@ _SAME |= {"n_robots": "robots", "n_worlds": "worlds", "robot_file": "robot"}
 """Settings in messages whose flags are called otherwise."""
 _NAME = re.compile(r"`([a-z_]+(?:\.[a-z_]+)?)`")
 """A setting that a message names."""
-_UNNAMED = ("override", "own", "own_task", "physics")
+_UNNAMED = ("own", "own_task", "physics")
 """Groups whose flags have no prefix."""
 _CONFIG = {f"{part.name}." for part in fields(SwarmConfig)}
 """Groups of the configuration."""
@@ -45,6 +46,12 @@ def flag(name: str) -> str:
     return f"--{_SAME.get(name, name).replace('_', '-')}"
 
 
+def switch(name: str, is_on: bool) -> str:
+    """Return the flag that switches a setting on or off."""
+    group, dot, own = flag(name).removeprefix("--").rpartition(".")
+    return f"--{group}{dot}{'' if is_on else 'no-'}{own}"
+
+
 def names(arguments: Iterable[str]) -> list[str]:
     """Names of the flags among arguments, as `arena.n_dust`, also of those that are switched off by `no-`."""
     found = [re.match(r"--([\w-]+\.)?(?:no[-_])?([\w-]+)(?==|$)", word) for word in arguments]
@@ -65,11 +72,13 @@ def in_flags(error: UserError | SimulationFault, known: Collection[str]) -> str:
 
 
 def usual(command: Any) -> Any:
-    """Return a command with the defaults of its flags, those of its `reading` and of its engine included."""
+    """Return a command with the defaults of its flags, those of its `reading`, engine and `genome` included."""
     physics = getattr(command, "physics", None)
     given = {} if physics is None else {"physics": physics.usual()}
     if hasattr(command, "reading"):
         given |= {"reading": command.reading, **vars(READINGS[command.reading])}
+    if isinstance(getattr(command, "own", None), Genome) and not command.controller:
+        given["own"] = load_genome(command.genome)
     return type(command)(**given)
 
 

@@ -19,6 +19,7 @@ from iswarm_mj.config import READINGS
 from iswarm_mj.engines.registry import SETTINGS as OF_ENGINES
 from iswarm_mj.engines.registry import check_settings, find_engine
 from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError, closest
@@ -66,9 +67,9 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
         engine = (default.engine if first["engine"] is None else first["engine"]) if "physics" in settable else None
         own = {} if engine is None else {"physics": _engine(engine)}
         own |= _own({word: found for word, found in words.items() if SETTINGS.get(word) in settable and found})
-        replaced = {"own": "override", "physics": "physics"}  # by a strategy, and by an engine
-        gone = [getattr(default, replaced[part], None) for part in own if part in replaced]
-        known = {name: value for name, value, owner, _ in settings(default) if all(owner is not one for one in gone)}
+        if {"own", "genome"} <= settable and "own" not in own:
+            own["own"] = load_genome(str(first["genome"] or default.genome))
+        known = {name: value for name, value, *_ in settings(default)}
         for found in own.values():
             known |= _flags_of(found, name, known)
         keys = () if file is None or file.is_result else file.values
@@ -78,7 +79,8 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
             arguments += file.arguments(name, known, named)  # after words, which flags of several values would take
         asked = {*given} & {*HELP, *HELP_ALL}
         everything = not asked or bool(asked & HELP_ALL)
-        shown = {part: one for part, one in own.items() if everything or part != "physics" or first["engine"]}
+        named_by = {"own": ("strategy", "genome"), "own_task": ("task",), "physics": ("engine",)}
+        shown = {part: one for part, one in own.items() if everything or any(first[word] for word in named_by[part])}
         rules = Rules(cls, shown, everything)
         arguments = ["--help"] if asked else arguments
         named = {"prog": f"iswarm {name}", "description": cls.__doc__}
@@ -125,7 +127,7 @@ def _sentence(text: str, command: str) -> str:
 def _words(arguments: Sequence[str]) -> dict[str, list[str]]:
     """Values of the flags that decide which others there are, and thus precede the parser."""
     parser = ArgumentParser(add_help=False, allow_abbrev=False)
-    for word in ("config", "reading", "engine", *SETTINGS):
+    for word in ("config", "reading", "engine", "genome", *SETTINGS):
         parser.add_argument(f"--{word}", nargs="*", default=[])
     return vars(parser.parse_known_args(list(arguments))[0])
 

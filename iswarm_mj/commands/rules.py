@@ -88,8 +88,7 @@ class Rules(ConstructorRegistry):
         return StructConstructorSpec(cls if own is None else _explained(cls), tuple(made))
 
     def _of_command(self, default: Any) -> StructConstructorSpec:
-        hidden = {"own", "own_task", "physics", "override" if "own" in self._own else ""}
-        members = [member for member in _members(self._command, default) if member[0] not in hidden]
+        members = [one for one in _members(self._command, default) if one[0] not in ("own", "own_task", "physics")]
         shown = [member for member in members if self._everything or not is_group(member[-1])]
         made = [_flag(self._command, *member) for member in shown]
         made += [_own(name, found, tyro.conf.arg(name="")) for name, found in self._own.items()]
@@ -120,8 +119,7 @@ def _own(name: str, found: Any, how: object) -> StructFieldSpec:
 
 def _flag(cls: Any, name: str, kind: Any, default: Any) -> StructFieldSpec:
     """A flag with its text, range, unit and default."""
-    described = getattr(cls, "described_by", cls)
-    limits, text = constraint_of(described, name), field_docs(described).get(name, "")
+    limits, text = constraint_of(cls, name), field_docs(cls).get(name, "")
 
     def hint(shown: str) -> str:
         has_default = shown not in ("None", "") and cls is not Common

@@ -1,9 +1,9 @@
 """Flags that the commands on a swarm share."""
 
 import re
-from dataclasses import dataclass, field, fields, make_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import tyro
 
@@ -11,17 +11,10 @@ from iswarm_mj.commands.flags import refuse, usual
 from iswarm_mj.commands.options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import Genome, load_genome, overridden
+from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import Above, Needs, constraint_of, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.progress import waiting
-
-GenomeOverrides = make_dataclass(
-    "GenomeOverrides",
-    [(f.name, cast(Any, f.type) | None, None) for f in fields(Genome)],
-    namespace={"described_by": Genome, "__doc__": "Single parameters of the genome (Table 2 of the paper)."},
-    frozen=True,
-)
 
 
 @dataclass(frozen=True)
@@ -68,7 +61,8 @@ class Swarm(ConfigOptions, RobotOptions):
     package offers one (entry points iswarm_mj.strategies); its fields become flags, see --strategy ... --help. Several
     share the swarm as teams, with the share or number of the robots of each: a.py:A=0.7 type2=0.3."""
     genome: Annotated[str, Needs("controller", ((),), "with `strategy`")] = "type1"
-    """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters."""
+    """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters; each is a flag,
+    too, see --genome ... --help."""
     robots: Annotated[int | None, constraint_of(RunSettings, "n_robots")] = None
     """Number of robots; by default it follows from the density."""
     density: Annotated[float | None, Above(0, 1)] = None
@@ -77,9 +71,8 @@ class Swarm(ConfigOptions, RobotOptions):
     """Seed of all random numbers."""
     worlds: Annotated[int, constraint_of(RunSettings, "n_worlds")] = 1
     """Number of independent worlds, simulated together."""
-    override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
     own: Any = None
-    """The strategy with the values of its flags, where `controller` names one; an object of `Genome`, or another."""
+    """The strategy with the values of its flags: what `controller` names, or else the genome, an object of `Genome`."""
 
     def __post_init__(self):
         validate(self)
@@ -92,8 +85,7 @@ class Swarm(ConfigOptions, RobotOptions):
         """
         if self.robots is not None or self.density is not None:
             refuse(self, ["density_of_robots"], "with `robots` or `density`")
-        is_genome = isinstance(self.own, Genome)
-        genome = self.own if is_genome else overridden(load_genome(self.genome), vars(self.override))
+        genome = self.own if isinstance(self.own, Genome) else load_genome(self.genome)
         return self.config, genome, self._n_robots(self.config, genome)
 
     @property

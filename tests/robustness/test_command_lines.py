@@ -19,6 +19,7 @@ from hypothesis import event
 from iswarm_mj.commands.flags import flag, settings
 from iswarm_mj.commands.main import COMMANDS
 from iswarm_mj.engines.robot_file import models_directory
+from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.utils.constraints import choices
 
 STARTS = [
@@ -88,7 +89,8 @@ def command_line(rng, name=None):
     name = pick(rng, list(COMMANDS)) if name is None else name
     if rng.random() < 0.01:
         return [pick(rng, [*TEXTS, name[:-1], "--version", "--help", "--tyro-print-completion"]), "--seed=1"]
-    known = list(settings(COMMANDS[name]()))
+    command = COMMANDS[name]()
+    known = [*settings(command), *(settings(TYPE1) if hasattr(command, "own") else ())]
     line = [word for _ in range(rng.integers(6)) for word in given(rng, *pick(rng, known))]
     line += ["--config", pick(rng, TEXTS)] * (rng.random() < 0.1) + [pick(rng, TEXTS)] * (rng.random() < 0.1)
     return [name, *line]
