@@ -114,7 +114,7 @@ def _members(cls: Any, default: Any) -> Iterator[tuple[str, Any, Any]]:
 def _own(name: str, found: Any, how: object) -> StructFieldSpec:
     """The flags of a class, or of an object whose values are defaults."""
     cls: Any = found if isinstance(found, type) else type(found)
-    return StructFieldSpec(name, Annotated[cls, how], MISSING_NONPROP if found is cls else found)
+    return StructFieldSpec(name, _annotated(cls, how), MISSING_NONPROP if found is cls else found)
 
 
 def _flag(cls: Any, name: str, kind: Any, default: Any) -> StructFieldSpec:
@@ -126,7 +126,11 @@ def _flag(cls: Any, name: str, kind: Any, default: Any) -> StructFieldSpec:
         facts = [str(limits or "").split(", since")[0], f"default {shown}" * has_default]
         return f"({'; '.join(filter(None, facts))})" * any(facts)
 
-    return StructFieldSpec(name, Annotated[kind, tyro.conf.arg(help_behavior_hint=hint)], default, text)
+    return StructFieldSpec(name, _annotated(kind, tyro.conf.arg(help_behavior_hint=hint)), default, text)
+
+
+def _annotated(kind: Any, extra: object) -> Any:
+    return Annotated[kind, extra]
 
 
 def _explained(cls: type) -> Callable[..., Any]:
