@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.engines.planar.compiled import compiled, inlined
+from iswarm_mj.engines.planar.compiled import inlined, uncounted
 from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.contact_rows import (
     Rows,
@@ -30,7 +30,7 @@ CONTACT = np.dtype([(name, np.int64) for name in _INTEGERS] + [(name, np.float64
 and whether the floor's friction acts on one of them."""
 
 
-@compiled
+@uncounted
 def find_contacts(
     pairs: np.ndarray,
     n_robots: int,

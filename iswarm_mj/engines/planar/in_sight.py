@@ -125,15 +125,15 @@ def is_clear(view: View, side: int, code: int, light: Light, points: Table, plan
     vx, vy = (q[0] - p[0]) + x_led - x, (q[1] - p[1]) + y_led - y
     squared = vx * vx + vy * vy
     spare = plane.radius * math.sqrt(squared)
-    for k in range(view.n_near):
+    k = int(0)
+    while clear and k < view.n_near:
         third = place_of(view.places, view.near[k, view.column] >> 6)
         ox, oy = x - (third[0] - p[0]), y - (third[1] - p[1])
         across, behind = ox * vy - oy * vx, ox * vx + oy * vy
-        is_third = view.near[k, view.column] >> 6 != sender
-        # Only if its circumcircle is in the way.
-        if is_third and abs(across) <= spare and behind <= spare and behind >= -squared - spare:
-            kind = view.kinds[view.near[k, view.column] >> 6]
-            clear = clear and not is_crossed(ox, oy, vx, vy, third[2], third[3], kind.half_x, kind.half_y)
+        if max(abs(across), max(behind, -squared - behind)) <= spare:  # its circumcircle is in the way
+            kind, is_third = view.kinds[view.near[k, view.column] >> 6], view.near[k, view.column] >> 6 != sender
+            clear = not (is_third and is_crossed(ox, oy, vx, vy, third[2], third[3], kind.half_x, kind.half_y))
+        k += 1
     for m in range(plane.n_walls, solids.shape[0]):
         ox, oy = p[0] + x - solids[m, 0], p[1] + y - solids[m, 1]
         clear = clear and not is_crossed(ox, oy, vx, vy, solids[m, 2], solids[m, 3], solids[m, 4], solids[m, 5])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.engines.base import FreeBodies
-from iswarm_mj.engines.planar.compiled import cached, compiled
+from iswarm_mj.engines.planar.compiled import cached, compiled, uncounted
 from iswarm_mj.engines.planar.contacts import CONTACT, find_contacts
 from iswarm_mj.engines.planar.near_pairs import near_pairs, set_places
 from iswarm_mj.engines.planar.plane import Plane
@@ -111,7 +111,7 @@ def _take_steps(
     return 0
 
 
-@compiled
+@uncounted
 def _copy(source: np.ndarray, target: np.ndarray) -> None:
     """Copy rows as far as both have them. An assignment of slices would compile NumPy's message of shapes, too."""
     for i in range(min(len(source), len(target))):
@@ -119,7 +119,7 @@ def _copy(source: np.ndarray, target: np.ndarray) -> None:
             target[i, k] = source[i, k]
 
 
-@compiled
+@uncounted
 def _add(touching: np.ndarray, robot: int, partner: int) -> None:
     """Add a partner to those of a robot in (K, N), unless it is there: the lesser of two moves on."""
     for k in range(len(touching)):
@@ -130,7 +130,7 @@ def _add(touching: np.ndarray, robot: int, partner: int) -> None:
             break
 
 
-@compiled
+@uncounted
 def _integrate(bodies: Any, places: np.ndarray, velocities: np.ndarray, timestep: float) -> float:
     """Move the robots of a world with their new velocities; return how far the fastest one went [mm]."""
     poses, farthest = bodies.poses, 0.0

@@ -3,7 +3,7 @@
 import numpy as np
 
 from iswarm_mj.engines.base import Sight
-from iswarm_mj.engines.planar.compiled import cached, inlined
+from iswarm_mj.engines.planar.compiled import cached, inlined, uncounted
 from iswarm_mj.engines.planar.in_sight import View, add_near, link_to, next_in_sight, search_radius, sees_wall
 from iswarm_mj.engines.planar.kinds import place_of
 from iswarm_mj.engines.planar.near_pairs import cell_of, fill_cells, set_places
@@ -55,26 +55,47 @@ def sense(
     n_robots = emits.shape[1]
     places = np.empty((n_robots, 4))
     near, effective = np.empty((n_robots, 1), np.int64), np.empty((n_robots, 1))
-    within, links = search_radius(light, plane), sight.links
+    within = search_radius(light, plane)
     for world in worlds:
         set_places(poses[world, :n_robots], places)
-        cells, own = fill_cells(places, is_present[world], within, plane.edge), solids[world]
-        for i in range(n_robots):
-            if not is_present[world, i]:
-                continue
-            view = View(places, near, effective, i, 0, 0, 0, kinds)
-            n_heard, n_near = _look_around(view, cells, within, emits[world], light, points, plane)
-            view = View(places, near, effective, i, 0, n_heard, n_near, kinds)
-            for side in range(links.sender.shape[2]):
-                distance, code = -1.0, -1
-                for rank in range(light.n_senders):
-                    distance, code = next_in_sight(view, side, distance, code, light, points, plane, own)
-                    if code < 0:
-                        break
-                    here = world, i, side, rank
-                    links.sender[here], links.valid[here], links.led[here] = code >> 6, True, code & 7
-                    links.measured_bearing[here], links.true_distance[here] = link_to(view, code, light, points)
-                sight.sees_wall[world, i, side] = sees_wall(view, side, light, points, plane, own)
+        cells = fill_cells(places, is_present[world], within, plane.edge)
+        empty = View(places, near, effective, -1, 0, 0, 0, kinds)
+        _sense_world(world, empty, cells, within, emits, is_present, sight, light, points, solids, plane)
+
+
+@uncounted
+def _sense_world(
+    world: int,
+    empty: View,
+    cells: tuple[np.ndarray, np.ndarray],
+    within: float,
+    emits: np.ndarray,
+    is_present: np.ndarray,
+    sight: Sight,
+    light: Light,
+    points: np.ndarray,
+    solids: np.ndarray,
+    plane: Plane,
+) -> None:
+    """As `sense`, in one world, with a view of nobody, and the cells of robots within the search radius [mm]."""
+    places, near, effective, _, _, _, _, kinds = empty
+    links, own = sight.links, solids[world]
+    for i in range(len(places)):
+        if not is_present[world, i]:
+            continue
+        view = View(places, near, effective, i, 0, 0, 0, kinds)
+        n_heard, n_near = _look_around(view, cells, within, emits[world], light, points, plane)
+        view = View(places, near, effective, i, 0, n_heard, n_near, kinds)
+        for side in range(links.sender.shape[2]):
+            distance, code = -1.0, -1
+            for rank in range(light.n_senders):
+                distance, code = next_in_sight(view, side, distance, code, light, points, plane, own)
+                if code < 0:
+                    break
+                here = world, i, side, rank
+                links.sender[here], links.valid[here], links.led[here] = code >> 6, True, code & 7
+                links.measured_bearing[here], links.true_distance[here] = link_to(view, code, light, points)
+            sight.sees_wall[world, i, side] = sees_wall(view, side, light, points, plane, own)
 
 
 @inlined

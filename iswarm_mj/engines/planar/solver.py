@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.engines.planar.compiled import compiled, inlined
+from iswarm_mj.engines.planar.compiled import compiled, inlined, uncounted
 from iswarm_mj.engines.planar.contact_law import velocity_change
 from iswarm_mj.engines.planar.contact_rows import held, relaxed
 from iswarm_mj.engines.planar.islands import find_islands
@@ -72,7 +72,7 @@ def solve(contacts: np.ndarray, velocities: np.ndarray, rubs: np.ndarray, kinds:
     return converged
 
 
-@compiled
+@uncounted
 def solve_island(
     members: np.ndarray, contacts: np.ndarray, velocities: np.ndarray, rubs: np.ndarray, kinds: np.ndarray, plane: Plane
 ) -> bool:
@@ -147,7 +147,7 @@ def _set_impulses(contact: Any, p1: float, p2: float, velocities: np.ndarray) ->
     contact.p1, contact.p2 = p1, p2
 
 
-@compiled
+@uncounted
 def _rub_both(first: int, second: int, velocities: np.ndarray, rubs: np.ndarray, kinds: np.ndarray) -> None:
     """Let the floor's friction act on both bodies of a contact, of which the first may be fixed."""
     if first < len(rubs):
@@ -155,7 +155,7 @@ def _rub_both(first: int, second: int, velocities: np.ndarray, rubs: np.ndarray,
     rub(second, velocities, rubs, kinds)
 
 
-@compiled
+@uncounted
 def rub(body: int, velocities: np.ndarray, rubs: np.ndarray, kinds: np.ndarray) -> None:
     """Let the floor's friction stop a body as far as it can; arguments as for `solve_island`."""
     kind, v = kinds[body], velocity_of(velocities, body)
