@@ -56,9 +56,6 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
         if file is not None:
             words = {word: found or file.words(word) for word, found in words.items()}
         settable = {f.name for f in fields(cls)}
-        for word in SETTINGS:
-            if file is not None and word in file.values and SETTINGS[word] not in settable:
-                file.refuse(name, word)
         reading = next(iter(words["reading"]), "")
         is_known = "reading" in settable and reading in READINGS
         default = cls(reading=reading, **vars(READINGS[reading])) if is_known else cls()

@@ -77,7 +77,7 @@ def test_clicks_select_kill_and_drop(played):
     assert panel.view.selected == 5
     panel.update()
     assert "20 robots · cleaning, type1" in panel._status.content
-    assert "**Robot 5**" in panel.described and "| remembers |" in panel.described
+    assert "**Robot 5**" in panel._robot.content and "| remembers |" in panel._robot.content
     panel.click = LIFE
     panel.clicked(x, y, 1.6)
     panel.click = DROP
