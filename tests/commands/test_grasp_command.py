@@ -5,11 +5,9 @@ import re
 from pathlib import Path
 
 import pyarrow.parquet
-import pytest
 from helpers_cli import code_of
 from rerun.chunk import RrdReader
 
-from iswarm_mj.gripper.bench.trial import draw
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import CURVES, TABLE
 
@@ -19,12 +17,6 @@ COLUMNS = """
     voltage limit_voltage step_voltage melted flight_time landing_speed landed transport off_target quasi_static_voltage
     faulty
 """
-
-
-@pytest.fixture
-def tables_only(monkeypatch):
-    """No figures, which take longer than the trials."""
-    monkeypatch.setattr("iswarm_mj.output.plot_trials.draw_figures", lambda rows, settings, out: [])
 
 
 def from_path(directory):
@@ -51,16 +43,6 @@ def test_writes_table_figures_and_recordings(here, capfd):
     assert any("ball" in chunk.entity_path for chunk in chunks)
     said = capfd.readouterr().out
     assert re.search(r"grasp  10 % RH: \d+\.\d V \(", said) and "landed and stayed" in said
-
-
-@pytest.mark.usefixtures("tables_only")
-def test_same_seed_same_rows_among_any_trials_at_any_number_of_threads():
-    flags = ["--protocol.step-voltage=2", "--rh", 10, "--repeats", 2, "--record"]
-    assert code_of("grasp", *flags, "--seed", 4, "--radius", "15e-6:20e-6:2", "--threads", 3, "--out", "two") == 0
-    assert code_of("grasp", *flags, "--seed", 4, "--radius", "20e-6", "--threads", 1, "--out", "one") == 0
-    assert from_path("one") == [row for row in from_path("two") if row["radius"] == 20e-6]
-    works = {row["work_tool_object"] for row in from_path("one")}
-    assert len(works) == 2 and works.isdisjoint({draw(5, 20e-6, 10.0, repeat).work_tool_object for repeat in (0, 1)})
 
 
 def test_a_ball_that_cannot_be_lifted_replaces_results_of_an_earlier_run(here, capfd):
