@@ -106,14 +106,11 @@ class Swarm(ConfigOptions, RobotOptions):
         if self.density is not None and (self.robots is not None or total):
             other = "--robots" if self.robots is not None else "numbers of robots in --robot"
             raise UserError(f"{other} and --density exclude each other; give one of them.")
-        if self.robots is not None:
-            n_robots = self.robots
-        elif total:
-            n_robots = total
-        elif self.density is not None:
-            n_robots = robots_for(config.arena, self.density, "density")
-        else:
-            n_robots = robots_for(config.arena, genome.density_of_robots, "density_of_robots")
+        n_robots = self.robots or total
+        if not n_robots:
+            own = ("density_of_robots", genome.density_of_robots)
+            name, density = own if self.density is None else ("density", self.density)
+            n_robots = robots_for(config.arena, density, name)
         check_total(file, n_robots)
         check_robots(config.arena, n_robots, cell_of(read_robots(file)))
         return n_robots
