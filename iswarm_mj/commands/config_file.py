@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.commands.flags import SETTINGS, flag, names
+from iswarm_mj.commands.flags import SETTINGS, flag, names, switch
 from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.utils.errors import UserError, closest, shown
 from iswarm_mj.utils.files import flat, read_json, read_text
@@ -46,12 +46,6 @@ class ConfigFile:
         except (ValueError, RecursionError) as error:
             raise UserError(f"--config {path} is no TOML ({shown(error)}); {remedy}") from None
 
-    def refuse(self, command: str, word: str) -> None:
-        """Raise a UserError, since the command has no flag for the strategy or task that the file names."""
-        remedy = f"; `iswarm run --config {self.path}` has it" if command == "clean" else ""
-        named = f"--config {self.path} names the {word} {shown(self.values[word])}"
-        raise UserError(f"{named}, but iswarm {command} has none{remedy}")
-
     def arguments(self, command: str, known: Mapping[str, Any], given: Collection[str]) -> list[str]:
         """Return the values as arguments of a command, but those of flags that are given or excluded by them.
 
@@ -67,6 +61,10 @@ class ConfigFile:
             raise UserError(f"--config {self.path} is of iswarm grasp, which repeats it; iswarm {command} cannot")
         flags = {flag(name).removeprefix("--").replace("-", "_"): default for name, default in known.items()}
         unknown = [name for name in self.values if name not in flags]
+        if named := [word for word in SETTINGS if word in unknown]:
+            remedy = f"; `iswarm run --config {self.path}` has it" if command == "clean" else ""
+            fact = f"--config {self.path} names the {named[0]} {shown(self.values[named[0]])}"
+            raise UserError(f"{fact}, but iswarm {command} has none{remedy}")
         if unknown and not self.is_result:
             similar = closest(unknown[0], flags)
             hint = f"; perhaps you meant {similar}" if similar else ""
@@ -85,8 +83,7 @@ class ConfigFile:
     def _argument(self, name: str, value: Any, default: Any) -> list[str]:
         word = flag(name)
         if isinstance(value, bool) and isinstance(default, bool):
-            group, dot, own = word.removeprefix("--").rpartition(".")
-            return [word if value else f"--{group}{dot}no-{own}"]
+            return [switch(name, value)]
         if isinstance(value, list):
             parts = [part for one in value for part in (one if isinstance(one, list) else [one])]
             return [word, *(self._word(name, part) for part in parts)]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.config import READINGS, SwarmConfig
+from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import needs_of
 from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
 
@@ -18,7 +19,7 @@ _SAME |= {"n_robots": "robots", "n_worlds": "worlds", "robot_file": "robot"}
 """Settings in messages whose flags are called otherwise."""
 _NAME = re.compile(r"`([a-z_]+(?:\.[a-z_]+)?)`")
 """A setting that a message names."""
-_UNNAMED = ("override", "own", "own_task", "physics")
+_UNNAMED = ("own", "own_task", "physics")
 """Groups whose flags have no prefix."""
 _CONFIG = {f"{part.name}." for part in fields(SwarmConfig)}
 """Groups of the configuration."""
@@ -28,16 +29,27 @@ def settings(command: Any) -> Iterator[tuple[str, Any, Any, str]]:
     """Settings of a command, groups included: names as `robots` and `arena.size`, values, and whose fields they are."""
     for name in [f.name for f in fields(command)] if is_dataclass(command) else getattr(command, "_fields", ()):
         value = getattr(command, name)
-        if (is_dataclass(value) and not isinstance(value, type)) or hasattr(value, "_fields"):
+        if is_group(value):
             prefix = "" if name in _UNNAMED else f"{name}."
             yield from ((prefix + inner, of, owner, part) for inner, of, owner, part in settings(value))
         elif name not in _UNNAMED:
             yield name, value, command, name
 
 
+def is_group(value: Any) -> bool:
+    """Whether a setting is a group of settings: an object of a dataclass or a named tuple."""
+    return (is_dataclass(value) and not isinstance(value, type)) or hasattr(value, "_fields")
+
+
 def flag(name: str) -> str:
     """Return the flag of a setting."""
     return f"--{_SAME.get(name, name).replace('_', '-')}"
+
+
+def switch(name: str, is_on: bool) -> str:
+    """Return the flag that switches a setting on or off."""
+    group, dot, own = flag(name).removeprefix("--").rpartition(".")
+    return f"--{group}{dot}{'' if is_on else 'no-'}{own}"
 
 
 def names(arguments: Iterable[str]) -> list[str]:
@@ -60,11 +72,13 @@ def in_flags(error: UserError | SimulationFault, known: Collection[str]) -> str:
 
 
 def usual(command: Any) -> Any:
-    """Return a command with the defaults of its flags, those of its `reading` and of its engine included."""
+    """Return a command with the defaults of its flags, those of its `reading`, engine and `genome` included."""
     physics = getattr(command, "physics", None)
     given = {} if physics is None else {"physics": physics.usual()}
     if hasattr(command, "reading"):
         given |= {"reading": command.reading, **vars(READINGS[command.reading])}
+    if isinstance(getattr(command, "own", None), Genome) and not command.controller:
+        given["own"] = load_genome(command.genome)
     return type(command)(**given)
 
 

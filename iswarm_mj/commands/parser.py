@@ -18,7 +18,7 @@ from iswarm_mj.commands.rules import Rules, TeamFlags
 from iswarm_mj.config import READINGS
 from iswarm_mj.engines.registry import SETTINGS as OF_ENGINES
 from iswarm_mj.engines.registry import check_settings, find_engine
-from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError, closest
@@ -55,30 +55,25 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
         file = ConfigFile.read(Path(path[0]), named) if path else None
         if file is not None:
             words = {word: found or file.words(word) for word, found in words.items()}
-        first = {word: found[0] if found else None for word, found in words.items()}
         settable = {f.name for f in fields(cls)}
-        for word in SETTINGS:
-            if file is not None and word in file.values and SETTINGS[word] not in settable:
-                file.refuse(name, word)
-        reading = READINGS.get(str(first["reading"])) if "reading" in settable else None
-        default = cls() if reading is None else cls(reading=first["reading"], **vars(reading))
+        reading = next(iter(words["reading"]), "")
+        is_known = "reading" in settable and reading in READINGS
+        default = cls(reading=reading, **vars(READINGS[reading])) if is_known else cls()
         known = dict.fromkeys(settable)
-        engine = (default.engine if first["engine"] is None else first["engine"]) if "physics" in settable else None
-        own = {} if engine is None else {"physics": _engine(engine)}
-        own |= _own({word: found for word, found in words.items() if SETTINGS.get(word) in settable and found})
-        replaced = {"own": "override", "physics": "physics"}  # by a strategy, and by an engine
-        gone = [getattr(default, replaced[part], None) for part in own if part in replaced]
-        known = {name: value for name, value, owner, _ in settings(default) if all(owner is not one for one in gone)}
+        own = _own(words, default, settable)
+        known = {name: value for name, value, *_ in settings(default)}
         for found in own.values():
             known |= _flags_of(found, name, known)
         keys = () if file is None or file.is_result else file.values
-        if engine is not None and (others := {*named, *keys} & {*OF_ENGINES} - {*known}):
+        if "physics" in own and (others := {*named, *keys} & {*OF_ENGINES} - {*known}):
+            engine = next(iter(words["engine"]), default.engine)
             raise UserError(f"{flag(min(others))} has no effect with --engine {engine}; leave it out")
         if file is not None:
             arguments += file.arguments(name, known, named)  # after words, which flags of several values would take
         asked = {*given} & {*HELP, *HELP_ALL}
         everything = not asked or bool(asked & HELP_ALL)
-        shown = {part: one for part, one in own.items() if everything or part != "physics" or first["engine"]}
+        named_by = {"own": ("strategy", "genome"), "own_task": ("task",), "physics": ("engine",)}
+        shown = {part: one for part, one in own.items() if everything or any(words[word] for word in named_by[part])}
         rules = Rules(cls, shown, everything)
         arguments = ["--help"] if asked else arguments
         named = {"prog": f"iswarm {name}", "description": cls.__doc__}
@@ -125,39 +120,40 @@ def _sentence(text: str, command: str) -> str:
 def _words(arguments: Sequence[str]) -> dict[str, list[str]]:
     """Values of the flags that decide which others there are, and thus precede the parser."""
     parser = ArgumentParser(add_help=False, allow_abbrev=False)
-    for word in ("config", "reading", "engine", *SETTINGS):
+    for word in ("config", "reading", "engine", "genome", *SETTINGS):
         parser.add_argument(f"--{word}", nargs="*", default=[])
     return vars(parser.parse_known_args(list(arguments))[0])
 
 
-def _engine(name: str) -> EngineSettings:
-    """The settings of an engine for this machine, which are the defaults of its flags."""
-    found = find_engine(name)
-    with user_code(found.__name__):
-        settings = found.usual()
-    check_kind(f"{found.__name__}.usual()", settings, found)
-    check_settings(settings)
-    return settings
+def _own(words: dict[str, list[str]], default: Any, settable: set[str]) -> dict[str, Any]:
+    """What has flags of its own, by the fields of the command that hold it: classes, or objects with the defaults.
 
-
-def _own(named: dict[str, list[str]]) -> dict[str, Any]:
-    """The strategy and the task of these names, classes or objects, by the command's fields that hold them."""
-    found = {}
-    if "strategy" in named:
-        from iswarm_mj.strategy.genome import Genome
+    The settings of the engine are those for this machine.
+    """
+    found: dict[str, Any] = {}
+    if "physics" in settable:
+        engine = find_engine(next(iter(words["engine"]), default.engine))
+        with user_code(engine.__name__):
+            usual = engine.usual()
+        check_kind(f"{engine.__name__}.usual()", usual, engine)
+        check_settings(usual)
+        found["physics"] = usual
+    if "own" in settable and words["strategy"]:
         from iswarm_mj.strategy.library import find_strategy, find_teams
         from iswarm_mj.strategy.pytrees import check_methods
 
-        teams = TeamFlags(find_teams(named["strategy"]))
-        found["own"] = teams if teams.teams else find_strategy(named["strategy"][0])
+        teams = TeamFlags(find_teams(words["strategy"]))
+        found["own"] = teams if teams.teams else find_strategy(words["strategy"][0])
         for one in [*teams.strategies.values()] or [found["own"]]:
             if not isinstance(one, Genome):
                 check_methods(one)
-    if "task" in named:
+    elif {"own", "genome"} <= settable:
+        found["own"] = load_genome(next(iter(words["genome"]), default.genome))
+    if "own_task" in settable and words["task"]:
         from iswarm_mj.strategy.library import TASKS, find
         from iswarm_mj.tasks.signatures import check_methods
 
-        found["own_task"] = find(TASKS, named["task"][0])
+        found["own_task"] = find(TASKS, words["task"][0])
         check_methods(found["own_task"])
     return found
 

@@ -1,6 +1,5 @@
-"""How tyro makes flags of settings: with their ranges and units, the main ones alone where help is short."""
+"""How tyro makes flags of settings: with their ranges and units, and without groups where help is short."""
 
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
@@ -17,12 +16,11 @@ from tyro.constructors import (
     StructTypeInfo,
 )
 
+from iswarm_mj.commands.flags import is_group
 from iswarm_mj.engines.settings import Devices
 from iswarm_mj.utils.constraints import constraint_of, validate
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.jax_setup import devices
-
-_UNIT = re.compile(r"\s*\[[^\]]*\]\.?$")
 
 
 class Common(NamedTuple):
@@ -59,15 +57,14 @@ class Rules(ConstructorRegistry):
     """Rules for one command.
 
     Args:
-        command: class of its flags; `MAIN` names the main ones, of a few all are.
+        command: class of its flags.
         own: classes or objects, whose values are defaults, that take the places of its fields of these names.
-        everything: whether there are all flags, or the main ones.
+        everything: whether there are all flags, or only those that belong to no group.
     """
 
     def __init__(self, command: type, own: dict[str, Any], everything: bool = True):
         super().__init__()
-        self._main = () if everything else getattr(command, "MAIN", ())
-        self._command, self._own = command, own
+        self._command, self._own, self._everything = command, own, everything
         teams = [found for one in own.values() if isinstance(one, TeamFlags) for found in one.strategies.values()]
         self._found = [*own.values(), *teams]
         self.struct_rule(self._struct)
@@ -91,24 +88,16 @@ class Rules(ConstructorRegistry):
         return StructConstructorSpec(cls if own is None else _explained(cls), tuple(made))
 
     def _of_command(self, default: Any) -> StructConstructorSpec:
-        hidden = {"own", "own_task", "physics"}
-        if "own" in self._own:  # in place of the genome
-            hidden |= {"override"} | ({"genome"} if self._main else set())
-        made = {
-            name: _flag(self._command, name, kind, usual)
-            for name, kind, usual in _members(self._command, default)
-            if name not in hidden and (not self._main or name in self._main)
-        }
-        made = {name: made[name] for name in self._main or made if name in made}
-        for name, found in self._own.items():
-            made[name] = _own(name, found, tyro.conf.arg(name=""))
-        common = [_flag(Common, *member) for member in _members(Common, None)]
-        shown = common if self._main else common[:1]
+        members = [one for one in _members(self._command, default) if one[0] not in ("own", "own_task", "physics")]
+        shown = [member for member in members if self._everything or not is_group(member[-1])]
+        made = [_flag(self._command, *member) for member in shown]
+        made += [_own(name, found, tyro.conf.arg(name="")) for name, found in self._own.items()]
+        made += [_flag(Common, *member) for member in _members(Common, None)][: 1 + (len(shown) < len(members))]
 
         def command(**given: Any) -> Any:
             return self._command(**{name: value for name, value in given.items() if name not in Common._fields})
 
-        return StructConstructorSpec(command, (*made.values(), *shown))
+        return StructConstructorSpec(command, tuple(made))
 
 
 def _members(cls: Any, default: Any) -> Iterator[tuple[str, Any, Any]]:
@@ -129,12 +118,8 @@ def _own(name: str, found: Any, how: object) -> StructFieldSpec:
 
 
 def _flag(cls: Any, name: str, kind: Any, default: Any) -> StructFieldSpec:
-    """A flag with its text, range, unit and default; without the unit in brackets where the range has it."""
-    described = getattr(cls, "described_by", cls)
-    limits, text = constraint_of(described, name), field_docs(described).get(name)
-    if text is None and limits is not None and limits.source is not None:  # the setting that the flag sets
-        text = field_docs(limits.source[0])[limits.source[1]]
-    text = _UNIT.sub(".", text or "") if limits is not None and limits.unit else text or ""
+    """A flag with its text, range, unit and default."""
+    limits, text = constraint_of(cls, name), field_docs(cls).get(name, "")
 
     def hint(shown: str) -> str:
         has_default = shown not in ("None", "") and cls is not Common

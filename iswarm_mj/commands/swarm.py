@@ -1,9 +1,9 @@
 """Flags that the commands on a swarm share."""
 
 import re
-from dataclasses import dataclass, field, fields, make_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, cast
+from typing import Annotated, Any
 
 import tyro
 
@@ -11,17 +11,10 @@ from iswarm_mj.commands.flags import refuse, usual
 from iswarm_mj.commands.options import ConfigOptions
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import Genome, load_genome, overridden
+from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import Above, Needs, constraint_of, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.progress import waiting
-
-GenomeOverrides = make_dataclass(
-    "GenomeOverrides",
-    [(f.name, cast(Any, f.type) | None, None) for f in fields(Genome)],
-    namespace={"described_by": Genome, "__doc__": "Single parameters of the genome (Table 2 of the paper)."},
-    frozen=True,
-)
 
 
 @dataclass(frozen=True)
@@ -42,18 +35,34 @@ class RobotOptions:
 
 
 @dataclass(frozen=True)
+class TaskOptions:
+    """What the robots are to do."""
+
+    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
+    """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package
+    offers one (entry points iswarm_mj.tasks); its fields become flags, see --task ... --help."""
+    own_task: Any = None
+    """The task with the values of its flags, where `task_name` names one."""
+
+    @property
+    def task(self) -> Any:
+        """What the robots are to do."""
+        from iswarm_mj.tasks.cleaning import CLEANING
+
+        return CLEANING if self.own_task is None else self.own_task
+
+
+@dataclass(frozen=True)
 class Swarm(ConfigOptions, RobotOptions):
     """Settings that the commands on a swarm share."""
-
-    MAIN: ClassVar[tuple[str, ...]] = ("genome", "controller", "robots", "seed", "worlds", "engine")
-    """Flags that `--help` shows."""
 
     controller: Annotated[tuple[str, ...], tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = ()
     """What the robots do in place of the genome's strategy: a class in a file, or the name under which an installed
     package offers one (entry points iswarm_mj.strategies); its fields become flags, see --strategy ... --help. Several
     share the swarm as teams, with the share or number of the robots of each: a.py:A=0.7 type2=0.3."""
     genome: Annotated[str, Needs("controller", ((),), "with `strategy`")] = "type1"
-    """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters."""
+    """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters; each is a flag,
+    too, see --genome ... --help."""
     robots: Annotated[int | None, constraint_of(RunSettings, "n_robots")] = None
     """Number of robots; by default it follows from the density."""
     density: Annotated[float | None, Above(0, 1)] = None
@@ -62,9 +71,8 @@ class Swarm(ConfigOptions, RobotOptions):
     """Seed of all random numbers."""
     worlds: Annotated[int, constraint_of(RunSettings, "n_worlds")] = 1
     """Number of independent worlds, simulated together."""
-    override: Annotated[Any, tyro.conf.arg(name="")] = field(default_factory=GenomeOverrides)
     own: Any = None
-    """The strategy with the values of its flags, where `controller` names one; an object of `Genome`, or another."""
+    """The strategy with the values of its flags: what `controller` names, or else the genome, an object of `Genome`."""
 
     def __post_init__(self):
         validate(self)
@@ -77,8 +85,7 @@ class Swarm(ConfigOptions, RobotOptions):
         """
         if self.robots is not None or self.density is not None:
             refuse(self, ["density_of_robots"], "with `robots` or `density`")
-        is_genome = isinstance(self.own, Genome)
-        genome = self.own if is_genome else overridden(load_genome(self.genome), vars(self.override))
+        genome = self.own if isinstance(self.own, Genome) else load_genome(self.genome)
         return self.config, genome, self._n_robots(self.config, genome)
 
     @property
@@ -99,14 +106,11 @@ class Swarm(ConfigOptions, RobotOptions):
         if self.density is not None and (self.robots is not None or total):
             other = "--robots" if self.robots is not None else "numbers of robots in --robot"
             raise UserError(f"{other} and --density exclude each other; give one of them.")
-        if self.robots is not None:
-            n_robots = self.robots
-        elif total:
-            n_robots = total
-        elif self.density is not None:
-            n_robots = robots_for(config.arena, self.density, "density")
-        else:
-            n_robots = robots_for(config.arena, genome.density_of_robots, "density_of_robots")
+        n_robots = self.robots or total
+        if not n_robots:
+            own = ("density_of_robots", genome.density_of_robots)
+            name, density = own if self.density is None else ("density", self.density)
+            n_robots = robots_for(config.arena, density, name)
         check_total(file, n_robots)
         check_robots(config.arena, n_robots, cell_of(read_robots(file)))
         return n_robots
@@ -135,19 +139,8 @@ class Swarm(ConfigOptions, RobotOptions):
 
 
 @dataclass(frozen=True)
-class WithTask(Swarm):
-    """Settings of commands with any task."""
-
-    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
-    """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package
-    offers one (entry points iswarm_mj.tasks); its fields become flags, see --task ... --help."""
-    own_task: Any = None
-    """The task with the values of its flags, where `task_name` names one."""
-
-    @property
-    def task(self) -> Any:
-        """What the robots are to do."""
-        return super().task if self.own_task is None else self.own_task
+class WithTask(TaskOptions, Swarm):
+    """Settings of commands on a swarm with any task."""
 
     def checked(self) -> tuple[SwarmConfig, Genome, int]:
         """See `Swarm.checked`."""

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from iswarm_mj.commands.clean import Clean, Run
-from iswarm_mj.commands.flags import changed, flag, idle, in_flags, refuse, settings, without_effect
+from iswarm_mj.commands.flags import changed, flag, idle, in_flags, refuse, settings, switch, without_effect
 from iswarm_mj.commands.parser import parse
 from iswarm_mj.strategy.library import sources
 from iswarm_mj.utils.constraints import check, spaced, validate
@@ -78,7 +78,7 @@ class Sweep:
         unused: dict[str, UserError] = {}
         used: set[str] = set()
         for values, found in zip(product(*over.values()), product(*labels), strict=True):
-            own = [word for name, value in zip(over, values, strict=True) for word in (flag(name), value)]
+            own = [word for name, value in zip(over, values, strict=True) for word in _words(name, value)]
             command: Any = parse(self.command, _COMMANDS[self.command], [*self.given, *own])
             given = [(name, str(value), _content(value)) for name, value, *_ in settings(command) if name != "out"]
             try:
@@ -115,6 +115,11 @@ def _values(text: str) -> tuple[str, list[str]]:
         found = []
     check("over", text, _FORM, bool(name) and bool(found))
     return name.lstrip("-").replace("-", "_"), found
+
+
+def _words(name: str, value: str) -> list[str]:
+    """What gives a setting a value."""
+    return [switch(name, value == "True")] if value in ("True", "False") else [flag(name), value]
 
 
 def _content(value: Any) -> str:

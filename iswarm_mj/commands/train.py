@@ -2,23 +2,18 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import tyro
 
 from iswarm_mj.commands.options import ConfigOptions, EngineName
-from iswarm_mj.commands.swarm import RobotOptions
+from iswarm_mj.commands.swarm import RobotOptions, TaskOptions
 from iswarm_mj.experiments.runner.settings import TrainingPlan
 
 
 @dataclass(frozen=True)
-class Train(TrainingPlan, ConfigOptions, RobotOptions):
+class Train(TrainingPlan, TaskOptions, ConfigOptions, RobotOptions):
     """Train the weights of a policy; writes weights.npz, learning.csv, a figure, and a checkpoint."""
-
-    MAIN: ClassVar = (
-        *("controller", "robots", "steps", "generations", "population", "worlds"),
-        *("spread", "seed", "engine", "out", "again"),
-    )
 
     controller: Annotated[str, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = "neural"
     """What is trained: a strategy with weights; its fields become flags, see --strategy ... --help."""
@@ -27,23 +22,16 @@ class Train(TrainingPlan, ConfigOptions, RobotOptions):
     """Directory for the results. A training in it goes on."""
     again: bool = False
     """Repeat generations that --out already holds."""
-
-    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
-    """What the robots are to do, cleaning by default; see `run`."""
     own: Any = None
     """The strategy with the values of its flags, where one is named."""
-    own_task: Any = None
-    """The task with the values of its flags, where one is named."""
 
     def run(self) -> None:
         """Run the command."""
         from iswarm_mj.experiments.runner.training import Training, train
         from iswarm_mj.strategy.neural import Neural
-        from iswarm_mj.tasks.cleaning import CLEANING
 
         strategy = Neural() if self.own is None else self.own
-        task = CLEANING if self.own_task is None else self.own_task
         plan = {f.name: getattr(self, f.name) for f in fields(TrainingPlan)}
         training = Training(**plan, config=self.config)
         engine = self.engine_settings.for_batches()
-        train(training, strategy, self.out, engine, task=task, robot_file=self.robot_file, again=self.again)
+        train(training, strategy, self.out, engine, task=self.task, robot_file=self.robot_file, again=self.again)

@@ -86,11 +86,6 @@ class Panel:
         """The present view of the swarm."""
         return self._present()
 
-    @property
-    def described(self) -> str:
-        """What is shown of the selected robot."""
-        return self._robot.content
-
     def _toggled(self) -> None:
         self._session.is_playing = not self._session.is_playing
 

@@ -182,14 +182,14 @@ def _name(offer: Offer, cls: type) -> str:
 
 def command_line(command: str, values: Mapping[str, Any]) -> str:
     """Return a command with these settings as flags."""
-    words = [word for name, value in values.items() for word in _flag(name, value, "strategy" in values)]
+    words = [word for name, value in values.items() for word in _flag(name, value)]
     return shlex.join(["iswarm", command, *words])
 
 
-def _flag(name: str, value: Any, is_named: bool) -> list[str]:
-    """The words that give a flag a value; a parameter of a genome that no --strategy names takes True or False."""
+def _flag(name: str, value: Any) -> list[str]:
+    """The words that give a flag a value."""
     group, dot, own = name.replace("_", "-").rpartition(".")
-    if isinstance(value, bool) and (name not in _names(TYPE1) or is_named):
+    if isinstance(value, bool):
         return [f"--{group}{dot}{'' if value else 'no-'}{own}"]
     if isinstance(value, tuple):
         inner = [part for one in value for part in (one if isinstance(one, tuple) else (one,))]

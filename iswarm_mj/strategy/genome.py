@@ -1,6 +1,5 @@
 """The evolved parameters of a swarm, as the paper's Table 2 lists them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated
@@ -104,8 +103,3 @@ def load_genome(name: str) -> Genome:
         return replace(TYPE1, **values)
     except UserError as error:
         raise UserError(f"genome file {name}: {error}") from None
-
-
-def overridden(genome: Genome, values: Mapping[str, float | bool | None]) -> Genome:
-    """Return the genome with those of its values replaced that are not None here."""
-    return replace(genome, **{name: value for name, value in values.items() if value is not None})

@@ -3,7 +3,7 @@
 import functools
 import math
 import numbers
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import dataclass, is_dataclass
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from iswarm_mj.utils.errors import ConfigError
@@ -22,8 +22,6 @@ class Within:
     unit: str = ""
     reason: str = ""
     """Why there is no more, where that is not obvious."""
-    source: tuple[type, str] | None = None
-    """Class and field whose limits these are, where `constraint_of` returned them for another one."""
 
     def allows(self, value: Any) -> bool:
         """Return whether the value lies within; NaN, infinite values and whole numbers beyond all floats never do."""
@@ -168,8 +166,7 @@ def per_world(cls: type) -> list[str]:
 def constraint_of(cls: type, name: str) -> Within | None:
     """Limits of a field of a dataclass, or of the elements of a tuple; None for a field without limits."""
     _, extras = _declared(cls).get(name, (None, ()))
-    found = next((one for one in extras if isinstance(one, Within)), None)
-    return found if found is None or found.source is not None else replace(found, source=(cls, name))
+    return next((one for one in extras if isinstance(one, Within)), None)
 
 
 def needs_of(cls: type, name: str) -> list[Needs]:

@@ -39,7 +39,7 @@ def run_toml(here):
 def test_keys_are_flags():
     command = parse(["clean", "--config", "run.toml"])
     assert (command.steps, command.robots, command.record, command.record_worlds) == (8, 12, False, (0, 1))
-    assert command.override.use_hop_count is False
+    assert command.own.use_hop_count is False
     assert (command.arena.size, command.arena.dump_size, command.arena.n_dust) == (15.0, 3.0, 24)
     assert command.optics.line_of_sight is False and command.strategy == READINGS["initial"].strategy
 

@@ -4,13 +4,10 @@ import csv
 import re
 from pathlib import Path
 
-import numpy as np
 import pyarrow.parquet
-import pytest
 from helpers_cli import code_of
 from rerun.chunk import RrdReader
 
-from iswarm_mj.gripper.bench.trial import draw
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import CURVES, TABLE
 
@@ -20,12 +17,6 @@ COLUMNS = """
     voltage limit_voltage step_voltage melted flight_time landing_speed landed transport off_target quasi_static_voltage
     faulty
 """
-
-
-@pytest.fixture
-def tables_only(monkeypatch):
-    """No figures, which take longer than the trials."""
-    monkeypatch.setattr("iswarm_mj.output.plot_trials.draw_figures", lambda rows, settings, out: [])
 
 
 def from_path(directory):
@@ -52,16 +43,6 @@ def test_writes_table_figures_and_recordings(here, capfd):
     assert any("ball" in chunk.entity_path for chunk in chunks)
     said = capfd.readouterr().out
     assert re.search(r"grasp  10 % RH: \d+\.\d V \(", said) and "landed and stayed" in said
-
-
-@pytest.mark.usefixtures("tables_only")
-def test_same_seed_same_rows_among_any_trials_at_any_number_of_threads():
-    flags = ["--protocol.step-voltage=2", "--rh", 10, "--repeats", 2, "--record"]
-    assert code_of("grasp", *flags, "--seed", 4, "--radius", "15e-6:20e-6:2", "--threads", 3, "--out", "two") == 0
-    assert code_of("grasp", *flags, "--seed", 4, "--radius", "20e-6", "--threads", 1, "--out", "one") == 0
-    assert from_path("one") == [row for row in from_path("two") if row["radius"] == 20e-6]
-    works = {row["work_tool_object"] for row in from_path("one")}
-    assert len(works) == 2 and works.isdisjoint({draw(5, 20e-6, 10.0, repeat).work_tool_object for repeat in (0, 1)})
 
 
 def test_a_ball_that_cannot_be_lifted_replaces_results_of_an_earlier_run(here, capfd):
@@ -94,17 +75,3 @@ def test_force_curves(here):
     lengths, forces = ("radius", "tip", "gap"), ("adhesion", "electrostatic", "contact", "total")
     units = {"direction": "", "voltage": "V", **dict.fromkeys(lengths, "m"), **dict.fromkeys(forces, "N")}
     assert {field.name: field.metadata[b"unit"].decode() for field in schema} == units
-    rows, _ = read_table(here / "out" / CURVES)
-    for voltage in (0, 20):
-        approach, retract = (
-            np.array([row["total"] for row in rows if (row["voltage"], row["direction"]) == (voltage, direction)])
-            for direction in ("approach", "retract")
-        )
-        electrostatic = min(row["electrostatic"] for row in rows if row["voltage"] == voltage)
-        pull_off = -2 * np.pi * 20e-6 * 1.41e-3 + electrostatic
-        assert retract.min() == pytest.approx(pull_off, rel=0.02)
-        assert retract.min() < 0 < approach.max()
-    assert electrostatic < -1e-6
-    parts = np.array([[row[name] for name in ("adhesion", "electrostatic", "contact", "total")] for row in rows])
-    np.testing.assert_allclose(parts[:, :3].sum(axis=1), parts[:, 3], atol=1e-15)
-    assert (parts[:, :2] <= 0).all() and (parts[:, 2] >= 0).all()

@@ -87,12 +87,6 @@ def test_a_search_that_was_killed_has_a_table(tmp_path, ended):
     assert ("interrupted: 2 finished runs of a search" in text and "same command goes on" in text) != ended
 
 
-def test_faults_that_are_no_list(run, tmp_path):
-    content = json.loads((run / "result.json").read_text())
-    (tmp_path / "result.json").write_text(json.dumps({**content, "faults": 3}))
-    assert "result.json is damaged" in inspection(tmp_path)
-
-
 def test_what_is_read_controls_no_terminal(run, tmp_path, capfd):
     content = json.loads((run / "result.json").read_text())
     (tmp_path / "result.json").write_text(json.dumps({**content, "version": "\x1b[2J", "faults": ["\x1b[2J"]}))

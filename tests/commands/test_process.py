@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from helpers_cli import ARENA_FLAGS, SMALL, code_of, result
+from helpers_cli import ARENA_FLAGS, SMALL, code_of
 
 from iswarm_mj import __version__ as version
 from iswarm_mj.commands.main import parse
@@ -105,22 +105,9 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
         assert parse(["bench", "--engine", "mjx"]).engine_settings.impl == ("warp" if has_gpu else "jax")
 
 
-def test_clean_writes_results_and_prints_a_summary(capfd):
-    assert code_of("clean", *SMALL, "--stop-at", 2, "--seed", 1) == 0
-    out, content = capfd.readouterr().out, result()
-    assert 2 <= content["delivered"] < 24 and content["steps"] == content["finished_at"] < 800
-    for line in (
-        "robots  30 in 1 world(s), seed 1",
-        f"delivered  {content['delivered']} of 24 balls; picked up {content['picked']}",
-        f"collisions  {content['collisions']}",
-        f"fitness  {content['fitness']:.1f}",
-    ):
-        assert line in out
-
-
 def test_the_genome_is_a_file_with_single_parameters_and_tells_the_density(here):
     (here / "mine.json").write_text('{"p_vector_forget": 0.5, "fraction_scouts": 0.2}')
-    parameters = ["--genome=mine.json", "--fraction-scouts=0.4", "--use-hop-count=False"]
+    parameters = ["--genome=mine.json", "--fraction-scouts=0.4", "--no-use-hop-count"]
     genome = parse(["clean", *parameters]).checked()[1]
     assert genome == Genome(p_vector_forget=0.5, fraction_scouts=0.4, use_hop_count=False)
     for flags, n_robots in (([], 25), (["--genome", "type2"], 29), (["--density", "0.05"], 11)):

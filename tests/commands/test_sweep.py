@@ -72,6 +72,11 @@ def test_a_setting_needs_an_effect_in_one_run_only(here, counted):
     assert code_of(*command[:-2], "--over", "optics.photodiode-splay=30,20") == 2  # the first is the default
 
 
+def test_switches_vary_too(here, counted):
+    assert code_of("sweep", "clean", *FLAGS, "--robots=5", "--over", "use_hop_count=True,False") == 0
+    assert [row["use_hop_count"] for row in table()] == [True, True, False, False]
+
+
 def test_metrics_of_a_task_are_columns(here):
     command = ["sweep", "run", "--task=aggregation", "--engine=planar", "--threads=1", "--steps=5", "--robots=12"]
     assert code_of(*command, "--over", "strategy=beeclust", "seed=0,1", "--out=found") == 0

@@ -8,7 +8,6 @@ import jax
 import numpy as np
 import pytest
 from helpers_attacks import ODD_VALUES, attack, pick
-from helpers_worlds import start_of
 from hypothesis import event
 
 from iswarm_mj import (
@@ -24,7 +23,6 @@ from iswarm_mj import (
     rollout,
 )
 from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig
-from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import UserError
 
@@ -58,30 +56,9 @@ def odd_settings(rng, cls):
     return replace(usual, **{pick(rng, names): odd(rng) for _ in range(rng.integers(1, 3))})
 
 
-def odd_start(rng, config):
-    """How a world begins, with something in it that cannot be."""
-    start = start_of(config, N, 0, 0)
-    part = [*start.task._fields, "poses", "is_alive"][rng.integers(len(start.task) + 2)]
-    values = np.array(getattr(start, part) if part in start._fields else getattr(start.task, part))
-    match rng.integers(5):
-        case 0:
-            values = values[:-1]
-        case 1:
-            values = values[None]
-        case 2:
-            values = values.astype(float)
-            values.reshape(-1)[rng.integers(values.size)] = [np.nan, np.inf, -1e9, 1e9][rng.integers(4)]
-        case 3:
-            values = odd(rng)
-        case 4:
-            values = values.astype(str)
-    changed = {part: values}
-    return start._replace(**changed) if part in start._fields else start._replace(task=start.task._replace(**changed))
-
-
 def misuse(rng, small):
     """What is tried, and a call that does it."""
-    name, value, kind = "", odd(rng), rng.integers(7)
+    name, value, kind = "", odd(rng), rng.integers(6)
     run = {"config": small, "genome": PRESETS["type1"], "settings": RunSettings(N, 2), "engine": MujocoSettings(1)}
     rolled = {"config": small, "strategy": PRESETS["type1"], "keys": jax.random.split(jax.random.key(0), 2)}
     rolled |= {"n_robots": N, "steps": 2, "engine": MujocoSettings(1)}
@@ -96,8 +73,6 @@ def misuse(rng, small):
         call, given, more = calls[kind]
         name = pick(rng, [*given, *more])
         return f"{call.__name__}({name}={value!r:.60})", lambda: call(**{**given, name: value})
-    if kind == 6:
-        return "a start", lambda: Run(**run, worlds=[World(PRESETS["type1"], N, start=odd_start(rng, small))])
     cls = pick(rng, CLASSES)
     return cls.__name__, lambda: odd_settings(rng, cls)
 

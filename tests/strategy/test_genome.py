@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from iswarm_mj.strategy.genome import PRESETS, Genome, load_genome, overridden
+from iswarm_mj.strategy.genome import PRESETS, Genome, load_genome
 from iswarm_mj.utils.errors import UserError
 
 TABLE_2 = {
@@ -81,13 +81,6 @@ def test_bytes_that_are_no_text(tmp_path):
 def test_unknown_names(name):
     with pytest.raises(UserError, match=r"a preset \(type1, type2, evolved\) or the path of a JSON file"):
         load_genome(name)
-
-
-def test_overrides():
-    values = {"fraction_scouts": 0.5, "use_hop_count": False, "weight_find_dust": None}
-    assert overridden(PRESETS["type2"], values) == replace(PRESETS["type2"], fraction_scouts=0.5, use_hop_count=False)
-    with pytest.raises(UserError, match=r"fraction_scouts must be .*\(got nan\)"):
-        overridden(Genome(), {"fraction_scouts": float("nan")})
 
 
 def test_the_evolved_preset_is_what_the_search_found():
