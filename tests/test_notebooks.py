@@ -1,4 +1,4 @@
-"""The notebooks run, from top to bottom, and what they import is there."""
+"""The notebooks run, from top to bottom, and come to what they show."""
 
 import ast
 import importlib
@@ -6,7 +6,10 @@ import importlib.util
 import json
 from pathlib import Path
 
+import pyarrow.compute as pc
 import pytest
+
+import iswarm_mj
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 
@@ -55,6 +58,7 @@ def recordings(names):
     known = saved.robots.filter((pc.field("world") == 0) & pc.field("dust_hop").is_valid())
     assert sum(map(len, names["news"])) == known.num_rows > 0 and robots.num_rows == 301
     assert [row["delivered"] for row in names["runs"].to_pylist()] == saved.result["delivered"]
+    assert names["lane"].num_rows > 1
 
 
 SHOWN = {
@@ -86,6 +90,7 @@ def test_notebook_runs(path, tmp_path, monkeypatch):
     for cell in read(path):
         if cell["cell_type"] == "code":
             exec(compile("".join(cell["source"]), f"{path.name}:{cell['id']}", "exec"), names)
+    SHOWN[path.stem](names)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

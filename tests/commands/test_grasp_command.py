@@ -4,6 +4,7 @@ import csv
 import re
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet
 from helpers_cli import code_of
 from rerun.chunk import RrdReader
@@ -75,3 +76,17 @@ def test_force_curves(here):
     lengths, forces = ("radius", "tip", "gap"), ("adhesion", "electrostatic", "contact", "total")
     units = {"direction": "", "voltage": "V", **dict.fromkeys(lengths, "m"), **dict.fromkeys(forces, "N")}
     assert {field.name: field.metadata[b"unit"].decode() for field in schema} == units
+    rows, _ = read_table(here / "out" / CURVES)
+    for voltage in (0, 20):
+        approach, retract = (
+            np.array([row["total"] for row in rows if (row["voltage"], row["direction"]) == (voltage, direction)])
+            for direction in ("approach", "retract")
+        )
+        electrostatic = min(row["electrostatic"] for row in rows if row["voltage"] == voltage)
+        pull_off = -2 * np.pi * 20e-6 * 1.41e-3 + electrostatic
+        assert retract.min() == pytest.approx(pull_off, rel=0.02)
+        assert retract.min() < 0 < approach.max()
+    assert electrostatic < -1e-6
+    parts = np.array([[row[name] for name in ("adhesion", "electrostatic", "contact", "total")] for row in rows])
+    np.testing.assert_allclose(parts[:, :3].sum(axis=1), parts[:, 3], atol=1e-15)
+    assert (parts[:, :2] <= 0).all() and (parts[:, 2] >= 0).all()

@@ -52,14 +52,14 @@ COMMANDS = {
 """Arguments of commands that write: all, those of a short one, those of a long one."""
 
 
-def begun(name, out, run="", is_long=True, before=""):
+def begun(name, out, run="", is_long=True, before="", **environment):
     """A command in a session of its own, after some Python code; signals that this process ignores are heeded."""
     common, *own = COMMANDS[name]
     words = f"{common} {own[is_long]}".format(out=out, run=run).split()
     heed = "import signal\nfor number in (1, 2, 15):\n    signal.signal(number, signal.SIG_DFL)\n"
     heed += "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     code = f"{heed}{before}\nimport sys\nfrom iswarm_mj.__main__ import main\nmain()"
-    environment = os.environ | {"PYTHONUNBUFFERED": "1"}
+    environment = os.environ | {"PYTHONUNBUFFERED": "1"} | environment
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen([sys.executable, "-c", code, *words], **pipes, env=environment, start_new_session=True)
 
@@ -227,19 +227,38 @@ def test_signals_at_any_moment(earlier, tmp_path, seed):
         check_unmixed(out, old)
 
 
+@pytest.fixture(scope="module")
+def filler(tmp_path_factory):
+    """A library that refuses writes from a given number on."""
+    library, source = tmp_path_factory.mktemp("filler") / "fill_disk.so", Path(__file__).with_name("fill_disk.c")
+    subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True)
+    return library
+
+
+def filled(filler, name, out, run, after):
+    """Exit code and error of a command on a disk that is full after so many changes, and how many it tried."""
+    count = filler.with_name("count")
+    count.write_bytes(bytes(8))
+    settings = {"FULL_BELOW": out, "FULL_AFTER": after, "FULL_COUNT": count, "LD_PRELOAD": filler}
+    with begun(name, out, run, False, **{key: str(value) for key, value in settings.items()}) as process:
+        error = process.communicate(timeout=600)[1]
+    return process.returncode, error, int(np.frombuffer(count.read_bytes(), np.int64)[0])
+
+
 @pytest.mark.slow
+@pytest.mark.skipif(shutil.which("cc") is None, reason="no C compiler")
 @attack(3)
-def test_a_disk_that_is_full_at_any_byte(earlier, tmp_path, seed):
+def test_a_disk_that_is_full_at_any_write(filler, earlier, tmp_path, seed):
     """The command ends with a sentence; what was there before, or is new, is whole."""
     rng, out = np.random.default_rng(seed), tmp_path / "out"
     (run, copied), name = earlier, pick(rng, list(COMMANDS))
-    old, most = copied(out, name), int(10 ** rng.uniform(0, 6))
-    full = f"import resource\nresource.setrlimit(resource.RLIMIT_FSIZE, ({most}, {most}))"
-    with begun(name, out, run, False, full) as process:
-        error = process.communicate(timeout=600)[1]
-    code = process.returncode
+    old = copied(out, name)
+    code, error, number = filled(filler, name, out, run, 10**9)
+    assert code == 0 and number > 1, error
+    copied(out, name)
+    code, error, _ = filled(filler, name, out, run, int(rng.integers(number)))
     event(f"{name}: {code}")
-    assert code == 0 or (code == 2 and re.search(r"^iswarm: [^\n]*(written|make room)[^\n]*\n", error, re.M)), error
+    assert code == 0 or (code == 2 and re.search(r"^iswarm: [^\n]*No space left[^\n]*\n", error, re.M)), (code, error)
     assert "Traceback" not in error
     check_whole(out)
     if name == "clean":

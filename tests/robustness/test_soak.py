@@ -6,7 +6,6 @@
 import numpy as np
 import pytest
 from helpers_files import memory_mb
-from helpers_runs import check_balls, first_step
 from helpers_worlds import start_of
 
 from iswarm_mj.config import SwarmConfig
@@ -51,9 +50,11 @@ def check(run, before, record):
     config, robot = run.config, run.robot
     balls, last = (r.swarm.task for r in (record, before))
     held, delivered, holder = (np.asarray(a)[0, 0] for a in (balls.is_held, balls.is_delivered, balls.holder))
-    was_held = np.asarray(last.is_held)[0, 0]
-    check_balls(run, first_step(record))
+    position, was_held = np.asarray(balls.position)[0, 0], np.asarray(last.is_held)[0, 0]
+    assert not (held & delivered).any() and held.sum() + delivered.sum() + (~held & ~delivered).sum() == len(held)
+    assert len(np.unique(holder[held])) == held.sum()
     assert (delivered | ~np.asarray(last.is_delivered)[0, 0]).all() and not held[0] and not delivered[0]
+    assert np.abs(position[delivered]).max(initial=0) <= mm_from_rd(config.arena.dump_size) / 2 + 1e-4
     poses = before.poses[0, 0]
     tips = np.asarray(probe_tips(poses.astype(np.float32), np.asarray(robot.probe_tip, np.float32)))
     reach = np.linalg.norm(tips[holder] - np.asarray(last.position)[0, 0], axis=1)[held & ~was_held]
