@@ -6,7 +6,7 @@ import platform
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from iswarm_mj.utils.errors import UserError
 @dataclass(frozen=True)
 class Bench(Swarm):
     """Time the control step and its parts on this machine; prints one JSON line."""
+
+    MAIN: ClassVar = ("robots", "worlds", "engine", "steps", "warm_up")
 
     steps: Annotated[int, Within(1, 100_000)] = 200
     """Number of timed control steps."""

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.swarm import Swarm, WithTask
 from iswarm_mj.config import SwarmConfig
@@ -18,6 +18,8 @@ _DYNAMIC = Needs("has_trials", why="without `gripper.resolution` dynamic")
 @dataclass(frozen=True)
 class Clean(Swarm):
     """Run the cleaning swarm and write result.json, trajectory.npz and clean.rrd (open it with `rerun`)."""
+
+    MAIN: ClassVar = ("steps", "robots", "genome", "controller", "seed", "worlds", "engine", "record", "out")
 
     steps: Annotated[int, constraint_of(RunSettings, "steps")] = 800
     """Control steps at most."""
@@ -72,6 +74,8 @@ class Clean(Swarm):
 @dataclass(frozen=True)
 class Run(WithTask, Clean):
     """Run a swarm with any task and write result.json, trajectory.npz and run.rrd (open it with `rerun`)."""
+
+    MAIN: ClassVar = ("task_name", "controller", "steps", "robots", "seed", "worlds", "engine", "record", "out")
 
     stop_at: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
     """Finish with this progress of the task; by default when nothing is left to do."""

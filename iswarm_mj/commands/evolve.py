@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import ClassVar
 
 from iswarm_mj.commands.flags import refuse
 from iswarm_mj.commands.options import ManyRunsOptions
@@ -12,6 +13,11 @@ from iswarm_mj.experiments.runner.settings import Search, SearchPlan
 @dataclass(frozen=True)
 class Evolve(SearchPlan, ManyRunsOptions):
     """Search for fit genomes; writes evolution.parquet, best.json, a figure, and a checkpoint."""
+
+    MAIN: ClassVar = (
+        *("method", "generations", "population", "steps", "replicates"),
+        *("seed", "engine", "workers", "out", "again"),
+    )
 
     out: Path = Path("runs/evolve")
     """Directory for the results. A search in it goes on."""

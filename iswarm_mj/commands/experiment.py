@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import tyro
 
@@ -18,6 +18,8 @@ from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 @dataclass(frozen=True)
 class Experiment(ManyRunsOptions):
     """Run an experiment of the paper or beyond it: table, statistics, figures. Finished runs are kept for next time."""
+
+    MAIN: ClassVar = ("name", "list", "quick", "genome", "reading", "seed", "engine", "workers", "again", "out")
 
     name: tyro.conf.Positional[str] = ""
     """Name of the experiment; --list shows all."""

@@ -29,16 +29,11 @@ def settings(command: Any) -> Iterator[tuple[str, Any, Any, str]]:
     """Settings of a command, groups included: names as `robots` and `arena.size`, values, and whose fields they are."""
     for name in [f.name for f in fields(command)] if is_dataclass(command) else getattr(command, "_fields", ()):
         value = getattr(command, name)
-        if is_group(value):
+        if (is_dataclass(value) and not isinstance(value, type)) or hasattr(value, "_fields"):
             prefix = "" if name in _UNNAMED else f"{name}."
             yield from ((prefix + inner, of, owner, part) for inner, of, owner, part in settings(value))
         elif name not in _UNNAMED:
             yield name, value, command, name
-
-
-def is_group(value: Any) -> bool:
-    """Whether a setting is a group of settings: an object of a dataclass or a named tuple."""
-    return (is_dataclass(value) and not isinstance(value, type)) or hasattr(value, "_fields")
 
 
 def flag(name: str) -> str:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.gripper.bench.trial import Contacts
@@ -21,6 +21,8 @@ OF_CURVES = {*_BALL, "force_curve", "voltages", "out", *(f"{part}.{name}" for pa
 @dataclass(frozen=True)
 class Grasp(GraspSettings):
     """Grasp and release single balls on the bench; writes trials.parquet, trials.csv, figures and recordings."""
+
+    MAIN: ClassVar = ("radius", "rh", "repeats", "seed", "record", "force_curve", "voltages", "out")
 
     record: Annotated[tuple[int, ...], Within(0)] = (0,)
     """Indices of the trials to record, ordered by radius, then humidity, then repeat; none if empty."""

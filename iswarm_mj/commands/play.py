@@ -4,7 +4,7 @@ import shlex
 import webbrowser
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from iswarm_mj.commands.flags import refuse
 from iswarm_mj.commands.swarm import WithTask
@@ -15,6 +15,8 @@ from iswarm_mj.utils.progress import waiting
 @dataclass(frozen=True)
 class Play(WithTask):
     """Show a swarm in the browser while it runs, and change its rules, noise, robots and balls."""
+
+    MAIN: ClassVar = ("task_name", "controller", "robots", "genome", "seed", "engine", "port", "changes", "out")
 
     worlds: Annotated[int, Within(1, 1)] = 1
     """The page shows one world."""

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.commands.options import ManyRunsOptions
@@ -32,6 +32,18 @@ class Report:
 @dataclass(frozen=True)
 class Reproduce(ManyRunsOptions):
     """Make all results, the findings on them, the report, and the tables of README and docs. What is there is kept."""
+
+    MAIN: ClassVar = (
+        "only",
+        "list",
+        "tables",
+        "quick",
+        "again",
+        "reading",
+        "engine",
+        "results",
+        "out",
+    )
 
     only: tuple[str, ...] = ()
     """Parts to make, such as density or evolve-paper; --list names them. All by default."""

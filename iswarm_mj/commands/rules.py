@@ -1,4 +1,4 @@
-"""How tyro makes flags of settings: with their ranges and units, and without groups where help is short."""
+"""How tyro makes flags of settings: with their ranges and units, the main ones alone where help is short."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import MISSING, fields, is_dataclass
@@ -16,8 +16,8 @@ from tyro.constructors import (
     StructTypeInfo,
 )
 
-from iswarm_mj.commands.flags import is_group
 from iswarm_mj.engines.settings import Devices
+from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import constraint_of, validate
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.jax_setup import devices
@@ -57,14 +57,15 @@ class Rules(ConstructorRegistry):
     """Rules for one command.
 
     Args:
-        command: class of its flags.
+        command: class of its flags; `MAIN` names the main ones, of a few all are.
         own: classes or objects, whose values are defaults, that take the places of its fields of these names.
-        everything: whether there are all flags, or only those that belong to no group.
+        everything: whether there are all flags, or the main ones.
     """
 
     def __init__(self, command: type, own: dict[str, Any], everything: bool = True):
         super().__init__()
-        self._command, self._own, self._everything = command, own, everything
+        self._main = () if everything else getattr(command, "MAIN", ())
+        self._command, self._own = command, own
         teams = [found for one in own.values() if isinstance(one, TeamFlags) for found in one.strategies.values()]
         self._found = [*own.values(), *teams]
         self.struct_rule(self._struct)
@@ -88,16 +89,25 @@ class Rules(ConstructorRegistry):
         return StructConstructorSpec(cls if own is None else _explained(cls), tuple(made))
 
     def _of_command(self, default: Any) -> StructConstructorSpec:
-        members = [one for one in _members(self._command, default) if one[0] not in ("own", "own_task", "physics")]
-        shown = [member for member in members if self._everything or not is_group(member[-1])]
-        made = [_flag(self._command, *member) for member in shown]
-        made += [_own(name, found, tyro.conf.arg(name="")) for name, found in self._own.items()]
-        made += [_flag(Common, *member) for member in _members(Common, None)][: 1 + (len(shown) < len(members))]
+        own = {name: found for name, found in self._own.items() if not (self._main and isinstance(found, Genome))}
+        hidden = {"own", "own_task", "physics"}
+        if self._main and "own" in own:  # in place of the genome
+            hidden.add("genome")
+        made = {
+            name: _flag(self._command, name, kind, usual)
+            for name, kind, usual in _members(self._command, default)
+            if name not in hidden and (not self._main or name in self._main)
+        }
+        made = {name: made[name] for name in self._main or made if name in made}
+        for name, found in own.items():
+            made[name] = _own(name, found, tyro.conf.arg(name=""))
+        common = [_flag(Common, *member) for member in _members(Common, None)]
+        shown = common if self._main else common[:1]
 
         def command(**given: Any) -> Any:
             return self._command(**{name: value for name, value in given.items() if name not in Common._fields})
 
-        return StructConstructorSpec(command, tuple(made))
+        return StructConstructorSpec(command, (*made.values(), *shown))
 
 
 def _members(cls: Any, default: Any) -> Iterator[tuple[str, Any, Any]]:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import tyro
 
@@ -14,6 +14,11 @@ from iswarm_mj.experiments.runner.settings import TrainingPlan
 @dataclass(frozen=True)
 class Train(TrainingPlan, TaskOptions, ConfigOptions, RobotOptions):
     """Train the weights of a policy; writes weights.npz, learning.csv, a figure, and a checkpoint."""
+
+    MAIN: ClassVar = (
+        *("controller", "robots", "steps", "generations", "population", "worlds"),
+        *("spread", "seed", "engine", "out", "again"),
+    )
 
     controller: Annotated[str, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = "neural"
     """What is trained: a strategy with weights; its fields become flags, see --strategy ... --help."""
