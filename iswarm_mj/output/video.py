@@ -54,7 +54,12 @@ def write_video(directory: Path, out: Path, film: Film) -> None:
     last = len(frames["step"]) - 1 if film.steps is None else min(film.steps, len(frames["step"]) - 1)
     make_output_directory(out.parent, given=out)
     bar = Progress(last * film.frames_per_step + 1, "frame", out.stem)
-    with atomic_write(out) as part, Stage(run.config, frames, film.shot, run.robot_file) as stage, bar:
+    with (
+        run.explained(),
+        atomic_write(out) as part,
+        Stage(run.config, frames, film.shot, run.robot_file) as stage,
+        bar,
+    ):
         encode(_pictures(stage, frames, film, last, bar), part, film.shot.size)
 
 
