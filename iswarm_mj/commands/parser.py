@@ -106,6 +106,7 @@ def explained(cli: Callable[..., Any], *arguments: Any, **settings: Any) -> Any:
 def _sentence(text: str, command: str) -> str:
     """What tyro says of a mistake in a box: its first paragraph, of several possible types the last one's error."""
     lines = [line.strip("│╭╮╰╯─ ") for line in text.splitlines()][1:]
+    lines = [line if line.strip("-") else "" for line in lines]  # its rules where the output is not UTF-8
     first, *more = [" ".join(part) for is_text, part in groupby(lines, bool) if is_text]
     fact = first.removeprefix("Error parsing ").rstrip(".")
     if more and more[0].startswith("Got errors:"):

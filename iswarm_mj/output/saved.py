@@ -2,7 +2,8 @@
 
 import os
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property
 from pathlib import Path
@@ -34,6 +35,8 @@ _KNOWN: dict[str, Any] = {name: f.type for name, f in ARRAYS.items()} | {
 """Arrays of each trajectory, and their types."""
 _NAMED = {"memory_names": "", "area_names": AREA, "metric_names": METRIC}
 """Fields of `Scene` that name further arrays, and their prefixes."""
+_MISFITS = (ValueError, TypeError, LookupError, ArithmeticError, AssertionError, RecursionError, pa.ArrowException)
+"""What arrays that do not fit each other raise where they become tables or pictures."""
 
 
 @dataclass(frozen=True)
@@ -111,12 +114,18 @@ class SavedRun:
 
     def _table(self, name: str) -> pa.Table:
         self._check_recorded()
-        try:
+        with self.explained():
             tables = [table_of(name, self._arrays[n], scene) for n, scene in self.scenes.items()]
             return pa.concat_tables(tables, promote_options="default")  # null where a world lacks a column
-        except (ValueError, TypeError, LookupError, RecursionError, pa.ArrowException) as error:
+
+    @contextmanager
+    def explained(self) -> Iterator[None]:
+        """Raise a UserError for what recorded arrays cause that do not fit each other."""
+        try:
+            yield
+        except _MISFITS as error:
             cause = str(error).partition("\n")[0]
-            raise UserError(f"{self.path}: the recorded arrays do not fit each other ({cause}); {REMEDY}.") from None
+            raise UserError(f"{self.path}: the recorded arrays do not fit each other ({cause}); {REMEDY}.") from error
 
     def _check_recorded(self) -> None:
         if not self._arrays:

@@ -234,7 +234,7 @@ def render(directory: Path, step: int | None, shot: Shot, out: Path) -> int:
     step = min(STEP, last) if step is None else step
     check("step", step, f"a step of the run, 0 to {last}", 0 <= step <= last)
     make_output_directory(out.parent, given=out)
-    with Stage(run.config, frames, shot, run.robot_file) as stage:
+    with run.explained(), Stage(run.config, frames, shot, run.robot_file) as stage:
         pixels = stage.show(frames, step)
     with atomic_write(out) as part:
         Image.fromarray(pixels).save(part)

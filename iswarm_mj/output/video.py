@@ -44,7 +44,7 @@ def write_video(
     last = len(frames["step"]) - 1 if steps is None else min(steps, len(frames["step"]) - 1)
     make_output_directory(out.parent, given=out)
     bar = Progress(last * frames_per_step + 1, "frame", out.stem)
-    with atomic_write(out) as part, Stage(run.config, frames, shot, run.robot_file) as stage, bar:
+    with run.explained(), atomic_write(out) as part, Stage(run.config, frames, shot, run.robot_file) as stage, bar:
         encode(_pictures(stage, frames, title, frames_per_step, last, bar), part, shot.size)
 
 

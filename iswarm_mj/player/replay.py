@@ -95,10 +95,11 @@ def write_replay(run: SavedRun, film: Film, out: Path) -> int:
     """Write the replay of a run, whole or not at all; return its last step.
 
     Raises:
-        UserError: the run has no such steps, or the file cannot be written.
+        UserError: the run has no such steps, its arrays do not fit each other, or the file cannot be written.
     """
-    draw, legend, last = swarm_film(run, film)
-    text = page(draw, legend, film.title or f"{len(run.scene.is_alive)} robots, {run.path.name}", film.dark)
+    with run.explained():
+        draw, legend, last = swarm_film(run, film)
+        text = page(draw, legend, film.title or f"{len(run.scene.is_alive)} robots, {run.path.name}", film.dark)
     with atomic_write(out) as part:
         part.write_text(text, encoding="utf-8")
     return last

@@ -87,6 +87,14 @@ def test_a_search_that_was_killed_has_a_table(tmp_path, ended):
     assert ("interrupted: 2 finished runs of a search" in text and "same command goes on" in text) != ended
 
 
+@pytest.mark.parametrize("ended", [False, True])
+def test_a_training_ends_with_its_figure(tmp_path, ended):
+    for name in ("learning.csv", "learning.png")[: 1 + ended]:
+        (tmp_path / name).touch()
+    journal_of_two(tmp_path / "checkpoint.sqlite")
+    assert ("interrupted" in inspection(tmp_path)) != ended
+
+
 def test_what_is_read_controls_no_terminal(run, tmp_path, capfd):
     content = json.loads((run / "result.json").read_text())
     (tmp_path / "result.json").write_text(json.dumps({**content, "version": "\x1b[2J", "faults": ["\x1b[2J"]}))

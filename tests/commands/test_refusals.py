@@ -1,6 +1,8 @@
 """What the command line refuses: exit code 2, one sentence that names the flag and the remedy, nothing written."""
 
 import importlib.util
+import io
+import sys
 from pathlib import Path
 
 import pytest
@@ -143,6 +145,12 @@ def test_what_is_echoed_is_short_and_controls_no_terminal(line, word, capfd):
     error = capfd.readouterr().err
     assert "\x1b" not in error and len(error) < 3000
     assert "--config" not in line or error.endswith("or a result.json.\n")
+
+
+def test_one_sentence_where_the_output_is_not_utf_8(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(io.BytesIO(), "latin-1"))
+    with pytest.raises(UserError, match=r"^--steps: [^-]*; `iswarm clean --help-all` explains the flags$"):
+        parse(["clean", "--steps", "x"])
 
 
 @pytest.mark.parametrize(

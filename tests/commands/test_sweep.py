@@ -1,6 +1,9 @@
 """`iswarm sweep`: rows are those of single runs; finished runs are kept; what varies is checked first."""
 
+import json
 import re
+import sqlite3
+from contextlib import closing
 
 import pyarrow.csv
 import pytest
@@ -62,6 +65,18 @@ def test_finished_runs_are_kept_unless_a_file_or_what_it_imports_has_changed(her
     assert code_of(*command, "speed=0.5,1") == 0 and len(counted) == 5
     (here / "walk.py").write_text(WALK)
     assert code_of(*command, "speed=0.5,1") == 0 and len(counted) == 7
+
+
+@pytest.mark.parametrize("entry", [[], [{"max_steps": {}}], [{"max_steps": 30, "count": [[]]}], [{"count": 1}]])
+def test_a_journal_of_other_entries_is_refused(here, counted, capfd, entry):
+    command = ["sweep", "clean", *FLAGS, "--robots=5", "--over", "seed=1"]
+    assert code_of(*command) == 0
+    with closing(sqlite3.connect("runs/sweep/runs.sqlite")) as file, file:
+        file.execute("UPDATE runs SET entry = ? WHERE key != '[]'", (json.dumps(entry),))
+    capfd.readouterr()
+    assert code_of(*command) == 2
+    error = capfd.readouterr().err
+    assert re.search(r"^iswarm: runs/sweep/runs.sqlite is not a journal of iswarm, or damaged .*\n\Z", error, re.M)
 
 
 def test_a_setting_needs_an_effect_in_one_run_only(here, counted):

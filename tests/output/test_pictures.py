@@ -161,6 +161,17 @@ def test_what_a_run_does_not_have_is_refused(tmp_path, shot, step, out, says):
         render(write_run(tmp_path), step, Shot(shot, size=(64, 64)), tmp_path / out)
 
 
+@pytest.mark.parametrize("is_video", [False, True])
+def test_arrays_that_do_not_fit_are_not_drawn(tmp_path, is_video):
+    run = write_run(tmp_path, scene_area_shapes=np.array(["disc"]))
+    with pytest.raises(UserError, match="the recorded arrays do not fit each other"):
+        if is_video:
+            write_video(run, tmp_path / "a.mp4", Film())
+        else:
+            render(run, 1, Shot(size=(64, 64)), tmp_path / "a.png")
+    assert not list(tmp_path.glob("a.*"))
+
+
 def test_a_run_that_ended_early_is_shown_at_its_end(directory, tmp_path, monkeypatch):
     monkeypatch.setattr("iswarm_mj.output.stage.Stage", Blank)
     assert render(directory, None, Shot(size=(64, 64)), tmp_path / "a.png") == 0

@@ -3,6 +3,7 @@
 import base64
 import re
 import time
+from dataclasses import replace
 from pathlib import Path
 from threading import Event
 
@@ -16,7 +17,7 @@ from iswarm_mj import SwarmConfig, play
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.frames import RecordedWorld
-from iswarm_mj.output.saved import load
+from iswarm_mj.output.saved import load, scene_of
 from iswarm_mj.player import replay
 from iswarm_mj.player.bench import BenchSettings, outcome
 from iswarm_mj.player.film import Film
@@ -149,6 +150,22 @@ def test_impossible_replays(run, film, tmp_path):
     with pytest.raises(UserError):
         write_replay(run, film, tmp_path / "page.html")
     assert not list(Path(tmp_path).iterdir())
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"link_sender": lambda a: a + 30},
+        {"dust_hop": lambda a: a.astype("U3")},
+        {"scene_area_shapes": lambda a: np.array(["disc"])},
+    ],
+)
+def test_a_replay_of_arrays_that_do_not_fit(run, changed, tmp_path):
+    arrays = run.arrays | {name: change(run.arrays[name]) for name, change in changed.items()}
+    odd = replace(run, scenes={0: scene_of(arrays)}, _arrays={0: arrays})
+    with pytest.raises(UserError, match="the recorded arrays do not fit each other"):
+        write_replay(odd, Film(2, 10), tmp_path / "page.html")
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_force_curve_follows_voltage_and_humidity():

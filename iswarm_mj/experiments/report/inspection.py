@@ -105,8 +105,9 @@ def _about(directory: Path) -> Iterator[str]:
     for name, kind in _JOURNALS.items():
         if (directory / name).is_file():
             kept = f"{count(directory / name)} finished runs of {kind} are kept in {name}"
-            # A search writes its table as it goes on, and its best genome at the end.
-            ended = (directory / BEST).is_file() if name == CHECKPOINT else bool(there)
+            # A search writes its table as it goes on, and its best genome at the end; a training its figure.
+            last = (BEST, "learning.png")
+            ended = any((directory / one).is_file() for one in last) if name == CHECKPOINT else bool(there)
             yield kept if ended else f"interrupted: {kept}; the same command goes on"
 
 

@@ -21,6 +21,8 @@ from iswarm_mj.utils.lock import locked
 Key = tuple[int, ...]
 _HEAD = b"SQLite format 3\0"
 """How its files begin; SQLite writes over shorter ones."""
+_MISFITS = (LookupError, ValueError, TypeError, AttributeError, RecursionError, NotImplementedError)
+"""What entries raise that are none of a journal's, also where they become a table."""
 _TABLE = "CREATE TABLE runs (key TEXT PRIMARY KEY, entry TEXT)"
 _INSERT = "INSERT OR REPLACE INTO runs (key, entry) VALUES (?, ?)"
 
@@ -97,7 +99,7 @@ class Journal:
             yield
         except sqlite3.OperationalError as error:
             raise write_error(self._path, OSError(str(error))) from None
-        except (sqlite3.Error, LookupError, ValueError, TypeError, AttributeError, RecursionError) as error:
+        except (sqlite3.Error, *_MISFITS) as error:
             raise UserError(
                 f"{self._path} is not a journal of iswarm, or damaged ({error}); begin again in another `out`"
             ) from None

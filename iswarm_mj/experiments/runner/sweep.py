@@ -57,12 +57,12 @@ def sweep(variants: Sequence[Variant], out: Path, about: Mapping[str, Any], agai
                 for key, one in zip(keys, variants, strict=True)
                 for row in finished.entries[key]
             ]
-        names = dict.fromkeys(name for _, row in found for name in row)
-        # A measure with the name of what varies gets another one.
-        own = {name: f"{name}_found" if name in found[0][0] and name != "seed" else name for name in names}
-        rows = [{**labels, **{own[name]: row.get(name) for name in names}} for labels, row in found]
-        write_table(out / SWEEP, rows, about, csv=True)
-        _draw(rows, list(about["over"]), out / "sweep")
+            names = dict.fromkeys(name for _, row in found for name in row)
+            # A measure with the name of what varies gets another one.
+            own = {name: f"{name}_found" if name in found[0][0] and name != "seed" else name for name in names}
+            rows = [{**labels, **{own[name]: row.get(name) for name in names}} for labels, row in found]
+            write_table(out / SWEEP, rows, about, csv=True)
+            _draw(rows, list(about["over"]), out / "sweep")
     return rows
 
 
