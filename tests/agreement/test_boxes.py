@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers_boxes import ARENA, at_start, placed
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
@@ -112,3 +112,15 @@ def test_a_shadow_by_hand():
         away = np.concatenate([robots, [[[0.0, y - 3.0, 0.0]]]], axis=1)
         sight = engine.sense(at_start(engine, bodies, away, np.zeros_like(away)), present, np.ones(1, bool))
         assert sight.links.valid[0, :, 0].all() and not sight.sees_wall[0, :, 0].any()
+
+
+def test_a_led_in_the_box_of_its_own_world_sees_it():
+    """However short its range; in the first of two worlds the box is elsewhere."""
+    box = (3.0, 0.0, 0.5, 0.5, 0.0, 1e-5, 0.1)
+    config = SwarmConfig(replace(ARENA, boxes=(box,)), optics=OpticsConfig(wall_range=0.05))
+    whole = compile_arena(config, 1, np.zeros(0))
+    poses = np.array([[(0.0, 0.0, 0.0), (9.0, 9.0, 0.0)], [(0.0, 0.0, 0.0), (0.9 + RD / 2, 0.0, 0.0)]])
+    for engine in (MujocoEngine(config, whole, 2, 1, 1), PlanarEngine(config, whole, 1)):
+        bodies = at_start(engine, placed(engine, np.zeros((2, 1, 3)), [box]), poses, np.zeros_like(poses))
+        sight = engine.sense(bodies, np.ones((2, 1), bool), np.ones(2, bool))
+        assert sight.sees_wall[:, 0, 0].tolist() == [False, True]

@@ -1,10 +1,13 @@
 """A benchmark counts the steps and worlds that it timed and prints them as one line of JSON."""
 
 import json
+import time
+from types import SimpleNamespace
 
 import pytest
+from helpers_tasks import Eastward
 
-from iswarm_mj.commands.bench import bench
+from iswarm_mj.commands.bench import _time, bench
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
@@ -28,3 +31,34 @@ def test_counts_and_keys(small, engine, capfd):
     rate = N_WORLDS * N_ROBOTS * (small.drive.turn_substeps + small.drive.walk_substeps)
     rate *= content.get("refinement", 1)
     assert content["robot_physics_steps_per_s"] == pytest.approx(1e3 * rate / content["ms_per_step"], rel=0.01)
+
+
+class Short(Eastward):
+    """Ends after five control steps."""
+
+    def goal(self, config, n_robots):
+        return 5
+
+    def progress(self, state):
+        return state["steps"]
+
+
+def test_a_run_that_ends_early_has_fewer_steps(small):
+    settings = RunSettings(N_ROBOTS, 20, record_worlds=())
+    content = bench(Run(small, PRESETS["type1"], settings, PlanarSettings(1), task=Short()), WARM_UP)
+    assert content["steps"] == 5 - WARM_UP and content["delivered_mean"] == 5
+
+
+def test_times_are_those_of_a_control_step(monkeypatch):
+    """Each call takes four steps and 0.2 s, the first one 3 s."""
+    run, clock = SimpleNamespace(step=0, is_over=False, watch=SimpleNamespace(laps=[])), [0.0]
+
+    def advance():
+        clock[0] += 0.2 if run.step else 3.0
+        run.step += 4
+        run.is_over = run.step == 12
+
+    run.advance = advance
+    monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
+    first_call_s, laps = _time(run, 4)
+    assert first_call_s == 3.0 and laps == pytest.approx([0.05, 0.05])

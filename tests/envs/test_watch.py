@@ -1,6 +1,7 @@
 """Episodes of environments before a camera, and in recordings for Rerun."""
 
 import pickle
+from dataclasses import replace
 
 import gymnasium
 import jax
@@ -82,8 +83,10 @@ def test_modes_are_checked():
 
 
 def test_recordings_have_every_step_of_all_episodes(tmp_path):
+    """Of two seconds each."""
     path, places = tmp_path / "few.rrd", []
-    env = parallel_env(record=path, **FEW)
+    slow = replace(SMALL, drive=replace(SMALL.drive, control_period=2.0))
+    env = parallel_env(record=path, **FEW | {"config": slow})
     rng = np.random.default_rng(0)
     for seed in range(2):
         env.reset(seed=seed)
@@ -94,11 +97,15 @@ def test_recordings_have_every_step_of_all_episodes(tmp_path):
     copy = pickle.loads(pickle.dumps(env))  # which writes to no file
     copy.reset(seed=3)
     env.close()
-    found = read(path)["/world/robots/body"]
+    columns = read(path)
+    found = columns["/world/robots/body"]
     assert found["step"] == list(range(2 * 5))
     shown = np.array([np.asarray(row, float)[:, :2] for row in found["Boxes3D:centers"]])
     expected = mm_from_rd(np.array(places).reshape(10, 5, 3)[..., :2])
     np.testing.assert_allclose(shown, expected, atol=1e-3)
+    speed = np.ravel(columns["/series/mean_speed"]["Scalars:scalars"])[1:]
+    way = np.linalg.norm(np.diff(shown, axis=0), axis=-1).mean(axis=1)
+    np.testing.assert_allclose(speed, way / 2.0, rtol=1e-3)
 
 
 def test_all_names_come_at_once():

@@ -96,6 +96,9 @@ def test_what_is_refused_stays_as_it_was(path, written, monkeypatch):
     whole = path.read_bytes()
     with pytest.raises(UserError, match=r"different settings \(config\.arena\.n_dust: 72 there, 70 now, seed: 3 there"):
         entries(path, {"seed": 4, "config": {"arena": {"size": 49.0, "n_dust": 70}}})
+    for other in (SETTINGS | {"new": 1}, {"seed": 3}):  # one has a setting that the other lacks
+        with pytest.raises(UserError, match="different settings"):
+            entries(path, other)
     for size in (*range(512, len(whole), 1024), len(whole)):
         path.write_bytes(whole[:size])
         with pytest.raises(UserError):

@@ -7,7 +7,7 @@ import pytest
 from helpers_outcomes import PLAN, done, rows_of, type_rows
 
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
-from iswarm_mj.experiments.analysis.measures import latest_finish
+from iswarm_mj.experiments.analysis.measures import ATTEMPTS, latest_finish
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.studies import observed
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
@@ -109,3 +109,8 @@ def test_overlaps_and_times_are_observed(small):
     assert 0.02 < overlap[50] < 0.5 * overlap[10] < 0.5
     assert all((row["overlap"] is None) == (row["repeat"] > 0) for row in rows)
     assert np.isfinite([row["ms_per_step"] for row in rows if row["repeat"] == 0]).all()
+
+
+def test_attempts_are_per_ball_that_was_picked():
+    row = {"attempts": 30, "picked": 10, "delivered": 5}
+    assert ATTEMPTS.value(row) == 3 and ATTEMPTS.value(row | {"picked": 0}) == 30

@@ -1,6 +1,7 @@
 """Statistics of the experiments against closed forms, hand-worked samples and limits."""
 
 import math
+from itertools import permutations
 
 import numpy as np
 import pytest
@@ -122,3 +123,4 @@ def test_counts_against_shares():
     assert even([5, 5], [0.3, 0.7]) == pytest.approx(stats.binomtest(5, 10, 0.3).pvalue)
     found = [even(counts, [1 / 3] * 3) for counts in ([3, 0, 0], [2, 1, 0], [1, 1, 1])]
     assert found == pytest.approx([3 / 27, 21 / 27, 1])
+    assert [even(counts, [1 / 3] * 3) for counts in permutations((4, 1, 1))] == pytest.approx([279 / 729] * 6)

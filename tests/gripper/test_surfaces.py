@@ -63,6 +63,16 @@ def test_without_loss_the_time_is_energy_over_power():
     assert np.all(np.isfinite(times)) and times[2] < 1e-3
 
 
+def test_a_discharge_of_twice_the_loss():
+    """Half the melting rise is log 2 time constants away, and half the power is left to melt the ball."""
+    supply = Supply()
+    loss = supply.conductance * MELTING_RISE
+    voltage, mass = math.sqrt(2 * loss / contact_power(1.0, supply)), ball_weight(20e-6) / GRAVITY
+    warming, melting = mass * HEAT_CAPACITY / supply.conductance * math.log(2), mass * LATENT_HEAT / loss
+    assert melting_time(voltage, 20e-6, supply) == pytest.approx(warming + melting)
+    assert melting_time(0.7 * voltage, 20e-6, supply) == math.inf
+
+
 def test_a_ball_melts_if_its_oxide_breaks_and_the_current_has_the_time():
     """At 70 V a ball of 15 um takes 0.27 ms, one of 25 um 1.3 ms."""
     volts, radii = np.array([69.9, 70.0, -70.0, 70.0]), np.array([15e-6, 15e-6, 15e-6, 25e-6])

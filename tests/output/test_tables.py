@@ -6,7 +6,7 @@ from helpers_recorded import arrays, scene
 from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.tables import table_of
 from iswarm_mj.output.trajectory import METRIC
-from iswarm_mj.sensors.fields import Integer
+from iswarm_mj.sensors.fields import Flag, Integer
 from iswarm_mj.sensors.messages import Message, Payload
 
 
@@ -36,6 +36,14 @@ def test_what_a_strategy_records_and_says_under_one_name():
     table = table_of("robots", made, scene()._replace(**own))
     assert table["said_count"].to_pylist() == [None] * 4 + [3] * 8
     assert table["memory_said_count"].to_pylist() == [9] * 12
+
+
+def test_dead_robots_say_nothing_and_have_no_priority():
+    payload, made = Payload({"priority": Flag(), "count": Integer(bits=4)}), arrays()
+    made["is_alive"][:, 2] = False
+    table = table_of("robots", made, scene()._replace(payload=stored(payload)))
+    assert table["said_priority"].to_pylist() == [None] * 4 + [False] * 8
+    assert table["said_count"].to_pylist() == [None] * 4 + [0, 0, None, 0] * 2
 
 
 def test_a_metric_as_a_column_is_called():

@@ -12,6 +12,7 @@ from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.neighbours import find_neighbours
+from iswarm_mj.utils.obstacles import numbers
 
 OPTICS = OpticsConfig()
 ROBOT = read_robot()
@@ -189,11 +190,19 @@ def test_worlds_do_not_hear_each_other():
             np.testing.assert_array_equal(a[0], b[world], err_msg=name)
 
 
+def test_a_box_hides_robots_of_its_own_world_alone():
+    poses = np.repeat(place((0, 0, 0), (8, 0, 180))[None], 2, axis=0)
+    boxes = numbers([(4.0, 5.0, 0.6, 0.6, 45.0), (4.0, 0.0, 0.6, 0.6, 45.0)])[:, None]
+    links = find_links(poses, ROBOT, OPTICS, squares_in_the_way(poses), boxes=boxes)
+    assert links.valid[:, 0, 0].tolist() == links.valid[:, 1, 0].tolist() == [True, False]
+
+
 def test_who_shines_brightest_is_heard_not_who_is_nearest():
     poses = place((0, 0, 0), facing(20, 6.0), facing(-20, 6.2))[None]
     poses[0, 1, 2] += np.radians(40)
     optics = OpticsConfig(mode="power")
-    assert heard(by_geometry(poses, optics))[0, 0] == (2, 0)
+    links = by_geometry(poses, optics)
+    assert heard(links)[0, 0] == (2, 0) and links.true_distance[0, 0, 0] == pytest.approx(6.2)
     poses[0, 1, 2] -= np.radians(40)
     assert heard(by_geometry(poses, optics))[0, 0] == (1, 0)
 

@@ -71,5 +71,7 @@ def test_one_robot_stands_in_a_cell(small):
     assert done.is_blocked.tolist() == [True, False, False, True, False, False]
     np.testing.assert_allclose(done.command.forward, [0, 0.4, 0.4, 0, 0, STEP], atol=1e-6)
     np.testing.assert_allclose(done.shortfall, np.where(done.is_blocked, forward, 0), atol=1e-6)
+    waiting = carried_out(config, turn, forward, poses=poses, is_present=is_there, waits=True)
+    assert not waiting.is_blocked.any()
     still = carried_out(config, turn, np.full(6, 0.5 * RD - 0.01), poses=poses, is_present=is_there)
     assert not still.is_blocked.any() and not carried_out(small, turn, forward, poses=poses).is_blocked.any()

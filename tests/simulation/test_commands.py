@@ -11,7 +11,7 @@ from helpers_runs import records
 from helpers_small import SMALL
 from helpers_tasks import Still
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config import EnergyConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs.make import make_env
 from iswarm_mj.gripper.handling import Balls
@@ -56,6 +56,22 @@ def test_light_reaches_as_far_as_its_power_allows():
         assert record.swarm.led_power[0].tolist() == [0.0, 0.25, 1.0]
 
 
+class Fading(Still):
+    """Robots dim their LEDs step by step."""
+
+    def led_power(self, memory):
+        return 1 / (1 + memory)
+
+    def act(self, memory, seen, key):
+        return memory + 1, super().act(memory, seen, key)[1]
+
+
+def test_power_is_that_of_the_memory_after_the_step():
+    run = Run(CALM, Fading(), RunSettings(2, 3), ENGINE)
+    power = [record.swarm.led_power[0] for record in records(run)]
+    np.testing.assert_allclose(power, [[1 / 2, 1 / 3], [1 / 3, 1 / 4], [1 / 4, 1 / 5]])
+
+
 @dataclass(frozen=True)
 class Drop(Still):
     """Robots hold a ball, and those of odd number release it in the third step, as robot 0 wants to without a ball."""
@@ -73,13 +89,18 @@ class Drop(Still):
         return memory + jnp.array([0, 1]), Command(jnp.zeros(len(memory)), jnp.zeros(len(memory)))
 
 
-@pytest.mark.parametrize("release_time", [0.0, 2.0])
-def test_robots_release_balls_where_they_want_to(release_time):
-    """The ball stays there, lies on the floor, and is not delivered; one over the dump is."""
+def carrying():
+    """A run's world of four robots, of which all but the first hold a ball; the last one is over the dump."""
     (world,) = placed((-10.0, 8.0), (-10.0, 0.0), (-10.0, -8.0), (0.0, 0.0))
     held = np.arange(SMALL.arena.n_dust) < 3
     balls = world.start.task._replace(is_held=held, holder=np.minimum(np.arange(len(held)) + 1, 3).astype(np.int32))
-    worlds = [World(TYPE1, 4, start=world.start._replace(task=balls))]
+    return [World(TYPE1, 4, start=world.start._replace(task=balls))]
+
+
+@pytest.mark.parametrize("release_time", [0.0, 2.0])
+def test_robots_release_balls_where_they_want_to(release_time):
+    """The ball stays there, lies on the floor, and is not delivered; one over the dump is."""
+    worlds = carrying()
     gripper = type(SMALL.gripper)(release_time=release_time)
     config = SwarmConfig(SMALL.arena, gripper=gripper)
     run = Run(config, Drop(), RunSettings(4, 6), ENGINE, worlds=worlds)
@@ -92,6 +113,15 @@ def test_robots_release_balls_where_they_want_to(release_time):
     assert last.is_delivered[0][:3].tolist() == [False, False, True] and last.is_lying[0][0]
     tip = np.array(run.robot.probe_tip) + worlds[0].start.poses[1, :2]
     np.testing.assert_allclose(last.position[0][0], tip, atol=0.05)
+
+
+def test_robots_that_wait_for_energy_release_nothing():
+    """One step takes half of what their capacitors hold, and light puts nothing in."""
+    energy = EnergyConfig(model="capacitor", light_power=0.0, message_energy=0.9e-3)
+    run = Run(SwarmConfig(SMALL.arena, energy=energy), Drop(), RunSettings(4, 4), ENGINE, worlds=carrying())
+    last = [record.swarm for record in records(run)][-1]
+    assert last.starved[0].tolist() == [3] * 4
+    assert last.task.is_held[0][:2].all() and not last.task.releases[0][:2].any()
 
 
 @dataclass(frozen=True)

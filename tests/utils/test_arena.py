@@ -12,6 +12,7 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.layout import free_cells
 from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.obstacles import mean_distance
 from iswarm_mj.utils.walls import area_of, beyond, half_planes
 
 SMALL = {"dump_size": 2, "dust_area_size": 1, "dust_area_offset": 3}
@@ -51,6 +52,12 @@ def test_cells_keep_away_from_oblique_walls():
     cells, (x, y) = free_cells(arena), np.meshgrid(np.linspace(-12, 12, 400), np.linspace(-6, 12, 400))
     inside = beyond(np.stack([x, y], axis=-1), arena.walls) < 0
     assert len(cells) == pytest.approx(inside.mean() * 24 * 18, rel=0.3)
+
+
+@pytest.mark.parametrize(("a", "b"), [(1.0, 1.0), (1.2, 0.3), (0.3, 1.2)])
+def test_the_mean_distance_from_the_middle_of_a_rectangle(a, b):
+    x, y = np.meshgrid(*((np.arange(500) + 0.5) / 500 * half for half in (a, b)))
+    assert mean_distance(a, b) == pytest.approx(np.hypot(x, y).mean(), rel=1e-5)
 
 
 WRONG = [

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_mjx import TINY, N, compilations, warp
+from helpers_tasks import Eastward
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -151,6 +152,22 @@ class TestSwarm:
                 jax.tree.map(np.testing.assert_array_equal, mine, its)
         np.testing.assert_array_equal(swarm.metrics["picked"], swarm.picked)
         assert len(set(map(tuple, swarm.delivered_after.tolist()))) > 1 or len(set(swarm.collisions)) > 1
+
+
+class Counting(Eastward):
+    """Progress is the number of control steps, without end."""
+
+    def goal(self, config, n_robots):
+        return None
+
+    def progress(self, state):
+        return state["steps"]
+
+
+def test_progress_is_counted_after_the_step():
+    how = {"n_robots": N_FEW, "steps": 7, "every": 3, "task": Counting(), "engine": PlanarSettings(1)}
+    found = rollout(TINY, Straight(jnp.float32(0.0)), KEYS, **how)
+    assert found.steps.tolist() == [3, 6, 7] and found.delivered_after.tolist() == [[3, 6, 7]] * 3
 
 
 @pytest.mark.parametrize(
