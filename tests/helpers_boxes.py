@@ -29,6 +29,6 @@ def at_start(engine, bodies, poses, velocities):
     if isinstance(engine, MujocoEngine):
         engine._qpos[:, engine._arena.qpos], engine._qvel[:, engine._arena.qpos] = poses, velocities
         engine._batch.forward()
-        return bodies._replace(poses=np.array(poses))
+        return engine._bodies(bodies.is_present, bodies.n_contacts)
     dtype = np.asarray(bodies.poses).dtype
     return bodies._replace(poses=np.asarray(poses, dtype), velocity=np.asarray(velocities, dtype))

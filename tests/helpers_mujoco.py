@@ -51,8 +51,21 @@ class Worlds:
         return self.engine.poses(self.bodies)
 
     def qvel(self):
-        """Velocities of world 0 (N, 3), to read and write by their addresses."""
-        return self.engine._batch.bind("qvel")
+        """Velocities (B, 3 N), to read and write by their addresses."""
+        return self.bodies.velocity
+
+
+def spoil(engine, world, robots, value, column=0):
+    """Put robots of a world at x, y or yaw `value` in the next physics steps."""
+    step = engine._step
+
+    def step_and_spoil(*given):
+        engine._step = step
+        failed = step(*given)
+        engine._qpos[world, engine._arena.qpos[robots, column]] = value
+        return failed
+
+    engine._step = step_and_spoil
 
 
 def far_apart(n_worlds, rng):

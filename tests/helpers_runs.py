@@ -9,6 +9,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from helpers_mujoco import spoil as spoil_steps
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.simulation.run import Run
@@ -97,7 +98,7 @@ def spoil(run, step, world, robot, value=1e3):
 
     def move_and_spoil(*arguments):
         if next(steps) == step:
-            engine._qpos[place, engine._arena.qpos[robot, 0]] = value
+            spoil_steps(engine, place, robot, value)
         return move(*arguments)
 
     engine.move = move_and_spoil

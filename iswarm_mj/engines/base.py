@@ -214,15 +214,6 @@ class Engine(Protocol[Bodies]):
 
 
 @runtime_checkable
-class StatefulEngine(Engine[Bodies], Protocol[Bodies]):
-    """An engine that keeps part of its state to itself, so that its latest bodies alone can be moved."""
-
-    def replace(self, bodies: Bodies, worlds: Int[Array, "W"], poses: Float[Array, "W NM 3"]) -> Bodies:
-        """Return bodies of which those of some worlds rest elsewhere, as if they had always been there."""
-        ...
-
-
-@runtime_checkable
 class PushingEngine(Engine[Bodies], Protocol[Bodies]):
     """An engine with boxes (`ArenaConfig.boxes`) that robots push."""
 

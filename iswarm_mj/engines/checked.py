@@ -89,8 +89,6 @@ class CheckedEngine:
     def __init__(self, engine: Any, size: Size):
         self._engine, self._size, self._name = engine, size, type(engine).__name__
         self.robot = size.robot
-        if hasattr(engine, "replace"):  # as a `StatefulEngine`
-            self.replace = lambda *given: self._called("replace", *given)
 
     def tree_flatten(self) -> tuple[tuple[Any], Size]:
         """Return what may be arrays, and what is compiled in."""

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.engines.base import CompiledEngine, Engine, Motion, StatefulEngine, boxes_of
+from iswarm_mj.engines.base import CompiledEngine, Engine, Motion, boxes_of
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.core import Core, Episode, Intent, State
 from iswarm_mj.envs.tables import checked
@@ -41,7 +41,7 @@ class Env:
         self.observation_size, self.action_size = (
             sum(row.size for row in t) for t in (core.observations, core.actions)
         )
-        self._engine, self._on_host, self._latest = engine, on_host, None
+        self._engine, self._on_host = engine, on_host
         self._device = jax.local_devices(backend="cpu")[0] if on_host else None
         stages = "begin", "auto_reset", "act", "observe"
         self._begin, self._auto_reset, self._act, self._observe = map(self._of_worlds, stages)
@@ -86,13 +86,8 @@ class Env:
                 fault, which ends the episode of its world alone.
 
         Raises:
-            UserError: shape or type of the action do not fit, or the engine cannot step this state.
+            UserError: shape or type of the action do not fit.
         """
-        if isinstance(self._engine, StatefulEngine) and state.data.world.bodies is not self._latest:
-            raise UserError(
-                "MuJoCo in C keeps velocities to itself, so that the latest state alone can be stepped; "
-                "use PlanarSettings or MjxSettings to go back to others, or make another environment"
-            )
         action = checked(action, (*self._axes, self.n_robots, self.action_size))
         with jax.default_device(self._device):
             return self._compiled_step(state, action)
@@ -122,7 +117,6 @@ class Env:
         seen = engine.poses(bodies), boxes_of(engine, bodies)
         poses, boxes = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), seen)
         state = self._observe(data, is_new, intent, motion._replace(bodies=None), poses, boxes, sight)
-        self._latest = bodies
         return state._replace(data=state.data._replace(world=state.data.world._replace(bodies=bodies)))
 
     def _placed(self, bodies: Any, is_new: Any, poses: Any) -> Any:
@@ -130,8 +124,6 @@ class Env:
         is_new, poses = self._given((is_new, poses))
         if self._on_host and not is_new.any():
             return bodies
-        if isinstance(self._engine, StatefulEngine):
-            return self._engine.replace(bodies, np.flatnonzero(is_new), poses[is_new])
         xp = np if self._on_host else jnp
         placed = self._engine.place(poses, xp.ones((*self._axes, self.n_robots), bool))
         return jax.tree.map(lambda new, old: xp.where(_over(is_new, new), new, old), placed, bodies)

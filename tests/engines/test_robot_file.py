@@ -109,6 +109,7 @@ def without(kind, name):
         (PAPER.replace("<!-- The tip", '<body name="tail"/><!-- The tip'), "no bodies but `robot`"),
         (PAPER.replace('"led0" class="optics" pos="1.001 0 0" xyaxes="1 0 0 0 1 0"',
                        '"led0" class="optics" pos="1.001 0 0" xyaxes="1 0 1 0 1 0"'), "along the floor"),
+        (PAPER.replace('name="robot" pos="0 0 0.5"', 'name="robot" pos="0 0 0.6"'), "must stand on the floor"),
         (robot_xml(HALF, [Side(1.2, 0.0, 0)]), "lacks site led1"),
         (robot_xml(HALF, RING), "2 to 8 LEDs, .* three bits .* number 8"),
         (robot_xml(HALF, [Side(1.2, 0.0, 10), Side(1.2, 0.4, 10)]), "LEDs 0 and 1 .* look the same way"),

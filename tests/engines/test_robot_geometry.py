@@ -14,7 +14,6 @@ from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, models_directory, read_robot
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.optics import receive
-from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
 CONFIG, N = SwarmConfig(ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2)), 3
@@ -78,22 +77,6 @@ class TestRecord:
         assert (robot.circumradius, robot.inradius) == (pytest.approx(np.sqrt(1.25)), 0.5)
         assert robot.yaw_inertia == pytest.approx(10 * (1 + 4) / 12)
         assert robot.optical_offset == 0.4
-
-    @pytest.mark.parametrize(
-        ("old", "new", "reason"),
-        [
-            (
-                '"led1" class="optics" pos="0 1.001',
-                '"led1" class="optics" pos="0 0.9',
-                "led1 .* must lie outside the hull",
-            ),
-            ('"led1" class="optics" pos="0 1', '"led1" class="optics" pos="1.1 1', "led1 .* must lie outside the hull"),
-            ('name="robot" pos="0 0 0.5"', 'name="robot" pos="0 0 0.6"', "must stand on the floor"),
-        ],
-    )
-    def test_of_an_unsuitable_file_is_refused(self, tmp_path, old, new, reason):
-        with pytest.raises(UserError, match=reason):
-            read_robot(changed(tmp_path, (old, new)))
 
 
 class TestLight:

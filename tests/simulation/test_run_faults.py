@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from helpers_mujoco import spoil as spoil_steps
 from helpers_runs import N, end_of, place_of, poses_of, records, run_of, scripted
 
 from iswarm_mj.engines.base import find_lost
@@ -43,7 +44,7 @@ class TestFaults:
         run.advance()
         run.advance()
         before, measures, (engine, place) = poses_of(run)[1].copy(), run.measures(1), place_of(run, 1)
-        engine._qpos[place, engine._arena.qpos[[4, 7], column]] = value
+        spoil_steps(engine, place, [4, 7], value, column)
         self.check_the_other(run)
         (fault,) = run.faults
         assert (fault.step, fault.world, fault.robots, fault.kind) == (3, 1, (4,), kind)

@@ -7,13 +7,15 @@ stand upright at one height, so they are put in place while a program of the are
 heights so different that one is above the other, as robots are that a world does not have, do not touch.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
+from types import FunctionType
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
+from iswarm_mj.engines import contact_geometry
 from iswarm_mj.engines.mjx.api import collision_driver, mjx, replaced
 from iswarm_mj.utils.arrays import Array
 
@@ -30,13 +32,23 @@ def planar_contacts() -> AbstractContextManager[None]:
     return replaced(collision_driver._COLLISION_FUNC, own)
 
 
-def box_box(first: Box, second: Box) -> tuple[Array, Array, Array]:
-    """Contact points of two boxes: the nearer face of one, cut by the face of the other that reaches deepest.
+_NAMES = {"abs": jnp.abs, "min": jnp.minimum, "max": jnp.maximum, "where": jnp.where}
+"""What the functions of `contact_geometry` find under the names that they use."""
 
-    The normal is that of the four side directions along which the boxes overlap least; see Gottschalk, Lin and
-    Manocha (1996), separating axis theorem. The face with this normal is the reference; the other box's face that
-    looks most against it is clipped to the reference's width, and both its ends are contact points where they are
-    behind it, at the upper and the lower rim alike.
+
+def _in_jax() -> dict[str, Any]:
+    """Functions of `contact_geometry` for JAX's arrays, which call each other."""
+    space = vars(contact_geometry) | _NAMES
+    for name in ("separation", "side_towards", "rectangle_contact", "wall_contact"):
+        space[name] = FunctionType(space[name].__code__, space, name)
+    return space
+
+
+_GEOMETRY = _in_jax()
+
+
+def box_box(first: Box, second: Box) -> tuple[Array, Array, Array]:
+    """Contact points of two boxes, at the upper and the lower rim alike.
 
     Args:
         first: centre (3,) [mm], rotation (3, 3) and half edges (3,) [mm].
@@ -45,35 +57,11 @@ def box_box(first: Box, second: Box) -> tuple[Array, Array, Array]:
     Returns:
         Distances (4,), negative where boxes overlap [mm]; points (4, 3) [mm]; normal (3,) from first to second.
     """
-    apart = second[0][:2] - first[0][:2]
-
-    def overlap(one: Box, other: Box) -> tuple[Array, Array]:
-        """Of the side directions of `one`, (2,) overlaps and (2, 2) normals towards the other box."""
-        axes, sides = one[1][:2, :2].T, other[1][:2, :2].T
-        reach = one[2][:2] + jnp.abs(axes @ sides.T) @ other[2][:2]
-        offset = axes @ apart
-        return reach - jnp.abs(offset), jnp.where(offset < 0, -1.0, 1.0)[:, None] * axes
-
-    depth1, normal1 = overlap(first, second)
-    depth2, normal2 = overlap(second, first)
-    depth, normals = jnp.concatenate([depth1, depth2]), jnp.concatenate([normal1, normal2])
-    best = jnp.argmin(depth)
-    normal = normals[best]
-    is_first = best < 2
-    reference, incident = (
-        jax.tree.map(lambda a, b: jnp.where(is_first, a, b), *boxes) for boxes in ((first, second), (second, first))
-    )
-    outward = jnp.where(is_first, normal, -normal)
-    along = jnp.stack([-outward[1], outward[0]])
-    ends = _facing_edge(incident, -outward) - reference[0][:2]
-    thickness, width = jnp.where(best % 2 == 0, reference[2][:2], reference[2][1::-1])
-    place, height = ends @ along, ends @ outward - thickness
-    slope = (height[1] - height[0]) / jnp.where(place[1] == place[0], 1.0, place[1] - place[0])
-    cut = jnp.clip(place, -width, width)
-    height = height + slope * (cut - place)
-    is_level = jnp.abs(second[0][2] - first[0][2]) < first[2][2] + second[2][2]
-    point = reference[0][:2] + cut[:, None] * along + (thickness + height / 2)[:, None] * outward
-    return _at_both_rims(jnp.where(is_level, height, _NO_CONTACT)), _rims(point, first), jnp.append(normal, 0.0)
+    apart, edges = second[0] - first[0], (*first[2][:2], *second[2][:2])
+    headings = *first[1][:2, 0], *second[1][:2, 0]
+    nx, ny, *points = _GEOMETRY["rectangle_contact"](apart[0], apart[1], *headings, *edges)
+    is_level = jnp.abs(apart[2]) < first[2][2] + second[2][2]
+    return *_at_both_rims(points, is_level, first), jnp.array([nx, ny, 0.0])
 
 
 def plane_box(plane: Box, box: Box) -> tuple[Array, Array, Array]:
@@ -87,31 +75,25 @@ def plane_box(plane: Box, box: Box) -> tuple[Array, Array, Array]:
         Distances (4,) [mm]; points (4, 3) [mm]; normal (3,) from plane to box.
     """
     normal = plane[1][:2, 2]
-    corners = _facing_edge(box, -normal)
-    distance = (corners - plane[0][:2]) @ normal
-    point = corners - distance[:, None] / 2 * normal
-    return _at_both_rims(distance), _rims(point, box), jnp.append(normal, 0.0)
+    gap = (box[0][:2] - plane[0][:2]) @ normal
+    points = _GEOMETRY["wall_contact"](gap, *normal, *box[1][:2, 0], *box[2][:2])
+    return *_at_both_rims(points, True, box), jnp.append(normal, 0.0)
 
 
-def _facing_edge(box: Box, direction: Array) -> Array:
-    """Corners (2, 2), seen from above, of the side of a box that looks most along a direction (2,)."""
-    axes = box[1][:2, :2].T
-    aligned = axes @ direction
-    side = jnp.argmax(jnp.abs(aligned))
-    outward = jnp.where(aligned[side] < 0, -1.0, 1.0) * axes[side]
-    half, width = jnp.where(side == 0, box[2][:2], box[2][1::-1])
-    return box[0][:2] + half * outward + jnp.array([[-1.0], [1.0]]) * width * axes[1 - side]
+def _at_both_rims(points: Sequence[Array], touches: Array | bool, box: Box) -> tuple[Array, Array]:
+    """Distances (4,) and points (4, 3) at the lower and the upper rim of a box.
 
-
-def _at_both_rims(distance: Array) -> Array:
-    """Distances (4,) from those of two points; what does not touch is out of reach."""
-    return jnp.tile(jnp.where(distance < 0, distance, _NO_CONTACT), 2)
-
-
-def _rims(point: Array, box: Box) -> Array:
-    """Points (4, 3) at the lower and the upper rim, from points (2, 2) seen from above."""
-    height = box[0][2] + jnp.repeat(jnp.array([-1.0, 1.0]), 2) * box[2][2]
-    return jnp.column_stack([jnp.tile(point, (2, 1)), height])
+    Args:
+        points: x, y, seen from the box's centre, and distance of one point, and likewise of another one.
+        touches: otherwise, as where the distance is positive, they are out of reach.
+        box: of which they are.
+    """
+    x1, y1, d1, x2, y2, d2 = points
+    distance, half_height = jnp.stack([d1, d2]), box[2][2]
+    each = box[0][:2] + jnp.array([[x1, y1], [x2, y2]])
+    height = box[0][2] + jnp.repeat(jnp.array([-1.0, 1.0]), 2) * half_height
+    reached = jnp.where(touches & (distance < 0), distance, _NO_CONTACT)
+    return jnp.tile(reached, 2), jnp.column_stack([jnp.tile(each, (2, 1)), height])
 
 
 def _per_pair(contact: Callable[[Box, Box], tuple[Array, Array, Array]]) -> Any:

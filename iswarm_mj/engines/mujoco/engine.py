@@ -25,12 +25,16 @@ _PARKED = -1000.0  # height of the robots that are absent [mm]
 
 
 class Bodies(NamedTuple):
-    """Mechanical state of B worlds as seen from Python; velocities stay inside MuJoCo."""
+    """Mechanical state of B worlds."""
 
     poses: Float[np.ndarray, "B PM 3"]
     """x, y [mm] and yaw [rad] of robots, zero for places beyond those of the model, and then of boxes."""
     is_present: Bool[np.ndarray, "B PM"]
     """The others touch and hide nothing."""
+    velocity: Float[np.ndarray, "B V"]
+    """MuJoCo's qvel."""
+    warm_start: Float[np.ndarray, "B V"]
+    """Accelerations with which MuJoCo's solver begins."""
     n_contacts: Int[np.ndarray, "B"]
     """Contact points in the last physics step, which choose the solver of the next ones."""
 
@@ -52,7 +56,7 @@ class MujocoEngine(WithBoxes):
         self._there = np.r_[: arena.n_robots, capacity : capacity + self.n_boxes]  # of the places, those of bodies
         self._batch = Batch(arena.model, n_worlds, n_threads, persistent=True)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
-        self._force = self._batch.bind("qfrc_applied")
+        self._force, self._warm_start = self._batch.bind("qfrc_applied"), self._batch.bind("qacc_warmstart")
         self._solver, self._iterations = (self._batch.expand(f"opt.{name}") for name in ("solver", "iterations"))
         self._scratch = mujoco.MjData(arena.model)
         self._scene = Scene(config, arena, self._batch)
@@ -74,16 +78,7 @@ class MujocoEngine(WithBoxes):
         self._qpos[:, self._arena.qpos] = np.asarray(poses)[:, self._there]
         self._batch.forward()
         there = self._padded(np.asarray(with_boxes(self._is_present, self.n_boxes)))
-        return Bodies(self._padded(self._qpos[:, self._arena.qpos]), there, np.zeros(len(poses), int))
-
-    def replace(self, bodies: Bodies, worlds: Int[np.ndarray, "W"], poses: Float[np.ndarray, "W PM 3"]) -> Bodies:
-        """See `StatefulEngine.replace`."""
-        self._batch.reset(ids=worlds, stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._qpos[np.ix_(worlds, self._arena.qpos.ravel())] = poses[:, self._there].reshape(len(worlds), -1)
-        self._batch.forward(ids=worlds)
-        n_contacts = bodies.n_contacts.copy()
-        n_contacts[worlds] = 0
-        return Bodies(self._padded(self._qpos[:, self._arena.qpos]), bodies.is_present, n_contacts)
+        return self._bodies(there, np.zeros(len(poses), int))
 
     @property
     def n_boxes(self) -> int:
@@ -92,7 +87,7 @@ class MujocoEngine(WithBoxes):
 
     def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
         """See `Engine.sense`."""
-        n = self._n_robots
+        n, self._qpos[:, self._arena.qpos] = self._n_robots, np.asarray(bodies.poses)[:, self._there]
         sight = sense(
             self._scene,
             bodies.poses[:, :n],
@@ -107,25 +102,25 @@ class MujocoEngine(WithBoxes):
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
         walls, n_robots = self._scene.walls, self._capacity
-        motion = take_phases(bodies, phases, is_running, walls, self.robot, n_robots, self._take_steps)
-        failed = np.flatnonzero(motion.fault)
-        if len(failed):
-            poses = motion.bodies.poses[np.ix_(failed, self._there)]
-            self._qpos[np.ix_(failed, self._arena.qpos.ravel())] = poses.reshape(len(failed), -1)
-            self._qvel[failed] = 0.0
-        return motion
+        return take_phases(bodies, phases, is_running, walls, self.robot, n_robots, self._take_steps)
 
     def _take_steps(
         self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[Bodies, Array, Array]:
         """See `Take`."""
+        self._qpos[:, self._arena.qpos] = bodies.poses[:, self._there]
+        self._qvel[:], self._warm_start[:] = bodies.velocity, bodies.warm_start
         self._force[:, self._arena.qpos] = self._arena.servo_gain * targets[:, self._there]
         worlds, n_contacts, fault = np.flatnonzero(runs), bodies.n_contacts.copy(), np.zeros(len(runs), np.int32)
         fault[self._step(n_substeps, worlds, n_contacts[worlds] > JAM)] = FaultKind.SOLVER_FAILED
         for world in worlds.tolist():
             self._read_contacts(world, np.asarray(touching)[world], n_contacts)
+        return self._bodies(bodies.is_present, n_contacts), touching, fault
+
+    def _bodies(self, is_present: Bool[np.ndarray, "B PM"], n_contacts: Int[np.ndarray, "B"]) -> Bodies:
+        """Bodies as they are in MuJoCo."""
         poses = self._padded(self._qpos[:, self._arena.qpos])
-        return Bodies(poses, bodies.is_present, n_contacts), touching, fault
+        return Bodies(poses, is_present, self._qvel.copy(), self._warm_start.copy(), n_contacts)
 
     def _step(self, n_substeps: int, worlds: Int[np.ndarray, "W"], is_jam: Bool[np.ndarray, "W"]) -> list[Any]:
         """Take physics steps of some worlds; return those in which MuJoCo reported an error."""

@@ -22,9 +22,9 @@ inlined = numba.njit(nogil=True, forceinline=True)
 """For those that are called so often that handing over their arguments, tuples of arrays and numbers, would show."""
 
 
-def version_of(files: str) -> str:
-    """Return a name for the present state of this folder's files that match a pattern."""
-    sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parent.glob(files)))
+def version() -> str:
+    """Return a name for the present state of the engines' sources."""
+    sources = b"".join(path.read_bytes() for path in sorted(Path(__file__).parents[1].rglob("*.py")))
     return hashlib.sha256(sources).hexdigest()[:16]
 
 
@@ -32,9 +32,9 @@ def cached(function: Callable) -> Any:
     """Compile a function that Python calls, once for all processes.
 
     Numba looks for changes in the function's own file only, and would go on with a program whose callees were edited.
-    Here each state of this folder has its own place in the user's cache.
+    Here each state of the engines has its own place in the user's cache.
     """
-    place = platformdirs.user_cache_path("iswarm_mj", appauthor=False) / "numba" / version_of("*.py")
+    place = platformdirs.user_cache_path("iswarm_mj", appauthor=False) / "numba" / version()
     before = config.CACHE_DIR
     config.CACHE_DIR = str(place)
     try:

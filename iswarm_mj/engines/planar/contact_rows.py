@@ -8,7 +8,7 @@ normal n. H = J M^-1 J^T + R.
 import math
 from typing import NamedTuple
 
-from iswarm_mj.engines.planar.contact_geometry import rectangle_contact, separation, wall_contact
+from iswarm_mj.engines.contact_geometry import rectangle_contact, separation, wall_contact
 from iswarm_mj.engines.planar.contact_law import ContactLaw, impedance, offset, regularisation, two_impulses
 from iswarm_mj.engines.planar.kinds import Place, Table, Velocity, shared
 from iswarm_mj.engines.planar.plane import Kind

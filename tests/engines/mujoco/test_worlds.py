@@ -2,7 +2,7 @@
 
 import numpy as np
 from helpers_crowds import crowd
-from helpers_mujoco import Worlds, far_apart
+from helpers_mujoco import Worlds, far_apart, spoil
 from helpers_touching import pairs_of
 
 from iswarm_mj.engines.mujoco import engine as mujoco_engine
@@ -48,7 +48,7 @@ class TestFaults:
         monkeypatch.chdir(tmp_path)
         start = far_apart(3, np.random.default_rng(20))
         worlds, velocity = Worlds(small, start), np.ones(start.shape)
-        worlds.engine._qpos[1, worlds.qpos[[4, 7], 0]] = np.nan
+        spoil(worlds.engine, 1, [4, 7], np.nan)
         motion = worlds.move(velocity, 4)
         assert motion.fault.tolist() == [0, FaultKind.POSE_NOT_FINITE, 0] and motion.robot[1] == 4
         np.testing.assert_array_equal(worlds.poses[1], start[1])

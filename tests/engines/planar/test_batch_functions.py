@@ -11,8 +11,9 @@ import warp as wp
 from helpers_planar import rounded
 
 from iswarm_mj.config import OpticsConfig
+from iswarm_mj.engines import contact_geometry
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.engines.planar import contact_geometry, contact_law, ray_geometry, reception
+from iswarm_mj.engines.planar import contact_law, ray_geometry, reception
 from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.reception import read_light
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from iswarm_mj.engines.planar.contact_geometry import rectangle_contact, separation, wall_contact
+from iswarm_mj.engines.contact_geometry import rectangle_contact, separation, wall_contact
 from iswarm_mj.engines.planar.near_pairs import near_pairs
 
 WALL_AT = 8.0

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from iswarm_mj.engines import contact_geometry
 from iswarm_mj.engines.planar import (
-    contact_geometry,
     contact_law,
     contact_rows,
     in_sight,
@@ -26,7 +26,7 @@ from iswarm_mj.engines.planar import (
     ray_geometry,
     reception,
 )
-from iswarm_mj.engines.planar.compiled import version_of
+from iswarm_mj.engines.planar.compiled import version
 
 
 def _start() -> None:
@@ -37,7 +37,7 @@ def _start() -> None:
     wp.config.log_level = wp.LOG_WARNING  # standard output is reserved for results
     try:
         wp.init()
-        own = Path(wp.config.kernel_cache_dir) / f"iswarm_mj-{version_of('**/*.py')}"
+        own = Path(wp.config.kernel_cache_dir) / f"iswarm_mj-{version()}"
         own.mkdir(parents=True, exist_ok=True)
         wp.config.kernel_cache_dir, is_writable = str(own), os.access(own, os.W_OK)
     except OSError:
@@ -114,6 +114,7 @@ _KINDS: dict[Any, Any] = {kind: kind for kind in (float, int, bool)} | {
     kinds.Codes: wp.array2d(dtype=int),
     kinds.place_of: _place_of,
     contact_law.two_impulses: _two_impulses,
+    contact_geometry.where: wp.where,
 }
 """Of each kind of argument, named tuple and function so far: what it is in Warp."""
 law = in_warp(contact_law)

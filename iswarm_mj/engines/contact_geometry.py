@@ -2,10 +2,19 @@
 
 Robots and obstacles are upright boxes, seen from above: rectangles with half edges (hx, hy). MuJoCo finds up to
 four contact points of two boxes, two at each rim; those one above the other are alike, so that one of each remains.
-All functions take and return numbers, so that any compiler of Python functions can compile them. Units: mm, rad.
+All functions take and return numbers, so that numba, Warp and JAX can compile them; instead of branches on these they
+have `where`. Units: mm, rad.
 """
 
+from typing import Any
+
 from numba.extending import register_jitable
+
+
+@register_jitable
+def where(condition: Any, one: Any, other: Any) -> Any:
+    """Return one number or the other; each compiler has its own."""
+    return one if condition else other
 
 
 @register_jitable
@@ -43,14 +52,11 @@ def separation(
     cos, sin = abs(c1 * c2 + s1 * s2), abs(c1 * s2 - s1 * c2)
     gap, axis = abs(c1 * dx + s1 * dy) - (hx1 + hx2 * cos + hy2 * sin), 0
     other = abs(c2 * dx + s2 * dy) - (hx2 + hx1 * cos + hy1 * sin)
-    if other > gap:
-        gap, axis = other, 1
+    gap, axis = where(other > gap, other, gap), where(other > gap, 1, axis)
     other = abs(c1 * dy - s1 * dx) - (hy1 + hx2 * sin + hy2 * cos)
-    if other > gap:
-        gap, axis = other, 2
+    gap, axis = where(other > gap, other, gap), where(other > gap, 2, axis)
     other = abs(c2 * dy - s2 * dx) - (hy2 + hx1 * sin + hy1 * cos)
-    if other > gap:
-        gap, axis = other, 3
+    gap, axis = where(other > gap, other, gap), where(other > gap, 3, axis)
     return gap, axis
 
 
@@ -65,12 +71,9 @@ def side_towards(ux: float, uy: float, c: float, s: float, is_along_y: bool) -> 
         s: sine of it.
         is_along_y: choose between the sides across the rectangle's y axis, otherwise those across its x axis.
     """
-    nx, ny = c, s
-    if is_along_y:
-        nx, ny = -s, c
-    if nx * ux + ny * uy < 0.0:
-        nx, ny = -nx, -ny
-    return nx, ny
+    nx, ny = where(is_along_y, -s, c), where(is_along_y, c, s)
+    looks_away = nx * ux + ny * uy < 0.0
+    return where(looks_away, -nx, nx), where(looks_away, -ny, ny)
 
 
 @register_jitable
@@ -99,21 +102,17 @@ def rectangle_contact(
     """
     _, axis = separation(dx, dy, c1, s1, c2, s2, hx1, hy1, hx2, hy2)
     of_first, is_along_y = axis % 2 == 0, axis >= 2
-    c, s, c_other, s_other, ax, ay = c1, s1, c2, s2, dx, dy
-    hx, hy, hx_other, hy_other = hx1, hy1, hx2, hy2
-    if not of_first:
-        c, s, c_other, s_other, ax, ay = c2, s2, c1, s1, -dx, -dy
-        hx, hy, hx_other, hy_other = hx2, hy2, hx1, hy1
-    out, across = hx, hy
-    if is_along_y:
-        out, across = hy, hx
+    c, s = where(of_first, c1, c2), where(of_first, s1, s2)
+    hx, hy = where(of_first, hx1, hx2), where(of_first, hy1, hy2)
+    c_other, s_other = where(of_first, c2, c1), where(of_first, s2, s1)
+    hx_other, hy_other = where(of_first, hx2, hx1), where(of_first, hy2, hy1)
+    ax, ay = where(of_first, dx, -dx), where(of_first, dy, -dy)
+    out, across = where(is_along_y, hy, hx), where(is_along_y, hx, hy)
     ux, uy = side_towards(ax, ay, c, s, is_along_y)  # outward from the reference
 
     faces_along_y = abs(c_other * uy - s_other * ux) > abs(c_other * ux + s_other * uy)
     ox, oy = side_towards(-ux, -uy, c_other, s_other, faces_along_y)
-    out_other, across_other = hx_other, hy_other
-    if faces_along_y:
-        out_other, across_other = hy_other, hx_other
+    out_other, across_other = where(faces_along_y, hy_other, hx_other), where(faces_along_y, hx_other, hy_other)
     mx, my = ax + out_other * ox, ay + out_other * oy  # middle of the facing side, from the reference's centre
 
     # Along the reference's side the facing side extends from p to q, where it has heights h and k above it.
@@ -124,12 +123,10 @@ def rectangle_contact(
     p_in, q_in = min(max(p, -across), across), min(max(q, -across), across)
     h, k = h + slope * (p_in - p), k + slope * (q_in - q)
     p_out, q_out = out + 0.5 * h, out + 0.5 * k
-    bx, by, nx, ny = 0.0, 0.0, ux, uy
-    if not of_first:
-        bx, by, nx, ny = dx, dy, -ux, -uy
+    bx, by = where(of_first, 0.0, dx), where(of_first, 0.0, dy)
     return (
-        nx,
-        ny,
+        where(of_first, ux, -ux),
+        where(of_first, uy, -uy),
         bx - p_in * uy + p_out * ux,
         by + p_in * ux + p_out * uy,
         h,
@@ -159,14 +156,9 @@ def wall_contact(
         corner's distance from the wall, negative beyond it.
     """
     along, left = nx * c + ny * s, ny * c - nx * s
-    a, b = hx, hy
-    if along > 0.0:
-        a = -hx
-    if left > 0.0:
-        b = -hy
-    a2, b2 = -a, b
-    if hx * abs(along) >= hy * abs(left):
-        a2, b2 = a, -b
+    a, b = where(along > 0.0, -hx, hx), where(left > 0.0, -hy, hy)
+    faces = hx * abs(along) >= hy * abs(left)
+    a2, b2 = where(faces, a, -a), where(faces, -b, b)
     d1, d2 = gap + along * a + left * b, gap + along * a2 + left * b2
     return (
         a * c - b * s - 0.5 * d1 * nx,
