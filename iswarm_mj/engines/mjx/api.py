@@ -13,9 +13,10 @@ import numpy as np
 
 with contextlib.redirect_stdout(io.StringIO()):
     from mujoco import mjx
-    from mujoco.mjx._src import collision_driver, scan  # table of contact functions; body trees
+    from mujoco.mjx._src import collision_driver, scan, solver  # table of contact functions; body trees; solver
+    from mujoco.mjx._src.support import mul_m  # the product with the inertia matrix
 
-__all__ = ["collision_driver", "mjx", "put_model", "quick_trees", "replaced", "scan"]
+__all__ = ["collision_driver", "mjx", "mul_m", "put_model", "quick_trees", "replaced", "scan", "solver"]
 
 
 def put_model(model: mujoco.MjModel, impl: str, device: Any = None) -> mjx.Model:

@@ -23,6 +23,7 @@ from iswarm_mj.engines.base import (
 from iswarm_mj.engines.mjx.api import mjx, quick_trees
 from iswarm_mj.engines.mjx.arena import MjxArena, without_absent
 from iswarm_mj.engines.mjx.contacts import planar_contacts
+from iswarm_mj.engines.mjx.derivatives import implicit_contacts
 from iswarm_mj.engines.mjx.sight import Crowd, find_links, find_walls
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
@@ -91,7 +92,7 @@ class MjxEngine(WithBoxes):
         data = arena.data.replace(qpos=bodies.poses.ravel(), qvel=bodies.velocity.ravel())
         # Poses before the last physics step of each phase, where its contacts were found.
         start = data, jnp.zeros_like(bodies.poses), jnp.zeros((len(phases), *shape)), jnp.int32(0)
-        with jax.default_matmul_precision("highest"), planar_contacts(), quick_trees():
+        with jax.default_matmul_precision("highest"), planar_contacts(), implicit_contacts(), quick_trees():
             (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
         hulls = map(arena.hulls, before[:, : arena.n_robots])
         touching = jnp.stack([overlap(each[:, None], each) for each in hulls]).any(axis=0)
