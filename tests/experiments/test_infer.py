@@ -113,19 +113,6 @@ def test_statements_hold_for_runs_as_the_paper_reports_them_and_not_for_their_op
 
 
 @pytest.mark.parametrize(
-    "changed, fails",
-    [
-        ({"type1": {"finished_at": 500}}, {"Type 1 takes 310 steps", "Both types take the same time"}),
-        ({"type2": {"collisions_per_robot": 30.0}}, {"Type 2 loses 4 points by collisions"}),
-        ({"with": {"mean_carriage_steps": None}}, {"Hop counts: shorter carriage"}),
-        ({"0.05": {"finished_at": 1}}, {"Fastest at 0.1 to 0.15", "0.05 does not clean"}),
-    ],
-)
-def test_each_statement_is_on_its_runs(changed, fails):
-    assert failing(runs(**changed)) == fails
-
-
-@pytest.mark.parametrize(
     "low, counts, default, expected",
     [
         (0.4, {"a": 12, "b": 12, "c": 12}, "a", "c"),  # the largest share of those supported

@@ -6,9 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import jobs as jobs_module
-from iswarm_mj.experiments.runner.jobs import Job, run_job
+from iswarm_mj.experiments.runner.jobs import Job, outcomes
 from iswarm_mj.experiments.runner.pool import Execution, run_jobs
 from iswarm_mj.simulation import memory_check
 from iswarm_mj.simulation.run import Run
@@ -17,7 +18,11 @@ from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault
 
-GENOME, MJX = PRESETS["type2"], Execution(MjxSettings())
+GENOME, MUJOCO, MJX = PRESETS["type2"], MujocoSettings(), Execution(MjxSettings())
+
+
+def run_job(job, engine=MUJOCO):
+    return outcomes([job], engine)[0]
 
 
 def outcomes_of(jobs, execution):
@@ -52,7 +57,7 @@ def test_a_job_ends_when_it_is_finished(small):
 
 def test_long_jobs_begin_first(small, monkeypatch):
     jobs = [Job(small, Genome(), 30, seed, steps=steps) for seed, steps in enumerate((5, 40, 10, 20, 1, 30))]
-    monkeypatch.setattr(jobs_module, "run_job", lambda job, *_: {"seed": job.seed})
+    monkeypatch.setattr(jobs_module, "outcomes", lambda jobs, _: [{"seed": job.seed} for job in jobs])
     finished = list(run_jobs(jobs, Execution(workers=1)))
     assert finished == [(index, {"seed": index}) for index in (1, 5, 3, 2, 0, 4)]
 

@@ -10,7 +10,7 @@ from helpers_search import SEARCH, contents, genome_of, pretend, worth
 from iswarm_mj.commands import main as cli
 from iswarm_mj.experiments.analysis.evolution import best_of, by_replicate
 from iswarm_mj.experiments.runner import pool
-from iswarm_mj.experiments.runner.evolution import METHODS, Operators, generator, proposals, ranges, to_vector
+from iswarm_mj.experiments.runner.evolution import METHODS, Operators, generator, ranges, to_vector
 from iswarm_mj.experiments.runner.experiment import run_seed
 from iswarm_mj.experiments.runner.search import (
     BEST,
@@ -98,14 +98,14 @@ def test_seeds_differ_and_are_seeds():
     assert len(set(replicates)) == 400 and len(set(seeds)) == 6000
     assert max(seeds) < 2**32 - 1 and min(seeds) >= 0 and run_seed(3, 1, 2, 0) != run_seed(3, 2, 1, 0)
     assert len({generator(seed, generation).random() for seed in range(5) for generation in range(20)}) == 100
-    search = proposals("random", Operators(), 10, 3)
+    search = METHODS["random"](Operators(), 10, 3)
     assert len({individual.genome for _ in range(4) for individual in next(search)}) == 40
 
 
 class TestOptimisers:
     def fitness(self, method, generations=60):
         """Fitness of each genome by generation."""
-        search, found = proposals(method, Operators(), 10, seed=1), [None]
+        search, found = METHODS[method](Operators(), 10, seed=1), [None]
         for _ in range(generations):
             found.append([worth(individual.genome) for individual in search.send(found[-1])])
         return np.array(found[1:])
@@ -119,7 +119,7 @@ class TestOptimisers:
     @pytest.mark.parametrize("method", METHODS)
     def test_genomes_lie_in_their_ranges(self, method):
         operators = Operators(density_min=0.1, density_max=0.2)
-        search, (low, high), fitness = proposals(method, operators, 10, seed=2), ranges(operators), None
+        search, (low, high), fitness = METHODS[method](operators, 10, seed=2), ranges(operators), None
         for _ in range(30):
             population = search.send(fitness)
             vectors = np.array([to_vector(individual.genome) for individual in population])
@@ -129,7 +129,7 @@ class TestOptimisers:
 
     def test_cma_es_begins_again_when_it_has_converged(self):
         """It converges to points that are alike, and never stays there."""
-        search, spreads = proposals("cmaes", Operators(), 10, seed=0), []
+        search, spreads = METHODS["cmaes"](Operators(), 10, seed=0), []
         population = next(search)
         for _ in range(400):
             spreads.append(np.std([to_vector(individual.genome)[0] for individual in population]))

@@ -81,11 +81,6 @@ class TestMutation:
             steps = (mutants - self.MIDDLE)[changed[:, i], i]
             assert stats.kstest(steps, stats.uniform(-0.05, 0.1).cdf).pvalue > 1e-3
 
-    def test_a_relative_span(self):
-        mutants = self.mutants(replace(PAPER, independent_rate=0.0, relative_span=True))
-        share = (mutants / self.MIDDLE - 1)[:, REAL]
-        np.testing.assert_allclose(np.abs(share).max(axis=0), 0.05, rtol=0.01)
-
     @pytest.mark.parametrize("mutation, turned", [("flip", 0.5), ("redraw", 0.25), ("keep", 0.0)])
     def test_what_it_does_to_booleans(self, mutation, turned):
         """From either value alike, each by itself; real values mutate as ever."""
@@ -138,11 +133,6 @@ class TestCrossover:
         assert near(mixed.sum(axis=0), len(mixed), 0.5)
         assert abs(np.corrcoef(mixed.T) - np.eye(len(NAMES))).max() < 0.06
 
-    def test_booleans_come_from_either_parent(self):
-        values, kinds = self.children()
-        booleans = values[kinds == "intermediate"][:, IS_BOOLEAN]
-        assert set(np.unique(booleans)) == {0.0, 1.0} and near(booleans.sum(axis=0), len(booleans), 0.5)
-
 
 POPULATION = [Genome(p_vector_forget=i / 10) for i in range(10)]
 
@@ -168,22 +158,6 @@ class TestSelection:
         expected = np.outer(fitness, fitness)[1:, 1:] / 4500**2 * pairs.sum()
         assert stats.chisquare(pairs[1:, 1:].ravel(), expected.ravel()).pvalue > 1e-3
         assert near(sum(c.origin == "intermediate" for c in children), pairs.sum(), 0.5)
-
-    def test_children_have_the_genes_of_both_parents_that_they_name(self):
-        """The average of both, or as often the one's as the other's."""
-        children = self.parents(replace(STILL, crossover_rate=1.0), np.ones(10))
-        one, other = (
-            np.array([POPULATION[i].p_vector_forget for i in names])
-            for names in zip(*(c.parents for c in children), strict=True)
-        )
-        own, average = (
-            np.array([f(c) for c in children])
-            for f in (lambda c: c.genome.p_vector_forget, lambda c: c.origin == "intermediate")
-        )
-        np.testing.assert_allclose(own[average], ((one + other) / 2)[average])
-        mixed = ~average & (one != other)
-        assert ((own == one) ^ (own == other))[mixed].all()
-        assert near((own == one)[mixed].sum(), mixed.sum(), 0.5)
 
     def test_fitness_below_zero_counts_as_zero(self):
         np.testing.assert_allclose(selection_probabilities([-50, 0, 30, 10]), [0, 0, 0.75, 0.25])

@@ -36,8 +36,6 @@ TOPICS = {row["topic"]: row for row in csv.DictReader(_TABLE.splitlines())}
 SEARCHES = tuple(f"evolve-{method}" for method in METHODS)
 OF_RUNS = "type*[0-9].png"
 """Drawings that the experiment on types leaves in its directory."""
-SVG_LIMIT = 400_000
-"""A drawing whose SVG file is larger than this is embedded in a page as PNG [bytes]."""
 _NAMES = {TRIALS, SEARCH, *(experiment.table for experiment in EXPERIMENTS.values())}
 
 
@@ -204,14 +202,9 @@ def _section(topic: Topic) -> Topic:
             draw_trade(topic.data.get("paper", ()), Path(directory, "trade"))
             if (trade := Path(directory, "trade.png")).is_file():
                 pictures["Forgetting and scouts among the fittest"] = trade
-        embedded = [{"name": name, "content": data_uri(path)} for name, path in pictures.items()]
+        embedded = [
+            {"name": name, "content": f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"}
+            for name, path in pictures.items()
+        ]
     quick = ": the quick version, with few and short runs" * any(r.settings.get("quick") for r in topic.results)
     return topic._replace(title=topic.title + quick, pictures=embedded)
-
-
-def data_uri(path: Path) -> str:
-    """Content of a PNG file as a data URI; that of the SVG file beside it if this is small enough."""
-    drawing, kind = path.with_suffix(".svg"), "png"
-    if drawing.is_file() and drawing.stat().st_size <= SVG_LIMIT:
-        path, kind = drawing, "svg+xml"
-    return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.memory_check import most_worlds
@@ -86,14 +85,9 @@ def outcomes(jobs: Sequence[Job], engine: EngineSettings) -> list[Outcome]:
     return found
 
 
-def run_job(job: Job, engine: EngineSettings | None = None) -> Outcome:
-    """Run a job in this process, on the CPU, by default in MuJoCo in C; see `outcomes`."""
-    return outcomes([job], engine or MujocoSettings())[0]
-
-
 def run_numbered(index: int, job: Job, engine: EngineSettings) -> tuple[int, Outcome]:
-    """Run a job in a worker, which returns its number, too."""
-    return index, run_job(job, engine)
+    """Run a job in a worker, which returns its number, too; see `outcomes`."""
+    return index, outcomes([job], engine)[0]
 
 
 def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes:

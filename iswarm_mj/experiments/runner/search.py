@@ -13,7 +13,7 @@ from iswarm_mj.experiments.analysis.evolution import LAST, Best, best_of, by_rep
 from iswarm_mj.experiments.analysis.findings import Rows
 from iswarm_mj.experiments.analysis.measures import by
 from iswarm_mj.experiments.analysis.plots import draw_fitness
-from iswarm_mj.experiments.runner.evolution import Individual, proposals
+from iswarm_mj.experiments.runner.evolution import METHODS, Individual
 from iswarm_mj.experiments.runner.experiment import run_seed
 from iswarm_mj.experiments.runner.jobs import Job, Outcome
 from iswarm_mj.experiments.runner.journal import Journal, Key, journal
@@ -81,7 +81,7 @@ def _rows(
     """Rows of all runs; carries out those that the journal lacks, and calls `save` after each generation."""
     rows: list[dict[str, Any]] = []
     seeds = [replicate_seed(search.seed, replicate) for replicate in range(search.replicates)]
-    methods = [proposals(search.method, search.operators, search.population, seed) for seed in seeds]
+    methods = [METHODS[search.method](search.operators, search.population, seed) for seed in seeds]
     fitness: list[Any] = [None] * search.replicates
     with progress(search.generations * search.n_runs, done=len(finished.entries)) as bar:
         for generation in range(search.generations):
