@@ -9,7 +9,8 @@ from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.runner.experiment import Plan, row_of, varied
 from iswarm_mj.experiments.runner.jobs import outcome_of
 from iswarm_mj.experiments.studies import infer
-from iswarm_mj.experiments.studies.infer import ALONE, FACTORS, NAMED, NAMED_REPEATS, SETTINGS, design, entries
+from iswarm_mj.experiments.studies.infer import ALONE, FACTORS, NAMED, NAMED_REPEATS, SETTINGS, design
+from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.experiments.studies.support import (
     Combination,
     answers,
@@ -47,7 +48,7 @@ def outcome(entry, like_the_paper):
 def listed():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(infer, "COMBINATIONS", N)
-        return entries(Plan())
+        return EXPERIMENTS["infer"].entries(Plan())
 
 
 def rows_where(like_the_paper):

@@ -4,15 +4,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis import measures as m
 from iswarm_mj.experiments.analysis.findings import NOT_IN_PAPER, Rows
 from iswarm_mj.experiments.analysis.measures import by, select
-from iswarm_mj.experiments.analysis.plots import TESTS, Effect, draw_bars, draw_forest
-from iswarm_mj.experiments.analysis.statements import DEFAULT, TRIALS, changes
+from iswarm_mj.experiments.analysis.plots import draw_bars, draw_effects
+from iswarm_mj.experiments.analysis.statements import TRIALS
 from iswarm_mj.experiments.runner.experiment import Experiment
 from iswarm_mj.experiments.studies import infer, observed, plans, support
-from iswarm_mj.utils.constraints import constraint_of
 
 
 def _bars(columns: Sequence[str], label: str, name: Callable[..., str], *measures: m.Measure) -> Any:
@@ -31,23 +29,6 @@ def _message(setting: str, flag: bool) -> str:
 
 def _grip(voltage: float, resolution: str) -> str:
     return f"{voltage:g} V\n{'trials' if resolution == TRIALS else 'balance'}"
-
-
-def _sensitivity(rows: Rows, path: Path) -> None:
-    """The effects in the manner of a forest plot."""
-    usual, effects = select(rows, choice=DEFAULT), []
-    for change in changes(rows):
-        group, name = change.choice.split(".")
-        constraint = constraint_of(type(getattr(SwarmConfig(), group)), name)
-        unit = constraint.unit if constraint else ""
-        effects.append(Effect(change.group, f"{name} = {change.value} {unit}".rstrip(), change.effect, change.reached))
-    label = "mean time minus that of the default [steps], 95 % interval\nat the right edge: runs that reached the goal"
-    caption = (
-        f"n = {len(usual)} runs each; 95 % intervals of the difference of means, by bootstrap.\n"
-        f"Runs that did not reach the goal count as {usual[0]['max_steps']} steps. {TESTS}"
-    )
-    if effects:
-        draw_forest(effects, label, path, caption)
 
 
 def _resolved_grasps(rows: Rows, path: Path) -> None:
@@ -91,7 +72,7 @@ _LISTED = (
         *("sensitivity", NOT_IN_PAPER),
         "each choice that the paper leaves open, one at a time about the default, 10 runs each",
         plans.sensitivity,
-        _sensitivity,
+        draw_effects,
         repeats=10,
     ),
     Experiment(
