@@ -11,9 +11,8 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.experiments.analysis.findings import TOO_FEW
 from iswarm_mj.experiments.runner import pool
 from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
-from iswarm_mj.experiments.runner.jobs import outcomes
 from iswarm_mj.experiments.runner.journal import count
-from iswarm_mj.experiments.runner.pool import Execution
+from iswarm_mj.experiments.runner.pool import Execution, outcomes
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.tables import read_table
 

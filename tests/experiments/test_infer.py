@@ -7,7 +7,7 @@ import pytest
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.statistics import Interval
 from iswarm_mj.experiments.runner.experiment import Plan, row_of, varied
-from iswarm_mj.experiments.runner.jobs import outcome_of
+from iswarm_mj.experiments.runner.pool import outcome_of
 from iswarm_mj.experiments.studies import infer
 from iswarm_mj.experiments.studies.infer import ALONE, FACTORS, NAMED, NAMED_REPEATS, SETTINGS, design
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS

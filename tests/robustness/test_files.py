@@ -22,7 +22,7 @@ from iswarm_mj.engines.robot_file import models_directory, read_robot
 from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.experiments.report.results import report
 from iswarm_mj.experiments.runner import experiment, pool, search
-from iswarm_mj.experiments.runner.jobs import outcome_of
+from iswarm_mj.experiments.runner.pool import outcome_of
 from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.stage import recorded

@@ -13,9 +13,8 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis.findings import Finding, Rows, findings_on
 from iswarm_mj.experiments.analysis.measures import Measure
 from iswarm_mj.experiments.analysis.statements import STATEMENTS
-from iswarm_mj.experiments.runner.jobs import Job, Outcome
 from iswarm_mj.experiments.runner.journal import hashed, journal
-from iswarm_mj.experiments.runner.pool import Execution, progress, run_missing
+from iswarm_mj.experiments.runner.pool import Execution, Job, Outcome, progress, run_missing
 from iswarm_mj.experiments.runner.settings import Seed
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.layout import robots_for

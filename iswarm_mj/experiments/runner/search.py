@@ -15,9 +15,8 @@ from iswarm_mj.experiments.analysis.measures import by
 from iswarm_mj.experiments.analysis.plots import draw_fitness
 from iswarm_mj.experiments.runner.evolution import METHODS, Individual
 from iswarm_mj.experiments.runner.experiment import run_seed
-from iswarm_mj.experiments.runner.jobs import Job, Outcome
 from iswarm_mj.experiments.runner.journal import Journal, Key, journal
-from iswarm_mj.experiments.runner.pool import Execution, progress, run_missing
+from iswarm_mj.experiments.runner.pool import Execution, Job, Outcome, progress, run_missing
 from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.files import atomic_write, remove_parts
