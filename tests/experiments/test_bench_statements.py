@@ -4,9 +4,9 @@ import pytest
 from helpers_findings import grasp_rows
 
 from iswarm_mj.experiments.analysis.bench_statements import STATEMENTS
-from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, TOO_FEW, UNDECIDED
+from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
 
-PURE, ALWAYS, GRASP, FLAT_GRASP, DRIER, _, _, RELEASE, RELIABLE, THEORY, _, ALIKE, _, ON_BOARD, *_ = range(16)
+PURE, ALWAYS, GRASP, FLAT_GRASP, DRIER, _, _, RELEASE, RELIABLE, THEORY, _, ALIKE, _, ON_BOARD, _, TRANSPORT = range(16)
 """Places of the statements on trials."""
 
 
@@ -49,3 +49,11 @@ def test_single_trials_can_spoil_a_statement_and_few_show_nothing():
     rows = [row | ({} if k % 7 else {"faulty": True, "voltage": 1000.0}) for k, row in enumerate(grasp_rows())]
     assert FAILS not in {f.verdict for f in found(rows)[:ON_BOARD]}
     assert found(grasp_rows(slope=0.15))[FLAT_GRASP].verdict == UNDECIDED
+
+
+@pytest.mark.parametrize("change", [{"off_target": 26e-6}, {"landed": False}])
+def test_one_ball_off_the_target_spoils_the_transport(change):
+    rows = grasp_rows(repeats=16)
+    next(r for r in rows if r["experiment"] == "release").update(change)
+    assert found(rows)[TRANSPORT].verdict == FAILS
+    assert found([row | {"transport": 0.0} for row in rows])[TRANSPORT].verdict == NOT_RUN

@@ -43,6 +43,17 @@ def test_a_job_is_the_run_by_hand(small):
     assert found["fitness"] == pytest.approx(points, abs=1e-9)
 
 
+def test_a_job_ends_when_it_is_finished(small):
+    """What is left of the job's steps counts, but only where all balls are delivered."""
+    clean = run_job(Job(small, PRESETS["type1"], 30, seed=0, steps=500))
+    assert clean["delivered"] == 24 and clean["finished_at"] == clean["steps"] < 500
+    points = 40 * 24 - 0.05 / 30 * clean["collisions"] + 10 * (500 - clean["steps"])
+    assert clean["fitness"] == pytest.approx(points, abs=1e-9)
+    some = run_job(Job(small, PRESETS["type1"], 30, seed=0, steps=500, stop_at=5))
+    assert 5 <= some["delivered"] < 24 and some["finished_at"] == some["steps"] < clean["steps"]
+    assert some["fitness"] <= 20 * (some["delivered"] + some["picked"])
+
+
 def test_long_jobs_begin_first(small, monkeypatch):
     jobs = [Job(small, Genome(), 30, seed, steps=steps) for seed, steps in enumerate((5, 40, 10, 20, 1, 30))]
     monkeypatch.setattr(pool, "outcomes", lambda jobs, _: [{"seed": job.seed} for job in jobs])

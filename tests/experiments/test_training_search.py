@@ -2,7 +2,7 @@
 byte."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import jax
 import jax.numpy as jnp
@@ -172,6 +172,25 @@ def test_the_robot_is_that_of_the_file_or_files(watched, tmp_path, out):
         trained(out, robot_file=None)
     with pytest.raises(UserError, match=r"n_robots must be as many as the kinds .* have together, 5 \(got 4\)"):
         trained(out, robot_file=two_kinds(tmp_path, 5), again=True)
+
+
+def test_the_strategy_is_made_for_the_most_robots(watched, out):
+    """Its weights need not pass through `__init__`, since those of many worlds may have a shape that it refuses."""
+    asked = []
+
+    @dataclass
+    class Counted(Three):
+        weights: object = field(init=False)
+
+        def __post_init__(self):
+            self.weights = jnp.zeros(3)
+
+        def for_world(self, config, robot, n_robots):
+            asked.append(n_robots)
+            return self
+
+    train(replace(TRAINING, robots=(4, 9), generations=1), Counted(), out, PLANAR, task=CLEANING)
+    assert asked == [9] and watched[0][0][1].shape == (8, 3)
 
 
 def test_a_tree_of_weights(monkeypatch, out):

@@ -81,6 +81,11 @@ class TestMutation:
             steps = (mutants - self.MIDDLE)[changed[:, i], i]
             assert stats.kstest(steps, stats.uniform(-0.05, 0.1).cdf).pvalue > 1e-3
 
+    def test_a_relative_span(self):
+        mutants = self.mutants(replace(PAPER, independent_rate=0.0, relative_span=True))
+        share = (mutants / self.MIDDLE - 1)[:, REAL]
+        np.testing.assert_allclose(np.abs(share).max(axis=0), 0.05, rtol=0.01)
+
     @pytest.mark.parametrize("mutation, turned", [("flip", 0.5), ("redraw", 0.25), ("keep", 0.0)])
     def test_what_it_does_to_booleans(self, mutation, turned):
         """From either value alike, each by itself; real values mutate as ever."""
@@ -132,6 +137,11 @@ class TestCrossover:
         assert ((values[~average] == self.OTHER) ^ mixed).all()
         assert near(mixed.sum(axis=0), len(mixed), 0.5)
         assert abs(np.corrcoef(mixed.T) - np.eye(len(NAMES))).max() < 0.06
+
+    def test_booleans_come_from_either_parent(self):
+        values, kinds = self.children()
+        booleans = values[kinds == "intermediate"][:, IS_BOOLEAN]
+        assert set(np.unique(booleans)) == {0.0, 1.0} and near(booleans.sum(axis=0), len(booleans), 0.5)
 
 
 POPULATION = [Genome(p_vector_forget=i / 10) for i in range(10)]

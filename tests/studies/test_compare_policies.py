@@ -5,8 +5,12 @@ import sys
 import compare_policies
 import numpy as np
 import pytest
+from helpers_robots import robot_file
 
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.analysis.statistics import interval
+from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.measures import Measures
 
 FOUND = [
@@ -57,3 +61,21 @@ def test_a_row_by_hand(told):
     row = f"3 of 5 | 200.0 (60.0 to 300.0) | 20.0 (10.0 to 80.0) | {delivered} |"
     assert rows == [f"| type1 | {row}", f"| neural | {row}"] and delivered.startswith("4.0 (")
     assert told("--worlds", "5", "--only", "type2", faults=[1])[1][0].endswith(" faults!")
+
+
+def test_conditions_reach_the_runs(told, tmp_path):
+    path = robot_file(tmp_path, "five")
+    flags = (
+        "--worlds 4 --steps 70 --robots 9 --size 30 --dust 9 4 20 --failed 0.25 --noise 2 --turn-error 5 --threads 2"
+    )
+    given, _ = told(*flags.split(), "--robot", str(path), "--only", "type1")
+    ((config, genome, settings, engine), options), *_ = given
+    assert genome == PRESETS["type1"] and engine == PlanarSettings(2)
+    arena = config.arena
+    assert (arena.size, arena.dust_area_offset, arena.dust_area_size, arena.n_dust) == (30, 9, 4, 20)
+    for name in ("error_distance_measure", "error_in_communication", "p_communication_break"):
+        assert getattr(config.optics, name) == 2 * getattr(SwarmConfig().optics, name)
+    assert config.drive.error_turn == 5 and options == {"strategy": None, "task": None, "robot_file": path}
+    assert (settings.n_robots, settings.steps, settings.n_worlds, settings.failed_fraction) == (9, 70, 4, 0.25)
+    assert settings.seed == compare_policies.FRESH > 2**31
+    assert told("--worlds", "4", "--only", "type1")[0][0][0][0] == SwarmConfig()
