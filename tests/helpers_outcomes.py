@@ -4,7 +4,7 @@ import numpy as np
 
 from iswarm_mj.experiments.analysis.measures import PAPER_FITNESS
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
-from iswarm_mj.experiments.runner.jobs import outcome_of
+from iswarm_mj.experiments.runner.pool import outcome_of
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.tasks.measures import Measures
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from iswarm_mj.experiments.runner import pool
 from iswarm_mj.experiments.runner.evolution import to_vector
-from iswarm_mj.experiments.runner.jobs import outcome_of
+from iswarm_mj.experiments.runner.pool import outcome_of
 from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.measures import Measures

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
-from iswarm_mj.experiments.runner.jobs import outcome_of
+from iswarm_mj.experiments.runner.pool import outcome_of
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.tables import write_table

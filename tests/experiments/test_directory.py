@@ -7,12 +7,12 @@ import pytest
 from helpers_outcomes import PLAN, done
 
 from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.experiments.analysis.findings import TOO_FEW
 from iswarm_mj.experiments.runner import pool
-from iswarm_mj.experiments.runner.experiment import Entry, Plan, run_experiment
-from iswarm_mj.experiments.runner.jobs import run_job
+from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
 from iswarm_mj.experiments.runner.journal import count
-from iswarm_mj.experiments.runner.pool import Execution
+from iswarm_mj.experiments.runner.pool import Execution, outcomes
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.tables import read_table
 
@@ -64,10 +64,14 @@ def test_finished_runs_are_not_done_again(counted, tmp_path):
 def test_real_runs_of_a_small_arena(small, tmp_path):
     """In workers: the table tells what the runs give by themselves, and all of it follows from it."""
     plan = Plan(config=small, quick=True)
-    short = [Entry(e.labels, replace(e.job, steps=30)) for e in HOP_COUNT.entries(plan)[::3]]
-    run_experiment(replace(HOP_COUNT, entries=lambda _: short), plan, tmp_path, Execution(workers=2))
+    few = replace(HOP_COUNT, few=1, steps=30)
+    short = few.entries(plan)
+    run_experiment(few, plan, tmp_path, Execution(workers=2))
     rows, settings = read_table(tmp_path / "hop_count.parquet")
-    assert all(row.items() >= run_job(entry.job).items() for row, entry in zip(rows, short, strict=True))
+    assert all(
+        row.items() >= outcomes([entry.job], MujocoSettings())[0].items()
+        for row, entry in zip(rows, short, strict=True)
+    )
     assert settings["config"]["arena"]["size"] == 15
     assert rows[0]["goal"] == 22 and rows[0]["n_robots"] == short[0].job.n_robots == round(0.118 * 216)
     assert count(tmp_path / "runs.sqlite") == len(short)

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.experiments.runner import jobs as jobs_module
-from iswarm_mj.experiments.runner.jobs import Job, run_job
-from iswarm_mj.experiments.runner.pool import Execution, run_jobs
+from iswarm_mj.experiments.runner import pool
+from iswarm_mj.experiments.runner.pool import Execution, Job, outcomes, run_jobs
 from iswarm_mj.simulation import memory_check
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -17,7 +17,11 @@ from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault
 
-GENOME, MJX = PRESETS["type2"], Execution(MjxSettings())
+GENOME, MUJOCO, MJX = PRESETS["type2"], MujocoSettings(), Execution(MjxSettings())
+
+
+def run_job(job, engine=MUJOCO):
+    return outcomes([job], engine)[0]
 
 
 def outcomes_of(jobs, execution):
@@ -52,7 +56,7 @@ def test_a_job_ends_when_it_is_finished(small):
 
 def test_long_jobs_begin_first(small, monkeypatch):
     jobs = [Job(small, Genome(), 30, seed, steps=steps) for seed, steps in enumerate((5, 40, 10, 20, 1, 30))]
-    monkeypatch.setattr(jobs_module, "run_job", lambda job, *_: {"seed": job.seed})
+    monkeypatch.setattr(pool, "outcomes", lambda jobs, _: [{"seed": job.seed} for job in jobs])
     finished = list(run_jobs(jobs, Execution(workers=1)))
     assert finished == [(index, {"seed": index}) for index in (1, 5, 3, 2, 0, 4)]
 
@@ -81,7 +85,7 @@ def tried(monkeypatch):
         def measures(self, world):
             return Measures(self.sizes[world], 0, 0, None, self.finished_at.get(world))
 
-    monkeypatch.setattr(jobs_module, "Run", Crowded)
+    monkeypatch.setattr(pool, "Run", Crowded)
     return Crowded, begun
 
 
@@ -109,7 +113,7 @@ def test_batches_of_planar_fit_into_the_memory(monkeypatch, fitting, sizes):
     jobs, planar = [SimpleNamespace(n_robots=n) for n in [100, 950, 240] * 128], PlanarSettings(1, impl="warp")
     free = fitting and int(2 * fitting * memory_check.needed_memory(planar, 1, 950))
     monkeypatch.setattr(memory_check, "_free_memory", lambda _: free)
-    parts = jobs_module._parts(range(len(jobs)), jobs, planar)
+    parts = pool._parts(range(len(jobs)), jobs, planar)
     assert [len(part) for part in parts] == sizes
     assert [index for part in parts for index in part] == list(range(384))
 
@@ -136,8 +140,8 @@ def test_jobs_of_batches_end_as_alone(small, monkeypatch):
         begun.append(len(parts["worlds"]))
         return Run(*arguments, **parts)
 
-    monkeypatch.setattr(jobs_module, "Run", run)
-    batched = [outcome for _, outcome in jobs_module.run_batches(jobs, PlanarSettings(1))]
+    monkeypatch.setattr(pool, "Run", run)
+    batched = [outcome for _, outcome in pool.run_batches(jobs, PlanarSettings(1))]
     assert begun == [2, 1]
     assert batched == [run_job(job, PlanarSettings(1)) for job in jobs]
     assert sum(o["picked"] for o in batched) > 3

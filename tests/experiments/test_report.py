@@ -2,18 +2,15 @@
 
 import base64
 import re
-import shutil
 from html import unescape
 from pathlib import Path
 
 import pytest
-from helpers_findings import replicated, search_rows, settings_of
+from helpers_findings import search_rows, settings_of
 
 from iswarm_mj.commands.main import main
-from iswarm_mj.experiments.analysis.evolution import evolutions
 from iswarm_mj.experiments.analysis.findings import HOLDS, NOT_RUN
-from iswarm_mj.experiments.analysis.plots import draw_fitness, draw_trade
-from iswarm_mj.experiments.report.results import collect, data_uri, files_in, report
+from iswarm_mj.experiments.report.results import collect, files_in, report
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.tables import read_table, write_table
 
@@ -65,61 +62,9 @@ def test_without_results_all_but_the_laws_is_open_and_signs_of_html_are_text(tmp
     assert "<img src" not in page and "<i>" not in page and "&lt;i&gt;" in page
 
 
-def test_a_large_drawing_is_shown_as_pixels(tmp_path):
-    (tmp_path / "a.png").write_bytes(b"\x89PNG few")
-    (tmp_path / "a.svg").write_bytes(b"<svg>" + b" " * 500_000)
-    assert data_uri(tmp_path / "a.png").startswith("data:image/png;base64,")
-    (tmp_path / "a.svg").write_bytes(b"<svg/>")
-    assert data_uri(tmp_path / "a.png") == "data:image/svg+xml;base64," + base64.b64encode(b"<svg/>").decode()
-
-
-@pytest.fixture
-def figures(monkeypatch):
-    """Figures as they are drawn, before they are written."""
-    from iswarm_mj.output import plot_style
-
-    kept, blank = [], plot_style.blank
-
-    def keep(*args):
-        kept.append(blank(*args))
-        return kept[-1]
-
-    monkeypatch.setattr(plot_style, "blank", keep)
-    return kept
-
-
-@pytest.mark.usefixtures("few_pixels")
-def test_figures_of_a_directory_are_drawn_beside_their_tables(tmp_path, figures):
-    """Runs that did not end are triangles."""
-    for name in ("hop-count/hop_count.parquet", "grasp/trials.parquet"):
-        (tmp_path / name).parent.mkdir()
-        shutil.copy(ROOT / "results" / name, tmp_path / name)
-    for result in collect([tmp_path]).values():
-        result.draw(result.path.parent)
-    drawn = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.png")}
-    trials = ("grasp_voltage", "grasp_voltage_humidity", "release_voltage", "no_contact")
-    assert drawn == {"hop-count/hop_count.png", *(f"grasp/{name}.png" for name in trials)}
-    panels = figures[-1][1]
-    counts = [sum(len(line.get_xdata()) for line in axes.lines if line.get_marker() == "^") for axes in panels]
-    assert counts == [12, 0, 0, 0]
-
-
 @pytest.mark.usefixtures("few_pixels")
 @pytest.mark.parametrize("name", ["types", "sensitivity", "resolved-grasps", "infer"])
 def test_each_experiment_draws_its_table(tmp_path, name, monkeypatch):
     monkeypatch.setattr("iswarm_mj.experiments.analysis.statistics.RESAMPLES", 99)
     EXPERIMENTS[name].draw(read_table(ROOT / "results" / name / EXPERIMENTS[name].table)[0], tmp_path)
     assert list(tmp_path.glob("*.png"))
-
-
-def test_searches_are_drawn(tmp_path, figures):
-    """The best so far never falls; a dot for each of the 250 fittest runs of each replicate."""
-    rows = replicated(3)
-    draw_fitness(rows, 72, tmp_path / "fitness")
-    draw_trade(evolutions(rows, 72), tmp_path / "trade")
-    (_, (fitness,)), (_, (trade,)) = figures
-    best = [line.get_ydata() for line in fitness.lines[:3]]
-    assert all((values[1:] >= values[:-1]).all() and len(values) == 120 for values in best)
-    assert [len(line.get_xdata()) for line in trade.lines if line.get_marker() == "o"] == [250] * 3
-    draw_trade([], tmp_path / "none")
-    assert not (tmp_path / "none.png").exists()

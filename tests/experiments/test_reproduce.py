@@ -5,7 +5,7 @@ import pytest
 from iswarm_mj.commands.main import main
 from iswarm_mj.experiments.report.reproduce import Part
 from iswarm_mj.experiments.runner import pool
-from iswarm_mj.experiments.runner.jobs import outcome_of
+from iswarm_mj.experiments.runner.pool import outcome_of
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.tables import read_table, write_table
 

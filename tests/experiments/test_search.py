@@ -8,12 +8,10 @@ import pytest
 from helpers_search import SEARCH, contents, genome_of, pretend, worth
 
 from iswarm_mj.commands import main as cli
-from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.experiments.analysis.evolution import best_of, by_replicate
 from iswarm_mj.experiments.runner import pool
-from iswarm_mj.experiments.runner.evolution import METHODS, Operators, generator, proposals, ranges, to_vector
+from iswarm_mj.experiments.runner.evolution import METHODS, Operators, generator, ranges, to_vector
 from iswarm_mj.experiments.runner.experiment import run_seed
-from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import (
     BEST,
     CHECKPOINT,
@@ -83,24 +81,6 @@ class TestReplicates:
         whole = [row for rows in together for row in rows]
         assert load_genome(str(tmp_path / "three" / BEST)) == best_of(whole).genome
 
-    @pytest.mark.parametrize(
-        "at_once, engine, sets",
-        [(25, "planar", [20] * 3), (3, "mjx", [10] * 6)],
-    )
-    def test_batches_of_planar_take_generations_that_depend_on_none(self, monkeypatch, tmp_path, at_once, engine, sets):
-        """MJX's time grows with a batch, and the table of a search in workers with each generation."""
-        pretend(monkeypatch)
-        monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
-        monkeypatch.setattr("iswarm_mj.experiments.runner.search.AT_ONCE", at_once)
-        without_figures(monkeypatch)
-        search = replace(SEARCH, method="random")
-        found, run_jobs = [], pool.run_jobs
-        run_search(search, tmp_path / "alone")
-        monkeypatch.setattr(pool, "run_jobs", lambda jobs, how: found.append(len(jobs)) or run_jobs(jobs, how))
-        run_search(search, tmp_path / "out", Execution(find_engine(engine).usual()))
-        assert found == sets
-        assert read_table(tmp_path / "out" / TABLE)[0] == read_table(tmp_path / "alone" / TABLE)[0]
-
 
 def test_the_best_is_not_the_luckiest():
     lucky, proven, tried = Genome(), Genome(fraction_scouts=0.2), Genome(fraction_scouts=0.3)
@@ -118,14 +98,14 @@ def test_seeds_differ_and_are_seeds():
     assert len(set(replicates)) == 400 and len(set(seeds)) == 6000
     assert max(seeds) < 2**32 - 1 and min(seeds) >= 0 and run_seed(3, 1, 2, 0) != run_seed(3, 2, 1, 0)
     assert len({generator(seed, generation).random() for seed in range(5) for generation in range(20)}) == 100
-    search = proposals("random", Operators(), 10, 3)
+    search = METHODS["random"](Operators(), 10, 3)
     assert len({individual.genome for _ in range(4) for individual in next(search)}) == 40
 
 
 class TestOptimisers:
     def fitness(self, method, generations=60):
         """Fitness of each genome by generation."""
-        search, found = proposals(method, Operators(), 10, seed=1), [None]
+        search, found = METHODS[method](Operators(), 10, seed=1), [None]
         for _ in range(generations):
             found.append([worth(individual.genome) for individual in search.send(found[-1])])
         return np.array(found[1:])
@@ -139,7 +119,7 @@ class TestOptimisers:
     @pytest.mark.parametrize("method", METHODS)
     def test_genomes_lie_in_their_ranges(self, method):
         operators = Operators(density_min=0.1, density_max=0.2)
-        search, (low, high), fitness = proposals(method, operators, 10, seed=2), ranges(operators), None
+        search, (low, high), fitness = METHODS[method](operators, 10, seed=2), ranges(operators), None
         for _ in range(30):
             population = search.send(fitness)
             vectors = np.array([to_vector(individual.genome) for individual in population])
@@ -149,7 +129,7 @@ class TestOptimisers:
 
     def test_cma_es_begins_again_when_it_has_converged(self):
         """It converges to points that are alike, and never stays there."""
-        search, spreads = proposals("cmaes", Operators(), 10, seed=0), []
+        search, spreads = METHODS["cmaes"](Operators(), 10, seed=0), []
         population = next(search)
         for _ in range(400):
             spreads.append(np.std([to_vector(individual.genome)[0] for individual in population]))

@@ -5,6 +5,7 @@ import json
 import os
 import re
 import warnings
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -22,7 +23,7 @@ from iswarm_mj.engines.robot_file import models_directory, read_robot
 from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.experiments.report.results import report
 from iswarm_mj.experiments.runner import experiment, pool, search
-from iswarm_mj.experiments.runner.jobs import outcome_of
+from iswarm_mj.experiments.runner.pool import outcome_of
 from iswarm_mj.experiments.runner.settings import Search
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.stage import recorded
@@ -230,7 +231,7 @@ def unwritten(monkeypatch):
 @pytest.mark.parametrize("kind", ["search", "experiment"])
 @attack(3)
 def test_journals(tmp_path, kind, seed):
-    made = experiment.Experiment("x", "", "", EXPERIMENTS["hop-count"].entries, lambda _: [], lambda *_: [])
+    made = replace(EXPERIMENTS["hop-count"], judge=lambda _: [], figure=lambda *_: None)
 
     def read():
         if kind == "search":

@@ -5,31 +5,24 @@ Each is written as PNG and SVG; functions take the path without suffix.
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis.evolution import FITTEST, PLATEAU, Evolutions, evolutions
 from iswarm_mj.experiments.analysis.findings import Rows
-from iswarm_mj.experiments.analysis.measures import MEASURES, TIME, Measure, by, values
-from iswarm_mj.experiments.analysis.statistics import Interval, compare
+from iswarm_mj.experiments.analysis.measures import MEASURES, TIME, Measure, by, select, values
+from iswarm_mj.experiments.analysis.statements import DEFAULT, Change, changes
+from iswarm_mj.experiments.analysis.statistics import compare
 from iswarm_mj.output.plot_style import figure
+from iswarm_mj.utils.constraints import constraint_of
 
 BLUE, ORANGE, GREY, PALE = "#4477aa", "#d55e00", "#777777", "#a8c0d8"
 TESTS = "Tests stand in the findings."
 _TICKS = (-1000, -500, -200, -100, -50, 0, 50, 100, 200, 500, 1000)
-
-
-class Effect(NamedTuple):
-    """A line of a forest plot."""
-
-    group: str
-    label: str
-    value: Interval
-    note: str = ""
-    """Text at the right edge."""
 
 
 def _sizes(groups: Sequence[Rows]) -> str:
@@ -90,21 +83,30 @@ def draw_bars(
             axes.set_title(f"({letter}){p}", loc="left", fontsize=9)
 
 
-def draw_forest(effects: Sequence[Effect], label: str, path: Path, caption: str) -> None:
-    """Draw effects with their intervals as a forest plot, in the order of their groups; zero means no effect."""
+def draw_effects(rows: Rows, path: Path) -> None:
+    """Draw what each choice does to the time to the goal as a forest plot, in the order of the groups of choices; zero
+    means no effect."""
+    usual, effects = select(rows, choice=DEFAULT), changes(rows)
+    if not effects:
+        return
+    caption = (
+        f"n = {len(usual)} runs each; 95 % intervals of the difference of means, by bootstrap.\n"
+        f"Runs that did not reach the goal count as {usual[0]['max_steps']} steps. {TESTS}"
+    )
     is_new = np.array([not n or effect.group != effects[n - 1].group for n, effect in enumerate(effects)])
     places = np.cumsum(1.0 + 0.6 * is_new)
     with figure(path, size=(7.2, 1.6 + 0.2 * places[-1]), caption=caption) as (axes,):
         axes.axvline(0, color="0.4", linewidth=0.8)
-        for place, (_, _, (estimate, low, high), note) in zip(places, effects, strict=True):
+        for place, effect in zip(places, effects, strict=True):
+            estimate, low, high = effect.effect
             hue = ORANGE if low > 0 else BLUE if high < 0 else GREY
             axes.plot([low, high], [place, place], color=hue, linewidth=1.4)
             axes.plot(estimate, place, "o", color=hue, markersize=4)
-            axes.text(1.01, place, note, transform=axes.get_yaxis_transform(), va="center", fontsize=7)
+            axes.text(1.01, place, effect.reached, transform=axes.get_yaxis_transform(), va="center", fontsize=7)
         for hue, name in ((ORANGE, "slower"), (BLUE, "faster"), (GREY, "interval includes zero")):
             axes.plot([], [], "o-", color=hue, markersize=4, label=name)
         axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, fontsize=8)
-        axes.set_yticks(places, [effect.label for effect in effects], fontsize=8)
+        axes.set_yticks(places, [_with_unit(effect) for effect in effects], fontsize=8)
         axes.invert_yaxis()
         axes.grid(axis="y", visible=False)
         low, high = axes.get_xlim()
@@ -114,7 +116,17 @@ def draw_forest(effects: Sequence[Effect], label: str, path: Path, caption: str)
         axes.set_xticks([], minor=True)
         for limit in (-100, 100):
             axes.axvline(limit, color="0.7", linewidth=0.6, linestyle=":")
-        axes.set_xlabel(f"{label}\nlinear between the dotted lines, logarithmic beyond")
+        axes.set_xlabel(
+            "mean time minus that of the default [steps], 95 % interval\n"
+            "at the right edge: runs that reached the goal\nlinear between the dotted lines, logarithmic beyond"
+        )
+
+
+def _with_unit(change: Change) -> str:
+    """Name of a choice and its value."""
+    group, name = change.choice.split(".")
+    constraint = constraint_of(type(getattr(SwarmConfig(), group)), name)
+    return f"{name} = {change.value} {constraint.unit if constraint else ''}".rstrip()
 
 
 def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:

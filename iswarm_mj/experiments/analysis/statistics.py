@@ -69,22 +69,21 @@ def difference(first: Values, second: Values, statistic: Statistic = np.median) 
 def ratio(first: Sequence[Values], second: Sequence[Values]) -> Interval:
     """Geometric mean of the second samples over that of the first, mean of all pairs, with its bootstrap interval; of
     positive values, and of samples of any size, of which number k of both is one pair."""
-
-    def statistic(*samples: Float[Array, "..."], axis: int) -> Float[Array, "..."]:
-        logs = [np.log(sample).mean(axis=axis) for sample in samples]
-        return np.mean(logs[len(first) :], axis=0) - np.mean(logs[: len(first)], axis=0)
-
-    return Interval(*map(math.exp, _bootstrap(statistic, *first, *second)))
+    return Interval(*map(math.exp, _weighted(np.full(len(first), 1 / len(first)), first, second)))
 
 
 def trend(x: Values, first: Sequence[Values], second: Sequence[Values]) -> Interval:
     """Least-squares slope of the logarithm of `ratio` over x, where the pairs are, with its bootstrap interval."""
-    weights = np.asarray(x) - np.mean(x)
-    weights /= (weights**2).sum()
+    centred = np.asarray(x) - np.mean(x)
+    return _weighted(centred / (centred**2).sum(), first, second)
+
+
+def _weighted(weights: Float[Array, "K"], first: Sequence[Values], second: Sequence[Values]) -> Interval:
+    """Weighted sum over K pairs of samples of the differences of their mean logarithms, second minus first."""
 
     def statistic(*samples: Float[Array, "..."], axis: int) -> Float[Array, "..."]:
         logs = np.array([np.log(sample).mean(axis=axis) for sample in samples])
-        return np.tensordot(weights, logs[len(x) :] - logs[: len(x)], 1)
+        return np.tensordot(weights, logs[len(weights) :] - logs[: len(weights)], 1)
 
     return _bootstrap(statistic, *first, *second)
 

@@ -36,9 +36,8 @@ TOPICS = {row["topic"]: row for row in csv.DictReader(_TABLE.splitlines())}
 SEARCHES = tuple(f"evolve-{method}" for method in METHODS)
 OF_RUNS = "type*[0-9].png"
 """Drawings that the experiment on types leaves in its directory."""
-SVG_LIMIT = 400_000
-"""A drawing whose SVG file is larger than this is embedded in a page as PNG [bytes]."""
-_NAMES = {TRIALS, SEARCH, *(experiment.table for experiment in EXPERIMENTS.values())}
+_PARTS = {TRIALS: GRASP, **{experiment.table: name for name, experiment in EXPERIMENTS.items()}}
+"""Parts by the names of their tables, but for searches, whose tables name their methods."""
 
 
 class Result(NamedTuple):
@@ -100,11 +99,11 @@ def collect(directories: Sequence[Path]) -> dict[str, Result]:
         if not directory.is_dir():
             raise ConfigError("results", directory, "an existing directory with results")
         for path in files_in(directory, "**/*.parquet"):
-            if path.name in _NAMES:
+            if path.name in (SEARCH, *_PARTS):
                 rows, settings = read_table(path)
                 with as_named(path):
-                    name = _name(path, settings)
-                if name and rows:
+                    name = _PARTS.get(path.name, f"evolve-{settings.get('method')}")
+                if rows:
                     both = found.get(name), Result(name, path, rows, settings)
                     found[name] = max(filter(None, both), key=lambda r: (not r.settings.get("quick"), len(r.rows)))
     return {name: found[name] for name in (GRASP, *SEARCHES, *EXPERIMENTS) if name in found}
@@ -116,16 +115,6 @@ def files_in(directory: Path, pattern: str) -> Iterator[Path]:
     for path in sorted(directory.glob(pattern)):
         if path.is_file() and path.resolve().is_relative_to(inside):
             yield path
-
-
-def _name(path: Path, settings: Mapping[str, Any]) -> str | None:
-    """Name of a table; None for one that a report does not use."""
-    if path.name == TRIALS:
-        return GRASP
-    if path.name == SEARCH:
-        return f"evolve-{settings['method']}" if settings.get("method") in METHODS else None
-    name = str(settings.get("experiment"))
-    return name if name in EXPERIMENTS and path.name == EXPERIMENTS[name].table else None
 
 
 def topics_of(results: Mapping[str, Result]) -> list[Topic]:
@@ -204,14 +193,9 @@ def _section(topic: Topic) -> Topic:
             draw_trade(topic.data.get("paper", ()), Path(directory, "trade"))
             if (trade := Path(directory, "trade.png")).is_file():
                 pictures["Forgetting and scouts among the fittest"] = trade
-        embedded = [{"name": name, "content": data_uri(path)} for name, path in pictures.items()]
+        embedded = [
+            {"name": name, "content": f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"}
+            for name, path in pictures.items()
+        ]
     quick = ": the quick version, with few and short runs" * any(r.settings.get("quick") for r in topic.results)
     return topic._replace(title=topic.title + quick, pictures=embedded)
-
-
-def data_uri(path: Path) -> str:
-    """Content of a PNG file as a data URI; that of the SVG file beside it if this is small enough."""
-    drawing, kind = path.with_suffix(".svg"), "png"
-    if drawing.is_file() and drawing.stat().st_size <= SVG_LIMIT:
-        path, kind = drawing, "svg+xml"
-    return f"data:image/{kind};base64,{base64.b64encode(path.read_bytes()).decode()}"

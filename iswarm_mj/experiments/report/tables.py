@@ -2,7 +2,8 @@
 
 A block begins with a line `<!-- DIRECTORY: NAME -->`, where the directory is `results` or another one whose name begins
 so, and the name a topic or one of `OF_ALL`; it ends with a line `<!-- end -->`. `<!-- DIRECTORY: NAME beside OTHER -->`
-has the results of two directories, such as those of two configurations. A block without results stays as it is.
+has the results of two directories on a topic, such as those of two configurations. A block without results stays as
+it is.
 """
 
 import re
@@ -66,7 +67,7 @@ class Tables:
     def content(self, directory: str, name: str, beside: str | None = None) -> str | None:
         """Content of the block of this name from the results in a directory; None if there are none.
 
-        Those of another directory stand beside the first's; of engines it must be given.
+        Those of another directory stand beside the first's, but for `OF_ALL`; of engines it must be given.
         """
         if name not in NAMES:
             raise UserError(f"The block was {name!r}; there are {', '.join(NAMES)}: choose one of these.")
@@ -78,21 +79,15 @@ class Tables:
             case "engines":
                 return engines({place: {t.name: t.results[0].rows for t in topics} for place, topics in found.items()})
             case "summary":
-                return _each(
-                    {place: f"{_summary(topics)}\n\n{self._together(topics)}" for place, topics in found.items()}
-                )
+                return f"{_summary(found[directory])}\n\n{self._together(found[directory])}"
             case "misses":
-                return _each({place: _misses(topics) for place, topics in found.items()})
+                return _misses(found[directory])
             case "statements":
-                titles = dict.fromkeys(topic.title for topics in found.values() for topic in topics)
-                shown = {
-                    title: {place: _statements(t) for place, ts in found.items() for t in ts if t.title == title}
-                    for title in titles
-                }
-                return "\n\n".join(f"### {title}\n\n{_each(texts)}" for title, texts in shown.items())
+                return "\n\n".join(f"### {topic.title}\n\n{_statements(topic)}" for topic in found[directory])
         topics = {place: topic for place, (topic,) in found.items()}
-        numbers = _each({place: _numbers(topic) for place, topic in topics.items()})
-        return "\n\n".join(filter(None, [numbers, _verdicts(topics)]))
+        numbers = {place: _numbers(topic) for place, topic in topics.items()}
+        named = [f"`{place}`:\n\n{text}" if beside and text else text for place, text in numbers.items()]
+        return "\n\n".join(filter(None, ["\n\n".join(named), _verdicts(topics)]))
 
     def _named(self, directory: str, name: str) -> Topics:
         """Topics that a block is on, none if one of them lacks results; of `OF_ALL` those with results."""
@@ -119,11 +114,6 @@ class Tables:
             f"runs and trials, {len(decided) - len(lost)} of the {len(decided)} decided ones stay. Of the paper's "
             f"statements these become undecided: {own}."
         )
-
-
-def _each(texts: Mapping[str, str]) -> str:
-    """Texts of directories, under their names if there are several."""
-    return "\n\n".join(f"`{place}`:\n\n{text}" if len(texts) > 1 and text else text for place, text in texts.items())
 
 
 def _numbers(topic: Topic) -> str:

@@ -175,11 +175,6 @@ def next_generation(
     return elite + [offspring() for _ in range(len(population) - len(elite))]
 
 
-def proposals(method: str, operators: Operators, population: int, seed: int) -> Proposals:
-    """Return the search of this name, with `population` genomes per generation; of random search fitness is ignored."""
-    return METHODS[method](operators, population, seed)
-
-
 def generator(seed: int, generation: int) -> np.random.Generator:
     """Random numbers of a generation."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(generation,)))
@@ -226,4 +221,4 @@ def _cmaes(operators: Operators, size: int, seed: int) -> Proposals:
 
 
 METHODS = {"paper": _paper, "random": _random, "cmaes": _cmaes}
-"""In the order in which their results stand."""
+"""Searches by operators, genomes of a generation, and seed, in the order in which their results stand."""

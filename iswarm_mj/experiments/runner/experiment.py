@@ -1,7 +1,7 @@
 """An experiment: labelled runs, and what follows from them. Finished runs are kept and not repeated."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
@@ -10,13 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.experiments.analysis.findings import Finding, Rows
+from iswarm_mj.experiments.analysis.findings import Finding, Rows, findings_on
 from iswarm_mj.experiments.analysis.measures import Measure
-from iswarm_mj.experiments.runner.jobs import Job, Outcome
+from iswarm_mj.experiments.analysis.statements import STATEMENTS
 from iswarm_mj.experiments.runner.journal import hashed, journal
-from iswarm_mj.experiments.runner.pool import Execution, progress, run_missing
+from iswarm_mj.experiments.runner.pool import Execution, Job, Outcome, progress, run_missing
 from iswarm_mj.experiments.runner.settings import Seed
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.constraints import validate
 from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.tables import write_csv, write_table
@@ -55,26 +56,58 @@ class Entry(NamedTuple):
     job: Job
 
 
+Setting = tuple[Mapping[str, Any], tuple[int, ...], Mapping[str, Any]]
+"""Labels, place of the seeds, and what differs from the plan or the experiment in these runs."""
+
+
 @dataclass(frozen=True)
 class Experiment:
-    """An experiment: its runs, findings, figures and tables."""
+    """An experiment: its runs, findings, figures and tables.
+
+    Twelve runs of each setting are as many as the paper's of Fig. 15, and twice those of Fig. 17, whose intervals leave
+    open which density is best.
+    """
 
     name: str
     source: str
     """Figure of the paper, or that it is not in the paper."""
     title: str
     """What it does, in one line."""
-    entries: Callable[[Plan], list[Entry]]
-    findings: Callable[[Rows], list[Finding]]
-    """Computed from the rows of its table; without rows, the findings say that it was not run."""
+    settings: Callable[[Plan], Iterator[Setting]]
     figure: Callable[[Rows, Path], None]
     """Draws figures as PNG and SVG files with this path, without suffix."""
-    extra: Callable[[Plan, Path, list[dict[str, Any]]], None] | None = None
-    """Writes further files into its directory; may add columns to the rows."""
     columns: tuple[str, ...] = ()
     """That tell its groups apart in tables of medians."""
     measures: tuple[Measure, ...] = ()
     """Whose medians these tables have."""
+    extra: Callable[[Plan, Path, list[dict[str, Any]]], None] | None = None
+    """Writes further files into its directory; may add columns to the rows."""
+    judge: Callable[[Rows], list[Finding]] | None = None
+    """Computes the findings from the rows of its table, by default by the statements on it."""
+    repeats: int = 12
+    """Runs of each setting."""
+    few: int = 3
+    """Runs of each setting in the quick version, of at most `steps` instead of `limit` control steps."""
+    steps: int = 300
+    limit: int = TIME_LIMIT
+
+    def entries(self, plan: Plan) -> list[Entry]:
+        """Return its runs; arguments of `Job` follow from the plan unless a setting says otherwise."""
+        listed = []
+        for labels, place, own in self.settings(plan):
+            config, genome = own.get("config", plan.config), own.get("genome", plan.genome)
+            density = own.get("density", genome.density_of_robots)
+            n_robots = own.get("n_robots", robots_for(plan.config.arena, density))
+            goal, failed = own.get("goal", plan.goal), own.get("failed", 0.0)
+            steps = self.steps if plan.quick else own.get("limit", self.limit)
+            for repeat in range(self.few if plan.quick else own.get("repeats", self.repeats)):
+                job = Job(config, genome, n_robots, run_seed(plan.seed, *place, repeat), steps, goal, failed)
+                listed.append(Entry({**labels, "repeat": repeat}, job))
+        return listed
+
+    def findings(self, rows: Rows) -> list[Finding]:
+        """Findings from the rows of its table; without rows, they say that it was not run."""
+        return self.judge(rows) if self.judge else findings_on(STATEMENTS, self.name, rows)
 
     @property
     def table(self) -> str:

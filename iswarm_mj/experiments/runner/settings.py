@@ -49,7 +49,7 @@ class Search(SearchPlan):
     """A search in a configuration.
 
     Replicate 0 is the search with one; the others are those with the seeds of `search.replicate_seed`. In batches this
-    is so up to rounding, see `jobs.run_batches`.
+    is so up to rounding, see `pool.run_batches`.
     """
 
     config: SwarmConfig = field(default_factory=SwarmConfig)

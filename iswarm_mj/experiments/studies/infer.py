@@ -11,8 +11,7 @@ from scipy.stats import qmc
 
 from iswarm_mj.config import READINGS, SwarmConfig
 from iswarm_mj.experiments.analysis.measures import STEPS
-from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Entry, Plan, Values, run_seed, varied
-from iswarm_mj.experiments.runner.jobs import Job
+from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Plan, Setting, Values, varied
 from iswarm_mj.experiments.studies.plans import DENSITIES
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
@@ -86,21 +85,19 @@ def design(n: int, seed: int) -> list[dict[str, str]]:
     ]
 
 
-def entries(plan: Plan) -> list[Entry]:
+def settings(plan: Plan) -> Iterator[Setting]:
     """Runs of all combinations; and of the named readings, and of the paper's with one value changed, which are not
-    part of the sample and have negative numbers."""
-    n, repeats = (8, 1) if plan.quick else (COMBINATIONS, NAMED_REPEATS)
-    none, listed = dict.fromkeys(FACTORS), []
+    part of the sample and have negative numbers. Runs in the same place meet the same layouts."""
+    none, each = dict.fromkeys(FACTORS), {"repeats": NAMED_REPEATS}
     for place, name in enumerate(NAMED):
         labels = {**none, "combination": place - len(NAMED), "reading": name}
-        listed += _runs(plan, _named(plan, name), labels, place, repeats)
-    for place, labels in enumerate(design(n, plan.seed)):
+        yield from _of(plan, _named(plan, name), labels, place, each)
+    for place, labels in enumerate(design(8 if plan.quick else COMBINATIONS, plan.seed)):
         config = varied(plan.config, {k: v for label in labels.items() for k, v in settings_of(*label).items()})
-        listed += _runs(plan, config, {**labels, "combination": place, "reading": None}, place + len(NAMED), 1)
+        yield from _of(plan, config, {**labels, "combination": place, "reading": None}, place + len(NAMED), {})
     for place, (name, label) in enumerate(ALONE[:2] if plan.quick else ALONE):
         labels = {**none, name: label, "combination": -1 - len(NAMED) - place, "reading": "paper"}
-        listed += _runs(plan, varied(_named(plan, "paper"), FACTORS[name][label]), labels, 0, repeats)
-    return listed
+        yield from _of(plan, varied(_named(plan, "paper"), FACTORS[name][label]), labels, 0, each)
 
 
 @cache
@@ -116,12 +113,12 @@ def _named(plan: Plan, name: str) -> SwarmConfig:
     return replace(READINGS[name], arena=replace(plan.config.arena, dust_area_offset=offset))
 
 
-def _runs(plan: Plan, config: SwarmConfig, labels: Mapping[str, Any], seeds: int, repeats: int) -> Iterator[Entry]:
-    """Runs of one configuration on all settings; those with the same number of `seeds` meet the same layouts."""
-    for place, (study, setting, genome, density, steps) in enumerate(SETTINGS):
-        n_robots, limit = robots_for(config.arena, density), 100 if plan.quick else steps
-        goal = None if plan.quick or study == "types" else plan.goal
-        for repeat in range(repeats):
-            row = {**labels, "study": study, "setting": setting, "density": density, "repeat": repeat}
-            seed = run_seed(plan.seed, seeds, place, repeat)
-            yield Entry(row, Job(config, genome, n_robots, seed, limit, goal))
+def _of(
+    plan: Plan, config: SwarmConfig, labels: Mapping[str, Any], seeds: int, each: Mapping[str, Any]
+) -> Iterator[Setting]:
+    """One configuration on all `SETTINGS`."""
+    for place, (study, setting, genome, density, limit) in enumerate(SETTINGS):
+        own = {"config": config, "genome": genome, "n_robots": robots_for(config.arena, density), "limit": limit}
+        if plan.quick or study == "types":
+            own["goal"] = None
+        yield {**labels, "study": study, "setting": setting, "density": density}, (seeds, place), {**own, **each}

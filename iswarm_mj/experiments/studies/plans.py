@@ -1,6 +1,6 @@
-"""The runs of the studies: what each is labelled with, and its seed, which follows from its place."""
+"""The settings of the studies: what their runs are labelled with, and the place from which their seeds follow."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import product
 from typing import Any
@@ -18,8 +18,7 @@ from iswarm_mj.experiments.analysis.statements import (
     drive_of,
     refusals,
 )
-from iswarm_mj.experiments.runner.experiment import Entry, Plan, Values, run_seed, varied
-from iswarm_mj.experiments.runner.jobs import Job
+from iswarm_mj.experiments.runner.experiment import Plan, Setting, Values, varied
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
 
@@ -104,28 +103,6 @@ CHOICES: Mapping[str, Mapping[str, tuple[Any, ...]]] = {
 
 A run's seed follows from its place here: what is added comes last.
 """
-Setting = tuple[Mapping[str, Any], tuple[int, ...], Mapping[str, Any]]
-"""Labels, place of the seeds, and what differs from the plan of a run."""
-
-
-Settings = Callable[[Plan], Iterator[Setting]]
-
-
-def entries(settings: Settings, repeats: int, few: int, steps: int, limit: int, plan: Plan) -> list[Entry]:
-    """Return the runs of a study; arguments of `Job` follow from the plan unless a setting says otherwise.
-
-    The quick version has `few` runs of each setting instead of `repeats`, of at most `steps` instead of `limit` steps.
-    """
-    listed = []
-    for labels, place, own in settings(plan):
-        config, genome = own.get("config", plan.config), own.get("genome", plan.genome)
-        density = own.get("density", genome.density_of_robots)
-        n_robots = own.get("n_robots", robots_for(plan.config.arena, density))
-        goal, failed = own.get("goal", plan.goal), own.get("failed", 0.0)
-        for repeat in range(few if plan.quick else own.get("repeats", repeats)):
-            seed, most = run_seed(plan.seed, *place, repeat), steps if plan.quick else limit
-            listed.append(Entry({**labels, "repeat": repeat}, Job(config, genome, n_robots, seed, most, goal, failed)))
-    return listed
 
 
 def _hop_counts(genome: Genome) -> list[tuple[bool, Genome]]:

@@ -1,39 +1,16 @@
 """All experiments by their names: source, title, runs, figures, tables."""
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.experiments.analysis import measures as m
-from iswarm_mj.experiments.analysis.findings import NOT_IN_PAPER, Rows, findings_on
+from iswarm_mj.experiments.analysis.findings import NOT_IN_PAPER, Rows
 from iswarm_mj.experiments.analysis.measures import by, select
-from iswarm_mj.experiments.analysis.plots import TESTS, Effect, draw_bars, draw_forest
-from iswarm_mj.experiments.analysis.statements import DEFAULT, STATEMENTS, TRIALS, changes
-from iswarm_mj.experiments.runner.experiment import TIME_LIMIT, Experiment
+from iswarm_mj.experiments.analysis.plots import draw_bars, draw_effects
+from iswarm_mj.experiments.analysis.statements import TRIALS
+from iswarm_mj.experiments.runner.experiment import Experiment
 from iswarm_mj.experiments.studies import infer, observed, plans, support
-from iswarm_mj.utils.constraints import constraint_of
-
-
-def _study(
-    name: str,
-    source: str,
-    title: str,
-    settings: plans.Settings,
-    figure: Callable[[Rows, Path], None],
-    table: tuple[tuple[str, ...], tuple[m.Measure, ...]] = ((), ()),
-    *,
-    extra: Callable | None = None,
-    repeats: int = 12,
-    few: int = 3,
-    steps: int = 300,
-    limit: int = TIME_LIMIT,
-) -> Experiment:
-    """An experiment whose runs are `plans.entries`, see there; twelve of each setting are as many as the paper's of
-    Fig. 15, and twice those of Fig. 17, whose intervals leave open which density is best."""
-    entries = partial(plans.entries, settings, repeats, few, steps, limit)
-    return Experiment(name, source, title, entries, partial(findings_on, STATEMENTS, name), figure, extra, *table)
 
 
 def _bars(columns: Sequence[str], label: str, name: Callable[..., str], *measures: m.Measure) -> Any:
@@ -54,23 +31,6 @@ def _grip(voltage: float, resolution: str) -> str:
     return f"{voltage:g} V\n{'trials' if resolution == TRIALS else 'balance'}"
 
 
-def _sensitivity(rows: Rows, path: Path) -> None:
-    """The effects in the manner of a forest plot."""
-    usual, effects = select(rows, choice=DEFAULT), []
-    for change in changes(rows):
-        group, name = change.choice.split(".")
-        constraint = constraint_of(type(getattr(SwarmConfig(), group)), name)
-        unit = constraint.unit if constraint else ""
-        effects.append(Effect(change.group, f"{name} = {change.value} {unit}".rstrip(), change.effect, change.reached))
-    label = "mean time minus that of the default [steps], 95 % interval\nat the right edge: runs that reached the goal"
-    caption = (
-        f"n = {len(usual)} runs each; 95 % intervals of the difference of means, by bootstrap.\n"
-        f"Runs that did not reach the goal count as {usual[0]['max_steps']} steps. {TESTS}"
-    )
-    if effects:
-        draw_forest(effects, label, path, caption)
-
-
 def _resolved_grasps(rows: Rows, path: Path) -> None:
     """By the voltage in the dampest air, a figure for each type."""
     damp = max(row["relative_humidity"] for row in rows)
@@ -82,66 +42,70 @@ def _resolved_grasps(rows: Rows, path: Path) -> None:
 
 _UNTIL = "until 66 of 72 balls or 1200 steps"
 _LISTED = (
-    _study(
+    Experiment(
         *("hop-count", "Fig. 15", f"with and without hop counts, 12 runs each, {_UNTIL}"),
         plans.hop_count,
         _bars(["use_hop_count"], "hop counts", _with),
-        (("use_hop_count",), m.MEASURES),
+        ("use_hop_count",),
+        m.MEASURES,
     ),
-    _study(
+    Experiment(
         *("density", "Fig. 17", f"densities from 0.05 to 0.4, 12 runs each, {_UNTIL}"),
         plans.density,
         _bars(["density"], "density of robots", "{:g}".format),
-        (("density",), m.MEASURES),
+        ("density",),
+        m.MEASURES,
         few=2,
     ),
-    _study(
+    Experiment(
         *("types", "Fig. 16, Table 2", "times and fitness of both evolved types over 96 runs, with drawings"),
         plans.types,
         _bars(["type"], "type", str, m.FITNESS, m.TIME, m.COLLISIONS, m.AGGREGATION),
-        (("type",), (m.TIME, m.FITNESS, m.AGGREGATION)),
+        ("type",),
+        (m.TIME, m.FITNESS, m.AGGREGATION),
         extra=observed.record,
         repeats=24,
         steps=200,
         limit=m.STEPS,
     ),
-    _study(
+    Experiment(
         *("sensitivity", NOT_IN_PAPER),
         "each choice that the paper leaves open, one at a time about the default, 10 runs each",
         plans.sensitivity,
-        _sensitivity,
+        draw_effects,
         repeats=10,
     ),
-    _study(
+    Experiment(
         *("robustness", NOT_IN_PAPER, f"0 to 50 % of the robots dead, or left out, 12 runs each, {_UNTIL}"),
         plans.robustness,
         _bars(["fraction", "kind"], "failed robots", lambda part, kind: f"{100 * part:.0f} %\n{kind}"),
-        (("fraction", "kind"), (m.TIME, m.DUST)),
+        ("fraction", "kind"),
+        (m.TIME, m.DUST),
     ),
-    _study(
+    Experiment(
         *("time-step", NOT_IN_PAPER, f"both types at 2 to 100 physics steps a second, 24 runs each, {_UNTIL}"),
         plans.time_step,
         _bars(["type", "rate"], "physics steps a second", "{}\n{}".format),
-        (("type", "rate"), (m.TIME, m.COLLISIONS, m.OVERLAP, m.STEP_TIME)),
+        ("type", "rate"),
+        (m.TIME, m.COLLISIONS, m.OVERLAP, m.STEP_TIME),
         extra=observed.observe,
         repeats=24,
     ),
-    _study(
+    Experiment(
         *("message-time", "section 4.1, Fig. 15"),
         "hop counts on and off where messages take time, at three baud rates, 12 runs each",
         plans.message_time,
         _bars(["setting", "use_hop_count"], "messages, hop counts", _message),
-        (("setting", "use_hop_count"), (m.TIME, m.DUST, m.COLLISIONS)),
+        ("setting", "use_hop_count"),
+        (m.TIME, m.DUST, m.COLLISIONS),
     ),
-    _study(
+    Experiment(
         *("resolved-grasps", NOT_IN_PAPER),
         "grasps by trials and by the balance of the forces, three humidities and voltages, 24 pairs of runs each",
         plans.resolved_grasps,
         _resolved_grasps,
-        (
-            ("type", "relative_humidity", "grasp_voltage", "resolution"),
-            (m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK, m.BROKEN, m.LOST),
-        ),
+        ("type", "relative_humidity", "grasp_voltage", "resolution"),
+        (m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK, m.BROKEN, m.LOST),
         repeats=24,
         few=2,
         steps=100,
@@ -149,9 +113,12 @@ _LISTED = (
     Experiment(
         *("infer", "section 4.6"),
         f"{infer.COMBINATIONS} combinations of readings on Figs. 15 and 17 and both types",
-        infer.entries,
-        support.findings,
+        infer.settings,
         support.draw,
+        judge=support.findings,
+        repeats=1,
+        few=1,
+        steps=100,
     ),
 )
 EXPERIMENTS = {experiment.name: experiment for experiment in _LISTED}
