@@ -27,6 +27,7 @@ class TestResume:
     def test_an_interruption_changes_nothing(self, monkeypatch, tmp_path, method, engine):
         """With batches a generation that is known in part is run again as a whole, in all replicates."""
         monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
+        monkeypatch.setattr("iswarm_mj.experiments.runner.search.AT_ONCE", 1)
         search = replace(SEARCH, method=method, replicates=2)
         pretend(monkeypatch)
         run_search(search, tmp_path / "whole", execution=Execution(find_engine(engine).usual(), workers=1))

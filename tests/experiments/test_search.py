@@ -8,10 +8,12 @@ import pytest
 from helpers_search import SEARCH, contents, genome_of, pretend, worth
 
 from iswarm_mj.commands import main as cli
+from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.experiments.analysis.evolution import best_of, by_replicate
 from iswarm_mj.experiments.runner import pool
 from iswarm_mj.experiments.runner.evolution import METHODS, Operators, generator, ranges, to_vector
 from iswarm_mj.experiments.runner.experiment import run_seed
+from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.experiments.runner.search import (
     BEST,
     CHECKPOINT,
@@ -80,6 +82,24 @@ class TestReplicates:
             assert load_genome(str(tmp_path / "three" / f"best-{number}.json")) == best_of(rows).genome
         whole = [row for rows in together for row in rows]
         assert load_genome(str(tmp_path / "three" / BEST)) == best_of(whole).genome
+
+    @pytest.mark.parametrize(
+        "at_once, engine, sets",
+        [(25, "planar", [20] * 3), (3, "mjx", [10] * 6)],
+    )
+    def test_batches_of_planar_take_generations_that_depend_on_none(self, monkeypatch, tmp_path, at_once, engine, sets):
+        """MJX's time grows with a batch, and the table of a search in workers with each generation."""
+        pretend(monkeypatch)
+        monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
+        monkeypatch.setattr("iswarm_mj.experiments.runner.search.AT_ONCE", at_once)
+        without_figures(monkeypatch)
+        search = replace(SEARCH, method="random")
+        found, run_jobs = [], pool.run_jobs
+        run_search(search, tmp_path / "alone")
+        monkeypatch.setattr(pool, "run_jobs", lambda jobs, how: found.append(len(jobs)) or run_jobs(jobs, how))
+        run_search(search, tmp_path / "out", Execution(find_engine(engine).usual()))
+        assert found == sets
+        assert read_table(tmp_path / "out" / TABLE)[0] == read_table(tmp_path / "alone" / TABLE)[0]
 
 
 def test_the_best_is_not_the_luckiest():

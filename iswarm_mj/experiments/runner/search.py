@@ -22,6 +22,8 @@ from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.files import atomic_write, remove_parts
 from iswarm_mj.utils.tables import write_table
 
+AT_ONCE = 4096
+"""Runs of a set of jobs at most, where several generations of random search are a batch."""
 Asked = dict[Key, tuple[Individual, Job]]
 CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.sqlite", "evolution.parquet", "best.json", "fitness"
 
@@ -43,10 +45,11 @@ def run_search(search: Search, out: Path, execution: Execution | None = None, ag
     Files: evolution.parquet, a row per run: its place, the genome and where that comes from, seed, measures, `fitness`,
     and `genome_fitness`, the mean over the runs of the genome in this generation, by which genomes are selected;
     best.json, a genome, and with replicates the best of each, best-0.json and so on; fitness.png and .svg;
-    checkpoint.sqlite. The table is written after each generation, the others at the end. A generation of all
-    replicates is one set of jobs. Neither the number of workers nor an interruption changes a byte of the files. In
-    batches a generation that a checkpoint contains in part is repeated as a whole; its bytes are then the same on CPUs,
-    and on GPUs if these round reproducibly.
+    checkpoint.sqlite. The table is written after each set of jobs, the others at the end. A generation of all
+    replicates is one set of jobs, and in batches so are several generations of random search. Neither the
+    number of workers nor an interruption changes a byte of the files. In batches a generation that a checkpoint
+    contains in part is repeated as a whole; its bytes are then the same on CPUs, and on GPUs if these round
+    reproducibly.
 
     Args:
         search: what to do.
@@ -77,20 +80,24 @@ def run_search(search: Search, out: Path, execution: Execution | None = None, ag
 def _rows(
     search: Search, execution: Execution, finished: Journal, save: Callable[[Rows], None]
 ) -> list[dict[str, Any]]:
-    """Rows of all runs; carries out those that the journal lacks, and calls `save` after each generation."""
+    """Rows of all runs, of which those are carried out that are not in the journal; `save` is called after each set."""
     rows: list[dict[str, Any]] = []
     seeds = [replicate_seed(search.seed, replicate) for replicate in range(search.replicates)]
     methods = [METHODS[search.method](search.operators, search.population, seed) for seed in seeds]
     fitness: list[Any] = [None] * search.replicates
+    is_large = execution.in_batches and search.method == "random"  # the time of batches hardly grows with their worlds
+    stride = max(1, AT_ONCE // search.n_runs) if is_large else 1
+    every = range(search.generations)
     with progress(search.generations * search.n_runs, done=len(finished.entries)) as bar:
-        for generation in range(search.generations):
+        for generations in (every[first : first + stride] for first in every[::stride]):
             asked: Asked = {}
-            for replicate, (method, seed) in enumerate(zip(methods, seeds, strict=True)):
-                asked |= _jobs(search, generation, replicate, seed, method.send(fitness[replicate]))
+            for generation in generations:
+                for replicate, (method, seed) in enumerate(zip(methods, seeds, strict=True)):
+                    asked |= _jobs(search, generation, replicate, seed, method.send(fitness[replicate]))
             known = len(finished.entries)
             outcomes = run_missing({key: job for key, (_, job) in asked.items()}, finished, execution, bar)
             new = [_row(key, *asked[key], outcome) for key, outcome in zip(asked, outcomes, strict=True)]
-            for replicate, mine in by(new, "replicate").items():
+            for (replicate, _), mine in by(new, "replicate", "generation").items():
                 means = {
                     k: float(np.mean([row["fitness"] for row in own])) for k, own in by(mine, "individual").items()
                 }
@@ -98,7 +105,7 @@ def _rows(
                 for row in mine:
                     row["genome_fitness"] = means[row["individual"]]
             rows += new
-            bar.say(f"generation {generation + 1}, best {max(row['fitness'] for row in new):z.0f}")
+            bar.say(f"generation {generations[-1] + 1}, best {max(row['fitness'] for row in new):z.0f}")
             if len(finished.entries) > known:
                 save(rows)
     return rows
