@@ -3,6 +3,7 @@
 import json
 import shlex
 import shutil
+import subprocess
 from pathlib import Path
 
 import pyarrow.parquet
@@ -43,10 +44,22 @@ def test_the_ways_to_open_files_work(run):
     table = ROOT / "results/hop-count/hop_count.parquet"
     (parquet,) = (line for line in inspection(table.parent).splitlines() if line.startswith("hop_count.parquet"))
     assert eval(parquet.split("table: ")[1], {"pyarrow": pyarrow}).num_rows == 24
-    again = next(line for line in text.splitlines() if line.startswith("result.json")).split("command with ")[1]
-    flags = shlex.split(again.removesuffix(" repeats it"))
-    main(["clean", *flags, "--steps", "2", "--no-record", "--out", str(run.parent / "again")])
+    again = next(line for line in text.splitlines() if line.startswith("result.json")).split("; iswarm ")[1]
+    command = shlex.split(again.removesuffix(" repeats it"))
+    main([*command, "--steps", "2", "--no-record", "--out", str(run.parent / "again")])
     assert json.loads((run.parent / "again/result.json").read_text())["steps"] == 2
+
+
+@pytest.mark.parametrize("below", [False, True])
+def test_all_recordings_open_at_once(run, tmp_path, below):
+    out = tmp_path / "it's $HOME"
+    shutil.copytree(run, out)
+    assert "as one dataset" not in inspection(out)
+    for world in (2, 11):
+        shutil.copytree(run, out / f"world-{world}", ignore=lambda *_: ["result.json"])
+    (line,) = (line for line in inspection(tmp_path if below else out).splitlines() if "all 3 recordings" in line)
+    opened = subprocess.run(["sh", "-c", line.split(": ")[1].replace("rerun", "ls -1")], capture_output=True, text=True)
+    assert opened.stdout.splitlines() == [str(out / name / "clean.rrd") for name in ("", "world-11", "world-2")]
 
 
 def test_an_interrupted_run_with_a_fault(run, tmp_path):
@@ -89,9 +102,11 @@ def test_what_is_read_controls_no_terminal(run, tmp_path, capfd):
     assert "\x1b" not in capfd.readouterr().out
 
 
-def test_a_directory_of_runs_has_a_paragraph_for_each(run, tmp_path):
-    for name in ("a", "b"):
-        shutil.copytree(run, tmp_path / name)
-    paragraphs = inspection(tmp_path).split("\n\n")
-    assert [text.splitlines()[0] for text in paragraphs] == [str(tmp_path / name) for name in ("a", "b")]
-    assert all("cleaning run on planar" in text for text in paragraphs)
+def test_several_runs_are_one_table(run, tmp_path):
+    for name, collisions in (("a", [2, 4]), ("b", [None, 7])):
+        content = json.loads((run / "result.json").read_text()) | {"collisions": collisions, "strategy": "?"}
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "result.json").write_text(json.dumps(content))
+    head, *lines = inspection(tmp_path).splitlines()
+    assert head.split()[0] == "directory" and head.split()[-1] == "collisions"
+    assert [line.split()[-1] for line in lines] == ["3", "7"]

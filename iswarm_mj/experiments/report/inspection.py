@@ -1,5 +1,6 @@
 """What a directory of results holds, in words: of runs, experiments, searches and trials, interrupted ones included."""
 
+import re
 import shlex
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatch
@@ -18,9 +19,9 @@ from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.saved import read_result
 from iswarm_mj.output.trajectory import RESULT
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.tables import read_table
+from iswarm_mj.utils.tables import aligned, read_table
 from iswarm_mj.workflows import grasp
-from iswarm_mj.workflows.clean import summary
+from iswarm_mj.workflows.clean import strategy_of, summary
 
 _JOURNALS = {RUNS: "an experiment or a sweep", CHECKPOINT: "a search"}
 _TABLES = (
@@ -33,14 +34,14 @@ _TABLES = (
 _KNOWN = (RESULT, *_TABLES, *_JOURNALS)
 _MAX_LISTED = 20
 FILES = {
-    "result.json": "measures and settings; the same command with --config {path} repeats it",
+    "result.json": "measures and settings: iswarm_mj.load({parent!r}).result; iswarm clean --config {path} repeats it",
     "trajectory.npz": "what was recorded: iswarm_mj.load({parent!r}).robots, .balls, .links, .steps",
     "*.rrd": "recording: rerun {path}",
     "best*.json": "best genome: iswarm clean --genome {path}",
     "runs.sqlite": "finished runs, which are not repeated",
     "checkpoint.sqlite": "finished runs, with which the same command goes on",
     "findings.csv": "statements and verdicts, a row each",
-    "*.parquet": "table: pyarrow.parquet.read_table({given!r})",
+    "*.parquet": "table: pyarrow.parquet.read_table({path!r})",
     "*.csv": "the same table for spreadsheets",
     "*.html": "page for a browser",
     "*.png": "figure or picture",
@@ -62,9 +63,28 @@ def inspection(directory: Path) -> str:
     if not found:
         raise UserError(f"{directory} holds no results; give the --out of a command, or a directory of such.")
     if directory in found:
-        return "\n".join([*_about(directory), "", *_files(directory)])
-    paragraphs = ([str(place), *(f"  {line}" for line in _about(place))] for place in found)
+        return "\n".join([*_about(directory), "", *_files(directory), *_recordings(directory)])
+    if len(found) > 1 and all((place / RESULT).is_file() and not _is_of_bench(place / RESULT) for place in found):
+        return "\n".join(_of_many({place: read_result(place / RESULT) for place in found}))
+    paragraphs = ([str(place), *(f"  {line}" for line in (*_about(place), *_recordings(place, 1)))] for place in found)
     return "\n\n".join(map("\n".join, paragraphs))
+
+
+def _of_many(runs: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+    """A line for each run, with means over its worlds."""
+
+    def mean(value: Any) -> str:
+        known = [v for v in (value if isinstance(value, list) else [value]) if isinstance(v, int | float)]
+        return f"{sum(known) / len(known):.5g}" if known else "-"
+
+    facts, measures = ("engine", "n_robots", "n_worlds", "steps"), ("delivered", "finished_at", "collisions")
+    lines = [
+        ["directory", "rules", "engine", "robots", "worlds", "steps"] + [name.replace("_", " ") for name in measures]
+    ]
+    for place, content in runs.items():
+        about = map(str, (place, strategy_of(content), *map(content.get, facts)))
+        lines.append([*about, *(mean(content.get(name)) for name in measures)])
+    return aligned(lines)
 
 
 def _is_of_bench(result: Path) -> bool:
@@ -130,13 +150,34 @@ def _table(path: Path) -> list[str]:
 
 
 def _files(directory: Path) -> Iterator[str]:
-    """Name the files, and say how to open each that a command writes."""
+    """Name the files, and say how to open each."""
     files = [path for path in sorted(directory.rglob("*")) if path.is_file() and not path.name.startswith(".")]
     names = [str(path.relative_to(directory)) for path in files[:_MAX_LISTED]]
     width = max(map(len, names), default=0)
     for name, path in zip(names, files, strict=False):
-        text = next((text for pattern, text in FILES.items() if fnmatch(path.name, pattern)), "")
-        text = text.format(path=shlex.quote(str(path)), given=str(path), parent=str(path.parent))
+        text = opening(path)
+        if path.name == RESULT and _is_of_bench(path):
+            text = f"measures and settings: iswarm grasp --config {shlex.quote(str(path))} repeats it"
+        elif path.name == RESULT and "delivered" not in read_result(path):
+            text = text.replace("iswarm clean", "iswarm run")
         yield f"{name:<{width}}  {tqdm.format_sizeof(path.stat().st_size, 'B'):>8}  {text}"
     if len(files) > _MAX_LISTED:
         yield f"{len(files) - _MAX_LISTED} more files"
+
+
+def _recordings(directory: Path, at_least: int = 2) -> Iterator[str]:
+    """Say how to open all recordings at once, with the numbers of worlds and trials left to the shell."""
+    found = [path for path in sorted(directory.rglob("*.rrd")) if path.is_file()]
+    if len(found) >= at_least:
+        names = [shlex.quote(str(path.relative_to(directory))) for path in found]
+        names = dict.fromkeys(name if "'" in name else re.sub(r"\d+", "*", name) for name in names)
+        opened = " ".join(f"{shlex.quote(str(directory))}/{name}" for name in names)
+        yield f"{'recording' if len(found) == 1 else f'all {len(found)} recordings as one dataset'}: rerun {opened}"
+
+
+def opening(path: Path) -> str:
+    """Return what a file is, and how to open it; nothing for a file that no command writes."""
+    text = next((text for pattern, text in FILES.items() if fnmatch(path.name, pattern)), "")
+    is_python = "!r" in text
+    name = str(path) if is_python and "--config" not in text else shlex.quote(str(path))
+    return text.format(path=name, parent=str(path.parent))
