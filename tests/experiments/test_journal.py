@@ -136,3 +136,10 @@ def test_entries_of_another_form_are_refused(path):
             run_missing({(0,): None}, made, Execution(), None)
     with pytest.raises(UserError, match="not a journal of iswarm, or damaged"):
         sweep([one], path.parent, {"over": ["x"]})
+
+
+def test_a_journal_is_begun_whole_or_not_at_all(tmp_path, monkeypatch):
+    with monkeypatch.context() as patch, pytest.raises(UserError):
+        patch.setattr(journals, "_INSERT", "killed here")
+        journals.Journal(tmp_path / "a.sqlite", {})
+    journals.Journal(tmp_path / "a.sqlite", {}).close()

@@ -59,6 +59,7 @@ class Journal:
                 # One that is refused stays as it is, so that nothing is written before it is read.
                 if not _is_begun(self._file):
                     with self._file:
+                        self._file.execute("BEGIN")  # else a kill may leave the table without its first entry
                         self._file.execute(_TABLE)
                         self._file.execute(_INSERT, ("[]", json.dumps(wanted)))
                 rows = self._file.execute("SELECT key, entry FROM runs")
