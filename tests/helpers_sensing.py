@@ -79,7 +79,7 @@ def lay(*positions, holders=None):
     """Balls of the median strength at `positions`; `holders` lists who holds each, None for nobody."""
     k = len(positions)
     holders = holders or [None] * k
-    balls = lying(GripperConfig(), np.array(positions), np.full(k, 20e-6))
+    balls = lying(GripperConfig(), np.array(positions, float), np.full(k, 20e-6))
     held = np.array([h is not None for h in holders])
     holder = np.array([h or 0 for h in holders], np.int32)
     balls = balls._replace(is_held=held, holder=holder, was_picked=held)

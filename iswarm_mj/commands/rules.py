@@ -17,7 +17,6 @@ from tyro.constructors import (
 )
 
 from iswarm_mj.engines.settings import Devices
-from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import constraint_of, validate
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.jax_setup import devices
@@ -89,9 +88,8 @@ class Rules(ConstructorRegistry):
         return StructConstructorSpec(cls if own is None else _explained(cls), tuple(made))
 
     def _of_command(self, default: Any) -> StructConstructorSpec:
-        own = {name: found for name, found in self._own.items() if not (self._main and isinstance(found, Genome))}
         hidden = {"own", "own_task", "physics"}
-        if self._main and "own" in own:  # in place of the genome
+        if self._main and "own" in self._own:  # in place of the genome
             hidden.add("genome")
         made = {
             name: _flag(self._command, name, kind, usual)
@@ -99,7 +97,7 @@ class Rules(ConstructorRegistry):
             if name not in hidden and (not self._main or name in self._main)
         }
         made = {name: made[name] for name in self._main or made if name in made}
-        for name, found in own.items():
+        for name, found in self._own.items():
             made[name] = _own(name, found, tyro.conf.arg(name=""))
         common = [_flag(Common, *member) for member in _members(Common, None)]
         shown = common if self._main else common[:1]

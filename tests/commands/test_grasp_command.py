@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet
+import pytest
 from helpers_cli import code_of
 from rerun.chunk import RrdReader
 

@@ -166,7 +166,7 @@ def test_arrays_that_do_not_fit_are_not_drawn(tmp_path, is_video):
     run = write_run(tmp_path, scene_area_shapes=np.array(["disc"]))
     with pytest.raises(UserError, match="the recorded arrays do not fit each other"):
         if is_video:
-            write_video(run, tmp_path / "a.mp4", Film())
+            write_video(run, tmp_path / "a.mp4", Shot(size=(64, 64)))
         else:
             render(run, 1, Shot(size=(64, 64)), tmp_path / "a.png")
     assert not list(tmp_path.glob("a.*"))
