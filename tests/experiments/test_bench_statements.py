@@ -1,8 +1,10 @@
 """What made-up trials and the laws say on the statements on the gripper."""
 
+import numpy as np
 import pytest
 from helpers_findings import grasp_rows
 
+from iswarm_mj.experiments.analysis import bench_statements
 from iswarm_mj.experiments.analysis.bench_statements import STATEMENTS
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, NOT_RUN, TOO_FEW, UNDECIDED
 
@@ -57,3 +59,18 @@ def test_one_ball_off_the_target_spoils_the_transport(change):
     next(r for r in rows if r["experiment"] == "release").update(change)
     assert found(rows)[TRANSPORT].verdict == FAILS
     assert found([row | {"transport": 0.0} for row in rows])[TRANSPORT].verdict == NOT_RUN
+
+
+@pytest.mark.parametrize(
+    "release, pick, holds",
+    [(1.0, 1.05, True), (1.05, 1.2, False), (0.8, 1.0, False), (1.0, 3.0, False), (0.0, 1.0, False)],
+)
+def test_a_peak_is_near_the_balls_radius_in_both_forces(monkeypatch, release, pick, holds):
+    """Forces that fall with the distance of R_m / R from a number."""
+
+    def force(at):
+        return lambda voltage, gap, ball, tool: 10 - np.abs(tool / ball - at)
+
+    monkeypatch.setattr(bench_statements, "release_force", force(release))
+    monkeypatch.setattr(bench_statements, "pick_force", force(pick))
+    assert bench_statements.peak()[1] == holds

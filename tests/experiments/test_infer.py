@@ -78,19 +78,30 @@ def test_each_combination_is_run_on_all_figures_and_both_types():
     sampled = [e for e in listed() if e.labels["reading"] is None]
     assert len(sampled) == N * len(SETTINGS) == N * 12
     assert len(listed()) - len(sampled) == (len(NAMED) + len(ALONE)) * NAMED_REPEATS * len(SETTINGS)
-    alone = [e for e in listed() if e.labels["combination"] < -len(NAMED)]
-    for begins, some in ((SwarmConfig(), sampled[:24]), (READINGS["paper"], alone)):
-        for entry in some:
-            config = begins
-            for name in filter(entry.labels.get, FACTORS):
-                config = varied(config, FACTORS[name][entry.labels[name]])
-            assert entry.job.config == config
+    for entry in sampled[:24]:
+        config = SwarmConfig()
+        for name in FACTORS:
+            config = varied(config, FACTORS[name][entry.labels[name]])
+        assert entry.job.config == config
     types = {(e.job.genome, e.job.steps, e.job.stop_at) for e in sampled if e.labels["study"] == "types"}
     assert types == {(PRESETS[name], 800, None) for name in ("type1", "type2")}
     absent = {
         (e.job.genome.use_hop_count, e.job.stop_at, e.job.steps) for e in sampled if e.labels["setting"] == "without"
     }
     assert absent == {(False, 66, 1200)}
+
+
+def test_the_paper_s_reading_is_run_with_each_other_value_alone_in_the_same_layouts():
+    found = {}
+    for entry in listed():
+        if entry.labels["reading"] == "paper":
+            found.setdefault(entry.labels["combination"], []).append(entry)
+    plain, *changed = [found[place] for place in sorted(found, reverse=True)]
+    assert len(changed) == len(ALONE) == len({one[0].job.config for one in changed} - {plain[0].job.config})
+    for one in changed:
+        assert [e.job.seed for e in one] == [e.job.seed for e in plain]
+        (told,) = [(name, one[0].labels[name]) for name in FACTORS if one[0].labels[name]]
+        assert one[0].job.config == varied(READINGS["paper"], FACTORS[told[0]][told[1]])
 
 
 def test_statements_hold_for_runs_as_the_paper_reports_them_and_not_for_their_opposite():
@@ -103,11 +114,26 @@ def test_statements_hold_for_runs_as_the_paper_reports_them_and_not_for_their_op
 
 
 @pytest.mark.parametrize(
+    "changed, fails",
+    [
+        ({"type1": {"finished_at": 500}}, {"Type 1 takes 310 steps", "Both types take the same time"}),
+        ({"type2": {"collisions_per_robot": 30.0}}, {"Type 2 loses 4 points by collisions"}),
+        ({"with": {"mean_carriage_steps": None}}, {"Hop counts: shorter carriage"}),
+        ({"0.05": {"finished_at": 1}}, {"Fastest at 0.1 to 0.15", "0.05 does not clean"}),
+    ],
+)
+def test_each_statement_is_on_its_runs(changed, fails):
+    assert failing(runs(**changed)) == fails
+
+
+@pytest.mark.parametrize(
     "low, counts, default, expected",
     [
         (0.4, {"a": 12, "b": 12, "c": 12}, "a", "c"),  # the largest share of those supported
         (0.4, {"a": 12, "b": 12, "c": 11}, "a", "b"),
+        (0.4, {"a": 12, "b": 11, "c": 11}, "a", None),
         (0.4, {"a": 12, "b": 11, "c": 12}, "c", None),
+        (0.4, {"a": 12}, "a", None),
         (0.34, {"a": 3, "b": 3}, "a", "b"),  # of three labels each has a third without support
         (0.32, {"a": 3, "b": 3}, "a", None),
     ],

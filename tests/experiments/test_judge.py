@@ -7,15 +7,19 @@ import pytest
 
 from iswarm_mj.experiments.analysis.findings import FAILS, HOLDS, TOO_FEW, UNDECIDED, number
 from iswarm_mj.experiments.analysis.judge import (
+    LEAST,
     Estimate,
+    all_of,
     always,
+    averages,
     differences,
+    judged,
     optimum,
     reaching,
     shares,
 )
-from iswarm_mj.experiments.analysis.measures import COLLISIONS, TIME, by
-from iswarm_mj.experiments.analysis.statistics import Interval
+from iswarm_mj.experiments.analysis.measures import COLLISIONS, DUST, TIME, by
+from iswarm_mj.experiments.analysis.statistics import Interval, difference, smallest_p
 
 
 @pytest.mark.parametrize(
@@ -36,6 +40,14 @@ from iswarm_mj.experiments.analysis.statistics import Interval
 )
 def test_an_interval_within_limits(low, high, limits, verdict):
     assert Estimate(Interval(0.0, low, high), (9,), *limits).verdict == verdict
+
+
+def test_a_difference_as_large_as_the_margin_is_rarely_called_equal():
+    """The size of the equivalence test: at a true difference of the margin, 2.5 % of all hold; of 400 at most 20."""
+    rng = np.random.default_rng(0)
+    apart = [difference(rng.normal(1, 1, 40), rng.normal(0, 1, 40), np.mean) for _ in range(400)]
+    found = [Estimate(each, (40, 40), -1, 1).verdict for each in apart]
+    assert found.count(HOLDS) <= 20 and found.count(UNDECIDED) >= 360
 
 
 def rows(times, collisions=0.0, **labels):
@@ -65,6 +77,11 @@ def test_most_runs(count, total, verdict):
     assert reaching(runs).ours.startswith(f"{count} of {total}: ") and reaching({}) is None
 
 
+def test_of_many_groups_those_that_hold_are_only_counted():
+    groups = {f"a{k}": rows([5] * 9) for k in range(8)} | {"b": rows([None] * 9)}
+    assert reaching(groups).verdict == FAILS and reaching(groups).ours.startswith("8 of 9; b: 0 of 9: 0 %")
+
+
 def test_all_trials_and_rare_runs():
     """0.025 ^ (1 / 36) = 0.9026, ^ (1 / 35) = 0.8999; of 0 of 96 the interval ends at 3.8 %, of 12 it starts at 6.6."""
     assert [always(*n).verdict for n in ((36, 36), (35, 35), (99, 100))] == [HOLDS, TOO_FEW, FAILS]
@@ -82,10 +99,24 @@ class TestDifferences:
         found = differences({"x": (high, low), "y": (low, low)})
         assert "p = 7.4e-07, 1; by Holm 1.5e-06, 1;" in found.statistics
 
+    def test_the_numbers_are_those_of_the_measure(self):
+        """Medians 105.5 and 1000, since none of the other 12 finishes; of dust 66 and 30."""
+        pair = rows(range(100, 112)), rows([None] * 12)
+        found = differences({"": pair}, TIME, more=False)
+        assert found.verdict == HOLDS and found.ours.startswith("106 against 1000, difference -894 steps (")
+        assert "n = 12 + 12" in found.statistics
+        assert differences({"": pair}, DUST).ours.startswith("66 against 30, difference 36 balls (")
+
     def test_no_difference_at_all_counts_as_none(self):
         same, near = rows([7] * 12), rows(range(12))
         assert differences({"": (same, same)}).verdict == FAILS
         assert differences({"": (near, near[1:])}).verdict == UNDECIDED
+
+    def test_few_runs(self):
+        assert smallest_p(LEAST, LEAST) < 0.01 <= smallest_p(LEAST - 1, LEAST - 1)
+        assert differences({"": (rows([90] * 4), rows([1] * 4))}).verdict == TOO_FEW
+        assert differences({"": (rows([90, 91, 92, 93, 94]), rows([1, 2, 3, 4, 5]))}).verdict == HOLDS
+        assert differences({"": (rows([1]), [])}) is None
 
     @pytest.mark.parametrize("margin, verdict", [(40.0, HOLDS), (10.0, FAILS), (20.0, UNDECIDED)])
     def test_equal_within_a_margin(self, margin, verdict):
@@ -95,6 +126,16 @@ class TestDifferences:
         assert differences({"": (other, one)}, margin=lambda a, b: margin).verdict == verdict
         means = differences({"": (other, one)}, TIME, margin=lambda a, b: margin, statistic=np.mean)
         assert means.verdict == verdict and "Mann-Whitney" not in means.statistics
+
+
+def test_averages_and_their_limits():
+    samples = {"a": [10.0, 11, 12, 13, 14, 15], "b": [20.0, 21, 22, 23, 24, 25], "none": []}
+    limits = {"a": (9, 16), "b": (19, 26)}
+    found = averages(samples, limits, "V", np.median)
+    assert found.verdict == HOLDS and found.ours.startswith("a: 10 to 15, median 12.5 V (10 to 15); b: ")
+    assert averages(samples, {"a": limits["b"], "b": limits["a"]}).verdict == FAILS
+    assert averages(samples, (9, 22)).verdict == UNDECIDED
+    assert averages({"a": [1.0] * 4}, (0, 2)).verdict == TOO_FEW and averages({"none": []}, (0, 1)) is None
 
 
 @pytest.mark.parametrize("best, verdict", [(0.15, HOLDS), (0.4, FAILS)])
@@ -112,6 +153,12 @@ def test_where_the_lowest_median_is(best, verdict):
     wide = {d: rows(range(100, 130, 5)) for d in (0.05, 0.1)}
     assert optimum(wide, TIME, (0.1, 0.15)).verdict == UNDECIDED
     assert optimum({d: runs[:4] for d, runs in wide.items()}, TIME, (0.1, 0.15)).verdict == TOO_FEW
+
+
+def test_several_statements():
+    assert all_of([HOLDS, HOLDS]) == HOLDS and all_of([HOLDS, UNDECIDED]) == UNDECIDED
+    assert all_of([UNDECIDED, TOO_FEW, HOLDS]) == TOO_FEW and all_of([TOO_FEW, FAILS]) == FAILS
+    assert judged([], "x") is None
 
 
 def test_numbers_are_readable():

@@ -37,6 +37,19 @@ def test_the_runs_of_a_quick_version_are_too_few(name):
     assert found <= {TOO_FEW, NOT_RUN, ""} and (TOO_FEW in found or name == "infer")  # which judges nothing
 
 
+@pytest.mark.parametrize("measure", range(4))
+def test_statements_on_hop_counts_are_on_one_measure_each(measure):
+    """Runs differ in one of time, dust, collisions and carriage, and the others are equal to the last digit."""
+
+    def outcome(entry):
+        values = [100, 50, 2800, 60.0]
+        way = 1 if entry.job.genome.use_hop_count == (measure == 1) else -1
+        values[measure] += way * (20 + entry.labels["repeat"])
+        return done(entry.job, *values)
+
+    assert verdicts("hop-count", made("hop-count", outcome)) == [HOLDS if n == measure else FAILS for n in range(4)]
+
+
 class TestTypes:
     @pytest.mark.parametrize(
         "one, two, repeats, expected",
@@ -53,6 +66,15 @@ class TestTypes:
             "types", [row for row in type_rows(one, two) if row["repeat"] < repeats]
         )
         assert [times, alike, points, as_fit] == expected
+
+    @pytest.mark.parametrize("time, early, expected", [(250, 0, HOLDS), (None, 0, HOLDS), (250, 12, FAILS)])
+    def test_runs_that_are_faster_than_the_papers_shortest_time(self, time, early, expected):
+        """The first `early` runs of type 2 finish in 249 steps, the others at `time`."""
+        rows = [
+            row | {"finished_at": 249 if row["type"] == "type2" and row["repeat"] < early else time}
+            for row in type_rows(310, 311)
+        ]
+        assert verdicts("types", rows)[3] == expected
 
     @pytest.mark.parametrize("points, collisions, n_robots, step", [(7771, 180, 280, 310), (7766, 80, 314, 311)])
     def test_the_papers_times_follow_from_its_fitness(self, points, collisions, n_robots, step):

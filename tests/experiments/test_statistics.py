@@ -14,6 +14,7 @@ from iswarm_mj.experiments.analysis.statistics import (
     holm,
     interval,
     lowest,
+    ratio,
     share,
     slope,
     smallest_p,
@@ -33,6 +34,15 @@ class TestMannWhitney:
         result = compare([1, 4, 6], [2, 3])
         assert result.u == 4 and result.p == pytest.approx(0.8)
 
+    def test_it_is_symmetric_and_ties_count_one_half(self):
+        rng = np.random.default_rng(1)
+        a, b = rng.normal(size=9), rng.normal(0.5, size=7)
+        one, other = compare(a, b), compare(b, a)
+        assert one.p == pytest.approx(other.p) and one.u == 9 * 7 - other.u
+        assert one.difference.estimate == pytest.approx(-other.difference.estimate)
+        result = compare([1200] * 6, [1200] * 6)
+        assert result.u == 6 * 6 / 2 and result.p == 1.0 and tuple(result.difference) == (0, 0, 0)
+
 
 class TestIntervals:
     def test_of_a_mean_it_is_that_of_the_normal_distribution_and_of_a_constant_a_point(self):
@@ -48,6 +58,17 @@ class TestIntervals:
         """By tables of the sign test, as 2 P(B < 4) of 16 is 2.1 % and 2 P(B < 5) 7.7 %; of fewer than 6 the range."""
         values = np.random.default_rng(8).permutation(n) + 1.0
         assert tuple(interval(values, np.median)) == ((n + 1) / 2, k, n + 1 - k)
+
+    def test_of_a_ratio_it_is_that_of_the_logarithms(self):
+        """The mean of two pairs, by hand; the normal distribution's half width of the mean logarithm."""
+        rng = np.random.default_rng(3)
+        samples = [np.exp(rng.normal(size, 0.3, 40)) for size in (1.0, 2.0, 1.2, 2.4)]
+        logs = [np.log(sample) for sample in samples]
+        found = ratio(samples[:2], samples[2:])
+        expected = (logs[2].mean() + logs[3].mean() - logs[0].mean() - logs[1].mean()) / 2
+        half = 1.96 * math.sqrt(sum(each.var() / 40 for each in logs)) / 2
+        assert found.estimate == pytest.approx(math.exp(expected))
+        assert np.log(found[1:]) == pytest.approx([expected - half, expected + half], abs=0.1 * half)
 
     def test_of_a_trend_it_is_that_of_least_squares(self):
         """Slope over x of differences of mean logarithms, and the half width of a sum of independent normals."""

@@ -123,6 +123,10 @@ def test_worlds_that_cannot_be_are_refused_at_once(changed, sentence):
         replace(TRAINING, **changed)
 
 
+def test_a_candidate_may_have_a_world_for_each_number_of_robots():
+    assert replace(TRAINING, robots=(4, 5)).robots == (4, 5) and Training().worlds >= len(Training().robots)
+
+
 @pytest.mark.parametrize(
     ("weights", "sentence"),
     [

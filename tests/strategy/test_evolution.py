@@ -169,6 +169,22 @@ class TestSelection:
         assert stats.chisquare(pairs[1:, 1:].ravel(), expected.ravel()).pvalue > 1e-3
         assert near(sum(c.origin == "intermediate" for c in children), pairs.sum(), 0.5)
 
+    def test_children_have_the_genes_of_both_parents_that_they_name(self):
+        """The average of both, or as often the one's as the other's."""
+        children = self.parents(replace(STILL, crossover_rate=1.0), np.ones(10))
+        one, other = (
+            np.array([POPULATION[i].p_vector_forget for i in names])
+            for names in zip(*(c.parents for c in children), strict=True)
+        )
+        own, average = (
+            np.array([f(c) for c in children])
+            for f in (lambda c: c.genome.p_vector_forget, lambda c: c.origin == "intermediate")
+        )
+        np.testing.assert_allclose(own[average], ((one + other) / 2)[average])
+        mixed = ~average & (one != other)
+        assert ((own == one) ^ (own == other))[mixed].all()
+        assert near((own == one)[mixed].sum(), mixed.sum(), 0.5)
+
     def test_fitness_below_zero_counts_as_zero(self):
         np.testing.assert_allclose(selection_probabilities([-50, 0, 30, 10]), [0, 0, 0.75, 0.25])
         np.testing.assert_allclose(selection_probabilities([-50, 0, -30, -10]), 0.25)
