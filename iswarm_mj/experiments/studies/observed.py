@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.experiments.analysis.measures import by
 from iswarm_mj.experiments.analysis.statements import NEAR, drive_of
 from iswarm_mj.experiments.runner.experiment import Plan
 from iswarm_mj.output.plot_swarm import draw_swarm
@@ -60,19 +61,29 @@ def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def observe(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
-    """Add the deepest overlap [mm] and the median time of a control step [ms] to the rows of the observed runs."""
+    """Add the deepest overlap [mm] and the median time of a control step [ms] to the rows of the observed runs.
+
+    The runs of one type and repeat advance in turn, so that they share what else the machine does.
+    """
     for row in rows:
         row["overlap"] = row["ms_per_step"] = None
-        if row["repeat"] >= (1 if plan.quick else OBSERVED):
-            continue
-        settings = RunSettings(row["n_robots"], row["max_steps"], row["seed"], stop_at=row["goal"], record_worlds=())
-        config = replace(plan.config, drive=drive_of(plan.config.drive, row["rate"]))
-        run = Run(config, PRESETS[row["type"]], settings, PlanarSettings(threads=1, refinement=1))
-        seconds, overlaps = [], []
-        while not run.is_over:
-            began = time.perf_counter()
-            run.advance()
-            seconds.append(time.perf_counter() - began)
-            overlaps.append(float(run.arrays()[1].bodies.overlap[0]))
-        run.raise_faults()
-        row["overlap"], row["ms_per_step"] = max(overlaps), 1e3 * float(np.median(seconds[WARM_UP:]))
+    observed = [row for row in rows if row["repeat"] < (1 if plan.quick else OBSERVED)]
+    for mine in by(observed, "type", "repeat").values():
+        going = []
+        for row in mine:
+            settings = RunSettings(
+                row["n_robots"], row["max_steps"], row["seed"], stop_at=row["goal"], record_worlds=()
+            )
+            config = replace(plan.config, drive=drive_of(plan.config.drive, row["rate"]))
+            run = Run(config, PRESETS[row["type"]], settings, PlanarSettings(threads=1, refinement=1))
+            going.append((row, run, [], []))
+        while any(not run.is_over for _, run, *_ in going):
+            for _, run, seconds, overlaps in going:
+                if not run.is_over:
+                    began = time.perf_counter()
+                    run.advance()
+                    seconds.append(time.perf_counter() - began)
+                    overlaps.append(float(run.arrays()[1].bodies.overlap[0]))
+        for row, run, seconds, overlaps in going:
+            run.raise_faults()
+            row["overlap"], row["ms_per_step"] = max(overlaps), 1e3 * float(np.median(seconds[WARM_UP:]))
