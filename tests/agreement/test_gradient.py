@@ -160,7 +160,7 @@ def test_through_whole_control_steps():
     """Sight, messages, noise and decisions included: the mean square of displacements, against differences."""
     n_robots = len(APART)
     rules = rules_of(PRESETS["type1"], SMALL.strategy)
-    papers = VectorStrategy(rules, jnp.asarray(0), common(SMALL).config, read_robot())
+    papers = VectorStrategy(rules, jnp.asarray(0), common(SMALL), read_robot())
     strategy = Paced(papers, jnp.float32(1))
     start = start_of(SMALL, n_robots, 0, 0)._replace(poses=np.array(APART))
     world = World(PRESETS["type1"], n_robots, start=start)
