@@ -74,7 +74,7 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
         everything = not asked or bool(asked & HELP_ALL)
         named_by = {"own": ("strategy", "genome"), "own_task": ("task",), "physics": ("engine",)}
         shown = {part: one for part, one in own.items() if everything or any(words[word] for word in named_by[part])}
-        rules = Rules(cls, shown, everything)
+        rules = Rules(cls, shown, everything, bool(words["strategy"]))
         arguments = ["--help"] if asked else arguments
         named = {"prog": f"iswarm {name}", "description": cls.__doc__}
         return explained(tyro.cli, cls, default=default, registry=rules, args=arguments, **named)

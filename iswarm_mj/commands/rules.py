@@ -59,12 +59,13 @@ class Rules(ConstructorRegistry):
         command: class of its flags; `MAIN` names the main ones, of a few all are.
         own: classes or objects, whose values are defaults, that take the places of its fields of these names.
         everything: whether there are all flags, or the main ones.
+        has_strategy: whether a strategy was named, which takes the place of the genome.
     """
 
-    def __init__(self, command: type, own: dict[str, Any], everything: bool = True):
+    def __init__(self, command: type, own: dict[str, Any], everything: bool = True, has_strategy: bool = False):
         super().__init__()
         self._main = () if everything else getattr(command, "MAIN", ())
-        self._command, self._own = command, own
+        self._command, self._own, self._has_strategy = command, own, has_strategy
         teams = [found for one in own.values() if isinstance(one, TeamFlags) for found in one.strategies.values()]
         self._found = [*own.values(), *teams]
         self.struct_rule(self._struct)
@@ -89,7 +90,7 @@ class Rules(ConstructorRegistry):
 
     def _of_command(self, default: Any) -> StructConstructorSpec:
         hidden = {"own", "own_task", "physics"}
-        if self._main and "own" in self._own:  # in place of the genome
+        if self._main and self._has_strategy:
             hidden.add("genome")
         made = {
             name: _flag(self._command, name, kind, usual)

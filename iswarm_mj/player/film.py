@@ -14,7 +14,7 @@ class Film:
     """Control step with which it begins."""
     last: Annotated[int | None, Within(1)] = None
     """Control step with which it ends; by default that of the run, at most 200 after the first."""
-    speed: Annotated[float, Within(0.1, 100, "1/s")] = 8.0
+    speed: Annotated[float, Within(0.1, 1000, "1/s")] = 8.0
     """Control steps a second."""
     frames_per_step: Annotated[float, Within(0.001, 24)] = 2.0
     """Pictures for each control step; more are smoother, and the file is larger; below 1 not all steps are shown."""

@@ -65,13 +65,13 @@ def draw(key: Array, shape: tuple[int, ...], n_uniform: int = 0, n_normal: int =
     """Return random numbers, those of a place whatever the number of places along the first axis.
 
     Args:
-        key: random key of any generator of JAX; of which the first 64 bits count.
+        key: random key of any generator of JAX, or its data; of which the first 64 bits count.
         shape: places.
         n_uniform: numbers of each place in each of two arrays.
         n_normal: the same.
     """
     drawn = partial(_drawn, n_uniform=n_uniform, n_normal=n_normal, shape=shape)
-    return fusion_barrier(drawn, jax.random.key_data(key)[:2])
+    return fusion_barrier(drawn, _words(key))
 
 
 def split(key: Array, n: int, first: Int[Array, ""] | int = 0) -> Array:
@@ -83,8 +83,13 @@ def split(key: Array, n: int, first: Int[Array, ""] | int = 0) -> Array:
         first: of them.
     """
     low = jnp.asarray(first, jnp.uint32) + jnp.arange(n, dtype=jnp.uint32)
-    words = threefry(jax.random.key_data(key)[:2], jnp.ones_like(low), low)
+    words = threefry(_words(key), jnp.ones_like(low), low)
     return jax.random.wrap_key_data(jnp.stack(words, axis=-1), impl="threefry2x32")
+
+
+def _words(key: Array) -> UInt32[Array, "2"]:
+    # Data of a key would be taken for a key of JAX's default generator, which may have more words.
+    return (jax.random.key_data(key) if jnp.issubdtype(key.dtype, jax.dtypes.prng_key) else key)[:2]
 
 
 def normal(uniform: Float[Array, "*N"]) -> Float[Array, "*N"]:

@@ -48,6 +48,7 @@ def _in_processes(
     call: Callable[..., Any], given: Iterable[tuple[Any, ...]], workers: int
 ) -> Generator[Any, None, None]:
     options: dict[str, Any] = {"initializer": _begin, "initargs": (os.getpid(),)} if workers > 1 else {}
+    warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)  # one that has grown so much
     pool = Parallel(workers, "loky", "generator_unordered", batch_size=cast(Any, 1), **options)
     try:  # the pool may break while it hands over the first calls, too
         results = cast(Generator[Any, None, None], pool(delayed(call)(*arguments) for arguments in given))

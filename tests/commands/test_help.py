@@ -44,6 +44,11 @@ def test_all_flags_with_their_ranges_and_the_main_ones(capfd, command):
         assert str(limits).split(", since")[0] in own, name
 
 
+def test_help_on_a_genome_has_its_flags_and_how_to_choose_another(capfd):
+    text = shown(capfd, "clean", "--genome", "type2", "--help")
+    assert re.search(r"--genome .*--fraction-scouts FLOAT \w[^-]*\(between 0 and 1; default 0\.27\)", text)
+
+
 def test_flags_of_a_strategy_are_main_flags(capfd, here):
     (here / "own.py").write_text("from iswarm_mj.strategy.genome import TYPE2")
     text = shown(capfd, "clean", "--strategy", "own.py:TYPE2", "--help")

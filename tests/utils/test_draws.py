@@ -71,6 +71,13 @@ def test_keys_of_any_generator_do(generator):
     assert (draws[0] != draws[1]).all()
 
 
+def test_data_of_a_key_does_with_any_default_generator():
+    key = jax.random.key(7, impl="threefry2x32")
+    with jax.default_prng_impl("rbg"):
+        drawn = draw(jax.random.key_data(key), (3,), n_uniform=1)
+    np.testing.assert_array_equal(drawn.uniform, draw(key, (3,), n_uniform=1).uniform)
+
+
 def test_more_robots_change_nothing():
     few, many = (draw(KEY, (n, 4), 3, 1) for n in (5, 9))
     jax.tree.map(lambda a, b: np.testing.assert_array_equal(a, b[:, :5]), few, many)

@@ -9,8 +9,9 @@ from rerun.chunk import RrdReader
 
 from iswarm_mj.commands.clean import Clean
 from iswarm_mj.config import GripperConfig
+from iswarm_mj.engines.mjx.settings import MjxSettings
 
-MJX = {"engine": "mjx", "worlds": 2, "record_worlds": (1,), "robots": 30}
+MJX = {"engine": "mjx", "physics": MjxSettings(contact_capacity=2), "worlds": 2, "record_worlds": (1,), "robots": 30}
 DYNAMIC = GripperConfig(resolution="dynamic", grasp_voltage=30.0, relative_humidity=50.0)
 
 
