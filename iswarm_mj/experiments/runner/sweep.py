@@ -62,7 +62,7 @@ def sweep(variants: Sequence[Variant], out: Path, about: Mapping[str, Any], agai
             own = {name: f"{name}_found" if name in found[0][0] and name != "seed" else name for name in names}
             rows = [{**labels, **{own[name]: row.get(name) for name in names}} for labels, row in found]
             write_table(out / SWEEP, rows, about, csv=True)
-        _draw(rows, list(about["over"]), out / "sweep")
+            _draw(rows, list(about["over"]), out / "sweep")
     return rows
 
 
