@@ -16,14 +16,13 @@ from iswarm_mj.output.rerun_entities import Block, entities
 from iswarm_mj.output.rerun_format import RrdFile, columns_of, index, send_properties
 from iswarm_mj.output.schema import LINKS, ROBOTS, Frames
 from iswarm_mj.output.shapes import MILLIMETRES, TRAIL_FRAMES, centres
-from iswarm_mj.output.swarm_classes import STATES, states, states_of
+from iswarm_mj.output.swarm_classes import STATES, groups, states, states_of
 from iswarm_mj.output.trajectory import METRIC, Scene
 
 KEY = "legend"
 MOST_LANES = 8
 """Robots whose states have a lane each, at most."""
-LEGEND = """**Robots**: orange empty, green scout, blue loaded; darker: sends priority. Teams and kinds have a colour
-each, darker: loaded. A dot marks the front.
+LEGEND = """**Robots**{robots}. A dot marks the front.
 
 **Balls**: black on the floor, yellow held, purple delivered; drawn enlarged, above the robots.
 
@@ -80,7 +79,10 @@ class Recording:
             labels = [f"scout, {name}" if scene.is_scout[robot] else name for name in names]
             look = rr.StateConfiguration(values=names, labels=labels, colors=colours)
             self.stream.log(lane(robot), look, static=True, strict=True)
-        key = rr.TextDocument(LEGEND, media_type=rr.MediaType.MARKDOWN)
+        own = groups(scene)[1]
+        usual = ": orange empty, green scout, blue loaded; darker: sends priority"
+        robots = f" by group: {', '.join(own)}; darker: loaded" if own else usual
+        key = rr.TextDocument(LEGEND.format(robots=robots), media_type=rr.MediaType.MARKDOWN)
         self.stream.log(KEY, key, static=True, strict=True)
         self._file.flush()
 

@@ -256,3 +256,14 @@ def test_a_world_without_balls_links_or_knowledge(tmp_path):
     recorded = read(tmp_path / "run.rrd")
     assert recorded["/world/links"]["LineStrips3D:strips"] == [[]] * 4
     assert recorded["/world/balls/true_size"]["Points3D:positions"] == [[]] * 4
+
+
+@pytest.mark.parametrize("teams", [(), ("home", "guests")])
+def test_the_legend_names_teams(tmp_path, teams):
+    scene = make_scene(6, 1)._replace(team_names=teams, team_sizes=(4, 2)[: len(teams)])
+    write(tmp_path / "a.rrd", scene, make_frames(scene, 2), cuts=())
+    chunks = RrdReader(tmp_path / "a.rrd").stream().to_chunks()
+    (row,) = (row for c in chunks if c.entity_path == "/legend" for row in c.to_record_batch().to_pylist())
+    text = row["TextDocument:text"][0]
+    assert ("by group: home, guests; darker: loaded" in text) == bool(teams)
+    assert ("orange empty" in text) != bool(teams)
