@@ -11,8 +11,9 @@ import imageio_ffmpeg
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from iswarm_mj.output.saved import SavedRun
 from iswarm_mj.output.stage import Shot, Stage, recorded
-from iswarm_mj.output.trajectory import METRIC, Arrays
+from iswarm_mj.output.trajectory import METRIC
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, make_output_directory
 from iswarm_mj.utils.progress import Progress
@@ -44,8 +45,11 @@ def write_video(
     last = len(frames["step"]) - 1 if steps is None else min(steps, len(frames["step"]) - 1)
     make_output_directory(out.parent, given=out)
     bar = Progress(last * frames_per_step + 1, "frame", out.stem)
-    with run.explained(), atomic_write(out) as part, Stage(run.config, frames, shot, run.robot_file) as stage, bar:
-        encode(_pictures(stage, frames, title, frames_per_step, last, bar), part, shot.size)
+    with run.explained():
+        made = Stage(run.config, frames, shot, run.robot_file)
+    with atomic_write(out) as part, made as stage, bar:
+        # What fails in the encoder is no matter of the arrays.
+        encode(_pictures(stage, run, title, frames_per_step, last, bar), part, shot.size)
 
 
 def encode(pictures: Iterable[np.ndarray], out: Path, size: tuple[int, int]) -> None:
@@ -79,15 +83,18 @@ def encode(pictures: Iterable[np.ndarray], out: Path, size: tuple[int, int]) -> 
 
 
 def _pictures(
-    stage: Stage, frames: Arrays, title: str, frames_per_step: int, last: int, bar: Progress
+    stage: Stage, run: SavedRun, title: str, frames_per_step: int, last: int, bar: Progress
 ) -> Iterator[np.ndarray]:
     """Frames with their captions, up to the step `last`."""
+    frames = run.arrays
     metrics = frames["scene_metric_names"].tolist()
     for number in range(last * frames_per_step + 1):
         step, part = divmod(number, frames_per_step)
-        delivered = f"{frames['delivered'][step]} of {frames['ball_state'].shape[1]} balls delivered"
-        counts = [f"{name} {frames[METRIC + name][step]:.3g}" for name in metrics] or [delivered]
-        yield _captioned(stage.show(frames, step, part / frames_per_step), [title, f"step {step}", *counts])
+        with run.explained():
+            delivered = f"{frames['delivered'][step]} of {frames['ball_state'].shape[1]} balls delivered"
+            counts = [f"{name} {frames[METRIC + name][step]:.3g}" for name in metrics] or [delivered]
+            shown = _captioned(stage.show(frames, step, part / frames_per_step), [title, f"step {step}", *counts])
+        yield shown
         bar.update()
 
 

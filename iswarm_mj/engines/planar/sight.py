@@ -78,14 +78,13 @@ def _sense_world(
     plane: Plane,
 ) -> None:
     """As `sense`, in one world, with a view of nobody, and the cells of robots within the search radius [mm]."""
-    places, near, effective, _, _, _, _, kinds = empty
     links, own = sight.links, solids[world]
-    for i in range(len(places)):
+    for i in range(len(empty.places)):
         if not is_present[world, i]:
             continue
-        view = View(places, near, effective, i, 0, 0, 0, kinds)
+        view = View(empty.places, empty.near, empty.effective, i, 0, 0, 0, empty.kinds)
         n_heard, n_near = _look_around(view, cells, within, emits[world], light, points, plane)
-        view = View(places, near, effective, i, 0, n_heard, n_near, kinds)
+        view = View(empty.places, empty.near, empty.effective, i, 0, n_heard, n_near, empty.kinds)
         for side in range(links.sender.shape[2]):
             distance, code = -1.0, -1
             for rank in range(light.n_senders):
