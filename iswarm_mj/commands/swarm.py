@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import tyro
 
@@ -54,9 +54,6 @@ class TaskOptions:
 @dataclass(frozen=True)
 class Swarm(ConfigOptions, RobotOptions):
     """Settings that the commands on a swarm share."""
-
-    MAIN: ClassVar[tuple[str, ...]] = ("genome", "controller", "robots", "seed", "worlds", "engine")
-    """Flags that `--help` shows."""
 
     controller: Annotated[tuple[str, ...], tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = ()
     """What the robots do in place of the genome's strategy: a class in a file, or the name under which an installed

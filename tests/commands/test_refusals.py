@@ -9,7 +9,7 @@ import pytest
 from helpers_cli import code_of, refused
 from helpers_small import FLAGS
 
-from iswarm_mj.commands.flags import check_effects, in_flags, settings
+from iswarm_mj.commands.flags import idle, in_flags, settings
 from iswarm_mj.commands.main import parse
 from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, UserError
 
@@ -111,8 +111,7 @@ def test_is_refused(line, facts, capfd, here):
 )
 def test_what_some_runs_of_an_experiment_need_has_an_effect(line):
     command = parse(["experiment", *line.split()])
-    check_effects(command)
-    assert command.configs
+    assert not idle(command) and command.configs
 
 
 def test_what_a_small_arena_needs_has_an_effect():
