@@ -4,7 +4,7 @@ import warp as wp
 
 from iswarm_mj.engines.planar.gpu.block import any_of, barrier, barrier_of, threads_for
 from iswarm_mj.engines.planar.gpu.contacts import n_contacts
-from iswarm_mj.engines.planar.gpu.records import bodies_of
+from iswarm_mj.engines.planar.gpu.records import record_of
 from iswarm_mj.engines.planar.gpu.world import FAILURE, N_COLOURS, N_CONTACTS, World
 from iswarm_mj.utils.errors import FaultKind
 
@@ -109,9 +109,9 @@ def _sort(w: World, n: int, lane: int, n_lanes: int):
     barrier_of(n_lanes)
     for k in range(lane, n, n_lanes):
         at = wp.atomic_add(w.end, w.found[k][2], 1)
-        bodies = bodies_of(w, at)
-        bodies[0] = w.found[k][0]
-        bodies[1] = w.found[k][1]
+        record = record_of(w, at)
+        record[0].first = w.found[k][0]
+        record[0].second = w.found[k][1]
 
 
 @wp.func
