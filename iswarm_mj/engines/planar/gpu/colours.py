@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from iswarm_mj.engines.planar.gpu.block import any_of, barrier, barrier_of, threads_for
+from iswarm_mj.engines.planar.gpu.block import NO_SUM, barrier, barrier_of, sum_if_any, threads_for
 from iswarm_mj.engines.planar.gpu.contacts import n_contacts
 from iswarm_mj.engines.planar.gpu.records import record_of
 from iswarm_mj.engines.planar.gpu.world import FAILURE, N_COLOURS, N_CONTACTS, World
@@ -36,7 +36,7 @@ def colour_contacts(w: World, lane: int):
             for k in range(lane, n, n_lanes):
                 if w.found[k][2] < 0:
                     is_left = not _takes_colour(w, k, round) or is_left
-            is_open = any_of(is_left, n_lanes)
+            is_open = sum_if_any(is_left, wp.int64(0), n_lanes) != NO_SUM
             round += 1
         if is_open:  # a heap of robots, which is not solved
             if lane == 0:
