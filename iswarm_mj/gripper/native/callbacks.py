@@ -18,12 +18,12 @@ from numba import types
 from iswarm_mj.gripper import contact
 from iswarm_mj.gripper.laws import adhesion, electrostatics, restitution, spline
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
-from iswarm_mj.gripper.laws.numbers import numbers_of
 from iswarm_mj.gripper.laws.probe_table import tables
 from iswarm_mj.gripper.native import abi, attributes
 from iswarm_mj.gripper.native.abi import PLANE, Struct, compiled, pointer_offsets, read_fields
 from iswarm_mj.gripper.native.attributes import OF_ADHESION, OF_ELECTROSTATIC, raise_error, read_attributes
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
+from iswarm_mj.utils.numbers import numbers_of
 
 _asymptotic = compiled(electrostatics.asymptotic_force)
 _contact = numbers_of(contact, {}, compiled)
