@@ -20,6 +20,7 @@ from iswarm_mj.player.panel import GRIPPER, THEME, Panel
 from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
+from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.robot import RobotFile
 
@@ -221,7 +222,7 @@ def play(
     """
     scenario = Scenario(
         config or SwarmConfig(),
-        strategy=strategy,
+        strategy=TYPE1 if strategy is None else strategy,
         task=CLEANING if task is None else task,
         robots=robots,
         seed=seed,

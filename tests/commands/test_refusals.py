@@ -118,7 +118,7 @@ def test_what_some_runs_of_an_experiment_need_has_an_effect(line):
 def test_what_a_small_arena_needs_has_an_effect():
     """Dust areas lie within the walls, in tasks without dust, too."""
     assert parse(f"run --task {GLOW} --robots 4 {SMALL}".replace("--arena.n-dust=24", "").split()).checked()
-    assert parse(f"run --task {GLOW} --reading initial".split()).checked()[0].arena.dust_area_offset == 16
+    assert parse(f"run --task {GLOW} --reading initial".split()).config.arena.dust_area_offset == 16
     with pytest.raises(UserError, match=r"`arena.n_dust` has no effect in the task Glow"):
         parse(f"run --task {GLOW} --robots 4 {SMALL}".split()).checked()
 
