@@ -18,11 +18,11 @@ GRAVITY, DRIVE = 9810.0, 10.0 / 0.1
 """Drive: force of a robot per speed [mg/s]."""
 
 
-def engines_of(*boxes, n_robots=1):
+def engines_of(*boxes):
     """MuJoCo in C and the planar engine for CPUs, in an arena with these boxes."""
     config = SwarmConfig(replace(ARENA, boxes=boxes))
-    mujoco = MujocoEngine(config, compile_arena(config, n_robots, np.zeros(0)), 1, 1, n_robots)
-    return mujoco, PlanarEngine(config, compile_arena(config, 1, np.zeros(0)), 1)
+    arena = compile_arena(config, 1, np.zeros(0))
+    return MujocoEngine(config, arena, 1, 1, 1), PlanarEngine(config, arena, 1)
 
 
 def pushed(engine, robots, boxes, velocity, n_steps=40):
@@ -98,20 +98,6 @@ def test_what_a_drive_can_push_and_what_not(turned):
             steady = (boxes[-1, 0, 0] - boxes[-2, 0, 0]) / 0.1
             assert steady == pytest.approx((1 - share) * speed if moves else 0.0, abs=0.003)
             assert abs(robots[-1, 0, 0] - at) < 1.0 if not moves else robots[-1, 0, 0] > at
-
-
-def test_a_shadow_by_hand():
-    """A box between two robots hides them from each other until it is pushed away."""
-    box = (0.0, 3.0, 0.5, 0.5, 0.0, 1e-5, 0.1)
-    for engine in engines_of(box, n_robots=2):
-        y, present = 3 * RD, np.ones((1, 2), bool)
-        robots = np.array([[[-4.0, y, 0.0], [4.0, y, math.pi]]])
-        bodies = placed(engine, robots, [box])
-        sight = engine.sense(bodies, present, np.ones(1, bool))
-        assert not sight.links.valid.any() and sight.sees_wall[0, :, 0].all()
-        away = np.concatenate([robots, [[[0.0, y - 3.0, 0.0]]]], axis=1)
-        sight = engine.sense(at_start(engine, bodies, away, np.zeros_like(away)), present, np.ones(1, bool))
-        assert sight.links.valid[0, :, 0].all() and not sight.sees_wall[0, :, 0].any()
 
 
 def test_a_led_in_the_box_of_its_own_world_sees_it():

@@ -20,7 +20,6 @@ from iswarm_mj.utils.errors import FaultKind
 
 N, WORLDS = 40, 20
 SMALL = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
-RUNNING = np.ones(WORLDS, bool)
 ALL = np.ones((WORLDS, N), bool)
 
 
@@ -68,19 +67,6 @@ def engine():
 
 
 class TestMotion:
-    @pytest.mark.parametrize("impl", ["jax", pytest.param("warp", marks=pytest.mark.slow)])
-    def test_a_control_step_ends_where_mujoco_ends(self, impl):
-        pytest.importorskip("warp") if impl == "warp" else None
-        poses = crowds()
-        velocity = walks(poses)
-        ours = moved(MjxEngine(compile_mjx_arena(SMALL, N, impl, WORLDS), SMALL, is_masked=True), poses, velocity)
-        theirs = moved_in_c(poses, velocity)
-        off = np.abs(ours.bodies.poses - theirs.bodies.poses)
-        assert off[..., :2].max() < 0.02 and off[..., 2].max() < 0.02
-        assert not ours.fault.any() and not theirs.fault.any()
-        np.testing.assert_array_equal(ours.touching, theirs.touching)
-        assert pairs_of(ours.touching).sum() > 100
-
     def test_robots_that_are_absent_leave_no_trace(self, engine):
         """Every other one, in each world."""
         poses = crowds()

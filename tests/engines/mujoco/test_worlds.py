@@ -1,7 +1,6 @@
 """Worlds of a batch in C: independent, with places that are empty, and with faults."""
 
 import numpy as np
-from helpers_crowds import crowd
 from helpers_mujoco import Worlds, far_apart, spoil
 from helpers_touching import pairs_of
 
@@ -9,38 +8,16 @@ from iswarm_mj.engines.mujoco import engine as mujoco_engine
 from iswarm_mj.utils.errors import FaultKind
 
 
-class TestAbsentRobots:
-    """World 0 lacks robots 3 to 5, world 1 lacks none; those that are absent would be in the middle."""
-
-    def worlds(self, small):
-        start = np.zeros((2, 6, 3))
-        start[0, :3] = [(-3.0, 0, 0), (3.0, 0, np.pi), (0.0, 6.0, 0.3)]
-        start[1] = [(-3.0, 0, 0), (3.0, 0, np.pi), (0.0, 6.0, 0.3), (0, 0, 0), (8, 8, 0), (-8, 8, 0)]
-        present = np.arange(6) < [[3], [6]]
-        return Worlds(small, start, present=present), start
-
-    def test_leave_a_world_as_if_it_had_never_had_them(self, small):
-        start, rng = crowd(2, np.random.default_rng(18)), np.random.default_rng(19)
-        start[0, 15:] = 0.0
-        worlds, alone = Worlds(small, start, present=np.arange(25) < [[15], [25]]), Worlds(small, start[:1, :15])
-        n_touching = 0
-        for _ in range(10):
-            velocity = rng.uniform(-2, 2, start.shape)
-            velocity[0, 15:] = 0.0
-            many, one = worlds.move(velocity, 10), alone.move(velocity[:1, :15], 10)
-            np.testing.assert_allclose(worlds.poses[0, :15], alone.poses[0], atol=1e-9)
-            np.testing.assert_array_equal(many.touching[0, :, :15], one.touching[0])
-            n_touching += pairs_of(one.touching).sum()
-        assert n_touching > 5
-
-    def test_may_be_present_when_the_robots_are_placed_again(self, small):
-        worlds, start = self.worlds(small)
-        worlds.present = np.ones((2, 6), bool)
-        worlds.place(start[[1, 1]])
-        velocity = np.zeros((2, 6, 3))
-        velocity[:, 0, 0] = 3.0
-        touching = pairs_of(worlds.move(velocity, 5).touching)
-        assert np.argwhere(touching[0]).tolist() == np.argwhere(touching[1]).tolist() == [[0, 3]]
+def test_absent_robots_may_be_present_when_they_are_placed_again(small):
+    start = np.zeros((2, 6, 3))
+    start[:] = [(-3.0, 0, 0), (3.0, 0, np.pi), (0.0, 6.0, 0.3), (0, 0, 0), (8, 8, 0), (-8, 8, 0)]
+    worlds = Worlds(small, start, present=np.arange(6) < [[3], [6]])
+    worlds.present = np.ones((2, 6), bool)
+    worlds.place(start)
+    velocity = np.zeros((2, 6, 3))
+    velocity[:, 0, 0] = 3.0
+    touching = pairs_of(worlds.move(velocity, 5).touching)
+    assert np.argwhere(touching[0]).tolist() == np.argwhere(touching[1]).tolist() == [[0, 3]]
 
 
 class TestFaults:

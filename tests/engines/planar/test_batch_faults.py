@@ -1,5 +1,6 @@
 """Faults of both planar engines: they end their world alone, and none goes unnoticed. Units: mm."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,6 +9,7 @@ from helpers_planar import both_engines, moved, placed, rounded
 from helpers_small import SMALL
 from helpers_touching import pairs_of
 
+from iswarm_mj.engines.planar.gpu.physics import rooms
 from iswarm_mj.utils.errors import FaultKind
 
 FULL = FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS
@@ -95,3 +97,16 @@ class TestHeaps:
         np.testing.assert_array_equal(motion.bodies.poses[::2], start[[1, 1]])
         np.testing.assert_allclose(motion.bodies.poses[1], start[0] + 0.15, atol=1e-5)
         assert not motion.touching[1].any()
+
+
+def test_room_for_contacts_with_obstacles():
+    """As many as four a robot; heaps of more obstacles on one place are a fault of their world alone."""
+    assert rooms(40, 0, 4, 0, 1)[1] + 40 == rooms(40, 0, 4, 1, 1)[1] == rooms(40, 0, 5, 0, 1)[1]
+    assert rooms(40, 0, 4, 4, 1) == rooms(40, 0, 4, 9, 1)
+    boxes = ((4.0 + 0.01 * k, 4.0, 1.0, 1.0, 0.0) for k in range(30))
+    start = np.tile([(9.0, 9.0, 0.1), (9.0, 9.0, 0.2), (-8.0, -8.0, 0.0)], (2, 1, 1))
+    start[0, :2] = [(-8.0, 8.0, 0.0), (8.0, -8.0, 0.0)]
+    arena = replace(SMALL.arena, obstacles=tuple(boxes), dust_area_size=2, dust_area_offset=5.5, n_dust=2)
+    _, batch = both_engines(replace(SMALL, arena=arena))
+    motion = moved(batch, placed(batch, start), 0.1, 2)
+    assert motion.fault[0] == 0 and motion.fault[1] & FaultKind.TOO_MANY_CONTACTS

@@ -15,6 +15,7 @@ from iswarm_mj.engines.planar.gpu.surroundings import near_places
 from iswarm_mj.engines.planar.in_sight import search_radius
 from iswarm_mj.engines.planar.reception import read_light
 from iswarm_mj.sensors.links import find_links
+from iswarm_mj.utils.units import RD
 
 ROBOT = read_robot()
 
@@ -87,3 +88,14 @@ def test_repeats_and_companions_change_no_bit():
 
 def arrays_of(sight):
     return (*sight.links, sight.sees_wall)
+
+
+def test_a_led_inside_an_obstacle_sees_it():
+    """As of a robot pressed into it; one whose axis a third robot crosses first sees none."""
+    beside, between = (0.0, 6.0, 0.0), (4.6, 0.0, 0.0)
+    poses = np.array([[(6.2, 0.0, 0.0), beside], [(2.0, 0.0, 0.0), between], [(2.0, 0.0, 0.0), beside]])
+    box = (9 / RD, 0.0, 2 / RD, 2 / RD, 0.0)  # from 7 mm on
+    arena = replace(SMALL.arena, obstacles=(box,), dust_area_size=2, dust_area_offset=5.5, n_dust=2)
+    for engine in both_engines(replace(SMALL, arena=arena)):
+        sees = np.asarray(engine.sense(placed(engine, poses), np.ones((3, 2), bool), np.ones(3, bool)).sees_wall)
+        assert sees[:, 0, 0].tolist() == [True, False, True]
