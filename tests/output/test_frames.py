@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from helpers_runs import N, run_of
 
+from iswarm_mj.output import shapes
 from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import ROBOT_DIAMETER as RD
+from iswarm_mj.utils.walls import beyond, in_mm
 
 
 @pytest.fixture(scope="module")
@@ -35,3 +37,20 @@ def test_obstacles_are_in_metres_and_radians(run):
     run.config = replace(run.config, arena=replace(run.config.arena, obstacles=((4.0, -4.0, 0.8, 0.5, 30.0),)))
     scene = RecordedWorld.of(run, 0).scene
     np.testing.assert_allclose(scene.obstacles, [[4 * RD, -4 * RD, 0.8 * RD, 0.5 * RD, np.pi / 6]])
+
+
+def test_walls_are_drawn_around_the_floor_and_obstacles_where_they_stand(run):
+    """Of five walls, whose inner faces touch the outline, and of a square."""
+    run, arena = copy(run), run.config.arena
+    corners = ((-7.0, -5.0), (1.0, -8.0), (8.0, -3.0), (6.0, 6.0), (-6.0, 6.0))
+    outlined = replace(arena, size=49.0, outline=corners, dust_area_offset=4, dust_area_size=1)
+    run.config = replace(run.config, arena=replace(outlined, obstacles=((2.0, 3.0, 1.5, 0.3, 30.0),)))
+    scene = RecordedWorld.of(run, 0).scene
+    np.testing.assert_allclose(shapes.outline(scene), 1e3 * RD * np.array(corners))
+    boxes = {boxes.name: boxes.places for boxes in shapes.arena_boxes(scene)}
+    walls = boxes["walls"]
+    np.testing.assert_allclose(beyond(walls[:, :2], in_mm(run.config.arena.walls)), walls[:, 2])
+    rd = 1e3 * RD
+    np.testing.assert_allclose(boxes["obstacles"], [[2 * rd, 3 * rd, 1.5 * rd, 0.3 * rd, np.pi / 6]])
+    square = shapes.outline(RecordedWorld.of(copy(run), 1).scene._replace(corners=()))
+    assert square.max() == pytest.approx(arena.size / 2 * rd) == pytest.approx(-square.min())

@@ -62,6 +62,18 @@ class TestBits:
             assert same_bits(one, other[::-1])
 
 
+def test_worlds_that_do_not_run_keep_their_bodies():
+    rng = np.random.default_rng(6)
+    start = crowd(3, rng)
+    velocity = rng.uniform(-1.4, 1.4, start.shape)
+    before = moved(engine(), placed(engine(), start), velocity).bodies
+    after, all_run = (moved(engine(), before, velocity, running=running) for running in ([True, False, True], None))
+    for old, new in zip(*map(jax.tree.leaves, (before, after.bodies)), strict=True):
+        np.testing.assert_array_equal(new[1], old[1])
+    assert not after.touching[1].any() and after.touching[0].any()
+    np.testing.assert_array_equal(after.bodies.poses[::2], all_run.bodies.poses[::2])
+
+
 def softer(spec):
     """Robots of another softness than walls: no number of one law is that of the other."""
     for geom in spec.geoms:
