@@ -26,7 +26,7 @@ class Clean(Swarm):
     out: Path = Path("runs/clean")
     """Directory for the results; those of an earlier run in it are replaced."""
     record: bool = True
-    """Record to trajectory.npz and clean.rrd."""
+    """Record to trajectory.npz, and to a file for Rerun."""
     record_worlds: Annotated[tuple[int, ...], Within(0), _RECORDED] = (0,)
     """Worlds to record; the files of all but the first of them go into world-N."""
     record_grasps: Annotated[int, Within(0, 10_000), _RECORDED, _DYNAMIC] = 0
