@@ -155,8 +155,7 @@ class Core:
         done = actuate(self.config, conditions, command, swarm, data.waits, poses, is_present, charge, key)
         said = jax.tree.map(partial(jnp.where, is_new), tables.silence(self.payload, len(action)), said)
         done = done._replace(
-            is_refused=(done.is_refused | is_bad) & ~is_new,
-            is_blocked=done.is_blocked & ~is_new,
+            is_refused=done.is_refused | is_bad,
             energy=jax.tree.map(partial(jnp.where, is_new), swarm.energy, done.energy),
         )
         emits = is_emitting(self.config, swarm.is_alive, done.energy)
@@ -176,7 +175,7 @@ class Core:
         """Return the state after a step, but for its bodies; poses, boxes and light are those after the motion."""
         ran, before = ~is_new, data.world.swarm._replace(energy=intent.done.energy)
         motion = motion._replace(bodies=None, touching=motion.touching * ran)
-        moved = after_motion(data.world, motion, intent.done.is_refused, intent.done.is_blocked, data.step, ran)
+        moved = after_motion(data.world, motion, intent.done, data.step, ran)
         step = data.step + ran.astype(jnp.int32)
         params, keys = with_conditions(self.params._replace(key=data.key), before), step_keys(data.key, step)
         inputs = StepInputs(poses, sight, step, jnp.ones((), bool), boxes)
@@ -185,7 +184,7 @@ class Core:
         world = after_task(params, moved._replace(swarm=seen.swarm), progress, data.step, ran)
         waits, charge = seen.observation.waits, seen.sensed.tool_voltage_squared
         is_faulty, is_late = world.fault.bits != 0, step >= self.steps
-        done = seen.inputs._replace(command=intent.done.command, message=seen.spoken.message)
+        done = seen.inputs._replace(command=intent.done.command, message=seen.received.bits)
         reward = params.task.reward(before.task, seen.swarm.task, done)
         metrics = {name: jnp.asarray(value) for name, value in params.task.metrics(seen.swarm.task).items()}
         return State(

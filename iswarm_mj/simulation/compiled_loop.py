@@ -133,7 +133,7 @@ class CompiledLoop:
         sight = sense(state.bodies, alive, running)
         policy = jax.jit(partial(decide_worlds, config, engine.robot))
         begin = StepInputs(engine.poses(state.bodies), sight, jnp.int32(7), running, boxes_of(engine, state.bodies))
-        command = policy(params, state.swarm, begin).command
+        command = policy(params, state.swarm, begin).done.command
 
         def move(bodies, command, running):
             return engine.move(bodies, drive_phases(config.drive, command), running)

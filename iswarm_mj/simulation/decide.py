@@ -9,15 +9,16 @@ import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.sensors.channel import Received
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
-from iswarm_mj.simulation.actuate import actuate
+from iswarm_mj.simulation.actuate import Actuated, actuate
 from iswarm_mj.simulation.packed import Packed, pack
-from iswarm_mj.simulation.perceive import Spoken, StepInputs, perceive, with_conditions
+from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.declared import led_power, said
-from iswarm_mj.strategy.interface import Command, Observation
+from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, ReleasingStrategy
 from iswarm_mj.tasks.protocol import DrivingTask
 from iswarm_mj.utils.arrays import Array
@@ -31,19 +32,16 @@ class Decision(NamedTuple):
     """Outcome of `decide`."""
 
     swarm: SwarmState
-    command: Command
-    """As the drives carry it out, see `actuate.Actuated`."""
-    is_refused: Bool[Array, "*B N"]
-    """The robot's command was not finite."""
-    is_blocked: Bool[Array, "*B N"]
-    """The robot stays where it is since another one is in its way, see `DriveConfig.locations`."""
+    done: Actuated
+    """By the drives; energy and shortfall are None, since `swarm` has them and what robots remember of them."""
     progress: Int[Array, "*B"]
     """Of the task, see `Task.progress`."""
     has_priority: Bool[Array, "*B N"]
     """The robot sends the flag `priority` as the step begins; never where the payload has none."""
     links: Links | None
     """See `Perceived`; None where they are those of the inputs."""
-    spoken: Spoken
+    received: Received
+    """See `Perceived`."""
     boxes: Float[Array, "*B M 3"] | None = None
     """See `DrivingTask.drive_boxes`; None where the task drives none."""
 
@@ -102,7 +100,8 @@ def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: Swarm
     progress = params.task.progress(kept.task)
     links = seen.links if config.optics.baud_rate else None
     boxes = params.task.drive_boxes(kept.task) if isinstance(params.task, DrivingTask) else None
-    return Decision(kept, done.command, done.is_refused, done.is_blocked, progress, flag, links, seen.spoken, boxes)
+    done = done._replace(shortfall=None, energy=None)
+    return Decision(kept, done, progress, flag, links, seen.received, boxes)
 
 
 def draw_turns(key: Array, n_robots: int) -> Float[Array, "N"]:

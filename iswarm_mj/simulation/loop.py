@@ -77,7 +77,7 @@ class Share:
         poses, boxes = jax.tree.map(lambda a: a.astype(np.float32), (begin.poses, begin.boxes))
         begin = begin._replace(poses=poses, boxes=boxes)
         decision = decide_packed(self._config, self.engine.robot, self._packed_params, swarm, begin)
-        names = "command", "is_refused", "is_blocked", "progress", "boxes"
+        names = "done", "progress", "boxes"
         return decision._replace(**{name: jax.tree.map(np.asarray, getattr(decision, name)) for name in names})
 
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Bool, Float, Int, UInt32
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Sight
@@ -39,17 +39,6 @@ class StepInputs(NamedTuple):
     """x, y [mm] and yaw [rad] of the boxes; None where there are none."""
 
 
-class Spoken(NamedTuple):
-    """What robots sent as the step began, and whether it arrived."""
-
-    message: UInt32[Array, "*B N"]
-    """The 32 bits that a robot's first LED sent; those of the other LEDs differ in number and check."""
-    is_heard: Bool[Array, "*B N S"]
-    """A message arrived on this side, and its check is right, if that is looked at."""
-    measured_distance: Float[Array, "*B N S"]
-    """Of the sender of a link [mm]."""
-
-
 class Perceived(NamedTuple):
     """What N robots of a world perceive as a control step begins, after what they said and gripped."""
 
@@ -62,7 +51,9 @@ class Perceived(NamedTuple):
     """What the task found."""
     links: Links
     """Of each side (N, S), the sender whose message it receives unless noise spoils it."""
-    spoken: Spoken
+    received: Received
+    """Its message is None, since the observation has it; its bits (N,) are those of a robot's first LED, from which
+    those of the other LEDs differ in number and check."""
     transmit: Callable[[dict[str, Any]], Received]
     """Messages as received, with the same noise at whatever time within this step they are sent."""
 
@@ -145,8 +136,8 @@ def perceive(
         sensed=sensed.own,
         waits=is_empty | sensed.is_busy | (stop < params.conditions.stop_share),
     )
-    spoken = Spoken(received.bits[:, 0], received.is_heard, received.distance)
-    return Perceived(observation, swarm, sensed, inputs, sight.links, spoken, transmit)
+    received = received._replace(message=None, bits=received.bits[:, 0])
+    return Perceived(observation, swarm, sensed, inputs, sight.links, received, transmit)
 
 
 def with_conditions(params: WorldParams, swarm: SwarmState) -> WorldParams:

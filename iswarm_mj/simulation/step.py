@@ -4,11 +4,11 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any, NamedTuple
 
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine, Motion, boxes_of
-from iswarm_mj.simulation.actuate import drive_phases, velocity_towards
+from iswarm_mj.simulation.actuate import Actuated, drive_phases, velocity_towards
 from iswarm_mj.simulation.decide import Decision
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.power import is_emitting
@@ -57,44 +57,38 @@ def control_step(
     begin = StepInputs(engine.poses(state.bodies), sight, step, is_running, boxes_of(engine, state.bodies))
     with stepper.watch("policy"):
         decision = stepper.decide(params, swarm, begin)
-    moves = is_running & ~decision.is_refused.any(axis=-1)
+    moves = is_running & ~decision.done.is_refused.any(axis=-1)
     boxes = velocity_towards(config, decision.boxes, begin.boxes)
-    phases = drive_phases(config.drive, decision.command, boxes)
+    phases = drive_phases(config.drive, decision.done.command, boxes)
     with stepper.watch("physics"):
         motion = engine.move(state.bodies, phases, moves)
-    moved = after_motion(state, motion, decision.is_refused, decision.is_blocked, step, is_running)
+    moved = after_motion(state, motion, decision.done, step, is_running)
     new = after_task(params, moved._replace(swarm=decision.swarm), decision.progress, step, is_running)
     return new, record(stepper, params, new, decision, begin) if stepper.records else None
 
 
 def after_motion(
-    state: WorldState,
-    motion: Motion,
-    is_refused: Bool[Array, "*B N"],
-    is_blocked: Bool[Array, "*B N"],
-    step: Int[Array, ""],
-    is_running: Array,
+    state: WorldState, motion: Motion, done: Actuated, step: Int[Array, ""], is_running: Array
 ) -> WorldState:
     """Account for the motion of a control step: bodies, faults, collisions.
 
     Args:
         state: before the step.
         motion: of the robots.
-        is_refused: commands that were not finite.
-        is_blocked: robots that stay where they are since another one is in their way.
+        done: by the drives.
         step: number of the step, from 0.
         is_running: (*B,) worlds that take it.
     """
     xp = array_module(motion.touching)
-    any_refused = is_refused.any(axis=-1) & is_running
+    any_refused = done.is_refused.any(axis=-1) & is_running
     bits = motion.fault | xp.where(any_refused, int(FaultKind.COMMAND_NOT_FINITE), 0).astype(motion.fault.dtype)
-    robot = xp.where(any_refused, is_refused.argmax(axis=-1), motion.robot).astype(state.fault.robot.dtype)
+    robot = xp.where(any_refused, done.is_refused.argmax(axis=-1), motion.robot).astype(state.fault.robot.dtype)
     fault = Fault(
         state.fault.bits | bits,
         xp.where(bits != 0, step + 1, state.fault.step).astype(state.fault.step.dtype),
         xp.where(bits != 0, robot, state.fault.robot),
     )
-    begun = new_contacts(state.touching, motion.touching) + is_blocked.sum(axis=-1)
+    begun = new_contacts(state.touching, motion.touching) + done.is_blocked.sum(axis=-1)
     begun = begun.astype(state.collisions.dtype)
     collisions = state.collisions + xp.where(is_running & (fault.bits == 0), begun, 0)
     return state._replace(bodies=motion.bodies, touching=motion.touching, collisions=collisions, fault=fault)
@@ -136,7 +130,7 @@ def record(
         decision: of the robots.
         begin: how the step began.
     """
-    links, spoken, is_running = decision.links or begin.sight.links, decision.spoken, begin.is_running
+    links, received, is_running = decision.links or begin.sight.links, decision.received, begin.is_running
     xp = array_module(is_running)
     poses = stepper.engine.poses(state.bodies)
     return StepRecord(
@@ -145,10 +139,10 @@ def record(
         swarm=decision.swarm,
         links=links._replace(valid=links.valid & is_running[..., None, None]),
         has_priority=decision.has_priority,
-        message=spoken.message,
-        is_heard=spoken.is_heard & is_running[..., None, None],
-        measured_distance=spoken.measured_distance,
-        command=Command(*(xp.where(is_running[..., None], part, 0.0) for part in decision.command)),
+        message=received.bits,
+        is_heard=received.is_heard & is_running[..., None, None],
+        measured_distance=received.distance,
+        command=Command(*(xp.where(is_running[..., None], part, 0.0) for part in decision.done.command)),
         collisions=state.collisions,
         speed=mean_step(begin.poses, poses, params.is_present) / stepper.config.drive.control_period,
         is_running=is_running,

@@ -198,4 +198,4 @@ def find_walls(config: SwarmConfig, arena: MjxArena, crowd: Crowd) -> Bool[Array
     index = jnp.arange(len(leds))
     others = crowd.is_present & (index != index[:, None, None])
     robots = jnp.where(others, entries(leds, way, arena.hulls(crowd.poses)), jnp.inf).min(axis=-1)
-    return (share <= 1.0) & ((share == 0.0) | (robots >= share)) & crowd.is_present[:, None]
+    return (share <= 1.0) & (robots >= share) & crowd.is_present[:, None]
