@@ -5,7 +5,7 @@ import threading
 import jax
 import numpy as np
 import pytest
-from helpers_runs import N, end_of
+from helpers_runs import N, end_of, poses_of
 
 from iswarm_mj.config import READINGS
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
@@ -76,6 +76,18 @@ def end_and_state(run):
     poses, _ = end_of(run)
     state = run.arrays()[1]
     return poses, jax.tree.map(np.asarray, (state.swarm, state.collisions, state.touching))
+
+
+def test_records_are_of_the_worlds_asked_for(small):
+    """In their order, whatever shares they are in."""
+    picked = (5, 0, 4, 3)
+    everything, some, none = (run_in(small, PlanarSettings(2), 6, 5, rows) for rows in (tuple(range(6)), picked, ()))
+    assert none.advance() is None
+    np.testing.assert_array_equal(everything.start.poses[:, list(picked)], some.start.poses)
+    while not some.is_over:
+        every, found = everything.advance(), some.advance()
+        jax.tree.map(lambda all_, of: np.testing.assert_array_equal(all_[:, list(picked)], of), every, found)
+    np.testing.assert_array_equal(found.poses[-1], poses_of(some)[list(picked)])
 
 
 def test_two_threads_work_at_a_time(small, monkeypatch):
