@@ -28,14 +28,14 @@ class Bench(Swarm):
 
     def run(self) -> None:
         """Run the command."""
-        config, genome, n_robots = self.checked()
+        n_robots = self.checked()
         from iswarm_mj.simulation.settings import RunSettings
 
         engine = self.engine_settings
         chunk = 1 if engine.on_host else min(engine.chunk, self.steps)
         warm_up, steps = (-(-count // chunk) * chunk for count in (self.warm_up, self.steps))
         settings = RunSettings(n_robots, warm_up + steps, self.seed, self.worlds, record_worlds=())
-        bench(replace(self, physics=engine.in_chunks(chunk)).run_of(config, genome, settings), warm_up)
+        bench(replace(self, physics=engine.in_chunks(chunk)).run_of(settings), warm_up)
 
 
 def bench(run: Any, warm_up: int) -> dict[str, Any]:

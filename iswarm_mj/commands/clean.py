@@ -5,9 +5,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.swarm import Swarm, WithTask
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Needs, Within, check, constraint_of
 from iswarm_mj.utils.lock import locked
 
@@ -28,7 +26,7 @@ class Clean(Swarm):
     out: Path = Path("runs/clean")
     """Directory for the results; those of an earlier run in it are replaced."""
     record: bool = True
-    """Record to trajectory.npz and clean.rrd."""
+    """Record to trajectory.npz, and to a file for Rerun."""
     record_worlds: Annotated[tuple[int, ...], Within(0), _RECORDED] = (0,)
     """Worlds to record; the files of all but the first of them go into world-N."""
     record_grasps: Annotated[int, Within(0, 10_000), _RECORDED, _DYNAMIC] = 0
@@ -40,9 +38,10 @@ class Clean(Swarm):
         """Whether attempts to lift and release are trials on the bench."""
         return self.gripper.resolution == "dynamic"
 
-    def goal(self, config: SwarmConfig) -> int | None:
-        """Return the progress that finishes a world; None for the task's own."""
-        n_dust = config.arena.n_dust
+    @property
+    def goal(self) -> int | None:
+        """Progress that finishes a world; None for the task's own."""
+        n_dust = self.arena.n_dust
         stop_at = n_dust if self.stop_at is None else self.stop_at
         check("stop_at", stop_at, f"between 1 and the number of balls, {n_dust}", 1 <= stop_at <= n_dust)
         return stop_at
@@ -54,21 +53,16 @@ class Clean(Swarm):
 
         with locked(self.out):  # refused before anything is compiled
             pass
-        clean(self.run_of(*planned), self.out, self.record_grasps)
+        clean(self.run_of(planned), self.out, self.record_grasps)
 
-    def planned(self, recorded: tuple[int, ...]) -> tuple[SwarmConfig, Genome, RunSettings]:
-        """Return what `run_of` makes a run of, in which these worlds are recorded.
+    def planned(self, recorded: tuple[int, ...]) -> RunSettings:
+        """Return the settings of the run, in which these worlds are recorded.
 
         Raises:
             UserError: see `checked`.
         """
-        config, genome, n_robots = self.checked()
-        stop_at = self.goal(config)
-        return (
-            config,
-            genome,
-            RunSettings(n_robots, self.steps, self.seed, self.worlds, stop_at, record_worlds=recorded),
-        )
+        n_robots = self.checked()
+        return RunSettings(n_robots, self.steps, self.seed, self.worlds, self.goal, record_worlds=recorded)
 
 
 @dataclass(frozen=True)
@@ -82,6 +76,7 @@ class Run(WithTask, Clean):
     out: Path = Path("runs/task")
     """Directory for the results; those of an earlier run in it are replaced."""
 
-    def goal(self, config: SwarmConfig) -> int | None:
+    @property
+    def goal(self) -> int | None:
         """See `Clean.goal`."""
         return self.stop_at

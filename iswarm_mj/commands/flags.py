@@ -106,16 +106,6 @@ def without_effect(name: str, why: str) -> UserError:
     return UserError(f"`{name}` has no effect {why}; leave it out")
 
 
-def check_effects(command: Any) -> None:
-    """Refuse settings that have no effect, see `idle`.
-
-    Raises:
-        UserError: there is one.
-    """
-    for name, why in idle(command).items():
-        raise without_effect(name, why)
-
-
 def idle(command: Any) -> dict[str, str]:
     """Return why settings that differ from their defaults have no effect: they lack what their annotations name.
 

@@ -14,7 +14,7 @@ from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.experiment import Experiment
-from iswarm_mj.commands.flags import check_effects, in_flags, settings
+from iswarm_mj.commands.flags import idle, in_flags, settings, without_effect
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.parser import explained
 from iswarm_mj.commands.parser import parse as parsed
@@ -83,7 +83,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 stream.reconfigure(errors="backslashreplace")  # names of files may be no text
         check_text(given)
         command = parse(given)
-        check_effects(command)
+        for name, why in idle(command).items():
+            raise without_effect(name, why)
         command.run()
         sys.stdout.flush()
     except BaseException as error:

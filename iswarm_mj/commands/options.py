@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 import tyro
@@ -60,9 +60,6 @@ class ConfigOptions(SwarmConfig):
 @dataclass(frozen=True)
 class ManyRunsOptions(ConfigOptions):
     """How and where many runs are executed."""
-
-    MAIN: ClassVar[tuple[str, ...]] = ("reading", "seed", "engine", "workers")
-    """Flags that `--help` shows."""
 
     seed: Seed = 0
     """Seed of all random numbers."""

@@ -32,16 +32,15 @@ class Play(WithTask):
 
     def session(self) -> Any:
         """Return the run at its start, as a `Session`."""
-        config, genome, n_robots = self.checked()
+        n_robots = self.checked()
         refuse(self, ["chunk"], "on the page, which shows every step")
         from iswarm_mj.player.changes import Change
         from iswarm_mj.player.scenario import Scenario
         from iswarm_mj.player.session import Session
 
         scenario = Scenario(
-            config,
-            genome,
-            self.own,
+            self.config,
+            self.rules,
             self.task,
             self.robots if self.density is None else n_robots,
             self.seed,

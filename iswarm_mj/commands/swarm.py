@@ -3,13 +3,12 @@
 import re
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 import tyro
 
 from iswarm_mj.commands.flags import refuse, usual
 from iswarm_mj.commands.options import ConfigOptions
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import Above, Needs, constraint_of, validate
@@ -56,9 +55,6 @@ class TaskOptions:
 class Swarm(ConfigOptions, RobotOptions):
     """Settings that the commands on a swarm share."""
 
-    MAIN: ClassVar[tuple[str, ...]] = ("genome", "controller", "robots", "seed", "worlds", "engine")
-    """Flags that `--help` shows."""
-
     controller: Annotated[tuple[str, ...], tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = ()
     """What the robots do in place of the genome's strategy: a class in a file, or the name under which an installed
     package offers one (entry points iswarm_mj.strategies); its fields become flags, see --strategy ... --help. Several
@@ -80,28 +76,24 @@ class Swarm(ConfigOptions, RobotOptions):
     def __post_init__(self):
         validate(self)
 
-    def checked(self) -> tuple[SwarmConfig, Genome, int]:
-        """Return the configuration, the genome and the number of robots.
+    @property
+    def rules(self) -> Any:
+        """The strategy, or the genome of the paper's."""
+        return load_genome(self.genome) if self.own is None else self.own
+
+    def checked(self) -> int:
+        """Return the number of robots.
 
         Raises:
             UserError: a setting is out of range, or contradicts another one.
         """
-        if self.robots is not None or self.density is not None:
-            refuse(self, ["density_of_robots"], "with `robots` or `density`")
-        genome = self.own if isinstance(self.own, Genome) else load_genome(self.genome)
-        return self.config, genome, self._n_robots(self.config, genome)
-
-    @property
-    def task(self) -> Any:
-        """What the robots are to do."""
-        from iswarm_mj.tasks.cleaning import CLEANING
-
-        return CLEANING
-
-    def _n_robots(self, config: SwarmConfig, genome: Genome) -> int:
         from iswarm_mj.engines.robot_file import check_total, files_of, read_robots
         from iswarm_mj.tasks.layout import cell_of, check_robots, robots_for
 
+        if self.robots is not None or self.density is not None:
+            refuse(self, ["density_of_robots"], "with `robots` or `density`")
+        arena = self.config.arena
+        genome = self.rules if isinstance(self.rules, Genome) else load_genome(self.genome)
         if len(self.robot) == 1 and (given := self.robot[0]).isdigit() and not Path(given).exists():
             raise UserError(f"--robot must be a file in MJCF (got {given}); perhaps you meant --robots {given}.")
         file = self.robot_file
@@ -113,30 +105,23 @@ class Swarm(ConfigOptions, RobotOptions):
         if not n_robots:
             own = ("density_of_robots", genome.density_of_robots)
             name, density = own if self.density is None else ("density", self.density)
-            n_robots = robots_for(config.arena, density, name)
+            n_robots = robots_for(arena, density, name)
         check_total(file, n_robots)
-        check_robots(config.arena, n_robots, cell_of(read_robots(file)))
+        check_robots(arena, n_robots, cell_of(read_robots(file)))
         return n_robots
 
-    def run_of(self, config: SwarmConfig, genome: Genome, settings: RunSettings) -> Any:
-        """Return the `Run` at its start.
-
-        Args:
-            config: as returned by `checked`.
-            genome: as returned by `checked`.
-            settings: of the run.
-        """
+    def run_of(self, settings: RunSettings) -> Any:
+        """Return the `Run` with these settings at its start."""
         from iswarm_mj.simulation.run import Run
 
         n_worlds = settings.n_worlds
         with waiting(f"placing {settings.n_robots} robots in {n_worlds} world{'s' * (n_worlds > 1)}"):
             return Run(
-                config,
-                genome,
-                settings,
-                self.engine_settings,
-                strategy=None if isinstance(self.own, Genome) else self.own,
-                task=self.task,
+                self.config,
+                settings=settings,
+                engine=self.engine_settings,
+                strategy=self.rules,
+                task=getattr(self, "own_task", None),
                 robot_file=self.robot_file,
             )
 
@@ -145,7 +130,7 @@ class Swarm(ConfigOptions, RobotOptions):
 class WithTask(TaskOptions, Swarm):
     """Settings of commands on a swarm with any task."""
 
-    def checked(self) -> tuple[SwarmConfig, Genome, int]:
+    def checked(self) -> int:
         """See `Swarm.checked`."""
         for group, _, part in (name.partition(".") for name in getattr(self.task, "unused", ())):
             unused = [part] if part else [f.name for f in fields(getattr(self, group))]

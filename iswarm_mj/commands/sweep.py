@@ -83,7 +83,7 @@ class Sweep:
             given = [(name, str(value), _content(value)) for name, value, *_ in settings(command) if name != "out"]
             try:
                 refuse(command, _UNUSED, "on the runs of a sweep, which are not recorded")
-                make = partial(command.run_of, *command.planned(()))  # refuses settings before any run
+                make = partial(command.run_of, command.planned(()))  # refuses settings before any run
             except UserError as error:
                 raise _in_its_flags(error, command) from None
             own_idle = idle(command)

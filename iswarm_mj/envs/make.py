@@ -18,7 +18,8 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.memory_check import devices_of
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
-from iswarm_mj.simulation.worlds import World, first_state, random_keys, world_params
+from iswarm_mj.simulation.start import first_state, world_params
+from iswarm_mj.simulation.worlds import World, random_keys
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.library import TASKS, find
 from iswarm_mj.strategy.user_code import user_code
@@ -77,9 +78,8 @@ def make_env(
     config = setup.config
     speaker: Any = Speaker(as_payload(payload))
     speaker.payload.check_room(len(setup.robot.sides))
-    any_key = random_keys(layouts[:1])  # an episode has its own
-    params = world_params(config, layouts[:1], any_key, speaker, setup.tasks, setup.goal, setup.capacity)
-    poses, worlds = first_state(config, setup.starts, setup.task, setup.robot, setup.capacity)
+    params = world_params(setup, random_keys(layouts[:1]), speaker)  # an episode has a key of its own
+    poses, worlds = first_state(setup)
     senses = tuple(
         (name, (quantity, int(np.prod(setup.sensed[name].shape[1:], dtype=int))))
         for name, quantity in getattr(setup.task, "senses", {}).items()  # a task without has no such attribute

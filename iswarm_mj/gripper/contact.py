@@ -1,7 +1,7 @@
 """What a ball's contacts do from one physics step to the next: adhesion, impacts, charge, breakdown, potential.
 
 The docstring of `plugin` describes these laws. Functions of numbers, which numba compiles and JAX traces, see
-`laws.numbers`. Unless stated otherwise units are those of the bench: um, ug, ms, nN, V, fC, fF, TOhm.
+`utils.numbers`. Unless stated otherwise units are those of the bench: um, ug, ms, nN, V, fC, fF, TOhm.
 """
 
 import math
@@ -11,10 +11,10 @@ from typing import TypeAlias
 from jaxtyping import Bool
 
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
-from iswarm_mj.gripper.laws.numbers import where
 from iswarm_mj.gripper.laws.restitution import plastic_ratio, sticking_speed, yield_speed
 from iswarm_mj.gripper.units import CLEARANCE
 from iswarm_mj.utils.arrays import Array, Quantity
+from iswarm_mj.utils.numbers import where
 
 Condition: TypeAlias = bool | Bool[Array, "..."]
 

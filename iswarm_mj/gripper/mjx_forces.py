@@ -25,12 +25,12 @@ from iswarm_mj.gripper import contact, plugin
 from iswarm_mj.gripper.laws import spline
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
-from iswarm_mj.gripper.laws.numbers import in_arrays
 from iswarm_mj.gripper.laws.probe_table import tables
 from iswarm_mj.gripper.native.attributes import ATTRIBUTES, ELECTROSTATIC, NUMBER
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.numbers import in_arrays
 
 _contact, _spline = in_arrays(contact, jnp), in_arrays(spline, jnp)
 

@@ -3,6 +3,7 @@
 import json
 from contextlib import suppress
 from dataclasses import asdict
+from itertools import product
 from pathlib import Path
 from typing import Any, cast
 
@@ -17,16 +18,12 @@ from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 
 
 def clear(out: Path) -> None:
-    """Remove the results of an earlier run, and what was left of files that were being written."""
-    for name in (RESULT, TRAJECTORY, RECORDING, OTHER_RECORDING):
-        remove(out / name)
-        remove_parts(out, name)
-
-
-def clear_worlds(out: Path) -> None:
-    """Remove what an earlier run left of its further worlds."""
-    for place in filter(Path.is_dir, out.glob("world-*")):
-        clear(place)
+    """Remove the results of an earlier run and of its further worlds, and what was left of files being written."""
+    further = [*filter(Path.is_dir, out.glob("world-*"))]
+    for place, name in product((out, *further), (RESULT, TRAJECTORY, RECORDING, OTHER_RECORDING)):
+        remove(place / name)
+        remove_parts(place, name)
+    for place in further:
         with suppress(OSError):
             place.rmdir()  # it holds something else
 

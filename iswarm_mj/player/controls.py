@@ -52,9 +52,9 @@ def is_live(scenario: Scenario, name: str) -> bool:
     """Whether a setting may change while a run goes on: what programs take as arrays, see `PER_WORLD_FIELDS`."""
     match scenario.paths().get(name):
         case ("config", group, own):
-            rules = Rules._fields if scenario.strategy is None and group == "strategy" else ()
+            rules = Rules._fields if scenario.genome and group == "strategy" else ()
             return own in PER_WORLD_FIELDS[group] and (own in Conditions._fields or own in rules)
-        case ("genome", own):
+        case ("strategy", own) if scenario.genome:
             return own in Rules._fields and own not in AT_START
         case ("strategy" | "task" as part, own):
             cls = type(getattr(scenario, part))
@@ -64,7 +64,7 @@ def is_live(scenario: Scenario, name: str) -> bool:
 
 def controls(scenario: Scenario) -> list[Control]:
     """Return the controls of all settings that have an effect in a scenario."""
-    rules, engines = scenario.rules, tuple(dict.fromkeys((*ENGINES, scenario.engine_name)))
+    engines = tuple(dict.fromkeys((*ENGINES, scenario.engine_name)))
     found = [
         Control("seed", "World", scenario.seed, 0, 2**32 - 2, text=field_docs(RunSettings)["seed"]),
         Control("task", "World", scenario.named(TASKS), choices=_offers(TASKS, scenario), text="What the robots do."),
@@ -72,9 +72,9 @@ def controls(scenario: Scenario) -> list[Control]:
         Control("robots", "World", scenario.n_robots, 1, 200_000, text="Number of robots."),
         Control("engine", "World", scenario.engine_name, choices=engines, text="Physics engine."),
     ]
-    unused = set(getattr(scenario.task, "unused", ())) | ({"strategy"} if rules == "strategy" else set())
-    whose = "the strategy" if rules == "genome" else type(scenario.strategy).__name__
-    parts = [("", getattr(scenario, rules), f"Rules of {whose}")]
+    unused = set(getattr(scenario.task, "unused", ())) | (set() if scenario.genome else {"strategy"})
+    whose = "the strategy" if scenario.genome else type(scenario.strategy).__name__
+    parts = [("", scenario.strategy, f"Rules of {whose}")]
     parts += [("", scenario.task, f"Task {type(scenario.task).__name__}")]
     parts += [(f"{k}.", part, k.capitalize()) for k, part in vars(scenario.config).items() if k not in unused]
     for prefix, part, group in parts:

@@ -15,11 +15,11 @@ from iswarm_mj.engines.robot_file import as_robot_file
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.output import shapes
 from iswarm_mj.player import view as look
-from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.panel import GRIPPER, THEME, Panel
 from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
+from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.robot import RobotFile
 
@@ -73,10 +73,8 @@ class Page:
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(380)
         look.light(server.scene)
-        self._view = SwarmView(server.scene, session.scene)
         look.aim(server.initial_camera, session.scene)
-        size = session.scene.arena_size * shapes.MILLIMETRES
-        self._panel = Panel(server.gui, session, lambda: self._view, lambda: Bench(server, size / 6))
+        self._panel = Panel(server, session)
         self._panel.looks.on_update(lambda _: self._turn_to(self._panel.looks.value))
         self._panel.rebuild()
         self._version, self._time, self._panel_at = session.version, time.monotonic(), -math.inf
@@ -133,9 +131,9 @@ class Page:
         session = self.session
         if session.version != self._version:
             self._version = session.version
-            by, shows = self._view.by, self._view.shows
-            self._view = SwarmView(self._server.scene, session.scene)
-            self._view.by, self._view.shows, self._view.root.visible = by, shows, not self._panel.bench.root.visible
+            before, view = self._panel.view, SwarmView(self._server.scene, session.scene)
+            view.by, view.shows, view.root.visible = before.by, before.shows, not self._panel.bench.root.visible
+            self._panel.view = view
             session.shown = 0.0
             self._panel.rebuild()
         past = list(session.snapshots)
@@ -145,7 +143,7 @@ class Page:
         past = [one for one in past if one.step < session.shown + 1]
         share = session.shown - past[-1].step + 1
         with self._server.atomic():
-            self._view.show([one.frames for one in past], share, past[-1].energy)
+            self._panel.view.show([one.frames for one in past], share, past[-1].energy)
         while not session.messages.empty():
             text = session.messages.get()
             for client in self._server.get_clients().values():
@@ -161,7 +159,7 @@ class Page:
         """Show the swarm or the bench, and let all browsers look at it."""
         is_bench = shown == GRIPPER
         self._panel.bench.turn(is_bench)
-        self._view.root.visible = not is_bench
+        self._panel.view.root.visible = not is_bench
         look.aim(self._server.initial_camera, self.session.scene, is_low=is_bench)
         for client in self._server.get_clients().values():
             self._aim(client)
@@ -186,7 +184,7 @@ class Page:
         origin, way = np.array(event.ray_origin), np.array(event.ray_direction)
         scene = self.session.scene
         length, height = scene.length * shapes.MILLIMETRES, scene.height * shapes.MILLIMETRES
-        if way[2] < 0 and self._view.root.visible:
+        if way[2] < 0 and self._panel.view.root.visible:
             x, y, _ = origin + (height / 2 - origin[2]) / way[2] * way
             self._panel.clicked(float(x), float(y), 0.8 * length)
 
@@ -221,7 +219,7 @@ def play(
     """
     scenario = Scenario(
         config or SwarmConfig(),
-        strategy=strategy,
+        strategy=TYPE1 if strategy is None else strategy,
         task=CLEANING if task is None else task,
         robots=robots,
         seed=seed,

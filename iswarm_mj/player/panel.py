@@ -1,7 +1,6 @@
 """The panel beside the swarm: buttons, controls made from declared settings, plots, and a robot's memory."""
 
 import math
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,9 @@ import numpy as np
 
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.output.palette import BLUE
+from iswarm_mj.output.shapes import MILLIMETRES
 from iswarm_mj.player import scene as arrays
+from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.changes import BALL, KILL, REVIVE
 from iswarm_mj.player.controls import Control, controls
 from iswarm_mj.player.inspection import described
@@ -36,22 +37,23 @@ class Panel:
     """Controls of a session; each is the same in all browsers.
 
     Attributes:
+        view: of the swarm.
         looks: choice of what the scene shows.
         bench: of the gripper.
         speed: control steps a second that are wanted.
         click: what a click on the arena does.
     """
 
-    def __init__(self, gui: Any, session: Session, view: Callable[[], SwarmView], make_bench: Callable[[], Any]):
-        """Make the controls.
+    def __init__(self, server: Any, session: Session):
+        """Draw the swarm, and make the controls.
 
         Args:
-            gui: of a viser server.
+            server: of viser.
             session: that they act on.
-            view: returns the present view of the swarm.
-            make_bench: makes the gripper's bench, whose controls are a part of the panel.
         """
-        self._gui, self._session, self._present = gui, session, view
+        gui = server.gui
+        self._gui, self._session = gui, session
+        self.view = SwarmView(server.scene, session.scene)
         self.looks = gui.add_dropdown("show", (SWARM, GRIPPER))
         self._play = gui.add_button("Play", icon="player-play", color="green")
         self._play.on_click(lambda _: session.post(self._toggled))
@@ -71,7 +73,7 @@ class Panel:
         with tabs.add_tab("Robot"):
             self._robot = gui.add_markdown("Click on a robot: here it shows what it knows, hears and says.")
         with tabs.add_tab("Gripper"):
-            self.bench = make_bench()
+            self.bench = Bench(server, session.scene.arena_size * MILLIMETRES / 6)
         with tabs.add_tab("Share"):
             self._share()
         self._handles: dict[str, Any] = {}
@@ -80,11 +82,6 @@ class Panel:
         self._plots: dict[str, Any] = {}
         self._compared, self._pending = (session.wanted, session.now), []
         self.click = SELECT
-
-    @property
-    def view(self) -> SwarmView:
-        """The present view of the swarm."""
-        return self._present()
 
     def _toggled(self) -> None:
         self._session.is_playing = not self._session.is_playing

@@ -34,13 +34,11 @@ class Scenario:
     """A run of one world from its start. Settings are called as flags of `iswarm run`, with dots within groups."""
 
     config: SwarmConfig = field(default_factory=SwarmConfig)
-    genome: Genome = TYPE1
-    """Of the paper's strategy."""
-    strategy: Any = None
-    """Another strategy; None for the paper's. A genome given here becomes `genome`."""
+    strategy: Any = TYPE1
+    """A genome of the paper's, or another one."""
     task: Any = CLEANING
     robots: int | None = None
-    """Their number; None: it follows from the genome's density."""
+    """Their number; None: it follows from the density of the genome, or of type 1."""
     seed: int = 0
     engine: EngineSettings = field(default_factory=MujocoSettings)
     robot_file: RobotFile = None
@@ -50,15 +48,10 @@ class Scenario:
     task_name: str | None = None
     """As --task takes it, likewise."""
 
-    def __post_init__(self):
-        if isinstance(self.strategy, Genome):
-            for name, value in (("genome", self.strategy), ("strategy", None), ("strategy_name", None)):
-                object.__setattr__(self, name, value)
-
     @property
     def n_robots(self) -> int:
         """Number of robots."""
-        arena, density = self.config.arena, self.genome.density_of_robots
+        arena, density = self.config.arena, (self.genome or TYPE1).density_of_robots
         total = sum(n for _, n in files_of(self.robot_file))
         return self.robots or total or robots_for(arena, density, "density_of_robots")
 
@@ -68,9 +61,9 @@ class Scenario:
         return self.engine.name if self.engine.name in ENGINES else _name(OFFER, type(self.engine))
 
     @property
-    def rules(self) -> str:
-        """Field with what the robots do: `genome` or `strategy`."""
-        return "genome" if self.strategy is None else "strategy"
+    def genome(self) -> Genome | None:
+        """The genome, if they follow the paper's strategy."""
+        return self.strategy if isinstance(self.strategy, Genome) else None
 
     def run(self) -> Run:
         """Return the run at its start.
@@ -79,12 +72,11 @@ class Scenario:
             UserError: settings that do not fit each other.
         """
         settings, engine = RunSettings(self.n_robots, STEPS, self.seed), self.engine.in_chunks(1)
-        how: dict[str, Any] = {"strategy": self.strategy, "task": self.task, "robot_file": self.robot_file}
-        return Run(self.config, self.genome, settings, engine, **how)
+        return Run(self.config, self.strategy, settings, engine, task=self.task, robot_file=self.robot_file)
 
     def paths(self) -> dict[str, tuple[str, ...]]:
         """Return where settings are that are fields of its parts, as attributes of attributes."""
-        own = {name: (part, name) for part in (self.rules, "task", "engine") for name in _names(getattr(self, part))}
+        own = {name: (part, name) for part in ("strategy", "task", "engine") for name in _names(getattr(self, part))}
         groups = vars(self.config).items()
         return own | {f"{group}.{name}": ("config", group, name) for group, part in groups for name in _names(part)}
 
@@ -117,18 +109,18 @@ class Scenario:
         """Return the name of its strategy or its task, as flags take it; of a genome, of the preset it was made of."""
         if offer is TASKS:
             return self.task_name or _name(TASKS, type(self.task))
-        if self.strategy is not None:
+        if self.genome is None:
             return self.strategy_name or _name(STRATEGIES, type(self.strategy))
         return next((name for name, preset in PRESETS.items() if preset == self.genome), "type1")
 
     def values(self) -> dict[str, Any]:
         """Return the settings that differ from the defaults of `iswarm run`, by the names of its flags."""
         base, engine = self.named(STRATEGIES), self.engine_name
-        usual = Scenario(genome=PRESETS.get(base, TYPE1), engine=type(self.engine).usual())
+        usual = Scenario(strategy=PRESETS.get(base, TYPE1), engine=type(self.engine).usual())
         found = {"seed": self.seed or None, "robots": self.robots, "robot": self.robot_file}
         found["task"] = self.named(TASKS) if self.task != CLEANING else None
         words = tuple(shlex.split(base)) if isinstance(self.strategy, Teams) else base
-        found[self.rules] = words if base != "type1" else None
+        found["genome" if self.genome else "strategy"] = words if base != "type1" else None
         found["engine"] = engine if engine != Scenario().engine_name else None
         differ = {name: self.at(path) for name, path in self.paths().items() if self.at(path) != usual.at(path)}
         left_out = OF_MACHINE | ({"density_of_robots"} if self.robots is not None else set())

@@ -68,9 +68,8 @@ class CompiledLoop:
         self.devices = devices = list(devices)[:n_worlds]
         self.mesh = Mesh(np.array(devices), (_WORLDS,))
         self.worlds_per_device = -(-n_worlds // len(devices))
-        # Two at least: with one, its axis would vanish from the program, and with it the last bits.
-        in_turn = engine.mapping(devices[0].platform) == "in turn"
-        rows = max(self.worlds_per_device, 2) if in_turn else self.worlds_per_device
+        # Two at least on CPUs: with one, its axis would vanish from the program, and with it the last bits.
+        rows = max(self.worlds_per_device, 2) if devices[0].platform == "cpu" else self.worlds_per_device
         world = np.arange(n_worlds)
         self._rows = world // self.worlds_per_device * rows + world % self.worlds_per_device
         self._n_rows = rows * len(devices)

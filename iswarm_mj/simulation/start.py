@@ -1,22 +1,34 @@
 """How a run begins: the engine is made, and the worlds are placed in it."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Bool, Float
 
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
+from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.loop import HostLoop
 from iswarm_mj.simulation.setup import Setup
-from iswarm_mj.simulation.state import StepRecord, WorldState
-from iswarm_mj.simulation.worlds import first_memories, first_state, random_keys, world_params
+from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
+from iswarm_mj.simulation.worlds import conditions_of_worlds, random_keys
+from iswarm_mj.strategy.contract import zeros_of
+from iswarm_mj.strategy.declared import led_power
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.tasks.protocol import Task, balls_of
+from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robots
+
+ENDLESS = 2**31 - 1
+"""Progress that no task reaches."""
 
 
 def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[HostLoop | CompiledLoop, StepRecord]:
@@ -30,11 +42,10 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Host
     Returns:
         The loop, and the record of the start of the recorded worlds (1, W, ...).
     """
-    config, settings, program, capacity = setup.config, setup.settings, setup.program_config, setup.capacity
+    settings, program, capacity = setup.settings, setup.program_config, setup.capacity
     keys = random_keys(setup.worlds)
-    params = world_params(config, setup.worlds, keys, strategy, setup.tasks, setup.goal, capacity)
-    first = first_memories(strategy, keys, capacity)
-    poses, state = first_state(config, setup.starts, setup.task, setup.robot, capacity, first)
+    params = world_params(setup, keys, strategy)
+    poses, state = first_state(setup, first_memories(strategy, keys, capacity))
     boxes = poses[:, capacity:] if poses.shape[1] > capacity else None
     start = start_record(state, poses[:, :capacity], settings.record_worlds, setup.robot, boxes)
     if setup.engine.on_host:
@@ -44,6 +55,89 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Host
     place = engine.place if engine.mapping(devices[0].platform) == "batch" else jax.vmap(engine.place)
     state = state._replace(bodies=place(jnp.asarray(poses, jnp.float32), params.is_present))
     return CompiledLoop(engine, program, params, state, getattr(setup.engine, "chunk", 1), devices), start
+
+
+def world_params(setup: Setup, keys: Array, strategy: Any) -> WorldParams:
+    """Return what stays the same in each world, stacked.
+
+    Args:
+        setup: of a run or an environment, with B worlds.
+        keys: see `random_keys`, of which the first 64 bits count.
+        strategy: with a first axis of B worlds.
+    """
+    worlds, goal = setup.worlds, ENDLESS if setup.goal is None else setup.goal
+    n_robots = np.array([world.n_robots for world in worlds])
+    return WorldParams(
+        strategy=strategy,
+        conditions=conditions_of_worlds(setup.config, worlds),
+        key=np.asarray(jax.random.key_data(keys))[:, :2],
+        is_present=np.arange(setup.capacity) < n_robots[:, None],
+        goal=np.full(len(worlds), goal, np.int32),
+        task=setup.tasks,
+    )
+
+
+@partial(jax.jit, static_argnames=("capacity",))
+def first_memories(strategy: Strategy, key: Array, capacity: int) -> tuple[Any, Float[Array, "B N"] | None]:
+    """Return what the robots of B worlds remember at the start, and the power of their LEDs, see `led_power`."""
+
+    def of_world(strategy: Strategy, key: Array) -> Any:
+        memory = strategy.init(capacity, key)
+        return memory, led_power(strategy, memory)
+
+    return jax.vmap(of_world)(strategy, key)
+
+
+def first_state(setup: Setup, first: Any = (None, None)) -> tuple[Float[np.ndarray, "B NM 3"], WorldState]:
+    """Return the poses of robots and boxes of B worlds at the start, and their state but for the engine's bodies.
+
+    Robots have full capacitors, if any.
+
+    Args:
+        setup: of a run or an environment.
+        first: see `first_memories`.
+    """
+    starts, task, capacity, energy = setup.starts, setup.task, setup.capacity, setup.config.energy
+    n_worlds, has_energy = len(starts), energy.model != "none"
+    swarm = SwarmState(
+        memory=first[0],
+        task=_stacked(task, [start.task for start in starts]),
+        is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
+        is_loaded=_padded([_loaded(task, start) for start in starts], capacity),
+        energy=np.full((n_worlds, capacity), energy.full, np.float32) if has_energy else None,
+        starved=np.zeros((n_worlds, capacity), np.int32) if has_energy else None,
+        led_power=first[1],
+    )
+    nothing = zeros_of(WorldState, B=(n_worlds,), K=setup.robot.most_partners, N=capacity)
+    state = WorldState(bodies=None, swarm=swarm, fault=Fault(**zeros_of(Fault, B=(n_worlds,))), **nothing)
+    boxes = np.stack([poses_of(start.boxes or ()) for start in starts])
+    return np.concatenate([_padded([start.poses for start in starts], capacity), boxes], axis=1), state
+
+
+def _stacked(task: Task, states: Sequence[Any]) -> Any:
+    shapes = {tuple(map(np.shape, jax.tree.leaves(state))) for state in states}
+    if len(shapes) > 1:
+        raise UserError(
+            f"the state of {type(task).__name__} has other shapes in worlds with other numbers of robots; "
+            "give all worlds the same number"
+        )
+    return jax.tree.map(lambda *values: np.stack(values), *states)
+
+
+def _loaded(task: Task, start: Start) -> Bool[np.ndarray, "N"]:
+    """Which robots hold a ball at the start."""
+    loaded, balls = np.zeros(len(start.poses), bool), balls_of(task, start.task)
+    if balls is not None:
+        loaded[np.asarray(balls.holder)[np.asarray(balls.is_held)]] = True
+    return loaded
+
+
+def _padded(each: Sequence[np.ndarray], capacity: int) -> np.ndarray:
+    """Values of the robots of each world, stacked, with zeros or false for empty places."""
+    filled = np.zeros((len(each), capacity, *each[0].shape[1:]), each[0].dtype)
+    for row, values in zip(filled, each, strict=True):
+        row[: len(values)] = values
+    return filled
 
 
 def start_record(
@@ -59,23 +153,13 @@ def start_record(
         boxes: (B, M, 3) likewise; None where there are none.
     """
     rows = list(recorded)
-    swarm: Any = jax.tree.map(lambda a: np.asarray(a)[rows], state.swarm)
-    poses = poses[rows]
-    sides, zero = (*poses.shape[:2], len(robot.sides)), np.zeros(len(rows), np.int32)
-    nothing = [np.zeros(sides, dtype) for dtype in (np.int32, np.bool_, np.int32, np.float32, np.float32)]
+    sizes = {"T": (len(rows),), "B": (len(rows),), "N": poses.shape[1], "S": len(robot.sides)}
     record = StepRecord(
-        step=zero,
-        poses=poses,
-        swarm=swarm,
-        links=Links(*nothing),
-        has_priority=np.zeros(poses.shape[:2], bool),
-        message=np.zeros(poses.shape[:2], np.uint32),
-        is_heard=np.zeros(sides, bool),
-        measured_distance=np.zeros(sides, np.float32),
-        command=Command(np.zeros(poses.shape[:2], np.float32), np.zeros(poses.shape[:2], np.float32)),
-        collisions=zero,
-        speed=zero.astype(float),
-        is_running=zero == 0,
+        **zeros_of(StepRecord, **sizes)
+        | {"poses": poses[rows], "is_running": np.ones(len(rows), bool), "speed": np.zeros(len(rows))},
+        swarm=jax.tree.map(lambda a: np.asarray(a)[rows], state.swarm),
+        links=Links(**zeros_of(Links, **sizes)),
+        command=Command(**zeros_of(Command, N=poses[rows].shape[:2])),
         boxes=None if boxes is None else boxes[rows],
     )
     return jax.tree.map(lambda a: a[None], record)

@@ -67,11 +67,6 @@ class Fault(NamedTuple):
     """First robot concerned; no meaning for faults of the contact buffers or the solver."""
 
 
-def no_fault(zero: Int[Array, "*B"]) -> Fault:
-    """Return what says of B worlds, or of one, that nothing went wrong."""
-    return Fault(zero, zero, zero)
-
-
 def decode(fault: Fault, worlds: Sequence[int]) -> list[SimulationFault | None]:
     """Return the fault of each of B worlds, None for a world without one.
 

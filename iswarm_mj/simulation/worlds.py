@@ -2,35 +2,26 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Annotated, Any
+from typing import Annotated
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.common import check_common, common
 from iswarm_mj.simulation.initial import Start, boxed, check_balls, check_poses, check_start, draw_start
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState, no_fault
-from iswarm_mj.strategy.declared import led_power
 from iswarm_mj.strategy.genome import Genome
-from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.rules import rules_of_worlds
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
-from iswarm_mj.tasks.protocol import BallTask, Task, balls_of
+from iswarm_mj.tasks.protocol import BallTask, Task
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, check_kind, validate
-from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.robot import Robots
 
-ENDLESS = 2**31 - 1
-"""Progress that no task reaches."""
 _AT_ONCE = 64
 """Worlds whose keys a program makes; one by one, 4096 take half a second."""
 
@@ -98,98 +89,11 @@ def random_keys(worlds: Sequence[World]) -> Array:
     return jax.random.wrap_key_data(jax.device_put(data))
 
 
-def world_params(
-    config: SwarmConfig,
-    worlds: Sequence[World],
-    keys: Array,
-    strategy: Any,
-    task: Task,
-    goal: int | None,
-    capacity: int,
-) -> WorldParams:
-    """Return what stays the same in each world, stacked.
-
-    Args:
-        config: that all worlds share.
-        worlds: B of them.
-        keys: see `random_keys`, of which the first 64 bits count.
-        strategy: with a first axis of B worlds.
-        task: likewise.
-        goal: progress that finishes a world; None if it never is.
-        capacity: places for robots.
-    """
-    n_robots = np.array([world.n_robots for world in worlds])
-    return WorldParams(
-        strategy=strategy,
-        conditions=conditions_of_worlds(config, worlds),
-        key=np.asarray(jax.random.key_data(keys))[:, :2],
-        is_present=np.arange(capacity) < n_robots[:, None],
-        goal=np.full(len(worlds), ENDLESS if goal is None else goal, np.int32),
-        task=task,
-    )
-
-
 def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Conditions:
     """Return the conditions of B worlds, NumPy arrays (B,); of worlds without a configuration those of the run's."""
     each = [conditions_of(world.config or config) for world in worlds]
     columns = zip(*each, strict=True)
     return Conditions(*(np.array(column, bool if isinstance(column[0], bool) else np.float32) for column in columns))
-
-
-def _stacked(task: Task, states: Sequence[Any]) -> Any:
-    shapes = {tuple(map(np.shape, jax.tree.leaves(state))) for state in states}
-    if len(shapes) > 1:
-        raise UserError(
-            f"the state of {type(task).__name__} has other shapes in worlds with other numbers of robots; "
-            "give all worlds the same number"
-        )
-    return jax.tree.map(lambda *values: np.stack(values), *states)
-
-
-def first_state(
-    config: SwarmConfig, starts: Sequence[Start], task: Task, robot: Robots, capacity: int, first: Any = (None, None)
-) -> tuple[Float[np.ndarray, "B NM 3"], WorldState]:
-    """Return the poses of robots and boxes of B worlds at the start, and their state but for the engine's bodies.
-
-    Args:
-        config: of the run; robots have full capacitors, if any.
-        starts: of B worlds.
-        task: of the run.
-        robot: geometry.
-        capacity: places for robots.
-        first: see `first_memories`.
-    """
-    here, zero = (len(starts), capacity), np.zeros(len(starts), np.int32)
-    has_energy = config.energy.model != "none"
-    swarm = SwarmState(
-        memory=first[0],
-        task=_stacked(task, [start.task for start in starts]),
-        is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
-        is_loaded=_padded([_loaded(task, start) for start in starts], capacity),
-        energy=np.full(here, config.energy.full, np.float32) if has_energy else None,
-        starved=np.zeros(here, np.int32) if has_energy else None,
-        led_power=first[1],
-    )
-    state = WorldState(
-        bodies=None,
-        swarm=swarm,
-        touching=np.zeros((len(starts), robot.most_partners, capacity), np.int32),
-        collisions=zero,
-        is_finished=zero > 0,
-        finished_at=zero,
-        progress=zero,
-        fault=no_fault(zero),
-    )
-    boxes = np.stack([poses_of(start.boxes or ()) for start in starts])
-    return np.concatenate([_padded([start.poses for start in starts], capacity), boxes], axis=1), state
-
-
-def _loaded(task: Task, start: Start) -> Bool[np.ndarray, "N"]:
-    """Which robots hold a ball at the start."""
-    loaded, balls = np.zeros(len(start.poses), bool), balls_of(task, start.task)
-    if balls is not None:
-        loaded[np.asarray(balls.holder)[np.asarray(balls.is_held)]] = True
-    return loaded
 
 
 def vector_strategies(config: SwarmConfig, robot: Robots, worlds: Sequence[World]) -> VectorStrategy:
@@ -203,25 +107,6 @@ def vector_strategies(config: SwarmConfig, robot: Robots, worlds: Sequence[World
 @jax.vmap
 def _key_data(seed: Array, index: Array) -> Array:
     return jax.random.key_data(jax.random.fold_in(jax.random.key(seed), index))
-
-
-@partial(jax.jit, static_argnames=("capacity",))
-def first_memories(strategy: Strategy, key: Array, capacity: int) -> tuple[Any, Float[Array, "B N"] | None]:
-    """Return what the robots of B worlds remember at the start, and the power of their LEDs, see `led_power`."""
-
-    def of_world(strategy: Strategy, key: Array) -> Any:
-        memory = strategy.init(capacity, key)
-        return memory, led_power(strategy, memory)
-
-    return jax.vmap(of_world)(strategy, key)
-
-
-def _padded(each: Sequence[np.ndarray], capacity: int) -> np.ndarray:
-    """Values of the robots of each world, stacked, with zeros or false for empty places."""
-    filled = np.zeros((len(each), capacity, *each[0].shape[1:]), each[0].dtype)
-    for row, values in zip(filled, each, strict=True):
-        row[: len(values)] = values
-    return filled
 
 
 def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: dict[int, Start]) -> Start:

@@ -5,11 +5,12 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Float, Int
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt32
 
 from iswarm_mj.utils.errors import UserError, shown
 
-_TYPES = {Bool: jnp.bool_, Float: jnp.float32, Int: jnp.int32}
+_TYPES = {Bool: jnp.bool_, Float: jnp.float32, Int: jnp.int32, UInt32: jnp.uint32}
 
 
 def check_has(given: Any, methods: Sequence[str], what: str, protocol: str) -> None:
@@ -52,6 +53,11 @@ def shapes_of(cls: Any, **sizes: int | tuple[int, ...]) -> dict[str, Any]:
         for name, kind in cls.__annotations__.items()
         if hasattr(kind, "dim_str")
     }
+
+
+def zeros_of(cls: Any, **sizes: int | tuple[int, ...]) -> dict[str, np.ndarray]:
+    """Return NumPy arrays of zeros with the shapes and types that `shapes_of` returns."""
+    return {name: np.zeros(its.shape, its.dtype) for name, its in shapes_of(cls, **sizes).items()}
 
 
 def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from iswarm_mj.config import ArenaConfig, GripperConfig
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
-from iswarm_mj.strategy.contract import shapes_of
+from iswarm_mj.strategy.contract import zeros_of
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.obstacles import distances, numbers
 from iswarm_mj.utils.robot import Robots
@@ -109,9 +109,8 @@ def lying(gripper: GripperConfig, position: Float[np.ndarray, "K 2"], radius: Fl
         position: of the balls [mm].
         radius: of the balls [m].
     """
-    nothing = {name: np.zeros(its.shape, its.dtype) for name, its in shapes_of(Balls, K=len(radius)).items()}
     factor = float(humidity_factor(gripper.relative_humidity))
-    return Balls(**nothing)._replace(
+    return Balls(**zeros_of(Balls, K=len(radius)))._replace(
         position=np.asarray(position, np.float32),
         radius=np.asarray(radius, np.float32),
         work_tool_object=np.full(len(radius), factor * gripper.work_tool_object, np.float32),

@@ -73,7 +73,6 @@ def _begin(run: Run, out: Path, grasps: int, save: Callable[[], None], stack: Ex
         check_recordings()
     with postponed():  # or a run would be announced of which nothing is recorded
         results.clear(out)
-        results.clear_worlds(out)
         for place in places:
             make_output_directory(place)
         save()

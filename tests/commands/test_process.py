@@ -108,10 +108,10 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
 def test_the_genome_is_a_file_with_single_parameters_and_tells_the_density(here):
     (here / "mine.json").write_text('{"p_vector_forget": 0.5, "fraction_scouts": 0.2}')
     parameters = ["--genome=mine.json", "--fraction-scouts=0.4", "--no-use-hop-count"]
-    genome = parse(["clean", *parameters]).checked()[1]
+    genome = parse(["clean", *parameters]).rules
     assert genome == Genome(p_vector_forget=0.5, fraction_scouts=0.4, use_hop_count=False)
     for flags, n_robots in (([], 25), (["--genome", "type2"], 29), (["--density", "0.05"], 11)):
-        assert parse(["clean", *ARENA_FLAGS, *flags]).checked()[2] == n_robots
+        assert parse(["clean", *ARENA_FLAGS, *flags]).checked() == n_robots
 
 
 def test_version(capfd):

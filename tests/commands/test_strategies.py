@@ -158,9 +158,9 @@ class TestInstalled:
 
     def test_presets_and_strategies_of_other_packages_have_names(self):
         for name, genome in PRESETS.items():
-            assert parse(["clean", "--strategy", name]).checked()[1] == genome
+            assert parse(["clean", "--strategy", name]).rules == genome
         command = parse(["clean", "--strategy", "type2", "--p-vector-forget", "0.5"])
-        assert command.checked()[1].p_vector_forget == 0.5 and command.checked()[1].weight_find_dump == 1.0
+        assert command.rules.p_vector_forget == 0.5 and command.rules.weight_find_dump == 1.0
         assert parse(["clean", "--strategy", "theirs", "--turn=7"]).own.turn == 7
 
     def test_unknown_names(self, capfd):

@@ -24,8 +24,12 @@ def all_move(config, poses, velocity, n_substeps):
 
 @pytest.mark.parametrize("gap", [4.4, 4.7])
 def test_pairs_are_found_again_before_they_can_touch(gap):
-    """Too far apart for the first list of pairs, 1.4 mm ahead each in a physics step: then one in the other or not."""
-    mujoco, *planar = all_move(SMALL, [(0, 0, 0), (gap, 0, np.pi)], [(14, 0, 0), (-14, 0, 0)], 2)
+    """Too far apart for the first list of pairs, 1.4 mm ahead each in a physics step: then one in the other or not.
+
+    The last robot stands.
+    """
+    poses, velocity = [(0, 0, 0), (gap, 0, np.pi), (0, 9, 0)], [(14, 0, 0), (-14, 0, 0), (0, 0, 0)]
+    mujoco, *planar = all_move(SMALL, poses, velocity, 2)
     for motion in planar:
         np.testing.assert_allclose(motion.bodies.poses, mujoco.bodies.poses, atol=1e-3)
         assert motion.touching.any() == mujoco.touching.any() == (gap < 4.8)

@@ -3,8 +3,8 @@
 import numpy as np
 
 from iswarm_mj.gripper.laws import spline
-from iswarm_mj.gripper.laws.numbers import in_arrays
 from iswarm_mj.gripper.laws.probe_table import tables
+from iswarm_mj.utils.numbers import in_arrays
 
 
 def capacitance(task, gap, radius, probe_radius, least=0.0):

@@ -113,6 +113,16 @@ def test_a_batch_in_mjx_decides_as_the_trials_in_c():
     np.testing.assert_allclose(np.asarray(theirs.impact)[landed], np.asarray(ours.impact)[landed], rtol=0.3)
 
 
+def test_a_batch_in_mjx_lifts_from_the_floor_what_sticks_less_there():
+    """Without a voltage worth the name: the first ball sticks to the tool, the second to the floor."""
+    from iswarm_mj.gripper.bench.batch_trials import by_batch
+
+    ones, works = np.ones(2, np.float32), np.float32([14e-3, 1.4e-3])
+    attempts = Attempts(ones > 0, ones < 0, 0.1 * ones, 20e-6 * ones, works, works[::-1], 0 * ones)
+    found = jax.jit(lambda *arrays: by_batch(GRIPPER, Attempts(*arrays)))(*attempts)
+    assert found.lifted.tolist() == [True, False]
+
+
 @pytest.mark.slow
 def test_in_strong_fields_a_batch_in_mjx_lifts_as_many_as_c():
     """Single balls that bounce may end otherwise."""

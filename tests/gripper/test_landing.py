@@ -11,6 +11,7 @@ from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.model import bench_spec, layout, plugin_numbers, sized
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import hang, release, staircase
+from iswarm_mj.gripper.bench.script import Ramp, ramp_voltage
 from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.contact import rebound_ratio
 from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
@@ -142,6 +143,13 @@ def test_balls_stay_if_the_voltage_is_cut_and_fly_back_if_it_is_held_or_cut_late
     cut, held, late = found
     assert cut.landed.all() and not held.landed.any() and not late.landed.any()
     assert (held.landing_speed > cut.landing_speed).all()
+
+
+def test_the_voltage_of_a_ramp_falls_after_the_delay():
+    """40 V when the ball was seen to have left, after 1 ms; 0.2 ms later they fall within 0.1 ms."""
+    protocol, ramp = Protocol(cut_delay=0.2e-3, cut_time=0.1e-3), Ramp(40e3, 50.0, 1.0)
+    volts = [ramp_voltage(protocol, ramp, 1e-3, 1e-3 + after * 1e-3) for after in (-0.1, 0.0, 0.2, 0.25, 0.3, 0.5)]
+    assert volts == pytest.approx([36.0, 40.0, 40.0, 20.0, 0.0, 0.0], abs=1e-9)
 
 
 def test_the_map_of_sticking_is_that_of_a_contact_torn_apart():

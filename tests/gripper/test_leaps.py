@@ -9,7 +9,7 @@ from iswarm_mj.gripper.bench import script, swarm_trials
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.swarm_trials import LIFT, PRESSED, PRESSED_GAP, PROTOCOL, TIMESTEP, SingleBench
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.laws.numbers import in_arrays
+from iswarm_mj.utils.numbers import in_arrays
 
 TRIAL, GAP = Trial(18e-6, 1.5e-3, 13e-3), 5e-6
 LONG, PERIOD = 6e-3, PROTOCOL.watch_time

@@ -36,6 +36,6 @@ def test_further_worlds_of_an_earlier_run_are_removed(tmp_path):
         (tmp_path / name / TRAJECTORY).touch()
     for name in ("world-2/notes.txt", "world-map.png"):
         (tmp_path / name).touch()
-    results.clear_worlds(tmp_path)
+    results.clear(tmp_path)
     left = sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*"))
     assert left == ["mine", f"mine/{TRAJECTORY}", "world-2", "world-2/notes.txt", "world-map.png"]

@@ -19,6 +19,7 @@ def test_states_by_hand():
     scene, frames = of_robots()
     command, flags = frames.command.copy(), np.zeros((2, 6), bool)
     command[:, 4] = 0
+    command[:, 0, 1] = 0  # it turns on the spot
     alive = ~flags
     alive[1, 5] = False
     loaded, dust, dump = flags.copy(), flags.copy(), flags.copy()

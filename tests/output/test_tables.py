@@ -1,12 +1,14 @@
 """Tables of trajectories made by hand: columns that strategies and tasks name as others are called."""
 
 import numpy as np
+import pytest
 from helpers_recorded import arrays, scene
+from helpers_sensing import remember
 
 from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.tables import table_of
 from iswarm_mj.output.trajectory import METRIC
-from iswarm_mj.sensors.fields import Flag, Integer
+from iswarm_mj.sensors.fields import Flag, Integer, Vector
 from iswarm_mj.sensors.messages import Message, Payload
 
 
@@ -36,6 +38,16 @@ def test_what_a_strategy_records_and_says_under_one_name():
     table = table_of("robots", made, scene()._replace(**own))
     assert table["said_count"].to_pylist() == [None] * 4 + [3] * 8
     assert table["memory_said_count"].to_pylist() == [9] * 12
+
+
+def test_vectors_that_robots_say_are_in_metres():
+    """20 mm to the left, of at most 62 in 31 steps."""
+    payload = Payload({"home": Vector(62.0)})
+    word = np.asarray(payload.pack(Message(np.int32(0), {"home": remember([0.0, 20.0], hop=3)}), 4))
+    made = arrays() | {"message": np.full((3, 4), word, np.uint32)}
+    table = table_of("robots", made, scene()._replace(payload=stored(payload)))
+    x, y, hop = (table[f"said_home_{part}"].to_pylist()[4:] for part in ("x", "y", "hop"))
+    assert x == pytest.approx([0.0] * 8, abs=1e-8) and y == pytest.approx([0.02] * 8) and hop == [3] * 8
 
 
 def test_dead_robots_say_nothing_and_have_no_priority():

@@ -1,5 +1,6 @@
 """Who hears whom: hand-worked worlds, and crowds against a reference that tries every pair."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -13,6 +14,7 @@ from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.neighbours import find_neighbours
 from iswarm_mj.utils.obstacles import numbers
+from iswarm_mj.utils.robot import Mixed
 
 OPTICS = OpticsConfig()
 ROBOT = read_robot()
@@ -116,6 +118,18 @@ def test_rays_are_cast_only_where_circles_leave_it_open():
     for y, hears in ((0.0, False), (0.99, False), (-5.0, True)):
         links = find_links(place((0, 0, 0), (8, 0, 180), (4, y, DARK))[None], ROBOT, OPTICS, reaches)
         assert ((0, 0) in heard(links)) is hears
+
+
+def test_a_large_robot_hides_by_its_own_circle():
+    """Its side is as far from the path as its circle reaches, and farther than that of the receiver."""
+    kinds = Mixed((ROBOT, replace(ROBOT, half_edges=(3.0, 1.2, 0.5))), (0, 2))
+    poses = place((0, 0, 0), (8, 0, 180), (4, 2.0, 90))[None]
+
+    def hidden(world, *_):
+        return np.zeros(len(world), bool)
+
+    sends = np.array([[True, True, False]])
+    assert not find_links(poses, kinds, OPTICS, hidden, sends).valid[0, :2].any()
 
 
 @both_sights

@@ -45,6 +45,7 @@ def test_robots_that_are_dead_or_wait_stand_still(small, who):
     """Whatever they are told, which is then no fault either."""
     done = carried_out(small, [1.0, np.nan], [1.0, 0.5], **who)
     assert not np.any(done.command) and not done.is_refused.any()
+    assert done.shortfall.tolist() == [1.0, 0.5]
 
 
 def test_turns_take_their_share_of_the_step_and_balls_slow_down(small):
@@ -64,12 +65,13 @@ def test_one_robot_stands_in_a_cell(small):
     walks backwards into the third's; the fifth is gone, and its cell is free for the sixth."""
     config = replace(small, drive=replace(small.drive, locations="cells"))
     poses = [(0, 0, 0), (RD, 0.4, 0), (0, RD, 0), (0, 2 * RD, np.pi / 2), (5 * RD, 0, 0), (4 * RD, 0, 0)]
-    turn, forward = [0, 0, np.pi / 2, 0, 0, 0], [0.5 * RD + 0.01, 0.4, 0.4, -0.5 * RD - 0.01, 0, STEP]
+    turn, away = [0, 0, np.pi / 2, 0, 0, 0], 0.5 * RD + 0.01
+    forward = [away, 0.4, 0.4, -away, 0, away]
     is_there = np.array([True, True, True, True, False, True])
     config = replace(config, drive=replace(config.drive, step_length=0.6, walk_substeps=8))
     done = carried_out(config, turn, forward, poses=poses, is_present=is_there, is_alive=is_there)
     assert done.is_blocked.tolist() == [True, False, False, True, False, False]
-    np.testing.assert_allclose(done.command.forward, [0, 0.4, 0.4, 0, 0, STEP], atol=1e-6)
+    np.testing.assert_allclose(done.command.forward, [0, 0.4, 0.4, 0, 0, away], atol=1e-6)
     np.testing.assert_allclose(done.shortfall, np.where(done.is_blocked, forward, 0), atol=1e-6)
     waiting = carried_out(config, turn, forward, poses=poses, is_present=is_there, waits=True)
     assert not waiting.is_blocked.any()

@@ -7,14 +7,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from helpers_sensing import lay
+from helpers_tasks import Still
 from helpers_worlds import params_of, swarm_of
 
-from iswarm_mj.config import OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation import decide, perceive
 from iswarm_mj.simulation.perceive import StepInputs
+from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
@@ -30,6 +32,21 @@ USERS = {
     "actuators": (decide, "actuate", 8),
 }
 """What draws random numbers in a step: where it is, its name, and which of its arguments the key is."""
+
+
+def test_robots_that_stop_miss_dust_as_often_as_others():
+    n, drive, senses = 4000, DriveConfig(stop_share=0.5), StrategyConfig(error_in_sensing=0.5)
+    config, no = SwarmConfig(drive=drive, strategy=senses), jnp.zeros(n, bool)
+    params = params_of(config, Still(), jax.random.key_data(jax.random.key(2)), n)
+    state = swarm_of(jnp.arange(n), lay((0.0, -60.0)), n)
+    kinds = jnp.int32, bool, jnp.int32, jnp.float32, jnp.float32
+    sides = jnp.zeros((n, 4), bool)
+    sight = Sight(Links(*(sides.astype(kind) for kind in kinds)), sides)
+    begin, keys = StepInputs(jnp.zeros((n, 3)), sight, jnp.int32(0), jnp.array(True)), step_keys(params.key, 0)
+    seen = perceive.perceive(config, read_robot(), params, state, begin, keys, {}, no)
+    stops, misses = seen.observation.waits, ~seen.inputs.notices
+    assert abs(stops.mean() - 0.5) < 0.03 and abs(misses.mean() - 0.5) < 0.03
+    assert abs(np.corrcoef(stops, misses)[0, 1]) < 0.06
 
 
 def test_each_draws_numbers_of_its_own_in_each_step():

@@ -12,10 +12,13 @@ from helpers_worlds import start_of
 
 from iswarm_mj.config import GripperConfig, OpticsConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.worlds import World, random_keys, starts_of, vector_strategies, world_params
+from iswarm_mj.simulation.setup import set_up
+from iswarm_mj.simulation.start import world_params
+from iswarm_mj.simulation.worlds import World, random_keys, starts_of, vector_strategies
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -78,7 +81,8 @@ class TestManyWorlds:
             worlds = [World(TYPE1, 5, index=k) for k in range(n_worlds)]
             with compilations() as names:
                 strategies = vector_strategies(small, read_robot(), worlds)
-                world_params(small, worlds, random_keys(worlds), strategies, CLEANING, 24, 5)
+                setup = set_up(small, RunSettings(5, 1, n_worlds=n_worlds), PlanarSettings(), CLEANING, worlds)
+                world_params(setup, random_keys(worlds), strategies)
             assert is_first or names == []
 
 

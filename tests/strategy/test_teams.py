@@ -67,6 +67,16 @@ class Loud:
         return memory, Command(memory[:, 0], memory[:, 1])
 
 
+class Relay(Loud):
+    """Remembers chances as it listens, and by how much its robots fell short."""
+
+    def listen(self, memory, seen, key):
+        return jax.random.uniform(key, memory.shape)
+
+    def fell_short(self, memory, shortfall):
+        return memory + shortfall[:, None]
+
+
 class Other(Counter):
     """Says another kind of index."""
 
@@ -98,6 +108,22 @@ def test_each_team_acts_on_its_robots_alone():
         others = np.delete(np.asarray(jax.tree.leaves(after[name])[0]), robots, axis=0)
         assert not others.any()
     assert TEAMS.picks(memory).tolist() == [False, *[True] * 9]
+
+
+def test_each_team_listens_and_reckons_for_its_robots_alone():
+    """With the key of `act`; the first team can do neither."""
+    teams, key = Teams({"count": (0.7, Counter()), "relay": (0.3, Relay())}), jax.random.key(3)
+    memory, shortfall = teams.init(10, key), jnp.arange(10.0)
+    heard = teams.listen(memory, some(observation_shapes(10, payload=teams.payload)), key)
+    short = teams.fell_short(memory, shortfall)
+    for found, wanted in (
+        (heard["relay"], jax.random.uniform(jax.random.fold_in(key, 1), (3, 2))),
+        (short["relay"], memory["relay"][7:] + shortfall[7:, None]),
+    ):
+        np.testing.assert_array_equal(found[7:], wanted)
+        assert not found[:7].any()
+    for after in (heard, short):
+        jax.tree.map(np.testing.assert_array_equal, after["count"], memory["count"])
 
 
 def test_robots_say_nothing_in_the_fields_of_other_teams():

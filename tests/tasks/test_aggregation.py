@@ -38,7 +38,10 @@ def test_either_spot_is_the_brighter_one():
     start = starts[0]
     task, state = as_task(TASK), start.task
     assert check_task(task, CONFIG, read_robot(), state, 50).keys() == {"light"}
-    assert TASK.areas(CONFIG, state)["bright"][0].tolist() == pytest.approx([east[0] * 10 * RD, 0, 4 * RD], rel=1e-6)
+    for sign in (-1.0, 1.0):
+        areas = TASK.areas(CONFIG, starts[east.index(sign)].task)
+        for name, side in (("bright", sign), ("dim", -sign)):
+            assert areas[name][0].tolist() == pytest.approx([side * 10 * RD, 0, 4 * RD], rel=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ heights so different that one is above the other, as robots are that a world doe
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from types import FunctionType
 from typing import Any
 
 import jax
@@ -18,6 +17,7 @@ import jax.numpy as jnp
 from iswarm_mj.engines import contact_geometry
 from iswarm_mj.engines.mjx.api import collision_driver, mjx, replaced
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.numbers import in_arrays
 
 Box = tuple[Array, Array, Array]
 """Centre, rotation and half edges of a geom."""
@@ -32,19 +32,7 @@ def planar_contacts() -> AbstractContextManager[None]:
     return replaced(collision_driver._COLLISION_FUNC, own)
 
 
-_NAMES = {"abs": jnp.abs, "min": jnp.minimum, "max": jnp.maximum, "where": jnp.where}
-"""What the functions of `contact_geometry` find under the names that they use."""
-
-
-def _in_jax() -> dict[str, Any]:
-    """Functions of `contact_geometry` for JAX's arrays, which call each other."""
-    space = vars(contact_geometry) | _NAMES
-    for name in ("separation", "side_towards", "rectangle_contact", "wall_contact"):
-        space[name] = FunctionType(space[name].__code__, space, name)
-    return space
-
-
-_GEOMETRY = _in_jax()
+_geometry = in_arrays(contact_geometry, jnp)
 
 
 def box_box(first: Box, second: Box) -> tuple[Array, Array, Array]:
@@ -59,7 +47,7 @@ def box_box(first: Box, second: Box) -> tuple[Array, Array, Array]:
     """
     apart, edges = second[0] - first[0], (*first[2][:2], *second[2][:2])
     headings = *first[1][:2, 0], *second[1][:2, 0]
-    nx, ny, *points = _GEOMETRY["rectangle_contact"](apart[0], apart[1], *headings, *edges)
+    nx, ny, *points = _geometry.rectangle_contact(apart[0], apart[1], *headings, *edges)
     is_level = jnp.abs(apart[2]) < first[2][2] + second[2][2]
     return *_at_both_rims(points, is_level, first), jnp.array([nx, ny, 0.0])
 
@@ -76,7 +64,7 @@ def plane_box(plane: Box, box: Box) -> tuple[Array, Array, Array]:
     """
     normal = plane[1][:2, 2]
     gap = (box[0][:2] - plane[0][:2]) @ normal
-    points = _GEOMETRY["wall_contact"](gap, *normal, *box[1][:2, 0], *box[2][:2])
+    points = _geometry.wall_contact(gap, *normal, *box[1][:2, 0], *box[2][:2])
     return *_at_both_rims(points, True, box), jnp.append(normal, 0.0)
 
 

@@ -132,12 +132,8 @@ def power_reception(
     left_r: float,
     out_s: float,
     left_s: float,
-    lobe_order: float,
-    splay_cos: float,
-    splay_sin: float,
-    splay_tan: float,
-    reach: float,
     power: float,
+    light: Light,
 ) -> tuple[float, float]:
     """Reception in power mode.
 
@@ -151,12 +147,8 @@ def power_reception(
         left_r: to the left of it.
         out_s: position of the sender's LED along the normal of its side.
         left_s: to the left of it.
-        lobe_order: power of the cosine in the LED's lobe.
-        splay_cos: cosine of the photodiodes' splay.
-        splay_sin: sine of it.
-        splay_tan: tangent of it.
-        reach: effective distance from which on nothing is received.
         power: of the LED, above 0 and at most 1.
+        light: optics.
 
     Returns:
         Measured direction of the sender, from the normal of the receiver's side to its left; and the effective
@@ -170,13 +162,13 @@ def power_reception(
     gap_across = across_r - left_r - out_s * sin + left_s * cos
     gap = max(math.sqrt(gap_along * gap_along + gap_across * gap_across), 1e-6)
     off_axis = (along_s - out_s + out_r * cos - left_r * sin) / gap
-    lobe = math.pow(min(max(off_axis, 0.0), 1.0), lobe_order)
-    a = max(gap_along * splay_cos + gap_across * splay_sin, 0.0) / gap
-    b = max(gap_along * splay_cos - gap_across * splay_sin, 0.0) / gap
-    gain = power * lobe * (a + b) / (2.0 * splay_cos)
+    lobe = math.pow(min(max(off_axis, 0.0), 1.0), light.lobe_order)
+    a = max(gap_along * light.splay_cos + gap_across * light.splay_sin, 0.0) / gap
+    b = max(gap_along * light.splay_cos - gap_across * light.splay_sin, 0.0) / gap
+    gain = power * lobe * (a + b) / (2.0 * light.splay_cos)
     effective = gap / math.sqrt(max(gain, 1e-12)) + max(out_r + out_s, 0.0)
-    if effective < reach:
-        return math.atan((a - b) / max(a + b, 1e-9) / splay_tan), effective
+    if effective < light.reach:
+        return math.atan((a - b) / max(a + b, 1e-9) / light.splay_tan), effective
     return 0.0, math.inf
 
 
@@ -221,9 +213,8 @@ def receive(
         out_r, aside_r = onto_axis(points[row_r + n_sides + side, 0], points[row_r + n_sides + side, 1], c, s)
         out_s, aside_s = onto_axis(points[row_s + led, 0], points[row_s + led, 1], c_led, s_led)
         turn, effective = power_reception(
-            along_r, across_r, along_s, across_s, out_r, aside_r, out_s, aside_s,
-            light.lobe_order, light.splay_cos, light.splay_sin, light.splay_tan, light.reach, power,
-        )  # fmt: skip
+            along_r, across_r, along_s, across_s, out_r, aside_r, out_s, aside_s, power, light
+        )
     else:
         distance = math.sqrt(ahead_r * ahead_r + left_r * left_r) / math.sqrt(power)
         is_lit = is_in_cone(along_r, across_r, light.photodiode_tan) and is_in_cone(along_s, across_s, light.led_tan)

@@ -29,11 +29,11 @@ from iswarm_mj.gripper.bench.swarm_trials import (
 )
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.gripper.laws.numbers import in_arrays
 from iswarm_mj.gripper.mjx_forces import Force, GripperForces, State, first_state, gripper_force, gripper_forces
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
 from iswarm_mj.gripper.units import MS, NN, UM
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.numbers import in_arrays
 
 _laws, _script = in_arrays(leap_laws, jnp), in_arrays(script, jnp)
 _STEPS = round(PROTOCOL.watch_time / TIMESTEP)

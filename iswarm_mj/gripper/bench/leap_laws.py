@@ -1,6 +1,6 @@
 """Closed forms of times of a trial that need no physics steps: a ball that hangs while charge flows, one that flies.
 
-Functions of numbers, see `laws.numbers`, for one trial and for batches. Units of the bench.
+Functions of numbers, see `utils.numbers`, for one trial and for batches. Units of the bench.
 """
 
 from math import exp, log, sqrt
@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 from jaxtyping import Bool
 
-from iswarm_mj.gripper.laws.numbers import clip, where, whole
 from iswarm_mj.gripper.units import CLEARANCE
 from iswarm_mj.utils.arrays import Array, Quantity
+from iswarm_mj.utils.numbers import clip, where, whole
 
 MARGIN = 0.03
 """Part of the tool's adhesion by which a ball must be held while a leap lasts: with less it is about to leave."""

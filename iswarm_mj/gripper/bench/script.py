@@ -1,6 +1,6 @@
 """The script of a trial: what the tool does, when it frees a ball, and when the ball has come to rest.
 
-Functions of numbers, see `laws.numbers`, of one trial or of many. Batches of trials look at their balls at intervals,
+Functions of numbers, see `utils.numbers`, of one trial or of many. Batches of trials look at their balls at intervals,
 on a `MujocoBench` (`run_trials`); attempts of a swarm look in each physics step, one after the other in
 C (`swarm_trials`) and all at once in a program of JAX (`batch_trials`).
 
@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.laws.detachment import GRAVITY
-from iswarm_mj.gripper.laws.numbers import clip, where
+from iswarm_mj.utils.numbers import clip, where
 
 RESTING_SPEED = 1e-3
 """A slower ball is at rest [m/s]."""

@@ -26,9 +26,9 @@ from iswarm_mj.gripper.bench.model import layout, plugin_numbers, resized, start
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.script import START, Each, Ramp, Watch, hangs
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.laws.numbers import in_arrays
 from iswarm_mj.gripper.units import MS, UM
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.numbers import in_arrays
 
 TIMESTEP = 2e-6
 """Twice that of the bench: voltages change by less than 1 %, the speed of a landing by less than 4 %

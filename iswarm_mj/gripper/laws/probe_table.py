@@ -13,9 +13,9 @@ from importlib.resources import files
 import numpy as np
 
 from iswarm_mj.gripper.laws import spline
-from iswarm_mj.gripper.laws.numbers import in_arrays
 from iswarm_mj.utils.arrays import Quantity, array_module, is_concrete
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.numbers import in_arrays
 
 GAP_EXPONENTS = np.arange(-27, 7) / 3
 """log2 of D/R in the table, 1/512 to 4."""

@@ -1,7 +1,7 @@
 """Bicubic splines of the probe table: shape factors of the forces on a ball, and its capacitances.
 
-Functions of numbers, see `numbers`. Each spline is that of the logarithm of a positive quantity, over log2(D/R) and
-log2(R_m/R).
+Functions of numbers, see `utils.numbers`. Each spline is that of the logarithm of a positive quantity, over log2(D/R)
+and log2(R_m/R).
 """
 
 import math
@@ -11,9 +11,9 @@ from typing import Any, TypeAlias
 
 from jaxtyping import Float
 
-from iswarm_mj.gripper.laws.numbers import clip, where, whole
 from iswarm_mj.gripper.units import UM, VACUUM_PERMITTIVITY
 from iswarm_mj.utils.arrays import Array, Quantity
+from iswarm_mj.utils.numbers import clip, where, whole
 
 Weights: TypeAlias = tuple[Quantity, Quantity, Quantity, Quantity]
 Place: TypeAlias = tuple[Any, Any, Weights, Weights]

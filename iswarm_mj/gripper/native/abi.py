@@ -14,6 +14,7 @@ import numpy as np
 from mujoco.introspect import ast_nodes, structs
 from numba import types
 from numba.extending import intrinsic
+from numba.np.numpy_support import carray
 
 from iswarm_mj.engines.mujoco_library import library
 
@@ -52,12 +53,6 @@ class Plugin(ctypes.Structure):
         ("needstage", ctypes.c_int),
         *((callback, ctypes.c_void_p) for callback in _CALLBACKS),
     )
-
-
-def pointer_indices(struct: str, fields: Sequence[str]) -> np.ndarray:
-    """Places (n,) of these pointers in "mjModel" or "mjData", counted in pointers from its start."""
-    layout = _layout(struct)
-    return np.array([getattr(layout, field).offset // ctypes.sizeof(ctypes.c_void_p) for field in fields], np.int64)
 
 
 @cache
@@ -120,9 +115,6 @@ PLANE, SPHERE, CYLINDER = (
 )
 """Types of geoms."""
 
-Struct = types.CPointer(types.int64)
-"""mjModel or mjData, of which only pointers are read."""
-
 
 class Fields(NamedTuple):
     """Arrays of mjModel (ints, then `geom_size`) and of mjData."""
@@ -150,16 +142,16 @@ class Fields(NamedTuple):
     """[ms], a number."""
 
 
-def pointer_offsets() -> np.ndarray:
-    """Offsets (19,) of the `Fields` from the start of mjModel or mjData, counted in pointers."""
-    return np.concatenate(
-        [
-            pointer_indices("mjModel", Fields._fields[:9]),
-            pointer_indices("mjData", Fields._fields[9:16]),
-            pointer_indices("mjModel", ["body_mass", "opt"]),  # the options begin with the time step
-            pointer_indices("mjData", ["time"]),
-        ]
-    )
+def _struct(name: str, pointers: Sequence[str], number: str) -> Any:
+    """Pointer to mjModel or mjData, of which some pointers and a number of 64 bits are read."""
+    layout, names = _layout(name), [*pointers, number]
+    offsets = [getattr(layout, field).offset for field in names]
+    kinds = [*[np.int64] * len(pointers), np.float64]
+    return types.CPointer(numba.from_dtype(np.dtype({"names": names, "formats": kinds, "offsets": offsets})))
+
+
+Model = _struct("mjModel", [*Fields._fields[:9], "body_mass"], "opt")  # the options begin with the time step
+Data = _struct("mjData", Fields._fields[9:16], "time")
 
 
 def _pointer_to(item: Any) -> Any:
@@ -177,37 +169,28 @@ doubles, ints, characters = (_pointer_to(item) for item in (types.float64, types
 """Casts from an address to a pointer."""
 
 
-@intrinsic
-def _as_double(_typing, _bits):
-    """The double with the bits of an int64."""
-
-    def generate(context, builder, signature, args):
-        return builder.bitcast(args[0], context.get_value_type(signature.return_type))
-
-    return types.float64(types.int64), generate
-
-
 @compiled
-def read_fields(m, d, offsets):
-    """Fields of a model and its data, given their `pointer_offsets`."""
+def read_fields(m, d):
+    """Fields of a model and its data."""
+    model, data = carray(m, 1)[0], carray(d, 1)[0]
     return Fields(
-        ints(m[offsets[0]]),
-        ints(m[offsets[1]]),
-        ints(m[offsets[2]]),
-        ints(m[offsets[3]]),
-        ints(m[offsets[4]]),
-        ints(m[offsets[5]]),
-        ints(m[offsets[6]]),
-        ints(m[offsets[7]]),
-        doubles(m[offsets[8]]),
-        doubles(d[offsets[9]]),
-        doubles(d[offsets[10]]),
-        doubles(d[offsets[11]]),
-        doubles(d[offsets[12]]),
-        doubles(d[offsets[13]]),
-        doubles(d[offsets[14]]),
-        doubles(d[offsets[15]]),
-        doubles(m[offsets[16]]),
-        _as_double(m[offsets[17]]),  # pyright: ignore[reportCallIssue]
-        _as_double(d[offsets[18]]),  # pyright: ignore[reportCallIssue]
+        ints(model.plugin_stateadr),
+        ints(model.geom_type),
+        ints(model.geom_bodyid),
+        ints(model.body_parentid),
+        ints(model.body_rootid),
+        ints(model.body_dofnum),
+        ints(model.body_dofadr),
+        ints(model.dof_parentid),
+        doubles(model.geom_size),
+        doubles(data.plugin_state),
+        doubles(data.ctrl),
+        doubles(data.geom_xpos),
+        doubles(data.geom_xmat),
+        doubles(data.subtree_com),
+        doubles(data.cdof),
+        doubles(data.qfrc_passive),
+        doubles(model.body_mass),
+        model.opt,
+        data.time,
     )

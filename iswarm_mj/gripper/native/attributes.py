@@ -7,9 +7,10 @@ import mujoco
 import numpy as np
 from llvmlite import binding
 from numba import types
+from numba.np.numpy_support import carray
 
 from iswarm_mj.engines.mujoco_library import function_address
-from iswarm_mj.gripper.native.abi import CYLINDER, PLANE, SPHERE, Struct, characters, compiled, ints
+from iswarm_mj.gripper.native.abi import CYLINDER, PLANE, SPHERE, Model, characters, compiled, ints
 
 NUMBER, GEOM, ACTUATOR = range(3)
 """Kinds of attributes."""
@@ -18,14 +19,14 @@ _GEOM, _ACTUATOR = int(mujoco.mjtObj.mjOBJ_GEOM), int(mujoco.mjtObj.mjOBJ_ACTUAT
 for _name in ("mj_getPluginConfig", "mj_name2id", "mju_error"):
     binding.add_symbol(_name, function_address(_name))
 # Strings are passed as addresses.
-_getPluginConfig = types.ExternalFunction("mj_getPluginConfig", types.int64(Struct, types.int32, types.int64))
-_name2id = types.ExternalFunction("mj_name2id", types.int32(Struct, types.int32, types.int64))
+_getPluginConfig = types.ExternalFunction("mj_getPluginConfig", types.int64(Model, types.int32, types.int64))
+_name2id = types.ExternalFunction("mj_name2id", types.int32(Model, types.int32, types.int64))
 _error = types.ExternalFunction("mju_error", types.void(types.int64))
 _strtod = types.ExternalFunction("strtod", types.float64(types.int64, types.int64))
 
 
 @compiled
-def _attribute(m, offsets, text, kind, low, high, default):
+def _attribute(m, text, kind, low, high, default):
     """Value of an attribute given as text: a number within limits, or the id of a geom or an actuator; nan if invalid.
 
     For a geom the two limits are the types that it may have.
@@ -42,12 +43,12 @@ def _attribute(m, offsets, text, kind, low, high, default):
     found = _name2id(m, _GEOM, text)
     if found < 0:
         return np.nan
-    shape = ints(m[offsets[1]])[found]
+    shape = ints(carray(m, 1)[0].geom_type)[found]
     return float(found) if shape in (low, high) else np.nan
 
 
 @compiled
-def read_attributes(m, offsets, instance, names, table, state):
+def read_attributes(m, instance, names, table, state):
     """Write a plugin instance's attributes to its state; the rows of `table` (n, 4) are kind, low, high and default.
 
     Returns:
@@ -55,7 +56,7 @@ def read_attributes(m, offsets, instance, names, table, state):
     """
     for i in range(len(table)):
         text = _getPluginConfig(m, instance, names[i].ctypes.data)
-        value = _attribute(m, offsets, text, table[i, 0], table[i, 1], table[i, 2], table[i, 3])
+        value = _attribute(m, text, table[i, 0], table[i, 1], table[i, 2], table[i, 3])
         if np.isnan(value):
             return i
         state[i] = value

@@ -5,25 +5,24 @@ Nothing else is shared, so threads, copies and reloaded states work. The laws ar
 from the same source or read from the same tables. Units: um, ug, ms, nN, V; the laws take SI.
 """
 
-import inspect
 import math
-import zlib
+from functools import partial
+from pathlib import Path
 from typing import Any
 
-import mujoco
 import numba
 import numpy as np
 from numba import types
 
 from iswarm_mj.gripper import contact
-from iswarm_mj.gripper.laws import adhesion, electrostatics, restitution, spline
+from iswarm_mj.gripper.laws import electrostatics, spline
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
-from iswarm_mj.gripper.laws.numbers import numbers_of
 from iswarm_mj.gripper.laws.probe_table import tables
-from iswarm_mj.gripper.native import abi, attributes
-from iswarm_mj.gripper.native.abi import PLANE, Struct, compiled, pointer_offsets, read_fields
+from iswarm_mj.gripper.native.abi import PLANE, Data, Model, compiled, read_fields
 from iswarm_mj.gripper.native.attributes import OF_ADHESION, OF_ELECTROSTATIC, raise_error, read_attributes
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
+from iswarm_mj.utils.compiled import cached
+from iswarm_mj.utils.numbers import numbers_of
 
 _asymptotic = compiled(electrostatics.asymptotic_force)
 _contact = numbers_of(contact, {}, compiled)
@@ -37,11 +36,11 @@ _ball_voltage, _relaxed_charge, _speed_at_contact = (
 _shape_of = numbers_of(spline, {}, compiled).shape_of
 _is_broken, _next_potential = _contact.is_broken, _contact.next_potential
 
-_nstate = types.int32(Struct, types.int32)
-_init = types.int32(Struct, Struct, types.int32)
-_reset = types.void(Struct, types.CPointer(types.float64), types.intp, types.int32)
-_compute = types.void(Struct, Struct, types.int32, types.int32)
-_advance = types.void(Struct, Struct, types.int32)
+_nstate = types.int32(Model, types.int32)
+_init = types.int32(Model, Data, types.int32)
+_reset = types.void(Model, types.CPointer(types.float64), types.intp, types.int32)
+_compute = types.void(Model, Data, types.int32, types.int32)
+_advance = types.void(Model, Data, types.int32)
 
 
 @compiled
@@ -94,26 +93,10 @@ def _push(f, body, px, py, pz, fx, fy, fz):
         dof = f.dof_parentid[dof]
 
 
-def _offsets() -> np.ndarray:
-    """Offsets of the fields, and a checksum of whatever else the compiled code depends on.
-
-    Numba caches compiled code on disk, and the arrays that a callback encloses are part of the key.
-    """
-    modules = (adhesion, electrostatics, restitution, contact, attributes, abi, spline)
-    text = "".join([mujoco.__version__, *(inspect.getsource(module) for module in modules)])
-    return np.append(pointer_offsets(), zlib.crc32(text.encode()))
-
-
 def _callback(signature: Any) -> Any:
-    """Decorator that compiles a C function; without a writable cache it is compiled at each import."""
-
-    def compile_it(function):
-        try:
-            return numba.cfunc(signature, cache=True, error_model="numpy")(function)
-        except RuntimeError:
-            return numba.cfunc(signature, error_model="numpy")(function)
-
-    return compile_it
+    """Decorator that compiles a C function."""
+    sources, compiler = Path(__file__).parents[1], partial(numba.cfunc, signature)
+    return partial(cached, sources=sources, compiler=compiler, error_model="numpy")
 
 
 def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[str, Any]:
@@ -127,7 +110,7 @@ def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[
     Returns:
         Callbacks "nstate", "init", "reset".
     """
-    offsets, n = _offsets(), len(table)
+    n = len(table)
     size = n + len(start)
 
     @_callback(_nstate)
@@ -136,7 +119,7 @@ def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[
 
     @_callback(_init)
     def init(m, _d, instance):
-        bad = read_attributes(m, offsets, instance, texts[0], table, np.empty(n))
+        bad = read_attributes(m, instance, texts[0], table, np.empty(n))
         if bad < 0:
             return 0
         raise_error(m, instance, texts[0, bad], texts[1, bad], texts[2, bad])
@@ -144,7 +127,7 @@ def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[
 
     @_callback(_reset)
     def reset(m, state, _data, instance):
-        read_attributes(m, offsets, instance, texts[0], table, state)
+        read_attributes(m, instance, texts[0], table, state)
         for i in range(n, size):
             state[i] = start[i - n]
 
@@ -153,11 +136,11 @@ def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[
 
 def adhesion_callbacks() -> dict[str, Any]:
     """Callbacks of impacts and of adhesion, 2 pi R W h(RH) in contact and van der Waals attraction out of it."""
-    offsets, factors, at = _offsets(), np.asarray(humidity_factor(np.arange(101.0))), OF_ADHESION
+    factors, at = np.asarray(humidity_factor(np.arange(101.0))), OF_ADHESION
 
     @_callback(_compute)
     def compute(m, d, instance, _capability):
-        f = read_fields(m, d, offsets)
+        f = read_fields(m, d)
         state, s = f.plugin_state, f.plugin_stateadr[instance]
         ball, surface = int(state[s + at.ball]), int(state[s + at.surface])
         percent = min(max(state[s + at.humidity], 0.0), 100.0)
@@ -192,7 +175,7 @@ def adhesion_callbacks() -> dict[str, Any]:
 
     @_callback(_advance)
     def advance(m, d, instance):
-        f = read_fields(m, d, offsets)
+        f = read_fields(m, d)
         state, s = f.plugin_state, f.plugin_stateadr[instance]
         gap, rebound = state[s + at.gap], state[s + at.rebound]
         state[s + at.rebound] = _rebounds_on(rebound > 1, rebound, gap, state[s + at.before])
@@ -203,11 +186,11 @@ def adhesion_callbacks() -> dict[str, Any]:
 
 def electrostatic_callbacks() -> dict[str, Any]:
     """Callbacks of the force of a voltage on the ball, and of the potential of the ball."""
-    offsets, (splines, axes), at = _offsets(), tables(), OF_ELECTROSTATIC
+    (splines, axes), at = tables(), OF_ELECTROSTATIC
 
     @_callback(_compute)
     def compute(m, d, instance, _capability):
-        f = read_fields(m, d, offsets)
+        f = read_fields(m, d)
         state, s = f.plugin_state, f.plugin_stateadr[instance]
         ball, probe, plate = int(state[s + at.ball]), int(state[s + at.probe]), int(state[s + at.plate])
         voltage = f.ctrl[int(state[s + at.voltage])]
@@ -233,7 +216,7 @@ def electrostatic_callbacks() -> dict[str, Any]:
 
     @_callback(_advance)
     def advance(m, d, instance):
-        f = read_fields(m, d, offsets)
+        f = read_fields(m, d)
         state, s = f.plugin_state, f.plugin_stateadr[instance]
         voltage, mine = f.ctrl[int(state[s + at.voltage])], state[s + at.ball_voltage]
         gaps = probe_gap, plate_gap = state[s + at.probe_gap], state[s + at.plate_gap]

@@ -20,7 +20,7 @@ from iswarm_mj.engines.planar.reception import read_light
 MODULES = {"geometry": contact_geometry, "law": contact_law, "rays": ray_geometry, "light": reception}
 KINDS = {float: "float({})", int: "int({})", bool: "{} != 0.0"}
 N_SAMPLES = 3000
-POWER, SECTOR = (read_light(read_robot(), OpticsConfig(mode=mode)) for mode in ("power", "sector"))
+LIGHT = read_light(read_robot(), OpticsConfig())
 SHAPE = 1.4, 0.6
 
 
@@ -48,10 +48,6 @@ def ray(rng):
     return *rng.uniform(-4, 4, 2), *rng.uniform(-8, 8, 2), *heading(rng), *SHAPE
 
 
-def apart(rng):
-    return rng.uniform(1.5, 10), rng.uniform(-1, 1)
-
-
 def two_rows(rng):
     """Of two rows, or of one, whose second impulse is 0."""
     is_two = rng.integers(2)
@@ -74,13 +70,7 @@ ARGUMENTS = {
     "meets_line": lambda rng: (*rng.uniform(-11, 11, 2), *rng.uniform(-8, 8, 2), *heading(rng), 10.0),
     "facing_side": lambda rng: tuple(rng.uniform(-5, 5, 2)),
     "onto_axis": lambda rng: (*rng.uniform(-5, 5, 2), *heading(rng)),
-    "is_in_cone": lambda rng: (*rng.uniform(-5, 5, 2), SECTOR.led_tan),
-    "power_reception": lambda rng: (
-        *apart(rng),
-        *apart(rng),
-        *(1.0, 0.3, 1.0, -0.2, POWER.lobe_order, POWER.splay_cos, POWER.splay_sin, POWER.splay_tan, POWER.reach),
-        rng.uniform(0.2, 1.0),
-    ),
+    "is_in_cone": lambda rng: (*rng.uniform(-5, 5, 2), LIGHT.led_tan),
     "is_crossed": ray,
 }
 """Of each function, flat: a contact law stands for its fields."""

@@ -26,21 +26,6 @@ def barrier_of(n_threads: int):
     ...
 
 
-@wp.func_native("""
-#if defined(__CUDA_ARCH__)
-unsigned any;
-asm volatile("{ .reg .pred p, q; setp.ne.u32 p, %1, 0; bar.red.or.pred q, 1, %2, p; selp.u32 %0, 1, 0, q; }"
-             : "=r"(any) : "r"((unsigned)flag), "r"(n_threads) : "memory");
-return any != 0;
-#else
-return flag;
-#endif
-""")
-def any_of(flag: bool, n_threads: int) -> bool:
-    """Whether a flag is set in any of the first threads, a multiple of 32; a barrier for these, too."""
-    ...
-
-
 NO_SUM = wp.constant(wp.int64(-9223372036854775807))
 """What `sum_if_any` returns where no flag is set."""
 

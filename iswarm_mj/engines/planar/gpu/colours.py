@@ -2,9 +2,9 @@
 
 import warp as wp
 
-from iswarm_mj.engines.planar.gpu.block import any_of, barrier, barrier_of, threads_for
+from iswarm_mj.engines.planar.gpu.block import NO_SUM, barrier, barrier_of, sum_if_any, threads_for
 from iswarm_mj.engines.planar.gpu.contacts import n_contacts
-from iswarm_mj.engines.planar.gpu.records import bodies_of
+from iswarm_mj.engines.planar.gpu.records import record_of
 from iswarm_mj.engines.planar.gpu.world import FAILURE, N_COLOURS, N_CONTACTS, World
 from iswarm_mj.utils.errors import FaultKind
 
@@ -36,7 +36,7 @@ def colour_contacts(w: World, lane: int):
             for k in range(lane, n, n_lanes):
                 if w.found[k][2] < 0:
                     is_left = not _takes_colour(w, k, round) or is_left
-            is_open = any_of(is_left, n_lanes)
+            is_open = sum_if_any(is_left, wp.int64(0), n_lanes) != NO_SUM
             round += 1
         if is_open:  # a heap of robots, which is not solved
             if lane == 0:
@@ -109,9 +109,9 @@ def _sort(w: World, n: int, lane: int, n_lanes: int):
     barrier_of(n_lanes)
     for k in range(lane, n, n_lanes):
         at = wp.atomic_add(w.end, w.found[k][2], 1)
-        bodies = bodies_of(w, at)
-        bodies[0] = w.found[k][0]
-        bodies[1] = w.found[k][1]
+        record = record_of(w, at)
+        record[0].first = w.found[k][0]
+        record[0].second = w.found[k][1]
 
 
 @wp.func

@@ -7,19 +7,7 @@ import warp as wp
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.cells import around, fill
 from iswarm_mj.engines.planar.gpu.functions import rows
-from iswarm_mj.engines.planar.gpu.records import (
-    ARM,
-    BEFORE,
-    IMPULSE,
-    LEVER,
-    N_ROWS,
-    NX,
-    NY,
-    OFFSET,
-    SOFTNESS,
-    bodies_of,
-    numbers_of,
-)
+from iswarm_mj.engines.planar.gpu.records import Record, record_of
 from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, World
 from iswarm_mj.utils.errors import FaultKind
 
@@ -122,8 +110,8 @@ def _box(w: World, m: int) -> wp.vec4:
 @wp.func
 def _set_contact(w: World, k: int):
     """Compute the rows of contact k."""
-    bodies, n_bodies, plane = bodies_of(w, k), w.place.shape[0], w.plane[0]
-    first, second = bodies[0], bodies[1]
+    record, n_bodies, plane = record_of(w, k), w.place.shape[0], w.plane[0]
+    first, second = record[0].first, record[0].second
     at = wp.min(first, n_bodies)
     q, touch, one, other = w.place[second], _Touch(), w.kinds[at], w.kinds[second]
     law = wp.where(first < n_bodies, plane.between_robots, plane.at_walls)
@@ -135,19 +123,8 @@ def _set_contact(w: World, k: int):
         m = first - n_bodies
         touch = _touch_box(_box(w, m), w.solids[m, 4], w.solids[m, 5], True, q, other)
     weight = one.inverse_weight + other.inverse_weight
-    found = _rows_of(touch, w.velocity[at], w.velocity[second], law, weight, plane.timestep)
-    numbers = numbers_of(w, k)
-    numbers[NX] = found.nx
-    numbers[NY] = found.ny
-    numbers[ARM] = found.arm1
-    numbers[ARM + 1] = found.arm2
-    numbers[LEVER] = found.lever1
-    numbers[LEVER + 1] = found.lever2
-    numbers[OFFSET] = found.offset1
-    numbers[OFFSET + 1] = found.offset2
-    numbers[SOFTNESS] = found.softness1
-    numbers[SOFTNESS + 1] = found.softness2
-    for row in range(2):
-        numbers[IMPULSE + row] = 0.0
-        numbers[BEFORE + row] = 0.0
-    numbers[N_ROWS] = float(found.n_rows)
+    own = _rows_of(touch, w.velocity[at], w.velocity[second], law, weight, plane.timestep)
+    record[0] = Record(
+        own.nx, own.ny, own.arm1, own.arm2, own.lever1, own.lever2, own.offset1, own.offset2,
+        own.softness1, own.softness2, 0.0, 0.0, 0.0, 0.0, own.n_rows, first, second,
+    )  # fmt: skip

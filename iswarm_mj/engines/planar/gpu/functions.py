@@ -26,7 +26,8 @@ from iswarm_mj.engines.planar import (
     ray_geometry,
     reception,
 )
-from iswarm_mj.engines.planar.compiled import version
+from iswarm_mj.engines.planar.compiled import SOURCES
+from iswarm_mj.utils.compiled import version
 
 
 def _start() -> None:
@@ -37,7 +38,7 @@ def _start() -> None:
     wp.config.log_level = wp.LOG_WARNING  # standard output is reserved for results
     try:
         wp.init()
-        own = Path(wp.config.kernel_cache_dir) / f"iswarm_mj-{version()}"
+        own = Path(wp.config.kernel_cache_dir) / f"iswarm_mj-{version(SOURCES)}"
         own.mkdir(parents=True, exist_ok=True)
         wp.config.kernel_cache_dir, is_writable = str(own), os.access(own, os.W_OK)
     except OSError:

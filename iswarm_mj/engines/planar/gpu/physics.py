@@ -12,7 +12,7 @@ from iswarm_mj.engines.planar.gpu.colours import MAX_COLOURS, colour_contacts
 from iswarm_mj.engines.planar.gpu.contacts import find_contacts, find_near_pairs, n_contacts, set_contacts
 from iswarm_mj.engines.planar.gpu.functions import kinds_in, plane_in
 from iswarm_mj.engines.planar.gpu.memory import Memory, lay_out, own_bytes, shared_memory
-from iswarm_mj.engines.planar.gpu.records import N_ROWS, bodies_of, numbers_of
+from iswarm_mj.engines.planar.gpu.records import record_of
 from iswarm_mj.engines.planar.gpu.solver import rub, solve
 from iswarm_mj.engines.planar.gpu.world import FAILURE, World, heading
 
@@ -178,11 +178,12 @@ def _integrate(w: World, timestep: float, lane: int):
 def _mark(w: World, touching: wp.array2d(dtype=int), lane: int):
     """Add the pairs of robots in contact, the same way in any order: the lesser of two partners moves on."""
     for c in range(lane, n_contacts(w), wp.block_dim()):
-        bodies, numbers = bodies_of(w, c), numbers_of(w, c)
-        if bodies[0] < touching.shape[1] and numbers[N_ROWS] > 0.0:
-            partner, k = int(bodies[1]), int(0)
+        record = record_of(w, c)
+        first = record[0].first
+        if first < touching.shape[1] and record[0].n_rows > 0:
+            partner, k = int(record[0].second), int(0)
             while partner > 0 and k < touching.shape[0]:
-                found = wp.atomic_max(touching, k, bodies[0], partner)
+                found = wp.atomic_max(touching, k, first, partner)
                 partner = wp.where(found == partner, 0, wp.min(found, partner))
                 k += 1
 

@@ -10,19 +10,7 @@ from iswarm_mj.engines.planar.gpu.block import NO_SUM, barrier_of, sum_if_any, t
 from iswarm_mj.engines.planar.gpu.colours import begin_of
 from iswarm_mj.engines.planar.gpu.contacts import n_contacts
 from iswarm_mj.engines.planar.gpu.functions import Kind, law, rows
-from iswarm_mj.engines.planar.gpu.records import (
-    ARM,
-    BEFORE,
-    IMPULSE,
-    LEVER,
-    N_ROWS,
-    NX,
-    NY,
-    OFFSET,
-    SOFTNESS,
-    bodies_of,
-    numbers_of,
-)
+from iswarm_mj.engines.planar.gpu.records import record_of
 from iswarm_mj.engines.planar.gpu.world import FAILURE, N_COLOURS, World
 from iswarm_mj.utils.errors import FaultKind
 
@@ -85,9 +73,10 @@ def _relax(w: World, k: int, sweep: float, momentum: float) -> wp.vec2:
     Returns:
         By how much a velocity changes at most [mm/s], and how far the momentum before led uphill.
     """
-    bodies, c, n_bodies = bodies_of(w, k), numbers_of(w, k), w.place.shape[0]
-    first = bodies[0]
-    second = bodies[1]
+    record, n_bodies = record_of(w, k), w.place.shape[0]
+    c = record[0]
+    first = c.first
+    second = c.second
     at = wp.min(first, n_bodies)
     one = w.kinds[at]
     other = w.kinds[second]
@@ -95,34 +84,21 @@ def _relax(w: World, k: int, sweep: float, momentum: float) -> wp.vec2:
     end_v2 = w.velocity[second]
     before_v1 = w.before[at]
     before_v2 = w.before[second]
-    nx = c[NX]
-    ny = c[NY]
-    arm1 = c[ARM]
-    arm2 = c[ARM + 1]
-    lever1 = c[LEVER]
-    lever2 = c[LEVER + 1]
-    offset1 = c[OFFSET]
-    offset2 = c[OFFSET + 1]
-    softness1 = c[SOFTNESS]
-    softness2 = c[SOFTNESS + 1]
-    end1 = c[IMPULSE]
-    end2 = c[IMPULSE + 1]
-    before1 = c[BEFORE]
-    before2 = c[BEFORE + 1]
-    n_rows = c[N_ROWS]
     m1, i1, m2, i2 = one.inverse_mass, one.inverse_inertia, other.inverse_mass, other.inverse_inertia
     moves1, moves2 = end_v1[3] != sweep, end_v2[3] != sweep  # it is the body's first contact in this sweep
     v1 = end_v1 + wp.where(moves1, momentum, 0.0) * (end_v1 - before_v1)
     v2 = end_v2 + wp.where(moves2, momentum, 0.0) * (end_v2 - before_v2)
-    p1, p2 = end1 + momentum * (end1 - before1), end2 + momentum * (end2 - before2)
-    own = _Rows(int(n_rows), nx, ny, arm1, arm2, lever1, lever2, offset1, offset2, softness1, softness2, 0.0)
+    p1, p2 = c.p1 + momentum * (c.p1 - c.before1), c.p2 + momentum * (c.p2 - c.before2)
+    own = _Rows(
+        c.n_rows, c.nx, c.ny, c.arm1, c.arm2, c.lever1, c.lever2, c.offset1, c.offset2, c.softness1, c.softness2, 0.0
+    )
     h11, h12, h22 = _matrix(own, m1, i1, m2, i2)
     s1, q2 = _relaxed(own, h11, h12, h22, p1, p2, v1, v2)
-    q1 = wp.where(n_rows > 0.0, s1, 0.0)
+    q1 = wp.where(c.n_rows > 0, s1, 0.0)
     d1, d2 = q1 - p1, q2 - p2
-    push, twist1, twist2 = d1 + d2, arm1 * d1 + arm2 * d2, lever1 * d1 + lever2 * d2
+    push, twist1, twist2 = d1 + d2, c.arm1 * d1 + c.arm2 * d2, c.lever1 * d1 + c.lever2 * d2
     push2, push1 = m2 * push, m1 * push
-    new2 = wp.vec4(v2[0] + nx * push2, v2[1] + ny * push2, v2[2] + i2 * twist2, sweep)
+    new2 = wp.vec4(v2[0] + c.nx * push2, v2[1] + c.ny * push2, v2[2] + i2 * twist2, sweep)
     if moves2:
         w.before[second] = end_v2
     if other.grip > 0.0:
@@ -131,7 +107,7 @@ def _relax(w: World, k: int, sweep: float, momentum: float) -> wp.vec2:
         new2 = rub(w, second, other, new2)
     w.velocity[second] = new2
     if first < n_bodies:
-        new1 = wp.vec4(v1[0] - nx * push1, v1[1] - ny * push1, v1[2] - i1 * twist1, sweep)
+        new1 = wp.vec4(v1[0] - c.nx * push1, v1[1] - c.ny * push1, v1[2] - i1 * twist1, sweep)
         if moves1:
             w.before[first] = end_v1
         if one.grip > 0.0:
@@ -139,12 +115,12 @@ def _relax(w: World, k: int, sweep: float, momentum: float) -> wp.vec2:
                 _move_on(w, first, momentum)
             new1 = rub(w, first, one, new1)
         w.velocity[first] = new1
-    c[BEFORE] = end1
-    c[BEFORE + 1] = end2
-    c[IMPULSE] = q1
-    c[IMPULSE + 1] = q2
-    change = _velocity_change(d1, d2, arm1, arm2, lever1, lever2, m1, i1 * one.radius, m2, i2 * other.radius)
-    return wp.vec2(change, -d1 * (q1 - end1) - d2 * (q2 - end2))
+    record[0].before1 = c.p1
+    record[0].before2 = c.p2
+    record[0].p1 = q1
+    record[0].p2 = q2
+    change = _velocity_change(d1, d2, c.arm1, c.arm2, c.lever1, c.lever2, m1, i1 * one.radius, m2, i2 * other.radius)
+    return wp.vec2(change, -d1 * (q1 - c.p1) - d2 * (q2 - c.p2))
 
 
 @wp.func

@@ -50,5 +50,6 @@ def in_arrays(module: ModuleType, library: ModuleType) -> Any:
 @cache
 def _in_arrays(module: str, library: str) -> Any:
     xp = sys.modules[library]
-    names = {name: getattr(xp, name) for name in ("where", "clip", "exp", "log", "log2", "sqrt")}
+    names = {name: getattr(xp, name) for name in ("where", "clip", "exp", "log", "log2", "sqrt", "abs")}
+    names |= {"min": xp.minimum, "max": xp.maximum}
     return numbers_of(sys.modules[module], names | {"whole": lambda value: xp.floor(value).astype(int)})
