@@ -24,11 +24,11 @@ def moved(engine, bodies, velocity, n_substeps=10, running=None):
     return engine.move(bodies, [Phase(n_substeps, lambda _: velocity)], running)
 
 
-def both_engines(config, tune=None, **changes):
+def both_engines(config, refinement=1, tune=None, **changes):
     """The engine for CPUs and the one for batches; `changes` replace numbers of their planes."""
     from iswarm_mj.engines.planar.batch_engine import read_engine
 
-    arena = compile_arena(config, 1, np.zeros(0), tune=tune)
+    arena = compile_arena(config, 1, np.zeros(0), refinement=refinement, tune=tune)
     plain, batch = PlanarEngine(config, arena, 1), read_engine(arena, config, jax.default_backend())
     plain.plane = plain.plane._replace(**changes)
     return plain, replace(batch, plane=batch.plane._replace(**changes))

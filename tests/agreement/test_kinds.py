@@ -10,6 +10,8 @@ from helpers_robots import HALF, numbered, two_kinds
 from helpers_small import SMALL
 
 from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.planar.batch_engine import read_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.robot_file import files_of, models_directory, read_robot, read_robots
 from iswarm_mj.tasks.layout import place_robots
@@ -22,6 +24,39 @@ N = 60
 @pytest.fixture(scope="module")
 def file(tmp_path_factory):
     return two_kinds(tmp_path_factory.mktemp("kinds"), N)
+
+
+def few(file):
+    """One robot of the first kind and two of the second."""
+    return numbered([path for path, _ in files_of(file)], 1, 2)
+
+
+def engines(file, n_worlds, n_robots):
+    """The engines by their names; planar ones from one robot of each kind."""
+    arena, one = (compile_arena(SMALL, n, np.zeros(0), robot_file=file) for n in (n_robots, None))
+    planar = PlanarEngine(SMALL, one, 1)
+    planar.plane = planar.plane._replace(tolerance=1e-9)
+    return {
+        "mujoco": MujocoEngine(SMALL, arena, n_worlds, 1, n_robots),
+        "numba": planar,
+        "warp": read_engine(one, SMALL, jax.default_backend()),
+    }
+
+
+@pytest.mark.parametrize("name", ["mujoco", "numba", "warp"])
+def test_kinds_of_different_mass_exchange_momentum(file, name):
+    """The last robot of the first kind and the second of the second one meet head-on, overlapping by 0.05 mm.
+
+    Drives reach their set points in the physics step, so that momentum beyond those comes from the contact alone.
+    """
+    engine = engines(few(file), 1, 3)[name]
+    poses = [[(-1.0, 0.0, 0.0), (8.0, 8.0, 0.0), (1.15, 0.0, np.pi)]]
+    velocity = np.array([[(1.4, 0, 0), (0, 0.5, 0), (-1.0, 0, 0)]])
+    steps = np.asarray(engine.poses(moved(engine, placed(engine, poses), velocity, 1).bodies)) - poses
+    gained = np.array([10.0, 30.0, 30.0])[:, None] * (steps[0] / 0.1 - velocity[0])[:, :2]
+    assert gained[2, 0] > 5
+    np.testing.assert_allclose(gained.sum(axis=0), 0, atol=2e-3 if name == "warp" else 1e-9)
+    np.testing.assert_allclose(gained[1], 0, atol=2e-3 if name == "warp" else 1e-9)
 
 
 def test_a_file_twice_is_one_kind():

@@ -2,13 +2,19 @@
 
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import mujoco
 import mujoco.rollout
 import numpy as np
 import pytest
+from mujoco import mjx
 
 import iswarm_mj.gripper.plugin as plugin
+from iswarm_mj.gripper.contact import ON_PLATE, ON_PROBE
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
+from iswarm_mj.gripper.mjx_forces import first_state, gripper_forces, step
+from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -57,6 +63,34 @@ def c_engine(task):
     return result[:, -1, 1 + 2] - trials(task)[0]
 
 
+def in_mjx(task, impl):
+    """Gap between ball and plate (2 N,) at the end."""
+    spec = mujoco.MjSpec.from_file(str(BENCH))
+    forces, portable = gripper_forces(spec.compile()), mjx_compatible(spec)
+    size = {"naconmax": 8 * N_TRIALS, "njmax": 20} if impl == "warp" else {}
+    mx, dx = mjx.put_model(portable, impl=impl), mjx.make_data(portable, impl=impl, **size)
+
+    def run(radius, work, voltage, height, tip, path):
+        lifted = height > 0
+        works = {(f"adhesion_{surface}", "work"): work[k] for k, surface in enumerate(("plate", "probe"))}
+        model, mine = resize(forces, mx, radius), forces.having(works)
+        z = height + radius + jnp.where(lifted, 2e-4, -2e-4)
+        start = dx.replace(qpos=dx.qpos.at[2].set(z).at[8].set(tip))
+
+        def advance(carry, probe_z):
+            data, ball = carry
+            data = data.replace(ctrl=jnp.stack([0 * probe_z, probe_z, voltage]))
+            data, force = step(mine, model, data, ball)
+            return (data, force.state), None
+
+        ball = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), first_state(mine))
+        ball = ball._replace(potential=jnp.where(lifted, ON_PROBE, ON_PLATE))
+        (data, _), _ = jax.lax.scan(advance, (start, ball), path)
+        return data.qpos[2] - radius
+
+    return np.asarray(jax.jit(jax.vmap(run))(*(jnp.asarray(column, jnp.float32) for column in trials(task))))
+
+
 def decided(task, gap):
     """Whether each ball was grasped, or released (2, N)."""
     return (gap > 0.2 if task == "grasp" else gap < 4).reshape(2, N_TRIALS)
@@ -65,5 +99,16 @@ def decided(task, gap):
 @pytest.mark.parametrize("task", ["grasp", "release"])
 def test_the_plugin_decides_as_the_laws(task):
     below, above = decided(task, c_engine(task))
+    assert not below.any()
+    assert above.all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("impl", ["jax", "warp"])
+@pytest.mark.parametrize("task", ["grasp", "release"])
+def test_mjx_decides_as_the_laws(task, impl):
+    if impl == "warp":
+        pytest.importorskip("warp")
+    below, above = decided(task, in_mjx(task, impl))
     assert not below.any()
     assert above.all()

@@ -1,4 +1,4 @@
-"""The planar engine, at MuJoCo's time step, against MuJoCo in C: physics steps of one contact, and jams."""
+"""The planar engine, at MuJoCo's time step, against MuJoCo in C: physics steps of one contact, crowds, jams, light."""
 
 from copy import copy
 from functools import cache
@@ -14,9 +14,14 @@ from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.batch_engine import read_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.simulation.step import drive_phases
+from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
 
 EDGE = 7.5 * 2 * np.sqrt(2)
+
+
+BOTH = pytest.mark.parametrize("impl", ["numba", "warp"])
 ROUNDING = 1e-3
 """What positions may differ more with 32-bit floats, a twentieth of what is allowed to MJX [mm]."""
 
@@ -33,6 +38,18 @@ def both_placed(poses, impl="numba"):
     """Engines and bodies of robots at rest at (B, N, 3)."""
     present = np.ones(poses.shape[:2], bool)
     return [(engine, engine.place(poses, present)) for engine in engines(*poses.shape[:2], impl=impl)]
+
+
+def assert_same_ends(here, in_c, tolerance, impl):
+    """Of robots at (B, N, 3); with 32-bit floats all but 1 %, at whose contacts rounding decides between branches.
+
+    Such pairs part from MuJoCo's by 0.1 mm with 64-bit floats, too, if they start 1e-6 mm from there.
+    """
+    off = np.abs(here.bodies.poses - in_c.bodies.poses).max(axis=-1)
+    if impl == "numba":
+        assert off.max() <= tolerance
+    else:
+        assert np.mean(off <= tolerance + ROUNDING) >= 0.99 and off.max() < 0.2
 
 
 def both_move(pairs, phases):
@@ -67,24 +84,32 @@ def test_velocities_of_each_physics_step_are_those_of_mujoco(start, velocity, to
     assert np.abs(expected - velocity[0]).max() > 0.3
 
 
-@pytest.mark.parametrize("impl", ["numba", "warp"])
-def test_jams_end_where_mujoco_ends(impl):
-    """All robots walk to the centre and press upon each other there.
+def commands(rng, shape):
+    """Turns [rad] and walks [mm] of robots (B, N)."""
+    return Command(rng.uniform(-0.6, 0.6, shape), rng.uniform(0.0, np.sqrt(2), shape))
 
-    With 32-bit floats all but 1 % agree, at whose contacts rounding decides between branches. Such pairs part from
-    MuJoCo's by 0.1 mm with 64-bit floats, too, if they start 1e-6 mm from there.
-    """
+
+def test_crowds_stay_together_over_control_steps():
+    """Without placing the robots anew: velocities pass from one control step to the next."""
+    rng = np.random.default_rng(2)
+    pairs = both_placed(np.stack([place_robots(SMALL.arena, 60, rng) for _ in range(4)]))
+    for _ in range(5):
+        motions = both_move(pairs, drive_phases(SMALL.drive, commands(rng, (4, 60))))
+        pairs = [(engine, motion.bodies) for (engine, _), motion in zip(pairs, motions, strict=True)]
+    np.testing.assert_allclose(motions[1].bodies.poses, motions[0].bodies.poses, atol=1e-3)
+    np.testing.assert_array_equal(motions[1].touching, motions[0].touching)
+
+
+@BOTH
+def test_jams_end_where_mujoco_ends(impl):
+    """All robots walk to the centre and press upon each other there."""
     rng = np.random.default_rng(3)
     poses = place_robots(SMALL.arena, 60, rng)[None]
     inward = Phase(10, lambda p: -p * np.array([1, 1, 0]) / np.maximum(np.hypot(p[..., :1], p[..., 1:2]), 0.5))
     for step in range(25):
         in_c, here = both_move(both_placed(poses, impl), [inward])
         if step >= 15:
-            off = np.abs(here.bodies.poses - in_c.bodies.poses).max(axis=-1)
-            if impl == "numba":
-                assert off.max() <= 1e-4
-            else:
-                assert np.mean(off <= 1e-4 + ROUNDING) >= 0.99 and off.max() < 0.2
+            assert_same_ends(here, in_c, 1e-4, impl)
             np.testing.assert_array_equal(here.touching, in_c.touching)
         poses = in_c.bodies.poses
     assert pairs_of(here.touching).sum() > 90

@@ -130,6 +130,19 @@ def test_every_engine_runs_carries_and_records_it(engine):
     np.testing.assert_array_equal(np.array(body["said_count"])[1:], table["said_count"][1:])
 
 
+def test_in_turn_news_goes_further_within_a_step():
+    """With a method `listen`, which sequential updates need."""
+    listen = "    def listen(self, memory, seen, key):\n        return self.act(memory, seen, key)[0]\n"
+    Path("walk.py").write_text(WALK + listen)
+    flags = ("--engine=planar", "--robots=25", "--seed=1")
+    orders = [(*flags, f"--strategy.update-order={order}") for order in ("synchronous", "sequential")]
+    known = []
+    for own in orders:
+        assert code_of("clean", "--strategy", "walk.py:Walk", *FEW[:-2], "--steps=6", *own) == 0
+        known.append(iswarm_mj.load("runs/clean").robots["count"].to_numpy().reshape(7, 25)[2].sum())
+    assert known[1] > known[0]
+
+
 class TestInstalled:
     @pytest.fixture(autouse=True)
     def package(self, here, monkeypatch):

@@ -85,6 +85,12 @@ def test_gaps_by_hand():
     assert separation(0.2, 1.9, 1, 0, 0, 1, 1, 1, 1, 1)[0] == pytest.approx(-0.1)
 
 
+def test_sides_that_meet_flat_touch_at_the_ends_of_their_overlap():
+    nx, ny, x1, y1, d1, x2, y2, d2 = rectangle_contact(1.9, 0.6, 1.0, 0.0, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0)
+    assert (nx, ny) == (1, 0)
+    np.testing.assert_allclose(sorted([(x1, y1, d1), (x2, y2, d2)]), [(0.95, -0.4, -0.1), (0.95, 1.0, -0.1)])
+
+
 @pytest.mark.parametrize(("n", "edge"), [(1, 20.0), (2, 5.0), (150, 20.0), (150, 400.0)])
 def test_near_pairs_are_all_pairs_within_the_radius(n, edge):
     rng = np.random.default_rng(n)

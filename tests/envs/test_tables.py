@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from helpers_envs import SMALL
 from helpers_sensing import senses_nothing
+from helpers_tasks import Eastward
 
-from iswarm_mj import make_env
+from iswarm_mj import PlanarSettings, make_env
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.envs import tables
@@ -120,6 +121,21 @@ def test_silence_is_sent():
     message, _ = PAYLOAD.unpack(PAYLOAD.pack(Message(jnp.zeros(2, int), tables.silence(PAYLOAD, 2))))
     assert not message.payload["home"].known.any() and not message.payload["flag"].any()
     np.testing.assert_array_equal(message.payload["count"], 0)
+
+
+def test_tasks_add_what_they_let_robots_sense():
+    """A line to the east: robots sense how far away it is, and are rewarded beyond it."""
+    env = make_env(Eastward(3.0), n_robots=8, config=SMALL, n_starts=3, engine=PlanarSettings(1), n_worlds=2)
+    assert env.observations[-1].name == "gap" and env.observations[-1].unit == "mm"
+    state = env.reset(jax.random.split(jax.random.key(0), 2))
+    for seed in range(3):
+        x = np.asarray(state.data.world.bodies.poses)[..., 0]
+        np.testing.assert_allclose(env.named(np.asarray(state.obs))["gap"][..., 0], 3.0 - x, atol=1e-4)
+        np.testing.assert_allclose(state.metrics["share"], (x > 3).mean(axis=1))
+        np.testing.assert_array_equal(state.metrics["steps"], seed + 1)
+        state = env.step(state, np.random.default_rng(seed).uniform(-1, 1, (2, 8, 2)))
+        after = np.asarray(state.data.world.bodies.poses)[..., 0]
+        np.testing.assert_array_equal(state.reward, after > 3)
 
 
 def test_tasks_have_names(tmp_path):

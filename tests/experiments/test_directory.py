@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 from helpers_outcomes import PLAN, done
 
+from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.experiments.analysis.findings import TOO_FEW
 from iswarm_mj.experiments.runner import pool
@@ -44,6 +45,20 @@ def test_table_findings_and_figures(counted, tmp_path, capsys):
     assert (tmp_path / "hop_count.png").stat().st_size > 10_000
     assert "</svg>" in (tmp_path / "hop_count.svg").read_text()
     assert "too few runs to judge" in capsys.readouterr().out
+
+
+def test_finished_runs_are_not_done_again(counted, tmp_path):
+    plan, density = replace(PLAN, quick=True), replace(EXPERIMENTS["density"], figure=lambda *_: [])
+    for own, execution, again, expected in (
+        (plan, None, False, 8),
+        (plan, None, False, 8),
+        (replace(plan, seed=1), None, False, 16),
+        (plan, Execution(MjxSettings()), False, 24),
+        (plan, None, False, 24),
+        (plan, None, True, 32),
+    ):
+        run_experiment(density, own, tmp_path, execution, again=again)
+        assert len(counted) == expected
 
 
 def test_real_runs_of_a_small_arena(small, tmp_path):

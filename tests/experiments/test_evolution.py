@@ -1,12 +1,12 @@
 """One evolution as one sample: its quantities by hand, and what made-up searches say on the statements."""
 
 import pytest
-from helpers_findings import changed, found_in
+from helpers_findings import changed, found_in, search_rows
 
 from iswarm_mj.experiments.analysis import statistics
 from iswarm_mj.experiments.analysis.evolution import Evolution
 from iswarm_mj.experiments.analysis.evolution_statements import STATEMENTS, TRAITS
-from iswarm_mj.experiments.analysis.findings import TOO_FEW, UNDECIDED
+from iswarm_mj.experiments.analysis.findings import NOT_RUN, TOO_FEW, UNDECIDED
 
 CLAIMS = [statement.claim for statement in STATEMENTS[: -len(TRAITS)]]
 RISES, BEATS, RIVAL = CLAIMS[0], CLAIMS[2], CLAIMS[3]
@@ -28,6 +28,13 @@ def test_one_difference_among_several_traits_may_be_chance(paper, random, monkey
     finding = found_in(mine, random=by_chance)["Selection moves the density of robots"]
     assert finding.verdict == UNDECIDED
     assert finding.ours.endswith("(0.01 to 0.27)") and "by Holm p = 0.14;" in finding.statistics
+
+
+def test_without_replicates_of_both_nothing_is_said_of_selection(paper):
+    moved = [f"Selection moves {trait}" for trait in TRAITS]
+    assert {found_in(paper)[claim].verdict for claim in moved} == {NOT_RUN}
+    few = found_in(paper, random=search_rows(learns=False))
+    assert {few[claim].verdict for claim in moved} == {TOO_FEW}
 
 
 def test_the_fittest_are_those_of_generations_35_to_100():

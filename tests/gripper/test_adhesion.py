@@ -30,6 +30,15 @@ def test_van_der_waals_force_is_that_of_all_slices():
     assert van_der_waals_force(hamaker, radius, gap) == pytest.approx(sum(parts), rel=1e-6)
 
 
+def test_van_der_waals_limits():
+    hamaker, radius = 1e-19, 20e-6
+    assert van_der_waals_force(hamaker, radius, 1e-11) == pytest.approx(hamaker * radius / (6 * 1e-22), rel=1e-5)
+    # Far away: two small bodies' worth of a sphere's volume against a half-space, 1/z^4.
+    far = van_der_waals_force(hamaker, radius, np.array([1.0, 2.0]))
+    assert far[0] / far[1] == pytest.approx(16, rel=1e-3)
+    assert van_der_waals_force(hamaker, radius, 0.1e-6) < 0.06e-9
+
+
 def test_humidity_is_least_at_ten_percent_and_double_at_eighty():
     relative_humidity = np.linspace(0, 100, 1001)
     factor = humidity_factor(relative_humidity)

@@ -3,6 +3,7 @@
 import math
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,6 +13,9 @@ from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, humidity_factor
 from iswarm_mj.gripper.laws.detachment import (
     EQ3_CONSTANT,
     PRINTED_EQ3_CONSTANT,
+    PROBE_RADIUS,
+    VARIATION_OBJECT_SUBSTRATE,
+    VARIATION_TOOL_OBJECT,
     WORK_OBJECT_SUBSTRATE,
     WORK_TOOL_OBJECT,
     ball_weight,
@@ -21,8 +25,9 @@ from iswarm_mj.gripper.laws.detachment import (
     is_grasped,
     is_released,
     release_voltage,
+    scattered_work,
 )
-from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
+from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force
 from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 
 RADII = np.linspace(15e-6, 25e-6, 21)
@@ -48,6 +53,12 @@ def test_release_voltage_at_five_micrometres():
     np.testing.assert_allclose(voltage, 42.5, rtol=0.02)
     assert np.ptp(voltage) / voltage.mean() < 0.01
     assert np.all((voltage > 37) & (voltage < 47))
+
+
+def test_no_lift_without_contact_below_fifty_volts():
+    held = dmt_pull_off(RADII, WORK_OBJECT_SUBSTRATE) + ball_weight(RADII)
+    assert np.all(pick_force(50.0, 0.7e-6, RADII, PROBE_RADIUS) < held)
+    assert np.all(pick_force(50.0, 0.6e-6, RADII, PROBE_RADIUS) > held)
 
 
 def test_equal_adhesions_leave_the_weight():
@@ -76,3 +87,21 @@ def test_no_voltage_is_needed_where_adhesion_or_weight_suffices():
     assert release_voltage(20e-6, 1e-6) == 0
     assert is_released(0.0, 20e-6, 1e-6)
     assert jax.grad(lambda w: grasp_voltage(20e-6, w, 1e-2))(2e-2) == 0
+
+
+def test_decisions_on_arrays_inside_jit():
+    rng = np.random.default_rng(3)
+    radius = rng.uniform(15e-6, 25e-6, 500)
+    tool = scattered_work(WORK_TOOL_OBJECT, VARIATION_TOOL_OBJECT, rng.standard_normal(500))
+    floor = scattered_work(WORK_OBJECT_SUBSTRATE, VARIATION_OBJECT_SUBSTRATE, rng.standard_normal(500))
+    single = [jnp.asarray(x, jnp.float32) for x in (radius, tool, floor)]
+    lifted = jax.jit(is_grasped)(25.0, *single)
+    dropped = jax.jit(is_released)(42.0, *single[:2])
+    assert lifted.dtype == dropped.dtype == bool
+    assert 0.3 < np.mean(lifted) < 0.7
+    assert 0.3 < np.mean(dropped) < 0.7
+    # Only a ball within rounding of its threshold may be decided otherwise in float32.
+    clear = np.abs(grasp_voltage(radius, tool, floor) / 25.0 - 1) > 1e-5
+    assert np.array_equal(np.asarray(lifted)[clear], is_grasped(25.0, radius, tool, floor)[clear])
+    clear = np.abs(release_voltage(radius, tool) / 42.0 - 1) > 1e-5
+    assert np.array_equal(np.asarray(dropped)[clear], is_released(42.0, radius, tool)[clear])

@@ -10,7 +10,7 @@ from helpers_robots import two_kinds
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.palette import LOADED, rgb
-from iswarm_mj.output.shapes import TRAIL_FRAMES
+from iswarm_mj.output.shapes import TRAIL_FRAMES, link_ends
 from iswarm_mj.output.swarm_classes import BALL_CLASSES
 from iswarm_mj.player import scene as arrays
 from iswarm_mj.player.page import close_server, open_server
@@ -74,6 +74,16 @@ def test_robots_and_the_balls_that_they_carry_are_between_two_steps(session):
         np.testing.assert_allclose(middle[held], 0.75 * first[held] + 0.25 * end[held], atol=1e-4)
         n_moved += (np.linalg.norm(end[held] - first[held], axis=-1) > 0.2).sum()
     assert n_moved > 10
+
+
+def test_links_lead_from_receivers_to_senders_in_range(session):
+    scene, before, after = last(session)
+    centre = arrays.moment(scene, before, after, 1.0).centre
+    ends = link_ends(after, centre[None])
+    assert len(ends) == after.link_valid.sum() > 0
+    for end in ends.reshape(-1, 3):
+        assert np.isclose(centre, end).all(axis=1).any()
+    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max() < (3.5 + 1.2) * 2 * np.sqrt(2)
 
 
 def test_arrows_are_what_robots_remember_turned_to_the_arena(session):

@@ -13,6 +13,7 @@ from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.neighbours import find_neighbours
+from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.robot import Mixed
 
 OPTICS = OpticsConfig()
@@ -59,12 +60,54 @@ def same(one, other):
         np.testing.assert_array_equal(a, b, err_msg=name)
 
 
+def facing(degrees, distance):
+    """Row of a robot at this bearing from the origin that looks back there."""
+    a = np.radians(degrees)
+    return distance * np.cos(a), distance * np.sin(a), degrees + 180
+
+
 DARK = 45  # heading of a robot on the x axis that shines past those before and behind it
+
+
+@both_sights
+def test_nearest_of_two_on_one_photodiode(sight):
+    poses = place((0, 0, 0), facing(-16, 7.3), facing(26, 5.6))[None]
+    links = sight(poses)
+    assert heard(links)[0, 0] == (2, 0)
+    assert links.true_distance[0, 0, 0] == pytest.approx(5.6) and links.measured_bearing[0, 0, 0] == 0
+    assert heard(sight(poses[:, :2]))[0, 0] == (1, 0)
+
+
+@both_sights
+def test_a_robot_between_two_cuts_their_link(sight):
+    poses = place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None]
+    assert (0, 0) not in heard(sight(poses))
+    assert (1, 0) not in heard(sight(poses))
+    poses[0, 2, 1] = -5.0
+    assert heard(sight(poses))[0, 0] == (1, 0)
 
 
 @both_sights
 def test_without_line_of_sight_nobody_is_in_the_way(sight):
     assert heard(sight(place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None], BLIND))[0, 0] == (1, 0)
+
+
+@both_sights
+@pytest.mark.parametrize(("heading", "cuts"), [(0, False), (45, True)])
+def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cuts):
+    """A third robot 1.2 mm beside the path: its side leaves it open, its corner does not."""
+    links = sight(place((0, 0, 0), (8, 0, 180), (4, 1.2, heading))[None], OpticsConfig(photodiode_aperture=30))
+    assert ((0, 0) in heard(links)) is not cuts
+
+
+@both_sights
+@pytest.mark.parametrize(("aside", "hears"), [(0.0, False), (0.2, True)])
+def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, hears):
+    """It stands flush with the side of a sender that is turned away by 44 degrees, and its corner hides that LED."""
+    poses = place((0, 0, 0), (2.6, 0, 136), (1.78 + aside, 2.045 + aside, 46))[None]
+    assert np.linalg.norm(poses[0, 2, :2]) > 2.7
+    links = sight(poses, OpticsConfig(led_beam_aperture=90))
+    assert (heard(links).get((0, 0)) == (1, 0)) is hears
 
 
 def test_rays_are_cast_only_where_circles_leave_it_open():
@@ -135,6 +178,47 @@ def test_each_next_sender_is_the_one_that_is_heard_if_nearer_ones_are_dark(densi
         world, side = np.nonzero(nearest.valid[one, one])
         sends[world, nearest.sender[world, world, side]] = False
     assert (several.valid[one, one].sum(axis=(0, 1))[:3] > [60, 20, 0]).all()
+
+
+def test_relabelled_robots_have_relabelled_links():
+    rng = np.random.default_rng(8)
+    poses = crowd(rng, 0.5)
+    new = rng.permutation(len(poses))  # robot new[i] becomes robot i
+    before, after = by_geometry(poses[None]), by_geometry(poses[new][None])
+    np.testing.assert_array_equal(after.valid[0], before.valid[0, new])
+    valid = after.valid[0]
+    np.testing.assert_array_equal(new[after.sender[0]][valid], before.sender[0, new][valid])
+    for name in ("led", "measured_bearing", "true_distance"):
+        np.testing.assert_array_equal(getattr(after, name)[0], getattr(before, name)[0, new])
+
+
+def test_worlds_do_not_hear_each_other():
+    optics = OpticsConfig(mode="power")
+    rng = np.random.default_rng(9)
+    poses = np.stack([crowd(rng, density, edge=5) for density in (0.8, 0.3, 0.5)])
+    together = by_rays(poses, optics)
+    assert together.valid.any(axis=(1, 2)).all()
+    for world in range(3):
+        alone = by_rays(poses[world][None], optics)
+        for name, a, b in zip(alone._fields, alone, together, strict=True):
+            np.testing.assert_array_equal(a[0], b[world], err_msg=name)
+
+
+def test_a_box_hides_robots_of_its_own_world_alone():
+    poses = np.repeat(place((0, 0, 0), (8, 0, 180))[None], 2, axis=0)
+    boxes = numbers([(4.0, 5.0, 0.6, 0.6, 45.0), (4.0, 0.0, 0.6, 0.6, 45.0)])[:, None]
+    links = find_links(poses, ROBOT, OPTICS, squares_in_the_way(poses), boxes=boxes)
+    assert links.valid[:, 0, 0].tolist() == links.valid[:, 1, 0].tolist() == [True, False]
+
+
+def test_who_shines_brightest_is_heard_not_who_is_nearest():
+    poses = place((0, 0, 0), facing(20, 6.0), facing(-20, 6.2))[None]
+    poses[0, 1, 2] += np.radians(40)
+    optics = OpticsConfig(mode="power")
+    links = by_geometry(poses, optics)
+    assert heard(links)[0, 0] == (2, 0) and links.true_distance[0, 0, 0] == pytest.approx(6.2)
+    poses[0, 1, 2] -= np.radians(40)
+    assert heard(by_geometry(poses, optics))[0, 0] == (1, 0)
 
 
 def test_neighbours_are_all_pairs_within_the_radius_by_robot():

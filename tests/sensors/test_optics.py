@@ -6,7 +6,7 @@ from helpers_sensing import RADIUS, place, turned, wrapped
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.sensors.optics import receive
+from iswarm_mj.sensors.optics import facing_side, led_positions, receive
 
 ROBOT = read_robot()
 SECTOR, POWER = OpticsConfig(mode="sector"), OpticsConfig(mode="power")
@@ -69,6 +69,41 @@ def test_four_headings_and_four_sides(optics, side, led):
     assert got.effective_distance[0] == pytest.approx(6.0)
 
 
+def test_light_goes_one_way_where_only_one_beam_is_aimed():
+    front, beside = place((0, 0, 0)), place((5, 0, 45))  # the second shines past the first
+    assert not arrives(light(front, beside))
+    assert arrives(light(beside, front))
+
+
+def test_range_in_a_sector_is_the_same_off_axis():
+    assert arrives(light(HERE, seen_at(40, RADIUS - 1e-6, off_beam=25)))
+    assert not arrives(light(HERE, seen_at(40, RADIUS + 1e-6, off_beam=25)))
+
+
+@pytest.mark.parametrize(("degrees", "side"), [(44, 0), (46, 1), (134, 1), (136, 2), (-46, 3), (-44, 0), (-136, 2)])
+def test_sectors_meet_at_45_degrees_and_only_the_side_is_known(degrees, side):
+    got = light(HERE, seen_at(degrees))
+    assert arrives(got) and got.side[0] == side
+    assert got.bearing[0] == pytest.approx(side * np.pi / 2)
+
+
+def test_a_narrower_sector_is_blind_beyond_its_edge():
+    narrow = OpticsConfig(photodiode_aperture=60)
+    for edge in (29, -29, 119, 151):
+        assert arrives(light(HERE, seen_at(edge), narrow))
+    for edge in (31, -31, 121, 149):
+        assert not arrives(light(HERE, seen_at(edge), narrow))
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+@pytest.mark.parametrize("led", range(4))
+def test_a_beam_ends_30_degrees_from_its_axis(sign, led):
+    for edge, ends in ((29, False), (31, True)):
+        got = light(HERE, seen_at(10, off_beam=sign * edge - 90 * led))
+        assert arrives(got) is not ends
+        assert got.led[0] == led
+
+
 @both_modes
 def test_nothing_depends_on_where_and_how_the_world_lies(optics):
     receiver, sender = pairs(2000, seed=2)
@@ -88,6 +123,18 @@ def test_a_mirrored_world_swaps_left_and_right(optics):
     np.testing.assert_array_equal(after.led, swapped[before.led])
     np.testing.assert_allclose(wrapped(after.bearing + before.bearing), 0, atol=1e-9)
     np.testing.assert_allclose(after.effective_distance, before.effective_distance, rtol=1e-9)
+
+
+@pytest.mark.parametrize("aperture", [40.0, 60.0, 80.0])
+def test_half_the_power_arrives_at_half_the_aperture(aperture):
+    """The sender's LED stays on the receiver's axis, 4 mm from its side, while the sender turns about that LED."""
+    optics = OpticsConfig(mode="power", led_beam_aperture=aperture)
+    for sign in (-1, 1):
+        heading = np.pi + sign * np.radians(aperture / 2)
+        xy = np.array([1.0 + 4.0, 0.0]) - np.array([np.cos(heading), np.sin(heading)])
+        got = light(HERE, np.array([[*xy, heading]]), optics)
+        assert got.effective_distance[0] == pytest.approx(4.0 * np.sqrt(2) + 2.0, rel=1e-9)
+        assert got.bearing[0] == pytest.approx(0, abs=1e-9)
 
 
 def test_received_power_against_its_formula():
@@ -128,3 +175,13 @@ def test_one_lit_photodiode_tells_its_limit_only():
     got = light(HERE, sender, POWER)
     assert arrives(got) and got.side[0] == 0
     assert got.bearing[0] == pytest.approx(np.radians(60), abs=1e-9)
+
+
+def test_facing_side_of_the_axes():
+    ahead, left = np.array([1.0, 0, -1, 0]), np.array([0, 1.0, 0, -1])
+    np.testing.assert_array_equal(facing_side(ahead, left), [0, 1, 2, 3])
+
+
+def test_leds_sit_in_the_middle_of_the_sides():
+    np.testing.assert_allclose(led_positions(place((5, 7, 0)), ROBOT)[0], [[6, 7], [5, 8], [4, 7], [5, 6]], atol=1e-12)
+    np.testing.assert_allclose(led_positions(place((5, 7, 90)), ROBOT)[0], [[5, 8], [4, 7], [5, 6], [6, 7]], atol=1e-12)

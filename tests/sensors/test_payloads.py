@@ -1,9 +1,14 @@
 """Declarations of messages: one field after the other in 32 bits, and what does not fit there."""
 
+import jax
 import numpy as np
 import pytest
 
+from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.sensors.channel import exchange
+from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.fields import Bearing, Flag, Integer, Real, Vector
+from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import Message, Payload
 from iswarm_mj.utils.errors import UserError
 
@@ -29,6 +34,34 @@ def test_without_fields_messages_tell_the_led():
     message, is_right = Payload().unpack(Payload().pack(Message(np.arange(4), {})))
     np.testing.assert_array_equal(message.led, range(4))
     assert message.payload == {} and is_right.all()
+
+
+exchange_here = jax.jit(exchange, static_argnums=1)
+
+
+def sent(payload, content, n_leds=4, error=0.0):
+    """What each of two robots, which hear each other by all sides, receives."""
+    n = 2
+    noise = conditions_of(SwarmConfig(optics=OpticsConfig(error_in_communication=error, p_communication_break=0.0)))
+    led = np.broadcast_to(np.arange(n_leds), (n, n_leds))
+    sender = np.broadcast_to([[1], [0]], (n, n_leds))
+    distance = np.full((n, n_leds), 5.0, np.float32)
+    links = Links(sender, np.ones((n, n_leds), bool), led, distance, distance)
+    return exchange_here(noise, payload, content, links, jax.random.key(0))
+
+
+@pytest.mark.parametrize("n_leds", [2, 4, 6])
+def test_robots_without_payload_are_heard(n_leds):
+    got = sent(Payload(), {}, n_leds)
+    assert got.is_heard.all() and got.bits.shape == (2, n_leds)
+    np.testing.assert_array_equal(got.message.led, [range(n_leds)] * 2)
+
+
+def test_every_damaged_message_is_found_out():
+    for check in ("parity", "crc-8/smbus"):
+        content = {"count": np.array([3, 40]), "heat": np.float32([0.5, -1.0])}
+        assert np.mean(sent(Payload(HEAT.fields, check), content, error=0.9).is_heard) < 0.6
+        assert sent(Payload(HEAT.fields, check), content).is_heard.all()
 
 
 def test_declarations_survive_json():

@@ -74,6 +74,17 @@ def test_the_first_steps_are_those_on_the_host(batch):
     assert ours.links.valid.sum() > 100 and ours.collisions.max() > 0
 
 
+def test_what_is_recorded_is_what_happened(batch):
+    _, run, record = batch
+    np.testing.assert_array_equal(record.poses[-1], poses(run)[list(RECORDED)])
+    assert record.poses.shape == (20, 2, N, 3) and record.is_running.all()
+    assert record.step.tolist() == [[step, step] for step in range(1, 21)]
+    assert record.collisions[-1].tolist() == [run.measures(w).collisions for w in RECORDED]
+    moves = np.linalg.norm(np.diff(np.concatenate([run.start.poses, record.poses]), axis=0)[..., :2], axis=-1)
+    np.testing.assert_allclose(moves.mean(axis=-1), record.speed, rtol=1e-4)
+    assert sum(run.measures(w).picked for w in range(WORLDS)) > 3
+
+
 def test_a_fault_ends_its_world_alone(batch, monkeypatch):
     """World 1 begins as a heap with more pairs in contact than MJX has room for; with Warp, robot 3 is nowhere."""
     start = start_of(TINY, N, SEED, 1)

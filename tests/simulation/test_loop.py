@@ -5,7 +5,7 @@ import threading
 import jax
 import numpy as np
 import pytest
-from helpers_runs import N, end_of
+from helpers_runs import N, end_of, poses_of
 
 from iswarm_mj.config import READINGS
 from iswarm_mj.engines.mujoco.settings import MujocoSettings

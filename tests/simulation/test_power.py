@@ -1,6 +1,5 @@
 """Energy on board: what light puts in, what robots draw, and that those without wait."""
 
-import math
 from dataclasses import replace
 
 import jax
@@ -82,16 +81,6 @@ def test_the_tool_is_charged_to_the_voltage_that_it_uses_in_attempts_alone(
 
     for has in (60.0, 30.0):
         np.testing.assert_allclose(squared(np.float32([45.0, has])), [0.0, min(volts, has) ** 2])
-
-
-def test_carried_balls_fall_at_the_configured_rate():
-    """Of 2,000 in the grippers of two robots, one fifth."""
-    config = replace(CONFIG, gripper=GripperConfig(drop_rate=0.2))
-    poses, here, n = np.float32(place(AWAY, AWAY)), np.ones(2, bool), 2000
-    balls = lay(*np.zeros((n, 2)), holders=list(np.arange(n) % 2))
-    inputs = TaskInputs(poses, here, here, ~here, 0 * here, 0 * here, conditions_of(config), config, read_robot())
-    after, _ = update_balls(balls, inputs, jax.random.key(0))
-    assert np.mean(after.is_held) == pytest.approx(0.8, abs=4 * math.sqrt(0.16 / n))
 
 
 @pytest.mark.parametrize(

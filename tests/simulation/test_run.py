@@ -105,6 +105,14 @@ def _nobody(poses):
     return Links(np.zeros(shape, np.int32), off, np.zeros(shape, np.int32), zero, zero)
 
 
+def test_the_start_is_recorded_too(small):
+    run = run_of(small)
+    start = first_step(run.start)
+    assert start.step.tolist() == [0] and not start.links.valid.any() and not start.collisions.any()
+    np.testing.assert_array_equal(start.poses[0], run.starts[0].poses)
+    np.testing.assert_allclose(centres(start)[0, :, :2], run.starts[0].task.position, atol=1e-6)
+
+
 def test_the_dead_neither_move_nor_send_nor_carry(small):
     run = run_of(small, steps=60, seed=4, failed_fraction=0.5)
     dead = ~run.start.swarm.is_alive[0, 0]

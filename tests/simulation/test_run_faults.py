@@ -101,6 +101,21 @@ def faults_of(bits, step=3, robot=7, first=0):
     return [fault for fault in each if fault is not None]
 
 
+def test_no_fault():
+    assert faults_of([0, 0]) == [] and summary([]) == ""
+
+
+def test_who_when_where_and_what():
+    (fault,) = faults_of([0, FaultKind.OUTSIDE])
+    assert (fault.step, fault.world, fault.robots, fault.kind) == (3, 1, (7,), FaultKind.OUTSIDE)
+    assert str(fault).startswith("step 3, world 1: robot 7 left the arena; ")
+
+
+def test_worlds_have_their_own_numbers():
+    """A process of several has a share of the worlds."""
+    assert [fault.world for fault in faults_of([FaultKind.OUTSIDE, 0, FaultKind.OUTSIDE], first=10)] == [10, 12]
+
+
 @pytest.mark.parametrize("kind", FaultKind)
 def test_only_faults_of_robots_name_one(kind):
     (fault,) = faults_of([kind])

@@ -11,6 +11,7 @@ from helpers_sensing import senses_nothing, turned
 from iswarm_mj.config import DriveConfig, SwarmConfig
 from iswarm_mj.strategy.controller import approaching, choose, steer
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.utils.units import RD
 
 KEY = jax.random.key(0)
 choose_here, steer_here = (jax.jit(f, static_argnums=0) for f in (choose, steer))
@@ -108,6 +109,23 @@ def test_turns_are_limited_as_configured():
 
 
 # At a ball
+
+
+def test_the_tip_comes_to_the_ball():
+    """Robots that move as they are told have the ball under the tip after at most four steps."""
+    n, rng = 120, np.random.default_rng(0)
+    yaw, xy = rng.uniform(-3, 3, n), rng.uniform(-20, 20, (n, 2))
+    ball = xy + turned(np.column_stack([0.75 * RD * np.sqrt(rng.random(n)), np.zeros(n)]), rng.uniform(-3, 3, n))
+    idle = Command(*np.zeros((2, n), np.float32))
+    for _ in range(4):
+        there = turned(ball - xy, -yaw)
+        seen = senses_nothing(n)._replace(at_dust=np.ones(n, bool), ball_vector=np.float32(there))
+        command = approach_here(CONFIG, PROBE, np.ones(n, bool), seen.ball_vector, idle)
+        assert np.abs(command.turn).max() <= np.pi / 2 + 1e-6 and np.abs(command.forward).max() <= STEP + 1e-6
+        yaw = yaw + np.asarray(command.turn, float)
+        xy = xy + turned(np.column_stack([command.forward, np.zeros(n)]), yaw)
+    tip = xy + turned(np.array(PROBE), yaw)
+    assert np.hypot(*(tip - ball).T).max() < 0.01
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,8 @@ import pytest
 from helpers_rrd import read
 from helpers_runs import first_step, records, run_of, spoil
 
+from iswarm_mj.output.schema import ARRAYS
+from iswarm_mj.output.trajectory import ABOUT, Scene
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.units import ROBOT_DIAMETER
@@ -15,6 +17,8 @@ from iswarm_mj.workflows.clean import clean, summary
 from iswarm_mj.workflows.recorder import BLOCK
 
 STEPS = BLOCK + 6
+
+OF_A_RUN = ("version", "engine", "settings", "task", "genome", "config", "robot")
 
 
 def run_to(config, record=True, steps=STEPS, **settings):
@@ -60,6 +64,20 @@ def test_result_has_all_that_was_promised(done, small):
     assert content["faults"] == content["devices"] == []
     assert content["wall_s"] > 0
     assert sorted(path.name for path in out.iterdir()) == ["clean.rrd", "result.json", "trajectory.npz"]
+
+
+def test_trajectory_agrees_with_result(done):
+    _, content, frames, _ = done
+    memory = {f"{place}_{part}" for place in ("dust", "dump") for part in ("vector", "known", "hop")}
+    assert frames.keys() == {*ARRAYS, *memory, *(f"scene_{name}" for name in Scene._fields), ABOUT}
+    about = json.loads(frames[ABOUT].item())
+    assert about == {name: content[name] for name in OF_A_RUN}
+    np.testing.assert_array_equal(frames["step"], np.arange(content["steps"] + 1))
+    for name in ("delivered", "picked", "collisions"):
+        assert frames[name][-1] == content[name] and frames[name][0] == 0
+        assert (np.diff(frames[name]) >= 0).all()
+    np.testing.assert_array_equal((frames["ball_state"] == 2).sum(axis=1), frames["delivered"])
+    np.testing.assert_array_equal((frames["ball_state"] == 1).sum(axis=1), frames["is_loaded"].sum(axis=1))
 
 
 def test_scene(done):

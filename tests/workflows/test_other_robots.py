@@ -12,6 +12,7 @@ from iswarm_mj.commands.main import main
 from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import models_directory, read_robot
+from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.avoidance import is_avoided, listening_sides
@@ -19,6 +20,7 @@ from iswarm_mj.strategy.controller import approach, avoid
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import rules_of
+from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.strategy.vectors import heard
 from iswarm_mj.utils.errors import ConfigError
 
@@ -45,6 +47,28 @@ def test_windows_have_a_slot_for_each_led():
     config = SwarmConfig(arena=ARENA, optics=OpticsConfig(baud_rate=2000, slots=5))
     with pytest.raises(ConfigError, match="at least 6, one for each LED"):
         Run(config, PRESETS["type1"], RunSettings(2, 1), PlanarSettings(1), robot_file=SIX)
+
+
+@pytest.mark.parametrize("n_leds", [2, 4, 5, 8])
+def test_messages_carry_the_number_of_each_led(n_leds):
+    """Five and more need three bits, which halves the resolution of the range to the dump."""
+    led = jnp.arange(n_leds, dtype=jnp.int32)
+    dust, dump = (remember(jnp.tile(jnp.array(v), (n_leds, 1)), 3) for v in ([60.0, 25.0], [-40.0, 70.0]))
+    sent = {"priority": led % 2 == 0, "dust": dust, "dump": dump}
+    payload = payload_for(140.0, n_leds)
+    got, parity_holds = payload.unpack(payload.pack(Message(led, sent), n_leds), n_leds)
+    assert parity_holds.all()
+    np.testing.assert_array_equal(got.led, led)
+    np.testing.assert_array_equal(got.payload["priority"], sent["priority"])
+    for name, ranges in (("dust", 31), ("dump", 31 if n_leds <= 4 else 15)):
+        here, there = got.payload[name], sent[name]
+        np.testing.assert_array_equal(here.hop, there.hop)
+        lengths = [np.linalg.norm(np.asarray(memory.vector), axis=-1) for memory in (here, there)]
+        assert np.abs(lengths[0] - lengths[1]).max() <= 140 / ranges / 2 + 1e-3
+        quantum = 140 / ranges
+        np.testing.assert_allclose(lengths[0] / quantum, np.round(lengths[0] / quantum), atol=1e-4)
+        turned = np.angle((np.asarray(here.vector) @ [1, 1j]) / (np.asarray(there.vector) @ [1, 1j]))
+        assert np.abs(turned).max() <= np.pi / 32 + 1e-6
 
 
 def test_vectors_turn_by_the_direction_of_the_led():

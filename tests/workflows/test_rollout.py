@@ -86,6 +86,13 @@ class TestStraightOn:
             walk(straight(stride=0.1), steps=4)
         assert names == []
 
+    def test_nothing_is_picked_or_hit(self, straight_on):
+        assert straight_on.steps.tolist() == [5, 7]
+        for counts in (straight_on.delivered, straight_on.picked, straight_on.collisions, straight_on.finished_at):
+            assert counts.tolist() == [0, 0, 0]
+        assert straight_on.delivered_after.tolist() == [[0, 0]] * 3 and straight_on.faults == []
+        assert np.isnan(straight_on.mean_carriage_steps).all() and not straight_on.is_finished.any()
+
     def test_mujoco_in_c_comes_to_the_same(self, straight_on):
         theirs = walk(straight(), MujocoSettings(threads=1))
         assert isinstance(theirs, Rollout)
@@ -130,6 +137,12 @@ class TestSwarm:
             late = swarm.steps >= swarm.finished_at[world]
             np.testing.assert_array_equal(swarm.delivered_after[world] >= 6, late)
         np.testing.assert_array_equal(np.isnan(swarm.mean_carriage_steps), swarm.delivered == 0)
+
+    def test_progress_is_that_of_shorter_rollouts(self, swarm):
+        shorter = papers(KEYS, steps=50)
+        np.testing.assert_array_equal(swarm.delivered_after[:, 1], shorter.delivered)
+        np.testing.assert_array_equal(swarm.delivered_after[:, :2], shorter.delivered_after)
+        assert len(np.unique(swarm.delivered_after.sum(axis=0))) > 1
 
     def test_a_world_is_its_key(self, swarm):
         again = papers(KEYS[::-1], poses_of=(0, 2))

@@ -1,17 +1,34 @@
-"""The CPU engine: rest, contacts, conservation laws, walls in sight, jams. Units: mm, mg, s."""
+"""The CPU engine: servos, contacts, rays, conservation laws, absent robots, faults, threads. Units: mm, mg, s."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_mujoco import EDGE, INERTIA, MASS, Worlds, far_apart
+from helpers_mujoco import EDGE, INERTIA, MASS, Worlds, corners, far_apart, separation
 from helpers_touching import pairs_of
 
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco import engine as mujoco_engine
+from iswarm_mj.utils.units import RD
 
 
 class TestServo:
+    def test_robots_move_as_commanded(self, small):
+        rng = np.random.default_rng(1)
+        start = far_apart(2, rng)
+        engine = Worlds(small, start)
+        velocity = rng.uniform(-1.5, 1.5, start.shape)
+        engine.move(velocity, 7)
+        np.testing.assert_allclose(engine.poses, start + 0.7 * velocity, atol=1e-9)
+
+    def test_a_command_leaves_nothing_behind(self, small):
+        start = far_apart(1, np.random.default_rng(3))
+        engine = Worlds(small, start)
+        engine.move(np.full(start.shape, 1.0), 3)
+        there = engine.poses
+        engine.move(np.zeros(start.shape), 5)
+        np.testing.assert_allclose(engine.poses, there, atol=1e-9)
+
     def test_robots_are_placed_at_rest(self, small):
         start = far_apart(1, np.random.default_rng(6))
         engine = Worlds(small, start)
@@ -45,6 +62,29 @@ class TestCollisions:
             np.testing.assert_allclose(now[1], angular, rtol=1e-9)
         assert touched and np.abs(engine.qvel()[0] - before).max() > 0.3
         assert now[2] < energy
+
+    def test_walls_hold_robots_in(self, small):
+        angle = np.arange(8) * np.pi / 4 + 0.1
+        start = np.column_stack([5 * RD * np.cos(angle), 5 * RD * np.sin(angle), angle])[None]
+        engine = Worlds(small, start)
+        outward = np.stack([np.cos(angle), np.sin(angle), np.zeros(8)], axis=-1)[None]
+        farthest = 0.0
+        for _ in range(30):
+            engine.move(np.sqrt(2) / 0.6 * outward, 10)
+            farthest = max(farthest, *(np.abs(corners(p)).max() for p in engine.poses[0]))
+        assert EDGE - 0.05 < farthest < EDGE + 0.3
+
+    def test_contacts_are_the_touching_pairs(self, small):
+        rng = np.random.default_rng(7)
+        n = 30
+        poses = np.dstack([rng.uniform(-6, 6, (4, n, 2)), rng.uniform(-np.pi, np.pi, (4, n))])
+        touching = Worlds(small, poses).move(np.zeros(poses.shape), 1).touching
+        for world in range(4):
+            gap = {(i, j): separation(poses[world, i], poses[world, j]) for i in range(n) for j in range(i + 1, n)}
+            assert min(abs(g) for g in gap.values()) > 1e-6
+            expected = sorted(pair for pair, g in gap.items() if g < 0)
+            assert len(expected) > 20
+            assert [tuple(pair) for pair in np.argwhere(pairs_of(touching[world]))] == expected
 
     def test_contacts_of_all_phases_count(self, small):
         """A robot comes, and another one goes."""

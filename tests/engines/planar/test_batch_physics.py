@@ -8,22 +8,35 @@ import numpy as np
 from helpers_crowds import crowd
 from helpers_planar import both_engines, moved, placed, rounded, same_bits
 from helpers_small import SMALL
+from helpers_touching import pairs_of
 
+from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.utils.units import RD
 
 EDGE = 7.5 * RD
+FINE = 10
+"""Parts of a physics step, of runs whose robots hardly overlap."""
+CLOSE = 0.02
+"""Of positions at the end of a control step: how far MJX's may be from those of MuJoCo in C."""
+
+
+def long_hulls(spec):
+    for geom in spec.geoms:
+        if geom.name.endswith("hull"):
+            geom.size[:2] = 1.3, 0.7
 
 
 @cache
-def engine():
-    """The engine for batches."""
-    return both_engines(SMALL)[1]
+def engines(refinement=1, tune=None):
+    return both_engines(SMALL, refinement, tune)
 
 
-def moves(poses, velocity, present):
-    """Motion of worlds from poses at rest."""
-    return moved(engine(), placed(engine(), rounded(poses), present), rounded(velocity))
+def both_move(poses, velocity, *, refinement=1, tune=None, present=None, n_substeps=10, running=None):
+    """Motions of both engines from the same poses at rest."""
+    bodies = [placed(engine, rounded(poses), present) for engine in engines(refinement, tune)]
+    pairs = zip(engines(refinement, tune), bodies, strict=True)
+    return [moved(engine, one, rounded(velocity), n_substeps, running) for engine, one in pairs]
 
 
 def walled_crowd(n_worlds, rng, n_robots=25):
@@ -31,6 +44,58 @@ def walled_crowd(n_worlds, rng, n_robots=25):
     poses = crowd(n_worlds, rng, n_robots)
     poses[..., :2] += EDGE - 3 * RD - 1.2
     return poses
+
+
+class TestCrowds:
+    def test_they_end_where_those_of_the_other_engine_end(self):
+        rng = np.random.default_rng(1)
+        start = walled_crowd(3, rng)
+        velocity = rng.uniform(-1.4, 1.4, start.shape)
+        plain, batch = both_move(start, velocity, refinement=FINE, tune=long_hulls)
+        assert not plain.fault.any() and not np.any(batch.fault)
+        np.testing.assert_allclose(batch.bodies.poses, plain.bodies.poses, atol=CLOSE / 20)
+        np.testing.assert_array_equal(batch.touching, plain.touching)
+        assert pairs_of(plain.touching).sum() > 10 and np.abs(plain.bodies.poses - start - velocity).max() > 0.1
+
+    def test_velocities_pass_from_step_to_step(self):
+        rng = np.random.default_rng(2)
+        start = rounded(walled_crowd(2, rng))
+        bodies = [placed(engine, start) for engine in engines()]
+        for _ in range(5):
+            velocity = rounded(rng.uniform(-1.4, 1.4, (2, 25, 3)))
+            motions = [moved(engine, one, velocity) for engine, one in zip(engines(), bodies, strict=True)]
+            bodies = [motion.bodies for motion in motions]
+        np.testing.assert_allclose(bodies[1].poses, bodies[0].poses, atol=1e-3)
+        np.testing.assert_allclose(bodies[1].velocity, bodies[0].velocity, atol=1e-2)
+        np.testing.assert_array_equal(motions[1].touching, motions[0].touching)
+
+
+class TestWhoMoves:
+    def test_worlds_that_do_not_run_keep_their_bodies(self):
+        rng, (_, engine) = np.random.default_rng(6), engines()
+        start = crowd(3, rng)
+        velocity = rng.uniform(-1.4, 1.4, start.shape)
+        before = moved(engine, placed(engine, start), velocity).bodies
+        after = moved(engine, before, velocity, running=[True, False, True])
+        for old, new in zip(*map(jax.tree.leaves, (before, after.bodies)), strict=True):
+            np.testing.assert_array_equal(new[1], old[1])
+        assert not after.touching[1].any() and after.touching[0].any()
+        all_run = moved(engine, before, velocity)
+        np.testing.assert_array_equal(after.bodies.poses[::2], all_run.bodies.poses[::2])
+
+
+class TestPairsInContact:
+    def test_those_at_the_end_of_any_phase(self):
+        """Two robots meet in the first phase and part in the second; others the other way round; none in between."""
+        start = [[(-1.1, 0, 0), (1.1, 0, 0), (-1.1, 6, 0), (1.1, 6, 0), (-1.1, -6, 0), (1.1, -6, 0)]]
+        together = np.zeros((1, 6, 3))
+        together[0, :, 0] = [0.5, -0.5, -0.5, 0.5, -0.5, 0.5]
+        apart = np.zeros((1, 6, 3))
+        apart[0, :, 0] = [-0.5, 0.5, 1.4, -1.4, 0.0, 0.0]
+        phases = [Phase(10, lambda _: together), Phase(10, lambda _: apart)]
+        found = [engine.move(placed(engine, start), phases, np.ones(1, bool)) for engine in engines()]
+        for motion in found:
+            assert np.argwhere(pairs_of(motion.touching[0])).tolist() == [[0, 1], [2, 3]]
 
 
 class TestBits:
@@ -41,9 +106,9 @@ class TestBits:
 
     def test_companions_do_not_matter(self):
         start, velocity, present = self.start(np.random.default_rng(9))
-        together = moves(start, velocity, present)
+        together = both_move(start, velocity, present=present)[1]
         for world in range(4):
-            alone = moves(start[[world]], velocity[[world]], present[[world]])
+            alone = both_move(start[[world]], velocity[[world]], present=present[[world]])[1]
             each = (jax.tree.leaves((motion.bodies, motion.touching)) for motion in (alone, together))
             for mine, yours in zip(*each, strict=True):
                 assert same_bits(mine[0], yours[world])
@@ -53,25 +118,14 @@ class TestBits:
         start, velocity, present = self.start(np.random.default_rng(10))
         present[1] = np.arange(25) == 3
         start[1, 3] = 0.0
-        first = moves(start, velocity, present).bodies
+        _, engine = engines()
+        first = moved(engine, placed(engine, rounded(start), present), velocity).bodies
         assert first.work[1] == 0 and (np.delete(first.work, 1) > 0).all() and len(set(first.work.tolist())) > 2
-        forth = moved(engine(), first, velocity)
-        back = moved(engine(), jax.tree.map(lambda a: a[::-1], first), velocity[::-1])
+        forth = moved(engine, first, velocity)
+        back = moved(engine, jax.tree.map(lambda a: a[::-1], first), velocity[::-1])
         each = (jax.tree.leaves((motion.bodies, motion.touching)) for motion in (forth, back))
         for one, other in zip(*each, strict=True):
             assert same_bits(one, other[::-1])
-
-
-def test_worlds_that_do_not_run_keep_their_bodies():
-    rng = np.random.default_rng(6)
-    start = crowd(3, rng)
-    velocity = rng.uniform(-1.4, 1.4, start.shape)
-    before = moved(engine(), placed(engine(), start), velocity).bodies
-    after, all_run = (moved(engine(), before, velocity, running=running) for running in ([True, False, True], None))
-    for old, new in zip(*map(jax.tree.leaves, (before, after.bodies)), strict=True):
-        np.testing.assert_array_equal(new[1], old[1])
-    assert not after.touching[1].any() and after.touching[0].any()
-    np.testing.assert_array_equal(after.bodies.poses[::2], all_run.bodies.poses[::2])
 
 
 def softer(spec):

@@ -8,6 +8,16 @@ import pytest
 from iswarm_mj.engines.planar.ray_geometry import meets_line, meets_rectangle
 
 
+def test_rays_by_hand():
+    c = math.sqrt(0.5)
+    assert meets_rectangle(-5, 0.5, 8, 0, 1, 0, 1, 1) == 0.5
+    assert meets_rectangle(-5, 0, 5, 0, c, c, 1, 1) == pytest.approx(1 - math.sqrt(2) / 5)
+    assert meets_rectangle(-5, 0.8, 1, 0, 1, 0, 2, 0.5) == math.inf  # beside it
+    assert meets_rectangle(-5, 0, -1, 0, 1, 0, 1, 1) == math.inf  # behind
+    assert meets_rectangle(-5, 0, 1, 0, 1, 0, 1, 1) == 4  # beyond the vector's end
+    assert meets_rectangle(0.5, 0, 1, 0, 1, 0, 1, 1) == 0.5  # from inside, as MuJoCo has it
+
+
 def test_rays_enter_where_sampled_points_do():
     rng = np.random.default_rng(4)
     hits = 0
