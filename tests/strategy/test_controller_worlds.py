@@ -129,7 +129,7 @@ def moved(poses, state, angle, shift=(0.0, 0.0)):
 
 def alike(one, other):
     """Assert that memories, commands and hands are the same."""
-    (state, command), (state2, command2) = one[:2], other[:2]
+    (state, command), (state2, command2) = ((each.swarm, each.done.command) for each in (one, other))
     np.testing.assert_allclose(wrapped(command.turn - command2.turn), 0, atol=2e-4)
     np.testing.assert_allclose(command.forward, command2.forward, atol=2e-4)
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-2), state.memory, state2.memory)
@@ -143,7 +143,7 @@ def test_far_from_the_dump_nobody_knows_where_it_is(angle, shift):
     poses, state, links, sees_wall = world(np.random.default_rng(6), np.array([40.0, 0.0]), 12)
     before = decided(poses, state, links, sees_wall)
     alike(before, decided(*moved(poses, state, angle, shift), links, sees_wall))
-    assert before[0].task.is_held[8:10].all()
+    assert before.swarm.task.is_held[8:10].all()
 
 
 def test_near_the_dump_quarter_turns_change_nothing():
@@ -152,7 +152,7 @@ def test_near_the_dump_quarter_turns_change_nothing():
     for quarters in (1, 2, 3):
         alike(before, decided(*moved(poses, state, quarters * np.pi / 2), links, sees_wall))
     elsewhere = decided(*moved(poses, state, 0.0, (40.0, 0.0)), links, sees_wall)
-    assert (np.asarray(before[1].turn) != np.asarray(elsewhere[1].turn)).any()  # the dump is felt
+    assert (np.asarray(before.done.command.turn) != np.asarray(elsewhere.done.command.turn)).any()  # the dump is felt
 
 
 def silent_world(rows, balls, holders):
