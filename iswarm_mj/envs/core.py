@@ -184,7 +184,7 @@ class Core:
         world = after_task(params, moved._replace(swarm=seen.swarm), progress, data.step, ran)
         waits, charge = seen.observation.waits, seen.sensed.tool_voltage_squared
         is_faulty, is_late = world.fault.bits != 0, step >= self.steps
-        done = seen.inputs._replace(command=intent.done.command, message=seen.received.bits)
+        done = seen.inputs._replace(command=intent.done.command, message=seen.received.bits[:, 0])
         reward = params.task.reward(before.task, seen.swarm.task, done)
         metrics = {name: jnp.asarray(value) for name, value in params.task.metrics(seen.swarm.task).items()}
         return State(

@@ -22,7 +22,6 @@ from iswarm_mj.player.changes import EDITS, Change, edit
 from iswarm_mj.player.controls import is_live, parsed
 from iswarm_mj.player.scenario import Scenario, command_line, toml
 from iswarm_mj.simulation.state import StepRecord
-from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.recorder import Recorder
 
@@ -207,8 +206,7 @@ class Session:
         else:
             now = self.now.set(what, parsed(self.now, what, value))
             task = now.task if now.task != self.now.task else None
-            strategy = None if now.genome else now.strategy
-            self.run.change(now.config, now.genome or TYPE1, strategy, task)
+            self.run.change(now.config, now.strategy, task)
             if task is not None:
                 self.world = RecordedWorld.of(self.run, 0)
             self.now, self.wanted = now, self.wanted.set(what, now.get(what))

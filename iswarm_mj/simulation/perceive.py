@@ -52,8 +52,7 @@ class Perceived(NamedTuple):
     links: Links
     """Of each side (N, S), the sender whose message it receives unless noise spoils it."""
     received: Received
-    """Its message is None, since the observation has it; its bits (N,) are those of a robot's first LED, from which
-    those of the other LEDs differ in number and check."""
+    """Its message is None, since the observation has it."""
     transmit: Callable[[dict[str, Any]], Received]
     """Messages as received, with the same noise at whatever time within this step they are sent."""
 
@@ -136,8 +135,7 @@ def perceive(
         sensed=sensed.own,
         waits=is_empty | sensed.is_busy | (stop < params.conditions.stop_share),
     )
-    received = received._replace(message=None, bits=received.bits[:, 0])
-    return Perceived(observation, swarm, sensed, inputs, sight.links, received, transmit)
+    return Perceived(observation, swarm, sensed, inputs, sight.links, received._replace(message=None), transmit)
 
 
 def with_conditions(params: WorldParams, swarm: SwarmState) -> WorldParams:

@@ -194,15 +194,13 @@ class Run:
         n_steps = self.step - first
         return None if record is None else jax.tree.map(lambda a: a[:n_steps], record)
 
-    def change(
-        self, config: SwarmConfig, genome: Genome, strategy: Strategy | Any = None, task: Task | Any = None
-    ) -> None:
+    def change(self, config: SwarmConfig, strategy: Strategy | Genome | Any, task: Task | Any = None) -> None:
         """Give all worlds other settings from the next control step on; places and memories stay as they are.
 
         Args:
             config: may differ from the run's in `common.PER_WORLD_FIELDS`.
-            genome: of the paper's strategy.
-            strategy: of the same class, static fields and shapes as the run's; None for the paper's.
+            strategy: a genome of the paper's where the run has one; otherwise of the same class, static fields and
+                shapes as the run's.
             task: likewise; None for the present one.
 
         Raises:
@@ -212,8 +210,9 @@ class Run:
         if task is not None:
             validate(task)
             self.task, self._tasks = task, of_worlds(as_task(task), len(self.worlds))
-        self.worlds = [replace(world, config=config, genome=genome) for world in self.worlds]
-        self.strategy = strategy
+        is_genome = isinstance(strategy, Genome)
+        own = {"config": config, "genome": strategy} if is_genome else {"config": config}
+        self.worlds, self.strategy = [replace(world, **own) for world in self.worlds], None if is_genome else strategy
         params, state = self.arrays()
         conditions = conditions_of_worlds(config, self.worlds)
         params = params._replace(strategy=self._strategies(), conditions=conditions, task=self._tasks)

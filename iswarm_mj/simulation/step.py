@@ -139,7 +139,7 @@ def record(
         swarm=decision.swarm,
         links=links._replace(valid=links.valid & is_running[..., None, None]),
         has_priority=decision.has_priority,
-        message=received.bits,
+        message=received.bits[..., 0],
         is_heard=received.is_heard & is_running[..., None, None],
         measured_distance=received.distance,
         command=Command(*(xp.where(is_running[..., None], part, 0.0) for part in decision.done.command)),

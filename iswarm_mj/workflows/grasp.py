@@ -176,8 +176,8 @@ def _voltage_text(rows: Sequence[TrialRow]) -> str:
     """Mean and range of the voltages; how many had none, landed, melted."""
     found = [row.voltage for row in rows if row.voltage is not None]
     landed, melted = [row.landed for row in rows if row.landed is not None], sum(row.melted for row in rows)
-    shown = f"{np.mean(found):.1f} V ({min(found):.1f}-{max(found):.1f})" if found else ""
-    parts = [f"{shown}, {len(found)} of {len(rows)}"] if found else []
+    of_all = f"{len(found)} of {len(rows)}"
+    parts = [f"{np.mean(found):.1f} V ({min(found):.1f}-{max(found):.1f}), {of_all}"] if found else []
     parts += [f"{len(rows) - len(found)} of {len(rows)} not up to {rows[0].limit_voltage:g} V"] * (
         len(found) < len(rows)
     )
