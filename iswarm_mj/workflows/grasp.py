@@ -173,11 +173,11 @@ def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str
 
 
 def _voltage_text(rows: Sequence[TrialRow]) -> str:
-    """Mean and range of the voltages; how many had none, landed, melted."""
+    """Mean and range of the voltages; how many balls were lifted or landed, had none, melted."""
     found = [row.voltage for row in rows if row.voltage is not None]
     landed, melted = [row.landed for row in rows if row.landed is not None], sum(row.melted for row in rows)
-    of_all = f"{len(found)} of {len(rows)}"
-    parts = [f"{np.mean(found):.1f} V ({min(found):.1f}-{max(found):.1f}), {of_all}"] if found else []
+    parts = [f"{np.mean(found):.1f} V ({min(found):.1f}-{max(found):.1f})"] if found else []
+    parts += [f"{len(found)} of {len(rows)} lifted"] if found and not landed else []
     parts += [f"{len(rows) - len(found)} of {len(rows)} not up to {rows[0].limit_voltage:g} V"] * (
         len(found) < len(rows)
     )

@@ -44,7 +44,8 @@ def test_writes_table_figures_and_recordings(here, capfd):
     chunks = RrdReader(str(out / "trial-0005.rrd")).stream().to_chunks()
     assert any("ball" in chunk.entity_path for chunk in chunks)
     said = capfd.readouterr().out
-    assert re.search(r"grasp  10 % RH: \d+\.\d V \(", said) and "landed and stayed" in said
+    assert re.search(r"grasp  10 % RH: \d+\.\d V \(.*\), (\d+) of \1 lifted\n", said)
+    assert re.search(r"release  10 % RH at [\d.]+ um: .*\), \d+ of \d+ landed and stayed\n", said)
 
 
 def test_a_ball_that_cannot_be_lifted_replaces_results_of_an_earlier_run(here, capfd):
