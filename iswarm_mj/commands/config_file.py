@@ -127,15 +127,16 @@ def _of_result(path: Path, content: Any, given: Collection[str]) -> dict[str, An
 
 def _named(path: Path, word: str, own: Mapping[str, Any], given: Collection[str]) -> dict[str, Any]:
     """Values of a strategy or a task, and the name under which a package offers it, unless another is given."""
-    from iswarm_mj.strategy.library import STRATEGIES, TASKS, offered
+    from iswarm_mj.strategy.library import STRATEGIES, TASKS, naming, offered
     from iswarm_mj.tasks.cleaning import CLEANING
 
     cls, values = own.get("class"), {name: value for name, value in own.items() if name != "class"}
     if word in given or (word == "task" and cls == type(CLEANING).__name__):
         return _flat(values) if word in given else {}
-    name = offered({"strategy": STRATEGIES, "task": TASKS}[word], str(cls), set(values))
+    offer = {"strategy": STRATEGIES, "task": TASKS}[word]
+    name = offered(offer, str(cls), set(values))
     if name is None:
-        raise UserError(f"--config {path} is of the {word} {shown(cls)}; name it by --{word} FILE.py:CLASS")
+        raise UserError(f"--config {path} is of the {word} {shown(cls)}; name it by {naming(offer, str(cls))}")
     return {**values, word: name}
 
 

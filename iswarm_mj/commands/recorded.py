@@ -112,5 +112,7 @@ class Replay(Film):
         from iswarm_mj.output.stage import recorded
         from iswarm_mj.player.replay import write_replay
 
-        last = write_replay(recorded(self.directory), self, self.out)
-        print(f"steps {self.first} to {last} of {self.directory}: {self.out}")
+        run = recorded(self.directory)
+        last, end = write_replay(run, self, self.out), int(run.arrays["step"][-1])
+        more = f"; --last {end} shows all" if self.last is None and last < end else ""
+        print(f"steps {self.first} to {last} of {self.directory}: {self.out}{more}")

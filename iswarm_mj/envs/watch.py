@@ -14,7 +14,7 @@ from jaxtyping import UInt8
 from iswarm_mj import __version__
 from iswarm_mj.envs.core import State
 from iswarm_mj.envs.env import Env
-from iswarm_mj.output.frames import RecordedWorld
+from iswarm_mj.output.frames import BLOCK, RecordedWorld
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.simulation.given import to_json
@@ -88,9 +88,10 @@ class EnvRecording:
         self._env, self._path, self._world = env, path, world
         self._before: StepRecord | None = None
         self._file: Recording | None = None
+        self._left: list[StepRecord] = []
 
     def add(self, state: State) -> None:
-        """Record a state.
+        """Record a state; the file is written after each block of states, and when it is closed.
 
         Raises:
             UserError: the file cannot be written.
@@ -101,20 +102,29 @@ class EnvRecording:
             settings = {"task": to_json(env.core.params.task), **asdict(env.core.given)}
             about = {"version": __version__, "n_robots": env.n_robots}
             self._file = Recording(self._path, self._recorded.scene, settings, about)
-            self._file.append(self._recorded.frames([record]))
             self._step = 0
         else:
             self._step += 1
             moved = mean_step(self._before.poses[0], record.poses[0], np.ones(record.poses.shape[1:3], bool))
             record = record._replace(step=np.array([[self._step]], np.int32), speed=moved[None] / env.dt)
-            self._file.append(self._recorded.frames([record]))
         self._before = record
+        self._left.append(record)
+        if len(self._left) == BLOCK:
+            self._write(self._file)
+
+    def _write(self, file: Recording) -> None:
+        left, self._left = self._left, []
+        if left:
+            file.append(self._recorded.frames(left))
 
     def close(self) -> None:
         """Complete the file."""
-        if self._file is not None:
-            self._file.close()
-        self._file = None
+        file, self._file = self._file, None
+        if file is not None:
+            try:
+                self._write(file)
+            finally:
+                file.close()
 
     def __enter__(self) -> "EnvRecording":
         """Return the recording."""

@@ -25,8 +25,9 @@ from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
 
 FIXED = ("dump", "dust_areas")
 """Areas that stay where they are: arrays of `Scene`."""
-_BLOCK = 64
-"""Steps of a program, which is compiled for as many."""
+BLOCK = 64
+"""Frames that are made and written at a time: programs are compiled for as many, and for each block Rerun keeps some 60
+to 160 kB in memory."""
 
 
 class RecordedWorld:
@@ -180,7 +181,7 @@ def _watch(task: Task, config: SwarmConfig) -> Callable[[Any], dict[str, np.ndar
 
     def of_steps(state: Any) -> dict[str, np.ndarray]:
         n_steps = len(jax.tree.leaves(state)[0])
-        rows = np.minimum(np.arange(-(-n_steps // _BLOCK) * _BLOCK), n_steps - 1).reshape(-1, _BLOCK)
+        rows = np.minimum(np.arange(-(-n_steps // BLOCK) * BLOCK), n_steps - 1).reshape(-1, BLOCK)
         parts = [read(jax.tree.map(lambda a, block=block: np.asarray(a)[block], state)) for block in rows]
         return {name: np.concatenate([part[name] for part in parts])[:n_steps] for name in parts[0]}
 

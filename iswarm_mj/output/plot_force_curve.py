@@ -17,7 +17,7 @@ _NM = 1e9
 _NEAR = 30.0
 """Gaps up to which a curve is near contact [nm]."""
 _HUES = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, DARK)
-_DASHES = ("-", "--", ":", "-.")
+_DASHES: tuple[Any, ...] = ("-", "--", ":", "-.", (0, (9, 2)), (0, (1, 4)), (0, (5, 1, 1, 1, 1, 1)), (0, (9, 1, 3, 1)))
 
 
 def snap_in(gap: np.ndarray, force: np.ndarray) -> tuple[float, float] | None:

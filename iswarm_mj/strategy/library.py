@@ -116,6 +116,11 @@ def offered(offer: Offer, cls: str, names: set[str]) -> str | None:
     return found[0] if len(found) == 1 else None
 
 
+def naming(offer: Offer, cls: str) -> str:
+    """Return the flag that names a class which no package offers, or the strategies of teams."""
+    return "--strategy NAME=SHARE NAME=SHARE" if cls == "Teams" else f"--{offer.word} FILE.py:{shown(cls)}"
+
+
 def _of_file(offer: Offer, path: Path, name: str) -> Any:
     module = _imported(offer, path)
     found = getattr(module, name, None) if name else None

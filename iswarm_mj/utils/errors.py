@@ -1,7 +1,7 @@
 """Errors whose message is enough: the command line prints it without a traceback."""
 
 from collections.abc import Iterable
-from difflib import get_close_matches
+from difflib import SequenceMatcher, get_close_matches
 from enum import IntFlag
 from typing import Any
 
@@ -131,6 +131,11 @@ class SimulationFault(RuntimeError):
 
 
 def closest(name: str, known: Iterable[str]) -> str | None:
-    """Return what was probably meant by a name: of similar ones that of the nearest length; None if there is none."""
-    similar = get_close_matches(name, list(known))
-    return min(similar, key=lambda one: abs(len(one) - len(name)), default=None)
+    """Return what was probably meant by a name: the similar one that the fewest edits make of it; None without any."""
+
+    def edits(one: str) -> tuple[int, int]:
+        """Characters that differ; of equally many those decide by which the length differs."""
+        changes = (part for part in SequenceMatcher(None, name, one).get_opcodes() if part[0] != "equal")
+        return sum(max(b - a, d - c) for _, a, b, c, d in changes), abs(len(one) - len(name))
+
+    return min(get_close_matches(name, list(known)), key=edits, default=None)

@@ -154,14 +154,7 @@ def measures(rows: Sequence[TrialRow]) -> list[dict[str, Any]]:
 
 def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
     """Names and texts of the lines of a readable summary."""
-    lines = [("trials", f"{settings.n_trials}, seed {settings.seed}")]
-    names = {"grasp": "grasp", "release": "release", "no_contact": "no contact"}
-    for (experiment, name), rh in product(names.items(), settings.humidities):
-        found = [row for row in rows if row.experiment == experiment and row.relative_humidity == rh]
-        for gap in dict.fromkeys(row.gap for row in found):
-            here = [row for row in found if row.gap == gap]
-            where = "" if experiment == "grasp" else f" at {gap * 1e6:g} um"
-            lines.append((name, f"{rh:g} % RH{where}: {_voltage_text(here)}"))
+    lines = [("trials", f"{settings.n_trials}, seed {settings.seed}"), *outcomes(rows)]
     lifted = sum(row.experiment == "grasp" and row.voltage is not None for row in rows)
     fell = lifted * len(settings.gaps.release) - sum(row.experiment == "release" for row in rows)
     lines += [("fell", f"{fell} lifted balls before a release")] if fell else []
@@ -170,6 +163,18 @@ def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str
     lines += [("warning", f"beyond the fit, so that voltages are predictions: {beyond}")] if beyond else []
     faulty = sum(row.faulty for row in rows)
     return [*lines, ("faulty", f"{faulty} rows, whose state was not finite")] if faulty else lines
+
+
+def outcomes(rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
+    """What became of the balls: name and text of a line for each experiment, humidity and gap."""
+    names, lines = {"grasp": "grasp", "release": "release", "no_contact": "no contact"}, []
+    for (experiment, name), rh in product(names.items(), dict.fromkeys(row.relative_humidity for row in rows)):
+        found = [row for row in rows if row.experiment == experiment and row.relative_humidity == rh]
+        for gap in dict.fromkeys(row.gap for row in found):
+            here = [row for row in found if row.gap == gap]
+            where = "" if experiment == "grasp" else f" at {gap * 1e6:g} um"
+            lines.append((name, f"{rh:g} % RH{where}: {_voltage_text(here)}"))
+    return lines
 
 
 def _voltage_text(rows: Sequence[TrialRow]) -> str:

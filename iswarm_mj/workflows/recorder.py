@@ -14,7 +14,7 @@ import numpy as np
 from iswarm_mj import __version__
 from iswarm_mj.gripper.handling import attempts_between
 from iswarm_mj.output import results
-from iswarm_mj.output.frames import RecordedWorld
+from iswarm_mj.output.frames import BLOCK, RecordedWorld
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import ABOUT, TRAJECTORY, Scene
 from iswarm_mj.simulation.run import Run
@@ -24,8 +24,8 @@ from iswarm_mj.utils.files import atomic_write, write_error
 from iswarm_mj.utils.interruption import postponed
 from iswarm_mj.utils.memory import give_back
 
-BLOCK, LONG = 64, 1024
-"""Frames that are written at a time at first, and at most; for each block Rerun keeps some 60 to 160 kB in memory."""
+LONG = 1024
+"""Frames that are written at a time at most, after `BLOCK` at first."""
 LONG_BYTES = 16_000_000
 """Bytes of a block's frames at most; what is made of them takes several times as much while they are written."""
 LARGE_BYTES = 4_000_000

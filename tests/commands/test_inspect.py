@@ -1,6 +1,7 @@
 """`iswarm inspect`: what ran, measures, faults, files and how to open them."""
 
 import json
+import re
 import shlex
 import shutil
 import subprocess
@@ -10,9 +11,11 @@ import pyarrow.parquet
 import pytest
 
 import iswarm_mj
+from iswarm_mj.commands.config_file import ConfigFile
 from iswarm_mj.commands.main import main
 from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.experiments.runner.journal import journal
+from iswarm_mj.utils.errors import UserError
 
 ROOT = Path(__file__).parents[2]
 RUN = "clean --engine planar --impl numba --arena.size 15 --arena.dump-size 3 --arena.dust-area-size 3 "
@@ -60,6 +63,33 @@ def test_all_recordings_open_at_once(run, tmp_path, below):
     (line,) = (line for line in inspection(tmp_path if below else out).splitlines() if "all 3 recordings" in line)
     opened = subprocess.run(["sh", "-c", line.split(": ")[1].replace("rerun", "ls -1")], capture_output=True, text=True)
     assert opened.stdout.splitlines() == [str(out / name / "clean.rrd") for name in ("", "world-11", "world-2")]
+
+
+@pytest.mark.parametrize(
+    ("about", "command"),
+    [
+        ({"strategy": {"class": "Walk", "speed": 0.5}}, "iswarm clean --strategy FILE.py:Walk --config "),
+        ({"strategy": {"class": "Teams", "a": {}}}, "iswarm clean --strategy NAME=SHARE NAME=SHARE --config "),
+        (
+            {"strategy": {"class": "Fix"}, "task": {"class": "Mine"}},
+            "iswarm clean --strategy FILE.py:Fix --task",
+        ),
+    ],
+)
+def test_own_classes_are_to_be_named_again(run, tmp_path, about, command):
+    content = json.loads((run / "result.json").read_text()) | about
+    (tmp_path / "result.json").write_text(json.dumps(content))
+    assert command in inspection(tmp_path)
+    with pytest.raises(UserError, match=re.escape(command.split(" --")[1])):
+        ConfigFile.read(tmp_path / "result.json", [])
+
+
+def test_a_trajectory_that_is_cut_off(run, tmp_path):
+    shutil.copy(run / "result.json", tmp_path)
+    whole = (run / "trajectory.npz").read_bytes()
+    (tmp_path / "trajectory.npz").write_bytes(whole[:-10])
+    (line,) = (line for line in inspection(tmp_path).splitlines() if line.startswith("trajectory.npz"))
+    assert "cut off" in line and "load" not in line
 
 
 def test_an_interrupted_run_with_a_fault(run, tmp_path):

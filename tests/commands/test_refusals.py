@@ -20,6 +20,7 @@ REFUSED = [
     ("clean --stepz 10", ["--stepz", "--steps"]),
     ("clean --no-recrod", ["--no-recrod", "--record"]),
     ("clean --robotz 5", ["perhaps you meant --robots"]),
+    ("clean --robts 5", ["perhaps you meant --robots"]),
     ("clean extra", ["extra"]),
     (f"{OWN} --robotss 3", ["--robotss", "--robots"]),
     ("clean --seed -1", ["--seed", "(got -1)"]),

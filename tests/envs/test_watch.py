@@ -10,12 +10,13 @@ import pytest
 from helpers_envs import SMALL, act, poses_of
 from helpers_opengl import needs_opengl, of_colour
 from helpers_rrd import read
+from rerun.chunk import RrdReader
 
 import iswarm_mj.envs.gymnasium
 from iswarm_mj import make_env
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.envs import EnvRecording, Pictures, parallel_env, single_env, vector_env
+from iswarm_mj.envs import EnvRecording, Pictures, parallel_env, single_env, vector_env, watch
 from iswarm_mj.output.palette import EMPTY
 from iswarm_mj.output.stage import Shot
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -82,8 +83,9 @@ def test_modes_are_checked():
         single_env(render_mode="rgb_array", **FEW).render()
 
 
-def test_recordings_have_every_step_of_all_episodes(tmp_path):
-    """Of two seconds each."""
+def test_recordings_have_every_step_of_all_episodes(tmp_path, monkeypatch):
+    """Of two seconds each, in blocks."""
+    monkeypatch.setattr(watch, "BLOCK", 4)
     path, places = tmp_path / "few.rrd", []
     slow = replace(SMALL, drive=replace(SMALL.drive, control_period=2.0))
     env = parallel_env(record=path, **FEW | {"config": slow})
@@ -100,6 +102,9 @@ def test_recordings_have_every_step_of_all_episodes(tmp_path):
     columns = read(path)
     found = columns["/world/robots/body"]
     assert found["step"] == list(range(2 * 5))
+    chunks = RrdReader(path).stream().to_chunks()
+    rows = [len(c.to_record_batch()) for c in chunks if c.entity_path == "/world/robots/body" and not c.is_static]
+    assert sorted(rows) == [2, 4, 4]
     shown = np.array([np.asarray(row, float)[:, :2] for row in found["Boxes3D:centers"]])
     expected = mm_from_rd(np.array(places).reshape(10, 5, 3)[..., :2])
     np.testing.assert_allclose(shown, expected, atol=1e-3)

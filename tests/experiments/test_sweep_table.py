@@ -1,5 +1,7 @@
 """Tables of sweeps: worlds that have not finished take the time limit."""
 
+import pytest
+
 from iswarm_mj.experiments.runner import sweep
 
 ROW = {"density": 0.1, "seed": 0, "n_robots": 5, "max_steps": 100, "goal": 3, "delivered": 3, "fault": None}
@@ -9,5 +11,15 @@ def rows(*finished_at):
     return [{**ROW, "world": world, "finished_at": step} for world, step in enumerate(finished_at)]
 
 
-def test_medians_count_the_time_limit():
-    assert sweep.summary(rows(40, None, None), ["density"])[1].split()[:3] == ["0.1", "3", "100"]
+@pytest.mark.parametrize(
+    ("finished_at", "shown"),
+    [
+        ((40, None, None), ">100"),
+        ((40, 60, None), "60"),
+        ((40, None), ">100"),
+        ((40, 50), "45"),
+        ((40, 100, 100), "100"),
+    ],
+)
+def test_medians_count_the_time_limit(finished_at, shown):
+    assert sweep.summary(rows(*finished_at), ["density"])[1].split()[2] == shown

@@ -91,5 +91,9 @@ def test_a_run_says_what_is_not_as_in_the_fit_and_result_json_repeats_it(tmp_pat
     capfd.readouterr()
     assert code_of("inspect", "one") == 0
     said = capfd.readouterr().out
-    assert said.startswith("trials: 1 trials in 3 rows") and "iswarm grasp --config one/result.json" in said
+    assert (
+        said.startswith("trials: 1 trials in 3 rows")
+        and "grasp  10 % RH: " in said
+        and "iswarm grasp --config one/result.json" in said
+    )
     assert "is of iswarm grasp" in refused(capfd, tmp_path, "clean", "--config=one/result.json")

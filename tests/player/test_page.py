@@ -12,6 +12,7 @@ import numpy as np
 import psutil
 import pytest
 import zstandard
+from helpers_cli import code_of
 
 from iswarm_mj import SwarmConfig, play
 from iswarm_mj.config import ArenaConfig
@@ -139,10 +140,14 @@ def test_a_replay_is_one_file_with_the_run_in_it(run, tmp_path):
     assert min(np.abs(one - expected).max() for one in found) <= 1 / 128 + 1e-4
 
 
-def test_the_last_step_of_a_replay_is_that_of_the_run_or_some_after_the_first(run, monkeypatch):
+def test_the_last_step_of_a_replay_is_that_of_the_run_or_some_after_the_first(run, tmp_path, monkeypatch, capsys):
     assert swarm_film(run, Film(2))[2] == 12
     monkeypatch.setattr(replay, "MOST_STEPS", 3)
     assert swarm_film(run, Film(2))[2] == 5
+    command = ("replay", str(run.path), f"--out={tmp_path / 'replay.html'}")
+    assert code_of(*command) == code_of(*command, "--last=4") == 0
+    cut, chosen = capsys.readouterr().out.splitlines()
+    assert "steps 0 to 3 of" in cut and cut.endswith("--last 12 shows all") and "shows all" not in chosen
 
 
 @pytest.mark.parametrize("film", [Film(0, 99), Film(5, 5), Film(colour_by="red"), Film(draw=("links", "foo"))])

@@ -8,13 +8,13 @@ import pytest
 from helpers_rrd import read
 from helpers_runs import first_step, records, run_of, spoil
 
+from iswarm_mj.output.frames import BLOCK
 from iswarm_mj.output.schema import ARRAYS
 from iswarm_mj.output.trajectory import ABOUT, Scene
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows.clean import clean, summary
-from iswarm_mj.workflows.recorder import BLOCK
 
 STEPS = BLOCK + 6
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from fnmatch import fnmatch
 from pathlib import Path
 from typing import Any
+from zipfile import is_zipfile
 
 from tqdm import tqdm
 
@@ -17,7 +18,9 @@ from iswarm_mj.experiments.runner.journal import count
 from iswarm_mj.experiments.runner.search import BEST, CHECKPOINT
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.saved import read_result
-from iswarm_mj.output.trajectory import RESULT
+from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
+from iswarm_mj.strategy.library import STRATEGIES, TASKS, naming, offered
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import aligned, read_table
 from iswarm_mj.workflows import grasp
@@ -32,6 +35,7 @@ _TABLES = (
     *(experiment.table for experiment in EXPERIMENTS.values()),
 )
 _KNOWN = (RESULT, *_TABLES, *_JOURNALS)
+_USUAL = type(CLEANING).__name__
 _MAX_LISTED = 20
 FILES = {
     "result.json": "measures and settings: iswarm_mj.load({parent!r}).result; iswarm clean --config {path} repeats it",
@@ -139,10 +143,13 @@ def _table(path: Path) -> list[str]:
             done = f"{made} of {settings['generations']} generations, {len(rows)} runs, {about}"
             last = f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s), in {BEST}"
             return [f"search by {settings['method']}: {done}", last]
-        case results.TRIALS | grasp.CURVES:
-            n_trials = len({(r["radius"], r["relative_humidity"], r["repeat"]) for r in rows if "repeat" in r})
-            what = f"{n_trials} trials in {len(rows)} rows" if n_trials else f"{len(rows)} rows"
-            return [f"{path.stem}: {what}, {about}"]
+        case results.TRIALS:
+            trials = [grasp.TrialRow(*map(row.__getitem__, grasp.TrialRow._fields)) for row in rows]
+            n_trials = len({(row.radius, row.relative_humidity, row.repeat) for row in trials})
+            lines = (f"{name:>12}  {text}" for name, text in grasp.outcomes(trials))
+            return [f"{path.stem}: {n_trials} trials in {len(rows)} rows, {about}", *lines]
+        case grasp.CURVES:
+            return [f"{path.stem}: {len(rows)} rows, {about}"]
     name, quick = str(settings.get("experiment")), " --quick" * bool(settings["quick"])
     title = f"experiment {name}{quick} on {settings['engine']}: {len(rows)} runs, {about}"
     findings = EXPERIMENTS[name].findings(rows)
@@ -158,11 +165,24 @@ def _files(directory: Path) -> Iterator[str]:
         text = opening(path)
         if path.name == RESULT and _is_of_bench(path):
             text = f"measures and settings: iswarm grasp --config {shlex.quote(str(path))} repeats it"
-        elif path.name == RESULT and "delivered" not in read_result(path):
-            text = text.replace("iswarm clean", "iswarm run")
+        elif path.name == RESULT:
+            text = text.replace("iswarm clean", _repeating(read_result(path)))
+        elif path.name == TRAJECTORY and not is_zipfile(path):
+            text = "cut off; the same command records it again"
         yield f"{name:<{width}}  {tqdm.format_sizeof(path.stat().st_size, 'B'):>8}  {text}"
     if len(files) > _MAX_LISTED:
         yield f"{len(files) - _MAX_LISTED} more files"
+
+
+def _repeating(content: Mapping[str, Any]) -> str:
+    """The command that repeats a run, with flags for classes that no package offers."""
+    words = ["iswarm clean" if "delivered" in content else "iswarm run"]
+    for offer in (STRATEGIES, TASKS):
+        own = content.get(offer.word)
+        cls = str(own.get("class", _USUAL)) if isinstance(own, Mapping) else _USUAL
+        if cls != _USUAL and offered(offer, cls, {*own} - {"class"}) is None:
+            words.append(naming(offer, cls))
+    return " ".join(words)
 
 
 def _recordings(directory: Path, at_least: int = 2) -> Iterator[str]:

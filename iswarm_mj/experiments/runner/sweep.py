@@ -94,8 +94,7 @@ def summary(rows: Sequence[Row], over: Sequence[str]) -> list[str]:
     columns = _columns(rows, over)
     lines = [[*over, "worlds", *("finished" if name == "finished_at" else name for name in columns)]]
     for key, group in by(rows, *over).items():
-        medians = (_median(group, name) for name in columns)
-        shown = ["-" if np.isnan(median) else f"{median:.4g}" for median in medians]
+        shown = (_shown(group, name) for name in columns)
         lines.append([*map(str, key if len(over) > 1 else (key,)), str(len(group)), *shown])
     return aligned(lines)
 
@@ -116,6 +115,14 @@ def _values(rows: Sequence[Row], name: str) -> np.ndarray:
 def _median(rows: Sequence[Row], name: str) -> float:
     found = _values(rows, name)
     return float(np.median(found[~np.isnan(found)])) if not np.isnan(found).all() else np.nan
+
+
+def _shown(rows: Sequence[Row], name: str) -> str:
+    """A median as text; of when worlds finished, if half of them did not, the time limit as its bound."""
+    median, late = _median(rows, name), sum(row["finished_at"] is None for row in rows)
+    if name == "finished_at" and 2 * late >= len(rows):
+        return f">{rows[0]['max_steps']}"
+    return "-" if np.isnan(median) else f"{median:.4g}"
 
 
 def _draw(rows: Sequence[Row], over: Sequence[str], path: Path) -> None:
