@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 
 from iswarm_mj.output.palette import BLUE, DARK, GREEN, ORANGE, PURPLE, YELLOW
 from iswarm_mj.output.plot_style import figure
@@ -63,8 +64,7 @@ def draw_force_curve(curves: Sequence[Rows], settings: Mapping[str, Any], out: P
                 for direction, width, mark, place in _SIDES:
                     own = [row for row in rows if row["direction"] == direction]
                     gap, force = column(own, "gap") * _NM, column(own, "total") * NN
-                    label = f"{voltage:g} V, R = {radius * UM:g} µm" if direction == "retract" else None
-                    axes.plot(gap, force, label=label, color=hues[voltage], ls=dashes[radius], lw=width)
+                    axes.plot(gap, force, color=hues[voltage], ls=dashes[radius], lw=width)
                     found = place(gap, force)
                     if found is not None:
                         axes.plot(*found, mark, color=hues[voltage], ms=5, mec="white", zorder=5)
@@ -77,7 +77,9 @@ def draw_force_curve(curves: Sequence[Rows], settings: Mapping[str, Any], out: P
                 title=title,
             )
         near.set_ylim(1.15 * lowest, -0.3 * lowest)
-        whole.legend(fontsize=7)
+        voltages = [Line2D([], [], color=hue, label=f"{voltage:g} V") for voltage, hue in hues.items()]
+        radii = [Line2D([], [], color="0.3", ls=ls, label=f"R = {radius * UM:g} µm") for radius, ls in dashes.items()]
+        whole.legend(handles=voltages + radii, fontsize=7, handlelength=4)
 
 
 _SIDES: tuple[Any, ...] = (("approach", 0.9, "o", snap_in), ("retract", 2.0, "v", pull_off))

@@ -180,7 +180,7 @@ def _repeating(content: Mapping[str, Any]) -> str:
     for offer in (STRATEGIES, TASKS):
         own = content.get(offer.word)
         cls = str(own.get("class", _USUAL)) if isinstance(own, Mapping) else _USUAL
-        if cls != _USUAL and offered(offer, cls, {*own} - {"class"}) is None:
+        if cls != _USUAL and offered(offer, cls, {*(own or {})} - {"class"}) is None:
             words.append(naming(offer, cls))
     return " ".join(words)
 
