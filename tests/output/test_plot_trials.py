@@ -6,7 +6,8 @@ import matplotlib
 import numpy as np
 import pytest
 
-from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
+from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
 from iswarm_mj.output import plot_trials
 from iswarm_mj.output.plot_style import STYLE, blank
 from iswarm_mj.output.plot_trials import draw_figures
@@ -90,6 +91,24 @@ def test_force_laws(tmp_path, shown):
     laws = {name: line(axes[0], "force laws, no dynamics")[:, 1] for name, axes in shown.items()}
     np.testing.assert_allclose(laws["grasp_voltage"], grasp_voltage(radius, 2e-3, gap=0.3e-6))
     np.testing.assert_allclose(laws["release_voltage"], release_voltage(radius, 2e-3))
+
+
+def test_humidities_and_gaps_have_lines_and_figures_of_their_own(tmp_path, shown):
+    rows = make_rows("grasp", (10.0, 50.0)) + make_rows("release")
+    rows += [make_row("release", gap=3e-6, radius=radius) for radius in RADII]
+    rows.append(make_row(voltage=1.0, faulty=True, radius=15e-6))
+    draw_figures(rows, {}, tmp_path)
+    assert set(shown) == {"grasp_voltage", "grasp_voltage_humidity", "release_voltage", "release_voltage_3um"}
+    (near,), (dry,), (both,) = (shown[n] for n in ("release_voltage_3um", "grasp_voltage", "grasp_voltage_humidity"))
+    assert [bands(axes) for axes in (near, dry, both)] == [[], [(20, 30)], [(20, 30)]]
+    means = [[line.get_label() for line in axes.lines if "mean" in line.get_label()] for axes in (dry, both)]
+    assert means == [["10 % RH, mean"], ["10 % RH, mean", "50 % RH, mean"]]
+    radius, voltage = [line.get_xydata() for line in both.lines if "force laws" in line.get_label()][1].T
+    works = humidity_factor(50.0) * WORK_TOOL_OBJECT, humidity_factor(50.0) * WORK_OBJECT_SUBSTRATE
+    np.testing.assert_allclose(voltage, grasp_voltage(1e-6 * radius, *works))
+    radius, voltage = line(near, "force laws, no dynamics").T
+    np.testing.assert_allclose(voltage, release_voltage(1e-6 * radius, gap=3e-6))
+    assert "n = 2 trials at each radius and humidity" in caption(dry) and "1 faulty trials are left out" in caption(dry)
 
 
 def test_release(tmp_path, shown):

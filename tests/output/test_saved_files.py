@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 from helpers_recorded import of_world, write_run
+from helpers_rrd import read
 from helpers_runs import run_of
 
 import iswarm_mj
@@ -52,6 +53,10 @@ def test_each_recorded_world_has_its_own_folder(small_run):
     for place, world in ((small_run, 1), (small_run / "world-0", 0)):
         with np.load(place / TRAJECTORY) as file:
             assert file["scene_world"] == world and file["collisions"][-1] == content["collisions"][world]
+        kept = {"steps": content["finished_at"][world], "collisions": content["collisions"][world]}
+        kept |= {name: content[name][world] for name in ("picked", "delivered")}
+        found = read(place / RECORDING)["/__properties/result"]
+        assert {name: found[name] for name in kept} == {name: [value] for name, value in kept.items()}
 
 
 def test_any_file_of_a_run_will_do(small_run):

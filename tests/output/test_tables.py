@@ -13,13 +13,13 @@ from iswarm_mj.sensors.messages import Message, Payload
 
 
 def test_what_a_strategy_records_as_a_column_is_called_gets_another_name():
-    """`x` and `world` are columns, and `home_0` is made of two numbers before there is a `home_0`."""
+    """`x` and `world` are columns, and `home_0` is of a vector without a flag before there is a `home_0`."""
     made, values = arrays(), np.arange(12.0).reshape(3, 4)
     names, sizes = ["x", "world", "home", "home_0", "memory_x"], [1, 1, 2, 1, 1]
     for number, (name, size) in enumerate(zip(names, sizes, strict=True)):
         each = [values + 100 * number + 50 * place for place in range(size)]
         made[name] = each[0] if size == 1 else np.stack(each, axis=-1)
-    about = scene()._replace(memory_names=names, memory_units=[""] * 5, memory_sizes=sizes, world=7)
+    about = scene()._replace(memory_names=names, memory_units=["", "", "m", "", ""], memory_sizes=sizes, world=7)
     table = table_of("robots", made, about)
     assert len(set(table.column_names)) == len(table.column_names)
     np.testing.assert_array_equal(table["x"].to_numpy(), made["pose"][..., 0].ravel())
