@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers_runs import N, run_of
+from helpers_tasks import Eastward
 
-from iswarm_mj.output import shapes
+from iswarm_mj.output import frames, shapes
 from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
@@ -60,3 +61,12 @@ def test_walls_are_drawn_around_the_floor_and_obstacles_where_they_stand(run):
     np.testing.assert_allclose(boxes["obstacles"], [[2 * rd, 3 * rd, 1.5 * rd, 0.3 * rd, np.pi / 6]])
     square = shapes.outline(RecordedWorld.of(copy(run), 1).scene._replace(corners=()))
     assert square.max() == pytest.approx(arena.size / 2 * rd) == pytest.approx(-square.min())
+
+
+def test_areas_and_metrics_of_many_steps_are_read_in_blocks(small, monkeypatch):
+    monkeypatch.setattr(frames, "_BLOCK", 5)
+    is_east = np.random.default_rng(0).random((13, 4)) < 0.5
+    found = frames._watch(Eastward(2.0), small)({"is_east": is_east, "steps": np.arange(13)})
+    assert found["metric_steps"].tolist() == list(range(13))
+    np.testing.assert_allclose(found["metric_share"], is_east.mean(axis=1))
+    np.testing.assert_allclose(found["area_east"], [[[7e-3, 0, 5e-3]]] * 13)

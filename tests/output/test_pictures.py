@@ -14,6 +14,7 @@ from helpers_recorded import write_run
 from PIL import Image
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.output import video
 from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.saved import load
 from iswarm_mj.output.shapes import floor
@@ -237,8 +238,11 @@ def decoded(path, size):
 
 
 def test_a_video_that_fails_leaves_the_old_one(tmp_path_factory, tmp_path, monkeypatch):
-    """Whatever the reason, and without a temporary file."""
-    run, out = write_run(tmp_path_factory.mktemp("run")), tmp_path / "a.mp4"
+    """Whatever the reason, and without a temporary file. Above are the title, the step, and metrics of the task."""
+    about = {"scene_metric_names": ["share"], "scene_metric_units": [""], "scene_metric_descriptions": [""]}
+    run, out = write_run(tmp_path_factory.mktemp("run"), **about, metric_share=[0.1, 0.25, 0.5]), tmp_path / "a.mp4"
+    said, captioned = [], video._captioned
+    monkeypatch.setattr(video, "_captioned", lambda pixels, lines: (said.append(lines), captioned(pixels, lines))[1])
     out.write_bytes(b"old")
 
     monkeypatch.setattr("iswarm_mj.output.video.Stage", Blank)
@@ -246,7 +250,9 @@ def test_a_video_that_fails_leaves_the_old_one(tmp_path_factory, tmp_path, monke
     with pytest.raises(UserError, match=r"^ffmpeg could not write"), full_disk(20_000):
         write_video(run, out, *film)
     assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"] and out.read_bytes() == b"old"
-    write_video(run, out, *film, steps=99)
+    said.clear()
+    write_video(run, out, *film, steps=99, title="few")
+    assert said[::24] == [["few", f"step {step}", f"share {share}"] for step, share in enumerate((0.1, 0.25, 0.5))]
     frames, about = decoded(out, (320, 240))
     assert len(frames) == 49  # of all steps, which are fewer
     assert about["codec"] == "h264" and about["pix_fmt"].startswith("yuv420p") and about["fps"] == RATE

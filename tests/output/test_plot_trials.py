@@ -1,15 +1,12 @@
 """What is on the figures, read from their axes."""
 
-from contextlib import contextmanager
-
-import matplotlib
 import numpy as np
 import pytest
+from helpers_figures import captured, line
 
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
 from iswarm_mj.output import plot_trials
-from iswarm_mj.output.plot_style import STYLE, blank
 from iswarm_mj.output.plot_trials import draw_figures
 
 RADII = (15e-6, 20e-6, 25e-6)
@@ -17,17 +14,7 @@ RADII = (15e-6, 20e-6, 25e-6)
 
 @pytest.fixture
 def shown(monkeypatch):
-    """Axes by the names of their files, which are not written."""
-    axes = {}
-
-    @contextmanager
-    def unwritten(path, **more):
-        with matplotlib.rc_context(STYLE):
-            _, axes[path.name] = blank(**more)
-            yield axes[path.name]
-
-    monkeypatch.setattr(plot_trials, "figure", unwritten)
-    return axes
+    return captured(monkeypatch, plot_trials)
 
 
 def make_row(experiment="grasp", **changes):
@@ -48,11 +35,6 @@ def make_rows(experiment, humidities=(10.0,)):
         for i, radius in enumerate(RADII)
         for repeat in (0, 1)
     ]
-
-
-def line(axes, label):
-    """Points (n, 2) of the first line with a label."""
-    return next(line.get_xydata() for line in axes.lines if line.get_label() == label)
 
 
 def caption(axes):
