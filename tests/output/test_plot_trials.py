@@ -94,14 +94,17 @@ def test_humidities_and_gaps_have_lines_and_figures_of_their_own(tmp_path, shown
 
 
 def test_release(tmp_path, shown):
-    rows = [make_row("release", voltage=voltage) for voltage in (41.0, 43.0)]
-    rows.append(make_row("release", voltage=45.0, landed=False, flight_time=None, landing_speed=None))
+    """Of landings 3, 2 and 1 times as long and 1, 2 and 3 times as fast as usual."""
+    rows = [
+        make_row("release", voltage=40.0 + k, flight_time=k * 0.18e-3, landing_speed=(4 - k) * 0.14) for k in (3, 2, 1)
+    ]
+    rows.append(make_row("release", voltage=50.0, landed=False, flight_time=None, landing_speed=None))
     rows.append(make_row("release", voltage=1e9, faulty=True))
     draw_figures(rows, {}, tmp_path)
     (axes,) = shown["release_voltage"]
     assert bands(axes) == [(37, 47)] and axes.get_title() == "Release voltage at 10 % RH, gap 5 µm"
-    np.testing.assert_allclose(line(axes, "10 % RH, mean"), [(20, 43)])
-    assert "2 of 3 released balls landed; medians: flight 0.18 ms, landing at 0.14 m/s." in caption(axes)
+    np.testing.assert_allclose(line(axes, "10 % RH, mean"), [(20, 44)])
+    assert "3 of 4 released balls landed; medians: flight 0.36 ms, landing at 0.28 m/s." in caption(axes)
 
 
 def test_voltages_that_were_not_found(tmp_path, shown):
@@ -117,10 +120,10 @@ def test_voltages_that_were_not_found(tmp_path, shown):
 
 def test_attempts_without_contact(tmp_path, shown):
     rows = [make_row("no_contact", gap=gap, radius=radius) for gap in (1e-6, 3e-6) for radius in RADII]
-    rows.append(make_row("no_contact", gap=0.3e-6, voltage=40.0))
+    rows.append(make_row("no_contact", gap=0.3e-6, voltage=40.0, limit_voltage=60.0))
     draw_figures(rows, {}, tmp_path)
     (axes,) = shown["no_contact"]
-    assert bands(axes) == [(0, 50)] and axes.get_ylim()[0] == 0
+    assert bands(axes) == [(0, 50)] and axes.get_ylim() == (0, 120)
     np.testing.assert_allclose(line(axes, "lifted (1)"), [(0.3, 40)])
     np.testing.assert_allclose(line(axes, "not lifted up to here (6)"), [(1, 50)] * 3 + [(3, 50)] * 3)
     law = line(axes, "force laws, 10 % RH")
