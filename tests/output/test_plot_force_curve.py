@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
+from helpers_figures import captured
 
+from iswarm_mj.output import plot_force_curve
 from iswarm_mj.output.plot_force_curve import draw_force_curve, pull_off, snap_in
 
 GAPS = {"approach": (20e-9, 5e-9, 1e-9, -2e-9), "retract": (-2e-9, -1e-9, 1e-9, 20e-9)}
@@ -27,12 +28,11 @@ def test_snap_in_and_pull_off_are_where_the_samples_say():
 
 def test_all_is_drawn(tmp_path, monkeypatch):
     """In nm and nN, sorted by voltage, then radius; with a mark where it snaps in and where it is pulled off."""
-    shown, save = [], Figure.savefig
-    monkeypatch.setattr(Figure, "savefig", lambda self, *args, **more: (shown.append(self), save(self, *args, **more)))
+    shown = captured(monkeypatch, plot_force_curve)
     scales = {(v, r): 1 + k + v / 10 for v in (0.0, 20.0) for k, r in enumerate((15e-6, 25e-6))}
     curves = [rows_of(*setting, scale) for setting, scale in reversed(scales.items())]
     draw_force_curve(curves, {"relative_humidity": 30.0}, tmp_path)
-    whole, near = shown[0].axes
+    whole, near = shown["force_curve"]
     assert near.get_ylim()[1] < 400 < 800 < -near.get_ylim()[0]
     lines, marks = ([line for line in near.lines if len(line.get_xdata()) == n] for n in (4, 1))
     for k, (side, scale) in enumerate((side, scale) for scale in scales.values() for side in GAPS):

@@ -147,16 +147,6 @@ def test_robots_and_the_balls_that_they_carry_are_between_two_steps(session):
     assert n_moved > 10
 
 
-def test_links_lead_from_receivers_to_senders_in_range(session):
-    scene, before, after = last(session)
-    centre = arrays.moment(scene, before, after, 1.0).centre
-    ends = link_ends(after, centre[None])
-    assert len(ends) == after.link_valid.sum() > 0
-    for end in ends.reshape(-1, 3):
-        assert np.isclose(centre, end).all(axis=1).any()
-    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max() < (3.5 + 1.2) * 2 * np.sqrt(2)
-
-
 def test_arrows_are_what_robots_remember_turned_to_the_arena(session):
     n_known = 0
     for snapshot in session.snapshots:
@@ -188,10 +178,8 @@ def test_colours_of_states_deaths_and_hops(session):
     energy = arrays.colours(scene, after, "energy", np.arange(7.0, 27.0))
     assert len(np.unique(energy, axis=0)) == 16 and energy[[0, 19]].tolist() == hops[[0, 15]].tolist()
     legend = arrays.legend(scene, "energy", alive)
-    assert legend[:2] == [("none", grades[1]), ("0 or least", grades[0])] and legend[4:6] == [
-        ("15 or most", grades[3]),
-        ("dead", arrays.DEAD),
-    ]
+    told = dict(zip(("none", "0 or least", "15 or most"), (grades[place] for place in (1, 0, 3)), strict=True))
+    assert dict(legend).items() >= {**told, "dead": arrays.DEAD}.items()
 
 
 def test_trails_end_at_loaded_robots(session):
