@@ -21,7 +21,9 @@ from iswarm_mj.gripper.bench.force_curve import force_curve
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.laws.detachment import WORK_TOOL_OBJECT, release_voltage
 from iswarm_mj.output.frames import RecordedWorld
+from iswarm_mj.output.palette import GREEN, ORANGE, rgb
 from iswarm_mj.output.saved import load, scene_of
+from iswarm_mj.output.trial_shapes import trial_shapes
 from iswarm_mj.player import replay
 from iswarm_mj.player.bench import BenchSettings, outcome
 from iswarm_mj.player.film import Film
@@ -90,6 +92,7 @@ def test_clicks_select_kill_and_drop(played):
     panel.clicked(0.0, 20.0, 1.6)
     panel.click = REMOVE
     panel.clicked(x, y, 1.6)
+    panel.clicked(x, y, 1.6)
     panel.click = BUILD
     for place in ((20.0, -20.0), (-20.0, -20.0), (-20.5, -19.5)):  # the third one takes the second away
         panel.clicked(*place, 1.6)
@@ -98,7 +101,9 @@ def test_clicks_select_kill_and_drop(played):
     assert ended.wait(60)  # the page's own thread works
     assert [change.what for change in session.made] == ["kill", "ball"]
     assert not session.is_alive[5] and session.run.settings.n_robots == 20
-    assert session.wanted.n_robots == 19 and session.wanted.config.arena.obstacles == ((7.07, -7.07, 1.0, 1.0, 0.0),)
+    panel.update()
+    assert "**Reset** applies: robots, obstacles." in panel._status.content
+    assert session.wanted.n_robots == 18 and session.wanted.config.arena.obstacles == ((7.07, -7.07, 1.0, 1.0, 0.0),)
 
 
 def test_what_is_drawn_lies_between_two_steps(played, monkeypatch):
@@ -130,6 +135,11 @@ def test_the_bench_draws_the_curve_of_its_sliders_and_a_trial(played):
     bench._due.add("trial")
     wait(lambda: bench.trace is not None)
     assert bench.trace.voltage.max() >= 40
+    bench.hold(60.0)
+    where, sample = trial_shapes(bench.trace), int(0.6 * len(bench.trace.time))
+    for node, part in ((bench._ball, where.ball), (bench._mark, where.mark), (bench._probe, where.probe)):
+        np.testing.assert_allclose(node.position, bench._scale * part[sample], rtol=1e-6)
+    assert tuple(bench._ball.color) == rgb(ORANGE if bench.trace.on_plate_potential[sample] else GREEN)
 
 
 @pytest.fixture(scope="module")

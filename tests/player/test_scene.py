@@ -193,7 +193,7 @@ def test_trails_end_at_loaded_robots(session):
 
 
 def test_hulls_are_drawn_with_their_sizes(tmp_path, server):
-    session = Session(Scenario(CONFIG, robots=6, engine=PlanarSettings(), robot_file=two_kinds(tmp_path, 6)))
+    session = Session(Scenario(CONFIG, engine=PlanarSettings(), robot_file=two_kinds(tmp_path, 6)))
     session.advance()
     view = SwarmView(server.scene, session.scene)
     view.show([one.frames for one in session.snapshots], 1.0)

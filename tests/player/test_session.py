@@ -213,14 +213,18 @@ def test_controls_have_the_ranges_that_settings_declare():
 def test_each_control_takes_its_own_value():
     for control in controls(SCENARIO):
         assert SCENARIO.set(control.name, control.value).get(control.name) == control.value
+    sparse = SCENARIO.set("density_of_robots", 0.1)
+    assert sparse.n_robots == Scenario(CONFIG, strategy=replace(TYPE1, density_of_robots=0.1)).n_robots != 20
     paper = Scenario(strategy=Beeclust()).set("strategy", "type2")
     assert paper.strategy == PRESETS["type2"]
 
 
 def test_switches_of_a_genome_are_copied():
-    scenario = replace(SCENARIO, strategy=replace(TYPE1, use_hop_count=not TYPE1.use_hop_count))
+    """But not the density where the number of robots is given."""
+    own = replace(TYPE1, use_hop_count=not TYPE1.use_hop_count)
+    scenario = replace(SCENARIO, strategy=replace(own, density_of_robots=0.2))
     command = parse(["play", *shlex.split(Session(scenario).command())[2:-2]])
-    assert command.session().start.genome == scenario.genome
+    assert command.session().start.genome == own
 
 
 def test_earlier_changes_of_a_setting_are_kept():
