@@ -20,8 +20,10 @@ def names(scene):
 
 
 def make_scene(n_robots=40, n_balls=12):
+    """Every second robot is of another kind, as large as one of six sides."""
     rng = np.random.default_rng(1)
     return scene(n_robots, n_balls)._replace(
+        robot_size=np.array([[2e-3, 2e-3, 1e-3], [2.4e-3, 1.6e-3, 1e-3]])[np.arange(n_robots) % 2],
         is_scout=rng.random(n_robots) < 0.15,
         arena_size=98e-3,
         dump=np.array([-7e-3, -7e-3, 7e-3, 7e-3]),
@@ -62,6 +64,7 @@ def make_frames(scene, n_frames=50, seed=0):
         "ball_position": balls,
         "ball_state": is_held,
         "ball_holder": np.tile(holder, (n_frames, 1)),
+        "box_pose": np.cumsum(rng.normal(0, [2e-4, 3e-4, 0.1], (n_frames, len(scene.boxes), 3)), axis=0),
         "link_sender": np.where(valid, rng.integers(n, size=valid.shape), -1),
         "link_valid": valid,
         "link_led": rng.integers(4, size=valid.shape),

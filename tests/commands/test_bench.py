@@ -7,7 +7,9 @@ from types import SimpleNamespace
 import pytest
 from helpers_tasks import Eastward
 
+from iswarm_mj.commands import bench as command
 from iswarm_mj.commands.bench import _time, bench
+from iswarm_mj.commands.main import parse
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
@@ -43,10 +45,21 @@ class Short(Eastward):
         return state["steps"]
 
 
-def test_a_run_that_ends_early_has_fewer_steps(small):
+def test_a_run_that_ends_early_has_fewer_steps(small, monkeypatch):
+    """Of calls that take 0.1, 0.2 and 0.6 s."""
+    monkeypatch.setattr(command, "_time", lambda *given: (_time(*given)[0], [0.1, 0.2, 0.6]))
     settings = RunSettings(N_ROBOTS, 20, record_worlds=())
     content = bench(Run(small, PRESETS["type1"], settings, PlanarSettings(1), task=Short()), WARM_UP)
     assert content["steps"] == 5 - WARM_UP and content["delivered_mean"] == 5
+    assert (content["ms_per_step"], content["ms_per_step_mean"]) == (200, 300)
+
+
+def test_compiled_programs_take_whole_chunks(monkeypatch):
+    made = []
+    monkeypatch.setattr(command, "bench", lambda run, warm_up: made.append((*run, warm_up)))
+    monkeypatch.setattr(command.Bench, "run_of", lambda self, settings: (self.physics.chunk, settings.steps))
+    parse(["bench", "--engine=mjx", "--chunk=6", "--steps=20", "--warm-up=7", "--robots=9"]).run()
+    assert made == [(6, 12 + 24, 12)]
 
 
 def test_times_are_those_of_a_control_step(monkeypatch):

@@ -149,6 +149,9 @@ def test_a_flag_replaces_what_does_not_go_with_it(here):
     (here / "x.toml").write_text("density = 0.1\n")
     command = parse(["clean", "--config", "x.toml", "--robots", "5"])
     assert (command.robots, command.density) == (5, None)
+    (here / "x.toml").write_text("robots = 9\n")
+    command = parse(["clean", "--config", "x.toml", "--density", "0.2"])
+    assert (command.robots, command.density) == (None, 0.2)
 
 
 @pytest.mark.parametrize("command", ["clean", "experiment"])

@@ -1,6 +1,7 @@
 """The command `iswarm grasp`: what it writes, what it refuses."""
 
 import csv
+import json
 import re
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 import pyarrow.parquet
 import pytest
 from helpers_cli import code_of
+from helpers_rrd import read
 from rerun.chunk import RrdReader
 
 from iswarm_mj.utils.tables import read_table
@@ -26,10 +28,15 @@ def from_path(directory):
 
 
 def test_writes_table_figures_and_recordings(here, capfd):
-    assert code_of("grasp", *FAST, "--radius", "15e-6:25e-6:2", "--rh", 10, 50, "--repeats", 2, "--record", 5) == 0
+    assert (
+        code_of(
+            "grasp", *FAST, "--radius", "15e-6:25e-6:2", "--rh", 10, 50, "--repeats", 2, "--record", 5, "--gap=8e-6"
+        )
+        == 0
+    )
     out = here / "runs" / "grasp"
     names = {path.name for path in out.iterdir()}
-    made = {"trials.csv", "trial-0005.rrd", "grasp_voltage.png", "release_voltage.svg"}
+    made = {"trials.csv", "trial-0005.rrd", "grasp_voltage.png", "release_voltage_8um.svg"}
     assert made | {TABLE} <= names
     assert not any(name.startswith(".") for name in names)
     rows, told = read_table(out / TABLE)
@@ -41,8 +48,21 @@ def test_writes_table_figures_and_recordings(here, capfd):
     assert (told["seed"], told["protocol"]["step_voltage"], told["calibration"]["CONTACT_GAP"]) == (0, 2, 0.2e-6)
     with (out / "trials.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(rows)
-    chunks = RrdReader(str(out / "trial-0005.rrd")).stream().to_chunks()
-    assert any("ball" in chunk.entity_path for chunk in chunks)
+    recorded = read(out / "trial-0005.rrd")  # of the larger ball at 10 % RH, the second
+    kept = recorded["/__properties/settings"]
+    lifted = next(
+        r["voltage"] for r in rows if r["radius"] == 25e-6 and r["repeat"] == 1 and r["experiment"] == "grasp"
+    )
+    wanted = {"trial.radius": 25e-6, "repeat": 1, "grasp_voltage": lifted}
+    assert {name: kept[name] for name in wanted} == {name: [value] for name, value in wanted.items()}
+    gaps = [
+        r["Scalars:scalars"][0]
+        for c in RrdReader(out / "trial-0005.rrd").stream().to_chunks()
+        if c.entity_path == "/series/gaps/plate"
+        for r in c.to_record_batch().to_pylist()
+        if "sim_time" in r
+    ]
+    assert max(gaps) == pytest.approx(8, abs=0.2)
     said = capfd.readouterr().out
     assert re.search(r"grasp  10 % RH: \d+\.\d V \(.*\), (\d+) of \1 lifted\n", said)
     assert re.search(r"release  10 % RH at [\d.]+ um: .*\), \d+ of \d+ landed and stayed\n", said)
@@ -88,6 +108,14 @@ def test_force_curves(here):
         pull_off = -2 * np.pi * 20e-6 * 1.41e-3 + electrostatic
         assert retract.min() == pytest.approx(pull_off, rel=0.02)
         assert retract.min() < 0 < approach.max()
+        told = next(
+            m for m in json.loads((here / "out/result.json").read_text())["measures"] if m["voltage"] == voltage
+        )
+        least = min(
+            (row for row in rows if row["voltage"] == voltage and row["direction"] == "retract"),
+            key=lambda r: r["total"],
+        )
+        assert told == {"radius": 20e-6, "voltage": voltage, "pull_off": least["total"], "gap": least["gap"]}
     assert electrostatic < -1e-6
     parts = np.array([[row[name] for name in ("adhesion", "electrostatic", "contact", "total")] for row in rows])
     np.testing.assert_allclose(parts[:, :3].sum(axis=1), parts[:, 3], atol=1e-15)

@@ -11,7 +11,7 @@ from helpers_cli import ARENA_FLAGS, SMALL, code_of
 
 from iswarm_mj import __version__ as version
 from iswarm_mj.commands.main import parse
-from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
 
 
@@ -112,6 +112,21 @@ def test_the_genome_is_a_file_with_single_parameters_and_tells_the_density(here)
     assert genome == Genome(p_vector_forget=0.5, fraction_scouts=0.4, use_hop_count=False)
     for flags, n_robots in (([], 25), (["--genome", "type2"], 29), (["--density", "0.05"], 11)):
         assert parse(["clean", *ARENA_FLAGS, *flags]).checked() == n_robots
+        assert parse(["play", *ARENA_FLAGS, *flags]).session().run.settings.n_robots == n_robots
+
+
+def test_quick_experiments_have_directories_of_their_own(monkeypatch):
+    given = []
+    monkeypatch.setattr("iswarm_mj.experiments.runner.experiment.run_experiment", lambda *args: given.append(args))
+    for flags in ([], ["--quick", "--again"], ["--quick", "--out=here", "--seed=3", "--genome=type2"]):
+        parse(["experiment", "density", *flags]).run()
+    assert [str(out) for _, _, out, *_ in given] == [*map("runs/experiments/density{}".format, ("", "-quick")), "here"]
+    assert [(plan.quick, plan.seed, again) for _, plan, *_, again in given] == [
+        (False, 0, False),
+        (True, 0, True),
+        (True, 3, False),
+    ]
+    assert given[2][1].genome == PRESETS["type2"]
 
 
 def test_version(capfd):

@@ -1,5 +1,7 @@
 """`iswarm reproduce`: what it makes, keeps and refuses; runs are by a stand-in that takes no time."""
 
+from pathlib import Path
+
 import pytest
 
 from iswarm_mj.commands.main import main
@@ -61,6 +63,19 @@ def test_all_is_made_and_nothing_twice(jobs, tmp_path, capsys):
     assert len(jobs) == made
     run("--again")
     assert len(jobs) == 2 * made
+
+
+def test_quick_results_are_kept_away_from_the_others_and_from_pages(jobs, monkeypatch, tmp_path):
+    given = []
+    monkeypatch.setattr("iswarm_mj.experiments.report.reproduce.reproduce", lambda *args: given.append(args))
+    for flags in (["--quick"], ["--trials=7"]):
+        main(["reproduce", "--only", "grasp", *flags])
+    quick = Path("runs/reproduce-quick")
+    assert [args[1:] for args in given] == [
+        (quick / "results", quick, (), False),
+        (Path("results"), Path("runs/reproduce"), [Path("README.md")], False),
+    ]
+    assert [args[0][0].settings["repeats"] for args in given] == [1, 7]
 
 
 def test_what_differs_is_made_again(jobs, tmp_path, capsys):

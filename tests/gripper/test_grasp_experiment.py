@@ -15,8 +15,8 @@ from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
-from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.workflows.grasp import summary, trial_rows
+from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
+from iswarm_mj.workflows.grasp import measures, summary, trial_rows
 from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
 
 RADII = np.linspace(15e-6, 25e-6, 5)
@@ -84,6 +84,29 @@ def test_each_voltage_is_the_laws(rows):
             late = 0.06 * row.voltage if row.experiment == "release" else 0.0  # the charge follows the ramp
             near = row.step_voltage + 0.1 + late
             assert row.quasi_static_voltage - row.step_voltage - 0.1 < row.voltage < row.quasi_static_voltage + near
+
+
+def test_rows_state_limits_steps_and_what_the_laws_give(rows):
+    """By the works of adhesion of their trials; voltages rise by ramps but for those that lift, which are tried."""
+    ramp = 1e-6 * SETTINGS.protocol.ramp_rate
+    for row in rows:
+        tool, plate = row.work_tool_object, row.work_object_substrate
+        *wanted, law = {
+            "no_contact": (50.0, ramp, 1e-6, grasp_voltage(row.radius, 0.0, plate, 1e-6)),
+            "grasp": (80.0, 0.25, 0.0, grasp_voltage(row.radius, tool, plate)),
+            "release": (120.0, ramp, 5e-6, release_voltage(row.radius, tool)),
+        }[row.experiment]
+        assert [row.limit_voltage, row.step_voltage, row.gap] == pytest.approx(wanted)
+        assert row.quasi_static_voltage == pytest.approx(float(law))
+
+
+def test_measures_are_of_the_voltages_that_were_found(rows):
+    lifted = [row for row in rows if row.experiment == "grasp" and row.relative_humidity == 50][:3]
+    voltages = [row.voltage for row in lifted]
+    (found,) = measures([*lifted, lifted[0]._replace(voltage=None)])
+    shown = {"mean": pytest.approx(np.mean(voltages)), "least": min(voltages), "most": max(voltages)}
+    about = {"experiment": "grasp", "gap": 0.0, "relative_humidity": 50.0}
+    assert found == about | {"trials": 4, "with_voltage": 3, "voltage": shown}
 
 
 def test_humidities_of_trials_spread_evenly_about_their_setting():

@@ -12,6 +12,7 @@ import iswarm_mj
 from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.laws import detachment, materials
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
+from iswarm_mj.gripper.laws.roughness import Surface, effective_work
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.workflows.grasp_settings import GraspSettings, Used, cases
 
@@ -49,6 +50,14 @@ def test_numbers_that_are_given_win():
     assert (used.work_tool_object, used.ball_density) == (2e-3, 5000.0)
     assert (used.contacts.yield_pressure, used.contacts.breakdown) == (9e6, 2e9)
     assert used.work_object_substrate == pytest.approx(14.7e-3 * np.sqrt(1.79 / 0.71))
+
+
+def test_each_contact_has_a_surface_of_its_own():
+    rough = Surface(1e-9, 0.25e-6)
+    made = [cases(GraspSettings(**own, **SMALL))[0].trial for own in ({}, {"tool": rough}, {"plate": rough})]
+    (tool, plate), *others = ((trial.work_tool_object, trial.work_object_substrate) for trial in made)
+    lower = [float(effective_work(work, 20e-6, rough)) for work in (tool, plate)]
+    assert others == [(lower[0], plate), (tool, lower[1])] and lower[0] < tool
 
 
 @pytest.mark.parametrize("name", ["gould", "-1", "nan"])

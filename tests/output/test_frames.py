@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers_runs import N, run_of
+from helpers_tasks import Eastward
 
-from iswarm_mj.output import shapes
+from iswarm_mj.output import frames, shapes
 from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
@@ -32,11 +33,13 @@ def test_each_world_has_its_own_scene(run):
     assert scenes[1].dump[2] == pytest.approx(RD) != pytest.approx(scenes[0].dump[2])
 
 
-def test_obstacles_are_in_metres_and_radians(run):
+def test_obstacles_and_boxes_are_in_metres_radians_and_kilograms(run):
     run = copy(run)
-    run.config = replace(run.config, arena=replace(run.config.arena, obstacles=((4.0, -4.0, 0.8, 0.5, 30.0),)))
+    own = {"obstacles": ((4.0, -4.0, 0.8, 0.5, 30.0),), "boxes": ((-4.0, 4.0, 0.7, 0.4, 20.0, 2e-5, 0.3),)}
+    run.config = replace(run.config, arena=replace(run.config.arena, **own))
     scene = RecordedWorld.of(run, 0).scene
     np.testing.assert_allclose(scene.obstacles, [[4 * RD, -4 * RD, 0.8 * RD, 0.5 * RD, np.pi / 6]])
+    np.testing.assert_allclose(scene.boxes, [[0.7 * RD, 0.4 * RD, 2e-5, 0.3]])
 
 
 def test_walls_are_drawn_around_the_floor_and_obstacles_where_they_stand(run):
@@ -50,7 +53,20 @@ def test_walls_are_drawn_around_the_floor_and_obstacles_where_they_stand(run):
     boxes = {boxes.name: boxes.places for boxes in shapes.arena_boxes(scene)}
     walls = boxes["walls"]
     np.testing.assert_allclose(beyond(walls[:, :2], in_mm(run.config.arena.walls)), walls[:, 2])
+    along = 1e3 * RD * (np.roll(corners, -1, axis=0) - corners)  # each wall, and twice its thickness at either end
+    np.testing.assert_allclose(walls[:, 3] - 2 * walls[:, 2], np.hypot(*along.T) / 2)
+    middle = walls[:, :2] - walls[:, 2:3] * np.column_stack([np.cos(walls[:, 4]), np.sin(walls[:, 4])])
+    np.testing.assert_allclose(middle, 1e3 * RD * np.array(corners) + along / 2)
     rd = 1e3 * RD
     np.testing.assert_allclose(boxes["obstacles"], [[2 * rd, 3 * rd, 1.5 * rd, 0.3 * rd, np.pi / 6]])
     square = shapes.outline(RecordedWorld.of(copy(run), 1).scene._replace(corners=()))
     assert square.max() == pytest.approx(arena.size / 2 * rd) == pytest.approx(-square.min())
+
+
+def test_areas_and_metrics_of_many_steps_are_read_in_blocks(small, monkeypatch):
+    monkeypatch.setattr(frames, "BLOCK", 5)
+    is_east = np.random.default_rng(0).random((13, 4)) < 0.5
+    found = frames._watch(Eastward(2.0), small)({"is_east": is_east, "steps": np.arange(13)})
+    assert found["metric_steps"].tolist() == list(range(13))
+    np.testing.assert_allclose(found["metric_share"], is_east.mean(axis=1))
+    np.testing.assert_allclose(found["area_east"], [[[7e-3, 0, 5e-3]]] * 13)

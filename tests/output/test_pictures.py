@@ -14,6 +14,7 @@ from helpers_recorded import write_run
 from PIL import Image
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.output import video
 from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.saved import load
 from iswarm_mj.output.shapes import floor
@@ -54,21 +55,24 @@ OBLIQUE, SIZE, FILM = [(120, 200), (320, 100)], 400, (640, 480)
 def drawn(directory, small, tmp_path_factory):
     """Directory of pictures of the run and of an emptier one, and of a film, drawn in a process of their own."""
     out, few = tmp_path_factory.mktemp("drawn"), write_run(tmp_path_factory.mktemp("few"))
-    pose = np.array([[[-0.012, 0.008, 0.0]], [[0.0, 0.008, 0.0]], [[0.012, 0.008, 0.0]]], np.float32)
+    pose = np.array([[[x, 0.008, 0.0]] for x in (-0.012, 0.0, 0.012, 0.012)], np.float32)
     write_run(
         out,
         small,
+        step=np.arange(4),
         pose=pose,
-        is_loaded=np.array([[False], [False], [True]]),
+        is_loaded=np.array([[False], [False], [True], [True]]),
         scene_is_scout=np.array([False]),
         scene_ball_radius=np.array([2e-5]),
-        ball_position=np.tile(np.float32([0.015, -0.015, 2e-5]), (3, 1, 1)),
+        ball_position=np.tile(np.float32([0.015, -0.015, 2e-5]), (4, 1, 1)),
     )
     lines = [f"picture {directory} --step 0 --width {SIZE} --height {SIZE} --out {out}/above.png"]
     lines += [
         f"picture {few} --step 0 --camera oblique --width {w} --height {h} --out {out}/{w}x{h}.png" for w, h in OBLIQUE
     ]
-    lines += [f"video {out} --camera above --width {FILM[0]} --height {FILM[1]} --title robot --out {out}/a.mp4"]
+    lines += [
+        f"video {out} --steps 2 --camera above --width {FILM[0]} --height {FILM[1]} --title robot --out {out}/a.mp4"
+    ]
     code = "import sys; from iswarm_mj.commands.main import main; [main(line.split()) for line in sys.argv[1:]]"
     done = subprocess.run([sys.executable, "-c", code, *lines], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -100,7 +104,7 @@ def test_picture_shows_the_robots_in_the_colours_of_their_states(drawn):
 
 @needs_opengl
 def test_a_run_is_filmed(drawn):
-    """Two frames a step, the last step once; a robot that turns blue when it is loaded."""
+    """Two frames a step, step 2 as the last one once; a robot that turns blue when it is loaded."""
     frames = decoded(drawn / "a.mp4", FILM)[0].astype(int)
     assert len(frames) == 5
     upper = frames[:, :236]  # above the dump and the dust areas; the caption is grey
@@ -115,15 +119,47 @@ def test_a_run_is_filmed(drawn):
     assert len(columns(upper[4], LOADED)) > 4 and len(columns(upper[4], EMPTY)) <= 2
 
 
-@needs_opengl
-def test_the_floor_has_the_colours_of_recordings(tmp_path, monkeypatch):
-    """Above all, dust areas are not blue as loaded robots are. Without OpenGL, which other tests use in processes."""
-    monkeypatch.setattr("mujoco.Renderer", MagicMock())
-    run = load(write_run(tmp_path))
+class WithoutOpenGL:
+    """MuJoCo's renderer, which other tests use in processes of their own, without OpenGL."""
+
+    def __init__(self, model, height, width, max_geom):
+        self.scene = mujoco.MjvScene(model, max_geom)
+
+    def __getattr__(self, name):
+        return lambda *_: None
+
+
+def test_a_stage_shows_robots_balls_and_areas_between_two_steps(tmp_path, monkeypatch):
+    """A quarter of the way from step 1 to 2; in the colours of recordings, and balls 15 times as large as they are."""
+    monkeypatch.setattr("mujoco.Renderer", WithoutOpenGL)
+    rng, names = np.random.default_rng(3), ["spot", "ring"]
+    areas = {f"area_{name}": rng.uniform(1e-3, 9e-3, (3, 2, 3)) for name in names}
+    about = {"names": names, "shapes": ["square", "disc"], "colours": [[10, 20, 30], [40, 50, 60]]}
+    more = areas | {f"scene_area_{part}": np.array(values) for part, values in about.items()}
+    more |= {"is_loaded": np.arange(12).reshape(3, 4) == 6, "scene_is_scout": np.arange(4) > 2}
+    more |= {"scene_dust_areas": np.zeros((0, 4)), "ball_position": rng.uniform(0, 9e-3, (3, 2, 3)).astype(np.float32)}
+    run = load(write_run(tmp_path, **more))
     with Stage(run.config, run.arrays, Shot(size=(64, 64))) as stage:
-        for material, colour in (("dump", DUMP), ("dust", DUST)):
-            shown = stage._arena.model.material(material).rgba[:3]
-            np.testing.assert_allclose(255 * shown, rgb(colour), atol=1e-3)
+        stage.show(run.arrays, 1, 0.25)
+        model, data, drawn = stage._arena.model, stage._data, stage._renderer.scene
+    pose, balls = (
+        1e3 * (0.75 * run.arrays[name][1] + 0.25 * run.arrays[name][2]) for name in ("pose", "ball_position")
+    )
+    hulls = [f"robot{robot}/substrate" for robot in range(4)]
+    np.testing.assert_allclose([data.geom(name).xpos[:2] for name in hulls], pose[:, :2], atol=1e-5)
+    colours = [rgb(colour) for colour in (EMPTY, EMPTY, LOADED, SCOUT)]
+    np.testing.assert_allclose([255 * model.geom(name).rgba[:3] for name in hulls], colours, atol=1e-3)
+    np.testing.assert_allclose(data.mocap_pos[stage._arena.mocap], balls, atol=1e-5)
+    assert model.geom("ball1/ball").size[0] == pytest.approx(15 * 2e-2)
+    for material, colour in (("dump", DUMP), ("dust", DUST)):  # above all, dust is not blue as loaded robots are
+        np.testing.assert_allclose(255 * model.material(material).rgba[:3], rgb(colour), atol=1e-3)
+    assert model.geom("dump").size[0] > 1 > 1e-5 > model.geom("dust_west").size[0]  # of which the task has none
+    shown = drawn.geoms[: drawn.ngeom]
+    box, cylinder = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
+    assert [geom.type for geom in shown] == [box, box, cylinder, cylinder]
+    places = 1e3 * np.concatenate([areas[f"area_{name}"][1] for name in names])
+    np.testing.assert_allclose([[*geom.pos[:2], geom.size[0]] for geom in shown], places, rtol=1e-5)
+    np.testing.assert_allclose([255 * geom.rgba[:3] for geom in shown[::2]], about["colours"], atol=1e-3)
 
 
 @pytest.mark.parametrize("corners", [((0, -12), (12, -4), (5, 13), (-12, 2)), ((20, 30),)])
@@ -202,8 +238,11 @@ def decoded(path, size):
 
 
 def test_a_video_that_fails_leaves_the_old_one(tmp_path_factory, tmp_path, monkeypatch):
-    """Whatever the reason, and without a temporary file."""
-    run, out = write_run(tmp_path_factory.mktemp("run")), tmp_path / "a.mp4"
+    """Whatever the reason, and without a temporary file. Above are the title, the step, and metrics of the task."""
+    about = {"scene_metric_names": ["share"], "scene_metric_units": [""], "scene_metric_descriptions": [""]}
+    run, out = write_run(tmp_path_factory.mktemp("run"), **about, metric_share=[0.1, 0.25, 0.5]), tmp_path / "a.mp4"
+    said, captioned = [], video._captioned
+    monkeypatch.setattr(video, "_captioned", lambda pixels, lines: (said.append(lines), captioned(pixels, lines))[1])
     out.write_bytes(b"old")
 
     monkeypatch.setattr("iswarm_mj.output.video.Stage", Blank)
@@ -211,9 +250,11 @@ def test_a_video_that_fails_leaves_the_old_one(tmp_path_factory, tmp_path, monke
     with pytest.raises(UserError, match=r"^ffmpeg could not write"), full_disk(20_000):
         write_video(run, out, *film)
     assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"] and out.read_bytes() == b"old"
-    write_video(run, out, *film)
+    said.clear()
+    write_video(run, out, *film, steps=99, title="few")
+    assert said[::24] == [["few", f"step {step}", f"share {share}"] for step, share in enumerate((0.1, 0.25, 0.5))]
     frames, about = decoded(out, (320, 240))
-    assert len(frames) == 49
+    assert len(frames) == 49  # of all steps, which are fewer
     assert about["codec"] == "h264" and about["pix_fmt"].startswith("yuv420p") and about["fps"] == RATE
     data = out.read_bytes()
     assert data.index(b"moov") < data.index(b"mdat"), "the index comes first, so that it plays while it loads"

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
+from helpers_figures import captured
 
+from iswarm_mj.output import plot_force_curve
 from iswarm_mj.output.plot_force_curve import draw_force_curve, pull_off, snap_in
 
 GAPS = {"approach": (20e-9, 5e-9, 1e-9, -2e-9), "retract": (-2e-9, -1e-9, 1e-9, 20e-9)}
@@ -26,13 +27,22 @@ def test_snap_in_and_pull_off_are_where_the_samples_say():
 
 
 def test_all_is_drawn(tmp_path, monkeypatch):
-    shown, save = [], Figure.savefig
-    monkeypatch.setattr(Figure, "savefig", lambda self, *args, **more: (shown.append(self), save(self, *args, **more)))
-    curves = [rows_of(v, r, 1 + k) for v in (0.0, 20.0) for k, r in enumerate((15e-6, 25e-6))]
+    """In nm and nN, sorted by voltage, then radius; with a mark where it snaps in and where it is pulled off."""
+    shown = captured(monkeypatch, plot_force_curve)
+    scales = {(v, r): 1 + k + v / 10 for v in (0.0, 20.0) for k, r in enumerate((15e-6, 25e-6))}
+    curves = [rows_of(*setting, scale) for setting, scale in reversed(scales.items())]
     draw_force_curve(curves, {"relative_humidity": 30.0}, tmp_path)
-    assert (tmp_path / "force_curve.svg").stat().st_size > 10_000
-    whole, near = shown[0].axes
-    assert len([line for line in whole.lines if len(line.get_xdata()) == 4]) == 8
-    assert near.get_ylim()[1] < 200 < 400 <= -near.get_ylim()[0]
-    marks = [line.get_marker() for line in near.lines if len(line.get_xdata()) == 1]
-    assert sorted(marks) == ["o"] * 4 + ["v"] * 4
+    whole, near = shown["force_curve"]
+    assert near.get_ylim()[1] < 400 < 800 < -near.get_ylim()[0]
+    lines, marks = ([line for line in near.lines if len(line.get_xdata()) == n] for n in (4, 1))
+    for k, (side, scale) in enumerate((side, scale) for scale in scales.values() for side in GAPS):
+        np.testing.assert_allclose(
+            lines[k].get_xydata().T, 1e9 * np.array([GAPS[side], scale * np.array(TOTALS[side])])
+        )
+        place, mark = {"approach": ((1, -90 * scale), "o"), "retract": ((1, -200 * scale), "v")}[side]
+        np.testing.assert_allclose(marks[k].get_xydata(), [place])
+        assert marks[k].get_marker() == mark
+    styles = [(line.get_color(), line.get_linestyle()) for line in lines[::2]]
+    assert len(set(styles)) == 4 and styles[0][0] == styles[1][0] and styles[0][1] == styles[2][1]
+    legend = [text.get_text() for text in whole.get_legend().get_texts()]
+    assert legend == ["0 V", "20 V", "R = 15 µm", "R = 25 µm"]

@@ -1,14 +1,12 @@
 """What is on the figures, read from their axes."""
 
-from contextlib import contextmanager
-
-import matplotlib
 import numpy as np
 import pytest
+from helpers_figures import captured, line
 
-from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
+from iswarm_mj.gripper.laws.adhesion import humidity_factor
+from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
 from iswarm_mj.output import plot_trials
-from iswarm_mj.output.plot_style import STYLE, blank
 from iswarm_mj.output.plot_trials import draw_figures
 
 RADII = (15e-6, 20e-6, 25e-6)
@@ -16,17 +14,7 @@ RADII = (15e-6, 20e-6, 25e-6)
 
 @pytest.fixture
 def shown(monkeypatch):
-    """Axes by the names of their files, which are not written."""
-    axes = {}
-
-    @contextmanager
-    def unwritten(path, **more):
-        with matplotlib.rc_context(STYLE):
-            _, axes[path.name] = blank(**more)
-            yield axes[path.name]
-
-    monkeypatch.setattr(plot_trials, "figure", unwritten)
-    return axes
+    return captured(monkeypatch, plot_trials)
 
 
 def make_row(experiment="grasp", **changes):
@@ -47,11 +35,6 @@ def make_rows(experiment, humidities=(10.0,)):
         for i, radius in enumerate(RADII)
         for repeat in (0, 1)
     ]
-
-
-def line(axes, label):
-    """Points (n, 2) of the first line with a label."""
-    return next(line.get_xydata() for line in axes.lines if line.get_label() == label)
 
 
 def caption(axes):
@@ -92,15 +75,36 @@ def test_force_laws(tmp_path, shown):
     np.testing.assert_allclose(laws["release_voltage"], release_voltage(radius, 2e-3))
 
 
+def test_humidities_and_gaps_have_lines_and_figures_of_their_own(tmp_path, shown):
+    rows = make_rows("grasp", (10.0, 50.0)) + make_rows("release")
+    rows += [make_row("release", gap=3e-6, radius=radius) for radius in RADII]
+    rows.append(make_row(voltage=1.0, faulty=True, radius=15e-6))
+    draw_figures(rows, {}, tmp_path)
+    assert set(shown) == {"grasp_voltage", "grasp_voltage_humidity", "release_voltage", "release_voltage_3um"}
+    (near,), (dry,), (both,) = (shown[n] for n in ("release_voltage_3um", "grasp_voltage", "grasp_voltage_humidity"))
+    assert [bands(axes) for axes in (near, dry, both)] == [[], [(20, 30)], [(20, 30)]]
+    means = [[line.get_label() for line in axes.lines if "mean" in line.get_label()] for axes in (dry, both)]
+    assert means == [["10 % RH, mean"], ["10 % RH, mean", "50 % RH, mean"]]
+    radius, voltage = [line.get_xydata() for line in both.lines if "force laws" in line.get_label()][1].T
+    works = humidity_factor(50.0) * WORK_TOOL_OBJECT, humidity_factor(50.0) * WORK_OBJECT_SUBSTRATE
+    np.testing.assert_allclose(voltage, grasp_voltage(1e-6 * radius, *works))
+    radius, voltage = line(near, "force laws, no dynamics").T
+    np.testing.assert_allclose(voltage, release_voltage(1e-6 * radius, gap=3e-6))
+    assert "n = 2 trials at each radius and humidity" in caption(dry) and "1 faulty trials are left out" in caption(dry)
+
+
 def test_release(tmp_path, shown):
-    rows = [make_row("release", voltage=voltage) for voltage in (41.0, 43.0)]
-    rows.append(make_row("release", voltage=45.0, landed=False, flight_time=None, landing_speed=None))
+    """Of landings 3, 2 and 1 times as long and 1, 2 and 3 times as fast as usual."""
+    rows = [
+        make_row("release", voltage=40.0 + k, flight_time=k * 0.18e-3, landing_speed=(4 - k) * 0.14) for k in (3, 2, 1)
+    ]
+    rows.append(make_row("release", voltage=50.0, landed=False, flight_time=None, landing_speed=None))
     rows.append(make_row("release", voltage=1e9, faulty=True))
     draw_figures(rows, {}, tmp_path)
     (axes,) = shown["release_voltage"]
     assert bands(axes) == [(37, 47)] and axes.get_title() == "Release voltage at 10 % RH, gap 5 µm"
-    np.testing.assert_allclose(line(axes, "10 % RH, mean"), [(20, 43)])
-    assert "2 of 3 released balls landed; medians: flight 0.18 ms, landing at 0.14 m/s." in caption(axes)
+    np.testing.assert_allclose(line(axes, "10 % RH, mean"), [(20, 44)])
+    assert "3 of 4 released balls landed; medians: flight 0.36 ms, landing at 0.28 m/s." in caption(axes)
 
 
 def test_voltages_that_were_not_found(tmp_path, shown):
@@ -116,10 +120,10 @@ def test_voltages_that_were_not_found(tmp_path, shown):
 
 def test_attempts_without_contact(tmp_path, shown):
     rows = [make_row("no_contact", gap=gap, radius=radius) for gap in (1e-6, 3e-6) for radius in RADII]
-    rows.append(make_row("no_contact", gap=0.3e-6, voltage=40.0))
+    rows.append(make_row("no_contact", gap=0.3e-6, voltage=40.0, limit_voltage=60.0))
     draw_figures(rows, {}, tmp_path)
     (axes,) = shown["no_contact"]
-    assert bands(axes) == [(0, 50)] and axes.get_ylim()[0] == 0
+    assert bands(axes) == [(0, 50)] and axes.get_ylim() == (0, 120)
     np.testing.assert_allclose(line(axes, "lifted (1)"), [(0.3, 40)])
     np.testing.assert_allclose(line(axes, "not lifted up to here (6)"), [(1, 50)] * 3 + [(3, 50)] * 3)
     law = line(axes, "force laws, 10 % RH")

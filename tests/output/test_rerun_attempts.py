@@ -42,9 +42,9 @@ def test_as_many_as_have_room_play_one_after_the_other_before_their_step_ends(ro
     first, _ = trace_attempt(LIFT, GAP)
     begin = (STEP - 1) * PERIOD
     assert seconds(log) == pytest.approx([begin, begin + first.time[-1] - first.time[0]], abs=2e-6)
-    assert [row["TextLog:text"][0].split(" (")[0] for row in log] == [
-        "attempt 1 at ball 2: lifted",
-        "attempt 2 at ball 0: not lifted",
+    assert [row["TextLog:text"][0] for row in log] == [
+        "attempt 1 at ball 2: lifted (40 V, 20.0 µm, 4.0 µm beside the axis)",
+        "attempt 2 at ball 0: not lifted (10 V, 17.0 µm, 4.0 µm beside the axis)",
     ]
     assert begin - 1e-6 <= seconds(voltage).min() and seconds(voltage).max() < begin + 0.01 < STEP * PERIOD
     assert {row["step"] for row in voltage} == {STEP}

@@ -11,12 +11,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rerun.blueprint as rrb
 from helpers_rrd import read
 from helpers_swarm_recording import PERIOD, column, cut, make_frames, make_scene, names, write
 from rerun.chunk import RrdReader
 
 from iswarm_mj.output import shapes, swarm_classes
-from iswarm_mj.output.rerun_swarm import Recording, shown_lanes
+from iswarm_mj.output.rerun_swarm import Recording, content, shown_lanes
 from iswarm_mj.output.swarm_classes import states_of
 from iswarm_mj.output.trajectory import AREA, METRIC
 from iswarm_mj.utils.errors import UserError
@@ -35,7 +36,8 @@ def run(tmp_path_factory):
     area = {"area_names": ("spot",), "area_colours": ((9, 9, 9),), "area_shapes": ("square",)}
     scene, frames = scene._replace(**memory, **metric, **area), make_frames(scene)
     frames.memory["wait"] = np.zeros(frames.pose.shape[:2])
-    frames.task.update({AREA + "spot": np.ones((len(frames), 1, 3)), METRIC + "share": np.ones(len(frames))})
+    places = np.random.default_rng(2).uniform(1e-3, 9e-3, (len(frames), 2, 3))
+    frames.task.update({AREA + "spot": places, METRIC + "share": np.ones(len(frames))})
     write(path, scene, frames)
     return scene, frames, read(path)
 
@@ -77,7 +79,38 @@ def test_robots_stand_where_they_stood(run):
     np.testing.assert_allclose(turn, 1.0, atol=1e-5)
     fronts = np.stack(column(recorded, "/world/robots/front", "Points3D:positions")) - centres
     ahead = (fronts[..., 0] + 1j * fronts[..., 1]) * np.exp(-1j * frames.pose[..., 2])
-    np.testing.assert_allclose(np.angle(ahead), 0.0, atol=1e-3)
+    length = np.where(np.arange(40) % 2, 2.4, 2.0)
+    np.testing.assert_allclose(ahead, np.broadcast_to(0.34 * length, ahead.shape), atol=1e-3)  # on the hull
+    np.testing.assert_allclose(fronts[..., 2], np.broadcast_to(0.5 + 0.1 * length, ahead.shape), atol=1e-5)
+
+
+def corners_of(boxes):
+    """Lower and upper corners (..., 6) of recorded boxes that are not turned [mm]."""
+    middle, half = (np.array(boxes[f"Boxes3D:{part}"], float) for part in ("centers", "half_sizes"))
+    return np.concatenate([middle - half, middle + half], axis=-1)
+
+
+def test_dump_dust_and_areas_of_the_task_are_painted_on_the_floor(run):
+    """Walls around it are as high as robots."""
+    scene, frames, recorded = run
+    places, half = np.split(frames.task[AREA + "spot"], [2], axis=-1)
+    spots = np.concatenate([places - half, places + half], axis=-1)
+    for name, areas in (("dump", scene.dump[None]), ("dust_areas", scene.dust_areas), ("spot", spots)):
+        shown = corners_of(recorded[f"/world/arena/{name}"])
+        np.testing.assert_allclose(shown[..., [0, 1, 3, 4]], 1e3 * areas, atol=1e-5)
+        np.testing.assert_allclose(shown[..., [2, 5]], np.broadcast_to([0.02, 0.04], (*areas.shape[:-1], 2)), atol=1e-6)
+    walls = corners_of(recorded["/world/arena/walls"])
+    np.testing.assert_allclose(walls[:, [2, 5]], [[0.0, 1.0]] * 4, atol=1e-6)
+
+
+def test_boxes_are_pushed_and_turned(run):
+    _, frames, recorded = run
+    x, y, yaw = np.moveaxis(frames.box_pose.astype(float), -1, 0)
+    wanted = {"centers": (1e3 * x, 1e3 * y, 0.5), "half_sizes": (2.0, 1.0, 0.5)}
+    wanted["quaternions"] = (0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2))
+    for name, parts in wanted.items():
+        shown = np.array(recorded["/world/boxes"][f"Boxes3D:{name}"])
+        np.testing.assert_allclose(shown, np.stack([part + 0 * x for part in parts], axis=-1), atol=1e-5)
 
 
 def test_load_goes_before_scout_before_worker(run):
@@ -97,7 +130,7 @@ def test_balls(run):
     positions = np.stack(column(recorded, true_size, "Points3D:positions"))
     np.testing.assert_allclose(positions, 1e3 * frames.ball_position, atol=1e-3)
     markers = np.stack(column(recorded, marker, "Points3D:positions"))
-    np.testing.assert_allclose(markers[..., :2], positions[..., :2], atol=1e-6)
+    np.testing.assert_allclose(markers - positions, np.broadcast_to([0, 0, 1.5], markers.shape), atol=1e-5)
     for entity in (true_size, marker):
         classes = np.stack(column(recorded, entity, "Points3D:class_ids"))
         np.testing.assert_array_equal(classes, frames.ball_state + 10)
@@ -137,7 +170,7 @@ def test_arrows_start_at_those_who_know(run, kind):
         who = np.flatnonzero(known[t])
         assert len(origins[t]) == len(vectors[t]) == len(who)
         for i, origin, arrow in zip(who, origins[t], vectors[t], strict=True):
-            np.testing.assert_allclose(origin[:2], 1e3 * frames.pose[t, i, :2], atol=1e-3)
+            np.testing.assert_allclose(origin, [*(1e3 * frames.pose[t, i, :2]), 1.1], atol=1e-3)  # above the robot
             turned = complex(*vector[t, i]) * np.exp(1j * frames.pose[t, i, 2])
             np.testing.assert_allclose(arrow, [1e3 * turned.real, 1e3 * turned.imag, 0], atol=1e-3)
 
@@ -234,20 +267,26 @@ def test_switched_off_by_the_environment(tmp_path, monkeypatch):
     assert (tmp_path / "run.rrd").read_text() == "old"
 
 
-def test_vectors_that_are_not_finite_are_not_drawn(tmp_path):
-    scene = make_scene(5, 2)
-    frames = make_frames(scene, 9)
-    vector = np.ones((9, 5, 2), np.float32)
-    vector[5:, 1] = np.nan
-    own = {"dump_known": np.ones((9, 5), bool), "dump_vector": vector}
-    write(tmp_path / "run.rrd", scene, replace(frames, memory={**frames.memory, **own}))
-    robots = read(tmp_path / "run.rrd")["/world/memory/dump"]["robot"]
-    assert [list(each) for each in robots] == [[0, 1, 2, 3, 4]] * 5 + [[0, 2, 3, 4]] * 4
+def test_vectors_that_are_not_finite_are_not_drawn_nor_those_of_no_length_without_a_flag(tmp_path):
+    scene, frames = make_scene(5, 2), make_frames(make_scene(5, 2), 9)
+    vector = np.tile(np.array([0, 1], np.float32), (9, 5, 1))
+    vector[5:, 1], vector[:, 3] = np.nan, 0
+    memory = {"dump_known": np.ones((9, 5), bool), "dump_vector": vector, "way": vector}
+    about = {"memory_names": tuple(memory), "memory_units": ("", "m", "m"), "memory_sizes": (1, 2, 2)}
+    write(tmp_path / "run.rrd", scene._replace(**about), replace(frames, memory=memory))
+    recorded = read(tmp_path / "run.rrd")
+    for name, before, after in (("dump", [0, 1, 2, 3, 4], [0, 2, 3, 4]), ("way", [0, 1, 2, 4], [0, 2, 4])):
+        assert recorded[f"/world/memory/{name}"]["robot"] == [before] * 5 + [after] * 4
+        shares = np.ravel(recorded[f"/series/known/{name}"]["Scalars:scalars"])
+        np.testing.assert_allclose(shares, [len(before) / 5] * 5 + [len(after) / 5] * 4)
 
 
 def test_a_world_without_balls_links_or_knowledge(tmp_path):
-    scene = make_scene(5, 2)._replace(ball_radius=np.zeros(0))
+    """But with an area that is a disc."""
+    disc = {"area_names": ("light",), "area_colours": ((9, 9, 9),), "area_shapes": ("disc",)}
+    scene = make_scene(5, 2)._replace(ball_radius=np.zeros(0), **disc)
     frames = make_frames(make_scene(5, 2), 4)
+    frames.task[AREA + "light"] = np.arange(1, 13, dtype=np.float32).reshape(4, 1, 3) * 1e-3
     none = {name: np.zeros_like(frames.arrays()[name]) for name in ("link_valid", "is_loaded")}
     none["memory"] = {**frames.memory, "dust_known": np.zeros((4, 5), bool), "dump_known": np.zeros((4, 5), bool)}
     none |= {name: frames.arrays()[name][:, :0] for name in ("ball_position", "ball_state", "ball_holder")}
@@ -256,6 +295,30 @@ def test_a_world_without_balls_links_or_knowledge(tmp_path):
     recorded = read(tmp_path / "run.rrd")
     assert recorded["/world/links"]["LineStrips3D:strips"] == [[]] * 4
     assert recorded["/world/balls/true_size"]["Points3D:positions"] == [[]] * 4
+    light = [recorded["/world/arena/light"][f"Cylinders3D:{part}"] for part in ("centers", "radii", "lengths")]
+    centres, radii = np.array(light[0])[:, 0, :2], np.array(light[1])
+    np.testing.assert_allclose(np.hstack([centres, radii]), np.arange(1, 13).reshape(4, 3), rtol=1e-5)
+    np.testing.assert_allclose(light[2], 0.02)
+
+
+def test_views_hide_what_others_show():
+    views = content(make_scene()).contents[0].contents
+    hidden = {
+        view.name: {n for n, own in view.visualizer_overrides.items() if isinstance(own, rrb.EntityBehavior)}
+        for view in views
+    }
+    dust, dump, links, trails = "world/memory/dust", "world/memory/dump", "world/links", "world/trails"
+    bare = {dust, dump, links, trails, "world/balls/marker"}
+    assert hidden == {
+        "Arena (mm)": {dust, dump},
+        "Vectors: dust (mm)": {dump, links, trails},
+        "Vectors: dump (mm)": {dust, links, trails},
+        **{f"Hop counts: {name}": bare for name in ("dust", "dump")},
+        "Links and ids": {dust, dump, trails},
+    }
+    coloured = {view.name: view.visualizer_overrides.get("world/robots/body") for view in views}
+    for name in ("dust", "dump"):
+        assert coloured[f"Hop counts: {name}"].mappings[0].source_component == f"{name}_hop_colour"
 
 
 @pytest.mark.parametrize("teams", [(), ("home", "guests")])

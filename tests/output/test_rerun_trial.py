@@ -7,7 +7,8 @@ from helpers_trace import RADIUS, bench_trace
 from rerun.chunk import RrdReader
 
 from iswarm_mj import __version__
-from iswarm_mj.output.rerun_trial import record_trace
+from iswarm_mj.output.palette import GREEN, ORANGE, rgb
+from iswarm_mj.output.rerun_trial import layout, record_trace
 from iswarm_mj.output.trial_shapes import LINES, trial_shapes
 
 SETTINGS = {"seed": 3, "protocol": {"step_voltage": 0.25}, "impl": None, "note": "a|b"}
@@ -30,9 +31,9 @@ def moving(path):
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """A file, and what moves in it."""
+    """A file of a trial with a thin tool, and what moves in it."""
     path = tmp_path_factory.mktemp("record") / "trial.rrd"
-    record_trace(path, bench_trace(), SETTINGS)
+    record_trace(path, bench_trace()._replace(probe_radius=12e-6), SETTINGS)
     return path, moving(path)
 
 
@@ -87,11 +88,20 @@ def test_states_change_when_they_change(recorded):
     assert places == wanted
     potentials = [row[0] for row in recorded[1]["/states/potential"][1]["StateChange:state"]]
     assert potentials == ["plate's", "probe's", "plate's"]
+    classes = np.ravel(recorded[1]["/world/ball"][1]["Points3D:class_ids"])
+    np.testing.assert_array_equal(classes, ~trace.on_plate_potential)
+    (context,) = read(recorded[0])["/world"]["AnnotationContext:context"]
+    named = {each["class_id"]: each["class_description"]["info"] for each in context}
+    for place, (label, colour) in enumerate((("plate's", ORANGE), ("probe's", GREEN))):
+        assert (named[place]["label"], named[place]["color"].to_bytes(4, "big")[:3]) == (label, bytes(rgb(colour)))
 
 
 def test_the_file_has_a_layout_and_its_settings(recorded):
-    path, _ = recorded
+    """It plays for 15 s."""
+    path, trace = recorded[0], bench_trace()
     assert len(RrdReader(path).blueprints()) == 1
+    assert layout(trace).time_panel.playback_speed == pytest.approx((trace.time[-1] - trace.time[0]) / 15)
     assert [file.name for file in path.parent.iterdir()] == ["trial.rrd"]
-    kept = read(path)["/__properties/settings"]
+    kept, radii = read(path)["/__properties/settings"], {"probe": "Cylinders3D", "ball": "Points3D"}
+    assert {n: read(path)[f"/world/{n}"][f"{kind}:radii"] for n, kind in radii.items()} == {"probe": [12], "ball": [20]}
     assert kept["version"] == [__version__] and kept["seed"] == [3] and kept["protocol.step_voltage"] == [0.25]

@@ -19,15 +19,16 @@ from iswarm_mj.utils.profiling import Stopwatch
 def test_a_run_that_finishes_early_is_rewarded_for_all_steps_left(small):
     """Ten points for each of those that it was given, not of those that it took."""
     measures, faults = [Measures(24, 24, 60, 5.0, step) for step in (40, 55)], []
+    metrics = {"picked": np.array([24, 24]), "share": np.array([np.nan, 0.5])}
     parts = {"config": small, "rules": {"genome": asdict(Genome())}, "robot": read_robot(None), "robot_file": None}
     parts |= {"settings": RunSettings(30, 100, n_worlds=2), "identity": {}, "devices": ["cpu"], "faults": faults}
-    parts |= {"measures": measures.__getitem__, "metrics": lambda: {"picked": np.array([24, 24])}, "step": 55}
+    parts |= {"measures": measures.__getitem__, "metrics": lambda: metrics, "step": 55}
     run = SimpleNamespace(**parts, task=CLEANING, goal=24, watch=Stopwatch(), first_call_s=2.5, step_s=0.01)
     content = results.result(run, 1.0)
     assert content["fitness"] == pytest.approx([40 * 24 + 10 * 60 - 0.1, 40 * 24 + 10 * 45 - 0.1])
     assert content["seconds"] == {"first_call": 2.5, "control_step": 0.01}
     assert content["finished_at"] == [40, 55] and (content["steps"], content["max_steps"]) == (55, 100)
-    assert content["metrics"] == {"picked": [24, 24]} and content["devices"] == ["cpu"]
+    assert content["metrics"] == {"picked": [24, 24], "share": [None, 0.5]} and content["devices"] == ["cpu"]
 
 
 def test_further_worlds_of_an_earlier_run_are_removed(tmp_path):

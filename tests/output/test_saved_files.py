@@ -7,6 +7,7 @@ import numpy as np
 import pyarrow.compute as pc
 import pytest
 from helpers_recorded import of_world, write_run
+from helpers_rrd import read
 from helpers_runs import run_of
 
 import iswarm_mj
@@ -17,14 +18,42 @@ from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.clean import clean
 
+MADE = []
+
+
+class Attempts(list):
+    """In place of a view of attempts, what it is told of each step; `MADE` has those of each recorded world."""
+
+    def __init__(self, *_):
+        MADE.append(self)
+
+    def append(self, *told):
+        super().append(told)
+
 
 @pytest.fixture(scope="module")
 def small_run(small, tmp_path_factory):
     """Directory of a run of 30 robots, a fifth of them dead, that ends before a second recorded world."""
     out = tmp_path_factory.mktemp("small")
     run = run_of(small, n_worlds=3, steps=60, seed=6, stop_at=1, failed_fraction=0.2, record_worlds=(1, 0))
-    clean(run, out)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("iswarm_mj.output.rerun_attempts.AttemptView", Attempts)
+        clean(run, out, grasps=9)
     return out
+
+
+def test_attempts_are_told_with_their_steps(small_run):
+    for told, place in zip(MADE, (small_run, small_run / "world-0"), strict=True):
+        with np.load(place / TRAJECTORY) as file:
+            states, positions = file["ball_state"], 1e3 * file["ball_position"]
+        assert [step for step, *_ in told] == list(range(1, len(states)))
+        for step, attempts, balls in told:
+            before, now = states[step - 1], states[step]
+            for is_lift, changed in ((True, (before == 0) & (now == 1)), (False, (before == 1) & (now == 2))):
+                done = [tried.ball for tried in attempts if tried.is_lift == is_lift and tried.succeeded]
+                assert done == np.flatnonzero(changed).tolist()
+            np.testing.assert_allclose(balls[now != 1], positions[step, now != 1, :2], atol=1e-4)
+        assert sum(len(attempts) for _, attempts, _ in told) > 3
 
 
 def test_the_dead_and_worlds_that_have_ended_say_and_do_nothing(small_run):
@@ -52,6 +81,10 @@ def test_each_recorded_world_has_its_own_folder(small_run):
     for place, world in ((small_run, 1), (small_run / "world-0", 0)):
         with np.load(place / TRAJECTORY) as file:
             assert file["scene_world"] == world and file["collisions"][-1] == content["collisions"][world]
+        kept = {"steps": content["finished_at"][world], "collisions": content["collisions"][world]}
+        kept |= {name: content[name][world] for name in ("picked", "delivered")}
+        found = read(place / RECORDING)["/__properties/result"]
+        assert {name: found[name] for name in kept} == {name: [value] for name, value in kept.items()}
 
 
 def test_any_file_of_a_run_will_do(small_run):
@@ -87,6 +120,13 @@ def test_a_run_that_was_interrupted(small_run, copy):
     assert saved.config == whole.config and saved.genome == whole.genome
     assert saved.result.items() < whole.result.items()
     assert saved.robots.equals(of_world(whole.robots, 1))
+
+
+def test_a_result_of_another_run_above_is_not_that_of_the_trajectory(copy):
+    place = copy()
+    (place / "part").mkdir()
+    (place / TRAJECTORY).rename(place / "part" / TRAJECTORY)
+    assert iswarm_mj.load(place / "part").result.items() < iswarm_mj.load(place).result.items()
 
 
 def test_a_trajectory_that_needs_more_memory_than_there_is(copy, monkeypatch):

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 from helpers_swarm_recording import make_frames, make_scene, names
 
-from iswarm_mj.output.swarm_classes import states_of
+from iswarm_mj.output.palette import EMPTY, LOADED, rgb
+from iswarm_mj.output.swarm_classes import robot_classes, shown_classes, states_of
 
 
 def of_robots(**more):
@@ -37,3 +38,18 @@ def test_states_by_hand():
 def test_states_that_cannot_be_are_left_out():
     scene, _ = of_robots(ball_radius=np.zeros(0), memory_names=(), memory_units=(), memory_sizes=())
     assert names(scene) == ["empty", "empty, stands", "dead"]
+
+
+def test_loaded_robots_of_teams_are_darker():
+    scene, _ = of_robots(team_names=("home", "guests"), team_sizes=(2, 4))
+    is_loaded = np.array([[False, True, False, True, True, False]])
+    assert robot_classes(scene, is_loaded, ~is_loaded).tolist() == [[30, 31, 32, 33, 33, 32]]
+    shown = shown_classes(scene)
+    assert [(place, label) for place, label, _ in shown] == [
+        *((30, "home"), (31, "home, loaded")),
+        *((32, "guests"), (33, "guests, loaded")),
+    ]
+    colours = np.array([colour for *_, colour in shown])
+    assert colours[[0, 2]].tolist() == [list(rgb(EMPTY)), list(rgb(LOADED))]
+    assert (colours[[1, 3]] == colours[[0, 2]] * 3 // 5).all()
+    assert shown_classes(scene._replace(ball_radius=np.zeros(0))) == shown[::2]

@@ -8,18 +8,18 @@ from helpers_sensing import remember
 from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.tables import table_of
 from iswarm_mj.output.trajectory import METRIC
-from iswarm_mj.sensors.fields import Flag, Integer, Vector
+from iswarm_mj.sensors.fields import Flag, Integer, Real, Vector
 from iswarm_mj.sensors.messages import Message, Payload
 
 
 def test_what_a_strategy_records_as_a_column_is_called_gets_another_name():
-    """`x` and `world` are columns, and `home_0` is made of two numbers before there is a `home_0`."""
+    """`x` and `world` are columns, and `home_0` is of a vector without a flag before there is a `home_0`."""
     made, values = arrays(), np.arange(12.0).reshape(3, 4)
     names, sizes = ["x", "world", "home", "home_0", "memory_x"], [1, 1, 2, 1, 1]
     for number, (name, size) in enumerate(zip(names, sizes, strict=True)):
         each = [values + 100 * number + 50 * place for place in range(size)]
         made[name] = each[0] if size == 1 else np.stack(each, axis=-1)
-    about = scene()._replace(memory_names=names, memory_units=[""] * 5, memory_sizes=sizes, world=7)
+    about = scene()._replace(memory_names=names, memory_units=["", "", "m", "", ""], memory_sizes=sizes, world=7)
     table = table_of("robots", made, about)
     assert len(set(table.column_names)) == len(table.column_names)
     np.testing.assert_array_equal(table["x"].to_numpy(), made["pose"][..., 0].ravel())
@@ -40,14 +40,18 @@ def test_what_a_strategy_records_and_says_under_one_name():
     assert table["memory_said_count"].to_pylist() == [9] * 12
 
 
-def test_vectors_that_robots_say_are_in_metres():
-    """20 mm to the left, of at most 62 in 31 steps."""
-    payload = Payload({"home": Vector(62.0)})
-    word = np.asarray(payload.pack(Message(np.int32(0), {"home": remember([0.0, 20.0], hop=3)}), 4))
+def test_lengths_that_robots_say_are_in_metres():
+    """20 mm to the left, of at most 62 in 31 steps; 5 mm deep."""
+    payload = Payload({"home": Vector(62.0), "depth": Real(0, 7, bits=3, unit="mm")})
+    said = {"home": remember([0.0, 20.0], hop=3), "depth": np.float32(5)}
+    word = np.asarray(payload.pack(Message(np.int32(0), said), 4))
     made = arrays() | {"message": np.full((3, 4), word, np.uint32)}
     table = table_of("robots", made, scene()._replace(payload=stored(payload)))
     x, y, hop = (table[f"said_home_{part}"].to_pylist()[4:] for part in ("x", "y", "hop"))
     assert x == pytest.approx([0.0] * 8, abs=1e-8) and y == pytest.approx([0.02] * 8) and hop == [3] * 8
+    assert table["said_depth"].to_pylist()[4:] == pytest.approx([5e-3] * 8)
+    units = {part: table.schema.field(f"said_{part}").metadata[b"unit"] for part in ("home_y", "home_hop", "depth")}
+    assert units == {"home_y": b"m", "home_hop": b"", "depth": b"m"}
 
 
 def test_dead_robots_say_nothing_and_have_no_priority():

@@ -6,6 +6,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 from threading import Event
+from types import SimpleNamespace
 
 import msgspec
 import numpy as np
@@ -17,8 +18,13 @@ from helpers_cli import code_of
 from iswarm_mj import SwarmConfig, play
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.gripper.bench.force_curve import force_curve
+from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.laws.detachment import WORK_TOOL_OBJECT, release_voltage
 from iswarm_mj.output.frames import RecordedWorld
+from iswarm_mj.output.palette import GREEN, ORANGE, rgb
 from iswarm_mj.output.saved import load, scene_of
+from iswarm_mj.output.trial_shapes import trial_shapes
 from iswarm_mj.player import replay
 from iswarm_mj.player.bench import BenchSettings, outcome
 from iswarm_mj.player.film import Film
@@ -75,7 +81,8 @@ def test_clicks_select_kill_and_drop(played):
     session, panel = played.session, played._panel
     session.advance()
     x, y = session.snapshots[-1].frames.pose[0, 5, :2] * 1e3
-    panel.clicked(x + 0.1, y, 1.6)
+    way = np.array([0.1, 0.6, -0.8])  # to half the height of robot 5
+    played._clicked(SimpleNamespace(ray_origin=np.array([x + 0.1, y, 0.5]) - 90 * way, ray_direction=2 * way))
     assert panel.view.selected == 5
     panel.update()
     assert "20 robots · cleaning, type1" in panel._status.content
@@ -86,6 +93,7 @@ def test_clicks_select_kill_and_drop(played):
     panel.clicked(0.0, 20.0, 1.6)
     panel.click = REMOVE
     panel.clicked(x, y, 1.6)
+    panel.clicked(x, y, 1.6)
     panel.click = BUILD
     for place in ((20.0, -20.0), (-20.0, -20.0), (-20.5, -19.5)):  # the third one takes the second away
         panel.clicked(*place, 1.6)
@@ -94,7 +102,24 @@ def test_clicks_select_kill_and_drop(played):
     assert ended.wait(60)  # the page's own thread works
     assert [change.what for change in session.made] == ["kill", "ball"]
     assert not session.is_alive[5] and session.run.settings.n_robots == 20
-    assert session.wanted.n_robots == 19 and session.wanted.config.arena.obstacles == ((7.07, -7.07, 1.0, 1.0, 0.0),)
+    panel.update()
+    assert "**Reset** applies: robots, obstacles." in panel._status.content
+    assert session.wanted.n_robots == 18 and session.wanted.config.arena.obstacles == ((7.07, -7.07, 1.0, 1.0, 0.0),)
+
+
+def test_what_is_drawn_lies_between_two_steps(played, monkeypatch):
+    """A quarter of a second at ten steps a second, but at most three steps behind the latest."""
+    played._stop.set()
+    for thread in played._threads:
+        thread.join()
+    session, shown = played.session, []
+    monkeypatch.setattr(played._panel.view, "show", lambda past, share, _: shown.append((past[-1].step[0], share)))
+    for _ in range(4):
+        session.advance()
+    for begin in (0.0, 1.25, 3.0):
+        session.shown = begin
+        played._draw(0.0, 0.25)
+    assert shown == [(3, 0.5), (4, 0.75), (4, 1.0)]
 
 
 def test_the_bench_draws_the_curve_of_its_sliders_and_a_trial(played):
@@ -111,6 +136,11 @@ def test_the_bench_draws_the_curve_of_its_sliders_and_a_trial(played):
     bench._due.add("trial")
     wait(lambda: bench.trace is not None)
     assert bench.trace.voltage.max() >= 40
+    bench.hold(60.0)
+    where, sample = trial_shapes(bench.trace), int(0.6 * len(bench.trace.time))
+    for node, part in ((bench._ball, where.ball), (bench._mark, where.mark), (bench._probe, where.probe)):
+        np.testing.assert_allclose(node.position, bench._scale * part[sample], rtol=1e-6)
+    assert tuple(bench._ball.color) == rgb(ORANGE if bench.trace.on_plate_potential[sample] else GREEN)
 
 
 @pytest.fixture(scope="module")
@@ -183,10 +213,15 @@ def test_the_force_curve_follows_voltage_and_humidity():
     assert (np.diff(height) > 0).all() and np.isfinite([there, back]).all()
     assert there.max() > 100 > -100 > back.min()  # pressed, then pulled off
     assert max(abs(there[-1]), abs(back[-1])) < 1  # of no voltage far away
+    for row in force_curve(BenchSettings(voltage=0).trial, Protocol(), 0.0)[::40]:
+        side = there if row["direction"] == "approach" else back
+        assert np.interp(1e6 * row["tip"], height, side) == pytest.approx(1e9 * row["total"], abs=1e-6)
 
 
 def test_the_outcome_of_a_trial():
     assert "stays on the plate" in outcome(BenchSettings(voltage=5).trace())
-    assert "let go" in outcome(BenchSettings(voltage=45).trace())
+    lifted = outcome(BenchSettings(voltage=45, gap=9).trace())
+    volts = float(re.search(r"let go at (\d+) V", lifted)[1])
+    assert volts == pytest.approx(release_voltage(15e-6, WORK_TOOL_OBJECT, 9e-6), rel=0.08)  # the charge follows
     with pytest.raises(UserError):
         BenchSettings(radius=500)

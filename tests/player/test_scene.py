@@ -2,21 +2,29 @@
 
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from helpers_robots import two_kinds
+from helpers_swarm_recording import make_frames, make_scene
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.output import shapes
+from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.palette import LOADED, rgb
 from iswarm_mj.output.shapes import TRAIL_FRAMES, link_ends
 from iswarm_mj.output.swarm_classes import BALL_CLASSES
 from iswarm_mj.player import scene as arrays
+from iswarm_mj.player.inspection import described
 from iswarm_mj.player.page import close_server, open_server
 from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
-from iswarm_mj.player.view import SwarmView
+from iswarm_mj.player.view import SwarmView, aim
+from iswarm_mj.sensors.fields import Integer
+from iswarm_mj.sensors.messages import Message, Payload
+from iswarm_mj.utils.units import RD
 
 CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
 
@@ -44,6 +52,9 @@ def test_robots_and_balls_are_where_the_engine_has_them(session):
     balls = session.run.task_state
     lying = ~balls.is_held[0]
     np.testing.assert_allclose(shown.ball[lying, :2], balls.position[0][lying], atol=1e-3)
+    above = np.where(lying, 0.0, 1.2)  # on top of its robot
+    np.testing.assert_allclose(shown.ball[:, 2], 1e3 * after.ball_position[0, :, 2] + above, atol=1e-5)
+    assert 0 < lying.sum() < len(lying)
     colours = {label: colour for _, label, colour in BALL_CLASSES}
     expected = np.where(balls.is_held[0], 1, np.where(balls.is_delivered[0], 2, 0))
     np.testing.assert_array_equal(shown.ball_colour, np.array(list(colours.values()))[expected])
@@ -54,6 +65,66 @@ def server():
     server = open_server(9300)
     yield server
     close_server(server)
+
+
+def test_lines_lead_to_senders_that_are_heard_or_damaged(session, server):
+    scene, before, after = last(session)
+    view = SwarmView(server.scene, scene)
+    view.show([before, after], 1.0)
+    ends, heard = link_ends(after, shapes.centres(scene, after.pose)), after.link_heard[after.link_valid]
+    assert 0 < heard.sum() != (~heard).sum() > 0
+    for name, which in (("heard", heard), ("damaged", ~heard)):
+        np.testing.assert_allclose(view._lines[name].points, ends[which], atol=1e-5)
+
+
+def test_boxes_are_turned_where_they_are_pushed_and_obstacles_where_they_are_wished(server):
+    scene = make_scene(4, 2)
+    frames, view = make_frames(scene, 2), SwarmView(server.scene, scene)
+    view.show([frames[:1], frames[1:]], 0.25)
+    view.wish([(4.0, -4.0, 0.8, 0.5, 30.0)])
+    pose = [1e3, 1e3, 1] * (0.75 * frames.box_pose[0, 0] + 0.25 * frames.box_pose[1, 0])
+    wished = np.array([4 * RD, -4 * RD, np.pi / 6]), [0.8 * RD, 0.5 * RD, 1]
+    for node, (x, y, yaw), sizes in ((view._boxes, pose, [2, 1, 1]), (view._wished, *wished)):
+        np.testing.assert_allclose(node.batched_positions, [[x, y, 0.5]], rtol=1e-5)
+        np.testing.assert_allclose(node.batched_wxyzs, [[np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]], atol=1e-6)
+        np.testing.assert_allclose(node.batched_scales, [sizes], rtol=1e-5)
+
+
+@pytest.mark.parametrize("aspect", [0.5, 2.0])
+def test_a_camera_sees_all_of_the_arena_and_little_more(aspect):
+    camera, scene = SimpleNamespace(), make_scene(4, 2)
+    aim(camera, scene, aspect)
+    corners = np.column_stack([shapes.outline(scene), np.zeros(4)]) - camera.position
+    ahead = np.array(camera.look_at) - camera.position
+    up = np.cross([1, 0, 0], ahead)
+    places = np.stack([corners[:, 0] / aspect, corners @ up / np.linalg.norm(up)], axis=1)
+    places /= (corners @ ahead / np.linalg.norm(ahead))[:, None] * np.tan(camera.fov / 2)
+    assert 0.9 < np.abs(places).max() < 1
+
+
+def test_what_a_robot_knows_hears_and_says():
+    payload = Payload({"count": Integer(bits=4)})
+    scene = make_scene(4, 2)._replace(is_scout=np.arange(4) == 2, payload=stored(payload))
+    own = {"message": np.asarray(payload.pack(Message(np.zeros(4, int), {"count": np.array([3, 5, 7, 9])}), 4))}
+    own |= {
+        "pose": np.array([[0, 0, 0]] * 2 + [[1e-3, -2e-3, -np.pi / 2]] + [[0, 0, 0]]),
+        "is_loaded": np.arange(4) > 1,
+    }
+    own |= {"command": np.array([[0, 0]] * 2 + [[np.pi / 6, 1.5e-4]] + [[0, 0]])}
+    links = {name: np.zeros((4, 4), int) for name in ("valid", "sender", "heard", "distance")}
+    links["valid"][2, [0, 3]], links["sender"][2], links["heard"][2, 0] = 1, (1, 0, 0, 3), 1
+    links |= {"valid": links["valid"] > 0, "heard": links["heard"] > 0, "distance": np.arange(16).reshape(4, 4) * 5e-4}
+    own |= {f"link_{name}": values for name, values in links.items()}
+    frames = replace(make_frames(scene, 1), **{name: values[None] for name, values in own.items()})
+    memory = {"age": np.arange(4.0)[None, None], "is_odd": np.arange(4)[None, None] % 2 > 0}
+    assert described(scene, frames, memory, 2).splitlines() == [
+        "**Scout 2**, loaded",
+        "At 1.0, -2.0 mm, heading 270°. It turned by 30° and walked 0.15 mm.",
+        *("", "| remembers | |", "|---|---|", "| age | 2 |", "| is_odd | no |"),
+        *("", "| says | |", "|---|---|", "| count | 7 |"),
+        *("", "| hears | robot | at [mm] | |", "|---|---|---|---|"),
+        *("| front | 1 | 4.0 | count 5 |", "| right | 3 | 5.5 | damaged |"),
+    ]
 
 
 def test_balls_are_drawn_as_large_as_they_are(session, server):
@@ -74,16 +145,6 @@ def test_robots_and_the_balls_that_they_carry_are_between_two_steps(session):
         np.testing.assert_allclose(middle[held], 0.75 * first[held] + 0.25 * end[held], atol=1e-4)
         n_moved += (np.linalg.norm(end[held] - first[held], axis=-1) > 0.2).sum()
     assert n_moved > 10
-
-
-def test_links_lead_from_receivers_to_senders_in_range(session):
-    scene, before, after = last(session)
-    centre = arrays.moment(scene, before, after, 1.0).centre
-    ends = link_ends(after, centre[None])
-    assert len(ends) == after.link_valid.sum() > 0
-    for end in ends.reshape(-1, 3):
-        assert np.isclose(centre, end).all(axis=1).any()
-    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).max() < (3.5 + 1.2) * 2 * np.sqrt(2)
 
 
 def test_arrows_are_what_robots_remember_turned_to_the_arena(session):
@@ -110,11 +171,15 @@ def test_colours_of_states_deaths_and_hops(session):
     loaded = after.is_loaded[0] & ~after.has_priority[0] & alive
     assert (found[loaded] == rgb(LOADED)).all() and tuple(found[1]) == arrays.DEAD
     assert arrays.ways_to_colour(scene, after, np.ones(20)) == ["state", "hops to dust", "hops to dump", "energy"]
-    hops = arrays.colours(scene, after, "hops to dust")
-    unknown = ~after.memory["dust_known"][0]
-    assert len(np.unique(hops[unknown], axis=0)) <= 1
-    energy = arrays.colours(scene, after, "energy", np.arange(20.0))
-    assert len(np.unique(energy, axis=0)) == 16  # of 0 to 15
+    known = {"dust_hop": np.arange(20)[None] % 16, "dust_known": np.arange(20)[None] != 1}
+    hops = arrays.colours(scene, replace(after, memory=after.memory | known), "hops to dust")
+    grades = [(68, 1, 84), (170, 170, 170), (33, 145, 140), (253, 231, 37)]
+    assert [tuple(colour) for colour in hops[[0, 1, 8, 15]].tolist()] == grades
+    energy = arrays.colours(scene, after, "energy", np.arange(7.0, 27.0))
+    assert len(np.unique(energy, axis=0)) == 16 and energy[[0, 19]].tolist() == hops[[0, 15]].tolist()
+    legend = arrays.legend(scene, "energy", alive)
+    told = dict(zip(("none", "0 or least", "15 or most"), (grades[place] for place in (1, 0, 3)), strict=True))
+    assert dict(legend).items() >= {**told, "dead": arrays.DEAD}.items()
 
 
 def test_trails_end_at_loaded_robots(session):
@@ -128,7 +193,7 @@ def test_trails_end_at_loaded_robots(session):
 
 
 def test_hulls_are_drawn_with_their_sizes(tmp_path, server):
-    session = Session(Scenario(CONFIG, robots=6, engine=PlanarSettings(), robot_file=two_kinds(tmp_path, 6)))
+    session = Session(Scenario(CONFIG, engine=PlanarSettings(), robot_file=two_kinds(tmp_path, 6)))
     session.advance()
     view = SwarmView(server.scene, session.scene)
     view.show([one.frames for one in session.snapshots], 1.0)

@@ -12,7 +12,7 @@ import pytest
 from iswarm_mj.commands.main import parse
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.player.changes import Change
+from iswarm_mj.player.changes import Change, edit
 from iswarm_mj.player.controls import controls, is_live
 from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
@@ -21,6 +21,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import RD
 
 CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
 SCENARIO = Scenario(CONFIG, robots=20, seed=3, engine=PlanarSettings())
@@ -57,7 +58,7 @@ def test_a_session_is_a_run():
     assert_same(steps(Session(SCENARIO), 6).run, run)
 
 
-def test_play_pause_step_and_reset():
+def test_play_pause_step_and_reset(monkeypatch):
     session = Session(SCENARIO)
     assert not session.work() and session.step == 0
     session.is_playing = True
@@ -68,7 +69,13 @@ def test_play_pause_step_and_reset():
     session.work()
     assert session.step == 2  # not farther ahead of what is shown
     session.is_playing = False
-    session.advance()
+    clock, advance = [0.0], session.run.advance
+    with monkeypatch.context() as patch:
+        patch.setattr("time.perf_counter", lambda: clock[0])
+        patch.setattr(session.run, "advance", lambda: (clock.insert(0, clock[0] + 0.25), advance())[1])
+        session._laps.clear()
+        session.advance()
+    assert session.rate == 4
     first = state(session.run)
     session.reset()
     assert session.step == 0 and session.version == 2
@@ -148,6 +155,19 @@ def test_a_ball_lies_where_it_was_dropped():
     assert distance.min() < 1e-4 and balls.is_lying[0, distance.argmin()]
 
 
+def test_the_farthest_ball_is_dropped_of_those_delivered_if_there_are_any(begun):
+    place, swarm = np.array([9.0, 9.0]) * RD, jax.tree.map(np.array, begun.run.arrays()[1].swarm)
+    drop, balls = edit(begun.run, Change(1, "ball", "9.0,9.0")), swarm.task
+    order = np.argsort(np.linalg.norm(balls.position[0] - place, axis=-1))
+    balls.is_held[0, order[-1]] = True
+    for wanted, delivered in ((order[-2], []), (order[2], order[:3])):
+        balls.is_delivered[0, delivered] = True
+        after = drop(swarm).task
+        assert np.flatnonzero((after.position != balls.position).any(axis=-1)[0]).tolist() == [wanted]
+        np.testing.assert_allclose(after.position[0, wanted], place, rtol=1e-6)
+        assert not after.is_delivered[0, wanted] and after.is_delivered.sum() == max(0, len(delivered) - 1)
+
+
 IMPOSSIBLE = ["kill=20", "kill=x", "revive=-1", "ball=99,0", "ball=nan,0", "ball=3", "ball=a", "nothing=1", "robots=3"]
 IMPOSSIBLE += ["p_vector_forget=2", "use_hop_count=1"]
 
@@ -193,14 +213,18 @@ def test_controls_have_the_ranges_that_settings_declare():
 def test_each_control_takes_its_own_value():
     for control in controls(SCENARIO):
         assert SCENARIO.set(control.name, control.value).get(control.name) == control.value
+    sparse = SCENARIO.set("density_of_robots", 0.1)
+    assert sparse.n_robots == Scenario(CONFIG, strategy=replace(TYPE1, density_of_robots=0.1)).n_robots != 20
     paper = Scenario(strategy=Beeclust()).set("strategy", "type2")
     assert paper.strategy == PRESETS["type2"]
 
 
 def test_switches_of_a_genome_are_copied():
-    scenario = replace(SCENARIO, strategy=replace(TYPE1, use_hop_count=not TYPE1.use_hop_count))
+    """But not the density where the number of robots is given."""
+    own = replace(TYPE1, use_hop_count=not TYPE1.use_hop_count)
+    scenario = replace(SCENARIO, strategy=replace(own, density_of_robots=0.2))
     command = parse(["play", *shlex.split(Session(scenario).command())[2:-2]])
-    assert command.session().start.genome == scenario.genome
+    assert command.session().start.genome == own
 
 
 def test_earlier_changes_of_a_setting_are_kept():

@@ -12,7 +12,7 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.layout import free_cells
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.obstacles import mean_distance
+from iswarm_mj.utils.obstacles import distances, mean_distance, numbers, overlap
 from iswarm_mj.utils.walls import area_of, beyond, half_planes
 
 SMALL = {"dump_size": 2, "dust_area_size": 1, "dust_area_offset": 3}
@@ -60,6 +60,20 @@ def test_the_mean_distance_from_the_middle_of_a_rectangle(a, b):
     assert mean_distance(a, b) == pytest.approx(np.hypot(x, y).mean(), rel=1e-5)
 
 
+def test_boxes_overlap_where_points_of_one_lie_in_the_other():
+    """Turned boxes, and a grid of points in each; few overlap by less than lies between two points."""
+    rng, (u, v) = np.random.default_rng(0), np.meshgrid(np.linspace(-1, 1, 31), np.linspace(-1, 1, 31))
+    first, second = rng.uniform([-2, -2, 0.2, 0.2, -180], [2, 2, 2, 1, 180], (2, 500, 5))
+    turns = [np.exp(1j * np.radians(boxes[:, 4:])) for boxes in (first, second)]
+    points = first[:, :2] @ [[1], [1j]] + turns[0] * (first[:, 2:3] * u.ravel() + 1j * first[:, 3:4] * v.ravel())
+    seen = (points - second[:, :2] @ [[1], [1j]]) / turns[1]
+    x, y = (np.maximum(np.abs(part) - second[:, k : k + 1], 0) for k, part in ((2, seen.real), (3, seen.imag)))
+    away = distances(np.stack([points.real, points.imag], axis=-1), numbers(second)[:, None])
+    np.testing.assert_allclose(away, np.hypot(x, y), atol=1e-9)
+    found, has_points = overlap(numbers(first), numbers(second)), (away == 0).any(axis=1)
+    assert found[has_points].all() and 100 < has_points.sum() < 400 and (found != has_points).sum() < 10
+
+
 WRONG = [
     *(
         ({"outline": outline}, says)
@@ -101,6 +115,10 @@ WRONG = [
             ((24, 0, 1, 1, 0, 1e-5, 0.1), r"arena.boxes\[0\] must be inside the walls"),
             ((8, 8, 1, 1, 45, 1e-5, 0.1), r"arena.boxes\[0\] must be outside obstacles and other boxes"),
         ]
+    ),
+    (
+        {"boxes": ((8, 8, 1, 1, 0, 1e-5, 0.1), (9.5, 8, 1, 1, 45, 1e-5, 0.1))},
+        r"arena.boxes\[1\] must be outside obstacles and other boxes",
     ),
     ({"size": 30, "outline": ((40, 80),)}, r"arena\.size must be left out"),
     ({"outline": TRIANGLE, "obstacles": ((6, 6, 0.5, 0.5, 0),), **SMALL}, "inside the walls"),

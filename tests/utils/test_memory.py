@@ -10,7 +10,11 @@ from iswarm_mj.utils import memory
 @pytest.fixture
 def system(tmp_path, monkeypatch):
     """A machine of which 5 GB are free, in a container that has 2 GB left and 1 GB of cached files."""
-    for name, text in (("max", "8000000000"), ("current", "6000000000"), ("stat", "anon 5\nactive_file 1000000000\n")):
+    for name, text in (
+        ("max", "8000000000"),
+        ("current", "6000000000"),
+        ("stat", "anon 5\nactive_file 700000000\ninactive_file 300000000\n"),
+    ):
         (tmp_path / f"memory.{name}").write_text(text)
     monkeypatch.setattr(memory.psutil, "virtual_memory", lambda: SimpleNamespace(available=5_000_000_000))
     monkeypatch.setattr(memory, "_GROUP", tmp_path)

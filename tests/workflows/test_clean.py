@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from iswarm_mj.output.frames import BLOCK
 from iswarm_mj.output.schema import ARRAYS
 from iswarm_mj.output.trajectory import ABOUT, Scene
 from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.units import ROBOT_DIAMETER
-from iswarm_mj.workflows.clean import clean, summary
+from iswarm_mj.workflows.clean import _save, clean, summary
 
 STEPS = BLOCK + 6
 
@@ -139,6 +141,19 @@ def test_old_results_go(small, tmp_path):
     run_clean(small, tmp_path, record=False, steps=1)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["notes.txt", "result.json"]
     assert json.loads((tmp_path / "result.json").read_text())["steps"] == 1
+
+
+def test_of_a_run_that_ends_within_a_program_no_measures_are_kept(small, tmp_path, monkeypatch):
+    """The program has taken the state of the worlds; what was written before is of an earlier step."""
+    run = run_to(small, record=False)
+    _save(run, tmp_path, 0.0, {})
+    before = json.loads((tmp_path / "result.json").read_text())
+    monkeypatch.setattr(run, "metrics", MagicMock(side_effect=RuntimeError("deleted")))
+    run.advance()
+    _save(run, tmp_path, 0.0, {"interrupted": True})
+    after = json.loads((tmp_path / "result.json").read_text())
+    gone = dict.fromkeys([*Measures._fields, "fitness", "metrics"])
+    assert after == before | gone | {"steps": 1, "interrupted": True}
 
 
 class TestFaults:
