@@ -5,7 +5,16 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_sensing import RADIUS, all_links, crowd, place, squares_in_the_way
+from helpers_sensing import (
+    RADIUS,
+    SHIFTED,
+    all_links,
+    crowd,
+    links_by_rays,
+    place,
+    squares_in_the_way,
+    thirds_in_the_way,
+)
 from mujoco.batch import Batch
 
 from iswarm_mj.config import SENDERS_IN_SIGHT, OpticsConfig, SwarmConfig
@@ -120,16 +129,33 @@ def test_rays_are_cast_only_where_circles_leave_it_open():
         assert ((0, 0) in heard(links)) is hears
 
 
-def test_a_large_robot_hides_by_its_own_circle():
-    """Its side is as far from the path as its circle reaches, and farther than that of the receiver."""
-    kinds = Mixed((ROBOT, replace(ROBOT, half_edges=(3.0, 1.2, 0.5))), (0, 2))
-    poses = place((0, 0, 0), (8, 0, 180), (4, 2.0, 90))[None]
+LARGE = replace(ROBOT, half_edges=(3.0, 1.2, 0.5))
 
-    def hidden(world, *_):
-        return np.zeros(len(world), bool)
 
-    sends = np.array([[True, True, False]])
-    assert not find_links(poses, kinds, OPTICS, hidden, sends).valid[0, :2].any()
+@pytest.mark.parametrize(
+    "robot",
+    [ROBOT, SHIFTED, Mixed((ROBOT, LARGE), (0, 2)), Mixed((LARGE, ROBOT), (0, 1))],
+    ids=["", "askew", "by", "to"],
+)
+def test_circles_and_the_search_decide_as_rays_would(robot):
+    """Of senders at the end of the range and a third robot, which may be large; so may the receiver."""
+    edges = robot.each("half_edges", 3)[:, :2]
+    poses = thirds_in_the_way(np.random.default_rng(3), 1500, RADIUS, np.hypot(*edges[2]))
+    asked, exact = [], squares_in_the_way(poses, edges)
+
+    def counted(*pairs):
+        asked.append(len(pairs[0]))
+        return exact(*pairs)
+
+    given = robot, OpticsConfig(led_beam_aperture=90), counted, np.tile([True, True, False], (1500, 1))
+    same(find_links(poses, *given), expected := links_by_rays(poses, *given))
+    assert 500 < expected.valid[:, 0].sum() < 1400 and 0 < asked[0] < asked[1] / 2
+    x, y, yaw = poses[:, 2:].T
+    boxes = np.stack([x, y, np.cos(yaw), np.sin(yaw), *np.broadcast_to(edges[2, :, None, None], (2, *x.shape))], -1)
+    hidden = find_links(
+        poses[:, :2], robot, given[1], squares_in_the_way(poses[:, :2], edges[:2]), None, boxes.swapaxes(0, 1)
+    )
+    same(hidden, [values[:, :2] for values in expected])
 
 
 @both_sights
@@ -206,7 +232,7 @@ def test_worlds_do_not_hear_each_other():
 
 def test_a_box_hides_robots_of_its_own_world_alone():
     poses = np.repeat(place((0, 0, 0), (8, 0, 180))[None], 2, axis=0)
-    boxes = numbers([(4.0, 5.0, 0.6, 0.6, 45.0), (4.0, 0.0, 0.6, 0.6, 45.0)])[:, None]
+    boxes = numbers([(4.0, 5.0, 0.6, 0.6, 0.0), (4.0, 0.0, 0.6, 0.6, 0.0)])[:, None]
     links = find_links(poses, ROBOT, OPTICS, squares_in_the_way(poses), boxes=boxes)
     assert links.valid[:, 0, 0].tolist() == links.valid[:, 1, 0].tolist() == [True, False]
 
