@@ -158,6 +158,18 @@ def test_circles_and_the_search_decide_as_rays_would(robot):
     same(hidden, [values[:, :2] for values in expected])
 
 
+@pytest.mark.parametrize("mode", ["sector", "power"])
+def test_light_goes_from_the_leds_of_one_kind_to_the_photodiodes_of_another(mode):
+    """As between robots of one kind that has these."""
+    poses, optics = thirds_in_the_way(np.random.default_rng(4), 1500, 0.6 * RADIUS, 2**0.5), OpticsConfig(mode=mode)
+    given = optics, squares_in_the_way(poses), np.tile([True, True, False], (1500, 1))
+    mixed = find_links(poses, Mixed((ROBOT, SHIFTED), (0, 1)), *given)
+    for receiver, (own, other) in enumerate([(ROBOT, SHIFTED), (SHIFTED, ROBOT)]):
+        one = find_links(poses, replace(own, leds=other.leds), *given)
+        same([values[:, receiver] for values in mixed], [values[:, receiver] for values in one])
+        assert 500 < one.valid[:, receiver].sum() < 1400
+
+
 @both_sights
 def test_a_robot_alone_hears_nobody(sight):
     links = sight(np.zeros((1, 1, 3)))

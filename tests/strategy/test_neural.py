@@ -13,10 +13,13 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.believed import Belief
 from iswarm_mj.strategy.declared import payload_of
+from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.network import Shape, forward, load_weights, save_weights
 from iswarm_mj.strategy.neural import N_WEIGHTS, SHIPPED, Neural, untrained
+from iswarm_mj.strategy.rules import rules_of
+from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.units import RD
+from iswarm_mj.utils.units import RD, mm_from_rd
 
 
 class TestNetwork:
@@ -125,7 +128,9 @@ class TestWays:
 
 def test_messages_fit_robots_of_eight_sides(tmp_path):
     robot = read_robot(robot_file(tmp_path, "eight"))
-    payload_of(untrained(CONFIG, robot)).check_room(8)
+    for own in (untrained(CONFIG, robot), VectorStrategy(rules_of(TYPE1), 0, CONFIG, robot)):
+        assert payload_of(own) == payload_for(mm_from_rd(CONFIG.strategy.message_range), 8)
+        payload_of(own).check_room(8)
 
 
 def test_the_shipped_weights_are_small_and_used():
