@@ -102,14 +102,6 @@ def test_without_line_of_sight_nobody_is_in_the_way(sight):
 
 
 @both_sights
-@pytest.mark.parametrize(("heading", "cuts"), [(0, False), (45, True)])
-def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cuts):
-    """A third robot 1.2 mm beside the path: its side leaves it open, its corner does not."""
-    links = sight(place((0, 0, 0), (8, 0, 180), (4, 1.2, heading))[None], OpticsConfig(photodiode_aperture=30))
-    assert ((0, 0) in heard(links)) is not cuts
-
-
-@both_sights
 @pytest.mark.parametrize(("aside", "hears"), [(0.0, False), (0.2, True)])
 def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, hears):
     """It stands flush with the side of a sender that is turned away by 44 degrees, and its corner hides that LED."""
@@ -117,16 +109,6 @@ def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, he
     assert np.linalg.norm(poses[0, 2, :2]) > 2.7
     links = sight(poses, OpticsConfig(led_beam_aperture=90))
     assert (heard(links).get((0, 0)) == (1, 0)) is hears
-
-
-def test_rays_are_cast_only_where_circles_leave_it_open():
-    def reaches(*pairs):
-        assert not len(pairs[0])
-        return np.zeros(0, bool)
-
-    for y, hears in ((0.0, False), (0.99, False), (-5.0, True)):
-        links = find_links(place((0, 0, 0), (8, 0, 180), (4, y, DARK))[None], ROBOT, OPTICS, reaches)
-        assert ((0, 0) in heard(links)) is hears
 
 
 LARGE = replace(ROBOT, half_edges=(3.0, 1.2, 0.5))

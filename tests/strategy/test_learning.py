@@ -81,12 +81,6 @@ def test_the_draws_of_a_step_are_independent():
     np.testing.assert_allclose(np.quantile(numbers, [0.25, 0.5, 0.75], axis=0).T, [[0.25, 0.5, 0.75]] * 14, atol=0.02)
 
 
-def test_silent_sides_teach_nothing():
-    seen = hears(3, 0, [0.0, 2.0], hop=3)._replace(is_heard=np.zeros((3, 4), bool))
-    memory = learn_here(RULES, memories(3), seen, draws(3, forget=1.0))
-    assert not memory.dust.known.any()
-
-
 def test_robots_forget_both_vectors_at_the_evolved_rate():
     n = MANY
     memory, _ = act_here(

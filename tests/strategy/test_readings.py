@@ -72,9 +72,11 @@ def test_odometry_errs_as_configured():
     assert abs(turn.mean()) < 0.6 and turn.std() == pytest.approx(10, rel=0.05)
     assert abs(step.mean()) < 0.006 and step.std() == pytest.approx(0.1, rel=0.05)
     assert abs(np.corrcoef(turn, step)[0, 1]) < 0.07
+    loose = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
+    straight = np.degrees(motion_here(loose, 0 * command.turn, command.forward, error)[0])
+    assert straight.std() == pytest.approx(10, rel=0.05)
     rest = Command(*np.zeros((2, N), np.float32))
-    drunk = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
-    np.testing.assert_array_equal(motion_here(drunk, *rest, error), rest)
+    np.testing.assert_array_equal(motion_here(loose, *rest, error), rest)
 
 
 def test_what_a_robot_remembers_errs_with_its_odometry():

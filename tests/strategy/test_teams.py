@@ -14,6 +14,7 @@ import iswarm_mj
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.fields import Flag, Integer, Real
+from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import TYPE1, TYPE2
@@ -84,6 +85,12 @@ class Relay(Loud):
 
     def fell_short(self, memory, shortfall):
         return memory + shortfall[:, None]
+
+
+class Checked(Counter):
+    """Has another check."""
+
+    payload: ClassVar = Payload(Counter.payload, "crc-8/smbus")
 
 
 class Other(Counter):
@@ -204,9 +211,12 @@ def test_worlds_of_other_sizes_are_refused():
         ({"a": (0.5, Loud()), "b": (0.4, Loud())}, r"add up to 1 \(got 0.9\)"),
         ({"a": (0.5, Loud()), "b": (4, Loud())}, "give one kind"),
         ({"a": (0, Loud())}, "share of team a must be"),
+        ({"a": (True, Loud())}, "share of team a must be"),
         ({"a": (1.0, object())}, "no method init"),
         ({"a": (0.5, Counter()), "b": (0.5, Counter(0.2))}, None),
+        ({"a": (0.5, Checked()), "b": (0.5, Still())}, None),
         ({"a": (0.5, Counter()), "b": (0.5, Other())}, "equal fields of the same name"),
+        ({"a": (0.5, Loud()), "b": (0.5, Checked())}, "must check messages alike"),
     ],
 )
 def test_mistakes_are_refused(teams, match):
