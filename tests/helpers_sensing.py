@@ -1,6 +1,7 @@
 """Small worlds for the tests of light, memory and floor, and a slow but plain reference for the links."""
 
 import dataclasses
+from unittest.mock import patch
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +9,9 @@ import numpy as np
 
 from iswarm_mj.config import GripperConfig
 from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.sensors import links
 from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.sensors.occlusion import Circles
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.tasks.layout import lying
 from iswarm_mj.utils.units import RD
@@ -103,12 +106,36 @@ def crowd(rng, density, edge=9):
     return np.column_stack([turned(xy, whole), yaw + whole])[rng.permutation(edge**2)]
 
 
+def thirds_in_the_way(rng, n, reach, size):
+    """Worlds (n, 3, 3) of a receiver, a sender at the end of its `reach` [mm], and a robot of about `size` [mm].
+
+    It stands near the sender, on any side of it, or beside the path of the light.
+    """
+    way, far = rng.uniform(-np.pi, np.pi, n), reach * rng.uniform(0.96, 1.0, n)
+    poses = np.zeros((n, 3, 3))
+    poses[..., 2] = rng.uniform(-np.pi, np.pi, (n, 3))
+    poses[:, 1, 2] = way + rng.uniform(-0.5, 0.5, n) + rng.integers(0, 4, n) * np.pi / 2
+    poses[:, 1, 0] = poses[:, 2, 0] = far
+    near = turned(np.column_stack([rng.uniform(0, 1.5 * size, n), np.zeros(n)]), rng.uniform(-1.6, 1.6, n))
+    beside = np.column_stack([rng.uniform(-far, 0), rng.uniform(-size, size, n)])
+    poses[:, 2, :2] += np.where(np.arange(n)[:, None] % 2, near, beside)
+    poses[..., :2] = turned(poses[..., :2], way[:, None])
+    return poses
+
+
+def links_by_rays(*given):
+    """What `find_links` returns if it asks `reaches` about all pairs, whatever stands in between."""
+    all_open = lambda _, which: Circles(np.full(len(which), np.inf), np.zeros(len(which)), np.inf)  # noqa: E731
+    with patch.object(links, "circles", all_open):
+        return links.find_links(*given)
+
+
 def squares_in_the_way(poses, half_edges=(1.0, 1.0)):
     """Exact `reaches` for worlds (B, N, 3): no third robot's rectangle, 2 x 2 mm by default, meets the segment."""
-    half = np.array(half_edges)
+    halves = np.broadcast_to(half_edges, (poses.shape[1], 2))
 
     def one(world, origin, target, receiver, sender):
-        third = np.delete(poses[world], [receiver, sender], axis=0)
+        third, half = (np.delete(a, [receiver, sender], axis=0) for a in (poses[world], halves))
         a, b = (turned(end - third[:, :2], -third[:, 2]) for end in (origin, target))
         with np.errstate(divide="ignore", invalid="ignore"):
             cuts = np.stack([(-half - a) / (b - a), (half - a) / (b - a)])

@@ -180,7 +180,8 @@ class Vector:
         """Vectors of bits, of the sent ones within half a step."""
         xp = array_module(codes)
         codes, bearings, ranges = codes.astype(np.int32), 2**self.bearing_bits, 2**self.range_bits - 1
-        distance = ((codes >> self.bearing_bits) & ranges) * np.float32(self.max_range / ranges)
+        steps = (codes >> self.bearing_bits) & ranges
+        distance = steps.astype(np.float32) * np.float32(self.max_range / ranges)
         hop = (codes >> (self.bearing_bits + self.range_bits)) & (self.max_hop + 1)
         known = hop != self.max_hop + 1
         angle = np.arange(bearings) * (2 * math.pi / bearings)

@@ -79,7 +79,7 @@ def check_recorded(strategy: Any, memory: Any, n_robots: int) -> None:
     for name in recorded_of(strategy):
         where = f"{type(strategy).__name__}.recorded names {name!r}"
         if name not in parts:
-            has = f"it has {', '.join(filter(None, parts))}" if any(parts) else f"it is a {type(memory).__name__}"
+            has = f"it has {', '.join(filter(None, parts)) or 'no parts with names'}"
             raise UserError(f"{where}, which its memory lacks ({has}); correct one of them")
         if parts[name].shape[:1] != (n_robots,):
             got = parts[name].shape

@@ -192,13 +192,20 @@ def sources(path: Path) -> list[Path]:
     for file in found:  # grows on the way
         package = _package(file)
         for name in _names_in(ast.parse(file.read_bytes())):
-            spec = None
-            with suppress(ImportError, ValueError, AttributeError):  # a name that is none of a module
-                spec = importlib.util.find_spec(name, package)
-            if spec is not None and spec.origin and spec.origin.endswith(".py") and is_users(spec.origin):
-                origin = Path(spec.origin).resolve()
-                found += [origin] if origin not in found else []
+            for origin in _origins(name, package):
+                if origin.endswith(".py") and is_users(origin) and Path(origin).resolve() not in found:
+                    found.append(Path(origin).resolve())
     return found
+
+
+def _origins(name: str, package: str) -> Iterator[str]:
+    """Files of a module and of the packages above it; none if the name is none of a module."""
+    with suppress(ImportError, ValueError, AttributeError):
+        parts = importlib.util.resolve_name(name, package).split(".")
+        for n in range(1, len(parts) + 1):
+            spec = importlib.util.find_spec(".".join(parts[:n]))
+            if spec is not None and spec.origin:
+                yield spec.origin
 
 
 def _names_in(tree: ast.AST) -> Iterator[str]:

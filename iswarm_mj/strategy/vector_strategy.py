@@ -97,7 +97,7 @@ class VectorStrategy:
         target = controller.choose(config, rules, known, observation, draws)
         push = controller.avoid(config, rules, observation, target.follows, self.robot.sides)
         approaches = controller.approaching(self.picks(known), observation)
-        target = controller.towards_ball(target, approaches & rules.avoids_at_dust, observation.ball_vector)
+        target = controller.towards_ball(target, approaches, observation.ball_vector)
         wish, prefers_left = target.direction + push, draws.side < 0.5
         steered = fusion_barrier(jax.jit(partial(controller.steer, config)), wish, target.limit, prefers_left)
         approaches &= ~(rules.avoids_at_dust & (push != 0.0).any(axis=-1))

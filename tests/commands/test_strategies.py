@@ -15,6 +15,7 @@ import iswarm_mj
 from iswarm_mj.commands.main import parse
 from iswarm_mj.player.scenario import command_line
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.strategy.library import STRATEGIES, offered
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 
 WALK = '''
@@ -163,6 +164,13 @@ class TestInstalled:
         assert command.rules.p_vector_forget == 0.5 and command.rules.weight_find_dump == 1.0
         assert parse(["clean", "--strategy", "theirs", "--turn=7"]).own.turn == 7
 
+    def test_names_of_classes_are_found_if_there_is_one(self, here):
+        assert offered(STRATEGIES, "Walk", {"turn"}) == "theirs"
+        assert offered(STRATEGIES, "Walk", {"turn", "pace"}) is None
+        points = here / "own-1.0.dist-info" / "entry_points.txt"
+        points.write_text(points.read_text() + "\ntwin = walk:Walk")
+        assert offered(STRATEGIES, "Walk", {"turn"}) is None
+
     def test_unknown_names(self, capfd):
         error = wrong(capfd, "typ2")
         assert "installed (beeclust, evolved, forager, neural, theirs, type1, type2)" in error
@@ -173,7 +181,7 @@ LAST = "heard = {"
 MISTAKES = [
     (("wlk.py:Walk",), "", "", "strategy file wlk.py does not exist"),
     (("walk.py:Wlk",), "", "", "walk.py has no Wlk; its strategies are Walk"),
-    (("walk.py",), "", "", "names no class; its strategies are Walk"),
+    (("walk.py",), "@dataclass\n", "class Base:\n    pass\n\n@dataclass\n", "names no class; its strategies are Walk;"),
     (
         (),
         "def picks(self, memory):",

@@ -4,6 +4,7 @@ import dataclasses
 
 import jax
 import numpy as np
+import pytest
 from helpers_sensing import remember, turned
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
@@ -108,16 +109,17 @@ def test_breaks_depend_neither_on_the_number_of_wrong_bits_nor_on_their_places()
         assert kind.sum() > 3000 and abs(arrives[kind].mean() - 0.8) < 4.5 * np.sqrt(0.16 / kind.sum())
 
 
-def test_messages_that_name_a_missing_led_are_not_heard():
-    """Robots with three LEDs number them in two bits; receivers ignore the check."""
+@pytest.mark.parametrize("n_leds", [3, 6])
+def test_messages_that_name_a_missing_led_are_not_heard(n_leds):
+    """Robots number three LEDs in two bits, and six in three; receivers ignore the check."""
     noise = dataclasses.replace(clean_but(error_in_communication=0.9), parity_check=False)
-    everyone, third = np.ones((N, 3), bool), np.full((N, 3), 2, np.int32)
-    links = Links(0 * third, everyone, third, *np.full((2, N, 3), 5.0, np.float32))
+    last = np.full((N, n_leds), n_leds - 1, np.int32)
+    links = Links(0 * last, last > 0, last, *np.full((2, N, n_leds), 5.0, np.float32))
     payload, conditions = Payload({"word": Integer(4)}), conditions_of(SwarmConfig(optics=noise))
     got = exchange_here(conditions, payload, {"word": np.zeros(N, np.int32)}, links, jax.random.key(6))
     named = np.asarray(got.message.led)
-    assert (named == 3).any() and (named == 2).any()
-    np.testing.assert_array_equal(got.is_heard, named < 3)
+    assert (named >= n_leds).any() and (named == n_leds - 1).any()
+    np.testing.assert_array_equal(got.is_heard, named < n_leds)
 
 
 def test_distances_are_measured_to_ten_percent():

@@ -86,6 +86,6 @@ def test_the_dump_is_a_square_under_the_robots_centre(axis, sign):
 
 def test_the_tip_may_be_over_the_dump_while_the_centre_is_not():
     edge = DUMP / 2
-    got = view(place((edge + 0.5, 0, 180), (edge - 0.5, 0, 0), (edge + 0.5, 0, 0), (0, 0, 0)), [(50, 50)])
+    got = view(place((edge + 0.5, 0, 180), (0, edge - 0.5, 90), (0, -edge - 0.5, 270), (0, 0, 0)), [(50, 50)])
     np.testing.assert_array_equal(got.on_dump, [False, True, False, True])
     np.testing.assert_array_equal(got.tip_on_dump, [True, False, False, True])

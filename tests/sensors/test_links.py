@@ -5,7 +5,16 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_sensing import RADIUS, all_links, crowd, place, squares_in_the_way
+from helpers_sensing import (
+    RADIUS,
+    SHIFTED,
+    all_links,
+    crowd,
+    links_by_rays,
+    place,
+    squares_in_the_way,
+    thirds_in_the_way,
+)
 from mujoco.batch import Batch
 
 from iswarm_mj.config import SENDERS_IN_SIGHT, OpticsConfig, SwarmConfig
@@ -93,14 +102,6 @@ def test_without_line_of_sight_nobody_is_in_the_way(sight):
 
 
 @both_sights
-@pytest.mark.parametrize(("heading", "cuts"), [(0, False), (45, True)])
-def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cuts):
-    """A third robot 1.2 mm beside the path: its side leaves it open, its corner does not."""
-    links = sight(place((0, 0, 0), (8, 0, 180), (4, 1.2, heading))[None], OpticsConfig(photodiode_aperture=30))
-    assert ((0, 0) in heard(links)) is not cuts
-
-
-@both_sights
 @pytest.mark.parametrize(("aside", "hears"), [(0.0, False), (0.2, True)])
 def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, hears):
     """It stands flush with the side of a sender that is turned away by 44 degrees, and its corner hides that LED."""
@@ -110,26 +111,45 @@ def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, he
     assert (heard(links).get((0, 0)) == (1, 0)) is hears
 
 
-def test_rays_are_cast_only_where_circles_leave_it_open():
-    def reaches(*pairs):
-        assert not len(pairs[0])
-        return np.zeros(0, bool)
-
-    for y, hears in ((0.0, False), (0.99, False), (-5.0, True)):
-        links = find_links(place((0, 0, 0), (8, 0, 180), (4, y, DARK))[None], ROBOT, OPTICS, reaches)
-        assert ((0, 0) in heard(links)) is hears
+LARGE = replace(ROBOT, half_edges=(3.0, 1.2, 0.5))
 
 
-def test_a_large_robot_hides_by_its_own_circle():
-    """Its side is as far from the path as its circle reaches, and farther than that of the receiver."""
-    kinds = Mixed((ROBOT, replace(ROBOT, half_edges=(3.0, 1.2, 0.5))), (0, 2))
-    poses = place((0, 0, 0), (8, 0, 180), (4, 2.0, 90))[None]
+@pytest.mark.parametrize(
+    "robot",
+    [ROBOT, SHIFTED, Mixed((ROBOT, LARGE), (0, 2)), Mixed((LARGE, ROBOT), (0, 1))],
+    ids=["", "askew", "by", "to"],
+)
+def test_circles_and_the_search_decide_as_rays_would(robot):
+    """Of senders at the end of the range and a third robot, which may be large; so may the receiver."""
+    edges = robot.each("half_edges", 3)[:, :2]
+    poses = thirds_in_the_way(np.random.default_rng(3), 1500, RADIUS, np.hypot(*edges[2]))
+    asked, exact = [], squares_in_the_way(poses, edges)
 
-    def hidden(world, *_):
-        return np.zeros(len(world), bool)
+    def counted(*pairs):
+        asked.append(len(pairs[0]))
+        return exact(*pairs)
 
-    sends = np.array([[True, True, False]])
-    assert not find_links(poses, kinds, OPTICS, hidden, sends).valid[0, :2].any()
+    given = robot, OpticsConfig(led_beam_aperture=90), counted, np.tile([True, True, False], (1500, 1))
+    same(find_links(poses, *given), expected := links_by_rays(poses, *given))
+    assert 500 < expected.valid[:, 0].sum() < 1400 and 0 < asked[0] < asked[1] / 2
+    x, y, yaw = poses[:, 2:].T
+    boxes = np.stack([x, y, np.cos(yaw), np.sin(yaw), *np.broadcast_to(edges[2, :, None, None], (2, *x.shape))], -1)
+    hidden = find_links(
+        poses[:, :2], robot, given[1], squares_in_the_way(poses[:, :2], edges[:2]), None, boxes.swapaxes(0, 1)
+    )
+    same(hidden, [values[:, :2] for values in expected])
+
+
+@pytest.mark.parametrize("mode", ["sector", "power"])
+def test_light_goes_from_the_leds_of_one_kind_to_the_photodiodes_of_another(mode):
+    """As between robots of one kind that has these."""
+    poses, optics = thirds_in_the_way(np.random.default_rng(4), 1500, 0.6 * RADIUS, 2**0.5), OpticsConfig(mode=mode)
+    given = optics, squares_in_the_way(poses), np.tile([True, True, False], (1500, 1))
+    mixed = find_links(poses, Mixed((ROBOT, SHIFTED), (0, 1)), *given)
+    for receiver, (own, other) in enumerate([(ROBOT, SHIFTED), (SHIFTED, ROBOT)]):
+        one = find_links(poses, replace(own, leds=other.leds), *given)
+        same([values[:, receiver] for values in mixed], [values[:, receiver] for values in one])
+        assert 500 < one.valid[:, receiver].sum() < 1400
 
 
 @both_sights
@@ -206,7 +226,7 @@ def test_worlds_do_not_hear_each_other():
 
 def test_a_box_hides_robots_of_its_own_world_alone():
     poses = np.repeat(place((0, 0, 0), (8, 0, 180))[None], 2, axis=0)
-    boxes = numbers([(4.0, 5.0, 0.6, 0.6, 45.0), (4.0, 0.0, 0.6, 0.6, 45.0)])[:, None]
+    boxes = numbers([(4.0, 5.0, 0.6, 0.6, 0.0), (4.0, 0.0, 0.6, 0.6, 0.0)])[:, None]
     links = find_links(poses, ROBOT, OPTICS, squares_in_the_way(poses), boxes=boxes)
     assert links.valid[:, 0, 0].tolist() == links.valid[:, 1, 0].tolist() == [True, False]
 

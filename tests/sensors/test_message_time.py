@@ -12,6 +12,7 @@ from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.message_time import draw_first_slots, listens, sides_on, understood
+from iswarm_mj.utils.robot import PAPER_SIDES, Sides
 
 SLOTS = 8
 FRONT, LEFT, BACK, RIGHT = range(4)
@@ -37,6 +38,9 @@ def heard(optics, poses, first_slots, sends=None):
     return np.where(links.valid, links.sender, -1)
 
 
+SIX = Sides(*[tuple((np.cos(angle), np.sin(angle)) for angle in np.arange(6) * np.pi / 3)] * 2)
+
+
 @pytest.mark.parametrize(
     ("own", "table"),
     [
@@ -44,12 +48,16 @@ def heard(optics, poses, first_slots, sends=None):
         ({"photodiodes_while_emitting": "none"}, ["", "", "", "", "FLBR", "FLBR", "FLBR", "FLBR"]),
         ({"photodiodes_while_emitting": "all"}, ["LBR", "FBR", "FLR", "FLB", "FLBR", "FLBR", "FLBR", "FLBR"]),
         ({"serial_photodiodes": True}, ["", "F", "F", "F", "F", "L", "B", "R"]),
+        ({}, ["", "0", "0", "0", "0", "0", "012345", "012345"]),
+        ({"serial_photodiodes": True}, ["", "0", "0", "0", "0", "0", "0", "1"]),
     ],
 )
 def test_sides_that_listen_in_each_slot(own, table):
-    since = np.tile(np.arange(SLOTS)[:, None], (1, 4))
-    on = np.asarray(listens(timed(**own), since))
-    assert ["".join(name for name, is_on in zip("FLBR", row, strict=True) if is_on) for row in on] == table
+    """Of the paper's robots, or of some with six sides."""
+    names, sides = ("FLBR", PAPER_SIDES) if "F" in "".join(table) else ("012345", SIX)
+    since = np.tile(np.arange(SLOTS)[:, None], (1, len(sides)))
+    on = np.asarray(listens(timed(**own), since, sides))
+    assert ["".join(name for name, is_on in zip(names, row, strict=True) if is_on) for row in on] == table
 
 
 def test_walls_are_seen_by_photodiodes_that_are_on_while_the_robot_emits():

@@ -89,6 +89,7 @@ def test_declarations_survive_json():
         ({3: Flag()}, "parity", "cannot be called 3"),
         ({"priority": Integer(3)}, "parity", "make it a Flag, or give it another name"),
         ([("a", Flag()), ("a", Integer(3))], "parity", "share the name 'a'; rename one"),
+        ({"a": Vector(9.0), "a_y": Flag()}, "parity", "share the name 'a_y'"),
         ({"a": 4}, "parity", "field 'a' of a payload is 4; make it one of Flag, Integer, Real, Bearing, Vector"),
         (Flag(), "parity", "a payload is a dictionary of names and fields"),
         ({"a": Flag()}, "crc-32", r"must be one of parity, crc-3/gsm, .* \(got 'crc-32'\)"),

@@ -48,6 +48,7 @@ def test_a_file_may_hold_all_or_some(write):
     assert load_genome(write({name: row[1] for name, row in TABLE_2.items()})) == PRESETS["type2"]
     some = load_genome(write({"p_vector_forget": 0, "use_hop_count": False}))
     assert some == replace(PRESETS["type1"], p_vector_forget=0, use_hop_count=False)
+    assert load_genome(write({"steps": 9, "genome": {"p_vector_forget": 0, "use_hop_count": False}})) == some
 
 
 @pytest.mark.parametrize(
@@ -79,8 +80,9 @@ def test_bytes_that_are_no_text(tmp_path):
 
 @pytest.mark.parametrize("name", ["type3", "missing.json", "", "."])
 def test_unknown_names(name):
-    with pytest.raises(UserError, match=r"a preset \(type1, type2, evolved\) or the path of a JSON file"):
+    with pytest.raises(UserError, match=r"a preset \(type1, type2, evolved\) or the path of a JSON file") as caught:
         load_genome(name)
+    assert ("there is no file" in str(caught.value)) == (name == "missing.json")
 
 
 def test_the_evolved_preset_is_what_the_search_found():

@@ -1,11 +1,15 @@
 """The learned strategy: its network by hand, what it perceives in any frame, its file, and its runs."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
 from helpers_neural import CONFIG, ROBOT, does, sees, strategy
 from helpers_robots import robot_file
+from helpers_sensing import remember, senses_nothing
 
+from iswarm_mj.config import DriveConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -13,10 +17,13 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.believed import Belief
 from iswarm_mj.strategy.declared import payload_of
+from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.network import Shape, forward, load_weights, save_weights
-from iswarm_mj.strategy.neural import N_WEIGHTS, SHIPPED, Neural, untrained
+from iswarm_mj.strategy.neural import N_WEIGHTS, SHIPPED, WAYS, Neural, untrained
+from iswarm_mj.strategy.rules import rules_of
+from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.units import RD
+from iswarm_mj.utils.units import RD, mm_from_rd
 
 
 class TestNetwork:
@@ -45,6 +52,7 @@ class TestNetwork:
             ({"other": np.zeros(3, np.float32)}, "is no file of weights"),
             ({"weights": np.zeros(2**21, np.float32)}, "is no file of weights|cannot be read"),
             ({"weights": np.zeros((2, 2), np.float32)}, r"has weights float32\[2, 2\]"),
+            ({"weights": np.zeros(2)}, r"has weights float64\[2\]"),
             ({"weights": np.array([1, np.nan], np.float32)}, "finite"),
         ],
     )
@@ -70,14 +78,16 @@ class TestWays:
             _, command = does(strategy(ahead=1, speed=speed), sees())
             assert command.turn[0] == 0 and command.forward[0] == pytest.approx(walked)
 
-    def test_what_is_behind_takes_a_turn_first(self):
-        """Turns end at 90 degrees; what is 120 degrees to the left is then 30 degrees off, the step its cosine."""
+    @pytest.mark.parametrize("largest", [90, 60])
+    def test_what_is_behind_takes_a_turn_first(self, largest):
+        """Of 120 degrees to the left; the step is the cosine of what is left of them."""
         memory = strategy().init(1, jax.random.key(1))
         place = 9 * np.float32([[np.cos(2 * np.pi / 3), np.sin(2 * np.pi / 3)]])
         memory = memory._replace(dump=Belief(place, np.zeros(1, np.float32), np.ones(1, bool)))
-        _, command = does(strategy(dump=1, speed=1), sees(), memory)
-        assert command.turn[0] == pytest.approx(np.pi / 2)
-        assert command.forward[0] == pytest.approx(RD / 2 * np.cos(np.pi / 6), rel=1e-5)
+        config = replace(CONFIG, drive=DriveConfig(max_turn=largest))
+        _, command = does(replace(strategy(dump=1, speed=1), config=config), sees(), memory)
+        assert command.turn[0] == pytest.approx(np.radians(largest))
+        assert command.forward[0] == pytest.approx(RD / 2 * np.cos(np.radians(120 - largest)), rel=1e-5)
 
     def test_a_ball_that_can_be_had_comes_first(self):
         """The tip goes over it, whatever the network says; loaded robots leave it."""
@@ -103,7 +113,18 @@ class TestWays:
         after, command = does(policy, sees(n, is_loaded=is_loaded), memory)
         np.testing.assert_array_equal(command.turn < 0, is_loaded)
         np.testing.assert_array_equal(after.flag, is_loaded)
-        assert (np.abs(command.turn) > 0.4).all()
+        turn, stray = np.asarray(command.turn), np.arcsin([0.5 / 2**0.5, 0.2 / 3])  # of the random way
+        assert (abs(turn[~is_loaded] - np.pi / 4) <= stray[0] + 1e-5).all()
+        assert (turn[is_loaded] <= stray[1] - np.pi / 2 + 1e-5).all()
+
+    def test_untrained_robots_go_round_others_but_not_if_the_dump_is_ahead(self):
+        """The neighbour ahead is close; loaded robots mind it less."""
+        policy, n = untrained(CONFIG, ROBOT), 64
+        ahead = Belief(np.tile(np.float32([9.0, 0.0]), (n, 1)), np.zeros(n, np.float32), np.ones(n, bool))
+        memory, is_loaded = policy.init(n, jax.random.key(0))._replace(dump=ahead), np.arange(n) < n // 2
+        seen = sees(n, is_loaded=is_loaded, is_heard=np.tile(np.arange(4) == 0, (n, 1)))
+        command = does(policy, seen._replace(distance=np.full((n, 4), 0.35 * RD, np.float32)), memory)[1]
+        np.testing.assert_array_equal(abs(command.turn) < np.arcsin(0.2 / 2.2) + 1e-5, is_loaded)
 
     def test_robots_that_wait_stay_and_know_it(self):
         """Both vectors of the others change as they turn and walk."""
@@ -123,9 +144,22 @@ class TestWays:
             assert (np.asarray(strategy().say(memory, np.zeros(2, bool))["priority"]) == (wish > 0)).all()
 
 
-def test_messages_fit_robots_of_eight_sides(tmp_path):
+def test_robots_of_eight_sides(tmp_path):
+    """The sender ahead shows LED 1, at 45 degrees, hence looks along 135 degrees; the wall is at 45 degrees."""
     robot = read_robot(robot_file(tmp_path, "eight"))
-    payload_of(untrained(CONFIG, robot)).check_room(8)
+    for own in (untrained(CONFIG, robot), VectorStrategy(rules_of(TYPE1), 0, CONFIG, robot)):
+        assert payload_of(own) == payload_for(mm_from_rd(CONFIG.strategy.message_range), 8)
+        payload_of(own).check_room(8)
+    policy, first = untrained(CONFIG, robot), np.arange(8)[None] == 0
+    sent = remember(np.full((1, 8, 2), [10.0, 0.0]))
+    seen = senses_nothing(1, sides=8)
+    seen = seen._replace(
+        is_heard=first, sees_wall=np.roll(first, 1), led=np.full((1, 8), 1), payload=seen.payload | {"dust": sent}
+    )
+    known = policy._remember(policy.init(1, jax.random.key(0)), seen)
+    np.testing.assert_allclose(known.dust.vector, [[5 - 50**0.5, 50**0.5]], rtol=1e-5)
+    _, ways = policy._perceived(known, seen, jax.random.key(0))
+    np.testing.assert_allclose(ways[0, WAYS.index("walls")], [0.5**0.5] * 2, rtol=1e-5)
 
 
 def test_the_shipped_weights_are_small_and_used():
@@ -135,6 +169,7 @@ def test_the_shipped_weights_are_small_and_used():
     begins = Neural().for_training(CONFIG, ROBOT, 3)
     np.testing.assert_array_equal(begins.weights, untrained(CONFIG, ROBOT).weights)
     assert (np.asarray(shipped.weights) != np.asarray(begins.weights)).mean() > 0.9
+    np.testing.assert_array_equal(Neural(SHIPPED).for_training(CONFIG, ROBOT, 3).weights, shipped.weights)
 
 
 @pytest.mark.parametrize(

@@ -154,8 +154,8 @@ class TestBeliefs:
         policy = strategy(ahead=1, speed=1)
         memory, command = does(policy, sees(on_dump=np.array([True])))
         np.testing.assert_allclose(memory.dump.vector, [[-RD / 2, 0]], rtol=1e-5)
-        memory = policy.fell_short(memory, command.forward / 2)
-        np.testing.assert_allclose(memory.dump.vector, [[-RD / 4, 0]], rtol=1e-5)
+        memory = policy.fell_short(memory._replace(dust=memory.dump), command.forward / 2)
+        np.testing.assert_allclose([memory.dust.vector, memory.dump.vector], [[[-RD / 4, 0]]] * 2, rtol=1e-5)
 
     def test_merged_by_hand(self):
         """An own vector of doubt 1 that ages by e^-1, and two heard ones, of which one came through two robots.

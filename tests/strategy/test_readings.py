@@ -39,12 +39,15 @@ def neighbour_ahead(distance):
 
 
 def test_robots_at_dust_avoid_others_if_so_read():
-    """A neighbour ahead turns one that avoids it further than the ball, which lies straight to the left."""
-    for distance, swerves in ((0.3 * 3.5 * RD, True), (0.7 * 3.5 * RD, False)):
-        seen = neighbour_ahead(distance)._replace(ball_vector=np.broadcast_to(np.float32([1.5, 1.5]), (N, 2)))
+    """A neighbour ahead turns one that avoids it away from the ball, but it walks no farther than to the ball."""
+    for share in (0.3, 0.62, 0.7):
+        seen = neighbour_ahead(share * 3.5 * RD)._replace(ball_vector=np.broadcast_to(np.float32([0.7, 0.7]), (N, 2)))
         plain, careful = (acts(StrategyConfig(avoids_at_dust=flag), seen)[1] for flag in (False, True))
-        np.testing.assert_allclose(plain.turn, np.pi / 4, rtol=1e-5)
-        assert (np.asarray(careful.turn) > 1.5).all() if swerves else (np.asarray(careful.turn == plain.turn)).all()
+        np.testing.assert_allclose(plain, [[np.pi / 4] * N, [0.7 * 2**0.5 - PROBE[0]] * N], rtol=1e-5)
+        x, y = np.sqrt(0.5) - 8 * max(1 - share / 0.65, 0), np.sqrt(0.5)
+        turn = min(np.arctan2(y, x), np.pi / 2)
+        walk = min(min(np.hypot(x, y), 1) * np.cos(np.arctan2(y, x) - turn) * 0.5 * RD, 0.7 * 2**0.5)
+        np.testing.assert_allclose(careful, [[turn] * N, [walk] * N] if share < 0.65 else plain, rtol=1e-4)
 
 
 def test_robots_know_that_they_fell_short():
@@ -69,20 +72,25 @@ def test_odometry_errs_as_configured():
     assert abs(turn.mean()) < 0.6 and turn.std() == pytest.approx(10, rel=0.05)
     assert abs(step.mean()) < 0.006 and step.std() == pytest.approx(0.1, rel=0.05)
     assert abs(np.corrcoef(turn, step)[0, 1]) < 0.07
+    loose = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
+    straight = np.degrees(motion_here(loose, 0 * command.turn, command.forward, error)[0])
+    assert straight.std() == pytest.approx(10, rel=0.05)
     rest = Command(*np.zeros((2, N), np.float32))
-    drunk = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
-    np.testing.assert_array_equal(motion_here(drunk, *rest, error), rest)
+    np.testing.assert_array_equal(motion_here(loose, *rest, error), rest)
 
 
 def test_what_a_robot_remembers_errs_with_its_odometry():
+    """But of one that waits."""
     known = RobotMemory(remember(np.full((N, 2), 9.0)), NOTHING.dump, NOTHING.is_scout)
-    never = Genome(p_vector_forget=0.0, weight_find_dust=1.0)
-    ends = [
-        acts(strategy, senses_nothing(N), known, never)[0].dust.vector
-        for strategy in (StrategyConfig(), StrategyConfig(odometry_error_step=0.1))
-    ]
-    assert np.ptp(np.asarray(ends[0]), axis=0).max() < 1e-5
-    assert np.asarray(ends[1])[:, 0].std() == pytest.approx(0.1 * 0.5 * RD, rel=0.06)
+    never, waits = Genome(p_vector_forget=0.0, weight_find_dust=1.0), np.arange(N) < 100
+    for error in (0.0, 0.1):
+        memory, command = acts(
+            StrategyConfig(odometry_error_step=error), senses_nothing(N)._replace(waits=waits), known, never
+        )
+        vector = np.asarray(memory.dust.vector)
+        assert (vector[waits] == 9).all() and not np.array(command)[:, waits].any()
+        np.testing.assert_allclose(vector[~waits, 0].std(), error * 0.5 * RD, rtol=0.06, atol=1e-5)
+        np.testing.assert_allclose(vector[~waits].mean(axis=0), [9 * 2**0.5 - 0.5 * RD, 0], atol=0.01)
 
 
 def test_actuators_err_as_configured():

@@ -1,19 +1,25 @@
 """What is found wrong with a strategy before it runs: what its methods return, and what they do beside."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from enum import Enum
 from functools import cached_property
+from pathlib import Path
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.contract import shapes_of
-from iswarm_mj.strategy.declared import parts_of
+from iswarm_mj.strategy.declared import led_power, parts_of
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.signatures import check_strategies
+from iswarm_mj.strategy.teams import Teams
+from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
 
 N, S = 5, 6
@@ -35,10 +41,20 @@ class Walk:
         return {"steps": memory["steps"] + self.gain}, Command(*jnp.zeros((2, *seen.at_dust.shape)))
 
 
-def check(**methods):
-    """Check a strategy like `Walk` but for some of its methods."""
-    given = as_strategy(dataclass(type("Mine", (Walk,), methods))())
-    check_strategies(jax.tree.map(lambda a: jnp.asarray(a)[None], given), N, S)
+def mine(**methods):
+    """A strategy like `Walk` but for some of its methods."""
+    return as_strategy(dataclass(type("Mine", (Walk,), methods))())
+
+
+def check(given=None, sensed=None, **methods):
+    """Check such a strategy, or a given one."""
+    given = jax.tree.map(lambda a: jnp.asarray(a)[None], given or mine(**methods))
+    check_strategies(given, N, S, sensed)
+
+
+def speaks(bits, name="word"):
+    """Attributes of a strategy whose robots say zero in so many bits."""
+    return {"payload": {name: Integer(bits)}, "say": lambda self, memory, is_loaded: {name: 0 * is_loaded}}
 
 
 def refused(words, **methods):
@@ -114,6 +130,94 @@ def test_the_remedy_is_that_of_the_mistake():
         return memory, Command(jnp.zeros(N, int), jnp.zeros(N))
 
     refused(r"\(got int32\[5\]\); convert it, for instance with astype", act=whole)
+
+    def renames(self, memory, seen, key):
+        return {"count": memory["steps"]}, Command(*jnp.zeros((2, N)))
+
+    same = r"as its memory as it was given \(got dict of 1 array\)"
+    refused(rf"Mine\.act must return dict of 1 array {same}; return the same type", act=renames)
+
+    def shortens(self, memory, *_):
+        return {"steps": memory["steps"][1:]}
+
+    said = rf"Mine\.listen must return float32\[{N}\] as \['steps'\] of its memory as it was given \(got float32\[4\]\)"
+    refused(said, listen=shortens, **speaks(3))
+
+
+def test_messages_have_room_and_sides():
+    """Of robots with six sides, whose number takes three bits."""
+
+    def act(self, memory, seen, key):
+        turn = jnp.where(seen.is_heard, seen.payload["word"], 0).sum(axis=1) * 1.0
+        return memory, Command(turn, turn)
+
+    check(act=act, **speaks(28))
+    refused("29 bits .* by 1 bits", **speaks(29))
+    with pytest.raises(UserError, match=r"29 bits .* by 1 bits"):
+        check(Teams({"one": (2, mine(**speaks(14))), "two": (3, mine(**speaks(15, "other")))}))
+
+
+def test_teams_sense_what_their_own_robots_do():
+    def act(self, memory, seen, key):
+        return memory, Command(seen.sensed["light"], seen.sensed["light"])
+
+    teams = Teams({"one": (2, mine(act=act)), "two": (3, mine(act=act))})
+    check(teams, sensed={"light": jax.ShapeDtypeStruct((N,), jnp.float32)})
+
+
+def test_power_is_within_its_bounds():
+    dim = mine(led_power=lambda self, memory: memory["steps"])
+    np.testing.assert_array_equal(led_power(dim, {"steps": jnp.array([-1, 0.5, 3])}), [0, 0.5, 1])
+
+
+def test_what_is_recorded_has_a_name_and_a_unit():
+    for given in ("steps", {"steps": 3}):
+        refused(r"Mine\.recorded must be a tuple of names .* or a dictionary of names and units", recorded=given)
+    refused("names 'stride', which its memory lacks .it has steps.;", recorded=("stride",))
+    one = {"init": lambda self, n_robots, key: jnp.zeros(n_robots), "picks": lambda self, memory: memory < 1}
+    refused("names 'steps', which its memory lacks .it has no parts with names.;", recorded=("steps",), **one)
+
+
+class Colour(Enum):
+    RED = 1
+
+
+@dataclass
+class Many(Walk):
+    """Numbers from 1 to 6 are arrays."""
+
+    say = Walk.picks
+    colour: Colour = Colour.RED
+    file: Path = Path("a")
+    word: Literal["x", 3] = "x"
+    whole: tuple[int, ...] = (7, 8)
+    perhaps: int | None = 9
+    several: tuple[float, ...] = (2.0, 3.0)
+    mixed: tuple[int, float] = (4, 5.0)
+    listed: list[int] = field(default_factory=lambda: [6])
+    payload: tuple = ()
+
+
+def test_only_numbers_that_may_change_are_arrays():
+    assert jax.tree.leaves(as_strategy(Many())) == [1.0, 2.0, 3.0, 4, 5.0, 6]
+
+
+def test_errors_name_the_innermost_line_of_the_user():
+    def fails(error):
+        raise error
+
+    for error, said in (
+        (ValueError("of mine\nand more"), "ValueError: of mine"),
+        (ValueError(), "ValueError"),
+        (SystemExit(3), "SystemExit: 3"),
+    ):
+        words = rf"^Mine\.act raised {said} \(.*test_signatures\.py, line \d+: `raise error`\); correct it there$"
+        with pytest.raises(UserError, match=words), user_code("Mine.act"):
+            fails(error)
+    refused(
+        r"correct it there, as https://docs\.jax\.dev/.*\.TracerBoolConversionError explains$",
+        act=lambda self, memory, seen, key: 1 if seen.at_dust.any() else 2,
+    )
 
 
 def test_names_of_the_parts_of_a_memory():

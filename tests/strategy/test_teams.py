@@ -14,6 +14,7 @@ import iswarm_mj
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.fields import Flag, Integer, Real
+from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import TYPE1, TYPE2
@@ -68,13 +69,28 @@ class Loud:
 
 
 class Relay(Loud):
-    """Remembers chances as it listens, and by how much its robots fell short."""
+    """Remembers chances as it listens, and by how much its robots fell short; says who is loaded."""
+
+    def say(self, memory, is_loaded):
+        return {"loud": is_loaded}
+
+    def releases(self, memory):
+        return memory[:, 0] < 2
+
+    def led_power(self, memory):
+        return memory[:, 1]
 
     def listen(self, memory, seen, key):
         return jax.random.uniform(key, memory.shape)
 
     def fell_short(self, memory, shortfall):
         return memory + shortfall[:, None]
+
+
+class Checked(Counter):
+    """Has another check."""
+
+    payload: ClassVar = Payload(Counter.payload, "crc-8/smbus")
 
 
 class Other(Counter):
@@ -110,8 +126,8 @@ def test_each_team_acts_on_its_robots_alone():
     assert TEAMS.picks(memory).tolist() == [False, *[True] * 9]
 
 
-def test_each_team_listens_and_reckons_for_its_robots_alone():
-    """With the key of `act`; the first team can do neither."""
+def test_each_team_listens_reckons_releases_and_dims_for_its_robots_alone():
+    """With the key of `act`; the first team can do none of these."""
     teams, key = Teams({"count": (0.7, Counter()), "relay": (0.3, Relay())}), jax.random.key(3)
     memory, shortfall = teams.init(10, key), jnp.arange(10.0)
     heard = teams.listen(memory, some(observation_shapes(10, payload=teams.payload)), key)
@@ -124,6 +140,10 @@ def test_each_team_listens_and_reckons_for_its_robots_alone():
         assert not found[:7].any()
     for after in (heard, short):
         jax.tree.map(np.testing.assert_array_equal, after["count"], memory["count"])
+    assert teams.releases(memory).tolist() == [False] * 7 + [True] * 3
+    np.testing.assert_array_equal(teams.led_power(memory), [*[1.0] * 7, *memory["relay"][7:, 1]])
+    loaded = jnp.arange(10) % 3 == 0
+    assert teams.say(memory, loaded)["loud"].tolist() == [False] * 7 + loaded[7:].tolist()
 
 
 def test_robots_say_nothing_in_the_fields_of_other_teams():
@@ -143,16 +163,16 @@ def test_vectors_of_robots_without_such_are_unknown():
     assert said["priority"].tolist() == [False, False, True, True]
 
 
-@pytest.mark.parametrize("share", [1.0, 12])
+@pytest.mark.parametrize("share", [1.0, 13])
 def test_one_team_of_a_genome_is_the_paper_s_strategy(share):
-    made = Teams({"all": (share, TYPE2)}).for_world(SMALL, read_robot(), 12).teams[0].strategy
+    made = Teams({"all": (share, TYPE2)}).for_world(SMALL, read_robot(), 13).teams[0].strategy
     assert isinstance(made, VectorStrategy)
-    assert made.n_scouts == 3  # 27 % of 12
+    assert made.n_scouts == 4  # 27 % of 13
 
 
 @pytest.mark.parametrize(
     ("shares", "n_robots", "sizes"),
-    [((0.5, 0.5), 7, (4, 3)), ((0.33, 0.33, 0.34), 10, (3, 4, 3)), ((2, 5), 7, (2, 5)), ((2, 5), 9, (2, 7))],
+    [((0.5, 0.5), 5, (3, 2)), ((0.33, 0.33, 0.34), 10, (3, 4, 3)), ((2, 5), 7, (2, 5)), ((2, 5), 9, (2, 7))],
 )
 def test_sizes(shares, n_robots, sizes):
     teams = Teams({f"team{k}": (share, Loud()) for k, share in enumerate(shares)})
@@ -191,9 +211,12 @@ def test_worlds_of_other_sizes_are_refused():
         ({"a": (0.5, Loud()), "b": (0.4, Loud())}, r"add up to 1 \(got 0.9\)"),
         ({"a": (0.5, Loud()), "b": (4, Loud())}, "give one kind"),
         ({"a": (0, Loud())}, "share of team a must be"),
+        ({"a": (True, Loud())}, "share of team a must be"),
         ({"a": (1.0, object())}, "no method init"),
         ({"a": (0.5, Counter()), "b": (0.5, Counter(0.2))}, None),
+        ({"a": (0.5, Checked()), "b": (0.5, Still())}, None),
         ({"a": (0.5, Counter()), "b": (0.5, Other())}, "equal fields of the same name"),
+        ({"a": (0.5, Loud()), "b": (0.5, Checked())}, "must check messages alike"),
     ],
 )
 def test_mistakes_are_refused(teams, match):

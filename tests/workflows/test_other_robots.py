@@ -23,6 +23,7 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.strategy.vectors import heard
 from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.robot import SIDES, Sides
 
 SIX = models_directory() / "robot6.xml"
 ARENA = ArenaConfig(size=10, dump_size=3, dust_area_size=2, dust_area_offset=3.5, n_dust=8)
@@ -87,6 +88,9 @@ def test_avoidance_follows_the_directions_of_the_sides():
     assert avoided.tolist() == [True, True, True, False, True, True]
     front = rules_of(PRESETS["type1"], StrategyConfig())
     assert listening_sides(front, sides).tolist() == [True] + [False] * 5
+    askew = Sides(SIDES[1:] + SIDES[:1], SIDES)  # LEDs to the left of their sides
+    assert listening_sides(front, askew).tolist() == [True, False, False, False]
+    assert is_avoided(rules, jnp.arange(4)[None], askew).tolist() == [[True, False, True, True]]
     walls = senses_nothing(1, sides=6)._replace(sees_wall=jnp.array([[False, True, False, False, False, False]]))
     push = np.asarray(avoid(SwarmConfig(), rules, walls, jnp.array([False]), sides))[0]
     np.testing.assert_allclose(push / np.linalg.norm(push), [-0.5, -np.sqrt(0.75)], atol=1e-5)

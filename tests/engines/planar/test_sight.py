@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from helpers_planar import with_robot
-from helpers_sensing import SHIFTED, crowd, squares_in_the_way
+from helpers_sensing import RADIUS, SHIFTED, crowd, links_by_rays, squares_in_the_way, thirds_in_the_way
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import find_links
+from iswarm_mj.utils.units import RD
 
 ROBOT = read_robot()
 
@@ -38,6 +39,36 @@ def test_links_are_those_of_arrays(robot, optics, line_of_sight):
         assert values.dtype == those.dtype
         np.testing.assert_array_equal(values, those)
     assert got.valid.sum() > 150
+
+
+def test_who_stands_behind_a_sender_at_the_end_of_the_range_may_hide_it():
+    """With walls seen less far than robots."""
+    optics = OpticsConfig(wall_range=1.0, led_beam_aperture=90)
+    poses = thirds_in_the_way(np.random.default_rng(3), 1500, RADIUS, 2**0.5)
+    emits = np.tile([True, True, False], (len(poses), 1))
+    expected = links_by_rays(poses, ROBOT, optics, squares_in_the_way(poses), emits)
+    for values, those in zip(links_of(poses, optics, emits=emits), expected, strict=True):
+        np.testing.assert_array_equal(values, those)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "share", "aside", "sees"),
+    [
+        (8, 0.998, (0.9, -1.01), False),
+        (8, 0.998, (0.9, -9), True),
+        (90, 0.998, (9, -9), True),
+        (90, 1.002, (9, -9), False),
+    ],
+)
+def test_walls_at_the_end_of_the_range(degrees, share, aside, sees):
+    """It is longer than that of messages. A robot flush with the wall hides it where the light comes along it."""
+    optics, angle = OpticsConfig(wall_range=5.0), np.radians(degrees)
+    config, reach = SwarmConfig(optics=optics), 5.0 * RD
+    wall = np.array([0.0, config.arena.size / 2 * RD])
+    receiver = wall - (1.0 + share * reach) * np.array([np.cos(angle), np.sin(angle)])
+    poses, both = np.array([[(*receiver, angle), (*(wall + aside), 0.0)]]), np.ones((1, 2), bool)
+    engine = PlanarEngine(config, compile_arena(config, 1, np.zeros(0)), 1)
+    assert engine.sense(engine.place(poses, both), both, np.ones(1, bool)).sees_wall[0, 0, 0] == sees
 
 
 def test_any_number_of_robots_may_be_near():
