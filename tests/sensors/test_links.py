@@ -15,6 +15,7 @@ from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.neighbours import find_neighbours
 from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.robot import Mixed
+from iswarm_mj.utils.units import RD
 
 OPTICS = OpticsConfig()
 ROBOT = read_robot()
@@ -105,8 +106,9 @@ def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cu
 def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, hears):
     """It stands flush with the side of a sender that is turned away by 44 degrees, and its corner hides that LED."""
     poses = place((0, 0, 0), (2.6, 0, 136), (1.78 + aside, 2.045 + aside, 46))[None]
-    assert np.linalg.norm(poses[0, 2, :2]) > 2.7
-    links = sight(poses, OpticsConfig(led_beam_aperture=90))
+    reach = 2.65  # of light, farther than to the sender
+    assert np.linalg.norm(poses[0, 2, :2]) > reach
+    links = sight(poses, OpticsConfig(led_beam_aperture=90, communication_radius=reach / RD))
     assert (heard(links).get((0, 0)) == (1, 0)) is hears
 
 
@@ -140,23 +142,30 @@ def test_a_robot_alone_hears_nobody(sight):
     assert sight(place((0, 0, 0), (RADIUS - 0.01, 0, 180))[None]).valid.sum() == 2
 
 
+def test_rays_end_at_the_led():
+    """In worlds in any order: to the sender's hull and short of it, past it, and through a third robot."""
+    facing_each_other = place((0, 0, 0), (8, 0, 180), (4, 5, 0), (4, 9, 0))
+    beside = place((0, 0, 0), (8, 0, 180), (4, 0, 0), (4, 9, 0))
+    world, origin = np.array([1, 0, 0, 0, 1]), np.tile([1.0, 0.0], (5, 1))
+    target = np.array([(7.0, 0.0), (7.0, 0.0), (6.9, 0.0), (9.5, 0.0), (2.9, 0.0)])
+    receiver, sender = np.zeros(5, int), np.array([1, 1, 1, 2, 1])
+    reached = scene_at(np.stack([facing_each_other, beside])).reaches(world, origin, target, receiver, sender)
+    assert reached.tolist() == [False, True, True, False, True]
+
+
 @pytest.mark.parametrize(("density", "edge"), [(0.2, 9), (0.5, 9), (0.8, 12)])
 def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge):
     poses = crowd(np.random.default_rng([edge, int(10 * density)]), density, edge)[:81]
     scene = scene_at(poses[None])
 
-    def ray(world, origin, target, receiver, sender):
-        share, hit = scene.cast_rays(world, origin, target - origin, receiver)
-        return (hit == sender) | (share >= 1.0)
-
     asked = []
 
     def counted(*pairs):
         asked.append(len(pairs[0]))
-        return ray(*pairs)
+        return scene.reaches(*pairs)
 
     links = find_links(poses[None], ROBOT, OPTICS, counted)
-    for reaches in (ray, squares_in_the_way(poses[None])):
+    for reaches in (scene.reaches, squares_in_the_way(poses[None])):
         sender, led, passed_over = all_links(poses, reaches)
         np.testing.assert_array_equal(np.where(links.valid[0], links.sender[0], -1), sender)
         np.testing.assert_array_equal(np.where(links.valid[0], links.led[0], -1), led)

@@ -13,6 +13,7 @@ from helpers_touching import pairs_of
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.engines.planar.plane import FINEST
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.settings import ModelSpec
 from iswarm_mj.simulation.actuate import drive_phases
@@ -147,9 +148,13 @@ class TestAccuracy:
         assert 0 < off[2e-5].max() < off[0.01].max() < off[1.0].max()
 
     def test_it_is_one_of_a_control_step(self, small):
-        slow = replace(small, drive=replace(small.drive, control_period=4.0))
-        planes = [PlanarSettings(1).host_engine(ModelSpec(config, 1, 1))(1, 1).plane for config in (small, slow)]
-        assert [plane.tolerance for plane in planes] == [0.01, 0.0025]
+        slow, found = replace(small, drive=replace(small.drive, control_period=4.0)), []
+        for config, accuracy in ((small, 0.01), (slow, 0.01), (slow, 2e-5)):
+            settings, model = PlanarSettings(1, 5, accuracy), ModelSpec(config, 1, 1)
+            for engine in (settings.host_engine(model)(1, 1), settings.compiled_engine(model, 1, "cpu")):
+                assert engine.plane.timestep == config.drive.timestep / 5
+                found.append(engine.plane.tolerance)
+        assert found == [0.01, 0.01, 0.0025, 0.0025, FINEST, FINEST]
 
 
 def test_each_step_of_a_jam_is_solved_whatever_it_begins_with(small):
