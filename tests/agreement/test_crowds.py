@@ -39,7 +39,7 @@ OPEN = ArenaConfig(outline=OUTLINE, dump_size=1, dust_area_size=1, dust_area_off
 ALL = SwarmConfig(replace(OPEN, obstacles=OBSTACLES, boxes=BOXES))
 SCENES = {"square": SMALL, "all": ALL}
 RUNNING = np.ones(B, bool)
-ABSENT = [3, 30]
+ABSENT = [3, 30, 31]
 PRESENT = np.tile(~np.isin(np.arange(N), ABSENT), (B, 1))
 THERE = np.append(PRESENT[0], np.ones(len(BOXES), bool))
 """Robots that are present, and boxes."""
@@ -66,15 +66,15 @@ def engines(config, file):
 def starts(config, file, rng):
     """Where robots and boxes start, off the grid on which several would be equally near, in single precision.
 
-    Absent robots are in others, in a wall, in a box and in an obstacle.
+    Absent robots are in others, and in boxes, obstacles and a wall.
     """
     poses = np.stack([place_robots(config.arena, N, rng, cell_of(read_robots(file))) for _ in range(B)])
     poses[..., :2] += rng.uniform(-0.02, 0.02, (B, N, 2))
     boxes = np.tile(poses_of(config.arena.boxes), (B, 1, 1))
-    poses[:, ABSENT, :2] = poses[:, [8, 9], :2] + 0.5
+    poses[:, ABSENT, :2] = poses[:, [8, 9, 10], :2] + 0.5
     if config.arena.boxes:
         fixed = numbers(config.arena.obstacles, RD)[:, :2]
-        poses[:, ABSENT, :2] = np.stack([[boxes[0, 1, :2], fixed[1]], [fixed[0], [6.5 * RD, 0.0]]])
+        poses[:, ABSENT[:2], :2] = np.stack([[boxes[0, 1, :2], fixed[1]], [fixed[0], [6.5 * RD, 0.0]]])
     return np.float32(np.concatenate([poses, boxes], axis=1)).astype(float)
 
 

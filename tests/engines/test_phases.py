@@ -26,7 +26,7 @@ def test_a_world_takes_no_further_step_after_a_fault(xp):
         return moved, xp.where(runs[:, None, None], touching + n_substeps, touching), failure
 
     start = np.tile([(0.0, 0, 0), (8.0, 0, 0), (-5.0, 0, 0)], (5, 1, 1))
-    start[4, 1, 1] = 4.5
+    start[0, 0, 0], start[4, 1, 1] = np.nan, 4.5
     present = np.tile([True, True, True], (5, 1))
     bodies = FreeBodies(*map(xp.asarray, (start, 0 * start, present)), None, xp.arange(5))
     boxes = xp.asarray(np.tile([0.0, 0.0, 3.0], (5, 1, 1)))

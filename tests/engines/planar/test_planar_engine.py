@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_crowds import crowd, partly_absent
+from helpers_crowds import crowd
 from helpers_planar import moved, placed
 from helpers_small import SMALL
 from helpers_touching import pairs_of
@@ -99,19 +99,6 @@ class TestContacts:
         engine = engine_of(small)
         bodies = moved(engine, placed(engine, [[(0, 0, 0), (0.7, 0.1, 0.3)]]), 0.0, 30).bodies
         assert np.hypot(*(bodies.poses[0, 1] - bodies.poses[0, 0])[:2]) > 1.9
-
-
-class TestAbsentRobots:
-    def test_leave_no_trace(self, small):
-        engine, rng = engine_of(small), np.random.default_rng(5)
-        start, present = partly_absent()
-        velocity = rng.uniform(-2, 2, start.shape)
-        with_absent = moved(engine, placed(engine, start, present), velocity)
-        without = moved(engine, placed(engine, start[:, :25]), velocity[:, :25])
-        np.testing.assert_array_equal(with_absent.bodies.poses[:, :25], without.bodies.poses)
-        np.testing.assert_array_equal(with_absent.touching[:, :, :25], without.touching)
-        assert not with_absent.touching[:, :, 25:].any() and pairs_of(without.touching).sum() > 5
-        np.testing.assert_array_equal(with_absent.bodies.poses[:, 25:], start[:, 25:])
 
 
 @pytest.fixture(scope="module")
