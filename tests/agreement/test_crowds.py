@@ -78,6 +78,17 @@ def starts(config, file, rng):
     return np.float32(np.concatenate([poses, boxes], axis=1)).astype(float)
 
 
+def press_into_walls(poses, walls):
+    """Move the robot nearest to a wall, in each world, and turn it, so that its first LED is in the wall."""
+    gaps = np.where(PRESENT[..., None], walls[:, 2] - poses[:, :N, :2] @ walls[:, :2].T, np.inf)
+    for world, each in enumerate(gaps):
+        robot, wall = np.unravel_index(each.argmin(), each.shape)
+        normal = walls[wall, :2]
+        poses[world, robot, :2] += (each.min() - 0.7) * normal
+        poses[world, robot, 2] = np.arctan2(normal[1], normal[0])
+    return poses
+
+
 @jax.jit
 def step_in_mjx(engine, poses, velocity, command):
     """Motion of a world in a control step that begins like this, and the light before."""
@@ -149,7 +160,7 @@ def test_light(scene):
     free = PlanarEngine(bare, compile_arena(bare, None if file else 1, np.zeros(0), robot_file=file), 1)
     still, n_seen, n_hidden = Command(*np.zeros((2, B, N), np.float32)), 0, 0
     for seed in range(3):
-        poses = starts(config, file, np.random.default_rng(10 + seed))
+        poses = press_into_walls(starts(config, file, np.random.default_rng(10 + seed)), in_mm(config.arena.walls))
         _, expected = step(in_c, poses, np.zeros_like(poses), still)
         valid = expected.links.valid
         for name, engine in others.items():

@@ -3,14 +3,18 @@
 from dataclasses import replace
 from functools import cache
 
+import jax
 import numpy as np
 import pytest
+from helpers_planar import placed
 from helpers_sensing import RADIUS, all_links, crowd, place, squares_in_the_way
 from mujoco.batch import Batch
 
 from iswarm_mj.config import SENDERS_IN_SIGHT, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.mujoco.sight import Scene, sense
+from iswarm_mj.engines.planar.batch_engine import read_engine
+from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.neighbours import find_neighbours
 from iswarm_mj.utils.obstacles import numbers
@@ -45,7 +49,18 @@ def by_rays(poses, optics=OPTICS):
     return sense(scene_at(poses, optics), poses, np.zeros((len(poses), 0, 3)), everyone, everyone).links
 
 
-both_sights = pytest.mark.parametrize("sight", [by_geometry, by_rays])
+def by_numba(poses, optics=OPTICS):
+    engine = PlanarEngine(SwarmConfig(optics=optics), arena(1), 1)
+    return engine.sense(placed(engine, poses), np.ones(poses.shape[:2], bool), np.ones(len(poses), bool)).links
+
+
+def by_warp(poses, optics=OPTICS):
+    engine = read_engine(arena(1), SwarmConfig(optics=optics), jax.default_backend())
+    links = engine.sense(placed(engine, poses), np.ones(poses.shape[:2], bool), np.ones(len(poses), bool)).links
+    return Links(*map(np.asarray, links))
+
+
+all_sights = pytest.mark.parametrize("sight", [by_geometry, by_rays, by_numba, by_warp])
 
 
 def heard(links, world=0):
@@ -70,7 +85,7 @@ def facing(degrees, distance):
 DARK = 45  # heading of a robot on the x axis that shines past those before and behind it
 
 
-@both_sights
+@all_sights
 def test_nearest_of_two_on_one_photodiode(sight):
     poses = place((0, 0, 0), facing(-16, 7.3), facing(26, 5.6))[None]
     links = sight(poses)
@@ -79,7 +94,7 @@ def test_nearest_of_two_on_one_photodiode(sight):
     assert heard(sight(poses[:, :2]))[0, 0] == (1, 0)
 
 
-@both_sights
+@all_sights
 def test_a_robot_between_two_cuts_their_link(sight):
     poses = place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None]
     assert (0, 0) not in heard(sight(poses))
@@ -88,12 +103,12 @@ def test_a_robot_between_two_cuts_their_link(sight):
     assert heard(sight(poses))[0, 0] == (1, 0)
 
 
-@both_sights
+@all_sights
 def test_without_line_of_sight_nobody_is_in_the_way(sight):
     assert heard(sight(place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None], BLIND))[0, 0] == (1, 0)
 
 
-@both_sights
+@all_sights
 @pytest.mark.parametrize(("heading", "cuts"), [(0, False), (45, True)])
 def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cuts):
     """A third robot 1.2 mm beside the path: its side leaves it open, its corner does not."""
@@ -101,7 +116,7 @@ def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cu
     assert ((0, 0) in heard(links)) is not cuts
 
 
-@both_sights
+@all_sights
 @pytest.mark.parametrize(("aside", "hears"), [(0.0, False), (0.2, True)])
 def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, hears):
     """It stands flush with the side of a sender that is turned away by 44 degrees, and its corner hides that LED."""
@@ -134,7 +149,7 @@ def test_a_large_robot_hides_by_its_own_circle():
     assert not find_links(poses, kinds, OPTICS, hidden, sends).valid[0, :2].any()
 
 
-@both_sights
+@all_sights
 def test_a_robot_alone_hears_nobody(sight):
     links = sight(np.zeros((1, 1, 3)))
     assert links.valid.shape == (1, 1, 4) and not links.valid.any()

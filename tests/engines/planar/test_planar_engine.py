@@ -71,10 +71,14 @@ class TestRefinement:
 
 class TestContacts:
     def test_the_deepest_overlap_is_that_of_any_step(self, small):
-        """Two robots that touch, 0.3 mm deep as they start, and part; one in a wall; one alone."""
-        engine = engine_of(small)
-        pair, wall, alone = [(0, 0, 0), (1.7, 0, 0)], [(0, 0, 0), (EDGE - 0.9, 3, 0)], [(0, 0, 0), (5, 0, 0)]
-        motion = moved(engine, placed(engine, [pair, wall, alone]), 0.0)
+        """Two robots that touch, 0.3 mm deep as they start, and part; one in a wall; one alone.
+
+        Two more are absent, in another wall and in an obstacle.
+        """
+        arena = replace(small.arena, obstacles=((0, -5, 1, 1, 0),), dust_area_size=2, dust_area_offset=5.5, n_dust=2)
+        engine, absent = engine_of(replace(small, arena=arena)), [(-EDGE, 3, 0), (0, -5 * RD, 0)]
+        start = [[(0, 0, 0), second, *absent] for second in ((1.7, 0, 0), (EDGE - 0.9, 3, 0), (5, 0, 0))]
+        motion = moved(engine, placed(engine, start, np.tile(np.arange(4) < 2, (3, 1))), 0.0)
         np.testing.assert_allclose(motion.bodies.overlap, [0.3, 0.1, 0.0], atol=1e-9)
         assert (moved(engine, motion.bodies, 0.0).bodies.overlap < 0.05).all()  # of this control step alone
 

@@ -11,6 +11,8 @@ from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import find_links
+from iswarm_mj.sensors.optics import receive
+from iswarm_mj.utils.units import RD
 
 ROBOT = read_robot()
 
@@ -38,6 +40,22 @@ def test_links_are_those_of_arrays(robot, optics, line_of_sight):
         assert values.dtype == those.dtype
         np.testing.assert_array_equal(values, those)
     assert got.valid.sum() > 150
+
+
+def test_light_may_come_from_farther_away_than_it_reaches():
+    """In power mode its way is measured between LED and photodiodes, which may be nearer than the centres."""
+    rng, optics, n = np.random.default_rng(8), OpticsConfig(mode="power", led_beam_aperture=90), 100_000
+    reach = optics.communication_radius * RD
+    angle, distance = rng.uniform(-np.pi, np.pi, n), rng.uniform(reach, reach + 0.05, n)
+    poses = np.zeros((n, 2, 3))
+    poses[:, 1] = np.column_stack([distance * np.cos(angle), distance * np.sin(angle), angle + rng.uniform(2, 4, n)])
+    yaw = poses[..., 2].T
+    headings = zip(np.cos(yaw), np.sin(yaw), strict=True)
+    expected = np.isfinite(receive(*poses[:, 1, :2].T, *headings, SHIFTED, optics).effective_distance)
+    assert expected.sum() > 20
+    poses = poses[expected]
+    for links in (links_of(poses, optics, SHIFTED), find_links(poses, SHIFTED, optics, squares_in_the_way(poses))):
+        assert links.valid[:, 0].any(axis=-1).all()
 
 
 def test_any_number_of_robots_may_be_near():
