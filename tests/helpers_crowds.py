@@ -10,9 +10,3 @@ def crowd(n_worlds, rng, n_robots=25):
     cells = np.stack(np.meshgrid(*[(np.arange(7) - 3) * RD] * 2), -1).reshape(-1, 2)
     xy = np.stack([cells[rng.permutation(49)[:n_robots]] for _ in range(n_worlds)])
     return np.dstack([xy, rng.uniform(-np.pi, np.pi, (n_worlds, n_robots))])
-
-
-def partly_absent():
-    """Two crowds of 25 robots, and five that are absent, in the midst of them; and who is present."""
-    poses = crowd(2, np.random.default_rng(4))
-    return np.concatenate([poses, poses[:, :5] + 0.5], axis=1), np.tile(np.arange(30) < 25, (2, 1))

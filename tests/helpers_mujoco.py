@@ -14,14 +14,14 @@ MASS, INERTIA = 10.0, 10.0 * (2**2 + 2**2) / 12
 class Worlds:
     """Worlds with robots at rest at (B, N, 3); `free` takes drive and damping off."""
 
-    def __init__(self, config, poses, n_threads=1, free=False, present=None, capacity=None):
+    def __init__(self, config, poses, free=False, present=None):
         poses = np.asarray(poses, float)
         self.n_worlds, n_robots = poses.shape[:2]
         arena = compile_arena(config, n_robots, np.zeros(0))
         if free:
             arena.model.dof_damping[:] = 0.0
         self.qpos = arena.qpos
-        self.engine = MujocoEngine(config, arena, self.n_worlds, n_threads, capacity or n_robots)
+        self.engine = MujocoEngine(config, arena, self.n_worlds, 1, n_robots)
         self.present = np.ones(poses.shape[:2], bool) if present is None else np.asarray(present)
         self.place(poses)
 
@@ -41,10 +41,6 @@ class Worlds:
         """Light in all worlds."""
         emits = np.ones(self.bodies.poses.shape[:2], bool) if emits is None else emits
         return self.engine.sense(self.bodies, emits, np.ones(self.n_worlds, bool))
-
-    def cast_rays(self, *rays):
-        """Share and hit for rays, see `Scene.cast_rays`."""
-        return self.engine._scene.cast_rays(*rays)
 
     @property
     def poses(self):

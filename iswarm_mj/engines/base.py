@@ -160,7 +160,7 @@ def concluded(bodies: Any, moved: Any, touching: Array, fault: Array, is_running
     Args: as for `take_phases`; `fault` is what occurred on the way.
     """
     xp = array_module(bodies.poses)
-    lost, robot = find_lost(moved.poses, bodies.is_present & is_running[..., None], walls)
+    lost, robot = find_lost(moved.poses, bodies.is_present, walls)
     fault = xp.where(is_running, fault | lost, 0).astype(xp.int32)
     keeps = ~is_running | (fault != 0)
     kept = (

@@ -57,6 +57,22 @@ def test_friction_stops_a_sliding_box(angle):
         np.testing.assert_allclose(way, expected * along, atol=0.002)
 
 
+@pytest.mark.parametrize(("half_x", "half_y"), [(1.0, 0.25), (0.4, 0.8)])
+def test_friction_stops_a_spinning_box(half_x, half_y):
+    """After w^2 / (2 a) in steps of h, where I a is the moment of mu g m spread evenly over the box."""
+    friction, speed, h, n_points = 0.0003, 3.0, 0.1, 400
+    x, y = np.meshgrid(*((np.arange(n_points) + 0.5) / n_points * half * RD for half in (half_x, half_y)))
+    slower = h * friction * GRAVITY * np.hypot(x, y).mean() / (RD**2 * (half_x**2 + half_y**2) / 3)
+    n, box = int(speed / slower), (3.0, 3.0, half_x, half_y, 30.0, 3e-5, friction)
+    for engine in engines_of(box):
+        bodies = placed(engine, np.zeros((1, 1, 3)), [box])
+        bodies = at_start(engine, bodies, [[[-9.0, -9.0, 0.0], [0, 0, 0.5]]], [[[0, 0, 0], [0, 0, speed]]])
+        bodies = engine.move(bodies, [Phase(30, np.zeros_like)], np.ones(1, bool)).bodies
+        turned = engine.boxes(bodies)[0, 0] - [0, 0, 0.5]
+        assert 5 < n < 25
+        np.testing.assert_allclose(turned, [0, 0, h * (n * speed - slower * n * (n + 1) / 2)], atol=0.002)
+
+
 @pytest.mark.parametrize("engine", engines_of((3.0, 0.0, 0.5, 0.5, 0.0, 1e-5, 0.0)), ids=["mujoco", "planar"])
 def test_a_push_without_friction_keeps_momentum(engine):
     """A robot whose drive is off and a resting box of its mass; what one loses the other gains."""

@@ -27,7 +27,7 @@ from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import cell_of, place_robots
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.obstacles import corners, poses_of
+from iswarm_mj.utils.obstacles import corners, numbers, poses_of
 from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import beyond, in_mm
 
@@ -38,7 +38,11 @@ OBSTACLES = ((-2.0, 1.5, 1.5, 0.3, 25.0), (5.0, -1.0, 1.0, 0.3, 45.0), (-4.0, 1.
 OPEN = ArenaConfig(outline=OUTLINE, dump_size=1, dust_area_size=1, dust_area_offset=3, n_dust=2)
 ALL = SwarmConfig(replace(OPEN, obstacles=OBSTACLES, boxes=BOXES))
 SCENES = {"square": SMALL, "all": ALL}
-PRESENT, RUNNING = np.ones((B, N), bool), np.ones(B, bool)
+RUNNING = np.ones(B, bool)
+ABSENT = [3, 30, 31]
+PRESENT = np.tile(~np.isin(np.arange(N), ABSENT), (B, 1))
+THERE = np.append(PRESENT[0], np.ones(len(BOXES), bool))
+"""Robots that are present, and boxes."""
 
 
 @pytest.fixture(scope="module", params=SCENES)
@@ -55,22 +59,40 @@ def engines(config, file):
     others = {"numba": PlanarEngine(config, one, 1), "warp": read_engine(one, config, jax.default_backend())}
     if file:
         room = contact_capacity(config, N, 4.0)
-        others["mjx"] = MjxEngine(compile_mjx_arena(config, N, "jax", 1, room, robot_file=file), config, False)
+        others["mjx"] = MjxEngine(compile_mjx_arena(config, N, "jax", 1, room, robot_file=file), config, True)
     return MujocoEngine(config, whole, B, 1, N), others
 
 
 def starts(config, file, rng):
-    """Where robots and boxes start, off the grid on which several would be equally near, in single precision."""
+    """Where robots and boxes start, off the grid on which several would be equally near, in single precision.
+
+    Absent robots are in others, and in boxes, obstacles and a wall.
+    """
     poses = np.stack([place_robots(config.arena, N, rng, cell_of(read_robots(file))) for _ in range(B)])
     poses[..., :2] += rng.uniform(-0.02, 0.02, (B, N, 2))
     boxes = np.tile(poses_of(config.arena.boxes), (B, 1, 1))
+    poses[:, ABSENT, :2] = poses[:, [8, 9, 10], :2] + 0.5
+    if config.arena.boxes:
+        fixed = numbers(config.arena.obstacles, RD)[:, :2]
+        poses[:, ABSENT[:2], :2] = np.stack([[boxes[0, 1, :2], fixed[1]], [fixed[0], [6.5 * RD, 0.0]]])
     return np.float32(np.concatenate([poses, boxes], axis=1)).astype(float)
+
+
+def press_into_walls(poses, walls):
+    """Move the robot nearest to a wall, in each world, and turn it, so that its first LED is in the wall."""
+    gaps = np.where(PRESENT[..., None], walls[:, 2] - poses[:, :N, :2] @ walls[:, :2].T, np.inf)
+    for world, each in enumerate(gaps):
+        robot, wall = np.unravel_index(each.argmin(), each.shape)
+        normal = walls[wall, :2]
+        poses[world, robot, :2] += (each.min() - 0.7) * normal
+        poses[world, robot, 2] = np.arctan2(normal[1], normal[0])
+    return poses
 
 
 @jax.jit
 def step_in_mjx(engine, poses, velocity, command):
     """Motion of a world in a control step that begins like this, and the light before."""
-    present, running = jnp.ones(N, bool), jnp.bool_(True)
+    present, running = jnp.asarray(PRESENT[0]), jnp.bool_(True)
     bodies = engine.place(poses, present)._replace(velocity=velocity)
     return engine.move(bodies, drive_phases(ALL.drive, command), running), engine.sense(bodies, present, running)
 
@@ -93,27 +115,31 @@ def hulls(poses):
 
 
 BOUND = {"square": 2e-5, "all": 1e-4}
-"""Of the differences of the engine for CPUs to MuJoCo in C; with 32 bits rounding decides between equal faces [mm]."""
+"""Of the differences of the engine for CPUs to MuJoCo in C, for velocities over a time step; with 32 bits rounding
+decides between equal faces [mm]."""
 
 
 def test_control_steps(scene):
-    """After each of ten that begin alike, motion included; the same robots touch."""
+    """After each of twelve that begin alike, motion included; the same robots touch."""
     config, file = scene
     (in_c, others), rng = engines(config, file), np.random.default_rng(1)
     poses = start = starts(config, file, rng)
+    there, h = THERE[: poses.shape[1]], config.drive.timestep
     velocities, walls = np.zeros_like(poses), in_mm(config.arena.walls)
     n_touching, n_at_walls, off = 0, 0, {name: [] for name in others}
-    for _ in range(10):
+    for _ in range(12):
         command = Command(np.float32(rng.uniform(-0.3, 0.3, (B, N))), np.full((B, N), 1.4, np.float32))
         expected, _ = step(in_c, poses, velocities, command)
+        end = np.concatenate([expected.bodies.poses, h * in_c._qvel[:, in_c._arena.qpos]], axis=-1)[:, there]
         for name, engine in others.items():
             motion, _ = step(engine, poses, velocities, command)
             assert not motion.fault.any() and not expected.fault.any()
-            off[name].append(np.abs(motion.bodies.poses - expected.bodies.poses).max(axis=-1))
+            found = np.concatenate([motion.bodies.poses, h * motion.bodies.velocity], axis=-1)[:, there]
+            off[name].append(np.abs(found - end).max(axis=-1))
             different = pairs_of(motion.touching) != pairs_of(expected.touching)
             assert different.sum() <= (0 if name == "numba" else 2), name
         velocities = np.float32(in_c._qvel[:, in_c._arena.qpos]).astype(float)
-        poses = np.float32(expected.bodies.poses).astype(float)
+        poses = np.where(there[:, None], np.float32(expected.bodies.poses), start).astype(float)
         n_touching += pairs_of(expected.touching).sum()
         n_at_walls += (beyond(corners(hulls(poses[:, :N])), walls) > -0.01).any(axis=1).sum()
     bound = BOUND["all" if file else "square"]
@@ -134,7 +160,7 @@ def test_light(scene):
     free = PlanarEngine(bare, compile_arena(bare, None if file else 1, np.zeros(0), robot_file=file), 1)
     still, n_seen, n_hidden = Command(*np.zeros((2, B, N), np.float32)), 0, 0
     for seed in range(3):
-        poses = starts(config, file, np.random.default_rng(10 + seed))
+        poses = press_into_walls(starts(config, file, np.random.default_rng(10 + seed)), in_mm(config.arena.walls))
         _, expected = step(in_c, poses, np.zeros_like(poses), still)
         valid = expected.links.valid
         for name, engine in others.items():

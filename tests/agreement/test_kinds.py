@@ -74,6 +74,8 @@ class TestRobots:
     def test_have_consecutive_numbers(self, file):
         robots = read_robots(file)
         assert robots.kind_of(np.array([0, 23, 24, 59, 80])).tolist() == [0, 0, 1, 1, 1]
+        three = read_robots(numbered([path for path, _ in (*files_of(file), *files_of(file)[:1])], 2, 3, 4))
+        assert three.kind_of(9).tolist() == [0, 0, 1, 1, 1, 2, 2, 2, 2]
         np.testing.assert_allclose(robots.each("probe_tip", np.array([23, 24])), [[0.9, 0], [1.1, 0.1]])
         assert robots.each("mass", np.array([24, 0])).tolist() == [30, 10]
         assert robots.circumradius == pytest.approx(np.hypot(*HALF)) and robots.inradius == 0.8

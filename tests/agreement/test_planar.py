@@ -14,8 +14,6 @@ from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.batch_engine import read_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
-from iswarm_mj.simulation.step import drive_phases
-from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
 
 EDGE = 7.5 * 2 * np.sqrt(2)
@@ -82,22 +80,6 @@ def test_velocities_of_each_physics_step_are_those_of_mujoco(start, velocity, to
         np.testing.assert_allclose(here.bodies.poses, in_c.bodies.poses, rtol=tolerance, atol=tolerance)
         pairs = [(mujoco, in_c.bodies), (planar, here.bodies)]
     assert np.abs(expected - velocity[0]).max() > 0.3
-
-
-def commands(rng, shape):
-    """Turns [rad] and walks [mm] of robots (B, N)."""
-    return Command(rng.uniform(-0.6, 0.6, shape), rng.uniform(0.0, np.sqrt(2), shape))
-
-
-def test_crowds_stay_together_over_control_steps():
-    """Without placing the robots anew: velocities pass from one control step to the next."""
-    rng = np.random.default_rng(2)
-    pairs = both_placed(np.stack([place_robots(SMALL.arena, 60, rng) for _ in range(4)]))
-    for _ in range(5):
-        motions = both_move(pairs, drive_phases(SMALL.drive, commands(rng, (4, 60))))
-        pairs = [(engine, motion.bodies) for (engine, _), motion in zip(pairs, motions, strict=True)]
-    np.testing.assert_allclose(motions[1].bodies.poses, motions[0].bodies.poses, atol=1e-3)
-    np.testing.assert_array_equal(motions[1].touching, motions[0].touching)
 
 
 @BOTH

@@ -13,8 +13,9 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.errors import UserError
 
-N, STEPS = 4, 2
+N, STEPS = 5, 2
 DATA = Path(__file__).parents[1] / "data"
+SIX = DATA.parents[1] / "models" / "robot6.xml"
 HOST, COMPILED = "teleport.py:TeleportSettings", "glide.py:GlideSettings"
 SIGHT = "Sight(Links(whole, flags, whole, number, number), flags)"
 SETTINGS = [
@@ -31,11 +32,14 @@ METHODS = [
     ("def sense(self", "def sense(self, more", "sense raised TypeError"),
     ("self.robot, self._far = read_robots(model.robot_file), far", "self._far = far", "robot raised AttributeError"),
     ("self.robot, self._far = read_robots(model.robot_file), far", "self.robot = np.zeros(3)", "robot must be the"),
-    ("Places(np.array(poses, float))", "Places(poses[0])", r"place must return arrays .* as \.poses .*shape \(4, 3\)"),
+    ("read_robots(model.robot_file), far", f"read_robots({str(SIX)!r}), far", r"robot must be .*got others"),
+    ("Places(np.array(poses, float))", "Places(poses[0])", r"place must return arrays .* as \.poses .*shape \(5, 3\)"),
     ("return bodies.poses", "return bodies.poses.tolist()", r"poses must return an array as its result \(got list"),
     (SIGHT, "None", r"sense must return Sight of 6 arrays .*got NoneType"),
-    (SIGHT, SIGHT.replace("whole,", "number,"), r"sense must return int32\[1, 4, 4\] as \.links\.sender .*float32"),
-    (SIGHT, SIGHT.replace("whole, flags", "whole + 9, ~flags"), r"sense must return a sender from 0 to 3 .*got 9"),
+    (SIGHT, SIGHT.replace("whole,", "number,"), r"sense must return int32\[1, 5, 4\] as \.links\.sender .*float32"),
+    (SIGHT, SIGHT.replace("whole, flags", "whole + 9, ~flags"), r"sense must return a sender from 0 to 4 .*got 9"),
+    (SIGHT, SIGHT.replace("whole, flags", "whole - 1, ~flags"), r"sense must return a sender from 0 to 4 .*got -1"),
+    (SIGHT, SIGHT.replace("flags, whole,", "~flags, whole + 4,"), r"sense must return a led from 0 to 3 .*got 4"),
     (SIGHT, SIGHT.replace("flags, whole, number, number", "~flags, whole, number, number * np.nan"), "true_distance"),
     ("        return Motion(", "        return (", "move must return a Motion"),
     ("Places(poses), np", "None, np", "move must return Places of 1 array as its bodies as it was given"),
@@ -43,14 +47,15 @@ METHODS = [
 ]
 IN_PROGRAMS = [
     ("def mapping", "def other", "Glide has no method mapping"),
+    ('return "batch"', 'return "each"', r"Glide.mapping must return one of 'batch', .*\(got 'each'\)"),
     ("model.config.drive.timestep", "'x'", "engine Glide holds a str where JAX expects an array"),
     (
         "Places(poses)\n\n    def poses",
         "Places(poses.astype(int))\n\n    def poses",
-        r"poses must return float32\[1, 4, 3\]",
+        r"poses must return float32\[1, 5, 3\]",
     ),
     ("return bodies.poses", "return bodies.poses if bodies.poses.sum() else 1", "TracerBoolConversionError explains"),
-    (SIGHT, SIGHT.replace("whole, flags", "whole + 9, ~flags"), "glide must return a sender from 0 to 3"),
+    (SIGHT, SIGHT.replace("whole, flags", "whole + 9, ~flags"), "glide must return a sender from 0 to 4"),
     ("Places(poses), touching", "Places(poses.astype(jnp.float16)), touching", "poses of its bodies as it was given"),
 ]
 
@@ -98,8 +103,8 @@ def test_in_programs(small, engine, old, new, message):
 def test_later_mistakes(small, engine):
     """An answer that is right at first is looked at again."""
     old = "        shape = (*bodies.poses.shape[:2], "
-    new = "        self.n = getattr(self, 'n', 0) + 1\n        bodies = Places(bodies.poses[:, : 4 - (self.n > 1)])\n"
-    with pytest.raises(UserError, match=r"sense must return int32\[1, 4, 4\] .*int32\[1, 3, 4\]"):
+    new = "        self.n = getattr(self, 'n', 0) + 1\n        bodies = Places(bodies.poses[:, : 5 - (self.n > 1)])\n"
+    with pytest.raises(UserError, match=r"sense must return int32\[1, 5, 4\] .*int32\[1, 4, 4\]"):
         run(small, engine(HOST, old, new + old))
 
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -133,6 +134,26 @@ class TestArena:
         assert model.camera("above").name and model.camera("oblique").name
         assert model.nlight == 1
         assert min(model.vis.global_.offwidth, model.vis.global_.offheight) >= 1280
+
+
+def test_floor_markings_balls_and_cameras_follow_the_configuration():
+    """An arena four times as long as wide, off the middle; the file's is a square of 49 rd."""
+    corners = np.array([(-4.0, -4.0), (6.0, -4.0), (6.0, 36.0), (-4.0, 36.0)])
+    own = {"size": 49.0, "outline": tuple(map(tuple, corners)), "dust_area_size": 1.5, "dust_area_offset": 2.6}
+    arena = replace(SMALL.arena, **own)
+    made, file = compile_arena(replace(SMALL, arena=arena), 1, np.array([20e-6, 30e-6])), load("arena.xml")
+    model, floor = made.model, made.model.geom("floor")
+    np.testing.assert_allclose(floor.pos[:2] - floor.size[:2], RD * corners[0])
+    np.testing.assert_allclose(floor.pos[:2] + floor.size[:2], RD * corners[2])
+    np.testing.assert_allclose(model.material("floor").texrepeat, [5, 20])  # cells of 1 rd, two in a picture
+    np.testing.assert_allclose(model.geom("dump").size[:2], 1.5 * RD)
+    for name, x in (("dust_west", -2.6), ("dust_east", 2.6)):
+        area = model.geom(name)
+        np.testing.assert_allclose([area.pos[0], *area.size[:2]], RD * np.array([x, 0.75, 0.75]))
+    np.testing.assert_allclose([model.geom(f"ball{k}/ball").size[0] for k in range(2)], [0.02, 0.03])
+    assert made.mocap.tolist() == [model.body(f"ball{k}/ball").mocapid[0] for k in range(2)] == [0, 1]
+    for camera in ("above", "oblique"):
+        np.testing.assert_allclose(model.camera(camera).pos / arena.size, file.camera(camera).pos / 49)
 
 
 def test_panels_of_a_small_arena_stand_behind_its_walls():

@@ -3,8 +3,10 @@
 from dataclasses import replace
 from functools import cache
 
+import jax
 import numpy as np
 import pytest
+from helpers_planar import placed
 from helpers_sensing import (
     RADIUS,
     SHIFTED,
@@ -20,10 +22,13 @@ from mujoco.batch import Batch
 from iswarm_mj.config import SENDERS_IN_SIGHT, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.mujoco.sight import Scene, sense
+from iswarm_mj.engines.planar.batch_engine import read_engine
+from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.neighbours import find_neighbours
 from iswarm_mj.utils.obstacles import numbers
 from iswarm_mj.utils.robot import Mixed
+from iswarm_mj.utils.units import RD
 
 OPTICS = OpticsConfig()
 ROBOT = read_robot()
@@ -53,7 +58,18 @@ def by_rays(poses, optics=OPTICS):
     return sense(scene_at(poses, optics), poses, np.zeros((len(poses), 0, 3)), everyone, everyone).links
 
 
-both_sights = pytest.mark.parametrize("sight", [by_geometry, by_rays])
+def by_numba(poses, optics=OPTICS):
+    engine = PlanarEngine(SwarmConfig(optics=optics), arena(1), 1)
+    return engine.sense(placed(engine, poses), np.ones(poses.shape[:2], bool), np.ones(len(poses), bool)).links
+
+
+def by_warp(poses, optics=OPTICS):
+    engine = read_engine(arena(1), SwarmConfig(optics=optics), jax.default_backend())
+    links = engine.sense(placed(engine, poses), np.ones(poses.shape[:2], bool), np.ones(len(poses), bool)).links
+    return Links(*map(np.asarray, links))
+
+
+all_sights = pytest.mark.parametrize("sight", [by_geometry, by_rays, by_numba, by_warp])
 
 
 def heard(links, world=0):
@@ -78,7 +94,7 @@ def facing(degrees, distance):
 DARK = 45  # heading of a robot on the x axis that shines past those before and behind it
 
 
-@both_sights
+@all_sights
 def test_nearest_of_two_on_one_photodiode(sight):
     poses = place((0, 0, 0), facing(-16, 7.3), facing(26, 5.6))[None]
     links = sight(poses)
@@ -87,7 +103,7 @@ def test_nearest_of_two_on_one_photodiode(sight):
     assert heard(sight(poses[:, :2]))[0, 0] == (1, 0)
 
 
-@both_sights
+@all_sights
 def test_a_robot_between_two_cuts_their_link(sight):
     poses = place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None]
     assert (0, 0) not in heard(sight(poses))
@@ -96,18 +112,27 @@ def test_a_robot_between_two_cuts_their_link(sight):
     assert heard(sight(poses))[0, 0] == (1, 0)
 
 
-@both_sights
+@all_sights
 def test_without_line_of_sight_nobody_is_in_the_way(sight):
     assert heard(sight(place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None], BLIND))[0, 0] == (1, 0)
 
 
-@both_sights
+@all_sights
+@pytest.mark.parametrize(("heading", "cuts"), [(0, False), (45, True)])
+def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cuts):
+    """A third robot 1.2 mm beside the path: its side leaves it open, its corner does not."""
+    links = sight(place((0, 0, 0), (8, 0, 180), (4, 1.2, heading))[None], OpticsConfig(photodiode_aperture=30))
+    assert ((0, 0) in heard(links)) is not cuts
+
+
+@all_sights
 @pytest.mark.parametrize(("aside", "hears"), [(0.0, False), (0.2, True)])
 def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, hears):
     """It stands flush with the side of a sender that is turned away by 44 degrees, and its corner hides that LED."""
     poses = place((0, 0, 0), (2.6, 0, 136), (1.78 + aside, 2.045 + aside, 46))[None]
-    assert np.linalg.norm(poses[0, 2, :2]) > 2.7
-    links = sight(poses, OpticsConfig(led_beam_aperture=90))
+    reach = 2.65  # of light, farther than to the sender
+    assert np.linalg.norm(poses[0, 2, :2]) > reach
+    links = sight(poses, OpticsConfig(led_beam_aperture=90, communication_radius=reach / RD))
     assert (heard(links).get((0, 0)) == (1, 0)) is hears
 
 
@@ -152,7 +177,7 @@ def test_light_goes_from_the_leds_of_one_kind_to_the_photodiodes_of_another(mode
         assert 500 < one.valid[:, receiver].sum() < 1400
 
 
-@both_sights
+@all_sights
 def test_a_robot_alone_hears_nobody(sight):
     links = sight(np.zeros((1, 1, 3)))
     assert links.valid.shape == (1, 1, 4) and not links.valid.any()
@@ -160,23 +185,30 @@ def test_a_robot_alone_hears_nobody(sight):
     assert sight(place((0, 0, 0), (RADIUS - 0.01, 0, 180))[None]).valid.sum() == 2
 
 
+def test_rays_end_at_the_led():
+    """In worlds in any order: to the sender's hull and short of it, past it, and through a third robot."""
+    facing_each_other = place((0, 0, 0), (8, 0, 180), (4, 5, 0), (4, 9, 0))
+    beside = place((0, 0, 0), (8, 0, 180), (4, 0, 0), (4, 9, 0))
+    world, origin = np.array([1, 0, 0, 0, 1]), np.tile([1.0, 0.0], (5, 1))
+    target = np.array([(7.0, 0.0), (7.0, 0.0), (6.9, 0.0), (9.5, 0.0), (2.9, 0.0)])
+    receiver, sender = np.zeros(5, int), np.array([1, 1, 1, 2, 1])
+    reached = scene_at(np.stack([facing_each_other, beside])).reaches(world, origin, target, receiver, sender)
+    assert reached.tolist() == [False, True, True, False, True]
+
+
 @pytest.mark.parametrize(("density", "edge"), [(0.2, 9), (0.5, 9), (0.8, 12)])
 def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge):
     poses = crowd(np.random.default_rng([edge, int(10 * density)]), density, edge)[:81]
     scene = scene_at(poses[None])
 
-    def ray(world, origin, target, receiver, sender):
-        share, hit = scene.cast_rays(world, origin, target - origin, receiver)
-        return (hit == sender) | (share >= 1.0)
-
     asked = []
 
     def counted(*pairs):
         asked.append(len(pairs[0]))
-        return ray(*pairs)
+        return scene.reaches(*pairs)
 
     links = find_links(poses[None], ROBOT, OPTICS, counted)
-    for reaches in (ray, squares_in_the_way(poses[None])):
+    for reaches in (scene.reaches, squares_in_the_way(poses[None])):
         sender, led, passed_over = all_links(poses, reaches)
         np.testing.assert_array_equal(np.where(links.valid[0], links.sender[0], -1), sender)
         np.testing.assert_array_equal(np.where(links.valid[0], links.led[0], -1), led)

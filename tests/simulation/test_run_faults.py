@@ -83,10 +83,11 @@ class TestFaults:
 
     def test_poses_that_are_not_finite_come_first(self):
         poses = np.zeros((2, N, 3))
-        poses[1, 8, 2], poses[1, 3, 0] = np.nan, 99.0
+        poses[0, 5], poses[1, 8, 2], poses[1, 3, 0] = [99.0, 0.0, np.nan], np.nan, 99.0
         walls = in_mm(half_planes(corners_of([(15.0, 15.0)])))
         bits, robot = find_lost(poses, np.ones((2, N), bool), walls)
-        assert bits.tolist() == [0, FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE] and robot[1] == 8
+        not_finite = FaultKind.POSE_NOT_FINITE
+        assert (bits.tolist(), robot.tolist()) == ([not_finite, not_finite | FaultKind.OUTSIDE], [5, 8])
 
     def test_too_many_robots(self, small):
         with pytest.raises(UserError, match=r"n_robots must be between 1 and 216 "):

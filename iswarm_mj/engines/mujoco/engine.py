@@ -33,8 +33,6 @@ class Bodies(NamedTuple):
     """The others touch and hide nothing."""
     velocity: Float[np.ndarray, "B V"]
     """MuJoCo's qvel."""
-    warm_start: Float[np.ndarray, "B V"]
-    """Accelerations with which MuJoCo's solver begins."""
     n_contacts: Int[np.ndarray, "B"]
     """Contact points in the last physics step, which choose the solver of the next ones."""
 
@@ -56,7 +54,7 @@ class MujocoEngine(WithBoxes):
         self._there = np.r_[: arena.n_robots, capacity : capacity + self.n_boxes]  # of the places, those of bodies
         self._batch = Batch(arena.model, n_worlds, n_threads, persistent=True)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
-        self._force, self._warm_start = self._batch.bind("qfrc_applied"), self._batch.bind("qacc_warmstart")
+        self._force = self._batch.bind("qfrc_applied")
         self._solver, self._iterations = (self._batch.expand(f"opt.{name}") for name in ("solver", "iterations"))
         self._scratch = mujoco.MjData(arena.model)
         self._scene = Scene(config, arena, self._batch)
@@ -109,7 +107,7 @@ class MujocoEngine(WithBoxes):
     ) -> tuple[Bodies, Array, Array]:
         """See `Take`."""
         self._qpos[:, self._arena.qpos] = bodies.poses[:, self._there]
-        self._qvel[:], self._warm_start[:] = bodies.velocity, bodies.warm_start
+        self._qvel[:] = bodies.velocity
         self._force[:, self._arena.qpos] = self._arena.servo_gain * targets[:, self._there]
         worlds, n_contacts, fault = np.flatnonzero(runs), bodies.n_contacts.copy(), np.zeros(len(runs), np.int32)
         fault[self._step(n_substeps, worlds, n_contacts[worlds] > JAM)] = FaultKind.SOLVER_FAILED
@@ -120,7 +118,7 @@ class MujocoEngine(WithBoxes):
     def _bodies(self, is_present: Bool[np.ndarray, "B PM"], n_contacts: Int[np.ndarray, "B"]) -> Bodies:
         """Bodies as they are in MuJoCo."""
         poses = self._padded(self._qpos[:, self._arena.qpos])
-        return Bodies(poses, is_present, self._qvel.copy(), self._warm_start.copy(), n_contacts)
+        return Bodies(poses, is_present, self._qvel.copy(), n_contacts)
 
     def _step(self, n_substeps: int, worlds: Int[np.ndarray, "W"], is_jam: Bool[np.ndarray, "W"]) -> list[Any]:
         """Take physics steps of some worlds; return those in which MuJoCo reported an error."""

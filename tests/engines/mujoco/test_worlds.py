@@ -20,6 +20,12 @@ def test_absent_robots_may_be_present_when_they_are_placed_again(small):
     assert np.argwhere(touching[0]).tolist() == np.argwhere(touching[1]).tolist() == [[0, 3]]
 
 
+def test_worlds_that_do_not_run_are_not_looked_at(small):
+    worlds = Worlds(small, [[(0, 0, 0), (6.0, 0, np.pi)]] * 2)
+    sight = worlds.engine.sense(worlds.bodies, np.ones((2, 2), bool), np.array([False, True]))
+    assert sight.links.valid.sum(axis=(1, 2)).tolist() == [0, 2]
+
+
 class TestFaults:
     def test_a_world_that_fails_keeps_its_bodies_at_rest(self, small, tmp_path, monkeypatch):
         monkeypatch.chdir(tmp_path)

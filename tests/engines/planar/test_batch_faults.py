@@ -46,12 +46,6 @@ def test_who_is_absent_cannot_be_lost():
     np.testing.assert_allclose(motion.bodies.poses[0, 0], 0.5, atol=1e-6)
 
 
-def test_worlds_that_do_not_run_have_no_fault():
-    _, engine = engines()
-    motion = moved(engine, placed(engine, [[(np.nan, 0, 0)], [(0, 0, 0)]]), 0.5, running=[False, True])
-    assert motion.fault.tolist() == [0, 0]
-
-
 @BOTH
 def test_sweeps_that_do_not_suffice(which):
     engine = engines(max_sweeps=1)[which]

@@ -57,18 +57,6 @@ class TestCrowds:
         np.testing.assert_array_equal(batch.touching, plain.touching)
         assert pairs_of(plain.touching).sum() > 10 and np.abs(plain.bodies.poses - start - velocity).max() > 0.1
 
-    def test_velocities_pass_from_step_to_step(self):
-        rng = np.random.default_rng(2)
-        start = rounded(walled_crowd(2, rng))
-        bodies = [placed(engine, start) for engine in engines()]
-        for _ in range(5):
-            velocity = rounded(rng.uniform(-1.4, 1.4, (2, 25, 3)))
-            motions = [moved(engine, one, velocity) for engine, one in zip(engines(), bodies, strict=True)]
-            bodies = [motion.bodies for motion in motions]
-        np.testing.assert_allclose(bodies[1].poses, bodies[0].poses, atol=1e-3)
-        np.testing.assert_allclose(bodies[1].velocity, bodies[0].velocity, atol=1e-2)
-        np.testing.assert_array_equal(motions[1].touching, motions[0].touching)
-
 
 class TestWhoMoves:
     def test_worlds_that_do_not_run_keep_their_bodies(self):

@@ -65,8 +65,10 @@ def test_of_equally_near_senders_the_first_is_heard(mode, order):
 
 @pytest.mark.parametrize("which", [0, 1], ids=["numba", "warp"])
 def test_robots_anywhere_are_seen(which):
-    """Also beyond the walls, and those whose pose is not a number see nothing and hide nothing."""
-    poses = np.array([[(0, 0, 0), (6, 0, np.pi), (80, 0, 0), (86, 0, np.pi), (np.nan, 0, 0), (3, np.nan, 0)]])
+    """Beyond the walls and after many turns, too; those whose pose is not a number see nothing and hide nothing."""
+    turns = 1400 * np.pi
+    rows = [(0, 0, turns), (6, 0, np.pi), (80, 0, -turns), (86, 0, np.pi + turns), (np.nan, 0, 0), (3, np.nan, 0)]
+    poses = np.array([rows])
     links = seen(engines(OpticsConfig())[which], poses).links
     assert links.valid.sum() == 4 and not links.valid[0, 4:].any()
     np.testing.assert_array_equal(links.sender[0, :4, 0], [1, 0, 3, 2])
@@ -79,6 +81,7 @@ def test_repeats_and_companions_change_no_bit():
     together = seen(engine, poses, emits, present)
     assert same_bits(together, seen(engine, poses, emits, present))
     halted = seen(engine, poses, emits, present, np.array([True, False, True]))
+    assert not np.any(halted.links.valid[1]) and not np.any(halted.sees_wall[1])  # looking there takes time
     for world in range(3):
         alone = seen(engine, poses[[world]], emits[[world]], present[[world]])
         for mine, yours, third in zip(*(arrays_of(s) for s in (alone, together, halted)), strict=True):
@@ -91,11 +94,15 @@ def arrays_of(sight):
 
 
 def test_a_led_inside_an_obstacle_sees_it():
-    """As of a robot pressed into it; one whose axis a third robot crosses first sees none."""
-    beside, between = (0.0, 6.0, 0.0), (4.6, 0.0, 0.0)
-    poses = np.array([[(6.2, 0.0, 0.0), beside], [(2.0, 0.0, 0.0), between], [(2.0, 0.0, 0.0), beside]])
+    """As of a robot pressed into it; one whose axis a third robot crosses first sees none.
+
+    Also where that robot is beyond the range of messages, and its corner alone within that of walls.
+    """
+    beside, between, corner = (0.0, 6.0, 0.0), (4.6, 0.0, 0.0), (8.36, 0.0, np.pi / 4)
+    first = [(6.2, 0.0, 0.0), (2.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.4, 0.0, 0.0), (0.4, 0.0, 0.0)]
+    poses = np.stack([first, [beside, between, beside, corner, beside]], axis=1)
+    optics = OpticsConfig(communication_radius=1.0, wall_range=2.0)
     box = (9 / RD, 0.0, 2 / RD, 2 / RD, 0.0)  # from 7 mm on
     arena = replace(SMALL.arena, obstacles=(box,), dust_area_size=2, dust_area_offset=5.5, n_dust=2)
-    for engine in both_engines(replace(SMALL, arena=arena)):
-        sees = np.asarray(engine.sense(placed(engine, poses), np.ones((3, 2), bool), np.ones(3, bool)).sees_wall)
-        assert sees[:, 0, 0].tolist() == [True, False, True]
+    for engine in both_engines(replace(SMALL, arena=arena, optics=optics)):
+        assert np.asarray(seen(engine, poses).sees_wall)[:, 0, 0].tolist() == [True, False, True, False, True]

@@ -8,7 +8,7 @@ import pytest
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
-from iswarm_mj.engines.planar.contact_law import impedance, offset, regularisation, two_impulses
+from iswarm_mj.engines.planar.contact_law import impedance, offset, regularisation, two_impulses, velocity_change
 from iswarm_mj.engines.planar.plane import read_kinds, read_plane
 
 SOFTNESS = {
@@ -27,7 +27,7 @@ def test_rows_are_those_of_mujoco(solref, solimp, overlap):
     def tune(spec):
         for geom in spec.geoms:
             if geom.name.endswith("hull"):
-                geom.solref, geom.solimp = solref, solimp
+                geom.solref, geom.solimp, geom.solmix = solref, solimp, 3.0
 
     arena = compile_arena(SwarmConfig(), 2, np.zeros(0), tune=tune)
     plane, model, weight = read_plane(arena), arena.model, read_kinds(arena)[0].inverse_weight
@@ -64,6 +64,22 @@ def test_two_rows_are_solved_exactly():
         np.testing.assert_allclose(p * left, 0, atol=1e-9)
         pushing.add(tuple((p > 0).tolist()))
     assert pushing == set(itertools.product([False, True], repeat=2))
+
+
+def test_velocity_changes_by_hand():
+    """Of points on the circumcircles of bodies with other masses and arms: the fastest of them, somewhere around."""
+    rng, around = np.random.default_rng(4), np.exp(1j * np.linspace(0, 2 * np.pi, 3601))
+    first_is_faster = []
+    for _ in range(100):
+        impulses, arms, levers = rng.normal(size=(3, 2))
+        changes, given = [], []
+        for arm in (arms, levers):
+            mass, inertia, radius = rng.uniform(0.1, 2.0, 3)
+            changes.append(np.abs(mass * impulses.sum() + 1j * inertia * radius * (arm @ impulses) * around).max())
+            given += [mass, inertia * radius]
+        first_is_faster.append(changes[0] > changes[1])
+        assert velocity_change(*impulses, *arms, *levers, *given) == pytest.approx(max(changes), rel=1e-5)
+    assert 20 < sum(first_is_faster) < 80
 
 
 @pytest.mark.parametrize(("w", "impulse"), [(-3.0, 3.5), (1.0, 1.5), (5.0, 0.0)])

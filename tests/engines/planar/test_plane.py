@@ -50,8 +50,11 @@ def joint(arena):
 REFUSED = {
     "condim 1": set_array("geom_condim", 3, hull),
     "margin": set_array("geom_margin", 0.1, hull),
+    "gap": set_array("geom_gap", 0.1, hull),
     "positive solref": set_array("geom_solref", -100.0, hull),
     "same solimp": set_array("geom_solimp", 0.5, hull),
+    "same solmix": set_array("geom_solmix", 2.0, hull),
+    "same priority": set_array("geom_priority", 1, lambda arena: arena.walls[2]),
     "adhesion": set_array("geom_adhesion", 1.0, hull),
     "centre of mass": set_array("body_ipos", 0.1, lambda arena: arena.body[1]),
     "same mass of a robot along x and y": set_array("dof_M0", 20.0, joint),

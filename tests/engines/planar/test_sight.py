@@ -11,6 +11,7 @@ from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import find_links
+from iswarm_mj.sensors.optics import receive
 from iswarm_mj.utils.units import RD
 
 ROBOT = read_robot()
@@ -69,6 +70,22 @@ def test_walls_at_the_end_of_the_range(degrees, share, aside, sees):
     poses, both = np.array([[(*receiver, angle), (*(wall + aside), 0.0)]]), np.ones((1, 2), bool)
     engine = PlanarEngine(config, compile_arena(config, 1, np.zeros(0)), 1)
     assert engine.sense(engine.place(poses, both), both, np.ones(1, bool)).sees_wall[0, 0, 0] == sees
+
+
+def test_light_may_come_from_farther_away_than_it_reaches():
+    """In power mode its way is measured between LED and photodiodes, which may be nearer than the centres."""
+    rng, optics, n = np.random.default_rng(8), OpticsConfig(mode="power", led_beam_aperture=90), 100_000
+    reach = optics.communication_radius * RD
+    angle, distance = rng.uniform(-np.pi, np.pi, n), rng.uniform(reach, reach + 0.05, n)
+    poses = np.zeros((n, 2, 3))
+    poses[:, 1] = np.column_stack([distance * np.cos(angle), distance * np.sin(angle), angle + rng.uniform(2, 4, n)])
+    yaw = poses[..., 2].T
+    headings = zip(np.cos(yaw), np.sin(yaw), strict=True)
+    expected = np.isfinite(receive(*poses[:, 1, :2].T, *headings, SHIFTED, optics).effective_distance)
+    assert expected.sum() > 20
+    poses = poses[expected]
+    for links in (links_of(poses, optics, SHIFTED), find_links(poses, SHIFTED, optics, squares_in_the_way(poses))):
+        assert links.valid[:, 0].any(axis=-1).all()
 
 
 def test_any_number_of_robots_may_be_near():
