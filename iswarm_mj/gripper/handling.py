@@ -126,7 +126,7 @@ def handle(
     n_robots = len(tips)
     idle = ~working(balls, n_robots)
     tries, winner = _tries(gripper, balls, tips, view, picks & idle)
-    new_lifts = (winner < n_robots) & (balls.wait == 0)
+    new_lifts = winner < n_robots
     may_release, over_dump = view.on_dump & view.tip_on_dump, view.tip_on_dump[balls.holder]
     stays = over_dump
     if releases is not None:
