@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from iswarm_mj.gripper.bench import run_trials as run_trials_module
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Gaps, Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.run_trials import hang, release, run_trials, rung, staircase, touch
@@ -65,12 +66,16 @@ def test_the_grasp_voltage_is_the_first_rung_that_lifts(contacts):
     assert lifted[volts >= least].all() == (contacts.leak == 1e12)
 
 
-def test_threads_and_company_change_nothing():
-    trials = random_trials(5)
-    together, alone = (run_trials(some, QUICK, threads=threads) for some, threads in ((trials, 2), (trials[2:3], 1)))
-    assert together.grasp.voltage[2] == alone.grasp.voltage[0]
+def test_threads_and_company_change_nothing(monkeypatch):
+    """Nor do batches: three trials, then two."""
+    monkeypatch.setattr(run_trials_module, "LARGEST_BATCH", 3)
+    trials, done = random_trials(5), []
+    together = run_trials(trials, QUICK, threads=2, progress=done.append)
+    assert done == [3, 2] and len(together.grasp.voltage) == 5
+    alone = run_trials(trials[4:], QUICK, threads=1)
+    assert together.grasp.voltage[4] == alone.grasp.voltage[0]
     for name in ("voltage", "flight_time", "landing_speed"):
-        assert getattr(together.release[GAP], name)[2] == getattr(alone.release[GAP], name)[0]
+        assert getattr(together.release[GAP], name)[4] == getattr(alone.release[GAP], name)[0]
 
 
 def test_each_gap_begins_with_the_lifted_ball():
