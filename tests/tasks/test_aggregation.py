@@ -35,8 +35,14 @@ def test_either_spot_is_the_brighter_one():
     starts = [start_of(CONFIG, 50, 0, index, task=TASK) for index in range(40)]
     east = [float(start.task.east) for start in starts]
     assert set(east) == {-1.0, 1.0} and abs(np.mean(east)) < 0.5
-    start = starts[0]
-    task, state = as_task(TASK), start.task
+    for start in starts[:4]:
+        x, shares = (
+            start.poses[:, 0] * start.task.east,
+            np.hypot(np.abs(start.poses[:, 0]) - 10 * RD, start.poses[:, 1]),
+        )
+        inside = shares < 4 * RD
+        np.testing.assert_allclose(start.task.shares, [(inside & (x > 0)).mean(), (inside & (x < 0)).mean()])
+    task, state = as_task(TASK), starts[0].task
     assert check_task(task, CONFIG, read_robot(), state, 50).keys() == {"light"}
     for sign in (-1.0, 1.0):
         areas = TASK.areas(CONFIG, starts[east.index(sign)].task)
@@ -74,20 +80,28 @@ def test_spots_may_touch_the_walls(spots):
     assert len(start_of(SwarmConfig(ArenaConfig(size=50)), 5, 0, 0, task=Aggregation(**spots)).poses) == 5
 
 
-def advanced(poses, present, east=1.0, key=0):
-    """The task's state and what robots sense, at poses in radii of a robot."""
+def inputs_of(poses, present):
+    """Inputs of the task at poses in diameters of a robot."""
     present = np.asarray(present)
-    inputs = TaskInputs(
+    return TaskInputs(
         np.multiply(poses, [RD, RD, 1.0]), present, present, present, 0 * present, 0 * present, None, CONFIG, None, None
     )
+
+
+def advanced(poses, present, east=1.0):
+    """The task's state and what robots sense."""
     state = Spots(np.float32(east), np.zeros(2, np.float32))
-    return TASK.advance(state, inputs, jax.random.key(key))
+    return TASK.advance(state, inputs_of(poses, present), jax.random.key(0))
 
 
 def test_shares_are_of_the_robots_that_are_there():
     poses = np.array([[10, 0, 0], [11, 0, 0], [-10, 0, 0], [0, 0, 0], [10, 1, 0]], float)
-    state, _ = advanced(poses, [True, True, True, True, False])
-    assert state.shares.tolist() == [0.5, 0.25] and TASK.progress(state) == 50
+    present = np.array([True, True, True, True, False])
+    for east, shares, earn in ((1.0, [0.5, 0.25], [0, 1, 4]), (-1.0, [0.25, 0.5], [2])):
+        state, _ = advanced(poses, present, east)
+        assert state.shares.tolist() == shares and TASK.progress(state) == 100 * shares[0]
+        assert TASK.metrics(state) == {"bright": shares[0], "dim": shares[1]}
+        assert np.flatnonzero(TASK.reward(state, state, inputs_of(poses, present))).tolist() == earn
 
 
 def test_photodiodes_err_by_their_share():
@@ -123,6 +137,22 @@ class TestBeeclust:
         for _ in range(4):
             memory, _ = bees.act(memory, nothing, jax.random.key(1))
         assert memory["wait"][1] == 0
+
+    def test_turns_away_from_walls_in_front_to_either_side(self):
+        """By 45 to 90 degrees; else it walks straight on, but for 0.1 rad: beside walls, and beside others 1.5 rd away,
+        or that it does not hear."""
+        n, kind = 400, np.arange(400) % 4
+        nothing = senses_nothing(n)._replace(sensed={"light": jnp.ones(n)})
+        walls = np.column_stack([kind == 0, *[kind == 1] * 3])
+        distance = np.where(kind == 2, 1.5, 1.2)[:, None] * np.full(4, RD)
+        seen = nothing._replace(sees_wall=walls, is_heard=np.tile((kind == 2)[:, None], 4), distance=distance)
+        memory, command = Beeclust().act({"wait": jnp.zeros(n)}, seen, jax.random.key(0))
+        turn, ahead = np.asarray(command.turn), kind == 0
+        assert not memory["wait"].any()
+        np.testing.assert_allclose(command.forward, 0.5 * RD, rtol=1e-6)
+        for turns, low, high in ((turn[ahead], np.pi / 4, np.pi / 2), (turn[~ahead], 0.0, 0.1)):
+            assert np.abs(turns).min() >= low - 1e-6 and low + 0.9 * (high - low) < np.abs(turns).max() <= high + 1e-6
+            assert 0.3 < (turns > 0).mean() < 0.7
 
     @pytest.mark.slow
     def test_gathers_on_the_brighter_spot(self):

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_runs import records
-from helpers_sensing import senses_nothing
+from helpers_sensing import remember, senses_nothing
 from helpers_worlds import start_of
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
@@ -16,6 +16,7 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.foraging import Forager, Foraging, _between
+from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.tasks.signatures import as_task, check_task
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
@@ -31,6 +32,9 @@ def test_items_begin_at_their_sources():
         assert np.hypot(*away.T).max() <= RD + 1e-4
         distance = np.hypot(*start.task.centres.T) / RD
         assert (distance >= 3.25 - 1e-4).all() and (distance <= 6.5 + 1e-4).all()
+        areas = TASK.areas(SMALL, start.task)
+        np.testing.assert_allclose(areas["dump"], [[0.0, 0.0, 1.5 * RD]], rtol=1e-6)
+        np.testing.assert_allclose(areas["sources"], [[x, y, RD] for x, y in start.task.centres], rtol=1e-6)
     assert check_task(as_task(TASK), SMALL, read_robot(), start.task, 6) == {}
 
 
@@ -59,12 +63,16 @@ def test_a_source_moves_when_its_last_item_is_home():
     """Counted from the balls themselves; what is home stays home until then, and items lie at their new source."""
     settings = RunSettings(10, 500, stop_at=6)
     run = Run(SMALL, None, settings, PlanarSettings(2, 2), strategy=Forager(), task=TASK)
-    before, items, moved = jax.tree.map(lambda a: a[0], run.start), 0, 0
+    before, items, moved, there = jax.tree.map(lambda a: a[0], run.start), 0, 0, np.ones(10, bool)
+    inputs = TaskInputs(None, there, there, there, 0 * there, 0 * there, None, SMALL, run.robot)
     for after in records(run):
         old, new = before.swarm.task.items, after.swarm.task.items
-        home = after.swarm.task.is_home[0]
+        after_task = jax.tree.map(lambda a: a[0], after.swarm.task)
+        home = after_task.is_home
         assert (old.is_held[0][home]).all() and not new.is_held[0][home].any()
         items += home.sum()
+        rewards = TASK.reward(after_task, after_task, inputs._replace(poses=after.poses[0]))
+        np.testing.assert_array_equal(rewards, np.bincount(new.holder[0][home], minlength=10))
         moves = (after.swarm.task.centres != before.swarm.task.centres).any(axis=-1)[0]
         source = np.arange(4) % 2
         for place in range(2):
@@ -109,6 +117,53 @@ def test_a_forager_forgets_a_place_where_nothing_can_be_lifted():
     assert memory["food"].known.tolist() == [True, True]
     memory, _ = forager.act(memory, nothing._replace(grasp_failed=jnp.array([True, False])), key)
     assert memory["food"].known.tolist() == [False, True]
+
+
+def test_what_foragers_do():
+    """Each row: food and home as they are known, what is changed of an observation of nothing, turn and step expected.
+
+    The tool's reach is 1 mm, and a step half a diameter; robots turn by 90 degrees at most, and only then walk on.
+    """
+    half, right, wall, near = 0.5 * RD, np.pi / 2, [True, False, False, False], {"is_heard": [True] * 4}
+    item, near = {"at_dust": True, "ball_vector": [1.2, 0.5]}, near | {"distance": [1.3 * RD] + [5.0] * 3}
+    beside, far = near | {"distance": [5.0, *[1.3 * RD] * 3]}, near | {"distance": [1.5 * RD] * 4}
+    rows = [
+        (None, None, item, np.arctan2(0.5, 1.2), 0.3),
+        (None, None, item | near, np.arctan2(0.5, 1.2), 0.3),
+        ((9, 0), (0, 9), item | {"is_loaded": True}, right, half),
+        ((9, 9), (0, 9), item | {"grasp_failed": True}, "random", half),
+        ((9, 9), (0, 9), {}, np.pi / 4, half),
+        ((9, -9), (0, 9), {"sees_wall": wall}, -np.pi / 4, half),
+        ((9, -9), None, {"is_loaded": True, "sees_wall": wall}, "aside", half),
+        ((-9, 1), None, {}, right, 0.0),
+        ((9, 0), None, near, "aside", half),
+        ((9, 9), None, beside, np.pi / 4, half),
+        ((9, 9), None, far, np.pi / 4, half),
+        (None, None, {"sees_wall": wall[::-1]}, "random", half),
+        (None, None, {"at_dust": True, "ball_vector": [-4.0, -0.1]}, -right, 0.0),
+        (None, None, {"at_dust": True, "ball_vector": [0.2, 0.1]}, np.arctan2(0.1, 0.2), np.hypot(0.1, 0.2) - 1.0),
+    ]
+    forager, copies, n = replace(Forager(), reach=1.0), 40, 40 * len(rows)
+    food, home = (
+        remember([row[k] or (0, 0) for row in rows] * copies, known=[row[k] is not None for row in rows] * copies)
+        for k in (0, 1)
+    )
+    seen = senses_nothing(n)
+    changed = {name: np.array(getattr(seen, name)) for name in {name for row in rows for name in row[2]}}
+    for k, row in enumerate(rows):
+        for name, value in row[2].items():
+            changed[name][k :: len(rows)] = value
+    _, command = forager.act({"home": home, "food": food}, seen._replace(**changed), jax.random.key(2))
+    turns, steps = (np.asarray(values).reshape(copies, -1).T for values in command)
+    for (*_, turn, step), found, walked in zip(rows, turns, steps, strict=True):
+        np.testing.assert_allclose(walked, step, atol=1e-5)
+        if turn == "random":
+            assert np.radians(20) < np.abs(found).max() <= np.radians(25) and 0.2 < (found > 0).mean() < 0.8
+        elif turn == "aside":
+            np.testing.assert_allclose(np.abs(found), right, rtol=1e-6)
+            assert 0.2 < (found > 0).mean() < 0.8
+        else:
+            np.testing.assert_allclose(found, turn, atol=1e-6)
 
 
 def test_a_loaded_forager_at_home_searches_for_the_tip_of_the_dump():
