@@ -36,11 +36,8 @@ def test_either_spot_is_the_brighter_one():
     east = [float(start.task.east) for start in starts]
     assert set(east) == {-1.0, 1.0} and abs(np.mean(east)) < 0.5
     for start in starts[:4]:
-        x, shares = (
-            start.poses[:, 0] * start.task.east,
-            np.hypot(np.abs(start.poses[:, 0]) - 10 * RD, start.poses[:, 1]),
-        )
-        inside = shares < 4 * RD
+        x, y = start.poses[:, 0] * start.task.east, start.poses[:, 1]
+        inside = np.hypot(np.abs(x) - 10 * RD, y) < 4 * RD
         np.testing.assert_allclose(start.task.shares, [(inside & (x > 0)).mean(), (inside & (x < 0)).mean()])
     task, state = as_task(TASK), starts[0].task
     assert check_task(task, CONFIG, read_robot(), state, 50).keys() == {"light"}
