@@ -94,27 +94,6 @@ def test_without_a_circuit_the_potential_switches(potential, voltage, probe_gap,
     assert has == (voltage if potential and plate_gap else 0)
 
 
-@pytest.mark.parametrize(("charge", "nearer"), [(4.0, 0), (6.0, 1), (26.0, 1), (-26.0, 0)])
-def test_in_a_circuit_the_charge_sets_the_voltage(charge, nearer):
-    """A ball of 2 fF to the tool at 10 V, and of 3 fF to the plate; whose potential is nearer."""
-    mine = LAW.ball_voltage(True, charge, 1.0, 10.0, (2.0, 3.0), 0.0)
-    assert charge == pytest.approx(3.0 * mine - 2.0 * (10.0 - mine))
-    assert LAW.next_potential(True, 1.0 - nearer, mine, 10.0, (0.0, 0.0), 0.2, 1.0) == nearer
-
-
-def test_a_rebound_ends_when_the_ball_is_clear_or_falls_back():
-    clear = contact.CLEARANCE
-    cases = [(False, 1.0, 0.5 * clear, 0.1 * clear), (False, 1.0, 2 * clear, clear), (False, 1.0, 0.5 * clear, clear)]
-    assert [float(LAW.rebounds_on(*case)) for case in (*cases, (False, 0.0, 0.5 * clear, 0.0))] == [1, 0, 0, 0]
-    assert float(LAW.rebounds_on(True, 0.0, -0.1, 0.1)) == 1
-
-
-def test_the_speed_of_a_landing_is_that_at_the_moment_of_contact():
-    """Of a gap of 3 that becomes -1, three quarters of the way from the earlier speed to the present one."""
-    gaps = [(3.0, -1.0), (3.0, 0.5), (0.0, -1.0), (-1.0, -2.0)]
-    assert [float(LAW.speed_at_contact(*pair, 2.0, 6.0)) for pair in gaps] == [5.0, 0.0, 0.0, 0.0]
-
-
 def test_the_charge_relaxes_with_resistance_times_capacitance():
     trial = ball()
     bench = MujocoBench([trial], 5e-6, 1, is_recorded=True)

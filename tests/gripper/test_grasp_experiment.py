@@ -91,14 +91,12 @@ def test_each_voltage_is_the_laws(rows):
 
 
 def test_humidities_of_trials_spread_evenly_about_their_setting():
-    """Within 3 % of it, cut off at 0 %; works are others in each trial."""
+    """Within 3 % of it, cut off at 0 %."""
     settings = GraspSettings(("20e-6",), (1.0, 10.0), repeats=400)
     low, high = np.array([case.trial.relative_humidity for case in cases(settings)]).reshape(2, 400)
     assert low.min() == 0 and low.max() < 4 and 0.2 < np.mean(low == 0) < 0.47
     assert high.min() < 7.05 and high.max() > 12.95 and stats.kstest(high, stats.uniform(7, 6).cdf).pvalue > 0.01
-    exact = [case.trial for case in cases(replace(settings, rh_spread=0.0))]
-    assert {trial.relative_humidity for trial in exact} == {1.0, 10.0}
-    assert len({trial.work_tool_object for trial in exact}) == len({t.work_object_substrate for t in exact}) == 800
+    assert {case.trial.relative_humidity for case in cases(replace(settings, rh_spread=0.0))} == {1.0, 10.0}
 
 
 @pytest.mark.parametrize("spread", [0.0, 3.0, 10.0])

@@ -111,6 +111,7 @@ def test_the_last_touch_the_first_landing_and_rest_end_a_release():
     ("looks", "more", "over", "succeeds"),
     [
         ([HANGS] * 5, {}, 5, False),  # patience of 0.4 ms
+        ([HANGS._replace(finite=False)], {}, 1, False),
         ([HANGS, LEAVES, LANDS, *[LIES] * 4], {"cut_delay": 1e-3}, None, True),  # the voltage is still on
         ([HANGS, LEAVES, LANDS, *[LIES] * 3], {"after_release": "held"}, 6, True),
         ([HANGS, LEAVES, LANDS, *[LIES._replace(gap_tool=0.0)] * 4], {}, None, False),  # between tool and plate
@@ -124,12 +125,7 @@ def test_the_last_touch_the_first_landing_and_rest_end_a_release():
 def test_when_a_release_is_over(looks, more, over, succeeds):
     at = followed(*looks, **more)
     assert ([each.is_over for each in at].index(True) + 1 if over else not at[-1].is_over) == (over or True)
-    assert bool(at[-1].succeeds) is succeeds
-
-
-def test_a_release_whose_state_is_not_finite_is_over_and_faulty():
-    (at,) = followed(HANGS._replace(finite=False))
-    assert at.is_over and at.is_faulty
+    assert bool(at[-1].succeeds) is succeeds and at[-1].is_faulty is not looks[-1].finite
 
 
 def test_a_release_leaps_while_the_voltage_stays():

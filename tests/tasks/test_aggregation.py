@@ -117,18 +117,19 @@ class TestBeeclust:
             rollout(CONFIG, Beeclust(), keys, n_robots=4, steps=1, engine=PlanarSettings(1))
 
     def test_waits_as_long_as_it_is_bright(self):
-        """Of robots that meet, one in the dark turns away, one in the light waits 300 l^2 / (l^2 + 0.25) steps."""
-        bees, n = Beeclust(), 3
-        light = jnp.array([0.0, 0.5, 1.0])
+        """Of robots that meet, one in the dark turns away, one in the light waits 300 l^2 / (l^2 + 0.25) steps, and one
+        that leaves meets nobody."""
+        bees, n = Beeclust(), 4
+        light = jnp.array([0.0, 0.5, 1.0, 1.0])
         nothing = senses_nothing(n)._replace(sensed={"light": light})
         meeting = nothing._replace(is_heard=jnp.ones((n, 4), bool), distance=jnp.full((n, 4), 1.2 * RD))
-        memory, command = bees.act(bees.init(n, None), meeting, jax.random.key(0))
-        assert memory["wait"].tolist() == [0.0, 150.0, 240.0]
+        memory, command = bees.act({"wait": jnp.array([0.0, 0.0, 0.0, -200.0])}, meeting, jax.random.key(0))
+        assert memory["wait"].tolist() == [0.0, 150.0, 240.0, -199.0]
         assert abs(command.turn[0]) >= np.pi / 4 - 1e-6 and command.forward[0] > 0
-        assert command.turn[1:].tolist() == [0, 0] and command.forward[1:].tolist() == [0, 0]
+        assert command.turn[1:3].tolist() == [0, 0] and command.forward[1:3].tolist() == [0, 0]
         for _ in range(149):
             memory, command = bees.act(memory, meeting, jax.random.key(1))
-        assert memory["wait"].tolist() == [0.0, 1.0, 91.0] and command.forward[1] == 0
+        assert memory["wait"].tolist() == [0.0, 1.0, 91.0, -50.0] and command.forward[1] == 0
         memory, command = bees.act(memory, meeting, jax.random.key(1))
         assert memory["wait"][1] == -bees.leaving and command.forward[1] > 0
         for _ in range(4):
@@ -162,12 +163,3 @@ class TestBeeclust:
         )
         assert (bees["bright"] > 0.35).all() and bees["bright"].mean() > 1.5 * bees["dim"].mean()
         assert (walk["bright"] < 0.25).all()
-
-
-def test_bees_that_leave_meet_nobody():
-    bees = Beeclust()
-    meeting = senses_nothing(1)._replace(
-        sensed={"light": jnp.ones(1)}, is_heard=jnp.ones((1, 4), bool), distance=jnp.full((1, 4), 1.2 * RD)
-    )
-    memory, _ = bees.act({"wait": jnp.full(1, -bees.leaving)}, meeting, jax.random.key(0))
-    assert memory["wait"].tolist() == [1 - bees.leaving]

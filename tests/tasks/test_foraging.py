@@ -38,16 +38,10 @@ def test_items_begin_at_their_sources():
     assert check_task(as_task(TASK), SMALL, read_robot(), start.task, 6) == {}
 
 
-def test_sources_beyond_the_walls_are_refused():
-    with pytest.raises(
-        ConfigError, match=r"source_radius must be at most 7.5 rd, half of `arena.size` \(got 7.6\); make"
-    ):
-        start_of(SMALL, 5, 0, 0, task=Foraging(source_radius=7.6))
-
-
 @pytest.mark.parametrize(
     "task, message",
     [
+        (Foraging(source_radius=7.6), r"source_radius must be at most 7.5 rd, half of `arena.size` \(got 7.6\); make"),
         (Foraging(sources=5, source_radius=1.0), r"sources must be at most 4, the items .*\(got 5\); take fewer"),
         (Foraging(sources=0), r"sources must be a whole number between 1 and 100 \(got 0\)"),
         (Foraging(source_radius=-1.0), r"source_radius must be .*\(got -1.0\)"),
@@ -109,20 +103,11 @@ def test_a_forager_knows_where_home_is():
     assert bool(memory["home"].known[0]) and np.hypot(*pose[:2]) < 12
 
 
-def test_a_forager_forgets_a_place_where_nothing_can_be_lifted():
-    forager, key = replace(Forager(), reach=1.0), jax.random.key(0)
-    nothing = senses_nothing(2)
-    beside = nothing._replace(at_dust=jnp.ones(2, bool), ball_vector=jnp.full((2, 2), RD))
-    memory, _ = forager.act(forager.init(2, key), beside, key)
-    assert memory["food"].known.tolist() == [True, True]
-    memory, _ = forager.act(memory, nothing._replace(grasp_failed=jnp.array([True, False])), key)
-    assert memory["food"].known.tolist() == [False, True]
-
-
 def test_what_foragers_do():
     """Each row: food and home as they are known, what is changed of an observation of nothing, turn and step expected.
 
-    The tool's reach is 1 mm, and a step half a diameter; robots turn by 90 degrees at most, and only then walk on.
+    The tool's reach is 1 mm, and a step half a diameter; robots turn by 90 degrees at most, and only then walk on. They
+    forget where nothing can be lifted, and search at home for the tip of the dump.
     """
     half, right, wall, near = 0.5 * RD, np.pi / 2, [True, False, False, False], {"is_heard": [True] * 4}
     item, near = {"at_dust": True, "ball_vector": [1.2, 0.5]}, near | {"distance": [1.3 * RD] + [5.0] * 3}
@@ -140,6 +125,7 @@ def test_what_foragers_do():
         ((9, 9), None, beside, np.pi / 4, half),
         ((9, 9), None, far, np.pi / 4, half),
         (None, None, {"sees_wall": wall[::-1]}, "random", half),
+        (None, None, {"on_dump": True, "is_loaded": True}, "random", half),
         (None, None, {"at_dust": True, "ball_vector": [-4.0, -0.1]}, -right, 0.0),
         (None, None, {"at_dust": True, "ball_vector": [0.2, 0.1]}, np.arctan2(0.1, 0.2), np.hypot(0.1, 0.2) - 1.0),
     ]
@@ -164,14 +150,6 @@ def test_what_foragers_do():
             assert 0.2 < (found > 0).mean() < 0.8
         else:
             np.testing.assert_allclose(found, turn, atol=1e-6)
-
-
-def test_a_loaded_forager_at_home_searches_for_the_tip_of_the_dump():
-    """It knows that it is there, and still walks on at random until its ball is released."""
-    forager, n = replace(Forager(), reach=1.0), 50
-    at_home = senses_nothing(n)._replace(on_dump=jnp.ones(n, bool), is_loaded=jnp.ones(n, bool))
-    memory, command = forager.act(forager.init(n, None), at_home, jax.random.key(1))
-    assert memory["home"].known.all() and len(np.unique(command.turn)) == n
 
 
 def test_places_are_spread_evenly_over_their_ring():
