@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_attempts import GRIPPER, KEY, step
+from helpers_attempts import DUMP, GRIPPER, KEY, step
 from helpers_sensing import lay
 
 from iswarm_mj.config import GripperConfig
@@ -113,8 +113,8 @@ def test_a_lift_out_of_reach_when_it_ends_is_broken_off():
 def test_a_robot_pushed_off_the_dump_keeps_the_ball_that_it_releases():
     """It releases it later; one whose tip alone is over the dump as the attempt ends has released it."""
     balls = lay((1.0, 0.0), (1.0, 1.0), holders=[0, 1])
-    for x, on_edge in ((0, 4.5), (30, 4.5), (60, 4.5), (60, 5.5)):
-        balls, failed = step(TIMED, balls, [(x, 0, 0), (on_edge, 1, 180)])
+    for x, beyond in ((0, -0.5), (30, -0.5), (60, -0.5), (60, 0.5)):
+        balls, failed = step(TIMED, balls, [(x, 0, 0), (DUMP / 2 + beyond, 1, 180)])
     assert balls.is_held.tolist() == [True, False] and balls.is_delivered.tolist() == [False, True]
     assert balls.failed_releases.tolist() == [1, 0] and balls.lost_time.tolist() == [1.5, 0.0] and not failed.any()
     for _ in range(4):

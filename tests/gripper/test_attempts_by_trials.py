@@ -131,20 +131,6 @@ def test_a_batch_in_mjx_has_room_for_six_and_decides_as_the_trials_in_c():
     np.testing.assert_allclose(found.impact, theirs.impact, rtol=0.01)
 
 
-@pytest.mark.slow
-def test_in_strong_fields_a_batch_in_mjx_lifts_as_many_as_c():
-    """Single balls that bounce may end otherwise."""
-    from iswarm_mj.gripper.bench.batch_trials import by_batch
-
-    attempts, _ = any_attempts(4000, 11)
-    strong = np.flatnonzero(attempts.lifts & (attempts.voltage > EDGE * attempts.radius))
-    mine = Attempts(*(np.asarray(values)[strong] for values in attempts))
-    gripper = replace(GRIPPER, bench_capacity=len(strong))
-    ours, theirs = (decide(gripper, Attempts(*map(jnp.asarray, mine))).lifted for decide in (by_host, by_batch))
-    print(int(ours.sum()), int(theirs.sum()), int((ours == theirs).sum()), "of", len(strong))
-    assert 0.8 < float(ours.mean()) < 0.95 and float((ours == theirs).mean()) > 0.95
-
-
 def test_trials_on_a_bench_that_was_used_are_those_on_a_new_one():
     """To the last bit, whatever was tried before: a lift and a release of another ball."""
     trial, gap = Trial(17e-6, 1.5e-3, 12e-3, 10.0, misalignment=3e-6), GRIPPER.release_gap

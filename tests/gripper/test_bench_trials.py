@@ -13,6 +13,7 @@ from iswarm_mj.gripper.bench.script import is_lifted
 from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.laws.detachment import CONTACT_GAP, PROBE_RADIUS, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
+from iswarm_mj.utils.errors import ConfigError
 
 IDEAL = Contacts(leak=0.0, restitution=0.0)
 """A potential that switches, and impacts without rebound."""
@@ -117,6 +118,13 @@ def test_parameters_around_the_defaults_break_nothing(seed):
     grasp, drop, attempt = outcomes.grasp, outcomes.release[gap], outcomes.no_contact[1e-6]
     assert not (grasp.faulty[0] or drop.faulty[0] or attempt.faulty[0]) and drop.landed[0]
     assert 10 < grasp.voltage[0] < 60 and 20 < drop.voltage[0] < protocol.release_limit
+
+
+@pytest.mark.parametrize("small, large", [("peel", "lift"), ("away", "lift"), ("step_voltage", "grasp_limit")])
+def test_what_is_smaller_than_something_else(small, large):
+    bound = getattr(Protocol(), large) if small == "step_voltage" else 0.35e-6
+    with pytest.raises(ConfigError, match=rf"protocol.{small} must be below `protocol.{large}`, {bound:g} \(got"):
+        Protocol(**{large: bound, small: bound})
 
 
 def test_paths_are_smooth():

@@ -52,6 +52,7 @@ def test_robots_start_apart_outside_the_dump(arena):
     poses = layout.place_robots(arena, n_robots, generator())
     gap = np.abs(poses[:, None, :2] - poses[None, :, :2]).max(axis=-1) + 1e9 * np.eye(n_robots)
     assert gap.min() == pytest.approx(RD)
+    assert [poses[:, 2].min(), poses[:, 2].max()] == pytest.approx([-np.pi, np.pi], abs=0.2 if n_robots > 1000 else 0.5)
     assert np.abs(poses[:, :2]).max(axis=1).min() > arena.dump_size / 2 * RD
     assert np.abs(poses[:, :2]).max() + RD / 2 <= arena.size / 2 * RD + 1e-9
 

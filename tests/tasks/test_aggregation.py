@@ -1,5 +1,7 @@
 """Aggregation on the brighter of two spots: the light by hand, and who gathers where."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -48,28 +50,16 @@ def test_either_spot_is_the_brighter_one():
 
 
 @pytest.mark.parametrize(
-    "task, size, words",
+    "spots, size, words",
     [
-        (
-            Aggregation(spot_offset=16.5),
-            50,
-            r"spot_offset must be at most 16 rd with spots of 9 rd .*\(got 16.5\); make",
-        ),
-        (
-            Aggregation(),
-            45,
-            r"spot_offset must be at most 13.5 rd .*\(got 14.0\); make it smaller, or `arena.size` larger",
-        ),
-        (
-            Aggregation(spot_radius=26.0, spot_offset=0.0),
-            50,
-            r"spot_radius must be at most 25 rd, .*\(got 26.0\); make",
-        ),
+        ({"spot_offset": 16.5}, 50, r"spot_offset must be at most 16 rd with spots of 9 rd .*\(got 16.5\); make"),
+        ({}, 45, r"spot_offset must be at most 13.5 rd .*\(got 14.0\); make it smaller, or `arena.size` larger"),
+        ({"spot_radius": 26.0, "spot_offset": 0.0}, 50, r"spot_radius must be at most 25 rd, .*\(got 26.0\); make"),
     ],
 )
-def test_spots_beyond_the_walls_are_refused(task, size, words):
+def test_spots_beyond_the_walls_are_refused(spots, size, words):
     with pytest.raises(ConfigError, match=words):
-        start_of(SwarmConfig(ArenaConfig(size=size)), 5, 0, 0, task=task)
+        start_of(SwarmConfig(ArenaConfig(size=size)), 5, 0, 0, task=Aggregation(**spots))
 
 
 @pytest.mark.parametrize("spots", [{"spot_offset": 16.0}, {"spot_radius": 25.0, "spot_offset": 0.0}])
@@ -85,10 +75,10 @@ def inputs_of(poses, present):
     )
 
 
-def advanced(poses, present, east=1.0):
+def advanced(poses, present, east=1.0, task=TASK):
     """The task's state and what robots sense."""
     state = Spots(np.float32(east), np.zeros(2, np.float32))
-    return TASK.advance(state, inputs_of(poses, present), jax.random.key(0))
+    return task.advance(state, inputs_of(poses, present), jax.random.key(0))
 
 
 def test_shares_are_of_the_robots_that_are_there():
@@ -108,6 +98,8 @@ def test_photodiodes_err_by_their_share():
         _, sensed = advanced(np.tile([x, 0.0, 0.0], (n, 1)), np.ones(n, bool))
         seen = np.asarray(sensed.own["light"])
         np.testing.assert_allclose([seen.mean(), seen.std()], [light, 0.05 * light], rtol=0.05)
+    _, sensed = advanced(np.tile([10.0, 0.0, 0.0], (n, 1)), np.ones(n, bool), task=replace(TASK, error_light=1.0))
+    assert (sensed.own["light"].min(), sensed.own["light"].max()) == (0.0, 2.0)
 
 
 class TestBeeclust:

@@ -3,14 +3,13 @@
 from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_runs import records
-from helpers_sensing import remember, senses_nothing
+from helpers_sensing import remember, senses_nothing, turned
 from helpers_worlds import start_of
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config import ArenaConfig, DriveConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.run import Run
@@ -21,7 +20,9 @@ from iswarm_mj.tasks.signatures import as_task, check_task
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 
-SMALL = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=4))
+SMALL = SwarmConfig(
+    ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=4), DriveConfig(control_period=2.0)
+)
 TASK = Foraging(sources=2, source_radius=1.0)
 
 
@@ -36,6 +37,8 @@ def test_items_begin_at_their_sources():
         np.testing.assert_allclose(areas["dump"], [[0.0, 0.0, 1.5 * RD]], rtol=1e-6)
         np.testing.assert_allclose(areas["sources"], [[x, y, RD] for x, y in start.task.centres], rtol=1e-6)
     assert check_task(as_task(TASK), SMALL, read_robot(), start.task, 6) == {}
+    wide = start_of(replace(SMALL, arena=replace(SMALL.arena, dump_size=6)), 6, 1, 0, task=Foraging(2, 2.0))
+    np.testing.assert_allclose(np.hypot(*wide.task.centres.T), 5.5 * RD, rtol=1e-6)  # no room beyond the dump
 
 
 @pytest.mark.parametrize(
@@ -81,26 +84,7 @@ def test_a_source_moves_when_its_last_item_is_home():
     found = {name: values[0] for name, values in run.metrics().items()}
     assert found["items"] == items == run.progress()[0] >= 6 and found["moves"] == moved >= 2
     assert run.measures(0).finished_at == run.step
-    np.testing.assert_allclose(found["rate"], 60 * items / run.step, rtol=1e-6)
-
-
-def test_a_forager_knows_where_home_is():
-    """After any walk the remembered vectors end where they did in the world."""
-    forager = replace(Forager(), reach=1.0)
-    nothing, key = senses_nothing(1), jax.random.key(3)
-    home = nothing._replace(on_dump=jnp.ones(1, bool))
-    memory, command = forager.act(forager.init(1, key), home, key)
-    pose = np.zeros(3)
-    for step in range(20):
-        pose[2] += command.turn[0]
-        pose[:2] += command.forward[0] * np.array([np.cos(pose[2]), np.sin(pose[2])])
-        at = np.array(memory["home"].vector[0])
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        np.testing.assert_allclose(pose[0] + c * at[0] - s * at[1], 0.0, atol=1e-3)
-        np.testing.assert_allclose(pose[1] + s * at[0] + c * at[1], 0.0, atol=1e-3)
-        seen = nothing if step < 12 else nothing._replace(is_loaded=jnp.ones(1, bool))
-        memory, command = forager.act(memory, seen, jax.random.fold_in(key, step))
-    assert bool(memory["home"].known[0]) and np.hypot(*pose[:2]) < 12
+    np.testing.assert_allclose(found["rate"], 30 * items / run.step, rtol=1e-6)
 
 
 def test_what_foragers_do():
@@ -139,7 +123,12 @@ def test_what_foragers_do():
     for k, row in enumerate(rows):
         for name, value in row[2].items():
             changed[name][k :: len(rows)] = value
-    _, command = forager.act({"home": home, "food": food}, seen._replace(**changed), jax.random.key(2))
+    memory, command = forager.act({"home": home, "food": food}, seen._replace(**changed), jax.random.key(2))
+    assert not memory["food"].known[3]
+    for k, name, place in ((0, "food", (1.2, 0.5)), (4, "food", (9, 9)), (4, "home", (0, 9)), (12, "home", (0, 0))):
+        there = turned(np.add(memory[name].vector[k], [command.forward[k], 0]), command.turn[k])
+        np.testing.assert_allclose(there, place, atol=1e-5)  # places stay as robots move
+        assert memory[name].known[k]
     turns, steps = (np.asarray(values).reshape(copies, -1).T for values in command)
     for (*_, turn, step), found, walked in zip(rows, turns, steps, strict=True):
         np.testing.assert_allclose(walked, step, atol=1e-5)
