@@ -78,7 +78,7 @@ def test_oxide_breaks_down_in_contact_and_is_whole_again_beyond_the_effective_ga
 @pytest.mark.parametrize(
     ("potential", "voltage", "probe_gap", "plate_gap", "after"),
     [
-        (1, 0, 0.0, 0.0, 0),  # on the plate
+        (1, 5, 0.0, 0.0, 0),  # on the plate
         (0, 1, 0.2, 3.0, 1),
         (0, -1, 0.1, 3.0, 1),  # the voltage is off
         (0, 2, 0.1, 3.0, 0),
