@@ -126,11 +126,10 @@ def handle(
     n_robots = len(tips)
     idle = ~working(balls, n_robots)
     tries, winner = _tries(gripper, balls, tips, view, picks & idle)
-    new_lifts = (winner < n_robots) & (balls.wait == 0)
-    may_release, over_dump = view.on_dump & view.tip_on_dump, view.tip_on_dump[balls.holder]
-    stays = over_dump
-    if releases is not None:
-        may_release, stays = may_release | releases, over_dump | releases[balls.holder]
+    new_lifts = winner < n_robots
+    wants = jnp.zeros(n_robots, bool) if releases is None else releases
+    may_release, over_dump = (view.on_dump & view.tip_on_dump) | wants, view.tip_on_dump[balls.holder]
+    stays = over_dump | wants[balls.holder]
     new_releases = balls.is_held & may_release[balls.holder] & (balls.wait == 0)
     begins = new_lifts | new_releases
     worker = jnp.where(new_lifts, winner, jnp.where(new_releases, balls.holder, balls.worker)).astype(jnp.int32)

@@ -100,10 +100,18 @@ def test_force_curves(here):
     assert {field.name: field.metadata[b"unit"].decode() for field in schema} == units
     rows, _ = read_table(here / "out" / CURVES)
     for voltage in (0, 20):
-        approach, retract = (
-            np.array([row["total"] for row in rows if (row["voltage"], row["direction"]) == (voltage, direction)])
+        (approach, down), (retract, up) = (
+            np.transpose(
+                [
+                    (row["total"], row["tip"])
+                    for row in rows
+                    if (row["voltage"], row["direction"]) == (voltage, direction)
+                ]
+            )
             for direction in ("approach", "retract")
         )
+        for way in (down, up[::-1]):  # servos let the tool sink by a nanometre or two
+            np.testing.assert_allclose([way[0], way[-1]], [5e-6, -25e-9], atol=5e-9)
         electrostatic = min(row["electrostatic"] for row in rows if row["voltage"] == voltage)
         pull_off = -2 * np.pi * 20e-6 * 1.41e-3 + electrostatic
         assert retract.min() == pytest.approx(pull_off, rel=0.02)

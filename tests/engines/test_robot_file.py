@@ -1,6 +1,7 @@
 """What a robot's file must contain, and where its LEDs and photodiodes look; what cannot be run is refused."""
 
 import os
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -13,6 +14,7 @@ from iswarm_mj.engines.planar.plane import read_kinds, read_plane
 from iswarm_mj.engines.robot_file import models_directory, read_robot
 from iswarm_mj.tasks.layout import cell_of, free_cells, place_robots
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.obstacles import distances, numbers
 from iswarm_mj.utils.robot import PAPER_SIDES
 from iswarm_mj.utils.units import RD
 
@@ -68,12 +70,14 @@ def test_light_never_begins_farther_out_than_the_bound_says(tmp_path, name):
 def test_large_robots_start_on_larger_cells(tmp_path):
     robot = read_robot(written(tmp_path, robot_xml((2.5, 1.5), around((2.5, 1.5), range(0, 360, 90)))))
     assert cell_of(robot) == pytest.approx(np.hypot(5, 3) / RD) and cell_of(read_robot()) == 1.0
-    arena = SwarmConfig().arena
+    arena = replace(SwarmConfig().arena, obstacles=((9.0, 9.0, 1.0, 2.0, 30.0),))
     poses = place_robots(arena, 200, np.random.default_rng(0), cell_of(robot))
     apart = np.linalg.norm(poses[:, None, :2] - poses[None, :, :2], axis=-1) + 1e9 * np.eye(200)
     assert apart.min() >= 2 * robot.circumradius - 1e-9
     assert np.abs(poses[:, :2]).max() + robot.circumradius <= arena.size / 2 * RD + 1e-9
-    assert len(free_cells(arena)) == 2376 > len(free_cells(arena, cell_of(robot)))
+    cells = free_cells(arena, cell_of(robot))
+    assert len(cells) < len(free_cells(arena)) < 2376
+    assert distances(cells, numbers(arena.obstacles, RD)).min() >= robot.circumradius - 1e-9
 
 
 def test_a_copy_elsewhere_takes_the_meshes_from_the_package(tmp_path):

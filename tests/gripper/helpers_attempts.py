@@ -34,6 +34,8 @@ GRIPPER = GripperConfig(spread_tool_object=0.0, spread_object_substrate=0.0)
 KEY = jax.random.key(0)
 HUMIDITIES = (10.0, 30.0, 50.0)
 """[%]"""
+PERIOD = 0.5
+"""Duration of a control step [s]."""
 
 
 def random_attempts(count, seed, spread=0.3):
@@ -70,7 +72,7 @@ def _attempts(random, lifts, voltage, radius, works):
     return Attempts(lifts, ~lifts, *(np.asarray(values, np.float32) for values in (voltage, radius, *works, miss)))
 
 
-def step(gripper, balls, rows, *, picks=True, falls=False, voltage=69.0, decider=by_balance, key=KEY):
+def step(gripper, balls, rows, *, picks=True, falls=False, voltage=69.0, releases=False, decider=by_balance, key=KEY):
     """One step of the hands of robots at rows of x, y, heading [deg]: the balls, and who lifted in vain."""
     n, k, own = len(rows), len(balls.radius), conditions_of(SwarmConfig(gripper=gripper))
     poses = place(*rows, *[(500, 500, 0)] * (N - n))
@@ -78,8 +80,9 @@ def step(gripper, balls, rows, *, picks=True, falls=False, voltage=69.0, decider
         far = lay(*[(-500, -500)] * (K - k))
         balls = jax.tree.map(lambda a, b: np.concatenate([a, b]), balls, far)
     picks, voltage, falls = filled(picks, n, N), filled(np.float32(voltage), n, N), filled(falls, k, K)
+    releases = filled(releases, n, N)
     usual = replace(gripper, **{name: getattr(GRIPPER, name) for name in own._fields if hasattr(GRIPPER, name)})
-    given = poses.astype(np.float32), picks, falls, key, voltage
+    given = poses.astype(np.float32), picks, falls, key, voltage, releases
     balls, failed = jax.device_get(_step(usual, decider, own, balls, *given))
     return jax.tree.map(lambda a: a[:k], balls), failed[:n]
 
@@ -92,9 +95,10 @@ def filled(values, count, size):
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _step(gripper, decider, conditions, balls, poses, picks, falls, key, voltage):
+def _step(gripper, decider, conditions, balls, poses, picks, falls, key, voltage, releases):
     """One step of the hands: the balls, and who lifted in vain."""
     tips = probe_tips(poses, PROBE)
     balls = carry(balls, tips)
     view = sense(poses, tips, balls.position, balls.is_lying, DUMP, 0.75 * RD)
-    return handle(gripper, conditions, balls, tips, view, picks, falls, key=key, decider=decider, voltage=voltage)
+    given = {"decider": decider, "control_period": PERIOD, "voltage": voltage, "releases": releases}
+    return handle(gripper, conditions, balls, tips, view, picks, falls, key=key, **given)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import iswarm_mj.gripper.plugin as plugin
-from iswarm_mj.gripper.bench.model import bench_spec, resized, sized
-from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
+from iswarm_mj.gripper.bench.model import bench_spec, sized
+from iswarm_mj.gripper.bench.trial import Contacts, Trial
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
 CALIBRATED_W = {"adhesion_plate": 14.7, "adhesion_probe": 1.41}
@@ -64,12 +65,14 @@ def test_the_ball_sinks_by_less_than_a_hundredth_of_its_radius(radius, held):
 @pytest.mark.parametrize("radius", [15e-6, 25e-6])
 def test_a_resized_model_is_the_one_compiled_at_that_size(radius):
     """But for what nothing on the bench uses: boxes of the midphase, and statistics for the view."""
-    of = [Trial(size, 0.0, 0.0) for size in (20e-6, radius)]
-    ours, theirs = resized(sized(bench_spec(), of[0]), radius), sized(bench_spec(), of[1])
+    trial = Trial(radius, 0.0, 0.0, probe_radius=16e-6, density=5000.0, contacts=Contacts(rolling=3e-9))
+    ours, theirs = MujocoBench([trial], 5e-6, 1).model, sized(bench_spec(), trial)
+    assert theirs.body("ball").mass[0] == pytest.approx(4 / 3 * np.pi * (radius * 1e6) ** 3 * 5e-6)
+    assert theirs.geom("probe").size[0] == 16 and (theirs.pair_friction[:, 3:] == 3e-3).all()
     unlike = {
         name
         for name in dir(theirs)
         if isinstance(getattr(theirs, name), np.ndarray)
         and not np.allclose(getattr(ours, name), getattr(theirs, name), rtol=1e-9, atol=0)
     }
-    assert unlike <= {"bvh_aabb", "body_pos", "qpos0", "qpos_spring"}
+    assert unlike <= {"bvh_aabb", "body_pos", "qpos0", "qpos_spring", "_sizes"}

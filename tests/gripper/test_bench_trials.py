@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from iswarm_mj.gripper.bench import run_trials as run_trials_module
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Gaps, Protocol, minimum_jerk
 from iswarm_mj.gripper.bench.run_trials import hang, release, run_trials, rung, staircase, touch
@@ -12,6 +13,7 @@ from iswarm_mj.gripper.bench.script import is_lifted
 from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.laws.detachment import CONTACT_GAP, PROBE_RADIUS, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
+from iswarm_mj.utils.errors import ConfigError
 
 IDEAL = Contacts(leak=0.0, restitution=0.0)
 """A potential that switches, and impacts without rebound."""
@@ -65,12 +67,16 @@ def test_the_grasp_voltage_is_the_first_rung_that_lifts(contacts):
     assert lifted[volts >= least].all() == (contacts.leak == 1e12)
 
 
-def test_threads_and_company_change_nothing():
-    trials = random_trials(5)
-    together, alone = (run_trials(some, QUICK, threads=threads) for some, threads in ((trials, 2), (trials[2:3], 1)))
-    assert together.grasp.voltage[2] == alone.grasp.voltage[0]
+def test_threads_and_company_change_nothing(monkeypatch):
+    """Nor do batches: three trials, then two."""
+    monkeypatch.setattr(run_trials_module, "LARGEST_BATCH", 3)
+    trials, done = random_trials(5), []
+    together = run_trials(trials, QUICK, threads=2, progress=done.append)
+    assert done == [3, 2] and len(together.grasp.voltage) == 5
+    alone = run_trials(trials[4:], QUICK, threads=1)
+    assert together.grasp.voltage[4] == alone.grasp.voltage[0]
     for name in ("voltage", "flight_time", "landing_speed"):
-        assert getattr(together.release[GAP], name)[2] == getattr(alone.release[GAP], name)[0]
+        assert getattr(together.release[GAP], name)[4] == getattr(alone.release[GAP], name)[0]
 
 
 def test_each_gap_begins_with_the_lifted_ball():
@@ -112,6 +118,13 @@ def test_parameters_around_the_defaults_break_nothing(seed):
     grasp, drop, attempt = outcomes.grasp, outcomes.release[gap], outcomes.no_contact[1e-6]
     assert not (grasp.faulty[0] or drop.faulty[0] or attempt.faulty[0]) and drop.landed[0]
     assert 10 < grasp.voltage[0] < 60 and 20 < drop.voltage[0] < protocol.release_limit
+
+
+@pytest.mark.parametrize("small, large", [("peel", "lift"), ("away", "lift"), ("step_voltage", "grasp_limit")])
+def test_what_is_smaller_than_something_else(small, large):
+    bound = getattr(Protocol(), large) if small == "step_voltage" else 0.35e-6
+    with pytest.raises(ConfigError, match=rf"protocol.{small} must be below `protocol.{large}`, {bound:g} \(got"):
+        Protocol(**{large: bound, small: bound})
 
 
 def test_paths_are_smooth():

@@ -51,7 +51,8 @@ def test_through_a_native_oxide_no_ball_is_lifted():
 
 
 def test_breakdown_is_where_the_field_across_the_oxide_says():
-    trial = ball(oxide=40e-9)
+    """Then contacts of 3 and of 1 kOhm in series divide the voltage."""
+    trial = ball(oxide=40e-9, contact=3e3)
     seen = []
     for voltage in (39.0, 41.0):
         bench = MujocoBench([trial], 5e-6, 1, is_recorded=True)
@@ -59,12 +60,38 @@ def test_breakdown_is_where_the_field_across_the_oxide_says():
         bench.move("voltage", 0.05e-3, -25e-9, voltage)
         bench.move("wait", 0.02e-3, -25e-9, voltage)
         seen.append(trace_of(bench).ball_voltage[-1] / voltage)
-    assert seen == pytest.approx([0.0, 0.5], abs=1e-3)
+    assert seen == pytest.approx([0.0, 0.25], abs=1e-3)
 
 
-def test_oxide_breaks_down_in_contact_and_near_it_alone():
-    law = numbers_of(contact, {}, lambda function: function)
-    assert [float(law.is_broken(0.0, gap, 1.0, 0.2, 10.0)) for gap in (-0.01, 0.1, 0.3)] == [1.0, 1.0, 0.0]
+LAW = numbers_of(contact, {}, lambda function: function)
+
+
+@pytest.mark.parametrize(
+    ("across", "gap", "broken", "after"),
+    [(10, 0, 0, 1), (-10, -0.1, 0, 1), (9, 0, 0, 0), (10, 0.1, 0, 0), (0, 0, 1, 1), (0, 0.2, 1, 1), (0, 0.3, 1, 0)],
+)
+def test_oxide_breaks_down_in_contact_and_is_whole_again_beyond_the_effective_gap(across, gap, broken, after):
+    """At 10 V either way; the effective gap is 0.2 um."""
+    assert float(LAW.is_broken(across, gap, broken, 0.2, 10.0)) == after
+
+
+@pytest.mark.parametrize(
+    ("potential", "voltage", "probe_gap", "plate_gap", "after"),
+    [
+        (1, 5, 0.0, 0.0, 0),  # on the plate
+        (0, 1, 0.2, 3.0, 1),
+        (0, -1, 0.1, 3.0, 1),  # the voltage is off
+        (0, 2, 0.1, 3.0, 0),
+        (0, -2, 0.1, 3.0, 0),
+        (0, 1, 0.3, 3.0, 0),  # too far from the tool
+        (1, 2, 0.3, 3.0, 1),
+    ],
+)
+def test_without_a_circuit_the_potential_switches(potential, voltage, probe_gap, plate_gap, after):
+    """The voltage counts as off up to 1 V, and the effective gap of the tool is 0.2 um."""
+    assert LAW.next_potential(False, potential, 0.0, voltage, (probe_gap, plate_gap), 0.2, 1.0) == after
+    has = LAW.ball_voltage(False, 5.0, potential, voltage, (2.0, 3.0), plate_gap)
+    assert has == (voltage if potential and plate_gap else 0)
 
 
 def test_the_charge_relaxes_with_resistance_times_capacitance():

@@ -31,16 +31,6 @@ def test_probe_table_against_another_solver(task, column):
     np.testing.assert_allclose(factor, CYLINDER[:, column], rtol=3e-3)
 
 
-def test_release_and_pick_are_not_symmetric():
-    assert probe_factor("release", 5 / 20, 13 / 20) == pytest.approx(0.894, abs=1e-3)
-    assert probe_factor("pick", 5 / 20, 13 / 20) == pytest.approx(0.577, abs=1e-3)
-    gap_ratio = np.array([0.002, 0.02, 0.2])
-    wide = np.full(3, 8.0)
-    np.testing.assert_allclose(
-        probe_factor("release", gap_ratio, wide), probe_factor("pick", gap_ratio, wide), rtol=2e-4
-    )
-
-
 @pytest.mark.parametrize("task", FORCES)
 @settings(deadline=None)
 @given(

@@ -92,16 +92,22 @@ def test_forces_and_states_are_the_plugins(world, circuit):
     for _ in range(150):
         random_state(random, model, data)
         charge, before, rebound = random.normal(0, 150), random.uniform(-0.1, 0.2, 2), random.integers(0, 2, 2)
+        closing = random.uniform(-100, 100, 2)
         humidity = {(surface, "humidity"): random.uniform(0, 100) for surface in SURFACES}
         values = own | humidity | {("electrostatic", "charge"): charge}
         for k, surface in enumerate(SURFACES):
-            values |= {(surface, "before"): before[k], (surface, "rebound"): rebound[k]}
+            values |= {
+                (surface, "before"): before[k],
+                (surface, "rebound"): rebound[k],
+                (surface, "closing"): closing[k],
+            }
         for key, value in values.items():
             data.plugin_state[plugin.state_index(model, *key)] = value
         kept = ball(mine, state(model, data, "electrostatic", "potential"))._replace(
             charge=jnp.float32(charge),
             before=jnp.asarray(before, jnp.float32),
             rebound=jnp.asarray(rebound, jnp.float32),
+            closing=jnp.asarray(closing, jnp.float32),
         )
         data.qvel[:] = 0
         mujoco.mj_forward(model, data)
@@ -111,10 +117,18 @@ def test_forces_and_states_are_the_plugins(world, circuit):
         for body, applied in enumerate(np.asarray(force.applied, float)):
             mujoco.mj_applyFT(model, data, applied[:3], applied[3:], data.xipos[body], body, generalized)
         np.testing.assert_allclose(generalized, data.qfrc_passive, atol=1e-4 * largest)
-        electrostatic, voltage = (state(model, data, "electrostatic", name) for name in ("force", "ball_voltage"))
-        assert force.electrostatic == pytest.approx(electrostatic, rel=1e-4, abs=1e-4 * largest)
-        assert force.ball_voltage == pytest.approx(voltage, abs=1e-3)
+        theirs = [state(model, data, "electrostatic", name) for name in ("force", "up", "down")]
+        np.testing.assert_allclose([force.electrostatic, *force.pulls], theirs, rtol=1e-4, atol=1e-4 * largest)
+        theirs = [state(model, data, "electrostatic", name) for name in ("ball_voltage", "to_probe", "to_plate")]
+        np.testing.assert_allclose([force.ball_voltage, *force.capacitances], theirs, rtol=1e-4, atol=1e-3)
+        near = {"gap": 1e-5, "force": 1e-4 * largest, "landing_speed": 0.01}
+        for ours, (name, error) in zip((force.gaps, force.adhesion, force.landing_speed), near.items(), strict=True):
+            theirs = [state(model, data, instance, name) for instance in SURFACES]
+            np.testing.assert_allclose(ours, theirs, rtol=1e-4, atol=error, err_msg=name)
+        seen.add(("lands", bool(force.landing_speed.any())))
         mujoco.mj_step(model, data)
+        closing = [state(model, data, instance, "closing") for instance in SURFACES]
+        np.testing.assert_allclose(force.state.closing, closing, rtol=1e-4, atol=0.01)
         for name in ("charge", "broken", "potential"):
             theirs = state(model, data, "electrostatic", name)
             assert getattr(force.state, name) == pytest.approx(theirs, rel=1e-3, abs=0.05), name
@@ -122,7 +136,13 @@ def test_forces_and_states_are_the_plugins(world, circuit):
         np.testing.assert_array_equal(force.state.rebound, rebounds)
         seen |= {("broken", float(force.state.broken)), ("rebound", max(rebounds))}
     broken = {0.0, 1.0} if circuit else {0.0}
-    assert seen == {("rebound", 0.0), ("rebound", 1.0), *(("broken", value) for value in broken)}
+    assert seen == {
+        ("lands", False),
+        ("lands", True),
+        ("rebound", 0.0),
+        ("rebound", 1.0),
+        *(("broken", value) for value in broken),
+    }
 
 
 @pytest.mark.parametrize("radius", [15, 25])

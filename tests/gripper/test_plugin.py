@@ -128,21 +128,6 @@ def test_electrostatic_force_is_the_laws(model, on_probe):
         assert data.joint("probe_z").qfrc_passive == pytest.approx(0 if on_probe else -expected, rel=1e-6)
 
 
-def test_a_lifted_ball_keeps_its_potential_until_the_voltage_is_off(model):
-    data = mujoco.MjData(model)
-    potential = at(model, "electrostatic", "potential")
-    assert data.plugin_state[potential] == 1
-    place(model, data, 0.1, -0.001, 1)
-    data.actuator("voltage").ctrl = 30
-    mujoco.mj_step(model, data)
-    assert data.plugin_state[potential] == 0
-    for gap, voltage, expected in ((3, 30, 0), (3, 0.5, 1), (3, 30, 1), (-0.001, 30, 0)):
-        place(model, data, -0.001, gap, data.plugin_state[potential])
-        data.actuator("voltage").ctrl = voltage
-        mujoco.mj_step(model, data)
-        assert data.plugin_state[potential] == expected
-
-
 @pytest.mark.parametrize("voltage", [0, 40])
 def test_forces_are_equal_and_opposite(voltage):
     model = floating()
@@ -164,20 +149,3 @@ def test_forces_are_equal_and_opposite(voltage):
         largest = np.abs(data.qfrc_passive).max()
         assert largest > 1e-8
         assert np.abs(total).max() < 1e-10 * max(largest, 1e3)
-
-
-def test_a_closed_path_takes_no_work(model):
-    """The force beside the probe's axis, too, is that of a potential."""
-    data = mujoco.MjData(model)
-    data.actuator("voltage").ctrl = 50
-    data.plugin_state[at(model, "adhesion_plate", "work")] = 0
-    angle = np.linspace(0, 2 * np.pi, 2001)
-    path = np.stack([14 * np.sin(angle), 4 - 3 * np.cos(angle)], axis=1)
-    forces = []
-    for x, gap in path:
-        place(model, data, gap, -0.001, 0)
-        data.joint("probe_x").qpos = x
-        mujoco.mj_forward(model, data)
-        forces.append([data.joint(name).qfrc_passive[0] for name in ("probe_x", "probe_z")])
-    power = (np.array(forces)[1:] + forces[:-1]) / 2 * np.diff(path, axis=0)
-    assert abs(power.sum()) < 1e-4 * np.abs(power).sum()

@@ -6,6 +6,7 @@ import jax
 import numpy as np
 import pytest
 
+from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
 from iswarm_mj.gripper.laws.detachment import GRAVITY, ball_weight
 from iswarm_mj.gripper.laws.melting import (
@@ -53,6 +54,13 @@ def test_a_preload_flattens_the_contact():
     assert effective_work(14.7e-3, 20e-6, Surface(preload=1e-9)) == pytest.approx(14.7e-3)
 
 
+def test_hysteresis_raises_the_work_of_separation():
+    """By its share, where asperities hold the ball and where a preload does."""
+    for surface, power in ((Surface(20e-9, 0.3e-6), 1.0), (Surface(preload=10e-6), 0.5)):
+        works = [float(effective_work(14.7e-3, 20e-6, surface._replace(hysteresis=share))) for share in (0.0, 3.0)]
+        assert works[1] / works[0] == pytest.approx(4**power)
+
+
 def test_without_loss_the_time_is_energy_over_power():
     """11 uJ melt a ball of 15 um; an amplifier has them at 25 V, too."""
     energy = ball_weight(15e-6) / GRAVITY * (HEAT_CAPACITY * MELTING_RISE + LATENT_HEAT)
@@ -78,4 +86,7 @@ def test_a_ball_melts_if_its_oxide_breaks_and_the_current_has_the_time():
     volts, radii = np.array([69.9, 70.0, -70.0, 70.0]), np.array([15e-6, 15e-6, 15e-6, 25e-6])
     assert melts(volts, radii, 70.0, Supply(), 0.3e-3).tolist() == [False, True, True, False]
     assert not melts(70.0, 15e-6, 70.0, Supply(), 0.2e-3)
+    contacts = Contacts(contact=2e3, plate_contact=5e3, oxide=30e-9, breakdown=2e9)
+    assert contacts.supply == Supply(15e3, 2e3) and contacts.breaks_at == pytest.approx(60.0)
+    assert contacts._replace(leak=0.0).breaks_at == math.inf
     assert jax.jit(lambda volts: melts(volts, 15e-6, 70.0, Supply(), 0.3e-3))(70.0)

@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from helpers_worlds import start_of
 
-from iswarm_mj.config import ArenaConfig
+from iswarm_mj.config import ArenaConfig, GripperConfig, SwarmConfig
 from iswarm_mj.tasks import layout
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.foraging import Foraging
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -49,5 +52,24 @@ def test_robots_start_apart_outside_the_dump(arena):
     poses = layout.place_robots(arena, n_robots, generator())
     gap = np.abs(poses[:, None, :2] - poses[None, :, :2]).max(axis=-1) + 1e9 * np.eye(n_robots)
     assert gap.min() == pytest.approx(RD)
+    assert [poses[:, 2].min(), poses[:, 2].max()] == pytest.approx([-np.pi, np.pi], abs=0.2 if n_robots > 1000 else 0.5)
     assert np.abs(poses[:, :2]).max(axis=1).min() > arena.dump_size / 2 * RD
     assert np.abs(poses[:, :2]).max() + RD / 2 <= arena.size / 2 * RD + 1e-9
+
+
+@pytest.mark.parametrize("task", [CLEANING, Foraging(sources=3)])
+def test_balls_of_a_seed_are_alike_in_all_worlds(task):
+    """Their radii, between the limits, and their works of adhesion: half as large again at 45 % RH as at 10 %."""
+    arena = ArenaConfig(size=30, n_dust=301, dust_area_size=4, dust_area_offset=8, ball_radius_min=1.4e-5)
+    config = SwarmConfig(arena, gripper=GripperConfig(relative_humidity=45.0, work_tool_object=2e-3))
+    starts = [start_of(config, 3, seed, world, task=task) for seed, world in ((1, 0), (1, 1), (2, 0))]
+    one, two, other = (start.task if task is CLEANING else start.task.items for start in starts)
+    np.testing.assert_array_equal(one.radius, two.radius)
+    assert (one.radius != other.radius).all() and (one.position != two.position).all()
+    assert [one.radius.min(), one.radius.max()] == pytest.approx([1.4e-5, 2.5e-5], rel=0.02)
+    assert one.work_tool_object == pytest.approx(3e-3) and one.work_object_substrate == pytest.approx(1.5 * 14.7e-3)
+    if task is CLEANING:
+        west, east = one.position[:150] / RD, one.position[150:] / RD
+        for area, middle in ((west, -8), (east, 8)):
+            np.testing.assert_allclose(area.min(axis=0), [middle - 2, -2], atol=0.1)
+            np.testing.assert_allclose(area.max(axis=0), [middle + 2, 2], atol=0.1)

@@ -4,8 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from helpers_runs import N, first_step, records, run_of
+from helpers_sensing import lay, place
 from helpers_worlds import start_of
 
+from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -17,6 +19,21 @@ from iswarm_mj.tasks.signatures import check_task
 def test_it_is_a_task(small):
     start = start_of(small, N, 0, 0)
     assert check_task(CLEANING, small, read_robot(), start.task, N) == {}
+
+
+def test_what_robots_do_not_notice_they_neither_sense_nor_use():
+    """Two robots at balls on the floor, and two that hold one over the dump; the first and third notice it."""
+    robot, notices = read_robot(), np.array([True, False, True, False])
+    poses = np.float32(place((40, 0, 0), (60, 0, 0), (0, 0, 0), (2, 2, 0)))
+    balls, there = lay((40.9, 0), (60.9, 0), (0, 0), (0, 0), holders=[None, None, 2, 3]), np.ones(4, bool)
+    config = SwarmConfig()
+    inputs = TaskInputs(poses, there, there, there, 0 * there, 0 * there, conditions_of(config), config, robot)
+    after, sensed = CLEANING.advance(balls, inputs._replace(notices=notices), jax.random.key(0))
+    assert sensed.at_dust.tolist() == [True, *[False] * 3] and sensed.on_dump.tolist() == [False, False, True, False]
+    np.testing.assert_allclose(sensed.ball_vector, [[0.9, 0], *[[0, 0]] * 3], atol=1e-5)
+    assert sensed.is_loaded.tolist() == [True, False, False, True] and not sensed.grasp_failed.any()
+    assert after.is_held.tolist() == [True, False, False, True]
+    assert after.is_delivered.tolist() == [False, False, True, False]
 
 
 def test_rewards_are_the_balls_part_of_the_fitness(small):

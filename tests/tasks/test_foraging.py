@@ -3,24 +3,26 @@
 from dataclasses import replace
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_runs import records
-from helpers_sensing import senses_nothing
+from helpers_sensing import remember, senses_nothing, turned
 from helpers_worlds import start_of
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config import ArenaConfig, DriveConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.foraging import Forager, Foraging, _between
+from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.tasks.signatures import as_task, check_task
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 
-SMALL = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=4))
+SMALL = SwarmConfig(
+    ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=4), DriveConfig(control_period=2.0)
+)
 TASK = Foraging(sources=2, source_radius=1.0)
 
 
@@ -31,19 +33,18 @@ def test_items_begin_at_their_sources():
         assert np.hypot(*away.T).max() <= RD + 1e-4
         distance = np.hypot(*start.task.centres.T) / RD
         assert (distance >= 3.25 - 1e-4).all() and (distance <= 6.5 + 1e-4).all()
+        areas = TASK.areas(SMALL, start.task)
+        np.testing.assert_allclose(areas["dump"], [[0.0, 0.0, 1.5 * RD]], rtol=1e-6)
+        np.testing.assert_allclose(areas["sources"], [[x, y, RD] for x, y in start.task.centres], rtol=1e-6)
     assert check_task(as_task(TASK), SMALL, read_robot(), start.task, 6) == {}
-
-
-def test_sources_beyond_the_walls_are_refused():
-    with pytest.raises(
-        ConfigError, match=r"source_radius must be at most 7.5 rd, half of `arena.size` \(got 7.6\); make"
-    ):
-        start_of(SMALL, 5, 0, 0, task=Foraging(source_radius=7.6))
+    wide = start_of(replace(SMALL, arena=replace(SMALL.arena, dump_size=6)), 6, 1, 0, task=Foraging(2, 2.0))
+    np.testing.assert_allclose(np.hypot(*wide.task.centres.T), 5.5 * RD, rtol=1e-6)  # no room beyond the dump
 
 
 @pytest.mark.parametrize(
     "task, message",
     [
+        (Foraging(source_radius=7.6), r"source_radius must be at most 7.5 rd, half of `arena.size` \(got 7.6\); make"),
         (Foraging(sources=5, source_radius=1.0), r"sources must be at most 4, the items .*\(got 5\); take fewer"),
         (Foraging(sources=0), r"sources must be a whole number between 1 and 100 \(got 0\)"),
         (Foraging(source_radius=-1.0), r"source_radius must be .*\(got -1.0\)"),
@@ -59,12 +60,16 @@ def test_a_source_moves_when_its_last_item_is_home():
     """Counted from the balls themselves; what is home stays home until then, and items lie at their new source."""
     settings = RunSettings(10, 500, stop_at=6)
     run = Run(SMALL, None, settings, PlanarSettings(2, 2), strategy=Forager(), task=TASK)
-    before, items, moved = jax.tree.map(lambda a: a[0], run.start), 0, 0
+    before, items, moved, there = jax.tree.map(lambda a: a[0], run.start), 0, 0, np.ones(10, bool)
+    inputs = TaskInputs(None, there, there, there, 0 * there, 0 * there, None, SMALL, run.robot)
     for after in records(run):
         old, new = before.swarm.task.items, after.swarm.task.items
-        home = after.swarm.task.is_home[0]
+        after_task = jax.tree.map(lambda a: a[0], after.swarm.task)
+        home = after_task.is_home
         assert (old.is_held[0][home]).all() and not new.is_held[0][home].any()
         items += home.sum()
+        rewards = TASK.reward(after_task, after_task, inputs._replace(poses=after.poses[0]))
+        np.testing.assert_array_equal(rewards, np.bincount(new.holder[0][home], minlength=10))
         moves = (after.swarm.task.centres != before.swarm.task.centres).any(axis=-1)[0]
         source = np.arange(4) % 2
         for place in range(2):
@@ -79,44 +84,61 @@ def test_a_source_moves_when_its_last_item_is_home():
     found = {name: values[0] for name, values in run.metrics().items()}
     assert found["items"] == items == run.progress()[0] >= 6 and found["moves"] == moved >= 2
     assert run.measures(0).finished_at == run.step
-    np.testing.assert_allclose(found["rate"], 60 * items / run.step, rtol=1e-6)
+    np.testing.assert_allclose(found["rate"], 30 * items / run.step, rtol=1e-6)
 
 
-def test_a_forager_knows_where_home_is():
-    """After any walk the remembered vectors end where they did in the world."""
-    forager = replace(Forager(), reach=1.0)
-    nothing, key = senses_nothing(1), jax.random.key(3)
-    home = nothing._replace(on_dump=jnp.ones(1, bool))
-    memory, command = forager.act(forager.init(1, key), home, key)
-    pose = np.zeros(3)
-    for step in range(20):
-        pose[2] += command.turn[0]
-        pose[:2] += command.forward[0] * np.array([np.cos(pose[2]), np.sin(pose[2])])
-        at = np.array(memory["home"].vector[0])
-        c, s = np.cos(pose[2]), np.sin(pose[2])
-        np.testing.assert_allclose(pose[0] + c * at[0] - s * at[1], 0.0, atol=1e-3)
-        np.testing.assert_allclose(pose[1] + s * at[0] + c * at[1], 0.0, atol=1e-3)
-        seen = nothing if step < 12 else nothing._replace(is_loaded=jnp.ones(1, bool))
-        memory, command = forager.act(memory, seen, jax.random.fold_in(key, step))
-    assert bool(memory["home"].known[0]) and np.hypot(*pose[:2]) < 12
+def test_what_foragers_do():
+    """Each row: food and home as they are known, what is changed of an observation of nothing, turn and step expected.
 
-
-def test_a_forager_forgets_a_place_where_nothing_can_be_lifted():
-    forager, key = replace(Forager(), reach=1.0), jax.random.key(0)
-    nothing = senses_nothing(2)
-    beside = nothing._replace(at_dust=jnp.ones(2, bool), ball_vector=jnp.full((2, 2), RD))
-    memory, _ = forager.act(forager.init(2, key), beside, key)
-    assert memory["food"].known.tolist() == [True, True]
-    memory, _ = forager.act(memory, nothing._replace(grasp_failed=jnp.array([True, False])), key)
-    assert memory["food"].known.tolist() == [False, True]
-
-
-def test_a_loaded_forager_at_home_searches_for_the_tip_of_the_dump():
-    """It knows that it is there, and still walks on at random until its ball is released."""
-    forager, n = replace(Forager(), reach=1.0), 50
-    at_home = senses_nothing(n)._replace(on_dump=jnp.ones(n, bool), is_loaded=jnp.ones(n, bool))
-    memory, command = forager.act(forager.init(n, None), at_home, jax.random.key(1))
-    assert memory["home"].known.all() and len(np.unique(command.turn)) == n
+    The tool's reach is 1 mm, and a step half a diameter; robots turn by 90 degrees at most, and only then walk on. They
+    forget where nothing can be lifted, and search at home for the tip of the dump.
+    """
+    half, right, wall, near = 0.5 * RD, np.pi / 2, [True, False, False, False], {"is_heard": [True] * 4}
+    item, near = {"at_dust": True, "ball_vector": [1.2, 0.5]}, near | {"distance": [1.3 * RD] + [5.0] * 3}
+    beside, far = near | {"distance": [5.0, *[1.3 * RD] * 3]}, near | {"distance": [1.5 * RD] * 4}
+    rows = [
+        (None, None, item, np.arctan2(0.5, 1.2), 0.3),
+        (None, None, item | near, np.arctan2(0.5, 1.2), 0.3),
+        ((9, 0), (0, 9), item | {"is_loaded": True}, right, half),
+        ((9, 9), (0, 9), item | {"grasp_failed": True}, "random", half),
+        ((9, 9), (0, 9), {}, np.pi / 4, half),
+        ((9, -9), (0, 9), {"sees_wall": wall}, -np.pi / 4, half),
+        ((9, -9), None, {"is_loaded": True, "sees_wall": wall}, "aside", half),
+        ((-9, 1), None, {}, right, 0.0),
+        ((9, 0), None, near, "aside", half),
+        ((9, 9), None, beside, np.pi / 4, half),
+        ((9, 9), None, far, np.pi / 4, half),
+        (None, None, {"sees_wall": wall[::-1]}, "random", half),
+        (None, None, {"on_dump": True, "is_loaded": True}, "random", half),
+        (None, None, {"at_dust": True, "ball_vector": [-4.0, -0.1]}, -right, 0.0),
+        (None, None, {"at_dust": True, "ball_vector": [0.2, 0.1]}, np.arctan2(0.1, 0.2), np.hypot(0.1, 0.2) - 1.0),
+    ]
+    forager, copies, n = replace(Forager(), reach=1.0), 40, 40 * len(rows)
+    food, home = (
+        remember([row[k] or (0, 0) for row in rows] * copies, known=[row[k] is not None for row in rows] * copies)
+        for k in (0, 1)
+    )
+    seen = senses_nothing(n)
+    changed = {name: np.array(getattr(seen, name)) for name in {name for row in rows for name in row[2]}}
+    for k, row in enumerate(rows):
+        for name, value in row[2].items():
+            changed[name][k :: len(rows)] = value
+    memory, command = forager.act({"home": home, "food": food}, seen._replace(**changed), jax.random.key(2))
+    assert not memory["food"].known[3]
+    for k, name, place in ((0, "food", (1.2, 0.5)), (4, "food", (9, 9)), (4, "home", (0, 9)), (12, "home", (0, 0))):
+        there = turned(np.add(memory[name].vector[k], [command.forward[k], 0]), command.turn[k])
+        np.testing.assert_allclose(there, place, atol=1e-5)  # places stay as robots move
+        assert memory[name].known[k]
+    turns, steps = (np.asarray(values).reshape(copies, -1).T for values in command)
+    for (*_, turn, step), found, walked in zip(rows, turns, steps, strict=True):
+        np.testing.assert_allclose(walked, step, atol=1e-5)
+        if turn == "random":
+            assert np.radians(20) < np.abs(found).max() <= np.radians(25) and 0.2 < (found > 0).mean() < 0.8
+        elif turn == "aside":
+            np.testing.assert_allclose(np.abs(found), right, rtol=1e-6)
+            assert 0.2 < (found > 0).mean() < 0.8
+        else:
+            np.testing.assert_allclose(found, turn, atol=1e-6)
 
 
 def test_places_are_spread_evenly_over_their_ring():

@@ -88,7 +88,26 @@ def changed(**methods):
     return type("Eastward", (Eastward,), methods)(0.0)
 
 
+def advancing(change):
+    """A task whose `advance` returns something else."""
+    return changed(advance=lambda self, *given: change(*Eastward.advance(self, *given)))
+
+
 WRONG = {
+    "no areas": (changed(areas=None), "Eastward has no method areas"),
+    "nowhere": (
+        changed(lay_out=lambda self, c, n, *a: (np.full((n, 3), np.nan), Eastward.lay_out(self, c, n, *a)[1])),
+        r"robots first \(got numbers that are not\)",
+    ),
+    "state alone": (advancing(lambda own, sensed: own), r"must return its state and Sensed \(got a dict\)"),
+    "sensed": (
+        advancing(lambda own, sensed: (own, sensed._replace(is_busy=jnp.zeros(N)))),
+        r"must return bool\[6\] as \.is_busy of its sensed \(got float32\[6\]\)",
+    ),
+    "sensed by three": (
+        advancing(lambda own, sensed: (own, sensed._replace(own={"gap": jnp.zeros(3)}))),
+        r"must return gap of 6 robots first \(got shape \(3,\)\)",
+    ),
     "no method": (changed(reward=None), r"Eastward has no method reward; a task has lay_out, goal, advance"),
     "the class": (Eastward, r"task is the class Eastward itself; give an object of it, as Eastward\(\)"),
     "poses": (
@@ -101,7 +120,7 @@ WRONG = {
     ),
     "goal": (changed(goal=lambda self, c, n: 0.5), r"Eastward.goal must return a whole number above 0, or None \(got"),
     "state": (
-        changed(advance=lambda self, t, a, k: (3, Eastward.advance(self, t, a, k)[1])),
+        advancing(lambda own, sensed: (3, sensed)),
         r"Eastward.advance must return dict of 2 arrays as its state",
     ),
     "senses": (
