@@ -1,12 +1,16 @@
-"""A task of a stranger: robots are to be east of a line, which they sense by how far away it is; and a strategy."""
+"""Tasks: robots are to be east of a line, which they sense, or clean in bad weather. A strategy: robots stand."""
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
 
+from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.sensors.fields import Integer
+from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.tasks.protocol import Look, Quantity, only
 from iswarm_mj.utils.constraints import Within
@@ -60,3 +64,42 @@ class Still:
 
     def act(self, memory, seen, key):
         return memory, Command(jnp.zeros(len(memory)), jnp.zeros(len(memory)))
+
+
+@dataclass(frozen=True)
+class Weather(Cleaning):
+    """In the third to the sixth control step no message arrives, and drives err; then every second robot is dead."""
+
+    def lay_out(self, config, n_robots, rng, shared, cell):
+        poses, balls = super().lay_out(config, n_robots, rng, shared, cell)
+        return poses, (balls, np.int32(0))
+
+    def advance(self, state, inputs, key):
+        balls, sensed = super().advance(state[0], inputs, key)
+        return (balls, state[1] + 1), sensed
+
+    def conditions(self, state, conditions):
+        bad = jnp.where((state[1] >= 2) & (state[1] < 6), 1.0, 0.0)
+        return conditions._replace(error_in_communication=0.9 * bad, p_communication_break=bad, error_turn=9.0 * bad)
+
+    def survives(self, state):
+        return (state[1] < 3) | (jnp.arange(12) % 2 == 0)
+
+    def balls(self, state: Any) -> Balls:
+        return state[0]
+
+    def progress(self, state):
+        return super().progress(state[0])
+
+    def reward(self, before, after, inputs):
+        said = COUNT.unpack(inputs.message)[0].payload["count"]
+        return inputs.command.forward - said
+
+    def metrics(self, state):
+        return super().metrics(state[0])
+
+    def areas(self, config, state):
+        return super().areas(config, state[0])
+
+
+COUNT = Payload({"count": Integer(4)})

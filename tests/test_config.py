@@ -1,11 +1,14 @@
 """Table 1's values, and the limits of each option."""
 
 import math
+from contextlib import nullcontext
 from dataclasses import fields
 
+import numpy as np
 import pytest
 
 from iswarm_mj.config import (
+    READINGS,
     ArenaConfig,
     DriveConfig,
     GripperConfig,
@@ -18,6 +21,7 @@ from iswarm_mj.utils.constraints import Above, constraint_of
 from iswarm_mj.utils.energy import EnergyConfig
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import MM, RD, ROBOT_DIAMETER, mm_from_m, mm_from_rd
+from iswarm_mj.utils.walls import beyond, corners_of, half_planes
 
 TOGETHER = {
     *("size", "dump_size", "dust_area_size", "dust_area_offset", "ball_radius_min", "ball_radius_max"),
@@ -35,6 +39,7 @@ def test_defaults_are_table_1():
     assert (optics.communication_radius, optics.led_beam_aperture) == (3.5, 60.0)
     assert (optics.error_distance_measure, optics.error_in_communication) == (0.1, 0.1)
     assert (optics.p_communication_break, optics.mode) == (0.1, "sector")
+    assert READINGS["initial"].arena == ArenaConfig(dust_area_offset=16.0)
 
 
 def test_units():
@@ -82,11 +87,32 @@ def test_limits_hold(group):
             assert getattr(group(**{name: end}), name) == end
 
 
-def test_dust_lies_between_dump_and_walls():
-    with pytest.raises(UserError, match="within the walls"):
-        ArenaConfig(dust_area_offset=22)
-    with pytest.raises(UserError, match="outside the dump"):
-        ArenaConfig(dust_area_offset=5)
+OBLIQUE = ((-20.0, -8.0), (12.0, -10.0), (16.0, 3.0), (-6.0, 12.0))
+
+
+@pytest.mark.parametrize(
+    ("outline", "edge"), [(((24, 24),), 5), (((24, 40),), 5), (((40, 14),), 15), (OBLIQUE, 5), (OBLIQUE[::-1], 3)]
+)
+def test_dust_lies_between_dump_and_walls(outline, edge):
+    """Both areas, up to their corners; they may touch dump and walls."""
+    square = edge / 2 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    for offset in np.arange(2.5, 14, 0.5):
+        areas = np.concatenate([square + side * np.array([offset, 0]) for side in (-1, 1)])
+        is_inside = beyond(areas, half_planes(corners_of(outline))).max() < 1e-9
+        least = 2 + edge / 2
+        says = "within the walls" if not is_inside else rf"at least {least:g} rd, for the dust to lie outside the dump"
+        refused = pytest.raises(UserError, match=says) if not is_inside or offset < least else nullcontext()
+        with refused:
+            ArenaConfig(outline=outline, dump_size=4, dust_area_size=edge, dust_area_offset=offset)
+
+
+def test_limits_of_the_arena_that_depend_on_each_other():
+    sizes = {"size": 24, "dump_size": 12, "dust_area_size": 2, "dust_area_offset": 8}
+    ArenaConfig(**sizes, ball_radius_min=25e-6)
+    with pytest.raises(UserError, match=r"dump_size must be at most half of `arena.size` \(got 12.1\)"):
+        ArenaConfig(**sizes | {"dump_size": 12.1})
+    with pytest.raises(UserError, match=r"ball_radius_max must be at least `arena.ball_radius_min` \(got 2.5e-05\)"):
+        ArenaConfig(ball_radius_min=26e-6)
 
 
 @pytest.mark.parametrize(

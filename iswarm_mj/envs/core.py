@@ -16,6 +16,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Motion, Sight
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.tables import Row
+from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.actuate import Actuated, actuate
 from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
@@ -23,7 +24,7 @@ from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
 from iswarm_mj.simulation.streams import step_keys
-from iswarm_mj.tasks.protocol import DrivingTask, Quantity
+from iswarm_mj.tasks.protocol import ChangingTask, DrivingTask, Quantity
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import RobotFile, Robots
 
@@ -42,6 +43,8 @@ class Episode(NamedTuple):
     """The robot stays where it is in the next step, see `Observation.waits`."""
     tool_voltage_squared: Float[Array, "*B N"]
     """See `tasks.protocol.Sensed` [V^2]."""
+    conditions: Conditions | None
+    """Of the step that the robots have begun to perceive; None where the task changes none (`ChangingTask`)."""
 
 
 class State(NamedTuple):
@@ -138,7 +141,8 @@ class Core:
         index = jax.random.randint(start_key, (), 0, len(self.poses))
         poses, world = jax.tree.map(lambda a: a[index], (self.poses, self.worlds))
         no, zero = jnp.zeros(self.n_robots, bool), jnp.zeros(self.n_robots)
-        return Episode(world, key, next_key, jnp.int32(0), no, zero), poses
+        conditions = self.params.conditions if isinstance(self.params.task, ChangingTask) else None
+        return Episode(world, key, next_key, jnp.int32(0), no, zero, conditions), poses
 
     def auto_reset(self, data: Episode, is_new: Bool[Array, ""]) -> tuple[Episode, Float[Array, "NM 3"]]:
         """Return the episode, or the next one if it is over, and where robots and boxes of the next one stand."""
@@ -150,8 +154,8 @@ class Core:
         decoded = tables.decode(self.actions, action)
         command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
         swarm, key = data.world.swarm, step_keys(data.key, data.step).actuators
-        conditions, charge = with_conditions(self.params, swarm).conditions, data.tool_voltage_squared
-        is_present = self.params.is_present
+        conditions = self.params.conditions if data.conditions is None else data.conditions
+        is_present, charge = self.params.is_present, data.tool_voltage_squared
         done = actuate(self.config, conditions, command, swarm, data.waits, poses, is_present, charge, key)
         said = jax.tree.map(partial(jnp.where, is_new), tables.silence(self.payload, len(action)), said)
         done = done._replace(
@@ -183,12 +187,13 @@ class Core:
         progress = params.task.progress(seen.swarm.task)
         world = after_task(params, moved._replace(swarm=seen.swarm), progress, data.step, ran)
         waits, charge = seen.observation.waits, seen.sensed.tool_voltage_squared
+        conditions = None if data.conditions is None else params.conditions
         is_faulty, is_late = world.fault.bits != 0, step >= self.steps
         done = seen.inputs._replace(command=intent.done.command, message=seen.received.bits[:, 0])
         reward = params.task.reward(before.task, seen.swarm.task, done)
         metrics = {name: jnp.asarray(value) for name, value in params.task.metrics(seen.swarm.task).items()}
         return State(
-            data=Episode(world, data.key, data.next_key, step, waits, charge),
+            data=Episode(world, data.key, data.next_key, step, waits, charge, conditions),
             obs=tables.encode(self.observations, seen.observation),
             reward=jnp.where(is_new | is_faulty, 0.0, reward),
             done=world.is_finished | is_faulty | is_late,

@@ -71,8 +71,22 @@ def test_all_do_the_same(env, one):
         all_, summed, ended, cut, _ = worlds.step(action[None])
         assert sum(rewards.values()) == pytest.approx(reward) and summed[0] == pytest.approx(reward)
         assert set(ends.values()) == {is_end} == {bool(ended[0])} and set(cuts.values()) == {is_cut} == {bool(cut[0])}
-        assert is_cut == (step == 20) and infos["robot_3"]["picked"] == info["picked"]
+        assert is_cut == (step == 20) and infos["robot_3"] == info and not any(map(np.ndim, info.values()))
     assert many.agents == []
+
+
+@pytest.mark.parametrize(("ended", "cut"), [(True, False), (False, True), (False, False)])
+def test_each_robot_has_a_reward_of_its_own_and_all_have_one_end(env, monkeypatch, ended, cut):
+    env.reset(seed=0)
+    obs, info = np.arange(5.0)[None, :, None], {"picked": np.array([3])}
+    found = obs, np.arange(5.0)[None], np.array([ended]), np.array([cut]), info
+    monkeypatch.setattr(env._one, "step_robots", lambda actions: found)
+    agents = env.agents
+    seen, *others, infos = env.step(dict.fromkeys(agents, np.zeros(3, np.float32)))
+    for k, agent in enumerate(agents):
+        assert (seen[agent].tolist(), infos[agent]) == ([k], {"picked": 3})
+        assert [values[agent] for values in others] == [k, ended, cut]
+    assert env.agents == ([] if ended or cut else agents)
 
 
 def test_worlds_of_a_vector_begin_anew_by_themselves(batch):
@@ -89,6 +103,8 @@ def test_worlds_of_a_vector_begin_anew_by_themselves(batch):
             assert not reward.any()
     again, _ = env.reset(seed=1)
     np.testing.assert_array_equal(again, first)
+    by_chance = [env.reset()[0] for _ in range(4)]
+    assert any((obs != by_chance[0]).any() for obs in by_chance)
 
 
 @pytest.mark.parametrize(("name", "copied"), [("env", copy.deepcopy), ("batch", pickled)])

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_envs import SMALL, poses_of
-from helpers_tasks import Eastward
+from helpers_tasks import Eastward, Weather
 
 from iswarm_mj import make_env
 from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig
@@ -62,14 +62,16 @@ def params_of(env):
 @pytest.mark.parametrize(
     ("engine", "config", "memory"),
     [(MujocoSettings(1), NOISY, None), (PlanarSettings(1), SLOW, jnp.ones)],
-    ids=["mujoco, errors of the drive", "planar, slow grasps, little energy and memory"],
+    ids=["mujoco, errors of the drive, bad weather", "planar, slow grasps, little energy and memory"],
 )
 def test_runs_do_what_the_environment_did(engine, config, memory):
     """The same start, noise, messages and errors of the drive: poses, balls, and what robots observe to act on."""
-    env = make_env(n_robots=N, config=config, engine=engine, payload=FIELDS, n_worlds=1, n_starts=4, seed=SEED)
+    task, given = Weather() if memory is None else CLEANING, {"n_worlds": 1, "n_starts": 4, "seed": SEED}
+    env = make_env(task, n_robots=N, config=config, engine=engine, payload=FIELDS, **given)
     params, apply = params_of(env), linear if memory is None else counting
-    run = run_like(PolicyStrategy(apply, params, FIELDS, memory=memory), engine, config=config)
+    run = run_like(PolicyStrategy(apply, params, FIELDS, memory=memory), engine, task, config)
     state, own, heard, waited = env.reset(KEYS), None if memory is None else memory(N), 0, 0
+    assert memory is None or np.allclose(state.data.world.swarm.energy, config.energy.full, rtol=1e-3)
     for _ in range(STEPS):
         obs, seen = jnp.asarray(state.obs[0]), env.named(np.asarray(state.obs))
         action, own = (apply(params, obs), None) if memory is None else apply(params, obs, own)
@@ -78,7 +80,7 @@ def test_runs_do_what_the_environment_did(engine, config, memory):
         heard, waited = heard + seen["heard_count"].sum(), waited + seen["waits"].sum()
         state = env.step(state, np.asarray(action)[None])
         np.testing.assert_allclose(poses_of(env, state)[0], record.poses[0, 0], atol=1e-5)
-        np.testing.assert_array_equal(state.metrics["picked"], record.swarm.task.was_picked.sum(axis=-1)[0])
+        np.testing.assert_array_equal(state.metrics["picked"], run.metrics()["picked"])
         assert int(state.metrics["collisions"][0]) == int(record.collisions[0, 0])
     assert heard > 20 and np.ptp(np.asarray(action)[:, 0]) > 0.1 and (waited > 5) == (config is SLOW)
 

@@ -62,50 +62,55 @@ def heard(seed, is_heard):
     }
     seen = senses_nothing(n)._replace(is_heard=jnp.asarray(is_heard), bearing=numbers, distance=abs(numbers) + 2)
     led = jnp.asarray(rng.integers(0, 4, (n, s)))
-    return seen._replace(payload=values, led=led, sensed={"light": abs(numbers[:, 0])})
-
-
-def test_nothing_is_known_of_what_was_not_heard():
-    """Two worlds that differ in all that robots did not hear look the same to them."""
-    is_heard = np.zeros((5, 4), bool)
-    one, other = (heard(seed, is_heard)._replace(sensed={"light": jnp.ones(5)}) for seed in (0, 1))
-    ball = one._replace(ball_vector=jnp.full((5, 2), 3.0))  # of a ball that is not there
-    for seen in (other, ball):
-        first, second = (tables.encode(TABLE, s) for s in (one, seen))
-        np.testing.assert_array_equal(first, second)
-    assert np.asarray(first).any(axis=0).sum() == 1  # the light
+    return seen._replace(payload=values, led=led, sensed={"light": numbers[:, 0]}, ball_vector=numbers[:, :2] / 3)
 
 
 def test_rows_are_what_was_sensed():
-    seen = heard(2, np.ones((5, 4), bool))
+    """Within their bounds; nothing of what was not heard, or of a ball that is not there."""
+    rng, flags = np.random.default_rng(4), ("at_dust", "on_dump", "is_loaded", "grasp_failed", "waits")
+    is_heard, sees_wall = rng.random((2, 9, 4)) < 0.7
+    seen = heard(2, is_heard)._replace(**{name: rng.random(9) < 0.5 for name in flags}, sees_wall=sees_wall)
+    home, ball = seen.payload["home"], np.clip(np.asarray(seen.ball_vector) / 2**1.5, -0.75, 0.75)
+    of_sides = {
+        "bearing": (np.asarray(seen.bearing) + np.pi) % (2 * np.pi) - np.pi,
+        "distance": np.minimum(np.asarray(seen.distance) / 2**1.5, 7),
+        "led": seen.led,
+        "heard_flag": seen.payload["flag"],
+        "heard_count": np.clip(seen.payload["count"], -3, 12),
+        "heard_heat": seen.payload["heat"],
+        "heard_aim": seen.payload["aim"],
+        "heard_home_known": home.known,
+        "heard_home_x": np.clip(home.vector[..., 0] / 2**1.5, -10, 10),
+        "heard_home_y": np.clip(home.vector[..., 1] / 2**1.5, -10, 10),
+        "heard_home_hop": home.hop,
+    }
+    expected = {name: np.where(is_heard, values, 0) for name, values in of_sides.items()}
+    expected |= {"is_heard": is_heard, "sees_wall": sees_wall, "ball": np.where(seen.at_dust[:, None], ball, 0)}
+    expected |= {name: getattr(seen, name) for name in flags} | {"light": np.maximum(seen.sensed["light"], 0)}
     split = tables.split(TABLE, np.asarray(tables.encode(TABLE, seen)))
-    assert list(split) == [row.name for row in TABLE]
-    np.testing.assert_allclose(np.exp(1j * split["bearing"]), np.exp(1j * np.asarray(seen.bearing)), atol=1e-5)
-    np.testing.assert_allclose(split["distance"], np.minimum(np.asarray(seen.distance) / 2**1.5, 7), rtol=1e-5)
-    np.testing.assert_array_equal(split["led"], seen.led)
-    for name in ("flag", "count", "heat"):
-        np.testing.assert_allclose(split[f"heard_{name}"], np.clip(seen.payload[name], -3, 12), rtol=1e-6)
-    home = seen.payload["home"]
-    np.testing.assert_allclose(split["heard_home_x"], np.clip(home.vector[..., 0] / 2**1.5, -10, 10), rtol=1e-5)
-    np.testing.assert_array_equal(split["heard_home_hop"], home.hop)
-    np.testing.assert_array_equal(split["light"][:, 0], seen.sensed["light"])
+    assert list(split) == [row.name for row in TABLE] and split.keys() == expected.keys()
+    for name, values in split.items():
+        np.testing.assert_allclose(values, np.reshape(expected[name], (9, -1)), atol=1e-5, err_msg=name)
 
 
 def test_actions_mean_what_the_table_says():
-    action = np.zeros((2, sum(row.size for row in tables.action_rows(SMALL, PAYLOAD))), np.float32)
-    action[0], action[1] = 1.0, -7.0  # which is clipped
+    action = np.ones((4, sum(row.size for row in tables.action_rows(SMALL, PAYLOAD))), np.float32)
+    action[1], action[2] = -7.0, 0.0  # the first of which is clipped
+    action[3] = 0.5, -0.25, -0.1, 0.3, -0.5, 0.25, 0.1, -0.5, 0.25, 0.6
     command, said, is_bad = tables.decode(tables.action_rows(SMALL, PAYLOAD), jnp.asarray(action))
-    np.testing.assert_allclose(command.turn, [np.pi / 2, -np.pi / 2], rtol=1e-6)
-    np.testing.assert_allclose(command.forward, [2**0.5, -(2**0.5)], rtol=1e-5)
-    np.testing.assert_array_equal(said["flag"], [True, False])
-    np.testing.assert_array_equal(said["count"], [12, -3])
-    np.testing.assert_allclose(said["heat"], [1, 0])
-    np.testing.assert_allclose(said["aim"], [np.pi, -np.pi], rtol=1e-6)
-    np.testing.assert_allclose(said["home"].vector, [[28.3, 28.3], [-28.3, -28.3]], rtol=1e-6)
-    np.testing.assert_array_equal(said["home"].hop, [2, 0])
-    np.testing.assert_array_equal(said["home"].known, [True, False])
+    np.testing.assert_allclose(command.turn, np.pi / 2 * np.array([1, -1, 0, 0.5]), rtol=1e-6)
+    np.testing.assert_allclose(command.forward, 2**0.5 * np.array([1, -1, 0, -0.25]), rtol=1e-5)
+    np.testing.assert_array_equal(said["flag"], [True, False, False, False])
+    np.testing.assert_array_equal(said["count"], [12, -3, 5, 7])
+    np.testing.assert_allclose(said["heat"], [1, 0, 0.5, 0.25])
+    np.testing.assert_allclose(said["aim"], np.pi * np.array([1, -1, 0, 0.25]), rtol=1e-6)
+    np.testing.assert_allclose(
+        said["home"].vector, 28.3 * np.array([(1, 1), (-1, -1), (0, 0), (-0.5, 0.25)]), rtol=1e-6
+    )
+    np.testing.assert_array_equal(said["home"].hop, [2, 0, 1, 2])
+    np.testing.assert_array_equal(said["home"].known, [True, False, False, True])
     assert not is_bad.any()
-    shapes = jax.tree.map(lambda a: (a.shape, a.dtype), PAYLOAD.shapes(2))
+    shapes = jax.tree.map(lambda a: (a.shape, a.dtype), PAYLOAD.shapes(4))
     assert jax.tree.map(lambda a: (a.shape, a.dtype), said) == shapes
 
 

@@ -86,16 +86,18 @@ def test_modes_are_checked():
 def test_recordings_have_every_step_of_all_episodes(tmp_path, monkeypatch):
     """Of two seconds each, in blocks."""
     monkeypatch.setattr(watch, "BLOCK", 4)
-    path, places = tmp_path / "few.rrd", []
+    path, places, collisions = tmp_path / "few.rrd", [], []
     slow = replace(SMALL, drive=replace(SMALL.drive, control_period=2.0))
-    env = parallel_env(record=path, **FEW | {"config": slow})
+    env, n = parallel_env(record=path, **FEW | {"config": slow, "n_robots": 40}), 40
     rng = np.random.default_rng(0)
     for seed in range(2):
         env.reset(seed=seed)
-        places.append(env.state()[-15:])
+        places.append(env.state()[-3 * n :])
+        collisions.append(0)
         while env.agents:
-            env.step({agent: rng.uniform(-1, 1, 2).astype(np.float32) for agent in env.agents})
-            places.append(env.state()[-15:])
+            *_, infos = env.step({agent: rng.uniform(-1, 1, 2).astype(np.float32) for agent in env.agents})
+            places.append(env.state()[-3 * n :])
+            collisions.append(infos["robot_0"]["collisions"])
     copy = pickle.loads(pickle.dumps(env))  # which writes to no file
     copy.reset(seed=3)
     env.close()
@@ -106,11 +108,13 @@ def test_recordings_have_every_step_of_all_episodes(tmp_path, monkeypatch):
     rows = [len(c.to_record_batch()) for c in chunks if c.entity_path == "/world/robots/body" and not c.is_static]
     assert sorted(rows) == [2, 4, 4]
     shown = np.array([np.asarray(row, float)[:, :2] for row in found["Boxes3D:centers"]])
-    expected = mm_from_rd(np.array(places).reshape(10, 5, 3)[..., :2])
+    expected = mm_from_rd(np.array(places).reshape(10, n, 3)[..., :2])
     np.testing.assert_allclose(shown, expected, atol=1e-3)
     speed = np.ravel(columns["/series/mean_speed"]["Scalars:scalars"])[1:]
     way = np.linalg.norm(np.diff(shown, axis=0), axis=-1).mean(axis=1)
     np.testing.assert_allclose(speed, way / 2.0, rtol=1e-3)
+    shown = np.ravel(columns["/series/collisions"]["Scalars:scalars"])
+    assert shown.tolist() == collisions and max(collisions[:5]) > 0
 
 
 def test_all_names_come_at_once():

@@ -1,7 +1,6 @@
 """What robots may decide beside their motion, and what tasks may change: releases, LED power, conditions, failures."""
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import jax
 import jax.numpy as jnp
@@ -9,14 +8,11 @@ import numpy as np
 import pytest
 from helpers_runs import records
 from helpers_small import SMALL
-from helpers_tasks import Still
+from helpers_tasks import COUNT, Still, Weather
 
 from iswarm_mj.config import EnergyConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs.make import make_env
-from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.sensors.fields import Integer
-from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -24,7 +20,7 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.teams import Teams
-from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -74,13 +70,14 @@ def test_power_is_that_of_the_memory_after_the_step():
 
 @dataclass(frozen=True)
 class Drop(Still):
-    """Robots hold a ball, and those of odd number release it in the third step, as robot 0 wants to without a ball."""
+    """Robots hold a ball, and those of odd number release it in the third step, as robot 0 wants to without a ball;
+    that one picks up balls from the fourth step on."""
 
     def init(self, n_robots, key):
         return jnp.stack([jnp.arange(n_robots), jnp.zeros(n_robots, int)], axis=1)
 
     def picks(self, memory):
-        return memory[:, 0] < 0
+        return (memory[:, 0] == 0) & (memory[:, 1] >= 3)
 
     def releases(self, memory):
         return (memory[:, 1] == 2) & ((memory[:, 0] % 2 == 1) | (memory[:, 0] == 0))
@@ -90,78 +87,56 @@ class Drop(Still):
 
 
 def carrying():
-    """A run's world of four robots, of which all but the first hold a ball; the last one is over the dump."""
+    """A run's worlds of four robots, of which the first has a ball at its tip; the others hold one, the last one over
+    the dump."""
     (world,) = placed((-10.0, 8.0), (-10.0, 0.0), (-10.0, -8.0), (0.0, 0.0))
     held = np.arange(SMALL.arena.n_dust) < 3
-    balls = world.start.task._replace(is_held=held, holder=np.minimum(np.arange(len(held)) + 1, 3).astype(np.int32))
+    places = np.where(np.arange(len(held))[:, None] == 3, np.float32([-9.1, 8.0]), world.start.task.position)
+    balls = world.start.task._replace(
+        position=places, is_held=held, holder=np.minimum(np.arange(len(held)) + 1, 3).astype(np.int32)
+    )
     return [World(TYPE1, 4, start=world.start._replace(task=balls))]
 
 
 @pytest.mark.parametrize("release_time", [0.0, 2.0])
 def test_robots_release_balls_where_they_want_to(release_time):
-    """The ball stays there, lies on the floor, and is not delivered; one over the dump is."""
-    worlds = carrying()
+    """The ball stays there, lies on the floor, and is not delivered; one over the dump is, at once. Tools are charged
+    to 40 V for a grasp, and to the voltage of the capacitor, which is less than 55 V, for a release."""
+    (world,) = carrying()
+    dead = replace(world, start=world.start._replace(is_alive=np.arange(4) != 1))
     gripper = type(SMALL.gripper)(release_time=release_time)
-    config = SwarmConfig(SMALL.arena, gripper=gripper)
-    run = Run(config, Drop(), RunSettings(4, 6), ENGINE, worlds=worlds)
-    states = [record.swarm.task for record in records(run)]
+    energy = EnergyConfig(model="capacitor", largest_voltage=50.0, light_power=40e-6, tool_capacitance=1e-7)
+    config = SwarmConfig(SMALL.arena, gripper=gripper, energy=energy)
+    run = Run(config, Drop(), RunSettings(4, 6, n_worlds=2), ENGINE, worlds=[world, dead])
+    swarms = [record.swarm for record in records(run)]
+    states = [swarm.task for swarm in swarms]
+    assert run.task_state.is_held[1][0]
     if release_time:  # the robot does not want to any more as the attempt ends
         assert states[-1].is_held[0][:3].tolist() == [True, True, False] and states[-1].broken_off[0][0] == 1
         return
     assert [state.is_held[0][:3].tolist() for state in states[1:3]] == [[True, True, False], [False, True, False]]
     last = states[-1]
     assert last.is_delivered[0][:3].tolist() == [False, False, True] and last.is_lying[0][0]
-    tip = np.array(run.robot.probe_tip) + worlds[0].start.poses[1, :2]
+    tip = np.array(run.robot.probe_tip) + world.start.poses[1, :2]
     np.testing.assert_allclose(last.position[0][0], tip, atol=0.05)
+    left = np.full(4, energy.full)
+    for step in range(6):
+        left = np.minimum(left + 40e-6, energy.full)
+        charges = np.where(step == np.array([9, 2, 9, 0]), 2 * left / energy.capacitance, [1600 * (step == 3), 0, 0, 0])
+        left -= 80e-6 + 1e-7 * charges
+    np.testing.assert_allclose(swarms[-1].energy[0], left, rtol=1e-5)
 
 
 def test_robots_that_wait_for_energy_release_nothing():
     """One step takes half of what their capacitors hold, and light puts nothing in."""
     energy = EnergyConfig(model="capacitor", light_power=0.0, message_energy=0.9e-3)
-    run = Run(SwarmConfig(SMALL.arena, energy=energy), Drop(), RunSettings(4, 4), ENGINE, worlds=carrying())
+    run = Run(
+        SwarmConfig(SMALL.arena, energy=energy), Drop(), RunSettings(4, 4, n_worlds=2), ENGINE, worlds=carrying() * 2
+    )
+    assert run.start.swarm.is_loaded[0, 0].tolist() == [False, True, True, True]
     last = [record.swarm for record in records(run)][-1]
-    assert last.starved[0].tolist() == [3] * 4
-    assert last.task.is_held[0][:2].all() and not last.task.releases[0][:2].any()
-
-
-@dataclass(frozen=True)
-class Weather(Cleaning):
-    """From the third control step on every message is damaged and every second robot dead; voltages fall, too."""
-
-    def lay_out(self, config, n_robots, rng, shared, cell):
-        poses, balls = super().lay_out(config, n_robots, rng, shared, cell)
-        return poses, (balls, np.int32(0))
-
-    def advance(self, state, inputs, key):
-        balls, sensed = super().advance(state[0], inputs, key)
-        return (balls, state[1] + 1), sensed
-
-    def conditions(self, state, conditions):
-        is_late = state[1] >= 2
-        error = jnp.where(is_late, 0.9, 0.0)
-        return conditions._replace(error_in_communication=error, p_communication_break=jnp.where(is_late, 1.0, 0.0))
-
-    def survives(self, state):
-        return (state[1] < 3) | (jnp.arange(12) % 2 == 0)
-
-    def balls(self, state: Any) -> Balls:
-        return state[0]
-
-    def progress(self, state):
-        return super().progress(state[0])
-
-    def reward(self, before, after, inputs):
-        said = PAYLOAD.unpack(inputs.message)[0].payload["count"]
-        return inputs.command.forward - said
-
-    def metrics(self, state):
-        return super().metrics(state[0])
-
-    def areas(self, config, state):
-        return super().areas(config, state[0])
-
-
-PAYLOAD = Payload({"count": Integer(4)})
+    assert last.starved[0].tolist() == [3] * 4 and [run.measures(world).starved for world in range(2)] == [12, 12]
+    assert last.task.is_held[0][:4].tolist() == [True, True, False, False] and not last.task.releases[0][:2].any()
 
 
 def test_a_task_changes_conditions_and_lets_robots_fail():
@@ -178,7 +153,7 @@ def test_a_task_changes_conditions_and_lets_robots_fail():
 
 
 def test_rewards_see_commands_and_messages():
-    env = make_env(config=SMALL, n_robots=12, engine=ENGINE, task=Weather(), payload=PAYLOAD)
+    env = make_env(config=SMALL, n_robots=12, engine=ENGINE, task=Weather(), payload=COUNT)
     state = env.reset(jax.random.split(jax.random.key(0), 1))
     action = np.zeros((1, 12, env.action_size), np.float32)
     action[0, :, 1], action[0, :, 2] = np.linspace(-1, 1, 12), np.linspace(1, -1, 12)

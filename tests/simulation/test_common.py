@@ -11,16 +11,19 @@ from helpers_worlds import centres
 from iswarm_mj.config import (
     READINGS,
     DriveConfig,
+    EnergyConfig,
     GripperConfig,
     OpticsConfig,
     StrategyConfig,
+    SwarmConfig,
 )
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation.common import shared
+from iswarm_mj.simulation.common import PER_WORLD_FIELDS, program_config, shared
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
 
 TYPE1 = PRESETS["type1"]
@@ -56,9 +59,12 @@ OTHERS = {
         relative_humidity=20.0,
         spread_tool_object=0.3,
         spread_object_substrate=0.4,
+        work_tool_object=1.5e-3,
+        work_object_substrate=14e-3,
     ),
+    "energy": EnergyConfig(),
 }
-"""Parts of a configuration with other values in the settings in which worlds may differ."""
+"""Parts of a configuration with other values in all settings in which worlds may differ."""
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +92,9 @@ def test_worlds_that_differ_are_each_as_alone(mixed):
 
 def test_one_program_serves_all_settings_in_which_worlds_may_differ(mixed):
     """Also runs one after the other."""
+    for part, its in OTHERS.items():
+        usual = vars(getattr(mixed[0], part))
+        assert {name for name, value in vars(its).items() if value != usual[name]} == PER_WORLD_FIELDS[part]
     settings, engine = RunSettings(N, 2, capacity=N, record_worlds=()), PlanarSettings(1, 1)
     Run(mixed[0], TYPE1, settings, engine).advance()
     for config in mixed[1:]:
@@ -93,6 +102,14 @@ def test_one_program_serves_all_settings_in_which_worlds_may_differ(mixed):
         with compilations() as names:
             run.advance()
         assert names == []
+
+
+@pytest.mark.parametrize(
+    ("chosen", "on_host", "bench"), [("auto", True, "c"), ("auto", False, "mjx"), ("mjx", True, "mjx")]
+)
+def test_trials_run_on_the_bench_of_the_engine_or_the_one_that_is_chosen(chosen, on_host, bench):
+    config = SwarmConfig(gripper=GripperConfig(resolution="dynamic", bench=chosen))
+    assert program_config(config, CLEANING, on_host).gripper.bench == bench
 
 
 @pytest.mark.parametrize(

@@ -107,14 +107,21 @@ def test_a_fault_ends_its_world_alone(batch, monkeypatch):
     np.testing.assert_array_equal(poses(run)[[0, 2]], poses(batch.run)[[0, 2]])
 
 
+def test_a_run_may_end_within_a_call(batch):
+    run, record = run_in(ENGINES[batch.name], steps=13)
+    assert run.step == 13 and run.is_over
+    assert_same_bits(record, jax.tree.map(lambda a: a[:13], batch.record))
+    np.testing.assert_array_equal(poses(run)[list(RECORDED)], batch.record.poses[12])
+
+
 def test_the_run_ends_with_the_last_world(monkeypatch):
-    """Robot 3 begins nowhere in each."""
+    """Robot 3 begins nowhere in each; faults name worlds by their own numbers."""
     start = start_of(TINY, N, SEED, 0)
     start.poses[3, 0] = np.nan
-    begin_with(monkeypatch, dict.fromkeys(range(3), start))
-    run, record = run_in(warp(), [replace(WORLD, index=index) for index in range(3)])
+    begin_with(monkeypatch, dict.fromkeys(range(4, 7), start))
+    run, record = run_in(warp(), [replace(WORLD, index=index) for index in range(4, 7)])
     assert run.is_over and run.step == 1 and record.poses.shape == (1, 2, N, 3)
-    assert [(fault.world, fault.kind) for fault in run.faults] == [(w, FaultKind.POSE_NOT_FINITE) for w in range(3)]
+    assert [(fault.world, fault.kind) for fault in run.faults] == [(w, FaultKind.POSE_NOT_FINITE) for w in range(4, 7)]
 
 
 def test_a_world_stands_still_once_it_is_finished():

@@ -1,6 +1,7 @@
 """Random numbers of a decision."""
 
 from contextlib import ExitStack
+from dataclasses import replace
 from unittest import mock
 
 import jax
@@ -10,11 +11,12 @@ from helpers_sensing import lay
 from helpers_tasks import Still
 from helpers_worlds import params_of, swarm_of
 
-from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation import decide, perceive
+from iswarm_mj.simulation.common import PER_WORLD_FIELDS, common
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.genome import PRESETS
@@ -27,6 +29,7 @@ USERS = {
     "slots": (perceive, "draw_first_slots", 1),
     "turns": (decide, "draw_turns", 0),
     "channel": (perceive, "exchange", 4),
+    "stops": (perceive, "draw", 0),
     "task": (Cleaning, "advance", 3),
     "strategy": (VectorStrategy, "act", 3),
     "actuators": (decide, "actuate", 8),
@@ -49,14 +52,43 @@ def test_robots_that_stop_miss_dust_as_often_as_others():
     assert abs(np.corrcoef(stops, misses)[0, 1]) < 0.06
 
 
+class Unread:
+    """In place of a setting that nothing may use."""
+
+    def __bool__(self):
+        raise AssertionError("a program depends on a setting in which worlds may differ")
+
+    __eq__ = __float__ = __array__ = __bool__
+    __hash__ = object.__hash__
+
+
+def setup_of(config, n):
+    """A strategy of a configuration, and what decides of a world's first step are given after the robot."""
+    strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config, read_robot())
+    params = params_of(config, strategy, jax.random.key(2), n)
+    shape = n, 4, config.optics.n_senders
+    links = Links(*(jnp.zeros(shape, kind) for kind in (jnp.int32, bool, jnp.int32, jnp.float32, jnp.float32)))
+    return params, swarm_of(strategy.init(n, params.key), lay((0.0, -60.0)), n), Sight(links, jnp.zeros((n, 4), bool))
+
+
+def test_programs_use_no_setting_in_which_worlds_may_differ():
+    n, drive, gripper = 2, DriveConfig(locations="cells"), GripperConfig(grasp_time=2.0, release_time=2.0)
+    given = replace(SEQUENTIAL, drive=drive, gripper=gripper, energy=EnergyConfig(model="capacitor"))
+    params, state, sight = setup_of(given, n)
+    config = common(given)
+    for part, names in PER_WORLD_FIELDS.items():
+        for name in names - {"size"}:
+            object.__setattr__(getattr(config, part), name, Unread())
+    params = params._replace(strategy=replace(params.strategy, config=config))
+    state = state._replace(energy=jnp.ones(n), starved=jnp.zeros(n, int))
+    begin = StepInputs(jnp.zeros((n, 3)), sight, jnp.int32(0), jnp.array(True))
+    jax.eval_shape(lambda state: decide.decide(config, read_robot(), params, state, begin), state)
+
+
 def test_each_draws_numbers_of_its_own_in_each_step():
     """What draws with the same key as another, or in another step, errs or decides alike."""
     n, config = 2, SEQUENTIAL
-    strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config, read_robot())
-    params = params_of(config, strategy, jax.random.key(2), n)
-    state = swarm_of(strategy.init(n, params.key), lay((0.0, -60.0)), n)
-    shape = n, 4, config.optics.n_senders
-    links = Links(*(jnp.zeros(shape, kind) for kind in (jnp.int32, bool, jnp.int32, jnp.float32, jnp.float32)))
+    params, state, sight = setup_of(config, n)
 
     @jax.jit
     def keys(step):
@@ -69,7 +101,7 @@ def test_each_draws_numbers_of_its_own_in_each_step():
 
             return mock.patch.object(USERS[name][0], USERS[name][1], wrapped)
 
-        begin = StepInputs(jnp.zeros((n, 3)), Sight(links, jnp.zeros((n, 4), bool)), step, jnp.array(True))
+        begin = StepInputs(jnp.zeros((n, 3)), sight, step, jnp.array(True))
         with ExitStack() as patches:
             for name, (owner, call, place) in USERS.items():
                 patches.enter_context(told(name, getattr(owner, call), place))

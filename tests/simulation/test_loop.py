@@ -40,6 +40,10 @@ def test_threads_do_not_matter(small, monkeypatch):
     one, *others = (run_in(small, PlanarSettings(threads)) for threads in (1, 2, 7))
     poses, measures = end_of(one)
     assert np.abs(np.diff(poses, axis=0)).max(axis=(1, 2)).min() > 1.0  # worlds differ
+    for run, turns in zip((one, *others), (3, 1.5, 1), strict=True):  # in which each thread takes its shares
+        run.watch.laps.clear()
+        run.watch.laps["sense"], run.watch.laps["policy"] = [1.0, 9.0, 2.0], []
+        assert run.stage_times() == {"sense": 2.0 * turns}
     for other in others:
         np.testing.assert_array_equal(end_of(other)[0], poses)
         assert [other.measures(w) for w in range(9)] == measures
@@ -88,6 +92,15 @@ def test_records_are_of_the_worlds_asked_for(small):
         every, found = everything.advance(), some.advance()
         jax.tree.map(lambda all_, of: np.testing.assert_array_equal(all_[:, list(picked)], of), every, found)
     np.testing.assert_array_equal(found.poses[-1], poses_of(some)[list(picked)])
+
+
+def test_every_world_is_given_its_own_state(small):
+    run = run_in(small, PlanarSettings(2), 6)
+    assert run.measures(5).picked == 0
+    alive, picked = np.arange(N) < np.arange(6)[:, None], np.arange(24) < np.arange(6)[:, None]
+    run.edit(lambda swarm: swarm._replace(is_alive=alive, task=swarm.task._replace(was_picked=picked)))
+    np.testing.assert_array_equal(run.arrays()[1].swarm.is_alive, alive)
+    assert [run.measures(world).picked for world in range(6)] == list(range(6))
 
 
 def test_two_threads_work_at_a_time(small, monkeypatch):

@@ -21,7 +21,8 @@ from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD, mm_from_rd
 
-CONFIG = SwarmConfig(energy=EnergyConfig(model="capacitor"))
+CONFIG = SwarmConfig(drive=DriveConfig(control_period=2.0), energy=EnergyConfig(model="capacitor"))
+"""Steps of two seconds: light puts in 0.96 mJ, and a robot needs 0.68 mJ to act."""
 FULL = CONFIG.energy.full
 after = jax.jit(power.after, static_argnums=0)
 
@@ -29,21 +30,22 @@ after = jax.jit(power.after, static_argnums=0)
 def test_light_fills_a_capacitor_and_no_more():
     assert pytest.approx(1.8e-3) == FULL
     found = power.charged(CONFIG, np.array([0.0, 0.9 * FULL]))
-    np.testing.assert_allclose(found, [0.48e-3, FULL], rtol=1e-6)
+    np.testing.assert_allclose(found, [0.96e-3, FULL], rtol=1e-6)
     np.testing.assert_allclose(power.voltage(CONFIG.energy, np.array([FULL, FULL / 4])), [60.0, 30.0], rtol=1e-6)
 
 
 def test_what_robots_draw():
-    """One stands and sends, one walks at full speed, one waits for energy, one charges its tool, one is dead."""
-    command = Command(np.zeros(5), np.float32([0.0, 0.5 * RD, 0.0, 0.0, 0.0]))
-    charges = np.float32([0, 0, 0, 40**2, 0])
-    energy, alive = np.float32([1e-3, 1e-3, 0.3e-3, 1e-3, 1e-3]), np.array([True, True, True, True, False])
+    """One stands and sends, one walks at full speed, one turns right and walks back, at half; one waits for energy,
+    one charges its tool, one is dead."""
+    command = Command(np.float32([0, 0, -np.pi / 4, 0, 0, 0]), np.float32([0, 0.5 * RD, -0.25 * RD, 0, 0, 0]))
+    charges = np.float32([0, 0, 0, 0, 40**2, 0])
+    energy, alive = np.float32([1e-3, 1e-3, 1e-3, 0.6e-3, 1e-3, 1e-3]), np.arange(6) != 5
     left = after(CONFIG, energy, command, charges, alive)
     tool = 10e-12 * 40**2
-    expected = [80e-6, 80e-6 + 0.6 * 0.3e-3, 0.0, 80e-6 + tool, 0.0]
+    expected = [80e-6, 80e-6 + 1.2 * 0.3e-3, 80e-6 + (0.4 + 0.6) * 0.3e-3, 0.0, 80e-6 + tool, 0.0]
     np.testing.assert_allclose(energy - left, expected, rtol=1e-5, atol=1e-9)
     large = replace(CONFIG, energy=replace(CONFIG.energy, tool_capacitance=1e-8))
-    assert after(large, energy, command, 1000 * charges, alive)[3] == 0
+    assert after(large, energy, command, 1000 * charges, alive)[4] == 0
 
 
 AWAY, ON_DUMP = (40, 0, 30), (0, 0, 30)
@@ -128,7 +130,7 @@ def test_who_lights_its_leds():
     alive = np.ones((1, 3), bool)
     np.testing.assert_array_equal(power.is_emitting(CONFIG, alive, None), alive)
     dark = replace(CONFIG, energy=replace(CONFIG.energy, light_power=0.0))
-    energy = np.array([[0.37e-3, 0.39e-3, 0.0]])
+    energy = np.array([[0.67e-3, 0.69e-3, 0.0]])
     np.testing.assert_array_equal(power.is_emitting(dark, alive, energy), [[False, True, False]])
     np.testing.assert_array_equal(power.is_emitting(CONFIG, alive, energy), alive)
 

@@ -1,5 +1,8 @@
 """Runs: nothing is lost, and all kinds of swarm run."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import jax
 import numpy as np
 import pytest
@@ -7,6 +10,7 @@ from helpers_mjx import compilations
 from helpers_runs import N, check_balls, end_of, first_step, poses_of, records, run_of
 from helpers_worlds import centres
 
+from iswarm_mj.config import READINGS
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
@@ -52,6 +56,13 @@ class TestMeasures:
             run.measures(0)
         assert names == []
 
+    def test_the_most_memory_is_that_of_the_fullest_device(self, small):
+        run = run_of(small, steps=1)
+        assert run.peak_memory_gb() is None
+        stats = None, {"peak_bytes_in_use": 1.234e9}, {"peak_bytes_in_use": 1e9}, {}
+        run._loop.devices = [SimpleNamespace(memory_stats=lambda found=found: found) for found in stats]
+        assert run.peak_memory_gb() == 1.23
+
     def test_collisions_are_new_contacts(self, small, monkeypatch):
         """Robots 0 and 5 touch, 0 and 7 join, the first pair parts, touches again, both part, both touch."""
         script = iter([[5], [7, 5], [7], [7, 5], [], [7, 5]])
@@ -72,9 +83,13 @@ class TestMeasures:
         assert run.measures(0).finished_at == run.step == len(delivered) < 200
 
     def test_a_run_stops_when_its_time_is_up(self, small):
+        """Of its three steps the first one is timed apart."""
         run = run_of(small, steps=3)
-        assert [record.step.tolist() for record in records(run)] == [[1], [2], [3]]
-        assert run.measures(0).finished_at is None
+        assert next(records(run)).step.tolist() == [1] and run.step_s is None
+        assert [record.step.tolist() for record in records(run)] == [[2], [3]]
+        assert run.measures(0).finished_at is None and len(run.watch.laps["advance"]) == 2
+        run.watch.laps["advance"] = [1.0, 4.0]
+        assert run.step_s == 2.5
 
     @pytest.mark.parametrize("settings", [{"steps": 2}, {"stop_at": 1}])
     def test_a_run_that_is_over_does_not_go_on(self, small, settings):
@@ -117,7 +132,7 @@ def test_the_dead_neither_move_nor_send_nor_carry(small):
     run = run_of(small, steps=60, seed=4, failed_fraction=0.5)
     dead = ~run.start.swarm.is_alive[0, 0]
     assert dead.sum() == 15
-    heard, before, alone = False, run.start.poses[0, 0], 0
+    errors, before, alone = [], run.start.poses[0, 0], 0
     for record in records(run):
         links, after = record.links, record.poses[0]
         apart = np.linalg.norm(before[:, None, :2] - before[None, :, :2], axis=-1) + 99 * np.eye(N)
@@ -129,8 +144,11 @@ def test_the_dead_neither_move_nor_send_nor_carry(small):
         assert not record.has_priority[0, dead].any()
         balls = record.swarm.task
         assert not dead[balls.holder[0][balls.is_held[0]]].any()
-        heard |= links.valid.any()
-    assert heard and alone > 20  # the dead move only when pushed
+        errors.extend(record.measured_distance[links.valid] / links.true_distance[links.valid] - 1)
+        (message, is_right) = run.payload.unpack(record.message[0][~dead])
+        assert is_right.all() and not message.led.any()
+    assert alone > 20  # the dead move only when pushed
+    assert len(errors) > 500 and np.std(errors) == pytest.approx(0.1, rel=0.15)  # as configured
 
 
 @pytest.mark.parametrize("world", ["a", True, 0.0, None, 1, -1])
@@ -144,6 +162,16 @@ def test_a_share_of_failed_robots_beyond_one_is_refused():
         RunSettings(n_robots=4, steps=1, failed_fraction=1.5)
 
 
+def test_a_change_is_of_rules_and_conditions_of_all_worlds(small):
+    """As of a run that begins with them."""
+    drive, rules = replace(small.drive, error_turn=5.0), READINGS["initial"].strategy
+    other, run = replace(small, drive=drive, strategy=rules), run_of(small, n_worlds=2)
+    run.change(other, PRESETS["type2"])
+    begun = run_of(other, PRESETS["type2"], n_worlds=2)
+    for mine, its in zip(jax.tree.leaves(run.arrays()[0]), jax.tree.leaves(begun.arrays()[0]), strict=True):
+        np.testing.assert_array_equal(mine, its)
+
+
 ROOMY = 40
 
 
@@ -153,17 +181,12 @@ class TestSeedsAndWorlds:
         np.testing.assert_array_equal(one[0], again[0])
         assert one[1] == again[1] != other[1]
 
-    def test_robots_err_by_the_seed_too(self, small):
-        """The same start with another seed soon goes another way."""
-        run = run_of(small, seed=0, steps=3)
-        other = run_of(small, steps=3, worlds=[World(TYPE1, N, seed=1, start=run.starts[0])])
-        assert np.abs(end_of(run)[0] - end_of(other)[0]).max() > 0.1
-
-    def test_each_world_errs_in_its_own_way(self, small):
-        """Two worlds with one start soon part."""
+    def test_worlds_err_by_seed_and_index(self, small):
+        """With one start all soon go their own ways."""
         start = run_of(small).starts[0]
-        poses, _ = end_of(run_of(small, steps=3, worlds=[World(TYPE1, N, index=w, start=start) for w in range(2)]))
-        assert np.abs(poses[0] - poses[1]).max() > 0.1
+        worlds = [World(TYPE1, N, seed, index, start=start) for seed, index in ((0, 0), (1, 0), (0, 1))]
+        poses, _ = end_of(run_of(small, steps=3, worlds=worlds))
+        assert all(np.abs(poses[one] - poses[other]).max() > 0.1 for one, other in ((0, 1), (0, 2), (1, 2)))
 
     def test_empty_places_do_not_matter(self, small):
         """Not in the last bit; only the mean of all robots' speeds is a sum in another order."""

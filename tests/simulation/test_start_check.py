@@ -24,8 +24,9 @@ EDGE = 21.213
 """Distance of the walls of the small arena from its middle [mm]; robots are 2 mm wide."""
 FREE = [(-8, -8, 0), (0, 9, 20), (9, 0, 45)]
 LONG = replace(read_robot(), half_edges=(1.2, 0.8, 0.4))
-OBSTACLE = replace(SMALL, arena=replace(SMALL.arena, obstacles=((5.0, 5.0, 1.0, 0.5, 45.0),)))
-"""A box of 5.7 x 2.8 mm at 45 degrees, 14.1 mm east and north of the middle."""
+STANDING = {"obstacles": ((5.0, 5.0, 1.0, 0.5, 45.0),), "boxes": ((5.0, -5.0, 1.0, 0.5, 45.0, 1e-5, 0.1),)}
+OBSTACLE = replace(SMALL, arena=replace(SMALL.arena, **STANDING))
+"""A box of 5.7 x 2.8 mm at 45 degrees, 14.1 mm east and north of the middle; one that can be pushed to the south."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,11 @@ REFUSED = {
         OBSTACLE,
         (12, 11, 0),
         r"no robot stands in an obstacle or a box \(got 'robot 3 at \[12\.0, 11",
+    ),
+    "in a box": (
+        OBSTACLE,
+        (16, -12.5, 0),
+        r"no robot stands in an obstacle or a box \(got 'robot 3 at \[16\.0, -12\.5",
     ),
     "at one place": (SMALL, (0, 9, 80), r"no robots overlap \(got 'robots 1 at \[0\.0, 9\.0\] and 3 at \[0\.0, 9\.0\]"),
     "corner in corner": (SMALL, (11.7, 0, 45), r"no robots overlap .*robots 2 at \[9\.0, 0\.0\] and 3 at \[11"),

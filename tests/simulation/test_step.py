@@ -12,9 +12,12 @@ from helpers_worlds import start_of
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.simulation.actuate import drive_phases
+from iswarm_mj.simulation.actuate import Actuated, drive_phases
 from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.state import Fault, WorldParams, WorldState
+from iswarm_mj.simulation.step import after_motion, after_task
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command
@@ -75,8 +78,8 @@ class Ahead(Still):
 
 
 def test_robots_in_cells_stay_and_collide_in_each_step(small):
-    """Two face each other a little aside, in neighbouring cells; a third walks alone."""
-    config = replace(small, drive=replace(small.drive, locations="cells"))
+    """Two face each other a little aside, in neighbouring cells; a third walks alone, in steps of two seconds."""
+    config = replace(small, drive=replace(small.drive, locations="cells", control_period=2.0))
     poses = np.array([(0.1 * RD, 0, 0), (0.9 * RD, 0.3, np.pi), (0, 4 * RD, 0)])
     start = start_of(config, 3, 0, 0)._replace(poses=poses)
     run = run_of(config, Genome(), 3, 4, worlds=[World(Genome(), 3, 0, start=start)], strategy=Ahead())
@@ -84,6 +87,26 @@ def test_robots_in_cells_stay_and_collide_in_each_step(small):
     assert [int(record.collisions[0]) for record in seen] == [2, 4, 6, 8]
     ends = np.asarray(seen[-1].poses[0])
     assert np.allclose(ends[:2], poses[:2], atol=1e-9) and ends[2, 0] > 3 * STEP
+    np.testing.assert_allclose([record.speed[0] for record in seen], STEP / 3 / 2, rtol=1e-3)
+
+
+def test_worlds_that_are_faulty_or_do_not_run_are_not_counted():
+    """Of five, the first and the last reach their goal; the third has a fault, and the fourth was finished before."""
+    is_running, bits, nothing = np.arange(5) != 3, np.array([0, 0, 2, 0, 0]), np.zeros(5, np.int32)
+    touching, robots = np.int32([[[0, 0, 1]]] * 5), np.zeros((5, 3), bool)
+    state = WorldState(*[nothing] * len(WorldState._fields))._replace(
+        is_finished=~is_running,
+        finished_at=np.where(is_running, 0, 4),
+        touching=0 * touching,
+        fault=Fault(nothing, nothing, nothing),
+    )
+    done = Actuated(None, None, robots | [True, False, False], robots, None)
+    moved = after_motion(state, Motion(None, touching, bits, nothing), done, np.int32(6), is_running)
+    assert moved.collisions.tolist() == [2, 2, 0, 0, 2] and moved.fault.step.tolist() == [0, 0, 7, 0, 0]
+    params = WorldParams(*[None] * len(WorldParams._fields))._replace(goal=np.full(5, 3))
+    after = after_task(params, moved, np.array([3, 2, 3, 3, 4]), np.int32(6), is_running)
+    assert after.is_finished.tolist() == [True, False, False, True, True]
+    assert after.finished_at.tolist() == [7, 0, 0, 4, 7]
 
 
 @pytest.mark.parametrize("seed", range(2))

@@ -1,6 +1,6 @@
 """What becomes of a user's strategy: a pytree, for all worlds, recorded."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.simulation.given import to_json
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -48,7 +49,7 @@ class Ahead(Still):
             raise ValueError("stride")
 
     def for_world(self, config, robot, n_robots):
-        return Ahead(self.stride * n_robots)
+        return Ahead(self.stride * n_robots * config.drive.loaded_speed)
 
     def act(self, memory, seen, key):
         n = len(seen.at_dust)
@@ -64,11 +65,24 @@ def moved_by(run):
 
 class TestRuns:
     def test_each_world_gets_its_own(self, small):
-        worlds = [World(PRESETS["type1"], n) for n in (2, 5)]
-        settings = RunSettings(5, 2, n_worlds=2, record_worlds=(0, 1))
+        """By its robots, and by its configuration if it has one."""
+        slow = replace(small, drive=replace(small.drive, loaded_speed=0.5))
+        worlds = [World(PRESETS["type1"], 2), World(PRESETS["type1"], 5), World(PRESETS["type1"], 5, config=slow)]
+        settings = RunSettings(5, 2, n_worlds=3, record_worlds=(0, 1, 2))
         moved = moved_by(Run(small, strategy=Ahead(), settings=settings, engine=HERE, worlds=worlds))
-        np.testing.assert_allclose(moved[0, :2], 0.2, atol=0.02)
-        np.testing.assert_allclose(moved[1], 0.5, atol=0.02)
+        for world, (n_robots, way) in enumerate(((2, 0.2), (5, 0.5), (5, 0.25))):
+            np.testing.assert_allclose(moved[world, :n_robots], way, atol=0.02)
+
+    def test_robots_begin_by_the_key_of_their_world(self, small):
+        class Drawn(Still):
+            def init(self, n_robots, key):
+                return {"home": jax.random.uniform(key, (n_robots, 2))}
+
+        worlds = [World(PRESETS["type1"], 2, seed=seed) for seed in (3, 4)]
+        settings = RunSettings(2, 1, n_worlds=2, record_worlds=(0, 1))
+        home = Run(small, strategy=Drawn(), settings=settings, engine=HERE, worlds=worlds).start.swarm.memory["home"]
+        for world, mine in zip(worlds, home[0], strict=True):
+            np.testing.assert_allclose(mine, jax.random.uniform(world.random_key, (2, 2)))
 
     def test_is_given_in_place_of_a_genome(self, small):
         run = Run(small, Ahead(0.3), RunSettings(4, 2), HERE)
@@ -80,6 +94,10 @@ class TestRuns:
         assert one.genome == PRESETS["type2"] and one.strategy is None
         with pytest.raises(UserError, match="worlds have their own"):
             Run(small, strategy=PRESETS["type2"], settings=RunSettings(4, 2), worlds=one.worlds)
+
+    def test_large_arrays_are_stated_by_their_shapes(self):
+        stated = to_json(Ahead(2.0, np.arange(64), np.zeros((5, 13), np.float32)))
+        assert stated == {"class": "Ahead", "stride": 2.0, "steps": list(range(64)), "per_robot": "float32[5, 13]"}
 
     def test_defaults_are_those_of_the_command(self, small):
         run = Run(small, strategy=Still(), engine=HERE)

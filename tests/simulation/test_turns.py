@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_sensing import crowd, lay, place, remember
+from helpers_tasks import Still
 from helpers_worlds import params_of, swarm_of
 
 from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
@@ -17,7 +18,9 @@ from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
+from iswarm_mj.sensors.fields import Flag
 from iswarm_mj.sensors.links import Links, find_links
+from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation import decide
 from iswarm_mj.simulation.decide import draw_turns, heard_in_turn
 from iswarm_mj.simulation.perceive import StepInputs
@@ -194,6 +197,37 @@ def test_all_at_once_is_one_by_one():
         news > 10
         and (np.asarray(at_once.payload["priority"] != seen.payload["priority"]) & np.asarray(seen.is_heard)).any()
     )
+
+
+class Tells(Still):
+    """Robots that pick up balls, say whether they hold one, and remember whether they hear that of others."""
+
+    payload = Payload({"holds": Flag()})
+
+    def say(self, memory, is_loaded):
+        return {"holds": is_loaded}
+
+    def listen(self, memory, seen, key):
+        return (seen.payload["holds"] & seen.is_heard).sum(axis=1)
+
+    def picks(self, memory):
+        return memory >= 0
+
+    def act(self, memory, seen, key):
+        return self.listen(memory, seen, key), super().act(memory, seen, key)[1]
+
+
+@pytest.mark.parametrize("update_order", ["synchronous", "sequential"])
+def test_robots_say_in_their_turn_what_they_have_just_picked_up(update_order):
+    """The ball is at the tip of the first of two."""
+    config = SwarmConfig(optics=NO_NOISE, strategy=StrategyConfig(update_order=update_order))
+    poses = place((0, 0, 180), (8, 0, 0))
+    state = swarm_of(jnp.arange(2), lay((0.0, 60.0), (-0.9, 0.0)), 2)
+    given = jnp.asarray(poses, jnp.float32), links_of(poses, NO_NOISE), jax.random.key(0)
+    with mock.patch.object(decide, "draw_turns", lambda key, n: jnp.asarray(in_order([0, 1]))):
+        swarm = jax.jit(partial(decided, Tells(), config))(state, *given).swarm
+    assert swarm.is_loaded.tolist() == [True, False]
+    assert swarm.memory.tolist() == [0, update_order == "sequential"]
 
 
 def test_what_robots_remember_is_what_they_told_the_others():

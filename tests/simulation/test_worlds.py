@@ -86,6 +86,12 @@ class TestManyWorlds:
             assert is_first or names == []
 
 
+@pytest.mark.parametrize(("sizes", "capacity", "empty"), [((5,), None, False), ((5,), 7, True), ((3, 5), None, True)])
+def test_engines_are_told_whether_places_are_empty(small, sizes, capacity, empty):
+    worlds, settings = [World(TYPE1, n) for n in sizes], RunSettings(5, 1, n_worlds=len(sizes), capacity=capacity)
+    assert set_up(small, settings, PlanarSettings(), CLEANING, worlds).model.is_masked == empty
+
+
 class TestWorldsOfDifferentSize:
     SIZES = (N, 12)
     """Robots; a program for N is shared with the other tests."""
@@ -111,6 +117,17 @@ class TestWorldsOfDifferentSize:
             assert state.touching[1].max() < 12
 
 
+def other(part, ball, value):
+    """What changes a ball of a start."""
+
+    def change(start):
+        values = getattr(start.task, part).copy()
+        values[ball] = value
+        return start._replace(task=start.task._replace(**{part: values}))
+
+    return change
+
+
 class TestWhatDoesNotFit:
     @pytest.mark.parametrize(
         ("change", "words"),
@@ -125,13 +142,24 @@ class TestWhatDoesNotFit:
                 lambda s: s._replace(task={"light": np.zeros(5)}),
                 r"start\.task must be as the task lays it out, .*Balls",
             ),
+            (other("position", 2, (0, -21.5)), r"start\.task\.position must be within .*ball 2 at \[0\.0, -21\.5"),
+            (other("radius", 23, 0.0), r"start\.task\.radius must be above 0 \(got 0"),
+            (other("work_tool_object", 1, -1e-3), r"start\.task\.work_tool_object must be above 0 \(got -0\.001"),
+            (other("holder", 0, 5), r"start\.task\.holder must be robots, 0 to 4 \(got"),
+            (other("holder", 0, -1), r"start\.task\.holder must be robots, 0 to 4 \(got"),
+            (other("is_delivered", 3, True), r"start\.task\.is_held must be false for delivered balls \(got \[3\]"),
+            (other("holder", 3, 1), r"start\.task\.holder must be another robot for each held ball \(got \[1, 1\]"),
         ],
-        ids=["poses", "dead", "balls", "task"],
     )
     def test_starts(self, small, change, words):
-        start = change(start_of(small, 5, 0, 0))
+        """Robots 1 and 4 hold balls 2 and 3; the other ones are those of robot 0."""
+        start = start_of(small, 5, 0, 0)
+        for where in ((2, 1), (3, 4)):
+            start = other("is_held", where[0], True)(other("holder", *where)(start))
+        world = World(TYPE1, 5, start=start)
+        assert starts_of(small, CLEANING, read_robot(), [World(TYPE1, 3), world])[1] is not None
         with pytest.raises(ConfigError, match=words):
-            Run(small, TYPE1, RunSettings(5, 3), worlds=[World(TYPE1, 5, start=start)])
+            starts_of(small, CLEANING, read_robot(), [replace(world, start=change(start))])
 
     @pytest.mark.parametrize("values", [{"n_robots": 0}, {"seed": -1}, {"index": -1}, {"failed_fraction": 5.0}])
     def test_worlds(self, values):
@@ -155,6 +183,7 @@ class TestWhatDoesNotFit:
     def test_more_deliveries_than_balls(self, small):
         with pytest.raises(ConfigError, match=r"stop_at must be between 1 and the goal of Cleaning, 24 \(got 25\)"):
             Run(small, TYPE1, RunSettings(5, 3, stop_at=25))
+        assert Run(small, TYPE1, RunSettings(5, 3, stop_at=24)).goal == 24
 
     def test_strategies_without_an_axis_of_worlds(self, small):
         strategy = vector_strategies(small, read_robot(), [World(TYPE1, 5)] * 2)
@@ -162,10 +191,11 @@ class TestWhatDoesNotFit:
             Run(small, TYPE1, RunSettings(5, 3), strategy=strategy, strategy_per_world=True)
 
 
-@pytest.mark.parametrize(("share", "n_scouts"), [(0.27, 3), (0.23, 2)])
-def test_the_number_of_scouts_is_rounded(small, share, n_scouts):
-    run = Run(small, replace(TYPE1, fraction_scouts=share), RunSettings(10, 1), MujocoSettings(1))
-    assert run.start.swarm.memory.is_scout.sum() == n_scouts
+def test_the_number_of_scouts_is_rounded(small):
+    """In each world by its genome and its robots."""
+    worlds = [World(replace(TYPE1, fraction_scouts=share), n) for share, n in ((0.27, 10), (0.23, 10), (0.5, 7))]
+    run = Run(small, TYPE1, RunSettings(10, 1, n_worlds=3, record_worlds=(0, 1, 2)), worlds=worlds)
+    assert run.start.swarm.memory.is_scout[0].sum(axis=1).tolist() == [3, 2, 4]
 
 
 @pytest.mark.parametrize("key", [3, jax.random.split(jax.random.key(0), 2), np.zeros(2, np.uint32)])
