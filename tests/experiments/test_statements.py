@@ -1,6 +1,7 @@
 """What the statements on swarms say of made-up runs, no two of whose groups and columns are alike."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from iswarm_mj.experiments.analysis.measures import ATTEMPTS, latest_finish
 from iswarm_mj.experiments.runner.experiment import Plan, row_of
 from iswarm_mj.experiments.studies import observed
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.measures import Measures, fitness
 
 
@@ -45,6 +47,27 @@ class TestTypes:
             "delivered": np.array([0, 1, 2]),
         }
         assert observed.aggregation(frames) == pytest.approx((2 / 3 + 0) / 2)
+
+
+def test_the_first_run_of_each_type_is_recorded_and_drawn_where_half_is_delivered(monkeypatch, tmp_path):
+    made, drawn = [], []
+    frames = {"step": np.arange(9), "delivered": np.array([0, 0, 1, 1, 2, 3, 3, 4, 4])}
+    frames |= {"ball_position": np.zeros((9, 4, 3))}
+    stand_ins = {
+        "Run": lambda config, genome, settings: (genome, settings.n_robots, settings.seed),
+        "clean": lambda run, out: made.append((*run, out.name)),
+        "load": lambda _: SimpleNamespace(arrays=frames),
+        "aggregation": lambda _: 0.25,
+        "draw_swarm": lambda _, step, title, path: drawn.append((step, title, path.name)),
+    }
+    for name, stand_in in stand_ins.items():
+        monkeypatch.setattr(observed, name, stand_in)
+    about = [{"type": name, "repeat": k, "n_robots": n} for name, n in (("type1", 3), ("type2", 5)) for k in (0, 1)]
+    rows = [{**row, "max_steps": 9, "seed": 10 * row["n_robots"] + row["repeat"]} for row in about]
+    observed.record(replace(PLAN, quick=True), tmp_path, rows)
+    assert made == [(PRESETS["type1"], 3, 30, "type1-0"), (PRESETS["type2"], 5, 50, "type2-0")]
+    assert drawn == [(4, f"{name}, step 4, 2 of 4 balls delivered", name) for name in ("type1", "type2")]
+    assert [row["aggregation"] for row in rows] == [0.25, None, 0.25, None]
 
 
 def test_overlaps_and_times_are_observed(small):

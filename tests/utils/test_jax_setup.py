@@ -50,4 +50,8 @@ def test_settings_made_in_python_or_the_environment_are_left_alone():
 def test_devices_that_are_not_there_are_refused(count):
     with pytest.raises(UserError, match=r"^devices must be all, or between 1 and \d+, .*JAX sees \(cpu\) \(got "):
         devices(count)
-    assert len(devices("1")) == 1 and devices("all")[:1] == devices("1")
+
+
+def test_the_first_devices_are_used(monkeypatch):
+    monkeypatch.setattr("jax.local_devices", lambda: ["a", "b", "c"])
+    assert [devices(count) for count in ("1", "2", "all")] == [["a"], ["a", "b"], ["a", "b", "c"]]
