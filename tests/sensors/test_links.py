@@ -101,6 +101,16 @@ def test_without_line_of_sight_nobody_is_in_the_way(sight):
     assert heard(sight(place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None], BLIND))[0, 0] == (1, 0)
 
 
+def test_rays_are_cast_only_where_circles_leave_it_open():
+    def reaches(*pairs):
+        assert not len(pairs[0])
+        return np.zeros(0, bool)
+
+    for y, hears in ((0.0, False), (0.99, False), (-5.0, True)):
+        links = find_links(place((0, 0, 0), (8, 0, 180), (4, y, DARK))[None], ROBOT, OPTICS, reaches)
+        assert ((0, 0) in heard(links)) is hears
+
+
 LARGE = replace(ROBOT, half_edges=(3.0, 1.2, 0.5))
 
 
