@@ -5,7 +5,7 @@ import dataclasses
 import jax
 import numpy as np
 import pytest
-from helpers_sensing import remember, turned
+from helpers_sensing import remember
 
 from iswarm_mj.config import OpticsConfig, SwarmConfig
 from iswarm_mj.sensors.channel import exchange
@@ -136,20 +136,3 @@ def test_distances_are_measured_to_ten_percent():
 def test_no_distance_is_negative():
     wiring = (np.zeros((50, 4), int), np.zeros((50, 4), int), np.ones((50, 4), bool), np.full((50, 4), 5.0))
     assert np.asarray(send(clean_but(error_distance_measure=1.0), contents(2), wiring)[2]).min() == 0
-
-
-def test_a_receiver_learns_nothing_but_the_32_bits():
-    """Memories that differ by less than a quantum are the same to all who listen."""
-    n, rng = 50, np.random.default_rng(4)
-    bearing, steps, hop = rng.integers(0, 32, (2, n)), rng.integers(3, 31, (2, n)), rng.integers(0, 15, (2, n))
-
-    def content(nudge):
-        def memory(i):
-            angle = (bearing[i] + nudge * rng.uniform(-0.45, 0.45, n)) * (2 * np.pi / 32)
-            length = (steps[i] + nudge * rng.uniform(-0.45, 0.45, n)) * (MAX_RANGE / 31)
-            return remember(turned(np.stack([length, np.zeros(n)], -1), angle), hop[i])
-
-        return {"priority": np.ones(n, bool), "dust": memory(0), "dump": memory(1)}
-
-    got = send(OpticsConfig(), content(0), wires(n)), send(OpticsConfig(), content(1), wires(n))
-    jax.tree.map(np.testing.assert_array_equal, *got)

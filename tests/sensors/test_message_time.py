@@ -126,20 +126,6 @@ def test_the_nearest_is_captured_if_the_other_is_far_enough():
     assert caught == [-1, 1, 1, -1]
 
 
-def test_backs_with_two_senders_hear_as_often_as_by_hand():
-    """A back receives in a share of the slots; the farther sender is heard where the nearer one's slot is not."""
-    slots, n, k = 13, 20_000, 2
-    optics = timed(slots=slots)
-    first_slot = draw_first_slots(optics, jax.random.key(3), 3 * n)
-    assert np.bincount(first_slot, minlength=slots).min() > 0.95 * 3 * n / slots
-    shape = (3 * n, 4, k)
-    robot = np.arange(3 * n)
-    sender = np.broadcast_to((robot[:, None, None] // 3) * 3 + np.arange(1, 3), shape)
-    valid = np.broadcast_to(np.arange(4)[None, :, None] == BACK, shape) & (robot % 3 == 0)[:, None, None]
-    far = np.broadcast_to(np.float32([5.0, 6.0]), shape)
-    links = understood_here(optics, Links(sender, valid, np.zeros_like(sender), far, far), first_slot)
-    quiet = (slots - 4) / slots
-    nearest = quiet * (1 - 1 / slots)
-    second = (1 - quiet) * quiet
-    shares = [np.mean(np.asarray(links.valid & (links.true_distance == d))[::3, BACK]) for d in (5.0, 6.0)]
-    np.testing.assert_allclose(shares, [nearest, second], atol=5 * 0.5 / np.sqrt(n))
+def test_first_slots_are_drawn_evenly():
+    counts = np.bincount(draw_first_slots(timed(slots=13), jax.random.key(3), 60_000))
+    assert len(counts) == 13 and (abs(counts - 60_000 / 13) < 4.5 * np.sqrt(60_000 / 13)).all()

@@ -70,15 +70,6 @@ def test_too_long_a_vector_ends_at_the_codecs_range():
     np.testing.assert_allclose(memory.vector, [0.0, MAX_RANGE], atol=1e-3)
 
 
-def test_unknown_and_well_travelled_vectors_are_not_sent():
-    sent = remember(np.tile([3.0, 4.0], (18, 1)), hop=np.arange(18), known=np.arange(18) != 7)
-    memory = decode_here(encode_here(sent))
-    is_sent = (np.arange(18) <= 14) & (np.arange(18) != 7)
-    np.testing.assert_array_equal(memory.known, is_sent)
-    np.testing.assert_array_equal(memory.hop, np.where(is_sent, np.arange(18), 0))
-    assert not np.asarray(memory.vector)[~is_sent].any()
-
-
 def wrong_bits(n, error):
     """Flipped bits of n messages (n, 32)."""
     uniform = jax.random.uniform(jax.random.key(3), (3, n))

@@ -6,7 +6,7 @@ from helpers_sensing import RADIUS, place, turned, wrapped
 
 from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.sensors.optics import facing_side, led_positions, receive
+from iswarm_mj.sensors.optics import receive
 
 ROBOT = read_robot()
 SECTOR, POWER = OpticsConfig(mode="sector"), OpticsConfig(mode="power")
@@ -175,13 +175,3 @@ def test_one_lit_photodiode_tells_its_limit_only():
     got = light(HERE, sender, POWER)
     assert arrives(got) and got.side[0] == 0
     assert got.bearing[0] == pytest.approx(np.radians(60), abs=1e-9)
-
-
-def test_facing_side_of_the_axes():
-    ahead, left = np.array([1.0, 0, -1, 0]), np.array([0, 1.0, 0, -1])
-    np.testing.assert_array_equal(facing_side(ahead, left), [0, 1, 2, 3])
-
-
-def test_leds_sit_in_the_middle_of_the_sides():
-    np.testing.assert_allclose(led_positions(place((5, 7, 0)), ROBOT)[0], [[6, 7], [5, 8], [4, 7], [5, 6]], atol=1e-12)
-    np.testing.assert_allclose(led_positions(place((5, 7, 90)), ROBOT)[0], [[5, 8], [4, 7], [5, 6], [6, 7]], atol=1e-12)

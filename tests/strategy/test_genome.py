@@ -40,10 +40,6 @@ def test_presets_are_table_2(column, name):
     assert astuple(load_genome(name)) == tuple(row[column] for row in TABLE_2.values())
 
 
-def test_defaults_are_type_1():
-    assert Genome() == PRESETS["type1"] != PRESETS["type2"]
-
-
 def test_a_file_may_hold_all_or_some(write):
     assert load_genome(write({name: row[1] for name, row in TABLE_2.items()})) == PRESETS["type2"]
     some = load_genome(write({"p_vector_forget": 0, "use_hop_count": False}))

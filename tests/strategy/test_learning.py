@@ -10,66 +10,51 @@ from helpers_controller import CONFIG, MANY, PROBE, ROBOT, RULES, STEP, act_here
 from helpers_sensing import remember, senses_nothing, turned
 from scipy import stats
 
-from iswarm_mj.strategy.controller import draw, learn
+from iswarm_mj.strategy.controller import draw
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.robot import SIDES, Sides
 
-learn_here = jax.jit(learn)
-
-
 # What to remember
 
 
-def hears(n, side, vector, hop):
-    """Each robot hears a neighbour 5 mm away on `side`, by its front LED, that knows a way to dust."""
-    seen = senses_nothing(n)
-    return seen._replace(
-        is_heard=np.tile(np.arange(4) == side, (n, 1)),
-        payload=seen.payload | {"dust": remember(np.broadcast_to(vector, (n, 4, 2)), hop)},
-    )
-
-
-def test_learning_is_forgetting_then_listening_then_feeling():
-    seen = hears(3, 0, [0.0, 2.0], hop=3)._replace(at_dust=np.array([False, False, True]))
-    before = memories(3, dust=[1.0, 1.0])  # hop count 0: what is heard is older
-    memory = learn_here(RULES, before, seen, draws(3, forget=[1.0, 0.0, 0.0]))
-    np.testing.assert_allclose(memory.dust.vector, [[1, 1], [5, -2], [0, 0]], atol=1e-5)
-    np.testing.assert_array_equal(memory.dust.hop, [0, 4, 0])
-    assert memory.dust.known.all() and not memory.dump.known.any()
-
-
 @pytest.mark.parametrize("quarters", [0, 1])
-def test_of_the_best_offers_a_draw_decides_and_each_is_read_by_its_side(quarters):
-    """To dust, sides 1 and 3 offer the least hops, to the dump 2 and 3; what side 0 hears has no vectors.
+def test_robots_forget_then_listen_then_feel_where_they_are(quarters):
+    """Robots 0 and 1 hear the same, and 0 forgets first; of the others, who hear nothing, 3 forgets and 4 is at dust.
 
-    The LEDs look so many quarter turns to the left of the sides. The second robot hears nothing and learns nothing.
+    To dust, sides 1 and 3 offer the least hops, to the dump 2 and 3, of which draws take 3 and 2; what side 0 hears has
+    no vectors. The LEDs look so many quarter turns to the left of the sides.
     """
     angle, distance, led = np.arange(4) * np.pi / 2 + 0.2, np.arange(4) + 3.0, np.array([3, 0, 1, 2])
-    vectors = np.array([[9.0, 9], [3, -4], [5, 6], [-7, 8]])
+    vectors, n = np.array([[9.0, 9], [3, -4], [5, 6], [-7, 8]]), 5
 
-    def sent(vectors, *hop):
-        return remember(np.stack([vectors] * 2), np.array(hop), np.arange(4) > 0)
+    def each(values):
+        return np.stack([values] * n)
 
-    seen = senses_nothing(2)._replace(
-        is_heard=np.array([4 * [True], 4 * [False]]),
-        **{name: np.stack([a] * 2) for name, a in (("bearing", angle), ("distance", distance), ("led", led))},
+    seen = senses_nothing(n)._replace(
+        is_heard=np.arange(4 * n).reshape(n, 4) < 8,
+        at_dust=np.arange(n) == 4,
+        **{name: each(values) for name, values in (("bearing", angle), ("distance", distance), ("led", led))},
     )
-    seen = seen._replace(payload=seen.payload | {"dust": sent(vectors, 0, 2, 4, 2), "dump": sent(-vectors, 0, 5, 1, 1)})
-    known = [remember([[0.0, 0.0], own], [0, 6], np.array([False, True])) for own in ([1.0, 1.0], [2.0, -3.0])]
-    ties = {"dust_tie": np.array([[0, 0.6, 0.7, 0.5]] * 2), "dump_tie": np.array([[0, 0.2, 0.3, 0.4]] * 2)}
-    before, numbers = memories(2)._replace(dust=known[0], dump=known[1]), draws(2, forget=1.0)._replace(**ties)
+    dust, dump = (
+        remember(each(sent), np.array(hop), np.arange(4) > 0)
+        for sent, hop in ((vectors, [0, 2, 4, 2]), (-vectors, [0, 5, 1, 1]))
+    )
+    seen = seen._replace(payload=seen.payload | {"dust": dust, "dump": dump})
+    own = memories(n, dust=[1.0, 1.0], dump=[2.0, -3.0])  # with no hop: what is heard is older
+    ties = {"dust_tie": each([0, 0.6, 0.7, 0.5]), "dump_tie": each([0, 0.2, 0.3, 0.4])}
+    numbers = draws(n, forget=[0.0, 1.0, 1.0, 0.0, 1.0])._replace(**ties)
     robot = replace(ROBOT, sides=Sides(SIDES[quarters:] + SIDES[:quarters], SIDES))
-    memory = jax.jit(VectorStrategy(RULES, 0, CONFIG, robot)._remember)(before, seen, numbers)
-    for found, own, vector, side, hop in (
-        (memory.dust, known[0], vectors[3], 3, 3),
-        (memory.dump, known[1], -vectors[2], 2, 2),
+    memory = jax.jit(VectorStrategy(RULES, 0, CONFIG, robot)._remember)(own, seen, numbers)
+    for found, vector, side, hop, kept in (
+        (memory.dust, vectors[3], 3, 3, [[1, 1]] * 2 + [[0, 0]] * 2),
+        (memory.dump, -vectors[2], 2, 2, [[2, -3]] * 2 + [[0, 0], [2, -3]]),
     ):
         to_sender = turned(np.array([distance[side], 0.0]), angle[side])
-        expected = to_sender + turned(vector, angle[side] + np.pi - (led[side] + quarters) * np.pi / 2)
-        np.testing.assert_allclose(found.vector, [expected, own.vector[1]], atol=1e-5)
-        assert found.hop.tolist() == [hop, 6]
+        heard = to_sender + turned(vector, angle[side] + np.pi - (led[side] + quarters) * np.pi / 2)
+        np.testing.assert_allclose(found.vector, [heard, *kept], atol=1e-5)
+        assert found.hop.tolist() == [hop, 0, 0, 0, 0] and found.known.tolist() == [True, True, True, False, True]
 
 
 def test_the_draws_of_a_step_are_independent():

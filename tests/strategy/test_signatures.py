@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -195,7 +195,7 @@ class Many(Walk):
     several: tuple[float, ...] = (2.0, 3.0)
     mixed: tuple[int, float] = (4, 5.0)
     listed: list[int] = field(default_factory=lambda: [6])
-    payload: tuple = ()
+    payload: Any = "none"
 
 
 def test_only_numbers_that_may_change_are_arrays():

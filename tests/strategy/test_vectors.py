@@ -60,20 +60,6 @@ def test_vector_sum_of_fig_13a_is_exact_where_the_bearings_are(side, led):
     assert final.known[0] and final.hop[0] == 4
 
 
-def test_trail_of_fig_13b_points_every_robot_to_the_target():
-    rng = np.random.default_rng(5)
-    pose = np.array([3.0, -7.0, 0.4])
-    target, memory = pose[:2], remember(np.zeros((1, 2)))
-    for hop in range(1, 5):
-        sender, turn = pose, rng.integers(4)  # the receiver lies beside the sender's LED `turn`, on its own side `hop`
-        pose = neighbour(sender, turn, hop % 4, rng.uniform(3, 9))
-        offer, _ = listen(pose, sender, memory)
-        own = VectorMemory.empty(1)
-        memory = adopt(own, offer, True)
-        assert memory.known[0] and memory.hop[0] == hop
-        np.testing.assert_allclose(memory.vector[0], in_frame(pose, target), atol=1e-4)
-
-
 def test_who_sends_no_vector_is_not_heard_of():
     silent = heard_here(remember([[5.0, 5.0]], known=False), np.zeros(1), np.ones(1), np.zeros(1, int))
     assert not silent.known[0] and silent.hop[0] == 0 and not silent.vector.any()
