@@ -120,10 +120,10 @@ def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cu
 @pytest.mark.parametrize(("aside", "hears"), [(0.0, False), (0.2, True)])
 def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, hears):
     """It stands flush with the side of a sender that is turned away by 44 degrees, and its corner hides that LED."""
-    poses = place((0, 0, 0), (2.6, 0, 136), (1.78 + aside, 2.045 + aside, 46))[None]
-    reach = 2.65  # of light, farther than to the sender
+    poses = place((0, 0, 0), (2.9, 0, 136), (2.08 + aside, 2.045 + aside, 46))[None]
+    reach = 2.91  # of light, farther than to the sender
     assert np.linalg.norm(poses[0, 2, :2]) > reach
-    links = sight(poses, OpticsConfig(led_beam_aperture=90, communication_radius=reach / RD))
+    links = sight(poses, OpticsConfig(led_beam_aperture=90, communication_radius=reach / RD, wall_range=0))
     assert (heard(links).get((0, 0)) == (1, 0)) is hears
 
 
