@@ -1,4 +1,4 @@
-"""The planar engine, at MuJoCo's time step, against MuJoCo in C: physics steps of one contact, crowds, jams, light."""
+"""The planar engine, at MuJoCo's time step, against MuJoCo in C: physics steps of one contact, jams."""
 
 from copy import copy
 from functools import cache

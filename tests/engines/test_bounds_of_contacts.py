@@ -22,14 +22,15 @@ def all_move(config, poses, velocity, n_substeps):
     return [moved(engine, placed(engine, poses), velocity, n_substeps) for engine in engines]
 
 
-@pytest.mark.parametrize("gap", [4.4, 4.7])
-def test_pairs_are_found_again_before_they_can_touch(gap):
-    """Too far apart for the first list of pairs, 1.4 mm ahead each in a physics step: then one in the other or not.
+@pytest.mark.parametrize(("gap", "n_steps"), [(4.4, 2), (4.7, 2), (4.4, 20)])
+def test_pairs_are_found_again_before_they_can_touch(gap, n_steps):
+    """Too far apart for the first list of pairs, they go 2.8 mm ahead each in some physics steps; the last one stands.
 
-    The last robot stands.
+    Two long steps end with one in the other or not; of many, each is too short for a new list by itself.
     """
-    poses, velocity = [(0, 0, 0), (gap, 0, np.pi), (0, 9, 0)], [(14, 0, 0), (-14, 0, 0), (0, 0, 0)]
-    mujoco, *planar = all_move(SMALL, poses, velocity, 2)
+    speed = 28 / n_steps
+    poses, velocity = [(0, 0, 0), (gap, 0, np.pi), (0, 9, 0)], [(speed, 0, 0), (-speed, 0, 0), (0, 0, 0)]
+    mujoco, *planar = all_move(SMALL, poses, velocity, n_steps)
     for motion in planar:
         np.testing.assert_allclose(motion.bodies.poses, mujoco.bodies.poses, atol=1e-3)
         assert motion.touching.any() == mujoco.touching.any() == (gap < 4.8)

@@ -125,6 +125,17 @@ def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cu
     assert ((0, 0) in heard(links)) is not cuts
 
 
+@all_sights
+@pytest.mark.parametrize(("aside", "hears"), [(0.0, False), (0.2, True)])
+def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, hears):
+    """It stands flush with the side of a sender that is turned away by 44 degrees, and its corner hides that LED."""
+    poses = place((0, 0, 0), (2.9, 0, 136), (2.08 + aside, 2.045 + aside, 46))[None]
+    reach = 2.91  # of light, farther than to the sender
+    assert np.linalg.norm(poses[0, 2, :2]) > reach
+    links = sight(poses, OpticsConfig(led_beam_aperture=90, communication_radius=reach / RD, wall_range=0))
+    assert (heard(links).get((0, 0)) == (1, 0)) is hears
+
+
 def test_rays_are_cast_only_where_circles_leave_it_open():
     def reaches(*pairs):
         assert not len(pairs[0])

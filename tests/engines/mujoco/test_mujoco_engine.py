@@ -21,14 +21,6 @@ class TestServo:
         engine.move(velocity, 7)
         np.testing.assert_allclose(engine.poses, start + 0.7 * velocity, atol=1e-9)
 
-    def test_a_command_leaves_nothing_behind(self, small):
-        start = far_apart(1, np.random.default_rng(3))
-        engine = Worlds(small, start)
-        engine.move(np.full(start.shape, 1.0), 3)
-        there = engine.poses
-        engine.move(np.zeros(start.shape), 5)
-        np.testing.assert_allclose(engine.poses, there, atol=1e-9)
-
     def test_robots_are_placed_at_rest(self, small):
         start = far_apart(1, np.random.default_rng(6))
         engine = Worlds(small, start)

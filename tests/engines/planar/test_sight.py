@@ -86,14 +86,3 @@ def test_light_may_come_from_farther_away_than_it_reaches():
     poses = poses[expected]
     for links in (links_of(poses, optics, SHIFTED), find_links(poses, SHIFTED, optics, squares_in_the_way(poses))):
         assert links.valid[:, 0].any(axis=-1).all()
-
-
-def test_any_number_of_robots_may_be_near():
-    """In range of the robot in the middle are over a hundred, most of them hidden."""
-    poses = crowd(np.random.default_rng(7), 0.9, edge=16)[None]
-    assert (np.hypot(*poses[0, :, :2].T) < 9).sum() > 50
-    optics = OpticsConfig(communication_radius=6)
-    expected = find_links(poses, ROBOT, optics, squares_in_the_way(poses))
-    got = links_of(poses, optics)
-    for values, those in zip(got, expected, strict=True):
-        np.testing.assert_array_equal(values, those)
