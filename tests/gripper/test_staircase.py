@@ -55,6 +55,8 @@ def test_the_first_rung_that_lifts():
     np.testing.assert_array_equal(found.voltage, [0, 1, 5, 5, 10, 10, np.nan])
     np.testing.assert_array_equal(benches.hangs, [True] * 6 + [False])
     assert not found.faulty.any()
+    limits = [(0.4, 1.1), (0.1, 0.3)]
+    assert [Protocol(step_voltage=step, grasp_limit=limit).highest_rung for step, limit in limits] == [2, 3]
 
 
 def test_what_lifts_below_a_gap_is_found_below_it():

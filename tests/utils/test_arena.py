@@ -13,6 +13,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.layout import free_cells
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.obstacles import distances, mean_distance, numbers, overlap
+from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import area_of, beyond, half_planes
 
 SMALL = {"dump_size": 2, "dust_area_size": 1, "dust_area_offset": 3}
@@ -48,10 +49,12 @@ def test_corners_may_be_given_clockwise():
 
 
 def test_cells_keep_away_from_oblique_walls():
+    """By half a cell, and from the dump; rows begin half a cell above the lowest wall."""
     arena = ArenaConfig(outline=TRIANGLE, **SMALL)
-    cells, (x, y) = free_cells(arena), np.meshgrid(np.linspace(-12, 12, 400), np.linspace(-6, 12, 400))
-    inside = beyond(np.stack([x, y], axis=-1), arena.walls) < 0
-    assert len(cells) == pytest.approx(inside.mean() * 24 * 18, rel=0.3)
+    x, y = np.meshgrid(np.arange(-11.5, 12), np.arange(-5.5, 12), indexing="ij")
+    points = np.column_stack([x.ravel(), y.ravel()])
+    free = (beyond(points, arena.walls) <= -0.5 + 1e-9) & (np.abs(points).max(axis=1) > 1)
+    np.testing.assert_allclose(free_cells(arena) / RD, points[free], atol=1e-9)
 
 
 @pytest.mark.parametrize(("a", "b"), [(1.0, 1.0), (1.2, 0.3), (0.3, 1.2)])
