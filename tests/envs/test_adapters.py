@@ -107,6 +107,15 @@ def test_worlds_of_a_vector_begin_anew_by_themselves(batch):
     assert any((obs != by_chance[0]).any() for obs in by_chance)
 
 
+def test_a_fault_cuts_an_episode_off_and_the_goal_ends_it(batch, monkeypatch):
+    batch.reset(seed=0)
+    flags = {"is_finished": np.array([True, False]), "fault": np.array([0, 1]), "truncated": np.zeros(2, bool)}
+    found = batch._state._replace(done=np.ones(2, bool), info=batch._state.info | flags)
+    monkeypatch.setattr(batch, "_step", lambda state, actions: found)
+    *_, ended, cut, info = batch.step(np.zeros((2, 5, 3), np.float32))
+    assert (ended.tolist(), cut.tolist(), info["fault"].tolist()) == ([True, False], [False, True], [0, 1])
+
+
 @pytest.mark.parametrize(("name", "copied"), [("env", copy.deepcopy), ("batch", pickled)])
 def test_copies_are_environments_of_the_same_settings(request, name, copied):
     env = request.getfixturevalue(name)

@@ -73,6 +73,8 @@ class Drop(Still):
     """Robots hold a ball, and those of odd number release it in the third step, as robot 0 wants to without a ball;
     that one picks up balls from the fourth step on."""
 
+    turn: float = 0.0
+
     def init(self, n_robots, key):
         return jnp.stack([jnp.arange(n_robots), jnp.zeros(n_robots, int)], axis=1)
 
@@ -83,7 +85,7 @@ class Drop(Still):
         return (memory[:, 1] == 2) & ((memory[:, 0] % 2 == 1) | (memory[:, 0] == 0))
 
     def act(self, memory, seen, key):
-        return memory + jnp.array([0, 1]), Command(jnp.zeros(len(memory)), jnp.zeros(len(memory)))
+        return memory + jnp.array([0, 1]), Command(jnp.full(len(memory), self.turn), jnp.zeros(len(memory)))
 
 
 def carrying():
@@ -107,12 +109,15 @@ def test_robots_release_balls_where_they_want_to(release_time):
     gripper = type(SMALL.gripper)(release_time=release_time)
     energy = EnergyConfig(model="capacitor", largest_voltage=50.0, light_power=40e-6, tool_capacitance=1e-7)
     config = SwarmConfig(SMALL.arena, gripper=gripper, energy=energy)
-    run = Run(config, Drop(), RunSettings(4, 6, n_worlds=2), ENGINE, worlds=[world, dead])
-    swarms = [record.swarm for record in records(run)]
+    run = Run(config, Drop(release_time / 200), RunSettings(4, 6, n_worlds=2), ENGINE, worlds=[world, dead])
+    seen = list(records(run))
+    swarms = [record.swarm for record in seen]
     states = [swarm.task for swarm in swarms]
     assert run.task_state.is_held[1][0]
     if release_time:  # the robot does not want to any more as the attempt ends
         assert states[-1].is_held[0][:3].tolist() == [True, True, False] and states[-1].broken_off[0][0] == 1
+        stands = np.array([record.command.turn[0] == 0 for record in seen])
+        assert [list(np.flatnonzero(robot)) for robot in stands.T] == [[], [2, 3], [], [0, 1]]
         return
     assert [state.is_held[0][:3].tolist() for state in states[1:3]] == [[True, True, False], [False, True, False]]
     last = states[-1]

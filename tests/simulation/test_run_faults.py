@@ -2,6 +2,7 @@
 
 from functools import cache
 
+import jax
 import numpy as np
 import pytest
 from helpers_mujoco import spoil as spoil_steps
@@ -52,12 +53,16 @@ class TestFaults:
         assert run.measures(1).collisions == measures.collisions
 
     def test_of_commands_end_their_world_alone(self, small):
-        """From then on nobody hears anything or moves there."""
+        """From then on nobody hears anything or moves there, and nothing changes."""
         given = {"n_worlds": 2, "steps": 200, "stop_at": GOAL}
         strategy = scripted(run_of(small, **given), step=[999, 9], robot=5, turn=np.nan, forward=0.0)
-        run, seen = run_of(small, strategy=strategy, **given), []
+        run, seen, last = run_of(small, strategy=strategy, **given), [], None
         for record in records(run):
             seen.append(record.is_running)
+            swarm = jax.tree.map(lambda a: a[1], record.swarm)
+            if not record.is_running[1]:
+                jax.tree.map(np.testing.assert_array_equal, swarm, last)
+            last = swarm
             for values in (record.links.valid, record.is_heard, *record.command):
                 assert values[0].any() and (values[1].any() == record.is_running[1])
         seen = np.array(seen)
