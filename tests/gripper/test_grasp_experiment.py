@@ -96,12 +96,13 @@ def test_rows_state_limits_steps_and_what_the_laws_give(rows):
     for row in rows:
         tool, plate = row.work_tool_object, row.work_object_substrate
         *wanted, law = {
-            "no_contact": (50.0, ramp, 1e-6, grasp_voltage(row.radius, 0.0, plate, 1e-6)),
+            "no_contact": (50.0, ramp, row.gap, grasp_voltage(row.radius, 0.0, plate, row.gap)),
             "grasp": (80.0, 0.25, 0.0, grasp_voltage(row.radius, tool, plate)),
             "release": (120.0, ramp, 5e-6, release_voltage(row.radius, tool)),
         }[row.experiment]
         assert [row.limit_voltage, row.step_voltage, row.gap] == pytest.approx(wanted)
         assert row.quasi_static_voltage == pytest.approx(float(law))
+    assert {row.gap for row in rows if row.experiment == "no_contact"} == {0.5e-6, 1e-6}
 
 
 def test_measures_are_of_the_voltages_that_were_found(rows):
