@@ -96,7 +96,7 @@ def test_rows_state_limits_steps_and_what_the_laws_give(rows):
     for row in rows:
         tool, plate = row.work_tool_object, row.work_object_substrate
         *wanted, law = {
-            "no_contact": (50.0, ramp, row.gap, grasp_voltage(row.radius, 0.0, plate, row.gap)),
+            "no_contact": (50.0, ramp, row.gap, grasp_voltage(row.radius, 0.0, plate, row.gap or 1e-6)),
             "grasp": (80.0, 0.25, 0.0, grasp_voltage(row.radius, tool, plate)),
             "release": (120.0, ramp, 5e-6, release_voltage(row.radius, tool)),
         }[row.experiment]
