@@ -10,6 +10,7 @@ import pytest
 from helpers_worlds import start_of
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mjx.settings import MjxSettings
@@ -26,11 +27,15 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.profiling import Stopwatch
+from iswarm_mj.utils.units import RD
 
 SMALL = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
 APART = [[-6, -6, 0.3], [6, -5, 2.0], [-5, 6, -1.0], [5, 5, -2.5]]
 CROWD = [[-2, 0, 0.1], [2, 0.4, 3.0], [0.3, 3, -1.5], [-0.4, -3.2, 1.5]]
+BOXES = (0, -2, 0.5, 0.5, 0, 1e-5, 8e-4), (0, 3, 0.5, 0.4, 0, 1e-5, 0.5)
+"""One that slides when a robot pushes it, and one that stays."""
 TURNS = np.random.default_rng(0).uniform(-0.3, 0.3, (4, 4))
 USUAL = np.array([1.1, 0.3])
 """Distance that a robot walks in a control step [mm], and time constant of contacts [s]."""
@@ -113,6 +118,23 @@ def test_with_contacts_it_agrees_with_differences(double):
         differences.append((above[1] - below[1]) / (2 * h))
     assert min(np.abs(differences)) > 0.1
     np.testing.assert_allclose(slope, differences, rtol=3e-5)
+
+
+def test_of_boxes_that_are_pushed_it_agrees_with_differences():
+    """Friction lets go of one of them, which goes with its robot; in single precision."""
+    config = replace(SMALL, arena=replace(SMALL.arena, boxes=BOXES))
+    engine, start = MjxEngine(compile_mjx_arena(config, 2, "jax", 1), config, is_masked=False), poses_of(BOXES)
+    poses = jnp.asarray(np.concatenate([start - [start[0, 0] + RD / 2 + 0.95, 0, 0], start]), jnp.float32)
+
+    def ends(speed):
+        phase = Phase(12, lambda robots: jnp.zeros_like(robots).at[:, 0].set(speed))
+        x = engine.move(engine.place(poses, jnp.ones(2, bool)), [phase], jnp.bool_(True)).bodies.poses[2:, 0]
+        return x, x
+
+    program = jax.jit(jax.jacfwd(ends, has_aux=True))
+    (slopes, _), (_, above), (_, below) = map(program, (1.8, 1.9, 1.7))
+    assert slopes[0] > 1 and abs(slopes[1]) < 1e-3
+    np.testing.assert_allclose(slopes, (above - below) / 0.2, atol=1e-3)
 
 
 @pytest.mark.slow
