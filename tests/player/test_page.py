@@ -175,9 +175,10 @@ def test_the_last_step_of_a_replay_is_that_of_the_run_or_some_after_the_first(ru
     monkeypatch.setattr(replay, "MOST_STEPS", 3)
     assert swarm_film(run, Film(2))[2] == 5
     command = ("replay", str(run.path), f"--out={tmp_path / 'replay.html'}")
-    assert code_of(*command) == code_of(*command, "--last=4") == 0
-    cut, chosen = capsys.readouterr().out.splitlines()
+    assert code_of(*command) == code_of(*command, "--last=4") == code_of(*command, "--first=9") == 0
+    cut, chosen, whole = capsys.readouterr().out.splitlines()
     assert "steps 0 to 3 of" in cut and cut.endswith("--last 12 shows all") and "shows all" not in chosen
+    assert "steps 9 to 12 of" in whole and "shows all" not in whole
 
 
 @pytest.mark.parametrize("film", [Film(0, 99), Film(5, 5), Film(colour_by="red"), Film(draw=("links", "foo"))])
