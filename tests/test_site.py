@@ -88,8 +88,8 @@ def example(tmp_path, monkeypatch):
     return tmp_path
 
 
-INSTALLED = ("--strategy type2", "--strategy neural", "--task aggregation", "--task foraging")
-"""Parts of commands that need the package to be installed, not only to be found."""
+INSTALLED = ("--strategy type2", "--strategy neural", "runs/neural", "--task aggregation", "--task foraging")
+"""Parts of commands that need the package to be installed, not only to be found, or what such a command writes."""
 
 
 @pytest.mark.parametrize(("page", "command"), ALL)
