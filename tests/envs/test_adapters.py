@@ -83,6 +83,7 @@ def test_each_robot_has_a_reward_of_its_own_and_all_have_one_end(env, monkeypatc
     monkeypatch.setattr(env._one, "step_robots", lambda actions: found)
     agents = env.agents
     seen, *others, infos = env.step(dict.fromkeys(agents, np.zeros(3, np.float32)))
+    assert len(set(map(id, infos.values()))) == 5  # so that each may be added to
     for k, agent in enumerate(agents):
         assert (seen[agent].tolist(), infos[agent]) == ([k], {"picked": 3})
         assert [values[agent] for values in others] == [k, ended, cut]

@@ -77,7 +77,7 @@ def state(model, data, instance, field):
     return data.plugin_state[plugin.state_index(model, instance, field)]
 
 
-CIRCUIT = {"leak": 0.06, "contact": 1e-9, "plate_contact": 1e-9, "oxide": 0.03, "breakdown": 1000.0}
+CIRCUIT = {"leak": 0.06, "contact": 1e-9, "plate_contact": 1e-4, "oxide": 0.03, "breakdown": 1000.0}
 IMPACTS = {"yield_pressure": 64e3, "modulus": 45.5e6}
 
 

@@ -103,6 +103,7 @@ def test_breaks_depend_neither_on_the_number_of_wrong_bits_nor_on_their_places()
     lowest = np.log2(np.where(wrong, wrong & -wrong, 1)).astype(int)
     apart = np.log2(np.where(wrong, wrong, 1)).astype(int) - lowest
     near = np.minimum(apart, 32 - apart) <= 6
+    assert len(np.unique(wrong[count == 2])) == 31 * 30 // 2  # without the bit of the check
     kinds = [count == 0, count == 2, (count == 1) & (lowest < 10), (count == 1) & (lowest > 20)]
     kinds += [(count == 2) & near, (count == 2) & ~near]
     for kind in kinds:
