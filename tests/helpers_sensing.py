@@ -125,7 +125,10 @@ def thirds_in_the_way(rng, n, reach, size):
 
 def links_by_rays(*given):
     """What `find_links` returns if it asks `reaches` about all pairs, whatever stands in between."""
-    all_open = lambda _, which: Circles(np.full(len(which), np.inf), np.zeros(len(which)), np.inf)  # noqa: E731
+
+    def all_open(_, which):
+        return Circles(np.full(len(which), np.inf), np.zeros(len(which)), np.inf)
+
     with patch.object(links, "circles", all_open):
         return links.find_links(*given)
 

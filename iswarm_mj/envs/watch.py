@@ -3,6 +3,7 @@
 They show robots, balls, areas and metrics, but no links.
 """
 
+import atexit
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -102,6 +103,7 @@ class EnvRecording:
             settings = {"task": to_json(env.core.params.task), **asdict(env.core.given)}
             about = {"version": __version__, "n_robots": env.n_robots}
             self._file = Recording(self._path, self._recorded.scene, settings, about)
+            atexit.register(self.close)  # of a program that forgets to
             self._step = 0
         else:
             self._step += 1
@@ -121,6 +123,7 @@ class EnvRecording:
         """Complete the file."""
         file, self._file = self._file, None
         if file is not None:
+            atexit.unregister(self.close)
             try:
                 self._write(file)
             finally:

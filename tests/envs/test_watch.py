@@ -117,6 +117,17 @@ def test_recordings_have_every_step_of_all_episodes(tmp_path, monkeypatch):
     assert shown.tolist() == collisions and max(collisions[:5]) > 0
 
 
+def test_a_recording_that_nobody_closes_is_complete_at_the_end_of_the_program(tmp_path, monkeypatch):
+    at_end = []
+    monkeypatch.setattr("atexit.register", at_end.append)
+    env = parallel_env(record=tmp_path / "few.rrd", **FEW)
+    env.reset(seed=1)
+    env.step({agent: np.ones(2, np.float32) for agent in env.agents})
+    (close,) = at_end
+    close()
+    assert read(tmp_path / "few.rrd")["/world/robots/body"]["step"] == [0, 1]
+
+
 def test_all_names_come_at_once():
     found = {}
     exec("from iswarm_mj.envs import *", found)

@@ -11,13 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import rerun.blueprint as rrb
 from helpers_rrd import read
 from helpers_swarm_recording import PERIOD, column, cut, make_frames, make_scene, names, write
 from rerun.chunk import RrdReader
 
 from iswarm_mj.output import shapes, swarm_classes
-from iswarm_mj.output.rerun_swarm import Recording, content, shown_lanes
+from iswarm_mj.output.rerun_swarm import Recording, shown_lanes
 from iswarm_mj.output.swarm_classes import states_of
 from iswarm_mj.output.trajectory import AREA, METRIC
 from iswarm_mj.utils.errors import UserError
@@ -212,14 +211,6 @@ def test_lanes_hold_every_change_and_nothing_else(run):
     }
 
 
-def test_lanes_by_default_are_of_living_robots_from_the_first_to_the_last():
-    scene = make_scene(40)._replace(is_alive=np.arange(40) > 9)
-    chosen = shown_lanes(scene)
-    assert len(chosen) == 8 and (chosen[0], chosen[-1]) == (10, 39)
-    assert shown_lanes(make_scene(3)) == (0, 1, 2)
-    assert shown_lanes(make_scene(3)._replace(is_alive=np.zeros(3, bool))) == ()
-
-
 def test_every_robot_is_counted_once(run):
     scene, frames, recorded = run
     counts = np.stack(recorded["/series/states"]["Scalars:scalars"])
@@ -299,34 +290,3 @@ def test_a_world_without_balls_links_or_knowledge(tmp_path):
     centres, radii = np.array(light[0])[:, 0, :2], np.array(light[1])
     np.testing.assert_allclose(np.hstack([centres, radii]), np.arange(1, 13).reshape(4, 3), rtol=1e-5)
     np.testing.assert_allclose(light[2], 0.02)
-
-
-def test_views_hide_what_others_show():
-    views = content(make_scene()).contents[0].contents
-    hidden = {
-        view.name: {n for n, own in view.visualizer_overrides.items() if isinstance(own, rrb.EntityBehavior)}
-        for view in views
-    }
-    dust, dump, links, trails = "world/memory/dust", "world/memory/dump", "world/links", "world/trails"
-    bare = {dust, dump, links, trails, "world/balls/marker"}
-    assert hidden == {
-        "Arena (mm)": {dust, dump},
-        "Vectors: dust (mm)": {dump, links, trails},
-        "Vectors: dump (mm)": {dust, links, trails},
-        **{f"Hop counts: {name}": bare for name in ("dust", "dump")},
-        "Links and ids": {dust, dump, trails},
-    }
-    coloured = {view.name: view.visualizer_overrides.get("world/robots/body") for view in views}
-    for name in ("dust", "dump"):
-        assert coloured[f"Hop counts: {name}"].mappings[0].source_component == f"{name}_hop_colour"
-
-
-@pytest.mark.parametrize("teams", [(), ("home", "guests")])
-def test_the_legend_names_teams(tmp_path, teams):
-    scene = make_scene(6, 1)._replace(team_names=teams, team_sizes=(4, 2)[: len(teams)])
-    write(tmp_path / "a.rrd", scene, make_frames(scene, 2), cuts=())
-    chunks = RrdReader(tmp_path / "a.rrd").stream().to_chunks()
-    (row,) = (row for c in chunks if c.entity_path == "/legend" for row in c.to_record_batch().to_pylist())
-    text = row["TextDocument:text"][0]
-    assert ("by group: home, guests; darker: loaded" in text) == bool(teams)
-    assert ("orange empty" in text) != bool(teams)
