@@ -2,8 +2,11 @@
 
 import shlex
 import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any, ClassVar
 
 from iswarm_mj.commands.flags import refuse
@@ -59,7 +62,32 @@ class Play(WithTask):
 
         page = Page(session, self.port)
         session.is_playing = True
-        print(f"{page.url} shows the swarm, on this machine alone; Ctrl-C ends it.", flush=True)
-        if self.open:
-            webbrowser.open(page.url)
-        page.wait()
+        print(
+            f"{page.url} shows the swarm, on this machine to whoever has this address; Ctrl-C ends it.",
+            flush=True,
+        )
+        with redirect_file(page.url) as file:
+            if self.open:
+                webbrowser.open(file.as_uri())
+            page.wait()
+
+
+@contextmanager
+def redirect_file(url: str) -> Iterator[Path]:
+    """Keep a file that leads a browser to an address, for this user alone, until the end of the block.
+
+    All users of the machine can read the command line of the browser, which therefore gets the name of this file
+    and not the address.
+    """
+    text = f"""<!doctype html>
+<meta charset="utf-8">
+<meta name="referrer" content="no-referrer">
+<meta http-equiv="refresh" content="0; url={url}">
+<title>iswarm play</title>
+<a href="{url}">Open the page</a>
+"""
+    with TemporaryDirectory(prefix="iswarm-") as directory:  # of mode 0700
+        file = Path(directory, "play.html")
+        file.touch(0o600)
+        file.write_text(text, encoding="utf-8")
+        yield file

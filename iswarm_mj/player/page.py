@@ -15,6 +15,7 @@ from iswarm_mj.engines.robot_file import as_robot_file
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.output import shapes
 from iswarm_mj.player import view as look
+from iswarm_mj.player.guard import Guard
 from iswarm_mj.player.panel import GRIPPER, THEME, Panel
 from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
@@ -33,19 +34,35 @@ _NARROW = """<style>@media (max-width: 36em) {
 """In a narrow window the panel lies beneath the arena, and not on it."""
 FRAME_S, PANEL_S = 1 / 25, 0.3
 """Between two drawings of the swarm, and of the panel [s]."""
+CLOSE_S = 2.0
+"""How long `Page.close` waits for the end of a control step [s]."""
 
 
 def open_server(port: int = PORT) -> Any:
-    """Return a viser server that listens to this machine alone, and that nobody can ask to be reached from outside."""
+    """Return a viser server that listens to this machine alone, for those who know its `url`.
+
+    Raises:
+        UserError: viser has a version that cannot be guarded.
+    """
     import viser
 
     class Server(viser.ViserServer):
+        url: str
+
         def request_share_url(self, verbose: bool = True) -> str | None:
             """Refuse, as viser would offer the page to the internet."""
             return None
 
-    with redirect_stdout(io.StringIO()):  # it prints its address in a frame
-        return Server(host=HOST, port=port, label="iswarm play", verbose=False)
+    guard = Guard()
+    with guard.start(), redirect_stdout(io.StringIO()):  # it prints its address in a frame
+        server = Server(host=HOST, port=port, label="iswarm play", verbose=False)
+    try:
+        guard.check(server, HOST)
+    except BaseException:
+        close_server(server)
+        raise
+    server.url = f"http://{HOST}:{server.get_port()}/{guard.secret}/"
+    return server
 
 
 def close_server(server: Any) -> None:
@@ -59,13 +76,13 @@ class Page:
 
     Attributes:
         session: that is shown.
-        url: of the page.
+        url: address of the page; whoever knows it can use the page, on this machine alone.
     """
 
     def __init__(self, session: Session, port: int = PORT):
         """Open the page."""
         self.session, self._server = session, open_server(port)
-        self.url = f"http://{HOST}:{self._server.get_port()}"
+        self.url = self._server.url
         session.shown = 0.0
         server = self._server
         server.gui.configure_theme(**THEME)
@@ -107,16 +124,21 @@ class Page:
             raise self._error
 
     def close(self) -> None:
-        """End the session, complete its recording, and close the page."""
+        """End the session, complete its recording, and close the page; do not wait for a compiler."""
         self._stop.set()
+
+        # A thread that compiles or takes a long step goes on; it ends with the process, or after its step.
+        end = time.monotonic() + CLOSE_S
         for thread in self._threads:
-            thread.join()
+            thread.join(max(0.0, end - time.monotonic()))
+
         self.session.stop_recording()
         close_server(self._server)
 
     def _repr_html_(self) -> str:
-        """The page within a notebook on this machine."""
-        return f'<iframe src="{self.url}" width="100%" height="640" style="border:none"></iframe>'
+        """Return HTML that shows the page within a notebook on this machine."""
+        style = "border:none"
+        return f'<iframe src="{self.url}" width="100%" height="640" style="{style}"></iframe>'
 
     def _tick(self) -> bool:
         """Draw what is due; return whether the next drawing is due, too."""

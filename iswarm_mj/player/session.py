@@ -92,6 +92,7 @@ class Session:
         self.lock = Lock()
         self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._recorder: Recorder | None = None
+        self._recording = Lock()
         self._begin(scenario)
         for change in self.waiting:
             if change.what in EDITS:
@@ -170,8 +171,9 @@ class Session:
             self.rate = 1 / median(self._laps)
         assert record is not None  # world 0 is recorded
         self._seen(record)
-        if self._recorder is not None:
-            self._recorder.add(record)
+        with self._recording:
+            if self._recorder is not None:
+                self._recorder.add(record)
         for fault in self.run.faults:
             self.messages.put(str(fault))
 
@@ -246,7 +248,8 @@ class Session:
         return path
 
     def stop_recording(self) -> None:
-        """Complete the file."""
-        if self._recorder is not None:
-            self._recorder.save()
-        self._recorder = None
+        """Complete the file; any thread may do so, also while a control step is computed."""
+        with self._recording:
+            if self._recorder is not None:
+                self._recorder.save()
+            self._recorder = None

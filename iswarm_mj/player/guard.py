@@ -1,0 +1,269 @@
+"""The wall around a page: only those who know its address reach it, and only what its own client sends passes.
+
+viser lets anyone connect who reaches its port: every website in the user's browser, and every other user of the
+machine. It offers no way to refuse them, so that the guard sets parameters of the websockets server that viser starts.
+"""
+
+import asyncio
+import hmac
+import http.client
+import logging
+import re
+import secrets
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from http import HTTPStatus
+from numbers import Number
+from typing import Annotated, Any, Literal
+
+import msgspec
+import websockets.asyncio.server
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+from iswarm_mj.utils.errors import UserError
+
+MAX_SIZE = 2**16
+"""Bytes of a message at most; those of the stock client have some hundred."""
+PACE_S = 0.002
+"""Between two messages of a browser [s]: viser queues what it is given without a limit, the stock client sends up to
+70 messages a second."""
+CLOSE_S = 1.0
+"""How long a browser may take to say goodbye when the page closes [s]."""
+HEADERS = {
+    "Referrer-Policy": "no-referrer",  # the address is the secret
+    "Cache-Control": "no-store",
+    "X-Content-Type-Options": "nosniff",
+}
+"""Of all responses."""
+
+_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")
+"""Value of the header Host: any port, as it may be forwarded from another machine."""
+_START = threading.Lock()
+"""Held while a server starts, as what it starts with is replaced for all threads."""
+_LOG = logging.getLogger(__name__)
+_LOG.addFilter(lambda record: record.getMessage() != "opening handshake failed")  # strangers could fill the terminal
+
+
+# What the stock client of viser 1.1 sends on this page: changes of controls, the camera, and clicks on the arena.
+# The names are viser's. Other messages, such as uploads, requests for a public address and changes of other
+# properties of a control than its value, do not pass.
+
+_Coordinate = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
+_Vector = tuple[_Coordinate, _Coordinate, _Coordinate]
+_Pixels = Annotated[int, msgspec.Meta(ge=1, le=100_000)]
+_Integer = Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]
+_Real = Annotated[float, msgspec.Meta(ge=-(2.0**53), le=2.0**53)]
+"""Whole numbers up to there are exact in JavaScript; the comparison refuses NaN, too."""
+_Text = Annotated[str, msgspec.Meta(max_length=4096)]
+"""As long as the path of a file may be."""
+_Name = Annotated[str, msgspec.Meta(max_length=100)]
+
+
+class _Strict(msgspec.Struct, forbid_unknown_fields=True):
+    """A map that has these keys and no others."""
+
+
+class _Updates(_Strict):
+    value: bool | _Integer | _Real | _Text
+
+
+class GuiUpdateMessage(_Strict, tag_field="type", tag=True):
+    """A control has a new value."""
+
+    uuid: _Name
+    updates: _Updates
+
+
+class ViewerCameraMessage(_Strict, tag_field="type", tag=True):
+    """The camera moved."""
+
+    wxyz: tuple[_Coordinate, _Coordinate, _Coordinate, _Coordinate]
+    position: _Vector
+    fov: _Coordinate
+    near: _Coordinate
+    far: _Coordinate
+    image_height: _Pixels
+    image_width: _Pixels
+    look_at: _Vector
+    up_direction: _Vector
+
+
+class ScenePointerMessage(_Strict, tag_field="type", tag=True):
+    """Somebody clicked on the arena."""
+
+    event_type: Literal["click"]
+    ray_origin: _Vector
+    ray_direction: _Vector
+    screen_pos: tuple[tuple[_Coordinate, _Coordinate]]
+    modifier: _Name | None
+
+
+_DECODER = msgspec.msgpack.Decoder(GuiUpdateMessage | ViewerCameraMessage | ScenePointerMessage)
+
+
+class Guard:
+    """Refuses requests without the secret or from other websites, and drops messages that the page does not expect.
+
+    Attributes:
+        secret: path of the page's address; a new one for each page.
+        n_dropped: messages that did not pass.
+    """
+
+    def __init__(self) -> None:
+        """Choose a secret."""
+        self.secret = secrets.token_urlsafe(32)
+        self.n_dropped = 0
+        self._n_connections = 0
+        self._controls: dict[str, Any] = {}
+
+    @contextmanager
+    def start(self) -> Iterator[None]:
+        """Guard the server that viser starts within the block."""
+        serve = websockets.asyncio.server.serve
+
+        def guarded(handler: Any, *args: Any, **settings: Any) -> Any:
+            """Start a server; its parameters are those of `websockets.asyncio.server.serve`."""
+            if handler.__module__.partition(".")[0] != "viser":  # one that another thread starts in this moment
+                return serve(handler, *args, **settings)
+            settings["process_request"] = partial(self._process, settings.get("process_request"))
+            settings["create_connection"] = partial(_Connection, self)
+            settings["max_size"] = MAX_SIZE
+            settings["close_timeout"] = CLOSE_S
+            settings["logger"] = _LOG
+            return serve(handler, *args, **settings)
+
+        with _START:
+            websockets.asyncio.server.serve = guarded  # pyright: ignore[reportAttributeAccessIssue]
+            try:
+                yield
+            finally:
+                websockets.asyncio.server.serve = serve
+
+    def check(self, server: Any, host: str) -> None:
+        """Make sure that a server is guarded, and learn its controls.
+
+        Raises:
+            UserError: it is not, as this version of viser starts it in another way.
+        """
+        import viser
+
+        connection = http.client.HTTPConnection(host, server.get_port(), timeout=10)
+        connection.request("GET", "/")
+        status = connection.getresponse().status
+        connection.close()
+
+        # Of viser's own attributes only this one has the present value of a control by the name in a message.
+        controls = getattr(server.gui, "_gui_input_handle_from_uuid", None)
+        if status != HTTPStatus.FORBIDDEN or not self._n_connections or controls is None:
+            raise UserError(
+                f"the page cannot be closed to others with viser {viser.__version__}; install viser 1.1, "
+                "as `pip install 'viser>=1.1,<1.2'`"
+            )
+        self._controls = controls
+
+    def connected(self) -> None:
+        """Take note of a connection."""
+        self._n_connections += 1
+
+    def screened(self, raw: bytes | str) -> bytes | None:
+        """Return what viser may read of a message; None for one that does not pass."""
+        try:
+            message = _DECODER.decode(raw) if isinstance(raw, bytes) else None
+        except (msgspec.MsgspecError, ValueError, RecursionError):
+            message = None
+        if message is None or not self._fits(message):
+            self._drop()
+            return None
+        return msgspec.msgpack.encode(message)  # and not `raw`, which viser may understand in another way
+
+    def _fits(self, message: Any) -> bool:
+        """Whether a new value of a control is of its kind; viser would convert it, as "nan" to a number, or fail."""
+        if not isinstance(message, GuiUpdateMessage):
+            return True
+        control = self._controls.get(message.uuid)
+        return control is None or _kind(control.value) is _kind(message.updates.value)
+
+    def _drop(self) -> None:
+        self.n_dropped += 1
+        if self.n_dropped == 1:
+            print("iswarm: the page ignores messages that its own client does not send.", file=sys.stderr, flush=True)
+
+    def _process(
+        self,
+        serve_page: Callable[[ServerConnection, Request], Response | None],
+        connection: ServerConnection,
+        request: Request,
+    ) -> Response | None:
+        """Answer a request, or let a websocket open.
+
+        Args:
+            serve_page: viser's answer to requests of its client; None for websockets.
+            connection: on which the request came.
+            request: of anyone.
+        """
+        refusal = self._refusal(request)
+        if refusal:
+            response = connection.respond(HTTPStatus.FORBIDDEN, f"{refusal}\n")
+        else:
+            response = serve_page(connection, Request("/", request.headers))
+        if response is not None:
+            response.headers.update(HEADERS)
+        return response
+
+    def _refusal(self, request: Request) -> str | None:
+        """Return why a request is refused; None if it is not."""
+        headers = request.headers
+        names = [name.lower() for name, _ in headers.raw_items()]
+        if len(set(names)) < len(names):
+            return "A header occurs twice."
+
+        # Names of other machines are refused, as a website can let its own name lead to this machine.
+        host = headers.get("Host", "")
+        if not _HOST.fullmatch(host):
+            return "This page is at 127.0.0.1 and localhost only."
+
+        # Browsers state the website by which a websocket is opened.
+        upgrade, origin = headers.get("Upgrade"), headers.get("Origin")
+        if upgrade not in (None, "websocket"):
+            return "Only websockets can be opened here."
+        if origin != f"http://{host}" and (upgrade or origin is not None):
+            return "Another website cannot use this page."
+
+        # The whole path is compared, without a guess what other forms of it might mean.
+        path = request.path.partition("?")[0].removesuffix("/")
+        if not hmac.compare_digest(path.encode(errors="replace"), f"/{self.secret}".encode()):
+            return "Open the whole address that `iswarm play` printed, or `Page.url` in Python."
+        return None
+
+
+class _Connection(ServerConnection):
+    """A browser, of which viser receives only what the guard lets pass."""
+
+    def __init__(self, guard: Guard, *args: Any, **settings: Any):
+        """Begin with the handshake."""
+        super().__init__(*args, **settings)
+        self._guard = guard
+        guard.connected()
+
+    async def recv(self, decode: bool | None = None) -> Any:
+        """Return the next message that passes."""
+        while True:
+            message = self._guard.screened(await super().recv(decode))
+            await asyncio.sleep(PACE_S)
+            if message is not None:
+                return message
+
+    def recv_streaming(self, decode: bool | None = None) -> Any:
+        """Refuse, as parts of a message cannot be screened; viser does not ask."""
+        raise NotImplementedError
+
+
+def _kind(value: Any) -> type:
+    """Return bool, Number or the type of something else."""
+    if isinstance(value, bool):
+        return bool
+    return Number if isinstance(value, Number) else type(value)
