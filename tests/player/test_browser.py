@@ -8,8 +8,12 @@ import sys
 import time
 from base64 import b64decode
 from contextlib import ExitStack
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from io import BytesIO
 from subprocess import PIPE, Popen
+from threading import Thread
+from urllib.parse import urlsplit
 
 import jax
 import numpy as np
@@ -20,6 +24,7 @@ from viser.transforms import SO3
 
 from iswarm_mj import SwarmConfig, play
 from iswarm_mj.commands.main import parse
+from iswarm_mj.commands.play import redirect_file
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.saved import load
@@ -138,7 +143,7 @@ def test_the_command_ends_with_ctrl_c(browser):
     with Popen(command, stdout=PIPE, text=True) as process, ExitStack() as ends:
         ends.callback(process.kill)
         page = browser.new_page()
-        page.goto(re.search(r"http://127\.0\.0\.1:\d+", process.stdout.readline())[0])
+        page.goto(re.search(r"http://127\.0\.0\.1:\S+", process.stdout.readline())[0])
         page.get_by_role("button", name="Pause").wait_for(timeout=SECONDS * 1000)
         children = psutil.Process(process.pid).children(recursive=True)
         process.send_signal(signal.SIGINT)
@@ -166,3 +171,97 @@ def test_a_replay_has_the_same_light_in_every_loop(browser, tmp_path):
     page.close()
     assert len(floor) > 10
     np.testing.assert_allclose(floor, floor[0] * np.ones((len(floor), 1)), atol=2)
+
+
+FOREIGN = """<!doctype html>
+<script>
+const address = new URLSearchParams(location.search).get("address");
+const opens = (path) => new Promise((done) => {
+  const socket = new WebSocket(address.replace("http", "ws").replace(/[^/]*\\/$/, path), ["viser-v1.1.1"]);
+  socket.onopen = () => done(true);
+  socket.onerror = () => done(false);
+});
+const reads = (url) => fetch(url).then((response) => response.ok, () => false);
+</script>
+"""
+"""A page of another website: `opens` a websocket at the page's server, `reads` what is there."""
+
+
+@pytest.fixture
+def website(tmp_path):
+    """Address of another website, on another port and with another name."""
+    (tmp_path / "index.html").write_text(FOREIGN)
+    handler = partial(SimpleHTTPRequestHandler, directory=tmp_path)
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://localhost:{server.server_port}/"
+        server.shutdown()
+
+
+def test_another_website_reaches_nothing(browser, played, website):
+    """Not even one that knows the address; browsers say by which website a websocket is opened."""
+    page = browser.new_page()
+    page.goto(f"{website}?address={played.url}")
+    secret = urlsplit(played.url).path.strip("/")
+    n_clients = len(played._server.get_clients())
+    for path in ("", secret, f"{secret}/"):
+        assert page.evaluate("opens", path) is False
+        assert page.evaluate("(path) => reads(address.replace(/[^/]*\\/$/, path))", path) is False
+    assert len(played._server.get_clients()) == n_clients
+    page.close()
+
+
+def test_a_notebook_of_another_website_shows_the_page(browser, played, website, tmp_path):
+    """As Jupyter does, in an iframe of which the notebook knows the address."""
+    (tmp_path / "notebook.html").write_text(f"<!doctype html><p>Notebook</p>{played._repr_html_()}")
+    page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+    page.set_default_timeout(SECONDS * 1000)
+    page.goto(f"{website}notebook.html")
+    frame = page.frame_locator("iframe")
+    frame.get_by_role("button", name=re.compile("Play|Pause")).wait_for()
+    before = played._panel.looks.value
+    step = played.session.step
+    frame.get_by_text("Step", exact=True).click()
+    wait(lambda: played.session.step == step + 1)
+    assert played._panel.looks.value == before
+    page.close()
+
+
+def test_the_file_that_the_command_opens_leads_to_the_page(browser, played):
+    page = browser.new_page()
+    page.set_default_timeout(SECONDS * 1000)
+    with redirect_file(played.url) as file:
+        page.goto(file.as_uri())
+        page.wait_for_url(f"{played.url}**")
+    page.get_by_role("tab", name="Share").wait_for()
+    assert page.evaluate("document.referrer") == ""
+    page.reload()  # the client has put its websocket into the address
+    page.get_by_role("tab", name="Share").wait_for()
+    page.close()
+
+
+def test_the_guard_knows_all_that_the_client_sends(pages, played, capfd):
+    """Clicks of all kinds on the arena and on the panel, a narrow window, a download: no message is dropped."""
+    page = pages[1]
+    for name in ("Rules", "World", "Robot", "Gripper", "Share", "Watch"):
+        page.get_by_role("tab", name=name).click()
+    page.mouse.click(200, 300)
+    page.mouse.click(250, 350, button="right")
+    page.mouse.dblclick(250, 250)
+    for key in ("Shift", "Control"):
+        page.keyboard.down(key)
+        page.mouse.move(300, 300)
+        page.mouse.down()
+        page.mouse.move(350, 340, steps=5)
+        page.mouse.up()
+        page.keyboard.up(key)
+    page.mouse.wheel(0, 200)
+    page.set_viewport_size({"width": 400, "height": 700})
+    page.set_viewport_size({"width": WIDTH, "height": HEIGHT})
+    page.get_by_text("trails", exact=True).first.click()
+    page.get_by_role("tab", name="Share").click()
+    page.get_by_role("button", name="Save as TOML").click()
+    page.get_by_text("play.toml", exact=False).first.wait_for()
+    played._server._websock_server.disconnect_all_clients()
+    wait(lambda: len(played._server.get_clients()) == len(pages))
+    assert "ignores messages" not in capfd.readouterr().err

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from threading import Event
 from types import SimpleNamespace
+from urllib.parse import urlsplit
 
 import msgspec
 import numpy as np
@@ -59,7 +60,7 @@ def test_pages_listen_to_this_machine_alone_each_on_its_own_port(played):
     try:
         assert other.request_share_url() is None
         found = {c.laddr for c in psutil.Process().net_connections() if c.status == psutil.CONN_LISTEN}
-        ports = {int(played.url.rpartition(":")[2]), other.get_port()}
+        ports = {urlsplit(played.url).port, other.get_port()}
         assert len(ports) == 2 and {address.port for address in found} >= ports
         assert {address.ip for address in found if address.port in ports} == {"127.0.0.1"}
     finally:
