@@ -14,6 +14,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import viser
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
@@ -21,7 +22,7 @@ from iswarm_mj.commands.main import main as iswarm
 from iswarm_mj.output.saved import load
 from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.film import Film
-from iswarm_mj.player.page import Page, close_server, open_server
+from iswarm_mj.player.page import HOST, Page, close_server
 from iswarm_mj.player.replay import swarm_film, write_replay
 from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.scene import STATE
@@ -98,6 +99,11 @@ def images(url: str) -> Iterator[Any]:
         browser.close()
 
 
+def open_unguarded() -> Any:
+    """Return a server to which a browser can send its pictures, which the guard of pages would drop."""
+    return viser.ViserServer(host=HOST, port=8400, verbose=False)
+
+
 def rendered(server: Any) -> Image.Image:
     """What the first browser of a server shows, without its panel."""
     server.flush()
@@ -111,7 +117,7 @@ def rendered(server: Any) -> Image.Image:
 
 def scenes(server: Any, draw: Any) -> list[Image.Image]:
     found = []
-    for _ in images(f"http://127.0.0.1:{server.get_port()}"):
+    for _ in images(f"http://{HOST}:{server.get_port()}"):
         while not server.get_clients():
             time.sleep(0.1)
         time.sleep(3)
@@ -141,7 +147,7 @@ def swarm(name: str) -> None:
         draw, *_ = swarm_film(run, card.film)
         if name == next(iter(CARDS)):
             write_replay(run, Film(40, 100, title="280 robots clean the floor"), OUT / f"{name}.html")
-    server = open_server(8400)
+    server = open_unguarded()
     try:
         light(server.scene)
         write(OUT / f"{name}.webp", scenes(server, draw))
@@ -151,7 +157,7 @@ def swarm(name: str) -> None:
 
 def bench() -> None:
     """A ball that is lifted and released."""
-    server = open_server(8400)
+    server = open_unguarded()
     try:
         light(server.scene)
         aim(server.initial_camera, Session(Scenario(robots=1)).scene, is_low=True)
