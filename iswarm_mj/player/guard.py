@@ -127,8 +127,10 @@ class Guard:
 
         def guarded(handler: Any, *args: Any, **settings: Any) -> Any:
             """Start a server; its parameters are those of `websockets.asyncio.server.serve`."""
-            if handler.__module__.partition(".")[0] != "viser":  # one that another thread starts in this moment
+            module = getattr(handler, "__module__", None) or ""
+            if module.partition(".")[0] != "viser":  # another thread starts a server in this moment
                 return serve(handler, *args, **settings)
+
             settings["process_request"] = partial(self._process, settings.get("process_request"))
             settings["create_connection"] = partial(_Connection, self)
             settings["max_size"] = MAX_SIZE
