@@ -87,8 +87,11 @@ def update(handle, **updates):
     return {"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": updates}
 
 
-def send(connection, message):
-    connection.send(msgspec.msgpack.encode(message))
+def send(connection, *messages):
+    """Send frames: text or bytes as they are, maps as the client encodes them."""
+    for message in messages:
+        raw = isinstance(message, bytes | str)
+        connection.send(message if raw else msgspec.msgpack.encode(message))
 
 
 # Requests.
@@ -363,15 +366,24 @@ HOSTILE = {
     "a base class": lambda c: {"type": "Message"},
     "a message of the server": lambda c: {"type": "RunJavascriptMessage", "source": "1"},
     "a public address": lambda c: {"type": "ShareUrlRequest"},
-    "the start of an upload": lambda c: {
-        "type": "FileTransferStartUpload",
-        "source_component_uuid": c.upload._impl.uuid,
-        "transfer_uuid": "a",
-        "filename": "a",
-        "mime_type": "text/plain",
-        "part_count": 1,
-        "size_bytes": 1,
-    },
+    "an upload": lambda c: [
+        {
+            "type": "FileTransferStartUpload",
+            "source_component_uuid": c.upload._impl.uuid,
+            "transfer_uuid": "a",
+            "filename": "a",
+            "mime_type": "text/plain",
+            "part_count": 1,
+            "size_bytes": 1,
+        },
+        {
+            "type": "FileTransferPart",
+            "source_component_uuid": c.upload._impl.uuid,
+            "transfer_uuid": "a",
+            "part_index": 0,
+            "content": b"a",
+        },
+    ],
     "a form": lambda c: {"type": "GuiFormSubmitMessage", "uuid": "a"},
     "options": lambda c: update(c.choice, options=["/tmp/evil.py:Evil"]),
     "visible": lambda c: update(c.choice, visible=False),
@@ -401,6 +413,11 @@ HOSTILE = {
 }
 
 
+def messages_of(kind, controls):
+    messages = HOSTILE[kind](controls)
+    return messages if isinstance(messages, list) else [messages]
+
+
 @pytest.mark.parametrize("kind", HOSTILE)
 def test_other_messages_change_nothing_and_end_nothing(server, controls, kind, caplog, capsys):
     before = values(controls)
@@ -408,17 +425,19 @@ def test_other_messages_change_nothing_and_end_nothing(server, controls, kind, c
     server.request_share_url = lambda: shared.append(True)
     seen = []
     server.scene.on_click()(seen.append)
+    chosen = []
+    controls.choice.on_update(lambda _: chosen.append(controls.choice.value))
     with client(server.url) as browser:
         send(browser, CAMERA)
         wait(server.get_clients)
         (camera,) = (one.camera for one in server.get_clients().values())
-        message = HOSTILE[kind](controls)
-        browser.send(message if isinstance(message, bytes | str) else msgspec.msgpack.encode(message))
+        send(browser, *messages_of(kind, controls))
         send(browser, update(controls.choice, value="blue"))
-        wait(lambda: controls.choice.value == "blue")
+        wait(lambda: "blue" in chosen)
         assert math.isfinite(camera.aspect) and tuple(camera.position) == (0.0, 0.0, 9.0)
     gc.collect()  # asyncio reports exceptions of tasks that nobody waits for
     assert values(controls) == before
+    assert chosen == ["blue"]
     assert not shared and not seen and not caplog.records
     assert capsys.readouterr().err.count("\n") == 1
 
@@ -435,11 +454,10 @@ def test_huge_messages_end_their_own_connection_alone(server, controls):
 
 
 def test_after_a_thousand_hostile_messages_all_work(server, controls, capsys):
-    kinds = [HOSTILE[kind](controls) for kind in HOSTILE]
+    hostile = [message for kind in HOSTILE for message in messages_of(kind, controls)]
     with client(server.url) as good, client(server.url) as browser:
         for k in range(1000):
-            message = kinds[k % len(kinds)]
-            browser.send(message if isinstance(message, bytes | str) else msgspec.msgpack.encode(message))
+            send(browser, hostile[k % len(hostile)])
         send(good, update(controls.slider, value=9.0))
         wait(lambda: controls.slider.value == 9.0)
         send(browser, update(controls.choice, value="blue"))
