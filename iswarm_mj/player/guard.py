@@ -1,7 +1,8 @@
-"""The wall around a page: only those who know its address reach it, and only what its own client sends passes.
+"""The wall around a page: who knows its address may connect, and only expected messages pass.
 
-viser lets anyone connect who reaches its port: every website in the user's browser, and every other user of the
-machine. It offers no way to refuse them, so that the guard sets parameters of the websockets server that viser starts.
+viser lets anyone connect who reaches its port: every website in the user's browser, and every
+other user of the machine. It offers no way to refuse them, so the guard sets parameters of the
+websockets server that viser starts.
 """
 
 import asyncio
@@ -12,7 +13,7 @@ import re
 import secrets
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from http import HTTPStatus
@@ -27,39 +28,40 @@ from websockets.http11 import Request, Response
 from iswarm_mj.utils.errors import UserError
 
 MAX_SIZE = 2**16
-"""Bytes of a message at most; those of the stock client have some hundred."""
+"""Largest message of a browser [bytes]; those of the stock client have at most 223."""
 PACE_S = 0.002
-"""Between two messages of a browser [s]: viser queues what it is given without a limit, the stock client sends up to
-70 messages a second."""
+"""Pause after each message of a browser [s]: viser queues messages without a limit, and the stock
+client sends fewer than 70 a second."""
 CLOSE_S = 1.0
-"""How long a browser may take to say goodbye when the page closes [s]."""
+"""Time that a browser has to confirm the end of its connection when the page closes [s]."""
 HEADERS = {
     "Referrer-Policy": "no-referrer",  # the address is the secret
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
 }
-"""Of all responses."""
+"""Headers of all responses."""
 
 _HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")
-"""Value of the header Host: any port, as it may be forwarded from another machine."""
+"""Allowed values of the header Host: any port, as it may be forwarded from another machine."""
 _START = threading.Lock()
-"""Held while a server starts, as what it starts with is replaced for all threads."""
+"""Lock of `Guard.start`, which replaces a function for all threads."""
 _LOG = logging.getLogger(__name__)
-_LOG.addFilter(lambda record: record.getMessage() != "opening handshake failed")  # strangers could fill the terminal
+# Strangers could fill the terminal with it.
+_LOG.addFilter(lambda record: record.getMessage() != "opening handshake failed")
 
 
-# What the stock client of viser 1.1 sends on this page: changes of controls, the camera, and clicks on the arena.
-# The names are viser's. Other messages, such as uploads, requests for a public address and changes of other
-# properties of a control than its value, do not pass.
+# What the stock client of viser 1.1 sends on this page: changes of controls, the camera, and clicks
+# on the arena. The names are viser's. Other messages do not pass, such as uploads, requests for a
+# public address, and changes of other properties of a control than its value.
 
 _Coordinate = Annotated[float, msgspec.Meta(ge=-1e9, le=1e9)]
 _Vector = tuple[_Coordinate, _Coordinate, _Coordinate]
 _Pixels = Annotated[int, msgspec.Meta(ge=1, le=100_000)]
 _Integer = Annotated[int, msgspec.Meta(ge=-(2**53), le=2**53)]
 _Real = Annotated[float, msgspec.Meta(ge=-(2.0**53), le=2.0**53)]
-"""Whole numbers up to there are exact in JavaScript; the comparison refuses NaN, too."""
+"""Numbers up to where JavaScript has all whole ones; NaN fails the comparison, too."""
 _Text = Annotated[str, msgspec.Meta(max_length=4096)]
-"""As long as the path of a file may be."""
+"""A text as long as the path of a file may be."""
 _Name = Annotated[str, msgspec.Meta(max_length=100)]
 
 
@@ -68,6 +70,8 @@ class _Strict(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class _Updates(_Strict):
+    """The new value, and no other property."""
+
     value: bool | _Integer | _Real | _Text
 
 
@@ -106,7 +110,7 @@ _DECODER = msgspec.msgpack.Decoder(GuiUpdateMessage | ViewerCameraMessage | Scen
 
 
 class Guard:
-    """Refuses requests without the secret or from other websites, and drops messages that the page does not expect.
+    """Refuses requests without the secret or from other websites, and drops unexpected messages.
 
     Attributes:
         secret: path of the page's address; a new one for each page.
@@ -123,7 +127,6 @@ class Guard:
     @contextmanager
     def start(self) -> Iterator[None]:
         """Guard the server that viser starts within the block."""
-        serve = websockets.asyncio.server.serve
 
         def guarded(handler: Any, *args: Any, **settings: Any) -> Any:
             """Start a server; its parameters are those of `websockets.asyncio.server.serve`."""
@@ -139,6 +142,7 @@ class Guard:
             return serve(handler, *args, **settings)
 
         with _START:
+            serve = websockets.asyncio.server.serve
             websockets.asyncio.server.serve = guarded  # pyright: ignore[reportAttributeAccessIssue]
             try:
                 yield
@@ -158,17 +162,17 @@ class Guard:
         status = connection.getresponse().status
         connection.close()
 
-        # Of viser's own attributes only this one has the present value of a control by the name in a message.
+        # Only this attribute of viser finds a control by the name that messages give it.
         controls = getattr(server.gui, "_gui_input_handle_from_uuid", None)
         if status != HTTPStatus.FORBIDDEN or not self._n_connections or controls is None:
+            version = viser.__version__
             raise UserError(
-                f"the page cannot be closed to others with viser {viser.__version__}; install viser 1.1, "
-                "as `pip install 'viser>=1.1,<1.2'`"
+                f"viser {version} cannot close the page to others; viser 1.1 can: `pip install 'viser>=1.1,<1.2'`"
             )
         self._controls = controls
 
     def connected(self) -> None:
-        """Take note of a connection."""
+        """Count a connection."""
         self._n_connections += 1
 
     def screened(self, raw: bytes | str) -> bytes | None:
@@ -180,30 +184,37 @@ class Guard:
         if message is None or not self._fits(message):
             self._drop()
             return None
-        return msgspec.msgpack.encode(message)  # and not `raw`, which viser may understand in another way
+
+        # Encoded again, as viser might read the same bytes in another way.
+        return msgspec.msgpack.encode(message)
 
     def _fits(self, message: Any) -> bool:
-        """Whether a new value of a control is of its kind; viser would convert it, as "nan" to a number, or fail."""
+        """Return whether a new value is of its control's kind.
+
+        viser would convert "nan" to a number, and fail at other texts.
+        """
         if not isinstance(message, GuiUpdateMessage):
             return True
         control = self._controls.get(message.uuid)
         return control is None or _kind(control.value) is _kind(message.updates.value)
 
     def _drop(self) -> None:
+        """Count a message that did not pass, and report the first one."""
         self.n_dropped += 1
         if self.n_dropped == 1:
-            print("iswarm: the page ignores messages that its own client does not send.", file=sys.stderr, flush=True)
+            text = "iswarm: the page ignores messages that its own client does not send."
+            print(text, file=sys.stderr, flush=True)
 
     def _process(
         self,
-        serve_page: Callable[[ServerConnection, Request], Response | None],
+        serve_page: Any,
         connection: ServerConnection,
         request: Request,
     ) -> Response | None:
         """Answer a request, or let a websocket open.
 
         Args:
-            serve_page: viser's answer to requests of its client; None for websockets.
+            serve_page: viser's function of connection and request; returns None for websockets.
             connection: on which the request came.
             request: of anyone.
         """
@@ -223,7 +234,7 @@ class Guard:
         if len(set(names)) < len(names):
             return "A header occurs twice."
 
-        # Names of other machines are refused, as a website can let its own name lead to this machine.
+        # Other names are refused, as a website can let its own name lead to this machine.
         host = headers.get("Host", "")
         if not _HOST.fullmatch(host):
             return "This page is at 127.0.0.1 and localhost only."

@@ -1,4 +1,7 @@
-"""Who gets through to the page, and with which messages; raw requests stand for browsers and for other users."""
+"""Who reaches the page, and with which messages.
+
+Raw requests stand for browsers, websites and other users; test_browser.py has the same in Chromium.
+"""
 
 import asyncio
 import gc
@@ -10,6 +13,7 @@ import socket
 import subprocess
 import time
 import webbrowser
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from urllib.parse import urlsplit
@@ -63,14 +67,14 @@ def controls(server):
 
 
 def values(controls):
-    """All that a browser might change."""
+    """Return all that a browser might change, except what is chosen."""
     choice = controls.choice
     numbers = controls.slider.value, controls.number.value, controls.tick.value
     return choice.options, choice.visible, choice.label, controls.upload.value.content, *numbers
 
 
 def client(url, **settings):
-    """A websocket as the page's own client opens it."""
+    """Open a websocket as the page's own client does."""
     split = urlsplit(url)
     origin = f"http://{split.netloc}"
     return connect(
@@ -84,6 +88,7 @@ def client(url, **settings):
 
 
 def update(handle, **updates):
+    """Return the message that changes properties of a control."""
     return {"type": "GuiUpdateMessage", "uuid": handle._impl.uuid, "updates": updates}
 
 
@@ -109,7 +114,14 @@ HANDSHAKE = {
 
 
 def status(url, path="PATH", more="", **changed):
-    """Status of the response to a websocket's request; headers are changed by names, or left out with None."""
+    """Return the status of the response to the request of a websocket.
+
+    Args:
+        url: address of the page.
+        path: of the request, where PATH is that of the page.
+        more: a further line.
+        changed: headers by their names, None for one that is left out.
+    """
     split = urlsplit(url)
     headers = HANDSHAKE | {name.replace("_", "-"): value for name, value in changed.items()}
     lines = [f"GET {path} HTTP/1.1", *(f"{k}: {v}" for k, v in headers.items() if v is not None), more]
@@ -414,6 +426,7 @@ HOSTILE = {
 
 
 def messages_of(kind, controls):
+    """Return the hostile messages of a kind."""
     messages = HOSTILE[kind](controls)
     return messages if isinstance(messages, list) else [messages]
 
@@ -501,3 +514,19 @@ def test_servers_of_others_start_as_ever():
     before = websockets.asyncio.server.serve
     assert asyncio.run(talk()) == "anything"
     assert websockets.asyncio.server.serve is before
+
+
+def test_pages_that_open_at_the_same_time_have_guards_of_their_own():
+    before = websockets.asyncio.server.serve
+    with ThreadPoolExecutor(4) as pool:
+        servers = list(pool.map(open_server, 4 * [PORT]))
+    try:
+        assert websockets.asyncio.server.serve is before
+        secrets = {urlsplit(one.url).path for one in servers}
+        assert len(secrets) == 4
+        for one in servers:
+            opened = [status(one.url, path) for path in secrets]
+            assert sorted(opened) == [101, 403, 403, 403]
+    finally:
+        for one in servers:
+            close_server(one)
