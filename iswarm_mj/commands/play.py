@@ -3,7 +3,7 @@
 import shlex
 import webbrowser
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -62,22 +62,21 @@ class Play(WithTask):
 
         page = Page(session, self.port)
         session.is_playing = True
-        print(
-            f"{page.url} shows the swarm, on this machine to whoever has this address; Ctrl-C ends it.",
-            flush=True,
-        )
-        with redirect_file(page.url) as file:
+        print(f"{page.url} shows the swarm, on this machine alone; Ctrl-C ends it.", flush=True)
+        print("Whoever has this address can use the page.", flush=True)
+        with ExitStack() as files:
             if self.open:
+                file = files.enter_context(redirect_file(page.url))
                 webbrowser.open(file.as_uri())
             page.wait()
 
 
 @contextmanager
 def redirect_file(url: str) -> Iterator[Path]:
-    """Keep a file that leads a browser to an address, for this user alone, until the end of the block.
+    """Keep a file that leads a browser to an address, until the end of the block.
 
-    All users of the machine can read the command line of the browser, which therefore gets the name of this file
-    and not the address.
+    All users of the machine can read the command line of the browser. It therefore gets the name of
+    this file, which only its user can read, and not the address.
     """
     text = f"""<!doctype html>
 <meta charset="utf-8">
