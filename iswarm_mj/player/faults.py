@@ -20,11 +20,12 @@ class Faults:
 
         Errors whose message is enough have none.
         """
+        sentence = describe(error)
+        is_first = sentence not in self._known
+        self._known.add(sentence)
         if isinstance(error, UserError | SimulationFault):
             return str(error)
-        sentence = describe(error)
-        if sentence not in self._known:
-            self._known.add(sentence)
+        if is_first:
             traceback.print_exception(error)
         return sentence
 

@@ -97,7 +97,9 @@ class Page:
                 if not work():
                     time.sleep(0.005)
             except (Exception, SystemExit) as error:
-                self.session.fail(error)
+                if self.session.faults.is_new(error):
+                    self.session.fail(error)
+                self._stop.wait(FRAME_S)
             except BaseException as error:
                 self._error = error
                 self._stop.set()
