@@ -58,6 +58,7 @@ class Panel:
         self._inputs = Inputs(server, refused=session.messages.put, failed=session.fail)
         self.view = SwarmView(server.scene, session.scene)
         self.click = SELECT
+        self._ways = (arrays.STATE,)
         self._shown: tuple[Any, ...] = ()
         self._plots: dict[str, Any] = {}
 
@@ -143,8 +144,8 @@ class Panel:
         session, view = self._session, self.view
         self._settings.rebuild()
         snapshot = session.snapshots[-1]
-        ways = arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy)
-        self._inputs.offer(self._colour, tuple(ways))
+        self._ways = tuple(arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy))
+        self._inputs.offer(self._colour, self._ways)
         view.by = self._colour.value
         self._inputs.offer(self._draws, ("links", "trails", *view.vectors))
 
@@ -160,24 +161,34 @@ class Panel:
 
     def clicked(self, x: float, y: float, radius: float) -> None:
         """Act on a click on the floor at a place [mm]; robots nearer than a radius are meant."""
-        session, view = self._session, self.view
-        positions = session.snapshots[-1].frames.pose[0, :, :2] * 1e3
-        distance = np.linalg.norm(positions - np.array([x, y]), axis=-1)
-        robot = int(distance.argmin())
-        is_hit = distance[robot] <= radius
+        session = self._session
+        with session.lock:  # no reset comes between the robots and the view
+            positions = session.snapshots[-1].frames.pose[0, :, :2] * 1e3
+            distance = np.linalg.norm(positions - np.array([x, y]), axis=-1)
+            robot = int(distance.argmin())
+            is_hit = distance[robot] <= radius
+            if self.click == SELECT:
+                self.view.selected = robot if is_hit else None
+
+        def drop() -> None:
+            session.change(BALL, f"{x / RD:.3f},{y / RD:.3f}")
 
         def build() -> None:
             arena = session.wanted.config.arena
             session.want("arena.obstacles", _built(arena, x / RD, y / RD))
 
-        acts = {DROP: lambda: session.change(BALL, f"{x / RD:.3f},{y / RD:.3f}"), BUILD: build}
+        def kill_or_revive() -> None:
+            is_dead = robot < len(session.is_alive) and not session.is_alive[robot]
+            session.change(REVIVE if is_dead else KILL, str(robot))
+
+        def remove() -> None:
+            session.want("robots", max(1, session.wanted.n_robots - 1))
+
+        acts = {DROP: drop, BUILD: build}
         if is_hit:
-            acts[LIFE] = lambda: session.change(KILL if session.is_alive[robot] else REVIVE, str(robot))
-            acts[REMOVE] = lambda: session.want("robots", max(1, session.wanted.n_robots - 1))
+            acts |= {LIFE: kill_or_revive, REMOVE: remove}
         if self.click in acts:
             session.post(acts[self.click])
-        else:
-            view.selected = robot if is_hit else None
 
     def update(self) -> None:
         """Show the state of the session; a few times a second."""
@@ -196,6 +207,9 @@ class Panel:
         if self._play.label != label:
             self._play.label, self._play.icon, self._play.color = label, icon, colour
         show(self._status, "content", self._describe_run())
+        if view.by not in self._ways:  # chosen while another task came
+            view.by = self._ways[0]
+            show(self._colour, "value", view.by)
         legend = arrays.legend(session.scene, view.by, session.is_alive)
         show(self._legend, "content", spots(legend))
         self._show_command()

@@ -222,6 +222,8 @@ def _name_of_team(team: Team) -> str:
     """Return the name of the strategy of a team, as --strategy takes it."""
     if not isinstance(team.strategy, Genome):
         return _name(STRATEGIES, type(team.strategy))
+    if team.name in PRESETS:
+        return team.name
     return next((name for name, preset in PRESETS.items() if preset == team.strategy), "type1")
 
 
