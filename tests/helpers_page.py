@@ -62,10 +62,9 @@ class Browser:
 
     def send(self, uuid, updates):
         """Send a message; an exception of the handler is one of this call."""
-        message = GuiUpdateMessage(uuid, updates)
-        loop = self.page._server.gui._event_loop
-        future = asyncio.run_coroutine_threadsafe(self.page._panel._inputs.receive(BROWSER, message), loop)
-        return future.result(SECONDS)
+        gui = self.page._server.gui
+        arrived = gui._websock_interface._handle_incoming_message(BROWSER, GuiUpdateMessage(uuid, updates))
+        return asyncio.run_coroutine_threadsafe(arrived, gui._event_loop).result(SECONDS)
 
     def set(self, label, value):
         """Give an input a value, or click on a button."""

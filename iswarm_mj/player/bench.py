@@ -201,7 +201,7 @@ class Bench:
         self.show()
 
     def _moved(self, name: str, value: Any) -> None:
-        """Take another value of a setting; where it contradicts another one, show the present one again.
+        """Take another value of a setting; if it is refused, show the present one again.
 
         Raises:
             UserError: it does.

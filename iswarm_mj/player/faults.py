@@ -1,4 +1,4 @@
-"""Exceptions that do not end the page: a sentence for whoever plays, and one traceback in the terminal."""
+"""Exceptions that do not end the page: a sentence on the page, a traceback in the terminal."""
 
 import traceback
 
@@ -42,6 +42,7 @@ def describe(error: BaseException) -> str:
     """Return type, message and, where it comes from a user's file, the line of an exception."""
     message = printable(str(error).strip().partition("\n")[0])[:MOST]
     text = ": ".join(filter(None, [type(error).__name__, message]))
-    users = [frame for frame in traceback.extract_tb(error.__traceback__) if is_users(frame.filename)]
+    frames = traceback.extract_tb(error.__traceback__)
+    users = [frame for frame in frames if is_users(frame.filename)]
     place = f" ({users[-1].filename}, line {users[-1].lineno})" if users else ""
     return f"{text}{place}; the terminal shows more, and Reset begins again"

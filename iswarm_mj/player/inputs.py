@@ -15,9 +15,9 @@ messages, so that it must take no time."""
 class Inputs:
     """All inputs of a page, each with the values that it takes.
 
-    A browser can send any message. viser makes of its values what the type of the present one makes
-    of them, sends that to other browsers, and even lets a message change how an input works. So each
-    message is checked here first, by what the page itself knows of the input: its `Control`.
+    A browser can send any message. viser converts its value to the type of the present one, sends
+    that to other browsers, and even lets a message change how an input works. So each message is
+    checked here first, by what the page itself knows of the input: its `Control`.
     """
 
     def __init__(self, server: Any, refused: Callable[[str], None], failed: Callable[[Exception], None]):

@@ -220,7 +220,7 @@ class Page:
         look.aim(client.camera, self.session.scene, client.camera.aspect, self._panel.bench.root.visible)
 
     def _clicked(self, event: Any) -> None:
-        """Find the place on the robots' tops that was clicked on; rays that no browser sends hit nothing."""
+        """Find the place on the robots' tops that was clicked on; impossible rays hit nothing."""
         try:
             origin, way = np.array([event.ray_origin, event.ray_direction], float)
             _, _, slope = way

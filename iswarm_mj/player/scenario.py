@@ -114,14 +114,14 @@ class Scenario:
             return _with(before, path, value)
 
     def with_part(self, name: str, other: "Scenario") -> "Scenario":
-        """Return this scenario with the strategy, the task or the engine of another one, as it is there."""
+        """Return this scenario with the strategy, the task or the engine of another one."""
         found = {name: getattr(other, name)}
         if name != "engine":
             found[f"{name}_name"] = getattr(other, f"{name}_name")
         return replace(self, **found)
 
     def shares(self, name: str, other: "Scenario") -> bool:
-        """Return whether a setting belongs to parts of one class in two scenarios, as to the same strategy."""
+        """Return whether a setting belongs to parts of the same class in two scenarios."""
         path, other_path = self.paths().get(name, ()), other.paths().get(name, ())
         return path == other_path and type(self.at(path[:-1])) is type(other.at(path[:-1]))
 
@@ -143,12 +143,18 @@ class Scenario:
         Raises:
             UserError: no flag can state one of them.
         """
-        strategy, task, engine = self.named(STRATEGIES), self.named(TASKS), self.engine_name
-        if placeholders := [name for name in (strategy, task, engine) if name.startswith(_NO_FILE)]:
-            raise UserError(
-                f"no command can name {placeholders[0].removeprefix(_NO_FILE)}, which is in no file; {_REMEDY}"
-            )
-        found: dict[str, Any] = {"seed": self.seed or None, "robots": self.robots, "robot": self.robot_file}
+        strategy = self.named(STRATEGIES)
+        task = self.named(TASKS)
+        engine = self.engine_name
+        for name in (strategy, task, engine):
+            if name.startswith(_NO_FILE):
+                cls = name.removeprefix(_NO_FILE)
+                raise UserError(f"no command can name {cls}, which is in no file; {_REMEDY}")
+        found: dict[str, Any] = {
+            "seed": self.seed or None,
+            "robots": self.robots,
+            "robot": self.robot_file,
+        }
         if not is_same(self.task, CLEANING):
             found["task"] = task
         if self.genome is None:
@@ -195,7 +201,7 @@ _REMEDY = "repeat this run in Python, with `iswarm_mj.play`"
 
 
 def is_same(one: Any, other: Any) -> bool:
-    """Return whether two values are equal; objects that hold arrays are only where they are one object."""
+    """Return whether two values are equal; two objects that hold arrays never are."""
     if one is other:
         return True
     if hasattr(one, "shape") or hasattr(other, "shape"):
@@ -234,7 +240,7 @@ def _teams_of(name: str) -> Any:
 
 
 def _changed_in_teams(teams: Teams, name: str) -> dict[str, Any]:
-    """Return the values of fields of the teams' strategies that differ from those that their names stand for.
+    """Return the values of fields of the teams' strategies that their names do not state.
 
     Args:
         teams: of a scenario.
@@ -244,7 +250,8 @@ def _changed_in_teams(teams: Teams, name: str) -> dict[str, Any]:
         UserError: no flag can state the name or the share of a team, or a field.
     """
     usual = _teams_of(name)
-    if not isinstance(usual, Teams) or [team[:2] for team in usual.teams] != [team[:2] for team in teams.teams]:
+    shares = [(team.name, team.share) for team in teams.teams]
+    if not isinstance(usual, Teams) or shares != [(team.name, team.share) for team in usual.teams]:
         listed = ", ".join(f"{team.name} ({team.share})" for team in teams.teams)
         raise UserError(f"no flag can state the names and shares of the teams {listed}; {_REMEDY}")
     found = {}

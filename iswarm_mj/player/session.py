@@ -102,7 +102,7 @@ class Session:
                 edit(self.run, change)  # which refuses what cannot be
 
     def _begin(self, scenario: Scenario) -> None:
-        """Put a run at its start in the place of the present one; where that fails, all stays as it was."""
+        """Begin another run; where that fails, all stays as it was."""
         run = scenario.run()
         world = RecordedWorld.of(run, 0)
         frames = world.frames([run.start])
@@ -137,7 +137,7 @@ class Session:
         self._posted.put(call)
 
     def work(self) -> bool:
-        """Do what was posted, then take a control step if one is due; return whether there was anything to do.
+        """Do what was posted, then take a control step if one is due; return whether anything was.
 
         What goes wrong is shown to whoever plays, and pauses the run.
         """
@@ -218,7 +218,7 @@ class Session:
         self.waiting = []
 
     def controls(self) -> list[Control]:
-        """Return the controls of the page: rules of what runs, then settings of what waits for a reset.
+        """Return the controls of the page: rules of what runs, then settings of what waits.
 
         A rule that both have is one of what runs, and `change` carries it into what waits. Only
         names of controls are unique among the live ones, and among the others.
@@ -226,26 +226,24 @@ class Session:
         now, wanted = self.now, self.wanted  # which another thread replaces
         rules = [control for control in controls(now, self._first) if control.is_live]
         carried = {rule.name for rule in rules if wanted.shares(rule.name, now)}
-        waiting = [
-            control._replace(is_live=False) for control in controls(wanted, self._first) if control.name not in carried
-        ]
-        return rules + waiting
+        waiting = [one for one in controls(wanted, self._first) if one.name not in carried]
+        return rules + [control._replace(is_live=False) for control in waiting]
 
     @property
     def pending(self) -> list[str]:
         """Labels of what the next reset changes."""
         now, wanted = self.now, self.wanted  # which another thread replaces
-        labels = [
-            control.label
-            for control in controls(wanted)
-            if wanted.shares(control.name, now) and not is_same(control.value, now.get(control.name))
-        ]
+        labels = []
+        for control in controls(wanted):
+            is_changed = not is_same(control.value, now.get(control.name))
+            if is_changed and wanted.shares(control.name, now):  # not all of another strategy's
+                labels.append(control.label)
         if wanted.config.arena.obstacles != now.config.arena.obstacles:
             labels.append("obstacles")
         return labels
 
     def set(self, name: str, value: Any) -> None:
-        """Change a setting of what runs, at once where that is possible, else from the next reset on.
+        """Change a setting of what runs at once if possible, else from the next reset on.
 
         Raises:
             UserError: there is none, it is out of range, or it contradicts another one.

@@ -1,4 +1,4 @@
-"""The tabs Rules and World: an input for each setting of the run, in folders that follow the settings."""
+"""The tabs Rules and World: an input for each setting of the run, in folders."""
 
 from dataclasses import dataclass, field
 from functools import partial

@@ -341,9 +341,10 @@ TEAMS = ["play", "--strategy", "type1=0.5", "type2=0.5", "--robots=10", "--engin
 TEAMS += ["--arena.n-dust=12", "--arena.dust-area-offset=7"]
 
 
-@pytest.mark.parametrize(
-    "own", [[], ["--type1.p-vector-forget=0.9"], ["--changes=2:kill=3", "3:optics.message_error=0.25"]]
-)
+CHANGED = ["--changes", "2:kill=3", "3:optics.error_in_communication=0.25"]
+
+
+@pytest.mark.parametrize("own", [[], ["--type1.p-vector-forget=0.9"], CHANGED])
 def test_what_is_copied_of_teams_repeats_them(own, tmp_path):
     session = steps(parse([*TEAMS, *own]).session(), 5)
     assert_copies_repeat(session, tmp_path / "play.toml")
@@ -355,9 +356,8 @@ def test_teams_of_python_are_copied_if_flags_can_state_them(tmp_path):
 
     own = replace(PRESETS["type2"], weight_find_dust=0.125)
     session = steps(Session(scenario(type1=(0.5, TYPE1), type2=(0.5, own))), 2)
-    assert (
-        "--strategy type1=0.5 type2=0.5" in session.command() and "--type2.weight-find-dust 0.125" in session.command()
-    )
+    assert "--strategy type1=0.5 type2=0.5" in session.command()
+    assert "--type2.weight-find-dust 0.125" in session.command()
     assert_copies_repeat(session, tmp_path / "play.toml")
     for teams in ({"red": (0.5, TYPE1), "blue": (0.5, own)}, {"type1": (0.5, own), "red": (0.5, own)}):
         with pytest.raises(UserError, match="no flag can state the names and shares of the teams"):
