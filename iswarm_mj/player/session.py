@@ -95,6 +95,7 @@ class Session:
         self.lock = Lock()
         self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._recorder: Recorder | None = None
+        self._recording = Lock()
         self.faults = Faults()
         self._begin(scenario)
         for change in self.waiting:
@@ -195,8 +196,9 @@ class Session:
             self.rate = 1 / median(self._laps)
         assert record is not None  # world 0 is recorded
         self._append(self.world.frames([record]), record)
-        if self._recorder is not None:
-            self._recorder.add(record)
+        with self._recording:
+            if self._recorder is not None:
+                self._recorder.add(record)
         for fault in self.run.faults:
             self.messages.put(str(fault))
 
@@ -233,9 +235,10 @@ class Session:
     def pending(self) -> list[str]:
         """Labels of what the next reset changes."""
         now, wanted = self.now, self.wanted  # which another thread replaces
+        present = {control.name: control.value for control in controls(now)}
         labels = []
         for control in controls(wanted):
-            is_changed = not is_same(control.value, now.get(control.name))
+            is_changed = not is_same(control.value, present.get(control.name))
             if is_changed and wanted.shares(control.name, now):  # not all of another strategy's
                 labels.append(control.label)
         if wanted.config.arena.obstacles != now.config.arena.obstacles:
@@ -337,7 +340,11 @@ class Session:
         return path
 
     def stop_recording(self) -> None:
-        """Complete the file; where that fails, it is not tried again."""
-        recorder, self._recorder = self._recorder, None
-        if recorder is not None:
-            recorder.save()
+        """Complete the file; any thread may do so, also while a control step is computed.
+
+        Where that fails, it is not tried again.
+        """
+        with self._recording:
+            recorder, self._recorder = self._recorder, None
+            if recorder is not None:
+                recorder.save()

@@ -153,6 +153,7 @@ def test_rules_of_what_runs_change_while_another_strategy_waits():
     assert session.wanted.genome == replace(PRESETS["type2"], p_vector_forget=0.625)
     assert session.wanted.get("strategy") == "type2" and session.now.get("strategy") == "type1"
     assert session.pending[0] == "strategy" and "p vector forget" not in session.pending
+    assert not steps(Session(replace(SCENARIO, robots=None)), 1).pending
 
 
 def test_settings_of_a_task_that_waits():
