@@ -130,13 +130,20 @@ class Panel:
         self._inputs.add_button("Save as TOML", download, icon="download")
 
         def record(is_wanted: bool) -> None:
-            if is_wanted:
-                place.content = f"Recording to `{session.start_recording()}`."
-            else:
+            if not is_wanted:
                 session.stop_recording()
                 place.content += " Saved; open it with `rerun`."
+                return
+            try:
+                place.content = f"Recording to `{session.start_recording()}`."
+            except Exception:
+                is_recorded.value = False
+                raise
 
-        self._inputs.add(Control("record for Rerun", "", False), lambda value: session.post(lambda: record(value)))
+        is_recorded = self._inputs.add(
+            Control("record for Rerun", "", False),
+            lambda value: session.post(lambda: record(value)),
+        )
         place = gui.add_markdown("")
 
     def rebuild(self) -> None:

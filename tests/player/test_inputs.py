@@ -18,7 +18,7 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.tasks.foraging import Foraging
-from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.errors import ConfigError, UserError
 
 CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
 TEAMS = Teams({"type1": (0.5, PRESETS["type1"]), "type2": (0.5, PRESETS["type2"])})
@@ -167,6 +167,30 @@ def test_actions_that_fail_are_shown(still, capfd):
     work(page)
     assert "TypeError" in browser.notifications[-1]
     assert capfd.readouterr().err.count("Traceback") == 1
+
+
+def test_a_recording_that_cannot_begin_is_not_ticked(still, tmp_path):
+    page, browser = still
+    (tmp_path / "file").touch()
+    page.session._out = tmp_path / "file" / "folder"
+    browser.set("record for Rerun", True)
+    work(page)
+    assert "NotADirectoryError" in browser.notifications[-1]
+    assert browser.value("record for Rerun") is False
+
+
+def test_a_file_that_cannot_be_made_is_answered(still, monkeypatch):
+    page, browser = still
+    browser.set("Save as TOML", True)
+    assert b"iswarm run --config FILE" in browser.files[-1]
+
+    def refuse():
+        raise UserError("no key can state the teams")
+
+    monkeypatch.setattr(page.session, "toml", refuse)
+    browser.set("Save as TOML", True)
+    work(page)
+    assert browser.notifications == ["no key can state the teams"] and len(browser.files) == 1
 
 
 def test_inputs_of_a_strategy_that_waits_stand_beside_those_of_what_runs(still):
