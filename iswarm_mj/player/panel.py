@@ -15,6 +15,7 @@ from iswarm_mj.player.changes import BALL, KILL, REVIVE
 from iswarm_mj.player.controls import Control
 from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.inspection import described
+from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.settings_tabs import SettingsTabs
 from iswarm_mj.player.view import SwarmView
@@ -73,6 +74,7 @@ class Panel:
             gui.add_markdown("These wait for **Reset**.")
         self._settings = SettingsTabs(gui, self._inputs, session, rules, world)
         self._compared = (session.wanted, session.now)
+        self._chosen = _chosen(session.wanted)
         self._pending: list[str] = []
         with tabs.add_tab("Robot"):
             self._robot = gui.add_markdown("Click on a robot: here it shows what it knows, hears and says.")
@@ -150,6 +152,7 @@ class Panel:
         """Show the controls, the ways to colour and the plots of the present run."""
         session, view = self._session, self.view
         self._settings.rebuild()
+        self._settings.synchronise()
         snapshot = session.snapshots[-1]
         self._ways = tuple(arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy))
         self._inputs.offer(self._colour, self._ways)
@@ -190,6 +193,7 @@ class Panel:
 
         def remove() -> None:
             session.want("robots", max(1, session.wanted.n_robots - 1))
+            self.synchronise()
 
         acts = {DROP: drop, BUILD: build}
         if is_hit:
@@ -203,10 +207,7 @@ class Panel:
         settings = (session.wanted, session.now)
         if any(one is not other for one, other in zip(settings, self._compared, strict=True)):
             self._compared = settings
-            self._settings.rebuild()
-            self._pending = session.pending
-            obstacles = session.wanted.config.arena.obstacles
-            view.wish(obstacles if "obstacles" in self._pending else ())
+            self._take_settings(session.wanted)
 
         label, icon, colour = "Play", "player-play", "green"
         if session.is_playing:
@@ -229,6 +230,19 @@ class Panel:
         if key != self._shown:
             self._shown = key
             self._draw_plots()
+
+    def _take_settings(self, wanted: Scenario) -> None:
+        """Show the inputs of changed settings, and what waits for a reset."""
+        self._settings.rebuild()
+        chosen = _chosen(wanted)
+        if chosen != self._chosen:
+            # Another strategy brings its own values. Otherwise inputs show what browsers sent,
+            # which the session may not have taken yet: a slider would jump back while it is moved.
+            self._chosen = chosen
+            self._settings.synchronise()
+        self._pending = self._session.pending
+        is_built = "obstacles" in self._pending
+        self.view.wish(wanted.config.arena.obstacles if is_built else ())
 
     def _describe_run(self) -> str:
         """Return what the run is and what it waits for, in Markdown."""
@@ -276,6 +290,11 @@ class Panel:
                         axes=(AXIS, AXIS),
                         height=130,
                     )
+
+
+def _chosen(scenario: Scenario) -> tuple[str, ...]:
+    """Return the names of strategy, task and engine."""
+    return scenario.get("strategy"), scenario.get("task"), scenario.get("engine")
 
 
 def _choice(name: str, choices: tuple[str, ...]) -> Control:

@@ -54,7 +54,6 @@ class SettingsTabs:
         for order, (key, controls) in enumerate(wanted.items()):
             if key not in self._folders:
                 self._add(key, controls, order)
-        self.synchronise()
 
     def synchronise(self) -> None:
         """Show the values of the present settings."""

@@ -212,6 +212,22 @@ def test_inputs_of_a_strategy_that_waits_stand_beside_those_of_what_runs(still):
     assert not browser.notifications
 
 
+def test_another_strategy_brings_its_values_and_a_moved_slider_stays(still):
+    page, browser = still
+    browser.set("strategy", "type2")
+    work(page)
+    assert browser.value("density of robots") == PRESETS["type2"].density_of_robots
+    browser.set("density of robots", 0.125)
+    page._panel_at = -np.inf
+    browser.set("p vector forget", 0.5)
+    page.session.work()
+    browser.set("p vector forget", 0.625)  # which the session takes later
+    page._draw(0.0, 0.04)
+    assert browser.value("p vector forget") == 0.625 and browser.value("density of robots") == 0.125
+    work(page)
+    assert page.session.now.genome.p_vector_forget == 0.625
+
+
 def test_a_rebuild_removes_each_input_once(still):
     page, browser = still
     with warnings.catch_warnings():
