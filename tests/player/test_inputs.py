@@ -252,8 +252,9 @@ def legal(control, rng):
     low, high = max(control.low, -1e3), min(control.high, 1e3)
     near = control.value + rng.choice((-1, 1)) * rng.random() * 0.2 * (abs(control.value) or 1)
     value = rng.choice((low, high, near, rng.uniform(low, high)))
-    value = min(max(value, control.low), control.high)
-    return round(value) if isinstance(control.value, int) else value
+    if isinstance(control.value, int):  # of substeps or balls; thousands of them would take minutes
+        value = round(min(max(value, control.value // 2), 2 * control.value + 1))
+    return min(max(value, control.low), control.high)
 
 
 def hostile(control, rng, file):
