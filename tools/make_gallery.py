@@ -22,6 +22,7 @@ from iswarm_mj.commands.main import main as iswarm
 from iswarm_mj.output.saved import load
 from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.film import Film
+from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.page import HOST, Page, close_server
 from iswarm_mj.player.replay import swarm_film, write_replay
 from iswarm_mj.player.scenario import Scenario
@@ -161,7 +162,7 @@ def bench() -> None:
     try:
         light(server.scene)
         aim(server.initial_camera, Session(Scenario(robots=1)).scene, is_low=True)
-        shown = Bench(server, 139 / 6)
+        shown = Bench(server, Inputs(server, refused=print, failed=print), 139 / 6)
         shown.root.visible = True
         shown.take(shown.settings.trace())
 

@@ -15,9 +15,10 @@ from iswarm_mj.gripper.laws import detachment as usual
 from iswarm_mj.gripper.laws.materials import Name
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PALE, WALL, YELLOW, rgb
 from iswarm_mj.output.trial_shapes import NN, PROBE_LENGTH, UM, trial_shapes
-from iswarm_mj.player.controls import declared
+from iswarm_mj.player.controls import Control, declared
+from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.view import linear
-from iswarm_mj.player.widgets import AXIS, show, spots, widget
+from iswarm_mj.player.widgets import AXIS, show, spots
 from iswarm_mj.utils.constraints import Within, validate
 from iswarm_mj.workflows.grasp_settings import GraspSettings, Used
 
@@ -50,7 +51,7 @@ class BenchSettings:
     """Of the tool."""
     plate_material: Name = "steel"
     """Of the plate."""
-    work_tool_object: Annotated[float, Within(0.1, 100, "mJ/m²")] = usual.WORK_TOOL_OBJECT * 1e3
+    work_tool_object: Annotated[float, Within(0.05, 100, "mJ/m²")] = usual.WORK_TOOL_OBJECT * 1e3
     """Work of adhesion between tool and ball at 10 % RH [mJ/m²]."""
     work_object_substrate: Annotated[float, Within(0.1, 100, "mJ/m²")] = usual.WORK_OBJECT_SUBSTRATE * 1e3
     """Work of adhesion between ball and plate at 10 % RH [mJ/m²]."""
@@ -117,44 +118,72 @@ class Bench:
         trace: of the trial that is shown; None before the first.
     """
 
-    def __init__(self, server: Any, size: float):
+    def __init__(self, server: Any, inputs: Inputs, size: float):
         """Make the nodes, which are hidden, and the controls, in the present container.
 
         Args:
             server: of viser.
+            inputs: of the page.
             size: of a ball of 15 um in the scene.
         """
-        self.settings, self.trace, self._scale = BenchSettings(), None, size / 30
-        self._due, self._began, self._shown = set[str](), 0.0, -1
-        drawn, gui, k = server.scene, server.gui, self._scale
+        self.settings = BenchSettings()
+        self.trace: Trace | None = None
+        self._scale = size / 30
+        self._due = set[str]()
+        self._began = 0.0
+        self._shown = -1
+        self._add_nodes(server.scene)
+        self._add_controls(server.gui, inputs)
+        self.show()
+
+    def _add_nodes(self, drawn: Any) -> None:
+        """Add ball, tool, plate and forces to the scene."""
+        k = self._scale
         self.root = drawn.add_frame(_ROOT, show_axes=False, visible=False)
         self._ball = drawn.add_icosphere(f"{_ROOT}/ball", 1.0, rgb(ORANGE), subdivisions=4, cast_shadow=False)
         self._mark = drawn.add_icosphere(f"{_ROOT}/mark", 1.0, (40, 40, 40), cast_shadow=False)
         self._probe = drawn.add_cylinder(f"{_ROOT}/probe", 1.0, k * PROBE_LENGTH, rgb(PALE), opacity=0.7)
         self._probe.cast_shadow = False
-        drawn.add_box(f"{_ROOT}/plate", rgb(WALL), (150 * k, 150 * k, 2 * k), position=(0, 0, -k), cast_shadow=False)
-        colours, radii = linear(np.array([rgb(colour) for _, colour in FORCES])), [1.0 * k, 2.2 * k, 3 * k]
-        sizes = dict(zip(("shaft_radius", "head_radius", "head_length"), radii, strict=True))
-        self._arrows = drawn.add_arrows(f"{_ROOT}/forces", np.zeros((3, 2, 3), np.float32), colours, **sizes)
-        self._try = gui.add_button("Lift and release the ball", icon="player-play")
-        self._try.on_click(lambda _: self._due.add("trial"))
+        drawn.add_box(
+            f"{_ROOT}/plate",
+            rgb(WALL),
+            (150 * k, 150 * k, 2 * k),
+            position=(0, 0, -k),
+            cast_shadow=False,
+        )
+        self._arrows = drawn.add_arrows(
+            f"{_ROOT}/forces",
+            np.zeros((3, 2, 3), np.float32),
+            linear(np.array([rgb(colour) for _, colour in FORCES])),
+            shaft_radius=1.0 * k,
+            head_radius=2.2 * k,
+            head_length=3 * k,
+        )
+
+    def _add_controls(self, gui: Any, inputs: Inputs) -> None:
+        """Add the trial, the settings and the force curve to the panel."""
+        self._try = inputs.add_button("Lift and release the ball", lambda _: self._due.add("trial"), icon="player-play")
         self._said = gui.add_markdown("")
-        self._moment = gui.add_slider("moment [%]", 0.0, 100.0, 0.1, 0.0)
-        self._plays = gui.add_checkbox("plays", True)
+        self._moment = inputs.add(Control("moment", "", 0.0, low=0.0, high=100.0, unit="%", step=0.1))
+        self._plays = inputs.add(Control("plays", "", True))
         self._handles = {
-            control.name: widget(gui, control, partial(self._moved, control.name))
-            for control in declared(self.settings)
+            control.name: inputs.add(control, partial(self._moved, control.name)) for control in declared(self.settings)
         }
         gui.add_html(spots([(name, rgb(colour)) for name, colour in FORCES]))
-        axes = (AXIS | {"label": "height of the tool above touch [µm]"}, AXIS | {"label": "force [nN]"})
         lines = (("approach", GREEN), ("retract", BLUE))
         series = [{"label": name, "stroke": colour, "width": 2} for name, colour in lines]
         nothing = (np.arange(2.0), np.full(2, np.nan), np.full(2, np.nan))
         self._curve = gui.add_uplot(
-            nothing, ({"label": "height"}, *series), title="Force on the tool; attraction is negative", axes=axes,
-            scales={"x": {"time": False}}, height=220,
-        )  # fmt: skip
-        self.show()
+            nothing,
+            ({"label": "height"}, *series),
+            title="Force on the tool; attraction is negative",
+            axes=(
+                AXIS | {"label": "height of the tool above touch [µm]"},
+                AXIS | {"label": "force [nN]"},
+            ),
+            scales={"x": {"time": False}},
+            height=220,
+        )
 
     def turn(self, is_shown: bool) -> None:
         """Show or hide it."""
@@ -172,26 +201,38 @@ class Bench:
         self.show()
 
     def _moved(self, name: str, value: Any) -> None:
-        self.settings = self.settings.changed(name, value)
-        for own, handle in self._handles.items():
-            show(handle, "value", getattr(self.settings, own))
+        """Take another value of a setting; if it is refused, show the present one again.
+
+        Raises:
+            UserError: it does.
+        """
+        try:
+            self.settings = self.settings.changed(name, value)
+        finally:
+            for own, handle in self._handles.items():
+                show(handle, "value", getattr(self.settings, own))
         self.trace = None
         self._due.add("curve")
         self.show()
 
     def work(self) -> bool:
-        """Compute what is due; return whether anything was."""
+        """Compute what is due; return whether anything was. What fails is no longer due."""
         if "curve" in self._due:
             self._due.discard("curve")
-            gap, approach, retract = self.settings.curve()
-            self._curve.data = (gap, approach, retract)
+            self._curve.data = self.settings.curve()
         elif "trial" in self._due:
+            self._due.discard("trial")
             self._said.content = "Computing some 25 000 physics steps of 1 µs ..."
             settings = self.settings
-            trace = settings.trace()
-            self._due.discard("trial")
+            try:
+                trace = settings.trace()
+            except Exception:
+                self._said.content = "The trial failed."
+                raise
             if settings == self.settings:
                 self.take(trace)
+            else:
+                self._said.content = "The settings have changed meanwhile."
         else:
             return False
         return True

@@ -6,15 +6,15 @@ from dataclasses import fields, is_dataclass
 from importlib.metadata import entry_points
 from typing import Any, NamedTuple
 
-from iswarm_mj.engines.registry import ENGINES
+from iswarm_mj.engines.registry import ENGINES, OFFER
 from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.simulation.common import PER_WORLD_FIELDS
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.library import STRATEGIES, TASKS, Offer
+from iswarm_mj.strategy.library import STRATEGIES, TASKS
 from iswarm_mj.strategy.pytrees import is_static_field
 from iswarm_mj.strategy.rules import Rules
-from iswarm_mj.utils.constraints import choices, constraint_of
+from iswarm_mj.utils.constraints import Within, check, choices, constraint_of
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.errors import ConfigError, UserError
 
@@ -40,6 +40,36 @@ class Control(NamedTuple):
     """Its docstring."""
     is_live: bool = False
     """Changes at once; others wait for a reset."""
+    step: float = 0.0
+    """Least difference of values on a slider; 0 for a 200th of the range."""
+
+    def check(self, value: Any) -> Any:
+        """Return a value that somebody sent, as a value of this setting.
+
+        Args:
+            value: of any type, since it may come from anywhere.
+
+        Raises:
+            ConfigError: it is none of the choices, of another type, or out of range.
+        """
+        if self.choices:
+            is_allowed = isinstance(value, str) and value in self.choices
+            check(self.name, value, " or ".join(self.choices), is_allowed)
+            return value
+        if isinstance(self.value, bool):
+            check(self.name, value, "true or false", isinstance(value, bool))
+            return value
+
+        # JavaScript has one kind of numbers: 5 may arrive as 5.0, and 5.0 as 5.
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        limits = Within(self.low, self.high, self.unit)
+        allowed = str(limits) if math.isfinite(self.low) else "finite"
+        if isinstance(self.value, int):
+            is_whole = is_number and (isinstance(value, int) or value.is_integer())
+            check(self.name, value, f"a whole number, {allowed}", is_whole and limits.allows(value))
+            return int(value)
+        check(self.name, value, f"a number, {allowed}", is_number and limits.allows(value))
+        return float(value)
 
     @property
     def label(self) -> str:
@@ -62,30 +92,72 @@ def is_live(scenario: Scenario, name: str) -> bool:
     return False
 
 
-def controls(scenario: Scenario) -> list[Control]:
-    """Return the controls of all settings that have an effect in a scenario."""
-    engines = tuple(dict.fromkeys((*ENGINES, scenario.engine_name)))
+def controls(scenario: Scenario, start: Scenario | None = None) -> list[Control]:
+    """Return the controls of all settings that have an effect in a scenario.
+
+    Args:
+        scenario: whose values they show.
+        start: whose strategy, task and engine can be chosen, too, beside those that packages offer.
+    """
     found = [
-        Control("seed", "World", scenario.seed, 0, 2**32 - 2, text=field_docs(RunSettings)["seed"]),
-        Control("task", "World", scenario.named(TASKS), choices=_offers(TASKS, scenario), text="What the robots do."),
-        Control("strategy", "World", scenario.named(STRATEGIES), choices=_offers(STRATEGIES, scenario), text="How."),
-        Control("robots", "World", scenario.n_robots, 1, 200_000, text="Number of robots."),
-        Control("engine", "World", scenario.engine_name, choices=engines, text="Physics engine."),
+        Control(
+            name="seed",
+            group="World",
+            value=scenario.seed,
+            low=0,
+            high=2**32 - 2,
+            text=field_docs(RunSettings)["seed"],
+        ),
+        _choice_of_part("task", TASKS.group, scenario, start, "What the robots do."),
+        _choice_of_part("strategy", STRATEGIES.group, scenario, start, "How."),
+        Control(
+            name="robots",
+            group="World",
+            value=scenario.n_robots,
+            low=1,
+            high=200_000,
+            text="Number of robots.",
+        ),
+        _choice_of_part("engine", OFFER.group, scenario, start, "Physics engine."),
     ]
-    unused = set(getattr(scenario.task, "unused", ())) | (set() if scenario.genome else {"strategy"})
-    whose = "the strategy" if scenario.genome else type(scenario.strategy).__name__
-    parts = [("", scenario.strategy, f"Rules of {whose}")]
-    parts += [("", scenario.task, f"Task {type(scenario.task).__name__}")]
-    parts += [(f"{k}.", part, k.capitalize()) for k, part in vars(scenario.config).items() if k not in unused]
+
+    # Settings of the strategy and of the task, then those of the configuration.
+    unused: set[str] = set(getattr(scenario.task, "unused", ()))
+    if scenario.genome is None:
+        unused.add("strategy")
+    owner = "the strategy" if scenario.genome else type(scenario.strategy).__name__
+    parts = [
+        ("", scenario.strategy, f"Rules of {owner}"),
+        ("", scenario.task, f"Task {type(scenario.task).__name__}"),
+    ]
+    for group, part in vars(scenario.config).items():
+        if group not in unused:
+            parts.append((f"{group}.", part, group.capitalize()))
+
     for prefix, part, group in parts:
-        named = [(prefix + one.name, one) for one in declared(part) if prefix + one.name not in unused]
-        found += [one._replace(name=name, group=group, is_live=is_live(scenario, name)) for name, one in named]
+        for control in declared(part):
+            name = prefix + control.name
+            if name not in unused:
+                is_rule = is_live(scenario, name)
+                found.append(control._replace(name=name, group=group, is_live=is_rule))
     return found
 
 
-def _offers(offer: Offer, scenario: Scenario) -> tuple[str, ...]:
-    """Names of strategies or tasks that packages offer, and that of the scenario."""
-    return tuple(dict.fromkeys([scenario.named(offer), *sorted(p.name for p in entry_points(group=offer.group))]))
+def _choice_of_part(name: str, group: str, scenario: Scenario, start: Scenario | None, text: str) -> Control:
+    """Return the control that chooses a strategy, a task or an engine by its name.
+
+    Args:
+        name: of the part.
+        group: of entry points of installed packages.
+        scenario: that has a part of this kind.
+        start: that has another one, perhaps of a user's file.
+        text: explains the control.
+    """
+    names = [scenario.get(name)]
+    if start is not None:
+        names.append(start.get(name))
+    names += ENGINES if name == "engine" else sorted(point.name for point in entry_points(group=group))
+    return Control(name=name, group="World", value=names[0], choices=tuple(dict.fromkeys(names)), text=text)
 
 
 def declared(given: Any) -> Iterator[Control]:

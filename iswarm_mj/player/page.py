@@ -5,6 +5,7 @@ import math
 import threading
 import time
 from contextlib import redirect_stdout
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,8 @@ _NARROW = """<style>@media (max-width: 36em) {
 #root [style*="20em"] { width: 100% !important; }
 }</style>"""
 """In a narrow window the panel lies beneath the arena, and not on it."""
+MOST_MESSAGES = 3
+"""Errors that are shown at a time at most, the latest ones."""
 FRAME_S, PANEL_S = 1 / 25, 0.3
 """Between two drawings of the swarm, and of the panel [s]."""
 CLOSE_S = 2.0
@@ -105,13 +108,18 @@ class Page:
             thread.start()
 
     def _loop(self, work: Any) -> None:
-        try:
-            while not self._stop.is_set():
+        """Work until the page ends; what the work raises is shown, and does not end the page."""
+        while not self._stop.is_set():
+            try:
                 if not work():
                     time.sleep(0.005)
-        except BaseException as error:
-            self._error = error
-            self._stop.set()
+            except (Exception, SystemExit) as error:
+                if self.session.faults.is_new(error):
+                    self.session.fail(error)
+                self._stop.wait(FRAME_S)
+            except BaseException as error:
+                self._error = error
+                self._stop.set()
 
     def wait(self) -> None:
         """Serve until an exception, such as that of Ctrl-C, then close; raise what ended the simulation."""
@@ -150,32 +158,64 @@ class Page:
         return False
 
     def _draw(self, now: float, elapsed: float) -> None:
+        """Draw what is due, each part on its own: where one fails, the others go on.
+
+        Args:
+            now: time [s].
+            elapsed: since the last drawing [s].
+        """
+        parts = [self._begin_view, partial(self._draw_swarm, elapsed), self._show_messages]
+        if self._panel.bench.root.visible:
+            parts.append(self._panel.bench.show)
+        if now - self._panel_at > PANEL_S:
+            self._panel_at = now
+            parts.append(self._panel.update)
+        for part in parts:
+            try:
+                part()
+            except Exception as error:
+                # It may fail at each drawing: it is shown once, and does not pause the run.
+                if self.session.faults.is_new(error):
+                    self.session.messages.put(self.session.faults.report(error))
+
+    def _begin_view(self) -> None:
+        """Make a new view after a reset."""
+        session, before = self.session, self._panel.view
+        if session.version == self._version:
+            return
+        self._version = session.version
+        session.shown = 0.0
+        view = SwarmView(self._server.scene, session.scene)
+        view.by = before.by
+        view.shows = before.shows
+        view.root.visible = not self._panel.bench.root.visible
+        self._panel.view = view
+        self._panel.rebuild()
+
+    def _draw_swarm(self, elapsed: float) -> None:
+        """Draw the swarm between two control steps, some seconds after the last drawing."""
         session = self.session
-        if session.version != self._version:
-            self._version = session.version
-            before, view = self._panel.view, SwarmView(self._server.scene, session.scene)
-            view.by, view.shows, view.root.visible = before.by, before.shows, not self._panel.bench.root.visible
-            self._panel.view = view
-            session.shown = 0.0
-            self._panel.rebuild()
         past = list(session.snapshots)
         latest = past[-1].step
-        speed = min(self._panel.speed, session.rate) if session.is_playing else self._panel.speed
+        speed = self._panel.speed
+        if session.is_playing:
+            speed = min(speed, session.rate)
         session.shown = min(latest, max(session.shown + elapsed * speed, latest - 3))
         past = [one for one in past if one.step < session.shown + 1]
         share = session.shown - past[-1].step + 1
         with self._server.atomic():
             self._panel.view.show([one.frames for one in past], share, past[-1].energy)
-        while not session.messages.empty():
-            text = session.messages.get()
+
+    def _show_messages(self) -> None:
+        """Show the latest errors in all browsers, each once, and the settings that they left."""
+        texts: dict[str, None] = {}
+        while not self.session.messages.empty():
+            texts[self.session.messages.get()] = None
+        for text in [*texts][-MOST_MESSAGES:]:
             for client in self._server.get_clients().values():
                 client.add_notification("Not possible", text, color="red", auto_close_seconds=10)
+        if texts:
             self._panel.synchronise()
-        if self._panel.bench.root.visible:
-            self._panel.bench.show()
-        if now - self._panel_at > PANEL_S:
-            self._panel_at = now
-            self._panel.update()
 
     def _turn_to(self, shown: str) -> None:
         """Show the swarm or the bench, and let all browsers look at it."""
@@ -202,12 +242,21 @@ class Page:
         look.aim(client.camera, self.session.scene, client.camera.aspect, self._panel.bench.root.visible)
 
     def _clicked(self, event: Any) -> None:
-        """Find the place on the robots' tops that was clicked on."""
-        origin, way = np.array(event.ray_origin), np.array(event.ray_direction)
+        """Find the place on the robots' tops that was clicked on; impossible rays hit nothing."""
+        try:
+            origin, way = np.array([event.ray_origin, event.ray_direction], float)
+            _, _, slope = way
+            x0, y0, z0 = origin
+        except (TypeError, ValueError):
+            return
+        if not (slope < 0 and self._panel.view.root.visible):
+            return
         scene = self.session.scene
         length, height = scene.length * shapes.MILLIMETRES, scene.height * shapes.MILLIMETRES
-        if way[2] < 0 and self._panel.view.root.visible:
-            x, y, _ = origin + (height / 2 - origin[2]) / way[2] * way
+        with np.errstate(over="ignore", invalid="ignore"):
+            distance = (height / 2 - z0) / slope
+            x, y = x0 + distance * way[0], y0 + distance * way[1]
+        if np.isfinite([x, y]).all():
             self._panel.clicked(float(x), float(y), 0.8 * length)
 
 

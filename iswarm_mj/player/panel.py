@@ -1,7 +1,6 @@
 """The panel beside the swarm: buttons, controls made from declared settings, plots, and a robot's memory."""
 
 import math
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +12,16 @@ from iswarm_mj.output.shapes import MILLIMETRES
 from iswarm_mj.player import scene as arrays
 from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.changes import BALL, KILL, REVIVE
-from iswarm_mj.player.controls import Control, controls
+from iswarm_mj.player.controls import Control
+from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.inspection import described
+from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.session import Session
+from iswarm_mj.player.settings_tabs import SettingsTabs
 from iswarm_mj.player.view import SwarmView
-from iswarm_mj.player.widgets import AXIS, copied, show, spots, widget
+from iswarm_mj.player.widgets import AXIS, copied, show, spots
 from iswarm_mj.strategy.library import STRATEGIES, TASKS
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.obstacles import Obstacle, distances, numbers
 from iswarm_mj.utils.units import RD
 
@@ -30,7 +33,6 @@ SWARM, GRIPPER = "the swarm", "the gripper's bench"
 THEME = {"show_logo": False, "show_share_button": False}
 FASTEST = 60
 """Control steps a second at most."""
-_OPEN = ("Rules of", "World", "Task")
 
 
 class Panel:
@@ -52,154 +54,202 @@ class Panel:
             session: that they act on.
         """
         gui = server.gui
-        self._gui, self._session = gui, session
+        self._gui = gui
+        self._session = session
+        self._inputs = Inputs(server, refused=session.messages.put, failed=session.fail)
         self.view = SwarmView(server.scene, session.scene)
-        self.looks = gui.add_dropdown("show", (SWARM, GRIPPER))
-        self._play = gui.add_button("Play", icon="player-play", color="green")
-        self._play.on_click(lambda _: session.post(self._toggled))
-        more = gui.add_button_group("run", ("Step", "Reset"))
-        more.on_click(lambda _: session.post({"Step": self._stepped, "Reset": session.reset}[more.value]))
-        speed = gui.add_slider("speed [steps/s]", 1, FASTEST, 1, 10)
-        self.speed = float(speed.value)
-        speed.on_update(lambda _: setattr(self, "speed", float(speed.value)))
-        self._status = gui.add_markdown("")
+        self.click = SELECT
+        self._ways = (arrays.STATE,)
+        self._shown: tuple[Any, ...] = ()
+        self._plots: dict[str, Any] = {}
+
+        self._add_run_controls()
         tabs = gui.add_tab_group()
         with tabs.add_tab("Watch"):
-            self._watch()
-        self._rules, self._world = tabs.add_tab("Rules"), tabs.add_tab("World")
-        for tab, text in ((self._rules, "These settings change at once."), (self._world, "These wait for **Reset**.")):
-            with tab:
-                gui.add_markdown(text)
+            self._add_watch_tab()
+        rules, world = tabs.add_tab("Rules"), tabs.add_tab("World")
+        with rules:
+            gui.add_markdown("These settings change at once.")
+        with world:
+            gui.add_markdown("These wait for **Reset**.")
+        self._settings = SettingsTabs(gui, self._inputs, session, rules, world)
+        self._compared = (session.wanted, session.now)
+        self._chosen = _chosen(session.wanted)
+        self._pending: list[str] = []
         with tabs.add_tab("Robot"):
             self._robot = gui.add_markdown("Click on a robot: here it shows what it knows, hears and says.")
         with tabs.add_tab("Gripper"):
-            self.bench = Bench(server, session.scene.arena_size * MILLIMETRES / 6)
+            self.bench = Bench(server, self._inputs, session.scene.arena_size * MILLIMETRES / 6)
         with tabs.add_tab("Share"):
-            self._share()
-        self._handles: dict[str, Any] = {}
-        self._layout: list[str] = []
-        self._shown: tuple[Any, ...] = ()
-        self._plots: dict[str, Any] = {}
-        self._compared, self._pending = (session.wanted, session.now), []
-        self.click = SELECT
+            self._add_share_tab()
 
-    def _toggled(self) -> None:
-        self._session.is_playing = not self._session.is_playing
+    def _add_run_controls(self) -> None:
+        """Add what stands above the tabs."""
+        session = self._session
+        self.looks = self._inputs.add(_choice("show", (SWARM, GRIPPER)))
 
-    def _stepped(self) -> None:
-        self._session.is_playing = False
-        self._session.advance()
+        def toggle() -> None:
+            session.is_playing = not session.is_playing
 
-    def _watch(self) -> None:
-        """What is drawn, its legend, and the plots."""
-        gui = self._gui
-        self._by = gui.add_dropdown("colour by", (arrays.STATE,))
-        self._by.on_update(lambda _: setattr(self.view, "by", self._by.value))
-        self._draws = gui.add_button_group("draw", ("links", "trails"))
-        self._draws.on_click(lambda _: self.view.toggle(self._draws.value))
-        click = gui.add_dropdown("a click can", (SELECT, DROP, LIFE, REMOVE, BUILD))
-        click.on_update(lambda _: setattr(self, "click", click.value))
-        dark = gui.add_checkbox("dark page", False)
-        dark.on_update(lambda _: gui.configure_theme(dark_mode=dark.value, **THEME))
+        def step() -> None:
+            session.is_playing = False
+            session.advance()
+
+        self._play = self._inputs.add_button("Play", lambda _: session.post(toggle), icon="player-play", color="green")
+        acts = {"Step": step, "Reset": session.reset}
+        self._inputs.add_buttons(_choice("run", tuple(acts)), lambda name: session.post(acts[name]))
+
+        speed = Control("speed", "", 10, low=1, high=FASTEST, unit="steps/s")
+        self.speed = float(speed.value)
+        self._inputs.add(speed, lambda value: setattr(self, "speed", float(value)))
+        self._status = self._gui.add_markdown("")
+
+    def _add_watch_tab(self) -> None:
+        """Add what is drawn, its legend, and the plots."""
+        gui, inputs = self._gui, self._inputs
+        self._colour = inputs.add(_choice("colour by", (arrays.STATE,)), lambda value: setattr(self.view, "by", value))
+        self._draws = inputs.add_buttons(_choice("draw", ("links", "trails")), lambda name: self.view.toggle(name))
+        inputs.add(
+            _choice("a click can", (SELECT, DROP, LIFE, REMOVE, BUILD)),
+            lambda value: setattr(self, "click", value),
+        )
+        inputs.add(
+            Control("dark page", "", False),
+            lambda value: gui.configure_theme(dark_mode=value, **THEME),
+        )
         self._legend = gui.add_html("")
         self._graphs = gui.add_folder("Plots over control steps")
 
-    def _share(self) -> None:
+    def _add_share_tab(self) -> None:
+        """Add the command, the file and the recording."""
         gui, session = self._gui, self._session
-        gui.add_markdown("This command repeats the run so far, bit by bit.")
+        self._repeats = gui.add_markdown("")
         self._command = gui.add_html("")
-        gui.add_button("Save as TOML", icon="download").on_click(
-            lambda event: event.client and event.client.send_file_download("play.toml", session.toml().encode())
-        )
-        record = gui.add_checkbox("record for Rerun", False)
-        place = gui.add_markdown("")
 
-        def recorded() -> None:
-            if record.value:
-                place.content = f"Recording to `{session.start_recording()}`."
-            else:
+        def download(client: Any) -> None:
+            client.send_file_download("play.toml", session.toml().encode())
+
+        self._inputs.add_button("Save as TOML", download, icon="download")
+
+        def record(is_wanted: bool) -> None:
+            if not is_wanted:
                 session.stop_recording()
                 place.content += " Saved; open it with `rerun`."
+                return
+            try:
+                place.content = f"Recording to `{session.start_recording()}`."
+            except Exception:
+                is_recorded.value = False
+                raise
 
-        record.on_update(lambda _: session.post(recorded))
+        is_recorded = self._inputs.add(
+            Control("record for Rerun", "", False),
+            lambda value: session.post(lambda: record(value)),
+        )
+        place = gui.add_markdown("")
 
     def rebuild(self) -> None:
         """Show the controls, the ways to colour and the plots of the present run."""
         session, view = self._session, self.view
-        wanted = controls(session.wanted)
-        layout = [control.name for control in wanted]
-        if layout != self._layout:
-            for handle in self._handles.values():
-                handle.remove()
-            self._layout, self._handles, folders = layout, {}, {}
-            for control in wanted:
-                is_rule = control.is_live
-                key = (is_rule, control.group)
-                if key not in folders:
-                    with self._rules if is_rule else self._world:
-                        is_open = control.group.startswith(_OPEN)
-                        folders[key] = self._gui.add_folder(control.group, expand_by_default=is_open)
-                        self._handles[f"/{key}"] = folders[key]
-                with folders[key]:
-                    self._handles[control.name] = widget(self._gui, control, partial(self._moved, control))
-        self.synchronise()
+        self._settings.rebuild()
+        self._settings.synchronise()
         snapshot = session.snapshots[-1]
-        self._by.options = tuple(arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy))
-        view.by = self._by.value
-        self._draws.options = ("links", "trails", *view.vectors)
-        if self._plots.keys() - session.lines.keys():  # of another task; viser keeps each removal for ever
+        self._ways = tuple(arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy))
+        self._inputs.offer(self._colour, self._ways)
+        view.by = self._colour.value
+        self._inputs.offer(self._draws, ("links", "trails", *view.vectors))
+
+        # Plots of another task; viser keeps each removal for ever.
+        if self._plots.keys() - session.lines.keys():
             for plot in self._plots.values():
                 plot.remove()
             self._plots = {}
 
     def synchronise(self) -> None:
         """Show the values of the present settings."""
-        for control in controls(self._session.wanted):
-            handle = self._handles.get(control.name)
-            if handle is not None and handle.value != control.value:
-                handle.value = control.value
-
-    def _moved(self, control: Control, value: Any) -> None:
-        self._session.post(lambda: self._session.set(control.name, type(control.value)(value)))
+        self._settings.synchronise()
 
     def clicked(self, x: float, y: float, radius: float) -> None:
         """Act on a click on the floor at a place [mm]; robots nearer than a radius are meant."""
-        session, view = self._session, self.view
-        pose = session.snapshots[-1].frames.pose[0, :, :2] * 1e3
-        distance = np.linalg.norm(pose - np.array([x, y]), axis=-1)
-        robot = int(distance.argmin())
-        is_hit = distance[robot] <= radius
-        acts = {
-            DROP: lambda: session.change(BALL, f"{x / RD:.3f},{y / RD:.3f}"),
-            BUILD: lambda: session.set("arena.obstacles", _built(session.wanted.config.arena, x / RD, y / RD)),
-        }
+        session = self._session
+        with session.lock:  # no reset comes between the robots and the view
+            positions = session.snapshots[-1].frames.pose[0, :, :2] * 1e3
+            distance = np.linalg.norm(positions - np.array([x, y]), axis=-1)
+            robot = int(distance.argmin())
+            is_hit = distance[robot] <= radius
+            if self.click == SELECT:
+                self.view.selected = robot if is_hit else None
+
+        def drop() -> None:
+            session.change(BALL, f"{x / RD:.3f},{y / RD:.3f}")
+
+        def build() -> None:
+            arena = session.wanted.config.arena
+            session.want("arena.obstacles", _built(arena, x / RD, y / RD))
+
+        def kill_or_revive() -> None:
+            is_dead = robot < len(session.is_alive) and not session.is_alive[robot]
+            session.change(REVIVE if is_dead else KILL, str(robot))
+
+        def remove() -> None:
+            session.want("robots", max(1, session.wanted.n_robots - 1))
+            self.synchronise()
+
+        acts = {DROP: drop, BUILD: build}
         if is_hit:
-            acts[LIFE] = lambda: session.change(KILL if session.is_alive[robot] else REVIVE, str(robot))
-            acts[REMOVE] = lambda: session.set("robots", session.wanted.n_robots - 1)
+            acts |= {LIFE: kill_or_revive, REMOVE: remove}
         if self.click in acts:
             session.post(acts[self.click])
-        else:
-            view.selected = robot if is_hit else None
 
     def update(self) -> None:
         """Show the state of the session; a few times a second."""
         session, view = self._session, self.view
-        snapshot = session.snapshots[-1]
-        label, icon, colour = (
-            ("Pause", "player-pause", "orange") if session.is_playing else ("Play", "player-play", "green")
-        )
+        settings = (session.wanted, session.now)
+        if any(one is not other for one, other in zip(settings, self._compared, strict=True)):
+            self._compared = settings
+            self._take_settings(session.wanted)
+
+        label, icon, colour = "Play", "player-play", "green"
+        if session.is_playing:
+            label, icon, colour = "Pause", "player-pause", "orange"
         if self._play.label != label:
             self._play.label, self._play.icon, self._play.color = label, icon, colour
-        if (settings := (session.wanted, session.now)) != self._compared:
-            self._compared = settings
-            now = {control.name: control.value for control in controls(session.now)}
-            wanted = controls(session.wanted)
-            self._pending = [control.label for control in wanted if control.value != now.get(control.name)]
-            obstacles = session.wanted.config.arena.obstacles
-            self._pending += ["obstacles"] * (obstacles != session.now.config.arena.obstacles)
-            view.wish(obstacles if "obstacles" in self._pending else ())
+        show(self._status, "content", self._describe_run())
+        if view.by not in self._ways:  # chosen while another task came
+            view.by = self._ways[0]
+            show(self._colour, "value", view.by)
+        legend = arrays.legend(session.scene, view.by, session.is_alive)
+        show(self._legend, "content", spots(legend))
+        self._show_command()
+        if view.selected is not None:
+            snapshot = session.snapshots[-1]
+            memory = snapshot.record.swarm.memory
+            text = described(session.scene, snapshot.frames, memory, view.selected)
+            show(self._robot, "content", text)
+        key = (session.version, session.step)
+        if key != self._shown:
+            self._shown = key
+            self._draw_plots()
+
+    def _take_settings(self, wanted: Scenario) -> None:
+        """Show the inputs of changed settings, and what waits for a reset."""
+        self._settings.rebuild()
+        chosen = _chosen(wanted)
+        if chosen != self._chosen:
+            # Another strategy brings its own values. Otherwise inputs show what browsers sent,
+            # which the session may not have taken yet: a slider would jump back while it is moved.
+            self._chosen = chosen
+            self._settings.synchronise()
+        self._pending = self._session.pending
+        is_built = "obstacles" in self._pending
+        self.view.wish(wanted.config.arena.obstacles if is_built else ())
+
+    def _describe_run(self) -> str:
+        """Return what the run is and what it waits for, in Markdown."""
+        session = self._session
         names = [Path(session.now.named(offer)).name for offer in (TASKS, STRATEGIES)]
-        lines = [f"**step {session.step}** · {session.run.settings.n_robots} robots · {', '.join(names)}"]
+        n_robots = session.run.settings.n_robots
+        lines = [f"**step {session.step}** · {n_robots} robots · {', '.join(names)}"]
         if session.is_busy and math.isinf(session.rate):
             lines.append("Preparing the first control step, which is compiled once for each number of robots.")
         elif math.isfinite(session.rate):
@@ -208,18 +258,18 @@ class Panel:
             lines.append("Nothing is left to do.")
         if self._pending:
             lines.append(f"**Reset** applies: {', '.join(self._pending)}.")
-        show(self._status, "content", "\n\n".join(lines))
-        show(self._legend, "content", spots(arrays.legend(session.scene, view.by, session.is_alive)))
-        show(self._command, "content", copied(session.command()))
-        if view.selected is not None:
-            show(
-                self._robot,
-                "content",
-                described(session.scene, snapshot.frames, snapshot.record.swarm.memory, view.selected),
-            )
-        if (key := (session.version, session.step)) != self._shown:
-            self._shown = key
-            self._draw_plots()
+        return "\n\n".join(lines)
+
+    def _show_command(self) -> None:
+        """Show the command that repeats the run, or why there is none."""
+        try:
+            command = copied(self._session.command())
+            text = "This command repeats the run so far, bit by bit."
+        except UserError as error:
+            command = ""
+            text = f"No command repeats the run: {error}."
+        show(self._repeats, "content", text)
+        show(self._command, "content", command)
 
     def _draw_plots(self) -> None:
         lines = {name: list(values) for name, values in self._session.lines.items()}
@@ -240,6 +290,16 @@ class Panel:
                         axes=(AXIS, AXIS),
                         height=130,
                     )
+
+
+def _chosen(scenario: Scenario) -> tuple[str, ...]:
+    """Return the names of strategy, task and engine."""
+    return scenario.get("strategy"), scenario.get("task"), scenario.get("engine")
+
+
+def _choice(name: str, choices: tuple[str, ...]) -> Control:
+    """Return a control that is no setting of a run: a choice of words, at first the first one."""
+    return Control(name, "", value=choices[0], choices=choices)
 
 
 def _built(arena: ArenaConfig, x: float, y: float) -> tuple[Obstacle, ...]:

@@ -12,6 +12,7 @@ from statistics import median
 from threading import Lock
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from iswarm_mj.output.frames import RecordedWorld
@@ -19,8 +20,9 @@ from iswarm_mj.output.schema import ARRAYS, Frames
 from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import METRIC
 from iswarm_mj.player.changes import EDITS, Change, edit
-from iswarm_mj.player.controls import is_live, parsed
-from iswarm_mj.player.scenario import Scenario, command_line, toml
+from iswarm_mj.player.controls import Control, controls, is_live, parsed
+from iswarm_mj.player.faults import Faults
+from iswarm_mj.player.scenario import Scenario, command_line, is_same, toml
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.recorder import Recorder
@@ -67,7 +69,8 @@ class Session:
         lines: numbers after each step by the names of metrics, and `step`.
         version: counts resets.
         messages: one-line errors for whoever plays.
-        rate: control steps a second that could be computed.
+        rate: control steps a second that could be computed; infinite until two were.
+        faults: exceptions that were shown.
         lock: held while another run takes the place of the present one, and by whoever draws.
     """
 
@@ -82,7 +85,7 @@ class Session:
         Raises:
             UserError: settings or changes that do not fit each other.
         """
-        changed = scenario
+        self._first = changed = scenario
         for change in changes:
             if change.what not in EDITS:
                 changed = changed.set(change.what, parsed(changed, change.what, change.value))
@@ -93,14 +96,17 @@ class Session:
         self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._recorder: Recorder | None = None
         self._recording = Lock()
+        self.faults = Faults()
         self._begin(scenario)
         for change in self.waiting:
             if change.what in EDITS:
                 edit(self.run, change)  # which refuses what cannot be
 
     def _begin(self, scenario: Scenario) -> None:
+        """Begin another run; where that fails, all stays as it was."""
         run = scenario.run()
         world = RecordedWorld.of(run, 0)
+        frames = world.frames([run.start])
         with self.lock:
             self.start = self.now = self.wanted = scenario
             self.made: list[Change] = []
@@ -109,7 +115,8 @@ class Session:
             self.lines: dict[str, deque[float]] = {}
             self.version += 1
             self._laps: deque[float] = deque(maxlen=9)
-            self._seen(run.start)
+            self.faults.forget()
+            self._append(frames, run.start)
 
     @property
     def scene(self) -> Any:
@@ -131,31 +138,49 @@ class Session:
         self._posted.put(call)
 
     def work(self) -> bool:
-        """Do what was posted, then take a control step if one is due; return whether there was anything to do."""
+        """Do what was posted, then take a control step if one is due; return whether anything was.
+
+        What goes wrong is shown to whoever plays, and pauses the run.
+        """
         worked = False
         while True:
             try:
                 call = self._posted.get_nowait()
             except Empty:
                 break
-            self._guarded(call)
+            self._succeeds(call)
             worked = True
-        if not self.step and self.wanted != self.start:  # nothing has happened yet
-            self._guarded(self.reset)
+
+        # Nothing has happened yet: settings need not wait for a reset.
+        if not self.step and not is_same(self.wanted, self.start):
+            self._succeeds(self.reset)
+
         self.is_playing &= not self.run.is_over
         if self.is_playing and self.step - self.shown < AHEAD:
-            self._guarded(self.advance)
+            if not self._succeeds(self.advance):
+                self.is_playing = False
             worked = True
         return worked
 
-    def _guarded(self, call: Callable[[], None]) -> None:
+    def _succeeds(self, call: Callable[[], None]) -> bool:
+        """Call something; return whether it raised no exception, which whoever plays would see."""
         self.is_busy = True
         try:
             call()
         except UserError as error:
             self.messages.put(str(error))
+        except (Exception, SystemExit) as error:
+            self.fail(error)
+        else:
+            return True
         finally:
             self.is_busy = False
+        return False
+
+    def fail(self, error: BaseException) -> None:
+        """Pause, and show an exception to whoever plays; the next reset begins anew."""
+        self.is_playing = False
+        self.messages.put(self.faults.report(error))
 
     def advance(self) -> None:
         """Take a control step, unless nothing is left to do."""
@@ -170,7 +195,7 @@ class Session:
             self._laps.append(took)
             self.rate = 1 / median(self._laps)
         assert record is not None  # world 0 is recorded
-        self._seen(record)
+        self._append(self.world.frames([record]), record)
         with self._recording:
             if self._recorder is not None:
                 self._recorder.add(record)
@@ -185,18 +210,65 @@ class Session:
         """
         self.stop_recording()
         wanted, self.wanted = self.wanted, self.now
+        self.rate = math.inf
+        is_other_program = not is_same(replace(wanted, seed=self.now.seed), self.now)
+        if self.step and is_other_program:
+            # JAX keeps each program for ever, 50 MB for each number of robots; the
+            # cache on disk still has those that come back.
+            jax.clear_caches()
         self._begin(wanted)
         self.waiting = []
 
+    def controls(self) -> list[Control]:
+        """Return the controls of the page: rules of what runs, then settings of what waits.
+
+        A rule that both have is one of what runs, and `change` carries it into what waits. Only
+        names of controls are unique among the live ones, and among the others.
+        """
+        now, wanted = self.now, self.wanted  # which another thread replaces
+        rules = [control for control in controls(now, self._first) if control.is_live]
+        carried = {rule.name for rule in rules if wanted.shares(rule.name, now)}
+        waiting = [one for one in controls(wanted, self._first) if one.name not in carried]
+        return rules + [control._replace(is_live=False) for control in waiting]
+
+    @property
+    def pending(self) -> list[str]:
+        """Labels of what the next reset changes."""
+        now, wanted = self.now, self.wanted  # which another thread replaces
+        present = {control.name: control.value for control in controls(now)}
+        labels = []
+        for control in controls(wanted):
+            is_changed = not is_same(control.value, present.get(control.name))
+            if is_changed and wanted.shares(control.name, now):  # not all of another strategy's
+                labels.append(control.label)
+        if wanted.config.arena.obstacles != now.config.arena.obstacles:
+            labels.append("obstacles")
+        return labels
+
     def set(self, name: str, value: Any) -> None:
-        """Change a setting, at once where that is possible, else from the next reset on.
+        """Change a setting of what runs at once if possible, else from the next reset on.
 
         Raises:
-            UserError: it is out of range, or contradicts another one.
+            UserError: there is none, it is out of range, or it contradicts another one.
         """
-        self.wanted = self.wanted.set(name, value)
         if self.step and is_live(self.now, name):
             self.change(name, str(value).lower() if isinstance(value, bool) else str(value))
+        else:
+            self.want(name, value)
+
+    def want(self, name: str, value: Any) -> None:
+        """Change a setting of what waits for the next reset.
+
+        The name of the first strategy, task or engine stands for the very object, which may be of a
+        file that has changed, or of none.
+
+        Raises:
+            UserError: there is none, it is out of range, or it contradicts another one.
+        """
+        if name in ("strategy", "task", "engine") and value == self._first.get(name):
+            self.wanted = self.wanted.with_part(name, self._first)
+        else:
+            self.wanted = self.wanted.set(name, value)
 
     def change(self, what: str, value: str) -> None:
         """Change a setting that may change while the run goes on, a robot or a ball; see `Change`."""
@@ -206,18 +278,24 @@ class Session:
             last, alive = self.snapshots[-1], np.asarray(self.run.arrays()[1].swarm.is_alive)
             self.snapshots[-1] = last._replace(frames=replace(last.frames, is_alive=alive[:1]))
         else:
-            now = self.now.set(what, parsed(self.now, what, value))
-            task = now.task if now.task != self.now.task else None
-            self.run.change(now.config, now.strategy, task)
-            if task is not None:
-                self.world = RecordedWorld.of(self.run, 0)
-            self.now, self.wanted = now, self.wanted.set(what, now.get(what))
+            self._change_setting(what, value)
             self.made = [one for one in self.made if one[:2] != change[:2]]
         self.made.append(change)
 
-    def _seen(self, record: StepRecord) -> None:
-        """Take in what a control step looks like."""
-        frames = self.world.frames([record])
+    def _change_setting(self, name: str, text: str) -> None:
+        """Change a setting of the run, and of what waits if that has it, too; both or none."""
+        now = self.now.set(name, parsed(self.now, name, text))
+        wanted = self.wanted
+        if wanted.shares(name, now):
+            wanted = wanted.set(name, now.get(name))
+        task = None if is_same(now.task, self.now.task) else now.task
+        self.run.change(now.config, now.strategy, task)
+        if task is not None:
+            self.world = RecordedWorld.of(self.run, 0)
+        self.now, self.wanted = now, wanted
+
+    def _append(self, frames: Frames, record: StepRecord) -> None:
+        """Keep what the latest control step looks like."""
         self.snapshots.append(Snapshot(frames, record))
         arrays = frames.arrays()
         for name in ("step", *getattr(self.run.task, "measured", {}), "collisions", "mean_speed"):
@@ -225,16 +303,30 @@ class Session:
             line.append(float(arrays[name if name in ARRAYS else METRIC + name][0]))
 
     def values(self) -> dict[str, Any]:
-        """Return the settings and changes that reproduce the run so far, by the names of flags."""
+        """Return the settings and changes that reproduce the run so far, by the names of flags.
+
+        Raises:
+            UserError: no flag can state one of them.
+        """
         own = self.start.values()
-        return own | ({"changes": tuple(map(str, self.made))} if self.made else {"steps": max(1, self.step)})
+        if self.made:
+            return own | {"changes": tuple(map(str, self.made))}
+        return own | {"steps": max(1, self.step)}
 
     def command(self) -> str:
-        """Return a command that reproduces the run so far: `iswarm run`, or `iswarm play` where something changed."""
+        """Return a command that reproduces the run so far: `iswarm run`, or `iswarm play` where something changed.
+
+        Raises:
+            UserError: no flag can state one of its settings.
+        """
         return command_line("play" if self.made else "run", self.values())
 
     def toml(self) -> str:
-        """Return a file for --config of that command."""
+        """Return a file for --config of that command.
+
+        Raises:
+            UserError: no key can state one of its settings.
+        """
         return f"# iswarm {'play' if self.made else 'run'} --config FILE\n{toml(self.values())}"
 
     def start_recording(self) -> Path:
@@ -248,8 +340,11 @@ class Session:
         return path
 
     def stop_recording(self) -> None:
-        """Complete the file; any thread may do so, also while a control step is computed."""
+        """Complete the file; any thread may do so, also while a control step is computed.
+
+        Where that fails, it is not tried again.
+        """
         with self._recording:
-            if self._recorder is not None:
-                self._recorder.save()
-            self._recorder = None
+            recorder, self._recorder = self._recorder, None
+            if recorder is not None:
+                recorder.save()

@@ -2,7 +2,6 @@
 
 import html
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -17,28 +16,27 @@ _WIDEST = 400.0
 """Range that a slider can show."""
 
 
-def widget(gui: Any, control: Control, moved: Callable[[Any], None]) -> Any:
+def widget(gui: Any, control: Control) -> Any:
     """Return an input for a control: a choice, a box to tick, a slider, or a number where the range is wide.
 
     Args:
         gui: of a viser server.
         control: a setting.
-        moved: called with the new value when somebody changes it in a browser.
     """
-    value, hint = control.value, control.text or None
+    label, value, hint = control.label, control.value, control.text or None
     if control.choices:
-        handle = gui.add_dropdown(control.label, control.choices, initial_value=value, hint=hint)
-    elif isinstance(value, bool):
-        handle = gui.add_checkbox(control.label, value, hint=hint)
-    elif control.high - control.low <= _WIDEST:
-        step = 1 if isinstance(value, int) else (control.high - control.low) / 200
-        handle = gui.add_slider(control.label, control.low, control.high, step, value, hint=hint)
-    else:
-        low, high = (None if math.isinf(end) else end for end in (control.low, control.high))
-        step = 1 if isinstance(value, int) else 10.0 ** math.floor(math.log10(abs(value) or 1.0) - 1)
-        handle = gui.add_number(control.label, value, min=low, max=high, step=step, hint=hint)
-    handle.on_update(lambda event: moved(handle.value) if event.client is not None else None)
-    return handle
+        return gui.add_dropdown(label, control.choices, initial_value=value, hint=hint)
+    if isinstance(value, bool):
+        return gui.add_checkbox(label, value, hint=hint)
+
+    is_whole = isinstance(value, int)
+    if control.high - control.low <= _WIDEST:
+        step = control.step or (1 if is_whole else (control.high - control.low) / 200)
+        return gui.add_slider(label, control.low, control.high, step, value, hint=hint)
+    low = None if math.isinf(control.low) else control.low
+    high = None if math.isinf(control.high) else control.high
+    step = 1 if is_whole else 10.0 ** math.floor(math.log10(abs(value) or 1.0) - 1)
+    return gui.add_number(label, value, min=low, max=high, step=step, hint=hint)
 
 
 def show(handle: Any, name: str, value: Any) -> None:

@@ -1,6 +1,7 @@
 """The page without a browser: where it listens, what it draws, what a click does; replays; the bench."""
 
 import base64
+import itertools
 import re
 import time
 from dataclasses import replace
@@ -21,7 +22,9 @@ from iswarm_mj.config import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.gripper.bench.force_curve import force_curve
 from iswarm_mj.gripper.bench.protocol import Protocol
+from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
 from iswarm_mj.gripper.laws.detachment import WORK_TOOL_OBJECT, release_voltage
+from iswarm_mj.gripper.laws.materials import MATERIALS
 from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.palette import GREEN, ORANGE, rgb
 from iswarm_mj.output.saved import load, scene_of
@@ -203,6 +206,97 @@ def test_a_replay_of_arrays_that_do_not_fit(run, changed, tmp_path):
     with pytest.raises(UserError, match="the recorded arrays do not fit each other"):
         write_replay(odd, Film(2, 10), tmp_path / "page.html")
     assert not list(tmp_path.iterdir())
+
+
+def test_all_materials_can_touch():
+    """Works of adhesion follow from the materials; the weakest pair's trial is that of its law."""
+    weakest = BenchSettings()
+    for ball, tool, plate in itertools.product(MATERIALS, repeat=3):
+        settings = BenchSettings()
+        for part, material in (("ball", ball), ("tool", tool), ("plate", plate)):
+            settings = settings.changed(f"{part}_material", material)
+        if settings.work_tool_object < weakest.work_tool_object:
+            weakest = settings
+    assert weakest.ball_material == weakest.tool_material == "polystyrene"
+    _, _, back = replace(weakest, voltage=0.0).curve()
+    pull_off = 1e9 * dmt_pull_off(15e-6, 1e-3 * weakest.work_tool_object)
+    assert -back.min() == pytest.approx(pull_off, rel=1e-6)
+
+
+def test_materials_that_contradict_each_other_leave_the_controls_as_they_were(played, monkeypatch):
+    bench = played._panel.bench
+
+    def refuse(*_):
+        raise UserError("refused")
+
+    bench._handles["tool_material"].value = "polystyrene"
+    monkeypatch.setattr(BenchSettings, "changed", refuse)
+    with pytest.raises(UserError, match="refused"):
+        bench._moved("tool_material", "polystyrene")
+    assert bench._handles["tool_material"].value == "aluminium" == bench.settings.tool_material
+
+
+def test_faults_of_drawing_and_of_the_bench_leave_the_page_alive(played, monkeypatch, capfd):
+    session, panel = played.session, played._panel
+    steps = [0]
+
+    def fail(*_):
+        steps[0] += 1
+        raise ZeroDivisionError("drawn")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(panel.view, "show", fail)
+        wait(lambda: steps[0] > 20)
+        patch.setattr(BenchSettings, "trace", lambda _: [][0])
+        panel.bench._due.add("trial")
+        wait(lambda: panel.bench._said.content == "The trial failed.")
+        session.post(session.advance)
+        wait(lambda: "**step 1**" in panel._status.content)
+    session.post(session.reset)
+    session.post(session.advance)
+    wait(lambda: session.version == 2 and session.step == 1)
+    assert played._error is None and all(thread.is_alive() for thread in played._threads)
+    printed = capfd.readouterr().err
+    assert printed.count("ZeroDivisionError: drawn") == printed.count("IndexError: list index out of range") == 1
+
+
+def test_an_interruption_ends_the_page(played):
+    def interrupt():
+        raise KeyboardInterrupt
+
+    played.session.post(interrupt)
+    wait(played._stop.is_set)
+    with pytest.raises(KeyboardInterrupt):
+        played.wait()
+
+
+@pytest.mark.parametrize(
+    ("origin", "way"),
+    [
+        ((0, 0, 90), (0, 0, float("nan"))),
+        ((float("inf"), 0, 90), (0, 0, -1)),
+        ((1e308, 0, 90), (1e308, 0, -1e-300)),
+        ((0, 0), (0, -1)),
+        ("abc", "abc"),
+        (None, None),
+        ((0, 0, 90), (0, 0, "x")),
+    ],
+)
+def test_rays_that_no_browser_sends_hit_nothing(played, origin, way):
+    played._panel.view.selected = 4
+    played._clicked(SimpleNamespace(ray_origin=origin, ray_direction=way))
+    assert played._panel.view.selected == 4
+
+
+def test_what_no_command_repeats_is_said(played, monkeypatch):
+    panel = played._panel
+
+    def refuse():
+        raise UserError("no flag can state the teams")
+
+    monkeypatch.setattr(played.session, "command", refuse)
+    wait(lambda: "no flag can state the teams" in panel._repeats.content)
+    assert not panel._command.content
 
 
 def test_the_force_curve_follows_voltage_and_humidity():

@@ -1,7 +1,9 @@
 """What is done on the page is a run: bit by bit that of `Run`, and of the command that is copied."""
 
+import math
 import re
 import shlex
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,12 +16,17 @@ from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player.changes import Change, edit
 from iswarm_mj.player.controls import controls, is_live
-from iswarm_mj.player.scenario import Scenario
+from iswarm_mj.player.faults import describe
+from iswarm_mj.player.scenario import Scenario, toml
 from iswarm_mj.player.session import Session
+from iswarm_mj.simulation.compiled_loop import _advance
+from iswarm_mj.simulation.decide import decide_packed
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1
+from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
+from iswarm_mj.tasks.foraging import Forager, Foraging
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -134,6 +141,110 @@ def test_settings_without_effect_until_reset():
     assert session.run.config.arena.size == 30
 
 
+def test_rules_of_what_runs_change_while_another_strategy_waits():
+    """They are carried into what waits where that is of the same class, and not into fields of the same name."""
+    session = steps(Session(SCENARIO), 1)
+    session.want("strategy", "forager")
+    session.set("weight_find_dump", 0.5)
+    assert session.now.genome.weight_find_dump == 0.5 and session.wanted.strategy == Forager()
+    session.want("strategy", "type2")
+    session.set("p_vector_forget", 0.625)
+    assert session.now.genome.p_vector_forget == session.wanted.genome.p_vector_forget == 0.625
+    assert session.wanted.genome == replace(PRESETS["type2"], p_vector_forget=0.625)
+    assert session.wanted.get("strategy") == "type2" and session.now.get("strategy") == "type1"
+    assert session.pending[0] == "strategy" and "p vector forget" not in session.pending
+    assert not steps(Session(replace(SCENARIO, robots=None)), 1).pending
+
+
+def test_settings_of_a_task_that_waits():
+    own = {"strategy": Forager(), "task": Foraging(), "robots": 12, "engine": PlanarSettings()}
+    session = steps(Session(Scenario(CONFIG, **own)), 1)
+    session.want("task", "cleaning")
+    before = session.wanted
+    with pytest.raises(UserError, match="Forager and Cleaning have no setting source_radius"):
+        session.want("source_radius", 3.0)
+    assert session.wanted is before
+    assert "task" in session.pending and session.now.task == Foraging()
+
+
+@pytest.mark.parametrize("name", ["nothing", "config", "strategy_name", "optics.nothing", "optics", ""])
+def test_settings_that_there_are_not(name):
+    with pytest.raises(UserError, match="have no setting"):
+        SCENARIO.set(name, 1.0)
+
+
+def test_a_fault_pauses_and_is_explained_and_reset_works(capsys, monkeypatch):
+    session = steps(Session(SCENARIO), 1)
+    with monkeypatch.context() as patch:
+        patch.setattr(session.run, "advance", lambda: 1 / 0)
+        for _ in range(2):
+            session.is_playing = True
+            assert session.work() and not session.is_playing
+            assert session.messages.get_nowait().startswith("ZeroDivisionError: division by zero")
+        assert capsys.readouterr().err.count("Traceback") == 1
+        patch.setattr(Scenario, "run", lambda _: [][0])
+        session.post(session.reset)
+        session.work()
+        assert session.messages.get_nowait().startswith("IndexError")
+        assert session.step == 1 and session.now == SCENARIO
+    session.post(session.reset)
+    session.work()
+    assert session.step == 0 and session.version == 2
+    session.is_playing = True
+    session.work()
+    assert session.step == 1 and session.messages.empty()
+
+
+def test_an_error_of_a_step_is_shown_once(monkeypatch):
+    session = Session(SCENARIO)
+
+    def refuse():
+        raise UserError("Walk.act raised ValueError")
+
+    monkeypatch.setattr(session.run, "advance", refuse)
+    session.is_playing = True
+    session.work()
+    assert not session.is_playing and not session.work()
+    assert session.messages.get_nowait() == "Walk.act raised ValueError" and session.messages.empty()
+
+
+def test_a_recording_that_cannot_be_completed_is_let_go(capsys, tmp_path):
+    session = Session(SCENARIO, out=tmp_path)
+
+    class Full:
+        def save(self):
+            raise OSError("No space left on device")
+
+    session._recorder = Full()
+    for version in (1, 2):
+        session.post(session.reset)
+        session.work()
+        assert session.version == version
+    assert session.messages.get_nowait().startswith("OSError: No space left on device")
+
+
+def test_a_fault_names_the_line_of_a_users_file(tmp_path):
+    file = tmp_path / "walk.py"
+    file.write_text("def act():\n    raise ValueError('no\\nway')\n")
+    space = {}
+    exec(compile(file.read_text(), str(file), "exec"), space)
+    with pytest.raises(ValueError, match="no") as caught:
+        space["act"]()
+    assert describe(caught.value).startswith(f"ValueError: no ({file}, line 2);")
+
+
+def test_programs_of_earlier_sizes_are_let_go():
+    session = Session(SCENARIO)
+    for robots in (7, 8, 9, 10):
+        session.want("robots", robots)
+        session.reset()
+        steps(session, 2)
+        assert math.isfinite(session.rate)
+    assert decide_packed._cache_size() + _advance._cache_size() <= 2
+    session.reset()
+    assert math.isinf(session.rate)
+
+
 def test_a_dead_robot_stays_where_it_is():
     session = steps(Session(SCENARIO), 1)
     session.change("kill", "1")
@@ -225,6 +336,63 @@ def test_switches_of_a_genome_are_copied():
     scenario = replace(SCENARIO, strategy=replace(own, density_of_robots=0.2))
     command = parse(["play", *shlex.split(Session(scenario).command())[2:-2]])
     assert command.session().start.genome == own
+
+
+TEAMS = ["play", "--strategy", "type1=0.5", "type2=0.5", "--robots=10", "--engine=planar", "--arena.size=24"]
+TEAMS += ["--arena.n-dust=12", "--arena.dust-area-offset=7"]
+
+
+CHANGED = ["--changes", "2:kill=3", "3:optics.error_in_communication=0.25"]
+
+
+@pytest.mark.parametrize("own", [[], ["--type1.p-vector-forget=0.9"], CHANGED])
+def test_what_is_copied_of_teams_repeats_them(own, tmp_path):
+    session = steps(parse([*TEAMS, *own]).session(), 5)
+    assert_copies_repeat(session, tmp_path / "play.toml")
+
+
+def test_teams_of_python_are_copied_if_flags_can_state_them(tmp_path):
+    def scenario(**teams):
+        return replace(SCENARIO, strategy=Teams(teams), robots=10)
+
+    own = replace(PRESETS["type2"], weight_find_dust=0.125)
+    session = steps(Session(scenario(type1=(0.5, TYPE1), type2=(0.5, own))), 2)
+    assert "--strategy type1=0.5 type2=0.5" in session.command()
+    assert "--type2.weight-find-dust 0.125" in session.command()
+    assert_copies_repeat(session, tmp_path / "play.toml")
+    for teams in ({"red": (0.5, TYPE1), "blue": (0.5, own)}, {"type1": (0.5, own), "red": (0.5, own)}):
+        with pytest.raises(UserError, match="no flag can state the names and shares of the teams"):
+            Session(scenario(**teams)).command()
+
+
+def test_a_class_of_no_file_is_not_copied():
+    own = type("Own", (Beeclust,), {"__module__": "nowhere"})
+    with pytest.raises(UserError, match="no command can name Own"):
+        Scenario(strategy=own(), task=Aggregation()).values()
+
+
+ODD = ["🤖.py:Walk", 'a"b', "a\\b", "a\nb\tc\x00\x1f\x7f\x80", "ä é ß", "'", "=", "# no comment", "\\u0041", " "]
+
+
+@pytest.mark.parametrize("text", ODD)
+def test_files_hold_any_text(text):
+    values = {"strategy": text, "optics.größe": (1.5, text), "is": True, "n": 3, "x": 1e-300}
+    found = tomllib.loads(toml(values).encode().decode())
+    assert found == {"strategy": text, "optics": {"größe": [1.5, text]}, "is": True, "n": 3, "x": 1e-300}
+
+
+def test_files_hold_no_text_that_is_not_utf_8():
+    with pytest.raises(UserError, match="no TOML can hold"):
+        toml({"strategy": "\udcff.py:Walk"})
+
+
+def test_a_strategy_of_an_odd_file_is_repeated(tmp_path):
+    file = tmp_path / "🤖 'a\\b\x7f.py"
+    file.write_text("from iswarm_mj.tasks.aggregation import Beeclust\n\n\nclass Walk(Beeclust):\n    pass\n")
+    session = parse(
+        ["play", "--task=aggregation", f"--strategy={file}:Walk", "--robots=8", "--engine=planar"]
+    ).session()
+    assert_copies_repeat(steps(session, 1), tmp_path / "play.toml")
 
 
 def test_earlier_changes_of_a_setting_are_kept():

@@ -1,0 +1,99 @@
+"""The tabs Rules and World: an input for each setting of the run, in folders."""
+
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from iswarm_mj.player.controls import Control
+from iswarm_mj.player.inputs import Inputs
+from iswarm_mj.player.session import Session
+from iswarm_mj.player.widgets import show
+
+_OPEN = ("Rules of", "World", "Task")
+"""How the names of folders begin that are open at first."""
+_AFTER_TEXT = 1e6
+"""Place of the first folder; viser numbers what has no place given."""
+
+
+@dataclass
+class _Folder:
+    """A folder of a tab with its inputs."""
+
+    controls: list[Control]
+    handle: Any
+    inputs: dict[str, Any] = field(default_factory=dict)
+    """By the names of the controls."""
+
+
+class SettingsTabs:
+    """Inputs for the settings of a session."""
+
+    def __init__(self, gui: Any, inputs: Inputs, session: Session, rules: Any, world: Any):
+        """Take two tabs, and leave them without inputs.
+
+        Args:
+            gui: of a viser server.
+            inputs: of the page.
+            session: whose settings they are.
+            rules: tab of settings that change at once.
+            world: tab of settings that wait for a reset.
+        """
+        self._gui = gui
+        self._inputs = inputs
+        self._session = session
+        self._rules = rules
+        self._world = world
+        self._folders: dict[tuple[bool, str], _Folder] = {}
+
+    def rebuild(self) -> None:
+        """Show an input for each present setting; folders whose settings stay are left alone."""
+        wanted = _grouped(self._session.controls())
+        for key in [*self._folders]:
+            if _kinds(wanted.get(key, [])) != _kinds(self._folders[key].controls):
+                self._remove(key)
+        for order, (key, controls) in enumerate(wanted.items()):
+            if key not in self._folders:
+                self._add(key, controls, order)
+
+    def synchronise(self) -> None:
+        """Show the values of the present settings."""
+        for key, controls in _grouped(self._session.controls()).items():
+            inputs = self._folders[key].inputs if key in self._folders else {}
+            for control in controls:
+                if control.name in inputs:
+                    show(inputs[control.name], "value", control.value)
+
+    def _remove(self, key: tuple[bool, str]) -> None:
+        folder = self._folders.pop(key)
+        for handle in folder.inputs.values():
+            self._inputs.forget(handle)
+        folder.handle.remove()  # and with it all inputs
+
+    def _add(self, key: tuple[bool, str], controls: list[Control], order: int) -> None:
+        is_live, group = key
+        with self._rules if is_live else self._world:
+            is_open = group.startswith(_OPEN)
+            handle = self._gui.add_folder(group, order=_AFTER_TEXT + order, expand_by_default=is_open)
+        folder = _Folder(controls, handle)
+        with handle:
+            for control in controls:
+                folder.inputs[control.name] = self._inputs.add(control, partial(self._move, control))
+        self._folders[key] = folder
+
+    def _move(self, control: Control, value: Any) -> None:
+        """Let the session change a setting, of what runs or of what waits."""
+        change = self._session.set if control.is_live else self._session.want
+        self._session.post(lambda: change(control.name, value))
+
+
+def _grouped(controls: list[Control]) -> dict[tuple[bool, str], list[Control]]:
+    """Return the controls of each folder, by its tab and its name."""
+    found: dict[tuple[bool, str], list[Control]] = {}
+    for control in controls:
+        found.setdefault((control.is_live, control.group), []).append(control)
+    return found
+
+
+def _kinds(controls: list[Control]) -> list[Control]:
+    """Return controls with the types of their values in place of these."""
+    return [control._replace(value=type(control.value)) for control in controls]
