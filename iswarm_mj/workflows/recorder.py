@@ -21,7 +21,7 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.tasks.protocol import BallTask
 from iswarm_mj.utils.files import atomic_write, write_error
-from iswarm_mj.utils.interruption import postponed
+from iswarm_mj.utils.interruption import completing, postponed
 from iswarm_mj.utils.memory import give_back
 
 LONG = 1024
@@ -134,7 +134,7 @@ class Recorder:
 
     def save(self) -> None:
         """Write what is left, and complete the files."""
-        with postponed(), self._watch("record"):
+        with completing(), self._watch("record"):
             if self._is_saved:
                 return
             self._is_saved = True
@@ -148,7 +148,7 @@ class Recorder:
 
     def add(self, record: StepRecord) -> None:
         """Take in the record of some steps; write a block when there are enough."""
-        with postponed(), self._watch("record"):
+        with completing(), self._watch("record"):
             self._records.append(record)
             if self._attempts is not None:
                 for t, steps in enumerate(record.step[:, self._index]):
