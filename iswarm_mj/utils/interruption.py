@@ -126,6 +126,7 @@ def leave(code: int) -> None:
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
+    _files.acquire(timeout=FILES_S)  # for good: nothing may be half written then
     os._exit(code)
 
 
@@ -154,14 +155,11 @@ def _watch(arrivals: int, main_thread: int, farewell: Callable[[], str]) -> None
         signal.pthread_kill(main_thread, number)
         _next_signal(arrivals)
 
-    # In a thread, since a disk may let it wait without end.
-    saver = threading.Thread(target=_save_all, daemon=True)
+    # In another thread, since a disk may let it wait without end.
+    saver = threading.Thread(target=_save_and_exit, args=[128 + number, farewell()], daemon=True)
     saver.start()
     saver.join(FILES_S)
-    is_read = select.select([], [2], [], 0.0)[1]
-    if is_read:  # else whoever reads the output may let it wait, too
-        os.write(2, f"{farewell()}\n".encode())
-    os._exit(128 + number)
+    _exit(128 + number, farewell())
 
 
 def _next_signal(arrivals: int) -> int:
@@ -172,12 +170,21 @@ def _next_signal(arrivals: int) -> int:
             return number
 
 
-def _save_all() -> None:
-    """Save what the open `saved` blocks save, once nothing else is being completed."""
+def _save_and_exit(code: int, line: str) -> None:
+    """Save what the open `saved` blocks save, once nothing else is being completed, and end the process."""
     with _files:
         for save in reversed(_State.saves):
             with suppress(Exception):
                 save()
+        _exit(code, line)
+
+
+def _exit(code: int, line: str) -> None:
+    """Print a line on the standard error and end the process."""
+    is_read = select.select([], [2], [], 0.0)[1]
+    if is_read:  # else whoever reads the output may let it wait without end
+        os.write(2, f"{line}\n".encode())
+    os._exit(code)
 
 
 def _report_unraisable(about: Any) -> None:
