@@ -80,8 +80,7 @@ def check_text(arguments: Sequence[str]) -> None:
             ) from None
         encoding = sys.getfilesystemencoding()
         raise UserError(
-            f"arguments must be text in {encoding}, the encoding of this environment (got {ascii(text)}); "
-            "set PYTHONUTF8=1"
+            f"arguments must be text in {encoding}, the encoding of this environment (got {text!a}); set PYTHONUTF8=1"
         )
 
 
