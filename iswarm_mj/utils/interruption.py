@@ -1,4 +1,4 @@
-"""SIGINT, SIGTERM and SIGHUP end a command by an exception, so that `with` and `finally` save what there is.
+"""SIGINT, SIGTERM and SIGHUP end a command by an exception, on which `with` and `finally` save.
 
 Python raises the exception in the main thread, between two of its own instructions. C code may
 return to Python after minutes only, such as a compiler, or drop the exception. A thread, which the
@@ -105,7 +105,7 @@ def saved(save: Callable[[], None]) -> Iterator[None]:
 
 
 def code_of_signal(error: BaseException) -> int | None:
-    """Return the exit code of a process that this error ends because of a signal; None without a signal.
+    """Return the exit code of a process that an error ends because of a signal; None without one.
 
     The exception counts as arrived. Libraries may have made another error of it.
     """
@@ -121,7 +121,7 @@ def code_of_signal(error: BaseException) -> int | None:
 def leave(code: int) -> None:
     """End the process after its output, without what Python does at its end.
 
-    Libraries of which a signal interrupted the loading, or threads of which run on, may crash there.
+    Libraries may crash there whose loading a signal interrupted, or whose threads run on.
     """
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
@@ -171,7 +171,10 @@ def _next_signal(arrivals: int) -> int:
 
 
 def _save_and_exit(code: int, line: str) -> None:
-    """Save what the open `saved` blocks save, once nothing else is being completed, and end the process."""
+    """End the process after saving what the open `saved` blocks save.
+
+    This waits for files that are being completed.
+    """
     with _files:
         for save in reversed(_State.saves):
             with suppress(Exception):

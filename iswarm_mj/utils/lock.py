@@ -12,10 +12,10 @@ LOCK = ".lock"
 
 @contextmanager
 def locked(out: Path) -> Iterator[None]:
-    """Create a directory if it does not exist, and keep other processes that write into it out of it.
+    """Create a directory if it does not exist, and keep other writers out of it.
 
     Raises:
-        UserError: the directory cannot be written to, or another process, or this one, writes into it.
+        UserError: the directory cannot be written to, or somebody writes into it, see `only_writer`.
     """
     make_output_directory(out)
     with only_writer(out, out / LOCK):

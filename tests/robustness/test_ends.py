@@ -268,7 +268,10 @@ def test_signals_while_programs_are_compiled_and_run(earlier, tmp_path_factory, 
         with suppress(subprocess.TimeoutExpired):
             process.communicate(timeout=moment)
         process.send_signal(number)
-        error = process.communicate(timeout=60)[1]  # for machines with other work; it takes at most 5 s
+        try:
+            error = process.communicate(timeout=60)[1]  # for machines with other work; it takes at most 5 s
+        finally:
+            process.kill()
     event(f"{name}, {engine}: {process.returncode}")
     if "Fatal Python error: init_" in error:  # Python itself had not begun
         return
