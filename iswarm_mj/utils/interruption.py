@@ -31,8 +31,6 @@ class _State:
     """The first signal that arrived."""
     depth = 0
     """Nesting of `postponed` blocks in the main thread."""
-    is_leaving = False
-    """Whether the exception has reached its end, so that it is raised no more."""
     saves: tuple[Callable[[], None], ...] = ()
     """What the open `saved` blocks save, the outermost first."""
 
@@ -107,15 +105,12 @@ def saved(save: Callable[[], None]) -> Iterator[None]:
 def code_of_signal(error: BaseException) -> int | None:
     """Return the exit code of a process that an error ends because of a signal; None without one.
 
-    The exception counts as arrived. Libraries may have made another error of it.
+    Libraries may have made another error of the exception.
     """
     number = _State.number
     if number is None and isinstance(error, KeyboardInterrupt):
         number = signal.SIGINT
-    if number is None or isinstance(error, SystemExit):
-        return None
-    _State.is_leaving = True
-    return 128 + number
+    return None if number is None or isinstance(error, SystemExit) else 128 + number
 
 
 def leave(code: int) -> None:
@@ -133,8 +128,18 @@ def leave(code: int) -> None:
 def _raise_interrupt(number: int, frame: Any) -> None:
     """Handle a signal in the main thread."""
     _State.number = _State.number or number
-    if not _State.depth and not _State.is_leaving:
+    if not _State.depth and not _is_raised():
         raise KeyboardInterrupt
+
+
+def _is_raised() -> bool:
+    """Return whether the exception is on its way: `with`, `finally` and `except` blocks are busy with it."""
+    error = sys.exc_info()[1]
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
+            return True
+        error = error.__context__  # what a library made another error of
+    return False
 
 
 def _watch(arrivals: int, main_thread: int, farewell: Callable[[], str]) -> None:

@@ -110,6 +110,24 @@ def test_the_process_waits_for_files_that_are_being_completed(tmp_path):
     assert (tmp_path / "saved").read_text() == "saved"
 
 
+def test_what_saves_at_the_end_is_not_interrupted_again(tmp_path):
+    code = """
+def work():
+    try:
+        time.sleep(600)
+    finally:
+        time.sleep(1.0)
+        (out / "page").write_text("complete")
+begin(RETRY_S=0.05, GRACE_S=600.0)
+run(work)
+"""
+    with started(tmp_path, code) as process:
+        process.send_signal(signal.SIGTERM)
+        assert process.communicate(timeout=60) == ("", "")
+        assert process.returncode == 128 + signal.SIGTERM
+    assert (tmp_path / "page").read_text() == "complete"
+
+
 def test_it_does_not_wait_without_end_for_them(tmp_path):
     code = "def work():\n    with completing():\n        stay_in_c()\nbegin(GRACE_S=0.1, FILES_S=0.2)\nrun(work)\n"
     with started(tmp_path, code) as process:
