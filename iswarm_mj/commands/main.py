@@ -122,7 +122,8 @@ def _prepare_output() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files may be no text
     if shutil.get_terminal_size().columns < LEAST_COLUMNS:
-        os.environ["COLUMNS"] = str(LEAST_COLUMNS)  # tyro 1.0 breaks help into lines of 0 characters, without end
+        # Tyro 1.0 breaks help into lines of no characters otherwise, without end.
+        os.environ["COLUMNS"] = str(LEAST_COLUMNS)
 
 
 def _kept(command: Any) -> str:

@@ -58,7 +58,8 @@ class RrdFile:
             given: the name in errors, if it is another one.
 
         Raises:
-            UserError: the environment disables recordings, the name does not end in .rrd, or the file is being written.
+            UserError: the environment disables recordings, the name does not end in .rrd, or
+                somebody else writes the file.
         """
         self._path, self._given, self.stream = path, str(given or path), rr.RecordingStream(application)
         check_recordings(self.stream)

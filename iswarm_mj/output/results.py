@@ -19,14 +19,14 @@ from iswarm_mj.utils.lock import locked
 
 
 def clear(out: Path) -> None:
-    """Remove the results of an earlier run and of its further worlds, and what was left of files being written.
+    """Remove the results of an earlier run, its further worlds and what it left half written.
 
     Args:
         out: directory of the results, which this process has locked.
 
     Raises:
-        UserError: a file cannot be removed, or another process writes into the directory of a further world; then
-            nothing is removed.
+        UserError: a file cannot be removed; or another process writes into the directory of a
+            further world, and nothing is removed.
     """
     further = [*filter(Path.is_dir, out.glob("world-*"))]
     with ExitStack() as locks:

@@ -68,8 +68,8 @@ def only_writer(place: Path, lock: Path | None = None, setting: str = "`out`") -
 
     Args:
         place: the file or the directory.
-        lock: file that is locked, by default one beside the place; the lock ends with its process, also where SIGKILL
-            leaves the file.
+        lock: file that is locked, by default one beside the place; the lock ends with its
+            process, also where SIGKILL leaves the file.
         setting: what to choose another of, in errors.
 
     Raises:
@@ -200,7 +200,8 @@ def atomic_write(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the same directory, which replaces `path` if the block succeeds.
 
     Raises:
-        UserError: the system refused to write, for example because the disk is full, or somebody else writes this file.
+        UserError: the system refused to write, for example because the disk is full, or somebody
+            else writes this file.
     """
     part = path.parent / f".{os.getpid()}-{path.name}"
     with only_writer(path):

@@ -133,7 +133,7 @@ def _raise_interrupt(number: int, frame: Any) -> None:
 
 
 def _is_raised() -> bool:
-    """Return whether the exception is on its way: `with`, `finally` and `except` blocks are busy with it."""
+    """Return whether `with`, `finally` or `except` blocks are busy with the exception."""
     error = sys.exc_info()[1]
     while error is not None:
         if isinstance(error, KeyboardInterrupt):

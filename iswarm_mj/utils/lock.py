@@ -15,7 +15,7 @@ def locked(out: Path) -> Iterator[None]:
     """Create a directory if it does not exist, and keep other writers out of it.
 
     Raises:
-        UserError: the directory cannot be written to, or somebody writes into it, see `only_writer`.
+        UserError: the directory cannot be written to, or somebody else writes into it.
     """
     make_output_directory(out)
     with only_writer(out, out / LOCK):

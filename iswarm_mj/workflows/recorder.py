@@ -29,7 +29,7 @@ from iswarm_mj.utils.memory import give_back
 INDEX_BYTES = 65_536
 """Bytes of a recording's index for each block, which come when the file is completed."""
 SPARE_BYTES = 4_000_000
-"""Bytes that the disk has left beside all that, for result.json and for `rerun_format.check_room`."""
+"""Bytes beside all that, for result.json and for `rerun_format.check_room`."""
 LONG = 1024
 """Frames that are written at a time at most, after `BLOCK` at first."""
 LONG_BYTES = 16_000_000
@@ -151,7 +151,8 @@ class Recorder:
             self._is_saved = True
             with ExitStack() as files:
                 if self._frames is not None:
-                    files.callback(self._frames.close)  # last, so that its room is free for result.json
+                    # The last to be called, so that its room is free for result.json.
+                    files.callback(self._frames.close)
                     files.callback(self._frames.write, self._scene, self._about)
                 files.callback(self._recording.close)
                 self._write()

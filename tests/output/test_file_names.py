@@ -1,4 +1,4 @@
-"""Whatever writes a file refuses a name of another kind of file, and leaves what is there as it was."""
+"""Whatever writes a file refuses names of other kinds of files, which stay as they were."""
 
 import numpy as np
 import pytest

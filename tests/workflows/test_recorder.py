@@ -39,7 +39,7 @@ def test_blocks_grow_with_the_run_up_to_some_frames_and_bytes(
 
 
 def test_a_run_ends_while_the_disk_has_room_to_complete_its_files(small, tmp_path, monkeypatch):
-    """With all that it took so far; the disk is large at first, and then has less than the files need."""
+    """With all that it took so far; the disk is large at first, and full after two blocks."""
     left = [10**9, 0]
     monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=left.pop(0)))
     said = r"clean\.rrd cannot be written \(No space left on device\); make room"
