@@ -66,6 +66,7 @@ class RrdFile:
         check_name(self._given, ".rrd", setting="path")
         with ExitStack() as lock:
             with self._told():
+                path.open("ab").close()  # changes nothing, and says what is wrong with the name
                 lock.enter_context(only_writer(path, setting="file"))
                 path.open("wb").close()
                 check_room(path)

@@ -78,7 +78,8 @@ def only_writer(place: Path, lock: Path | None = None, setting: str = "`out`") -
     path = place.with_name(f".{place.name}.lock") if lock is None else lock
     if not path.parent.is_dir():  # which filelock would create
         raise write_error(place, FileNotFoundError(errno.ENOENT, ""))
-    held = FileLock(path, timeout=PATIENCE, poll_interval=PATIENCE / 10)
+    # Not of one thread, since another one may complete the file.
+    held = FileLock(path, timeout=PATIENCE, poll_interval=PATIENCE / 10, thread_local=False)
     try:
         held.acquire()
     except (Timeout, RuntimeError):

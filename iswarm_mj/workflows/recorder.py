@@ -50,7 +50,7 @@ class FrameStore:
         Raises:
             UserError: no file can be made there.
         """
-        self.directory, self._rows = directory, np.zeros(0, [])
+        self._directory, self._rows = directory, np.zeros(0, [])
         try:
             self._file = TemporaryFile(dir=directory, buffering=0)  # noqa: SIM115, closed in `close`
         except OSError as error:
@@ -77,7 +77,7 @@ class FrameStore:
             while left:
                 left = left[self._file.write(left) :]
         except OSError as error:
-            raise write_error(self.directory, error) from None
+            raise write_error(self._directory, error) from None
         self._rows = np.memmap(self._file, rows.dtype, "r", shape=len(self._rows) + len(rows))
 
     def write(self, scene: Scene, about: Mapping[str, Any]) -> None:
@@ -89,7 +89,7 @@ class FrameStore:
         """
         arrays: dict[str, Any] = {name: self._rows[name] for name in self._rows.dtype.names or ()}
         arrays |= {**scene.arrays(), ABOUT: np.bytes_(json.dumps(about).encode())}
-        with atomic_write(self.directory / TRAJECTORY) as part, part.open("wb") as file:
+        with atomic_write(self._directory / TRAJECTORY) as part, part.open("wb") as file:
             np.savez(file, **arrays)
 
     def close(self) -> None:

@@ -1,5 +1,8 @@
 """Whatever writes a file refuses names of other kinds of files, which stay as they were."""
 
+import threading
+from pathlib import Path
+
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
@@ -53,6 +56,22 @@ def test_a_second_recording_to_one_file_is_refused(tmp_path):
     first.close()
     RrdFile("test", path, rrb.Blueprint()).close()
     assert [file.name for file in tmp_path.iterdir()] == ["a.rrd"]
+
+
+def test_another_thread_may_complete_a_recording(tmp_path):
+    path = tmp_path / "a.rrd"
+    first = RrdFile("test", path, rrb.Blueprint())
+    thread = threading.Thread(target=first.close)
+    thread.start()
+    thread.join()
+    opened = [file.resolve() for file in Path("/proc/self/fd").iterdir() if file.is_symlink()]
+    assert not [file for file in opened if file.parent == tmp_path]
+
+
+def test_a_recording_in_a_folder_that_is_not_there(tmp_path):
+    with pytest.raises(UserError, match=r"cannot be written \(No such file.*give a file name in an existing folder"):
+        RrdFile("test", tmp_path / "missing" / "a.rrd", rrb.Blueprint())
+    assert not (tmp_path / "missing").exists()
 
 
 def test_a_file_that_is_being_written_is_refused(tmp_path):
