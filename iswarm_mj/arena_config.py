@@ -55,8 +55,12 @@ class ArenaConfig:
         offset, least = self.dust_area_offset, self.dump_size / 2 + edge
         check("arena.dump_size", self.dump_size, "at most half of `arena.size`", self.dump_size <= half)
         across, along = np.abs(self.walls[:, :2]).T
+        # For the areas to fit between dump and walls at their best offset, `least`.
+        widest = float(2 * min((self.walls[:, 2] - across * self.dump_size / 2) / (2 * across + along)))
+        room = f"at most {widest:g} rd, for the dust to lie between the dump and the walls"
+        check("arena.dust_area_size", self.dust_area_size, room, self.dust_area_size <= widest)
         most = min((self.walls[:, 2] - edge * (across + along))[across > 0] / across[across > 0])
-        is_inside, is_outside = offset <= most and edge <= half, offset - edge >= self.dump_size / 2
+        is_inside, is_outside = offset <= most, offset - edge >= self.dump_size / 2
         check("arena.dust_area_offset", offset, f"at most {most:g} rd, for the dust to lie within the walls", is_inside)
         outside = f"at least {least:g} rd, for the dust to lie outside the dump"
         check("arena.dust_area_offset", offset, outside, is_outside)

@@ -96,14 +96,27 @@ OBLIQUE = ((-20.0, -8.0), (12.0, -10.0), (16.0, 3.0), (-6.0, 12.0))
 def test_dust_lies_between_dump_and_walls(outline, edge):
     """Both areas, up to their corners; they may touch dump and walls."""
     square = edge / 2 * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
+    planes = half_planes(corners_of(outline))
     for offset in np.arange(2.5, 14, 0.5):
         areas = np.concatenate([square + side * np.array([offset, 0]) for side in (-1, 1)])
-        is_inside = beyond(areas, half_planes(corners_of(outline))).max() < 1e-9
+        is_inside = beyond(areas, planes).max() < 1e-9
         least = 2 + edge / 2
+        fits = beyond(square + np.array([least, 0]), planes).max() < 1e-9
+        fits &= beyond(square - np.array([least, 0]), planes).max() < 1e-9
         says = "within the walls" if not is_inside else rf"at least {least:g} rd, for the dust to lie outside the dump"
+        says = says if fits else r"dust_area_size must be at most [0-9.]+ rd, for the dust to lie between the dump and"
         refused = pytest.raises(UserError, match=says) if not is_inside or offset < least else nullcontext()
         with refused:
             ArenaConfig(outline=outline, dump_size=4, dust_area_size=edge, dust_area_offset=offset)
+
+
+def test_the_largest_dust_areas_lie_between_dump_and_wall():
+    """Edge e beside a dump of edge 5 in an arena of edge 49: 5 / 2 + e <= 49 / 2."""
+    ArenaConfig(dust_area_size=22, dust_area_offset=13.5)
+    said = r"^arena.dust_area_size must be at most 22 rd, for the dust to lie between .* \(got {}\)$"
+    for size in (22.1, 500.0):
+        with pytest.raises(UserError, match=said.format(size)):
+            ArenaConfig(dust_area_size=size)
 
 
 def test_limits_of_the_arena_that_depend_on_each_other():

@@ -2,6 +2,7 @@
 
 import io
 import os
+import shutil
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -35,6 +36,8 @@ COMMANDS: dict[str, type] = {
 }
 """Subcommands by their names: dataclasses of their flags with a method `run`."""
 
+LEAST_COLUMNS = 40
+"""Width to which help is set at least, also where a terminal is narrower."""
 _MOST, _END = 1500, 300
 """Characters of a message at most, and of its end, where the remedy stands, if it is longer."""
 
@@ -67,20 +70,32 @@ def parse(arguments: Sequence[str]) -> Any:
 def check_text(arguments: Sequence[str]) -> None:
     """Refuse arguments that are no text, which names of files may be, but no recording, table or page takes."""
     for argument in arguments:
-        if not argument.isprintable() and any("\ud800" <= character <= "\udfff" for character in argument):
-            raise UserError(f"arguments must be text in UTF-8 (got {shown(argument)}); rename what is named so")
+        if argument.isprintable() or not any("\ud800" <= character <= "\udfff" for character in argument):
+            continue
+        try:
+            text = os.fsencode(argument).decode("utf-8")
+        except ValueError:
+            raise UserError(
+                f"arguments must be text in UTF-8 (got {shown(argument)}); rename what is named so"
+            ) from None
+        encoding = sys.getfilesystemencoding()
+        raise UserError(
+            f"arguments must be text in {encoding}, the encoding of this environment (got {text!a}); set PYTHONUTF8=1"
+        )
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of `iswarm`; exits with 2 on bad input, 1 on a fault of the simulation, 128 + n on signal n."""
     command = None
+
+    def farewell() -> str:
+        return f"iswarm: interrupted{_kept(command)}."
+
     try:
         if arguments is None:
-            handle_signals()
+            handle_signals(farewell)
         given = sys.argv[1:] if arguments is None else arguments
-        for stream in (sys.stdout, sys.stderr):
-            if isinstance(stream, io.TextIOWrapper):
-                stream.reconfigure(errors="backslashreplace")  # names of files may be no text
+        _prepare_output()
         check_text(given)
         command = parse(given)
         for name, why in idle(command).items():
@@ -91,7 +106,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = code_of_signal(error)
         if code is not None:
             with suppress(OSError, ValueError):
-                print(f"iswarm: interrupted{_kept(command)}.", file=sys.stderr)
+                print(farewell(), file=sys.stderr)
             if arguments is None:
                 leave(code)
             raise SystemExit(code) from None
@@ -99,6 +114,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if code is None:
             raise
         raise SystemExit(code) from None
+
+
+def _prepare_output() -> None:
+    """Let everything be printed, on terminals of any width."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files may be no text
+    if shutil.get_terminal_size().columns < LEAST_COLUMNS:
+        # Tyro 1.0 breaks help into lines of no characters otherwise, without end.
+        os.environ["COLUMNS"] = str(LEAST_COLUMNS)
 
 
 def _kept(command: Any) -> str:

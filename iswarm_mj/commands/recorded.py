@@ -9,6 +9,7 @@ import tyro
 from iswarm_mj.player.film import Film
 from iswarm_mj.utils.constraints import Within, check, validate
 from iswarm_mj.utils.errors import printable
+from iswarm_mj.utils.files import check_name
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,7 @@ class Video(RenderOptions):
         super().__post_init__()
         for name in ("width", "height"):
             check(name, getattr(self, name), "an even number of pixels", getattr(self, name) % 2 == 0)
-        check("out", str(self.out), "a name ending in .mp4", self.out.suffix == ".mp4")
+        check_name(self.out, ".mp4")
 
     def run(self) -> None:
         """Run the command."""
@@ -105,7 +106,7 @@ class Replay(Film):
 
     def __post_init__(self):
         super().__post_init__()
-        check("out", str(self.out), "a name ending in .html", self.out.suffix == ".html")
+        check_name(self.out, ".html")
 
     def run(self) -> None:
         """Run the command."""

@@ -9,6 +9,7 @@ from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.experiments.runner.settings import Repeats
 from iswarm_mj.utils.constraints import Needs, Within, check, validate
+from iswarm_mj.utils.files import check_name
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class Report:
     def run(self) -> None:
         """Run the command."""
         check("results", "nothing", "at least one directory", bool(self.results))
-        check("out", self.out, "a name that ends in .html", self.out.suffix == ".html")
+        check_name(self.out, ".html")
         from iswarm_mj.experiments.report.results import report
 
         report(self.results, self.out)

@@ -22,6 +22,8 @@ from iswarm_mj.simulation.given import to_json
 from iswarm_mj.simulation.start import start_record
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.step import mean_step
+from iswarm_mj.utils.constraints import check_kind
+from iswarm_mj.utils.files import check_name
 
 SHOT = Shot("above", (480, 480), fine=False)
 """Of pictures by default; on a CPU one of 100 robots takes some 10 ms."""
@@ -83,9 +85,14 @@ class EnvRecording:
 
         Args:
             env: the environment.
-            path: the file to write, by custom `*.rrd`.
+            path: the file to write, `*.rrd`; an existing one is replaced.
             world: which is recorded.
+
+        Raises:
+            UserError: the file is no `*.rrd`.
         """
+        check_kind("record", path, (str, Path))
+        check_name(path, ".rrd", setting="record")
         self._env, self._path, self._world = env, path, world
         self._before: StepRecord | None = None
         self._file: Recording | None = None
@@ -95,7 +102,7 @@ class EnvRecording:
         """Record a state; the file is written after each block of states, and when it is closed.
 
         Raises:
-            UserError: the file cannot be written.
+            UserError: the file cannot be written, or another recording is writing it.
         """
         env, record = self._env, _record(self._env, state, self._world)
         if self._before is None or self._file is None:

@@ -3,7 +3,7 @@
 import ctypes
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ import rerun.blueprint as rrb
 from jaxtyping import Float, Int
 
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import flat
+from iswarm_mj.utils.files import check_name, flat, only_writer
 
 _END = b"RRF2FOOT"
 """Mark of the index of a complete file, before its last four bytes."""
@@ -58,14 +58,20 @@ class RrdFile:
             given: the name in errors, if it is another one.
 
         Raises:
-            UserError: the environment disables recordings.
+            UserError: the environment disables recordings, the name does not end in .rrd, or
+                somebody else writes the file.
         """
         self._path, self._given, self.stream = path, str(given or path), rr.RecordingStream(application)
         check_recordings(self.stream)
-        with self._told():
-            path.open("wb").close()
-            check_room(path)
-            self.stream.save(path, default_blueprint=layout)
+        check_name(self._given, ".rrd", setting="path")
+        with ExitStack() as lock:
+            with self._told():
+                path.open("ab").close()  # changes nothing, and says what is wrong with the name
+                lock.enter_context(only_writer(path, setting="file"))
+                path.open("wb").close()
+                check_room(path)
+                self.stream.save(path, default_blueprint=layout)
+            self._lock = lock.pop_all()
         self.stream.set_log_time_enabled(False)
         self.stream.set_log_tick_enabled(False)
 
@@ -101,7 +107,7 @@ class RrdFile:
 
     def close(self) -> None:
         """Complete the file."""
-        with self._told():
+        with self._lock, self._told():
             check_room(self._path)
             self.stream.disconnect()
             if self._path.is_file():

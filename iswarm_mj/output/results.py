@@ -1,7 +1,7 @@
 """What becomes of a run in result.json, and how the files of earlier runs make way."""
 
 import json
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import asdict
 from itertools import product
 from pathlib import Path
@@ -15,14 +15,26 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
+from iswarm_mj.utils.lock import locked
 
 
 def clear(out: Path) -> None:
-    """Remove the results of an earlier run and of its further worlds, and what was left of files being written."""
+    """Remove the results of an earlier run, its further worlds and what it left half written.
+
+    Args:
+        out: directory of the results, which this process has locked.
+
+    Raises:
+        UserError: a file cannot be removed; or another process writes into the directory of a
+            further world, and nothing is removed.
+    """
     further = [*filter(Path.is_dir, out.glob("world-*"))]
-    for place, name in product((out, *further), (RESULT, TRAJECTORY, RECORDING, OTHER_RECORDING)):
-        remove(place / name)
-        remove_parts(place, name)
+    with ExitStack() as locks:
+        for place in further:
+            locks.enter_context(locked(place))
+        for place, name in product((out, *further), (RESULT, TRAJECTORY, RECORDING, OTHER_RECORDING)):
+            remove(place / name)
+            remove_parts(place, name)
     for place in further:
         with suppress(OSError):
             place.rmdir()  # it holds something else

@@ -22,12 +22,14 @@ from iswarm_mj.output.swarm_classes import robot_classes, shown_classes
 from iswarm_mj.output.trajectory import AREA, SCENE, Arrays, Scene
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import atomic_write, make_output_directory
+from iswarm_mj.utils.files import atomic_write, check_name, make_output_directory
 from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.units import MM, mm_from_m, mm_from_rd
 
 BALL_SCALE = 15.0
 """Magnification of the balls, since 20 um are invisible beside 139 mm."""
+PICTURES = (".png", ".jpg", ".jpeg", ".webp")
+"""Endings of the names of pictures."""
 STEP = 100
 """The step that is shown by default."""
 
@@ -227,7 +229,7 @@ def render(directory: Path, step: int | None, shot: Shot, out: Path) -> int:
     Raises:
         UserError: no such run, step or camera, or no off-screen OpenGL, or `out` is not writable.
     """
-    check("out", str(out), "a name ending in .png", out.suffix in Image.registered_extensions())
+    check_name(out, *PICTURES)
     run = recorded(directory)
     frames = run.arrays
     last = int(frames["step"][-1])

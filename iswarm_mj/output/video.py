@@ -15,7 +15,7 @@ from iswarm_mj.output.saved import SavedRun
 from iswarm_mj.output.stage import Shot, Stage, recorded
 from iswarm_mj.output.trajectory import METRIC
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import atomic_write, make_output_directory
+from iswarm_mj.utils.files import atomic_write, check_name, make_output_directory
 from iswarm_mj.utils.progress import Progress
 
 RATE = 24
@@ -40,6 +40,7 @@ def write_video(
     Raises:
         UserError: no recorded run, no such camera, no off-screen OpenGL, or ffmpeg could not write the file.
     """
+    check_name(out, ".mp4")
     run = recorded(directory)
     frames = run.arrays
     last = len(frames["step"]) - 1 if steps is None else min(steps, len(frames["step"]) - 1)

@@ -19,7 +19,7 @@ from iswarm_mj.player.page import close_server, open_server
 from iswarm_mj.player.view import SwarmView, aim, light
 from iswarm_mj.player.widgets import spots
 from iswarm_mj.utils.constraints import check
-from iswarm_mj.utils.files import atomic_write
+from iswarm_mj.utils.files import atomic_write, check_name
 
 _LOADER, _RESET = "e.textContent=code", r'.replace(/[\w$]+\.useEnvironment\.set\([\w$]+\(\)\);/,"")'
 """Where viser's HTML starts its client, and what removes one statement from it: viser 1.1 restores its bright default
@@ -97,6 +97,7 @@ def write_replay(run: SavedRun, film: Film, out: Path) -> int:
     Raises:
         UserError: the run has no such steps, its arrays do not fit each other, or the file cannot be written.
     """
+    check_name(out, ".html")
     with run.explained():
         draw, legend, last = swarm_film(run, film)
         text = page(draw, legend, film.title or f"{len(run.scene.is_alive)} robots, {run.path.name}", film.dark)

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import atomic_write, check_file
+from iswarm_mj.utils.files import atomic_write, check_file, check_name
 
 MOST_WEIGHTS = 2**18
 """In a file."""
@@ -50,6 +50,7 @@ def save_weights(path: Path, weights: Float[np.ndarray, "W"]) -> None:
     Raises:
         UserError: the system refused to write.
     """
+    check_name(path, ".npz", setting="path")
     with atomic_write(path) as part, part.open("wb") as file:
         np.savez(file, weights=np.asarray(weights, np.float32))
 

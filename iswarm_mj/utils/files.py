@@ -12,10 +12,16 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock, Timeout
+
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import ConfigError, UserError, shown
+from iswarm_mj.utils.interruption import completing
 
 LARGEST_FILE = 2**30
 """Size up to which files are read, but for trajectories [bytes]."""
+PATIENCE = 0.1
+"""Time in which another writer may be giving back a lock [s]."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _PART = re.compile(r"\.[0-9]+-")
 """How the names of temporary files begin: with the number of the process."""
@@ -40,6 +46,56 @@ def make_output_directory(out: Path, given: Path | None = None, setting: str = "
     except OSError as error:
         constraint = "a writable directory" if given is None else "a file in a writable directory"
         raise ConfigError(setting, given or out, constraint, f"choose another ({error.strerror})") from None
+
+
+def check_name(path: str | Path, *endings: str, setting: str = "out") -> None:
+    """Refuse a file to write whose name says that it is of another kind, before it is replaced.
+
+    Args:
+        path: of the file.
+        endings: that its kind of file has, such as ".rrd".
+        setting: what names the file.
+
+    Raises:
+        ConfigError: the name ends otherwise.
+    """
+    check(setting, str(path), f"a name ending in {' or '.join(endings)}", Path(path).suffix in endings)
+
+
+@contextmanager
+def only_writer(place: Path, lock: Path | None = None, setting: str = "`out`") -> Iterator[None]:
+    """Keep other writers of a file or a directory out of it, in this process and in others.
+
+    Args:
+        place: the file or the directory.
+        lock: file that is locked, by default one beside the place; the lock ends with its
+            process, also where SIGKILL leaves the file.
+        setting: what to choose another of, in errors.
+
+    Raises:
+        UserError: another process, or this one, writes there, or the lock cannot be made.
+    """
+    path = place.with_name(f".{place.name}.lock") if lock is None else lock
+    if not path.parent.is_dir():  # which filelock would create
+        raise write_error(place, FileNotFoundError(errno.ENOENT, ""))
+    # Not of one thread, since another one may complete the file.
+    held = FileLock(path, timeout=PATIENCE, poll_interval=PATIENCE / 10, thread_local=False)
+    try:
+        held.acquire()
+    except (Timeout, RuntimeError):
+        raise UserError(
+            f"{place} is in use by another process, or elsewhere in this one; wait for its end or "
+            f"choose another {setting}"
+        ) from None
+    except OSError as error:
+        raise write_error(path if lock else place, error) from None
+    try:
+        yield
+    finally:
+        with completing():
+            with suppress(OSError):
+                path.unlink()  # before it is unlocked, so that nobody else has it
+            held.release()
 
 
 def check_file(path: Path, most: int = LARGEST_FILE) -> None:
@@ -145,17 +201,19 @@ def atomic_write(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the same directory, which replaces `path` if the block succeeds.
 
     Raises:
-        UserError: the system refused to write, for example because the disk is full.
+        UserError: the system refused to write, for example because the disk is full, or somebody
+            else writes this file.
     """
     part = path.parent / f".{os.getpid()}-{path.name}"
-    try:
-        yield part
-        part.replace(path)
-    except OSError as error:
-        raise write_error(path, error) from None
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
+    with only_writer(path):
+        try:
+            yield part
+            part.replace(path)
+        except OSError as error:
+            raise write_error(path, error) from None
+        finally:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
 
 
 def remove_parts(out: Path, *names: str) -> None:

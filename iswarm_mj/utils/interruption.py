@@ -1,69 +1,111 @@
-"""SIGINT, SIGTERM and SIGHUP end a command by an exception, so that `with` and `finally` save what there is."""
+"""SIGINT, SIGTERM and SIGHUP end a command by an exception, on which `with` and `finally` save.
+
+Python raises the exception in the main thread, between two of its own instructions. C code may
+return to Python after minutes only, such as a compiler, or drop the exception. A thread, which the
+system wakes at the signal, therefore raises it again, and in the end saves the files and leaves.
+"""
 
 import os
+import select
 import signal
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-RETRY_S = 0.05
-"""Time after which a signal is tried again that could not be raised."""
-
-
-class Interrupted(KeyboardInterrupt):
-    """A signal arrived."""
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+RETRY_S = 0.5
+"""Time after which the exception is raised again [s]."""
+GRACE_S = 3.0
+"""Time after which the thread ends the process itself [s]; a second signal does it at once."""
+FILES_S = 30.0
+"""Longest wait of the thread for files that are being completed [s]."""
 
 
 class _State:
-    """Of this process; only its main thread handles signals."""
+    """What is known of signals in this process."""
 
-    depth = 0
-    """Of blocks that postpone signals."""
     number: int | None = None
     """The first signal that arrived."""
-    is_raised = False
-    """Whether it was raised; later ones disturb nothing that is being saved."""
+    depth = 0
+    """Nesting of `postponed` blocks in the main thread."""
+    saves: tuple[Callable[[], None], ...] = ()
+    """What the open `saved` blocks save, the outermost first."""
 
 
-def handle_signals() -> None:
-    """Raise `Interrupted` when a signal arrives; to be called in the main thread."""
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+_files = threading.RLock()
+"""Held while files are being completed; the process does not leave meanwhile."""
+
+
+def handle_signals(farewell: Callable[[], str]) -> None:
+    """Raise KeyboardInterrupt when a signal arrives, and see to it that the process ends.
+
+    To be called in the main thread.
+
+    Args:
+        farewell: returns the line to print if the exception cannot end the process.
+    """
+    arrivals, wakeup = os.pipe()
+    os.set_blocking(wakeup, False)
+    signal.set_wakeup_fd(wakeup, warn_on_full_buffer=False)
+    for number in SIGNALS:
         if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, _arrived)
-    signal.signal(signal.SIGALRM, _arrived)
-    sys.unraisablehook = _swallowed
+            signal.signal(number, _raise_interrupt)
+    sys.unraisablehook = _report_unraisable
+    arguments = (arrivals, threading.get_ident(), farewell)
+    threading.Thread(target=_watch, args=arguments, daemon=True).start()
 
 
 @contextmanager
 def postponed() -> Iterator[None]:
-    """Let signals wait for the end of the block."""
+    """Let the exception wait for the end of the block."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
     _State.depth += 1
     try:
         yield
     finally:
         _State.depth -= 1
         if _State.number is not None:
-            _arrived(_State.number, None)
+            _raise_interrupt(_State.number, None)
+
+
+@contextmanager
+def completing() -> Iterator[None]:
+    """Let the exception, and the end of the process, wait for files that the block completes."""
+    with postponed(), _files:
+        yield
 
 
 @contextmanager
 def saved(save: Callable[[], None]) -> Iterator[None]:
-    """Have something saved at the end of the block, also if an exception leaves it, then perhaps a second time."""
+    """Save something at the end of the block, and also when an exception leaves it.
+
+    Args:
+        save: may be called several times, also in another thread.
+    """
+    outer = _State.saves
     try:
+        _State.saves = (*outer, save)
         yield
-        with postponed():
+        with completing():
             save()
     except BaseException:
-        with postponed(), suppress(Exception):  # what the block raised says more
+        with completing(), suppress(Exception):  # what the block raised says more
             save()
         raise
+    finally:
+        _State.saves = outer
 
 
 def code_of_signal(error: BaseException) -> int | None:
-    """Exit code of a process that this error ends because of a signal; None if there was none.
+    """Return the exit code of a process that an error ends because of a signal; None without one.
 
-    Where libraries are loaded they make another error of the one that was raised.
+    Libraries may have made another error of the exception.
     """
     number = _State.number
     if number is None and isinstance(error, KeyboardInterrupt):
@@ -74,40 +116,86 @@ def code_of_signal(error: BaseException) -> int | None:
 def leave(code: int) -> None:
     """End the process after its output, without what Python does at its end.
 
-    Libraries of which a signal interrupted the loading, or threads of which run on, may crash there.
+    Libraries may crash there whose loading a signal interrupted, or whose threads run on.
     """
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
+    _files.acquire(timeout=FILES_S)  # for good: nothing may be half written then
     os._exit(code)
 
 
-def _arrived(number: int, frame: Any) -> None:
-    """Handle a signal, or an alarm that tries it again."""
-    if number != signal.SIGALRM:
-        _State.number = _State.number or number
-    if _State.number is None or _State.is_raised or _State.depth:
-        return
-    if _is_loading(frame):
-        signal.setitimer(signal.ITIMER_REAL, RETRY_S)
-        return
-    _State.is_raised = True
-    raise Interrupted
+def _raise_interrupt(number: int, frame: Any) -> None:
+    """Handle a signal in the main thread."""
+    _State.number = _State.number or number
+    if not _State.depth and not _is_raised():
+        raise KeyboardInterrupt
 
 
-def _is_loading(frame: Any) -> bool:
-    """Whether a module is being imported; libraries in C may crash if an exception comes while they begin."""
-    while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
+def _is_raised() -> bool:
+    """Return whether `with`, `finally` or `except` blocks are busy with the exception."""
+    error = sys.exc_info()[1]
+    while error is not None:
+        if isinstance(error, KeyboardInterrupt):
             return True
-        frame = frame.f_back
+        error = error.__context__  # what a library made another error of
     return False
 
 
-def _swallowed(about: Any) -> None:
-    """Try again where Python only reports what was raised, such as in callbacks of its collector."""
-    if isinstance(about.exc_value, Interrupted):
-        _State.is_raised = False
-        signal.setitimer(signal.ITIMER_REAL, RETRY_S)
-    else:
+def _watch(arrivals: int, main_thread: int, farewell: Callable[[], str]) -> None:
+    """Wait for a signal, and end the process if the exception does not.
+
+    Args:
+        arrivals: pipe into which Python writes the number of each signal, also while C code runs.
+        main_thread: identifier of the main thread.
+        farewell: returns the line to print.
+    """
+    number = _next_signal(arrivals)
+    end = time.monotonic() + GRACE_S
+    while time.monotonic() < end:
+        is_second = select.select([arrivals], [], [], RETRY_S)[0]
+        if is_second:
+            break
+        # A callback from C may have dropped the exception. This signal is written to the pipe, too.
+        signal.pthread_kill(main_thread, number)
+        _next_signal(arrivals)
+
+    # In another thread, since a disk may let it wait without end.
+    saver = threading.Thread(target=_save_and_exit, args=[128 + number, farewell()], daemon=True)
+    saver.start()
+    saver.join(FILES_S)
+    _exit(128 + number, farewell())
+
+
+def _next_signal(arrivals: int) -> int:
+    """Return the number of the next of our signals."""
+    while True:
+        number = os.read(arrivals, 1)[0]
+        if number in SIGNALS:
+            return number
+
+
+def _save_and_exit(code: int, line: str) -> None:
+    """End the process after saving what the open `saved` blocks save.
+
+    This waits for files that are being completed.
+    """
+    with _files:
+        for save in reversed(_State.saves):
+            with suppress(Exception):
+                save()
+        _exit(code, line)
+
+
+def _exit(code: int, line: str) -> None:
+    """Print a line on the standard error and end the process."""
+    is_read = select.select([], [2], [], 0.0)[1]
+    if is_read:  # else whoever reads the output may let it wait without end
+        os.write(2, f"{line}\n".encode())
+    os._exit(code)
+
+
+def _report_unraisable(about: Any) -> None:
+    """Say nothing where Python drops the exception of a signal, which is raised again."""
+    if not isinstance(about.exc_value, KeyboardInterrupt):
         sys.__unraisablehook__(about)

@@ -11,7 +11,7 @@ import pyarrow.parquet
 
 from iswarm_mj import __version__
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import atomic_write, check_file
+from iswarm_mj.utils.files import atomic_write, check_file, check_name
 
 MOST_VALUES = 10**8
 """Values up to which it is, which compressed may take little room in a file."""
@@ -34,6 +34,7 @@ def write_table(
         csv: also write a CSV file of the same name.
         units: of columns, for their metadata in the parquet file.
     """
+    check_name(path, ".parquet", setting="path")
     table = pa.Table.from_pylist(list(map(dict, rows)))
     metadata = json.dumps({"version": __version__, **settings}, sort_keys=True)
     columns = [field.with_metadata({"unit": (units or {}).get(field.name, "")}) for field in table.schema]
@@ -46,6 +47,7 @@ def write_table(
 
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write rows as a CSV file in one step, without settings."""
+    check_name(path, ".csv", setting="path")
     with atomic_write(path) as part:
         pyarrow.csv.write_csv(pa.Table.from_pylist(list(map(dict, rows))), str(part))
 

@@ -16,8 +16,7 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.protocol import ScoredTask
-from iswarm_mj.utils.files import make_output_directory
-from iswarm_mj.utils.interruption import postponed, saved
+from iswarm_mj.utils.interruption import completing, saved
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.workflows.recorder import Recorder, advanced
@@ -71,10 +70,10 @@ def _begin(run: Run, out: Path, grasps: int, save: Callable[[], None], stack: Ex
         from iswarm_mj.output.rerun_format import check_recordings
 
         check_recordings()
-    with postponed():  # or a run would be announced of which nothing is recorded
+    with completing():  # or a run would be announced of which nothing is recorded
         results.clear(out)
-        for place in places:
-            make_output_directory(place)
+        for place in places[1:]:
+            stack.enter_context(locked(place))
         save()
         stack.enter_context(saved(save))
         name, recorders = RECORDING if isinstance(run.task, ScoredTask) else OTHER_RECORDING, []

@@ -1,8 +1,10 @@
 """The steps of a run, and recordings of its worlds, for Rerun and as trajectory.npz; frames are kept on disk."""
 
+import errno
 import json
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -21,9 +23,13 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.tasks.protocol import BallTask
 from iswarm_mj.utils.files import atomic_write, write_error
-from iswarm_mj.utils.interruption import postponed
+from iswarm_mj.utils.interruption import completing, postponed
 from iswarm_mj.utils.memory import give_back
 
+INDEX_BYTES = 65_536
+"""Bytes of a recording's index for each block, which come when the file is completed."""
+SPARE_BYTES = 4_000_000
+"""Bytes beside all that, for result.json and for `rerun_format.check_room`."""
 LONG = 1024
 """Frames that are written at a time at most, after `BLOCK` at first."""
 LONG_BYTES = 16_000_000
@@ -49,6 +55,11 @@ class FrameStore:
             self._file = TemporaryFile(dir=directory, buffering=0)  # noqa: SIM115, closed in `close`
         except OSError as error:
             raise write_error(directory, error) from None
+
+    @property
+    def n_bytes(self) -> int:
+        """Size of the frames."""
+        return self._rows.nbytes
 
     def append(self, frames: Frames) -> None:
         """Keep some further frames; where they cannot be written, those before stay as they were.
@@ -112,7 +123,7 @@ class Recorder:
         self._world = RecordedWorld.of(run, index)
         self._scene = self._world.scene
         self._about = results.about(run)
-        self._is_saved = False
+        self._is_saved, self._path, self._n_blocks = False, recording, 0
         self._records: list[StepRecord] = [run.start]
         self._block, self._n_written = BLOCK, 0
         self._frames = None if trajectory is None else FrameStore(trajectory)
@@ -134,21 +145,21 @@ class Recorder:
 
     def save(self) -> None:
         """Write what is left, and complete the files."""
-        with postponed(), self._watch("record"):
+        with completing(), self._watch("record"):
             if self._is_saved:
                 return
             self._is_saved = True
-            try:
-                self._write()
-                self._recording.close()
-            finally:
+            with ExitStack() as files:
                 if self._frames is not None:
-                    self._frames.write(self._scene, self._about)
-                    self._frames.close()
+                    # The last to be called, so that its room is free for result.json.
+                    files.callback(self._frames.close)
+                    files.callback(self._frames.write, self._scene, self._about)
+                files.callback(self._recording.close)
+                self._write()
 
     def add(self, record: StepRecord) -> None:
         """Take in the record of some steps; write a block when there are enough."""
-        with postponed(), self._watch("record"):
+        with completing(), self._watch("record"):
             self._records.append(record)
             if self._attempts is not None:
                 for t, steps in enumerate(record.step[:, self._index]):
@@ -158,25 +169,44 @@ class Recorder:
                         int(steps), attempts_between(self._balls_of(before), balls), np.asarray(balls.position)
                     )
             if sum(len(each.step) for each in self._records) >= self._block:
-                self._write()
+                self._check_room(self._write())
+
+    def _check_room(self, n_bytes: int) -> None:
+        """Raise an error while the disk still has room to complete the files.
+
+        Args:
+            n_bytes: size of the next block.
+
+        Raises:
+            UserError: the disk has no room for another block.
+        """
+        of_trajectory = 0 if self._frames is None else self._frames.n_bytes
+        needed = of_trajectory + 4 * n_bytes + (1 + self._n_blocks) * INDEX_BYTES + SPARE_BYTES
+        if shutil.disk_usage(self._path.parent).free < needed:
+            raise write_error(self._path, OSError(errno.ENOSPC, ""))
 
     def _of_step(self, record: StepRecord, t: int) -> Any:
         """State of the recorded world's task after the t-th step of a record."""
         return jax.tree.map(lambda values: np.asarray(values)[t, self._index], record.swarm.task)
 
-    def _write(self) -> None:
+    def _write(self) -> int:
+        """Write what was taken in as a block of frames; return its size in bytes."""
         records, self._records = self._records, []
-        if records:
-            block = self._world.frames(records)
-            self._recording.append(block)
-            self._n_written += len(block)
-            n_bytes = sum(array.nbytes for array in block.arrays().values())
-            self._block = max(BLOCK, min(self._n_written // 16, LONG, LONG_BYTES * len(block) // n_bytes))
-            if self._frames is not None:
-                self._frames.append(block)
-            del block
-            if n_bytes >= LARGE_BYTES:
-                give_back()
+        if not records:
+            return 0
+        block = self._world.frames(records)
+        self._recording.append(block)
+        self._n_written += len(block)
+        self._n_blocks += 1
+
+        n_bytes = sum(array.nbytes for array in block.arrays().values())
+        self._block = max(BLOCK, min(self._n_written // 16, LONG, LONG_BYTES * len(block) // n_bytes))
+        if self._frames is not None:
+            self._frames.append(block)
+        del block
+        if n_bytes >= LARGE_BYTES:
+            give_back()
+        return n_bytes
 
 
 def advanced(run: Run, recorders: Sequence[Recorder] = ()) -> Iterator[StepRecord | None]:

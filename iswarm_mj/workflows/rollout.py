@@ -24,6 +24,7 @@ from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.files import check_name
 from iswarm_mj.utils.interruption import saved
 from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.workflows.recorder import Recorder, advanced
@@ -94,7 +95,7 @@ def rollout(
         stop_at: progress at which a world is finished, in cleaning balls delivered; None for the task's goal.
         every: control steps between counts of progress; the last step is always counted.
         poses_of: numbers of the W worlds whose poses are kept.
-        record: file for a recording of the first of these worlds, or of world 0; open it with `rerun`.
+        record: file, `*.rrd`, for a recording of the first of these worlds, or of world 0; open it with `rerun`.
 
     Raises:
         UserError: keys, robots, settings or strategy do not fit, or the recording cannot be written.
@@ -102,6 +103,8 @@ def rollout(
     _check_keys(keys)
     check_kind("config", config, SwarmConfig)
     check_kind("record", record, (str, Path, NoneType))
+    if record is not None:
+        check_name(record, ".rrd", setting="record")
     check_kind("poses_of", poses_of, (list, tuple, range))
     check("every", every, "a whole number between 1 and 10000", is_whole(every) and 1 <= every <= 10_000)
     every, n_worlds = int(every), len(keys)

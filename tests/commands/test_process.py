@@ -10,6 +10,7 @@ import pytest
 from helpers_cli import ARENA_FLAGS, SMALL, code_of
 
 from iswarm_mj import __version__ as version
+from iswarm_mj import load
 from iswarm_mj.commands.main import parse
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
@@ -62,6 +63,34 @@ class TestProcess:
         assert sorted(path.name for path in here.iterdir()) == ["out"]
         names = sorted(path.name for path in (here / "out").iterdir())
         assert names == ["clean.rrd", "result.json", "trajectory.npz"]
+
+    @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+    def test_closed_streams_are_no_fault(self, here, closed):
+        """A file that is opened must not get the number of such a stream, into which libraries print."""
+        command = [sys.executable, "-m", "iswarm_mj", "clean", *SMALL, "--steps=1", "--out=out"]
+        shell = ["sh", "-c", f'"$@" {closed}', "sh", *command]
+        done = subprocess.run(shell, capture_output=True, text=True, check=False)
+        assert done.returncode == 0 and "Traceback" not in done.stderr and "NoneType" not in done.stderr
+        assert ("results" in done.stdout) == (">&-" not in closed.replace("2>&-", ""))
+        assert load("out").arrays["step"].tolist() == [0, 1]
+
+    @pytest.mark.parametrize("columns", ["1", "5"])
+    def test_help_on_narrow_terminals(self, columns):
+        """Tyro alone does not end there."""
+        command = [sys.executable, "-m", "iswarm_mj", "clean", "--help"]
+        environment = os.environ | {"COLUMNS": columns}
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment, timeout=300)
+        assert "--robots" in done.stdout
+
+    @pytest.mark.parametrize(
+        ("name", "remedy"), [("ä".encode(), "set PYTHONUTF8=1"), (b"\xe4", "rename what is named so")]
+    )
+    def test_names_that_the_environment_cannot_read_as_text(self, name, remedy):
+        command = [sys.executable, "-m", "iswarm_mj", "clean", b"--out=" + name]
+        environment = os.environ | {"PYTHONUTF8": "0", "LC_ALL": "C", "PYTHONIOENCODING": "utf-8"}
+        done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1
+        assert remedy in done.stderr
 
 
 class TestPlanarInBatches:

@@ -53,7 +53,7 @@ REFUSED = [
     (f"{CURVE} --voltages", ["--voltages must be such that there are 1 to 100 curves"]),
     ("grasp --protocol.step-voltage 100", ["--protocol.step-voltage must be below --protocol.grasp-limit, 80 "]),
     ("grasp --radius 10e-6 25e-6 --gap 45e-6", ["--gap must be at most 4 times the least radius (got 4.5e-05)"]),
-    ("report --out r.pdf", ["--out must be a name that ends in .html"]),
+    ("report --out r.pdf", ["--out must be a name ending in .html"]),
     ("report --results", ["--results must be at least one directory"]),
     ("report --results nowhere", ["--results must be an existing directory"]),
     ("reproduce --only densty", ["--only must be grasp or hop-count or density or"]),

@@ -128,6 +128,25 @@ def test_a_recording_that_nobody_closes_is_complete_at_the_end_of_the_program(tm
     assert read(tmp_path / "few.rrd")["/world/robots/body"]["step"] == [0, 1]
 
 
+def test_a_recording_replaces_no_file_of_another_kind(tmp_path):
+    path = tmp_path / "notes.txt"
+    path.write_text("mine")
+    for make in (parallel_env, single_env, vector_env):
+        with pytest.raises(ConfigError, match=r"record must be a name ending in \.rrd"):
+            make(record=path, **FEW)
+    assert path.read_text() == "mine"
+
+
+def test_two_environments_do_not_record_to_one_file(tmp_path):
+    path = tmp_path / "few.rrd"
+    first, second = (parallel_env(record=path, **FEW) for _ in range(2))
+    first.reset(seed=1)
+    with pytest.raises(UserError, match=r"few\.rrd is in use by another process, or elsewhere in this one"):
+        second.reset(seed=2)
+    first.close()
+    assert read(path)["/world/robots/body"]["step"] == [0]
+
+
 def test_all_names_come_at_once():
     found = {}
     exec("from iswarm_mj.envs import *", found)

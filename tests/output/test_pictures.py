@@ -189,7 +189,7 @@ def test_the_floor_ends_at_the_walls(corners, tmp_path, monkeypatch):
     [
         ("side", 0, "a.png", "camera must be above or oblique"),
         ("above", 3, "a.png", "0 to 2"),
-        ("above", 0, "a.mp5", r"a name ending in \.png"),
+        ("above", 0, "a.mp5", r"a name ending in \.png or \.jpg"),
     ],
 )
 def test_what_a_run_does_not_have_is_refused(tmp_path, shot, step, out, says):

@@ -13,6 +13,8 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.profiling import Stopwatch
 
 
@@ -29,6 +31,16 @@ def test_a_run_that_finishes_early_is_rewarded_for_all_steps_left(small):
     assert content["seconds"] == {"first_call": 2.5, "control_step": 0.01}
     assert content["finished_at"] == [40, 55] and (content["steps"], content["max_steps"]) == (55, 100)
     assert content["metrics"] == {"picked": [24, 24], "share": [None, 0.5]} and content["devices"] == ["cpu"]
+
+
+def test_nothing_is_removed_while_another_run_writes_into_the_directory_of_a_further_world(tmp_path):
+    out, further = tmp_path / "out", tmp_path / "out" / "world-1"
+    further.mkdir(parents=True)
+    for place in (out, further):
+        (place / TRAJECTORY).write_text("kept")
+    with locked(further), pytest.raises(UserError, match=r"world-1 is in use by another process"):
+        results.clear(out)
+    assert (out / TRAJECTORY).read_text() == (further / TRAJECTORY).read_text() == "kept"
 
 
 def test_further_worlds_of_an_earlier_run_are_removed(tmp_path):

@@ -50,18 +50,38 @@ COMMANDS = {
     "report": ("report --out={out}/a.html", f"--results {ROOT}/results/hop-count", f"--results {ROOT}/results"),
 }
 """Arguments of commands that write: all, those of a short one, those of a long one."""
+ENDLESS = {
+    "clean": f"clean {ARENA} --robots=30 --steps=100000 --gripper.release-voltage=3 --engine={{engine}} --out={{out}}",
+    "run": f"run --task=foraging {ARENA} --robots=30 --steps=100000 --engine={{engine}} --out={{out}}",
+    "evolve": f"evolve {ARENA} --population=4 --steps=50 {{workers}} --engine={{engine}} --out={{out}}",
+    "train": f"train {ARENA} --population=4 --worlds=1 --robots=4 --generations=1000 --engine={{engine}} --out={{out}}",
+    "sweep": f"sweep {ARENA} --over=robots=5,10,20,25 --steps=100000 --engine={{engine}} --out={{out}}",
+    "experiment": "experiment density {workers} --engine={engine} --out={out}",
+    "bench": f"bench {ARENA} --robots=30 --steps=100000 --engine={{engine}}",
+    "play": f"play {ARENA} --no-open --robots=30 --engine={{engine}} --out={{out}}",
+    "grasp": "grasp --repeats=1000 --out={out}",
+    "video": "video {run} --frames-per-step=24 --out={out}/a.mp4",
+    "replay": "replay {run} --frames-per-step=24 --out={out}/a.html",
+}
+"""Arguments of commands that run for long, most of which compile first."""
 
 
 def begun(name, out, run="", is_long=True, before="", **environment):
-    """A command in a session of its own, after some Python code; signals that this process ignores are heeded."""
+    """Start one of `COMMANDS`, see `started`."""
     common, *own = COMMANDS[name]
-    words = f"{common} {own[is_long]}".format(out=out, run=run).split()
+    return started(f"{common} {own[is_long]}".format(out=out, run=run), before, **environment)
+
+
+def started(words, before="", **environment):
+    """Start a command in a session of its own, after some Python code; signals that this process ignores are heeded."""
     heed = "import signal\nfor number in (1, 2, 15):\n    signal.signal(number, signal.SIG_DFL)\n"
     heed += "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     code = f"{heed}{before}\nimport sys\nfrom iswarm_mj.__main__ import main\nmain()"
     environment = os.environ | {"PYTHONUNBUFFERED": "1"} | environment
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([sys.executable, "-c", code, *words], **pipes, env=environment, start_new_session=True)
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *words.split()], **pipes, env=environment, start_new_session=True
+    )
 
 
 def check_whole(out):
@@ -218,13 +238,47 @@ def test_signals_at_any_moment(earlier, tmp_path, seed):
         return
     assert process.returncode in (0, -number, 128 + number), (process.returncode, error)
     assert process.returncode <= 0 or ("Traceback" not in error and "interrupted" in error), error
+    check_nothing_runs_on(process)
+    check_whole(out)
+    if name == "clean":
+        check_unmixed(out, old)
+
+
+def check_nothing_runs_on(process):
+    """All processes of a session end."""
     end = time.monotonic() + 60
     while any(os.getsid(one.pid) == process.pid for one in psutil.process_iter() if psutil.pid_exists(one.pid)):
         assert time.monotonic() < end, "processes are left"
         time.sleep(0.1)
+
+
+@pytest.mark.slow
+@attack(6)
+def test_signals_while_programs_are_compiled_and_run(earlier, tmp_path_factory, seed):
+    """Where all compiled programs are there, and where none is."""
+    rng, out, (run, _) = np.random.default_rng(seed), tmp_path_factory.mktemp("out"), earlier
+    name, engine = pick(rng, list(ENDLESS)), pick(rng, ["planar", "mujoco", "mjx"])
+    number, has_cache = pick(rng, [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]), bool(rng.integers(2))
+    moment = (12 if has_cache else 30) * rng.random()
+
+    caches = {} if has_cache else {"XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}
+    workers = "" if engine == "mjx" else "--workers=2"
+    words = ENDLESS[name].format(out=out, run=run, engine=engine, workers=workers)
+    with started(words, **caches) as process:
+        with suppress(subprocess.TimeoutExpired):
+            process.communicate(timeout=moment)
+        process.send_signal(number)
+        try:
+            error = process.communicate(timeout=60)[1]  # for machines with other work; it takes at most 5 s
+        finally:
+            process.kill()
+    event(f"{name}, {engine}: {process.returncode}")
+    if "Fatal Python error: init_" in error:  # Python itself had not begun
+        return
+    assert process.returncode in (0, -number, 128 + number), (words, process.returncode, error)
+    assert process.returncode <= 0 or ("Traceback" not in error and "interrupted" in error), (words, error)
+    check_nothing_runs_on(process)
     check_whole(out)
-    if name == "clean":
-        check_unmixed(out, old)
 
 
 @pytest.fixture(scope="module")

@@ -1,5 +1,7 @@
 """Files are replaced in one step, or stay as they were."""
 
+import shutil
+
 import pytest
 from helpers_files import full_disk
 
@@ -29,7 +31,7 @@ def test_a_directory_that_vanished(tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     with pytest.raises(UserError, match=r"a\.json cannot be written \(No such file"), atomic_write(out / "a.json") as p:
-        out.rmdir()
+        shutil.rmtree(out)
         p.write_text("new")
 
 

@@ -17,7 +17,7 @@ def test_another_process_is_refused_until_the_first_is_killed(tmp_path):
     )
     with subprocess.Popen([sys.executable, "-c", code], stdin=-1, stdout=-1, text=True) as process:
         assert process.stdout.readline() == "has it\n"
-        said = r"out is in use by another process; wait for its end or choose another `out`$"
+        said = r"out is in use by another process, or elsewhere in this one; wait for its end or choose another `out`$"
         with pytest.raises(UserError, match=said), locked(out):
             pass
         process.kill()

@@ -14,8 +14,10 @@ from iswarm_mj.output.schema import ARRAYS
 from iswarm_mj.output.trajectory import ABOUT, Scene
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.measures import Measures
-from iswarm_mj.utils.errors import SimulationFault
+from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.units import ROBOT_DIAMETER
+from iswarm_mj.workflows import clean as workflow
 from iswarm_mj.workflows.clean import _save, clean, summary
 
 STEPS = BLOCK + 6
@@ -141,6 +143,21 @@ def test_old_results_go(small, tmp_path):
     run_clean(small, tmp_path, record=False, steps=1)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["notes.txt", "result.json"]
     assert json.loads((tmp_path / "result.json").read_text())["steps"] == 1
+
+
+def test_a_further_world_has_its_directory_for_itself(small, tmp_path, monkeypatch):
+    out, advance, refused = tmp_path / "out", workflow._advance, []
+
+    def other_run(*given):
+        with pytest.raises(UserError, match=r"world-1 is in use by another process"), locked(out / "world-1"):
+            pass
+        refused.append(True)
+        advance(*given)
+
+    monkeypatch.setattr(workflow, "_advance", other_run)
+    clean(run_of(small, steps=1, n_worlds=2, record_worlds=(0, 1)), out)
+    assert refused == [True]
+    assert sorted(path.name for path in (out / "world-1").iterdir()) == ["clean.rrd", "trajectory.npz"]
 
 
 def test_of_a_run_that_ends_within_a_program_no_measures_are_kept(small, tmp_path, monkeypatch):

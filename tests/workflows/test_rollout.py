@@ -177,6 +177,7 @@ def test_progress_is_counted_after_the_step():
         ({"keys": [1, 2]}, "was a list"),
         ({"every": 0}, r"every must be .* \(got 0\)"),
         ({"poses_of": (3,)}, r"poses_of must be .* \(got "),
+        ({"record": "notes.txt"}, r"record must be a name ending in \.rrd \(got 'notes\.txt'\)"),
         ({"engine": "planar"}, r"engine must be settings of an engine, .*got 'planar'"),
         ({"strategy": Straight(lambda: 0.1)}, "holds a function where JAX expects an array"),
     ],

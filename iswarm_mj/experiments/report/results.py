@@ -25,7 +25,7 @@ from iswarm_mj.experiments.runner.search import TABLE as SEARCH
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.plot_trials import draw_figures
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.files import atomic_write, make_output_directory
+from iswarm_mj.utils.files import atomic_write, check_name, make_output_directory
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import TABLE as TRIALS
 
@@ -149,6 +149,7 @@ def tally(findings: Sequence[Finding]) -> tuple[list[str], dict[str, list[int]]]
 
 def report(directories: Sequence[Path], out: Path) -> list[Topic]:
     """Write a report of all results below the directories, at any depth, as one HTML page; print a summary."""
+    check_name(out, ".html")
     results = collect(directories)
     make_output_directory(out.parent, given=out)
     sections = [_section(topic) for topic in topics_of(results)]

@@ -1,0 +1,184 @@
+"""Signals end a process whatever its main thread does, after what there is was saved."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+BEGIN = """
+import ctypes, sys, threading, time
+from pathlib import Path
+from iswarm_mj.utils import interruption
+from iswarm_mj.utils.interruption import code_of_signal, completing, handle_signals, leave, postponed, saved
+
+out = Path(sys.argv[1])
+
+def save():
+    (out / "saved").write_text("saved")
+
+def begin(**limits):
+    for name, value in limits.items():
+        setattr(interruption, name, value)
+    handle_signals(lambda: "farewell")
+
+def announce():
+    print("now", flush=True)
+
+def stay_in_c():
+    mutex = ctypes.create_string_buffer(64)
+    for _ in range(2):  # whoever locks it twice waits without end, and no signal interrupts that
+        ctypes.CDLL(None).pthread_mutex_lock(mutex)
+
+def run(work):
+    try:
+        with saved(save):
+            threading.Timer(0.5, announce).start()  # by when the work has begun
+            work()
+    except BaseException as error:
+        leave(code_of_signal(error) or 1)
+"""
+DROPPED_ONCE = """
+def work():
+    try:
+        time.sleep(600)
+    except KeyboardInterrupt:  # as code in C may
+        pass
+    time.sleep(600)
+begin(RETRY_S=0.05, GRACE_S=600.0)
+run(work)
+"""
+ALWAYS_DROPPED = """
+def work():
+    while True:
+        try:
+            time.sleep(600)
+        except KeyboardInterrupt:
+            pass
+begin(RETRY_S=0.05, GRACE_S=0.5)
+run(work)
+"""
+IN_C = """
+begin(GRACE_S=0.2)
+run(stay_in_c)
+"""
+COMPUTING = """
+def work():
+    with postponed():  # a computation, not files
+        stay_in_c()
+begin(GRACE_S=0.2)
+run(work)
+"""
+COMPLETING = """
+def work():
+    with completing():
+        time.sleep(2.0)
+        save()
+begin(GRACE_S=0.1)
+run(work)
+"""
+
+
+def started(tmp_path, code):
+    """A process that has said that its work begins, and heeds signals that this one ignores."""
+    heed = "import signal\nfor number in (1, 2, 15):\n    signal.signal(number, signal.SIG_DFL)\n"
+    command = [sys.executable, "-c", heed + BEGIN + code, str(tmp_path)]
+    process = subprocess.Popen(command, stdout=-1, stderr=-1, text=True, cwd=Path(__file__).parents[2])
+    assert process.stdout.readline() == "now\n", process.communicate()
+    return process
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    ("code", "says"),
+    [(DROPPED_ONCE, ""), (ALWAYS_DROPPED, "farewell\n"), (IN_C, "farewell\n"), (COMPUTING, "farewell\n")],
+)
+def test_a_process_ends_after_it_saved(tmp_path, number, code, says):
+    with started(tmp_path, code) as process:
+        process.send_signal(number)
+        assert process.communicate(timeout=60) == ("", says)
+        assert process.returncode == 128 + number
+    assert (tmp_path / "saved").read_text() == "saved"
+
+
+def test_the_process_waits_for_files_that_are_being_completed(tmp_path):
+    with started(tmp_path, COMPLETING) as process:
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=60)
+        assert process.returncode == 128 + signal.SIGTERM
+    assert (tmp_path / "saved").read_text() == "saved"
+
+
+def test_what_saves_at_the_end_is_not_interrupted_again(tmp_path):
+    code = """
+def work():
+    try:
+        time.sleep(600)
+    finally:
+        time.sleep(1.0)
+        (out / "page").write_text("complete")
+begin(RETRY_S=0.05, GRACE_S=600.0)
+run(work)
+"""
+    with started(tmp_path, code) as process:
+        process.send_signal(signal.SIGTERM)
+        assert process.communicate(timeout=60) == ("", "")
+        assert process.returncode == 128 + signal.SIGTERM
+    assert (tmp_path / "page").read_text() == "complete"
+
+
+def test_it_does_not_wait_without_end_for_them(tmp_path):
+    code = "def work():\n    with completing():\n        stay_in_c()\nbegin(GRACE_S=0.1, FILES_S=0.2)\nrun(work)\n"
+    with started(tmp_path, code) as process:
+        process.send_signal(signal.SIGTERM)
+        process.communicate(timeout=60)
+        assert process.returncode == 128 + signal.SIGTERM
+    assert not (tmp_path / "saved").exists()
+
+
+def test_a_second_signal_ends_it_at_once(tmp_path):
+    """Where a grace time of an hour would wait for the first one."""
+    code = """
+import os
+def work():
+    with postponed():
+        os.kill(os.getpid(), 10)
+        while interruption._State.number is None:
+            time.sleep(0.01)
+        announce()
+        stay_in_c()
+signal.signal(signal.SIGUSR1, lambda *_: None)  # that others handle is no matter of ours
+begin(GRACE_S=3600.0, RETRY_S=3600.0)
+run(work)
+"""
+    with started(tmp_path, code) as process:
+        process.send_signal(signal.SIGINT)
+        assert process.stdout.readline() == "now\n"
+        assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+        assert process.returncode == 128 + signal.SIGINT
+    assert (tmp_path / "saved").read_text() == "saved"
+
+
+def test_other_threads_are_not_interrupted(tmp_path):
+    code = """
+def record():
+    with postponed():
+        while interruption._State.number is None:
+            time.sleep(0.01)
+    (out / "recorded").write_text("all")
+def work():
+    thread = threading.Thread(target=record)
+    thread.start()
+    with postponed():
+        thread.join()
+begin(GRACE_S=600.0)
+run(work)
+"""
+    with started(tmp_path, code) as process:
+        process.send_signal(signal.SIGINT)
+        _, error = process.communicate(timeout=60)
+        assert (process.returncode, error) == (128 + signal.SIGINT, "")
+    assert (tmp_path / "recorded").read_text() == "all"
