@@ -1,4 +1,4 @@
-"""Environment variables of the libraries beneath, which may end their import, or the process, without a word of use.
+"""What surrounds this process and may end the libraries beneath in errors of theirs: variables, limits of memory.
 
 `docs/faults.md` says what each variable does to a run.
 """
@@ -10,6 +10,7 @@ from functools import cache
 from importlib import import_module
 
 from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.memory import check_address_space
 
 _VARIABLES = {"jax": "JAX_", "numba": "NUMBA_", "mujoco": "MUJOCO_GL"}
 """How the names of the variables begin that a library reads when it is imported."""
@@ -17,11 +18,12 @@ _PARSE_XLA_FLAGS = "from jaxlib import xla_client; xla_client.CompileOptions()"
 
 
 def check_environment() -> None:
-    """Refuse environment variables with which a library cannot be imported or used; cheap where none is set.
+    """Refuse environment variables and limits with which a library cannot be imported or used; cheap without any.
 
     Raises:
-        UserError: with the name of the variable.
+        UserError: with the name of the variable or the limit.
     """
+    check_address_space()
     for library, beginning in _VARIABLES.items():
         _check_import(library, beginning)
     if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":

@@ -17,7 +17,11 @@ _GUARDS = (None, "allow", "log", "log_explicit")
 _ALLOWED: dict[str, tuple[tuple[Any, ...], str]] = {
     "jax_enable_x64": ((False,), "since robots compute with 32-bit floats"),
     "jax_disable_jit": ((False,), "since programs round otherwise when they are not compiled"),
+    "jax_no_execution": ((False,), "since programs run"),
     "jax_random_seed_offset": ((0,), "since it changes what a seed draws"),
+    "jax_error_checking_behavior_nan": (("ignore",), "since numbers that are not finite are faults"),
+    "jax_error_checking_behavior_divide": (("ignore",), "since numbers that are not finite are faults"),
+    "jax_error_checking_behavior_oob": (("ignore",), "since programs clip what lies beyond their arrays"),
     "jax_numpy_dtype_promotion": (("standard",), "since programs mix types of numbers"),
     "jax_numpy_rank_promotion": (("allow", "warn"), "since programs broadcast"),
     "jax_transfer_guard": (_GUARDS, "since engines hand over arrays"),
@@ -108,8 +112,9 @@ def check_devices() -> None:
         if isinstance(default, str):
             jax.devices(default)
     except (RuntimeError, AssertionError) as error:
-        names = "jax_platforms", "jax_default_device", "jax_num_cpu_devices"
+        names = "jax_platforms", "jax_platform_name", "jax_default_device", "jax_num_cpu_devices"
         choices = {name.upper(): getattr(jax.config, name, None) for name in names}
+        choices |= {name: value for name, value in os.environ.items() if name in choices}
         given = ", ".join(f"{name}={shown(value)}" for name, value in choices.items() if value not in (None, "", -1))
         reason = shown(error) if str(error) else "it finds no device"
         raise UserError(

@@ -1,13 +1,24 @@
 """Memory of this machine: how much is left, whether something fits into it, and what was freed given back."""
 
 import ctypes
+import os
 import sys
 from contextlib import suppress
 from pathlib import Path
 
 import psutil
 
+from iswarm_mj.utils.errors import UserError
+
+try:
+    import resource
+except ImportError:  # on Windows, which has no such limits
+    resource = None
+
 _GROUP = Path("/sys/fs/cgroup")
+_BASE, _PER_CORE = 2_600_000_000, 200_000_000
+"""Address space that the libraries take, and the threads of each core more [bytes]. On two cores `iswarm clean` ends in
+their errors, or is aborted by them, with 2.5 GB (`ulimit -v`), and succeeds with 3 GB."""
 
 
 def available_memory() -> int:
@@ -18,7 +29,32 @@ def available_memory() -> int:
         lines = (_GROUP / "memory.stat").read_text(encoding="ascii").splitlines()
         cache = sum(int(line.split()[1]) for line in lines if line.startswith(("active_file ", "inactive_file ")))
         free = min(free, most - used + cache)
+    limit = _address_space()
+    if limit is not None:
+        free = min(free, max(0, limit - psutil.Process().memory_info().vms))
     return free
+
+
+def check_address_space() -> None:
+    """Refuse a limit of this process's address space in which the libraries do not fit.
+
+    Raises:
+        UserError: with the limit and what is needed.
+    """
+    limit, needed = _address_space(), _BASE + _PER_CORE * (os.cpu_count() or 1)
+    if limit is not None and limit < needed:
+        raise UserError(
+            f"the memory of this process must not be limited to less than {gigabytes(needed)} of address space, which "
+            f"the libraries take (got {gigabytes(limit)}); raise the limit, as by `ulimit -v unlimited`"
+        )
+
+
+def _address_space() -> int | None:
+    """Return the limit of this process's address space [bytes]; None if there is none."""
+    if resource is None:
+        return None
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return None if limit == resource.RLIM_INFINITY else limit
 
 
 def check_memory(needed: int) -> None:
