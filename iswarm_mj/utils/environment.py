@@ -26,7 +26,7 @@ def check_environment() -> None:
     check_address_space()
     for library, beginning in _VARIABLES.items():
         _check_import(library, beginning)
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") != "0":
+    if "numba" in sys.modules and sys.modules["numba"].config.DISABLE_JIT:
         raise UserError("NUMBA_DISABLE_JIT must be 0, since engines are compiled (got 1); unset it")
     if os.environ.get("XLA_FLAGS"):
         _check_xla_flags(os.environ["XLA_FLAGS"])

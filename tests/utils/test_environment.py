@@ -25,6 +25,7 @@ REFUSED = [
     ("JAX_PLATFORMS", "cuda"),
     ("JAX_PLATFORMS", "nonsense,cpu"),
     ("JAX_PLATFORM_NAME", "nonsense"),
+    ("JAX_DEFAULT_DEVICE", "gpu"),
     ("JAX_NUM_CPU_DEVICES", "0"),
     ("MUJOCO_GL", "nonsense"),
     ("NUMBA_DISABLE_JIT", "1"),
