@@ -1,7 +1,6 @@
 """Memory of this machine: how much is left, whether something fits into it, and what was freed given back."""
 
 import ctypes
-import os
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -16,9 +15,9 @@ except ImportError:  # on Windows, which has no such limits
     resource = None
 
 _GROUP = Path("/sys/fs/cgroup")
-_BASE, _PER_CORE = 2_600_000_000, 200_000_000
-"""Address space that the libraries take, and the threads of each core more [bytes]. On two cores `iswarm clean` ends in
-their errors, or is aborted by them, with 2.5 GB (`ulimit -v`), and succeeds with 3 GB."""
+LEAST_ADDRESS_SPACE = 4_000_000_000
+"""Address space in which the libraries fit on two cores [bytes]. With 2.5 GB (`ulimit -v`) `iswarm clean` ends in errors
+of theirs, or is aborted by them; with 3.1 GB it succeeds, but for `--engine mjx`."""
 
 
 def available_memory() -> int:
@@ -41,11 +40,11 @@ def check_address_space() -> None:
     Raises:
         UserError: with the limit and what is needed.
     """
-    limit, needed = _address_space(), _BASE + _PER_CORE * (os.cpu_count() or 1)
-    if limit is not None and limit < needed:
+    limit = _address_space()
+    if limit is not None and limit < LEAST_ADDRESS_SPACE:
         raise UserError(
-            f"the memory of this process must not be limited to less than {gigabytes(needed)} of address space, which "
-            f"the libraries take (got {gigabytes(limit)}); raise the limit, as by `ulimit -v unlimited`"
+            f"the memory of this process must not be limited to less than {gigabytes(LEAST_ADDRESS_SPACE)} of address "
+            f"space, which the libraries take (got {gigabytes(limit)}); raise the limit, as by `ulimit -v unlimited`"
         )
 
 
