@@ -23,7 +23,8 @@ def check_environment() -> None:
     Raises:
         UserError: with the name of the variable or the limit.
     """
-    check_address_space()
+    if not sys.modules.keys() >= _VARIABLES.keys():  # what is loaded has its memory
+        check_address_space()
     for library, beginning in _VARIABLES.items():
         _check_import(library, beginning)
     if "numba" in sys.modules and sys.modules["numba"].config.DISABLE_JIT:
