@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from iswarm_mj.experiments.report.reproduce import parts_of
 from iswarm_mj.experiments.report.tables import Tables, filled
-from iswarm_mj.experiments.runner.experiment import FINDINGS
+from iswarm_mj.experiments.runner.experiment import FINDINGS, Plan
+from iswarm_mj.experiments.runner.pool import Execution
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.tables import read_table, write_csv
 
@@ -49,6 +51,13 @@ def test_evolutions_begin_as_random_search_does():
         rows, _ = read_table(ROOT / "results" / f"evolve-{method}" / "evolution.parquet")
         first.append([[row[name] for name in drawn] for row in rows if row["generation"] == 0])
     assert first[0] == first[1] and len(first[0]) == 160
+
+
+@pytest.mark.parametrize("method", ["paper", "random", "cmaes"])
+def test_searches_are_repeated_with_the_densities_of_the_results(method):
+    (part,) = parts_of(Plan(), Execution(), 16, 1, [f"evolve-{method}"])
+    _, settings = read_table(ROOT / "results" / part.name / part.table)
+    assert part.settings["operators"] == settings["operators"]
 
 
 @pytest.mark.parametrize("page", PAGES)

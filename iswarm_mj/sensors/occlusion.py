@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
 from iswarm_mj.sensors.neighbours import Neighbours
@@ -47,7 +48,7 @@ def circles(robot: Robots, which: int | np.ndarray) -> Circles:
     return Circles(outer * (1 + 1e-6), inner * (1 - 1e-6), behind)
 
 
-@cached
+@numba.njit
 def meets_boxes(x: float, y: float, vx: float, vy: float, boxes: np.ndarray) -> bool:
     """Whether the straight way from a point by a vector leads through one of the boxes (M, 6)."""
     for box in boxes:

@@ -7,15 +7,12 @@ from dataclasses import asdict
 from itertools import product
 from operator import itemgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj import __version__
-from iswarm_mj.gripper.bench.force_curve import UNITS, force_curve
-from iswarm_mj.gripper.bench.run_trials import Outcomes, run_trials
-from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import (
@@ -34,6 +31,10 @@ from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_table
 from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, cases, of_settings
+
+if TYPE_CHECKING:
+    # The parts of the bench that compile are imported where they run, since `iswarm inspect` reads tables only.
+    from iswarm_mj.gripper.bench.run_trials import Outcomes
 
 TABLE = "trials.parquet"
 CURVES = "force_curve.parquet"
@@ -89,12 +90,12 @@ class TrialRow(NamedTuple):
     """The state became infinite or nan."""
 
 
-def trial_rows(settings: GraspSettings, cases: Sequence[Case], outcomes: Outcomes) -> list[TrialRow]:
+def trial_rows(settings: GraspSettings, cases: Sequence[Case], outcomes: "Outcomes") -> list[TrialRow]:
     """Rows of the table, case by case; a ball that was not lifted, or fell before the ramp, has no release."""
     return [row for i, case in enumerate(cases) for row in _rows_of(settings, case, outcomes, i)]
 
 
-def _rows_of(settings: GraspSettings, case: Case, outcomes: Outcomes, i: int) -> Iterator[TrialRow]:
+def _rows_of(settings: GraspSettings, case: Case, outcomes: "Outcomes", i: int) -> Iterator[TrialRow]:
     protocol, trial = settings.protocol, case.trial
     tool, substrate = (
         float(work * humidity_factor(trial.relative_humidity))
@@ -233,6 +234,8 @@ def _rows(settings: GraspSettings) -> tuple[list[TrialRow], Float[np.ndarray, "N
     """Rows of the trials, and the grasp voltage of each."""
     listed = cases(settings)
     with Progress(len(listed), "trial", waiting="compiling the bench and its forces") as bar:
+        from iswarm_mj.gripper.bench.run_trials import run_trials
+
         trials = [case.trial for case in listed]
         outcomes = run_trials(trials, settings.protocol, settings.gaps, settings.threads, bar.update)
     return trial_rows(settings, listed, outcomes), outcomes.grasp.voltage
@@ -254,6 +257,7 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
         voltages: one curve each [V].
         out: directory.
     """
+    from iswarm_mj.gripper.bench.force_curve import UNITS, force_curve
     from iswarm_mj.output.plot_force_curve import draw_force_curve
 
     humidity = settings.humidities[0]
@@ -278,6 +282,7 @@ def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Pa
 
 def _record(settings: GraspSettings, case: Case, voltage: float, path: Path) -> None:
     """Repeat a trial at its grasp voltage, nan if it has none, in the C engine, and record it."""
+    from iswarm_mj.gripper.bench.tracing import trace_trial
     from iswarm_mj.output.rerun_trial import record_trace
 
     lifts = None if np.isnan(voltage) else float(voltage)

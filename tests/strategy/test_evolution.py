@@ -43,7 +43,7 @@ def near(count, n, p):
 def test_the_defaults_are_the_papers():
     named = ("elite", "dependent_rate", "span", "independent_rate", "crossover_rate", "intermediate_share")
     assert [getattr(PAPER, name) for name in named] == [2, 0.5, 0.05, 0.05, 0.2, 0.5]
-    assert (PAPER.density_min, PAPER.density_max) == (0.01, 1.0)
+    assert (PAPER.density_min, PAPER.density_max) == (0.01, 0.33)
 
 
 @pytest.mark.parametrize("genome", [*PRESETS.values(), Genome(use_hop_count=False, priority_signal_scouts=True)])

@@ -23,7 +23,6 @@ from iswarm_mj.experiments.runner.evolution import METHODS
 from iswarm_mj.experiments.runner.search import FIGURE
 from iswarm_mj.experiments.runner.search import TABLE as SEARCH
 from iswarm_mj.experiments.studies.registry import EXPERIMENTS
-from iswarm_mj.output.plot_trials import draw_figures
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.files import atomic_write, check_name, make_output_directory
 from iswarm_mj.utils.tables import read_table
@@ -53,6 +52,9 @@ class Result(NamedTuple):
         """Draw its figures into a directory."""
         with as_named(self.path):
             if self.name == GRASP:
+                # Its import compiles the plugin, which only trials need.
+                from iswarm_mj.output.plot_trials import draw_figures
+
                 draw_figures(self.rows, self.settings, out)
             elif self.name in SEARCHES:
                 draw_fitness(self.rows, self.settings["config"]["arena"]["n_dust"], out / FIGURE)

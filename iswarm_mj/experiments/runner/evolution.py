@@ -18,8 +18,8 @@ intermediate, half taking each value from one parent or the other. Choices where
   `boolean_mutation` has other choices. An intermediate crossover takes a Boolean from either parent.
 - A fitness below zero counts as zero; if none is above zero, all swarms are equally probable. The elite takes part in
   the draw.
-- Densities lie within 0.01 and 1, a robot in each cell: "the biggest swarm that was tested", of 785 robots, is what
-  came of the paper's evolution. All other parameters lie within 0 and 1, distances in units of the sensory radius.
+- Densities lie within 0.01 and 0.33, that of "the biggest swarm that was tested during the evolutionary run", of 785
+  robots. All other parameters lie within 0 and 1, distances in units of the sensory radius.
 """
 
 from collections.abc import Generator, Sequence
@@ -72,8 +72,9 @@ class Operators:
     """Share of the crossovers that average both parents; in the others each value comes from one of them."""
     density_min: Annotated[float, Above(0, 1)] = 0.01
     """Smallest density of robots; 24 robots in the paper's arena."""
-    density_max: Annotated[float, Above(0, 1)] = 1.0
-    """Largest density of robots; 2376 robots in the paper's arena."""
+    density_max: Annotated[float, Above(0, 1)] = 0.33
+    """Largest density of robots, that of the paper's biggest swarm; at 1, 2376 robots stand in the paper's arena, and
+    generations take many times as long."""
 
     def __post_init__(self):
         validate(self, "operators")
