@@ -45,7 +45,7 @@ class Sort(Cleaning):
         apart = jnp.linalg.norm(inputs.poses[:, None, :2] - balls.position, axis=-1)
         own = jnp.where(balls.holder == jnp.arange(len(yaw))[:, None], -1.0, jnp.inf)
         nearest = jnp.where(balls.is_held, own, apart).argmin(axis=1)
-        light, east = x / mm_from_rd(inputs.config.arena.size / 2), -jnp.arctan2(jnp.sin(yaw), jnp.cos(yaw))
+        light, east = x / mm_from_rd(inputs.arena.size / 2), -jnp.arctan2(jnp.sin(yaw), jnp.cos(yaw))
         return balls, sensed._replace(own={"side": sides(balls)[nearest], "light": light, "east": east})
 
     def metrics(self, state):

@@ -24,6 +24,7 @@ from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
 from iswarm_mj.simulation.streams import step_keys
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.tasks.protocol import ChangingTask, DrivingTask, Quantity
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import RobotFile, Robots
@@ -109,7 +110,7 @@ class Core:
         senses: what the task lets robots sense beside balls and dump, by name, and how many numbers of each.
     """
 
-    config: SwarmConfig
+    config: StaticConfig
     given: SwarmConfig
     robot: Robots
     robot_file: RobotFile

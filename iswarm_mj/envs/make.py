@@ -86,7 +86,7 @@ def make_env(
     )
     with jax.default_device(setup.device):
         core = Core(
-            config=setup.program_config,
+            config=setup.static,
             given=config,
             robot=setup.robot,
             robot_file=setup.robot_file,

@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.channel import Received
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
@@ -17,6 +16,7 @@ from iswarm_mj.simulation.packed import Packed, pack
 from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import step_keys
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.declared import led_power, said
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, ReleasingStrategy
@@ -46,11 +46,11 @@ class Decision(NamedTuple):
     """See `DrivingTask.drive_boxes`; None where the task drives none."""
 
 
-def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
+def decide(config: StaticConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
     """Take a world's control step up to the commands; a world that does not run keeps its state.
 
     Args:
-        config: what control steps are compiled for (`common.program_config`); all else is in `params`.
+        config: what control steps are compiled for (`common.static_config`); all else is in `params`.
         robot: its geometry.
         params: of the world.
         swarm: after the step before.
@@ -146,7 +146,7 @@ def heard_in_turn(
 
 
 def decide_worlds(
-    config: SwarmConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs
+    config: StaticConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs
 ) -> Decision:
     """`decide` for B worlds at once, all at the same step."""
     of_one = partial(decide, config, robot)
@@ -155,7 +155,9 @@ def decide_worlds(
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
-def decide_packed(config: SwarmConfig, robot: Robots, params: Packed, swarm: SwarmState, begin: StepInputs) -> Decision:
+def decide_packed(
+    config: StaticConfig, robot: Robots, params: Packed, swarm: SwarmState, begin: StepInputs
+) -> Decision:
     """`decide_worlds`, where what a world decides does not depend on how many there are, to the last bit.
 
     The parameters are packed, and so are memories and the state of the task.

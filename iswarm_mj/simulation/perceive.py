@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.gripper.attempts import Decider, by_balance
 from iswarm_mj.sensors.channel import Received, exchange
@@ -15,6 +14,7 @@ from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understoo
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import StepKeys
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.teams import team_numbers
@@ -58,7 +58,7 @@ class Perceived(NamedTuple):
 
 
 def perceive(
-    config: SwarmConfig,
+    config: StaticConfig,
     robot: Robots,
     params: WorldParams,
     swarm: SwarmState,
@@ -71,7 +71,7 @@ def perceive(
     """Take a world's control step up to what robots know: communicate, and advance the task.
 
     Args:
-        config: what control steps are compiled for (`common.program_config`).
+        config: what control steps are compiled for (`common.static_config`).
         robot: its geometry.
         params: of the world.
         swarm: after the step before.
@@ -99,18 +99,19 @@ def perceive(
         swarm = swarm._replace(energy=energy, starved=swarm.starved + (is_empty & swarm.is_alive))
     (stop,), (misses,) = draw(keys.stops, (len(poses),), n_uniform=1).uniform
     inputs = TaskInputs(
-        poses,
-        params.is_present,
-        swarm.is_alive,
-        picks & ~is_empty,
-        jnp.asarray(team_numbers(params.strategy, len(poses))),
-        jnp.asarray(robot.kind_of(len(poses)), jnp.int32),
-        params.conditions,
-        config,
-        robot,
-        decider_of(config),
-        voltage,
-        None if releases is None else releases & swarm.is_alive & ~is_empty,
+        poses=poses,
+        is_present=params.is_present,
+        is_alive=swarm.is_alive,
+        picks=picks & ~is_empty,
+        team=jnp.asarray(team_numbers(params.strategy, len(poses))),
+        kind=jnp.asarray(robot.kind_of(len(poses)), jnp.int32),
+        conditions=params.conditions,
+        arena=params.arena,
+        config=config,
+        robot=robot,
+        decide_attempts=decider_of(config),
+        voltage=voltage,
+        releases=None if releases is None else releases & swarm.is_alive & ~is_empty,
         notices=misses >= params.conditions.error_in_sensing,
         boxes=jnp.zeros((0, 3)) if begin.boxes is None else begin.boxes,
     )
@@ -146,7 +147,7 @@ def with_conditions(params: WorldParams, swarm: SwarmState) -> WorldParams:
     return params._replace(conditions=task.conditions(swarm.task, params.conditions))
 
 
-def decider_of(config: SwarmConfig) -> Decider:
+def decider_of(config: StaticConfig) -> Decider:
     """Return what decides whether attempts to pick up and to release succeed: the forces' balance, or the bench."""
     if config.gripper.resolution == "quasi-static":
         return by_balance

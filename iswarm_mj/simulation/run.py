@@ -18,7 +18,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState, decode, summary
-from iswarm_mj.simulation.worlds import World, conditions_of_worlds, vector_strategies
+from iswarm_mj.simulation.worlds import World, arenas_of_worlds, conditions_of_worlds, vector_strategies
 from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.protocol import Strategy
@@ -215,7 +215,8 @@ class Run:
         self.worlds, self.strategy = [replace(world, **own) for world in self.worlds], None if is_genome else strategy
         params, state = self.arrays()
         conditions = conditions_of_worlds(config, self.worlds)
-        params = params._replace(strategy=self._strategies(), conditions=conditions, task=self._tasks)
+        arena = arenas_of_worlds(config, self.worlds)
+        params = params._replace(strategy=self._strategies(), conditions=conditions, task=self._tasks, arena=arena)
         self._loop.replace(params, state.swarm)
 
     def edit(self, edit: Callable[[SwarmState], SwarmState]) -> None:

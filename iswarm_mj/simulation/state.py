@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
+from iswarm_mj.sensors.arena import Arena
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.strategy.interface import Command
@@ -35,6 +36,9 @@ class WorldParams(NamedTuple):
     goal: Int[Array, "*B"]
     """The world is finished with this progress of the task, in cleaning balls delivered."""
     task: Task
+    arena: Arena
+    is_driven: Bool[Array, "*B M"]
+    """Boxes of mass 0, which the task alone moves."""
 
 
 class SwarmState(NamedTuple):

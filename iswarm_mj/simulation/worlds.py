@@ -9,8 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.sensors.arena import Arena, arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
-from iswarm_mj.simulation.common import check_common, common
+from iswarm_mj.simulation.common import check_common
 from iswarm_mj.simulation.initial import Start, boxed, check_balls, check_poses, check_start, draw_start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
@@ -96,11 +97,17 @@ def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Condit
     return Conditions(*(np.array(column, bool if isinstance(column[0], bool) else np.float32) for column in columns))
 
 
+def arenas_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Arena:
+    """Return the arenas of B worlds, NumPy arrays (B, ...); of worlds without a configuration those of the run's."""
+    each = [arena_of((world.config or config).arena) for world in worlds]
+    return jax.tree.map(lambda *values: np.stack(values), *each)
+
+
 def vector_strategies(config: SwarmConfig, robot: Robots, worlds: Sequence[World]) -> VectorStrategy:
     """Return the paper's strategy with the genome and the readings of each world, stacked along a first axis."""
     rules = rules_of_worlds([world.genome for world in worlds], [(world.config or config).strategy for world in worlds])
     n_scouts = np.array([round(world.genome.fraction_scouts * world.n_robots) for world in worlds], np.int32)
-    return VectorStrategy(rules, n_scouts, common(config), robot)
+    return VectorStrategy(rules, n_scouts, config.static, robot)
 
 
 @jax.jit

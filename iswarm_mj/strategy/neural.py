@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.believed import MOST_DOUBT, Belief, Trust, confirmed, merged
 from iswarm_mj.strategy.interface import Command, Observation
@@ -70,7 +71,8 @@ class Neural:
 
 def untrained(config: SwarmConfig, robot: Robots, weights: Any = None) -> "NeuralStrategy":
     """Return the strategy with these weights, by default those with which training begins."""
-    return NeuralStrategy(jnp.asarray(first_weights() if weights is None else weights, jnp.float32), config, robot)
+    chosen = first_weights() if weights is None else weights
+    return NeuralStrategy(jnp.asarray(chosen, jnp.float32), config.static, robot)
 
 
 def first_weights() -> Float[np.ndarray, "W"]:
@@ -125,12 +127,12 @@ class NeuralStrategy:
 
     Attributes:
         weights: `N_WEIGHTS` of them; worlds may have different ones.
-        config: limits of the drive, range of light and of the sense of dust.
+        config: limits of the drive, range of light and of vectors in messages.
         robot: its sides and its tool.
     """
 
     weights: Float[Array, "W"]
-    config: SwarmConfig = field(metadata={"static": True})
+    config: StaticConfig = field(metadata={"static": True})
     robot: Robots = field(metadata={"static": True})
 
     recorded: ClassVar[dict[str, str]] = {

@@ -228,7 +228,7 @@ def _in_world(strategy: Any, config: SwarmConfig, robot: Robots, n_robots: int) 
     """A strategy in a world of this configuration, for so many robots."""
     if isinstance(strategy, Genome):
         n_scouts = round(strategy.fraction_scouts * n_robots)
-        return VectorStrategy(rules_of(strategy, config.strategy), n_scouts, config, robot)
+        return VectorStrategy(rules_of(strategy, config.strategy), n_scouts, config.static, robot)
     made = strategy.for_world(config, robot, n_robots) if hasattr(strategy, "for_world") else strategy
     return as_strategy(made)
 

@@ -8,10 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.fields import Flag, Vector
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.interface import Command, Observation
@@ -53,7 +53,7 @@ class VectorStrategy:
 
     rules: Rules
     n_scouts: Int[Array, "*B"] | int
-    config: SwarmConfig = field(metadata={"static": True})
+    config: StaticConfig = field(metadata={"static": True})
     robot: Robots = field(metadata={"static": True})
 
     batch_invariant: ClassVar[bool] = True

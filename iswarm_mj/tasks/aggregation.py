@@ -49,7 +49,6 @@ class Aggregation:
     error_light: Annotated[float, Within(0, 1)] = 0.05
     """Relative standard deviation of what a photodiode measures."""
 
-    shares_program: ClassVar[bool] = True
     senses: ClassVar[Mapping[str, Quantity]] = {"light": Quantity("brightness at the robot", high=2.0)}
     measured: ClassVar[Mapping[str, Quantity]] = {
         "bright": Quantity("share of the robots in the brighter spot", high=1.0),

@@ -24,7 +24,6 @@ from iswarm_mj.utils.units import mm_from_rd
 class Cleaning:
     """Balls on two dust areas are to be carried to the dump; the configuration's `arena` says where these are."""
 
-    shares_program: ClassVar[bool] = True
     batch_invariant: ClassVar[bool] = True
     measured: ClassVar[Mapping[str, Quantity]] = {
         "delivered": Quantity("balls at the dump"),

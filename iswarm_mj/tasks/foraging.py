@@ -53,7 +53,6 @@ class Foraging:
     source_radius: Annotated[float, Above(0, 75, "rd")] = 2.0
     """Radius of a source [rd]."""
 
-    shares_program: ClassVar[bool] = True
     measured: ClassVar[dict[str, Quantity]] = {
         "items": Quantity("items brought home"),
         "rate": Quantity("items brought home per time", "1/min"),

@@ -10,7 +10,9 @@ from jaxtyping import Bool, Float, Int, UInt32
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.attempts import Decider, by_balance
 from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.sensors.arena import Arena
 from iswarm_mj.sensors.conditions import Conditions
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.arrays import Array
@@ -50,9 +52,10 @@ class TaskInputs(NamedTuple):
     """Index of the robot's kind in `robot.kinds`; 0 where all robots are of one kind."""
     conditions: Conditions
     """Noise, voltages and places of this world."""
-    config: SwarmConfig
-    """Of the run; where a world has a configuration of its own, `conditions` has its values. With `shares_program`,
-    what worlds of a run may differ in has its default here."""
+    arena: Arena
+    """Size, dust and balls of this world's arena."""
+    config: StaticConfig
+    """Settings that all worlds of the run share and that are compiled in: drive, light, gripper, energy."""
     robot: Robots
     """Geometry of the robots; `robot.each("probe_tip", n_robots)` is an attribute of each."""
     decide_attempts: Decider = by_balance
@@ -111,10 +114,8 @@ class Task(Protocol):
     `Look` for each kind of areas (`DrawnTask.areas`). A tuple may be left out, too: `unused`, settings that have no
     effect in the task, as "arena.n_dust", or "gripper" for all of the group, whose flags `iswarm run` then refuses.
 
-    Two flags may be True. `shares_program`: the task reads nothing of `TaskInputs.config` in which worlds of a run may
-    differ (`simulation.common.PER_WORLD_FIELDS`), so that runs of different settings share a compiled program.
-    `batch_invariant`, of strategies too: the compiled program was seen to round alike for one world and for more, which
-    otherwise costs a single world a second computation of each decision.
+    A flag may be True, of strategies too. `batch_invariant`: the compiled program was seen to round alike for one world
+    and for more, which otherwise costs a single world a second computation of each decision.
     """
 
     def lay_out(

@@ -8,7 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.sensors.arena import arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.contract import check_has, check_names, compare, shapes_of
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree, is_number
@@ -71,41 +73,57 @@ def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
 
 
 def check_task(
-    task: Any, config: SwarmConfig, robot: Robots, state: Any, n_robots: int, n_boxes: int = 0
+    task: Any, config: SwarmConfig, static: StaticConfig, robot: Robots, state: Any, n_robots: int
 ) -> dict[str, Any]:
     """Check the shapes and types of what a task's methods return, and return those of what robots sense beside.
 
     Args:
         task: as `as_task` returned it.
-        config: what control steps are compiled for.
+        config: of the run, with the boxes that robots push.
+        static: what control steps are compiled for.
         robot: its geometry.
         state: of the task at the start of a world.
         n_robots: N.
-        n_boxes: that they push.
 
     Raises:
         UserError: a method returns something else, raises an exception or cannot be compiled.
     """
     leaves, structure = jax.tree.flatten(jax.eval_shape(lambda *given: given, task, state))
-    return _check_shapes(structure, tuple(leaves), config, robot, n_robots, n_boxes)
+    if getattr(task, "drawn", None):
+        _check_areas(task, config, state)
+    return _check_shapes(structure, tuple(leaves), static, robot, n_robots, len(config.arena.boxes))
+
+
+def _check_areas(task: Any, config: SwarmConfig, state: Any) -> None:
+    """Check the areas on the floor that a task draws in the arena of a run."""
+    name = type(task).__name__
+    with user_code(f"{name}.areas"):
+        areas = jax.eval_shape(lambda own, state: own.areas(config, state), task, state)
+    check_names(f"{name}.areas", areas, task.drawn, "drawn")
+    for key, found in areas.items():
+        if found.shape[1:] != (3,):
+            raise UserError(f"{name}.areas must return {key} as numbers (M, 3) (got shape {found.shape})")
 
 
 @lru_cache(maxsize=64)  # tracing takes some tenths of a second
 def _check_shapes(
     structure: Any,
     leaves: tuple[jax.ShapeDtypeStruct, ...],
-    config: SwarmConfig,
+    static: StaticConfig,
     robot: Robots,
     n_robots: int,
     n_boxes: int,
 ) -> dict[str, Any]:
     task, before = jax.tree.unflatten(structure, leaves)
     name, world = type(task).__name__, shapes_of(TaskInputs, N=n_robots, M=n_boxes)
-    conditions = Conditions(*map(jnp.asarray, conditions_of(config)))
+    # Only their shapes and types count, so any configuration will do.
+    usual = SwarmConfig()
+    conditions = Conditions(*map(jnp.asarray, conditions_of(usual)))
+    arena = jax.tree.map(jnp.asarray, arena_of(usual.arena))
 
     def result(method: str, *given: Any) -> Any:
-        def call(own: Any, world: Any, conditions: Any, *given: Any) -> Any:
-            inputs = TaskInputs(**world, conditions=conditions, config=config, robot=robot)
+        def call(own: Any, world: Any, conditions: Any, arena: Any, *given: Any) -> Any:
+            inputs = TaskInputs(**world, conditions=conditions, arena=arena, config=static, robot=robot)
             match method:
                 case "advance":
                     given = (given[0], inputs, given[1])
@@ -115,12 +133,10 @@ def _check_shapes(
                     given = (*given, sent)
                 case "conditions":
                     given = (*given, conditions)
-                case "areas":
-                    given = (config, *given)
             return getattr(own, method)(*given)
 
         with user_code(f"{name}.{method}"):
-            return jax.eval_shape(call, task, world, conditions, *given)
+            return jax.eval_shape(call, task, world, conditions, arena, *given)
 
     returned = result("advance", before, jax.random.key(0))
     if not isinstance(returned, tuple) or len(returned) != 2 or not isinstance(returned[1], Sensed):
@@ -146,10 +162,4 @@ def _check_shapes(
         if found.shape != () or found.dtype not in _SCALARS:
             got = f"{found.dtype}{list(found.shape)}"
             raise UserError(f"{name}.metrics must return {key} as a scalar float32, int32 or bool (got {got})")
-    if drawn := getattr(task, "drawn", None):
-        areas = result("areas", before)
-        check_names(f"{name}.areas", areas, drawn, "drawn")
-        for key, found in areas.items():
-            if found.shape[1:] != (3,):
-                raise UserError(f"{name}.areas must return {key} as numbers (M, 3) (got shape {found.shape})")
     return dict(sensed.own)
