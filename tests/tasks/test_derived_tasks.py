@@ -92,7 +92,8 @@ class Gated(Cleaning):
 def check_gates(before, after, steps):
     """Both gates moved apart, and the box that has a mass stayed where no robot pushed it."""
     moved = np.asarray(after) - np.asarray(before)
-    np.testing.assert_allclose(moved[..., 0, :2], np.broadcast_to([0, 2.0 * steps], moved[..., 0, :2].shape), atol=1e-3)
+    north, south = (np.broadcast_to([0, side * 2.0 * steps], moved[..., 0, :2].shape) for side in (1, -1))
+    np.testing.assert_allclose(moved[..., 0, :2], north, atol=1e-3)
     np.testing.assert_allclose(
         moved[..., 1, :2], np.broadcast_to([0, -2.0 * steps], moved[..., 1, :2].shape), atol=1e-3
     )
