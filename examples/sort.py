@@ -11,11 +11,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.layout import lying, place_robots
-from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -57,7 +58,7 @@ def sides(balls):
 
 
 @dataclass(frozen=True)
-class BySize:
+class BySize(Strategy):
     def init(self, n_robots, key):
         return jnp.ones(n_robots, bool)
 

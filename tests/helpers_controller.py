@@ -14,7 +14,7 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.units import RD
 
-CONFIG = SwarmConfig()
+CONFIG = SwarmConfig().static
 RULES = rules_of(PRESETS["type1"])
 ROBOT = read_robot()
 STEP = 0.5 * RD
@@ -24,12 +24,12 @@ MANY = 20_000  # robots, for statistics; `act_here` is compiled for them
 
 def act(config, probe_tip, rules, memory, seen, key):
     """A step of the paper's strategy with these rules."""
-    return VectorStrategy(rules, 0, config.static, replace(ROBOT, probe_tip=probe_tip)).act(memory, seen, key)
+    return VectorStrategy(rules, 0, config, replace(ROBOT, probe_tip=probe_tip)).act(memory, seen, key)
 
 
 def approach_with(config, tip, approaches, *given):
     """`approach` of robots of one kind."""
-    return approach(config.static, np.tile(tip, (len(approaches), 1)), approaches, *given)
+    return approach(config, np.tile(tip, (len(approaches), 1)), approaches, *given)
 
 
 act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach_with))

@@ -9,9 +9,9 @@ from iswarm_mj.sensors.arena import arena_of
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.simulation import initial, worlds
 from iswarm_mj.simulation.state import SwarmState, WorldParams
+from iswarm_mj.tasks.base import TaskInputs
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.grasping import ball_centres
-from iswarm_mj.tasks.protocol import TaskInputs
 
 
 def start_of(config, n_robots, seed, index, failed_fraction=0.0, task=CLEANING):

@@ -50,7 +50,7 @@ def make_env(
     """Return an environment in which each robot of a swarm has actions, observations and a reward.
 
     Args:
-        task: `"cleaning"`, FILE.py:CLASS, the name of an installed task, or a `tasks.protocol.Task`.
+        task: `"cleaning"`, FILE.py:CLASS, the name of an installed task, or a `tasks.base.Task`.
         n_robots: N.
         config: of the swarm; defaults if None.
         engine: settings, by default `PlanarSettings()`. With `MjxSettings()`, `reset` and `step` are of one world, for
@@ -82,7 +82,7 @@ def make_env(
     poses, worlds = first_state(setup)
     senses = tuple(
         (name, (quantity, int(np.prod(setup.sensed[name].shape[1:], dtype=int))))
-        for name, quantity in getattr(setup.task, "senses", {}).items()  # a task without has no such attribute
+        for name, quantity in setup.task.senses.items()
     )
     with jax.default_device(setup.device):
         core = Core(

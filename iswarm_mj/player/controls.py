@@ -72,7 +72,7 @@ def controls(scenario: Scenario) -> list[Control]:
         Control("robots", "World", scenario.n_robots, 1, 200_000, text="Number of robots."),
         Control("engine", "World", scenario.engine_name, choices=engines, text="Physics engine."),
     ]
-    unused = set(getattr(scenario.task, "unused", ())) | (set() if scenario.genome else {"strategy"})
+    unused = set(scenario.task.unused) | (set() if scenario.genome else {"strategy"})
     whose = "the strategy" if scenario.genome else type(scenario.strategy).__name__
     parts = [("", scenario.strategy, f"Rules of {whose}")]
     parts += [("", scenario.task, f"Task {type(scenario.task).__name__}")]

@@ -218,7 +218,7 @@ class Session:
         frames = self.world.frames([record])
         self.snapshots.append(Snapshot(frames, record))
         arrays = frames.arrays()
-        for name in ("step", *getattr(self.run.task, "measured", {}), "collisions", "mean_speed"):
+        for name in ("step", *self.run.task.measured, "collisions", "mean_speed"):
             line = self.lines.setdefault(name, deque(maxlen=LONGEST))
             line.append(float(arrays[name if name in ARRAYS else METRIC + name][0]))
 

@@ -59,7 +59,7 @@ def actuate(
         waits: robots that stand still.
         poses: where robots are as the step begins: x, y [mm] and yaw [rad].
         is_present: the other places are empty.
-        tool_voltage_squared: see `tasks.protocol.Sensed` [V^2].
+        tool_voltage_squared: see `tasks.base.Sensed` [V^2].
         key: of the errors.
     """
     acts = swarm.is_alive & ~waits

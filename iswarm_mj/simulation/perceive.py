@@ -18,7 +18,7 @@ from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.teams import team_numbers
-from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
+from iswarm_mj.tasks.base import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.draws import draw
 from iswarm_mj.utils.robot import Robots
@@ -116,9 +116,8 @@ def perceive(
         boxes=jnp.zeros((0, 3)) if begin.boxes is None else begin.boxes,
     )
     task, sensed = params.task.advance(swarm.task, inputs, keys.task)
-    is_alive = swarm.is_alive
-    if isinstance(params.task, DeadlyTask):
-        is_alive &= params.task.survives(task)
+    survives = params.task.survives(task)
+    is_alive = swarm.is_alive if survives is None else swarm.is_alive & survives
     swarm = swarm._replace(task=task, is_loaded=sensed.is_loaded, is_alive=is_alive)
     message = received.message
     observation = Observation(
@@ -141,10 +140,7 @@ def perceive(
 
 def with_conditions(params: WorldParams, swarm: SwarmState) -> WorldParams:
     """Return the parameters of a world with the conditions of this step, which its task may change."""
-    task = params.task
-    if not isinstance(task, ChangingTask):
-        return params
-    return params._replace(conditions=task.conditions(swarm.task, params.conditions))
+    return params._replace(conditions=params.task.conditions(swarm.task, params.conditions))
 
 
 def decider_of(config: StaticConfig) -> Decider:

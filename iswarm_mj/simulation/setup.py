@@ -20,8 +20,8 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
 from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.layout import cell_of, check_robots
-from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import as_task, check_task, usable_task
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.jax_setup import configure_jax

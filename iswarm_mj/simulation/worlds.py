@@ -18,7 +18,7 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.rules import rules_of_worlds
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
-from iswarm_mj.tasks.protocol import BallTask, Task
+from iswarm_mj.tasks.base import Task, has_balls
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, check_kind, validate
 from iswarm_mj.utils.robot import Robots
@@ -128,7 +128,7 @@ def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: 
     own = boxed(own, given.boxes, "start")
     check_start(given, usual[n_robots])
     check_poses("start.poses", np.asarray(given.poses), robot, own.arena)
-    if isinstance(task, BallTask):
+    if has_balls(task):
         with user_code(f"{type(task).__name__}.balls"):
             balls = task.balls(given.task)
         check_balls(balls, n_robots, own.arena)

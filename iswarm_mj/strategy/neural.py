@@ -19,6 +19,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy import controller
+from iswarm_mj.strategy.base import Strategy, StrategyFactory
 from iswarm_mj.strategy.believed import MOST_DOUBT, Belief, Trust, confirmed, merged
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.network import Shape, forward, load_weights
@@ -48,7 +49,7 @@ SHIPPED = Path(__file__).parent / "neural.npz"
 
 
 @dataclass(frozen=True)
-class Neural:
+class Neural(StrategyFactory):
     """A small network that was trained to clean, in the paper's arena, by an evolution strategy (docs/policies.md)."""
 
     weights: Path | None = None
@@ -122,7 +123,7 @@ class Memory(NamedTuple):
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class NeuralStrategy:
+class NeuralStrategy(Strategy):
     """See the module.
 
     Attributes:
@@ -183,7 +184,7 @@ class NeuralStrategy:
         return self._moved(known, *command)._replace(flag=flag > 0), command
 
     def fell_short(self, memory: Memory, shortfall: Float[Array, "N"]) -> Memory:
-        """Return the memories of robots that walked less than they commanded, see `ReckoningStrategy`."""
+        """Return the memories of robots that walked less than they commanded, see `Strategy.fell_short`."""
         return self._moved(memory, jnp.zeros_like(shortfall), -shortfall)
 
     def _moved(self, memory: Memory, turn: Float[Array, "N"], forward: Float[Array, "N"]) -> Memory:

@@ -11,26 +11,25 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.arena import arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.static_config import StaticConfig
-from iswarm_mj.strategy.contract import check_has, check_names, compare, shapes_of
+from iswarm_mj.strategy.base import overrides
+from iswarm_mj.strategy.contract import check_base, check_names, compare, shapes_of
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree, is_number
 from iswarm_mj.strategy.user_code import user_code
-from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, DrivingTask, Sensed, TaskInputs
+from iswarm_mj.tasks.base import Sensed, Task, TaskInputs
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
 
-_METHODS = ("lay_out", "goal", "advance", "progress", "reward", "metrics")
 _SCALARS = (jnp.float32, jnp.int32, jnp.bool_)
 
 
 def check_methods(given: Any) -> None:
-    """Check that a task, or a class of tasks, has the methods of `tasks.protocol.Task`.
+    """Check that a task, or a class of tasks, derives from `Task` and has its methods.
 
     Raises:
-        UserError: one is missing.
+        UserError: it does not, lacks a method, or has one whose name is nearly that of another.
     """
-    needed = (*_METHODS, "areas") if getattr(given, "drawn", None) else _METHODS
-    check_has(given, needed, "a task", "iswarm_mj.tasks.protocol.Task")
+    check_base(given, Task, "a task")
 
 
 def usable_task(given: Any) -> Any:
@@ -89,7 +88,7 @@ def check_task(
         UserError: a method returns something else, raises an exception or cannot be compiled.
     """
     leaves, structure = jax.tree.flatten(jax.eval_shape(lambda *given: given, task, state))
-    if getattr(task, "drawn", None):
+    if task.drawn or overrides(task, Task, "areas"):
         _check_areas(task, config, state)
     return _check_shapes(structure, tuple(leaves), static, robot, n_robots, len(config.arena.boxes))
 
@@ -143,21 +142,21 @@ def _check_shapes(
         raise UserError(f"{name}.advance must return its state and Sensed (got a {type(returned).__name__})")
     after, sensed = returned
     compare(f"{name}.advance", after, before, "state")
-    check_names(f"{name}.advance", dict(sensed.own), getattr(task, "senses", {}), "senses")
+    check_names(f"{name}.advance", dict(sensed.own), task.senses, "senses")
     for key, found in sensed.own.items():
         if found.shape[:1] != (n_robots,):
             raise UserError(f"{name}.advance must return {key} of {n_robots} robots first (got shape {found.shape})")
     compare(f"{name}.advance", sensed, Sensed(**shapes_of(Sensed, N=n_robots), own=sensed.own), "sensed")
     compare(f"{name}.progress", result("progress", before), jax.ShapeDtypeStruct((), jnp.int32))
     compare(f"{name}.reward", result("reward", before, after), jax.ShapeDtypeStruct((n_robots,), jnp.float32))
-    if isinstance(task, ChangingTask):
+    if overrides(task, Task, "conditions"):
         compare(f"{name}.conditions", result("conditions", before), conditions, "conditions")
-    if isinstance(task, DeadlyTask):
+    if overrides(task, Task, "survives"):
         compare(f"{name}.survives", result("survives", after), world["is_alive"])
-    if isinstance(task, DrivingTask):
+    if overrides(task, Task, "drive_boxes"):
         compare(f"{name}.drive_boxes", result("drive_boxes", after), world["boxes"])
     metrics = result("metrics", before)
-    check_names(f"{name}.metrics", metrics, getattr(task, "measured", {}), "measured")
+    check_names(f"{name}.metrics", metrics, task.measured, "measured")
     for key, found in metrics.items():
         if found.shape != () or found.dtype not in _SCALARS:
             got = f"{found.dtype}{list(found.shape)}"

@@ -21,6 +21,7 @@ from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.step import Stepper, control_step, drive_phases
 from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import rules_of
@@ -152,7 +153,7 @@ def test_in_single_precision_and_in_reverse(double):
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Paced:
+class Paced(Strategy):
     """The paper's strategy with its walks scaled by `pace`."""
 
     papers: VectorStrategy

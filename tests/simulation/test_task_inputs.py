@@ -11,8 +11,8 @@ from iswarm_mj.config import ArenaConfig, DriveConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.tasks.base import Quantity, Task, only
 from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.tasks.protocol import Quantity, only
 from iswarm_mj.utils.units import RD
 
 ARENA = ArenaConfig(
@@ -33,7 +33,7 @@ def seen(inputs):
 
 
 @dataclass(frozen=True)
-class Coverage:
+class Coverage(Task):
     """Robots are to visit all cells of the arena; the reward is the sum of what the task sees."""
 
     measured: ClassVar = {

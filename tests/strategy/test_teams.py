@@ -17,6 +17,7 @@ from iswarm_mj.sensors.fields import Flag, Integer, Real
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import TYPE1, TYPE2
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.signatures import observation_shapes
@@ -26,7 +27,7 @@ from iswarm_mj.utils.errors import UserError
 
 
 @dataclass(frozen=True)
-class Counter:
+class Counter(Strategy):
     """Says its index, turns by chance, and remembers the largest index that it heard."""
 
     turn: float = 0.5
@@ -50,7 +51,7 @@ class Counter:
 
 
 @dataclass(frozen=True)
-class Loud:
+class Loud(Strategy):
     """Says one flag."""
 
     payload: ClassVar = {"loud": Flag()}

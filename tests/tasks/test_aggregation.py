@@ -41,7 +41,7 @@ def test_either_spot_is_the_brighter_one():
         inside = np.hypot(np.abs(x) - 10 * RD, y) < 4 * RD
         np.testing.assert_allclose(start.task.shares, [(inside & (x > 0)).mean(), (inside & (x < 0)).mean()])
     task, state = as_task(TASK), starts[0].task
-    assert check_task(task, CONFIG, read_robot(), state, 50).keys() == {"light"}
+    assert check_task(task, CONFIG, CONFIG.static, read_robot(), state, 50).keys() == {"light"}
     for sign in (-1.0, 1.0):
         areas = TASK.areas(CONFIG, starts[east.index(sign)].task)
         for name, side in (("bright", sign), ("dim", -sign)):

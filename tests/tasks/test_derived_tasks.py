@@ -20,9 +20,9 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import TYPE1
+from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.obstacles import poses_of
 
 N = 6

@@ -35,7 +35,7 @@ def test_items_begin_at_their_sources():
         areas = TASK.areas(SMALL, start.task)
         np.testing.assert_allclose(areas["dump"], [[0.0, 0.0, 1.5 * RD]], rtol=1e-6)
         np.testing.assert_allclose(areas["sources"], [[x, y, RD] for x, y in start.task.centres], rtol=1e-6)
-    assert check_task(as_task(TASK), SMALL, read_robot(), start.task, 6) == {}
+    assert check_task(as_task(TASK), SMALL, SMALL.static, read_robot(), start.task, 6) == {}
     wide = start_of(replace(SMALL, arena=replace(SMALL.arena, dump_size=6)), 6, 1, 0, task=Foraging(2, 2.0))
     np.testing.assert_allclose(np.hypot(*wide.task.centres.T), 5.5 * RD, rtol=1e-6)  # no room beyond the dump
 

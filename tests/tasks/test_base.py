@@ -16,8 +16,9 @@ from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.protocol import Quantity
+from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.clean import clean
 
@@ -25,7 +26,7 @@ ENGINES = [PlanarSettings(1), PlanarSettings(impl="warp", chunk=4)]
 N = 6
 
 
-class Homing:
+class Homing(Strategy):
     """Robots that turn to the east and walk until they feel that they are beyond the line."""
 
     recorded = ("gap",)
