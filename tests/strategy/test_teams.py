@@ -213,7 +213,7 @@ def test_worlds_of_other_sizes_are_refused():
         ({"a": (0.5, Loud()), "b": (4, Loud())}, "give one kind"),
         ({"a": (0, Loud())}, "share of team a must be"),
         ({"a": (True, Loud())}, "share of team a must be"),
-        ({"a": (1.0, object())}, "no method init"),
+        ({"a": (1.0, object())}, "does not derive from Strategy"),
         ({"a": (0.5, Counter()), "b": (0.5, Counter(0.2))}, None),
         ({"a": (0.5, Checked()), "b": (0.5, Still())}, None),
         ({"a": (0.5, Counter()), "b": (0.5, Other())}, "equal fields of the same name"),

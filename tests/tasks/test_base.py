@@ -109,7 +109,7 @@ WRONG = {
         advancing(lambda own, sensed: (own, sensed._replace(own={"gap": jnp.zeros(3)}))),
         r"must return gap of 6 robots first \(got shape \(3,\)\)",
     ),
-    "no method": (changed(reward=None), r"Eastward has no method reward; a task has lay_out, goal, advance"),
+    "no method": (changed(reward=None), "Eastward has no method reward; a task has it, see Task"),
     "the class": (Eastward, r"task is the class Eastward itself; give an object of it, as Eastward\(\)"),
     "poses": (
         changed(lay_out=lambda self, c, n, *a: (np.zeros((n, 2)), Eastward.lay_out(self, c, n, *a)[1])),

@@ -116,7 +116,7 @@ def test_a_run():
 
 
 class Odd(Lift):
-    drive_boxes = property()
+    drive_boxes = Task.drive_boxes  # none
 
     def lay_boxes(self, config, rng, shared):
         return self.boxes
