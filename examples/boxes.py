@@ -13,9 +13,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.base import Quantity, Task, only
 from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.tasks.protocol import Quantity, only
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.units import mm_from_rd
@@ -29,7 +30,7 @@ class Race(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Push:
+class Push(Task):
     measured: ClassVar = {"way": Quantity("way of the boxes to the east, on average", "mm", low=-float("inf"))}
     senses: ClassVar = {"east": Quantity("direction of the eastern wall", "rad", low=-np.pi, high=np.pi)}
     unused: ClassVar = ("gripper", "arena.n_dust")
@@ -57,7 +58,7 @@ class Push:
 
 
 @dataclass(frozen=True)
-class Sweep:
+class Sweep(Strategy):
     """Robots sweep to the east and return, each in its own time; they push what is ahead, and turn on the way back."""
 
     sweep: Annotated[float, Within(1, 1000)] = 120.0

@@ -11,11 +11,12 @@ from typing import Annotated, ClassVar
 import jax
 import jax.numpy as jnp
 
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
-from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.constraints import Above, Within
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -52,7 +53,7 @@ class Clusters(Cleaning):
 
 
 @dataclass(frozen=True)
-class Cluster:
+class Cluster(Strategy):
     few: Annotated[float, Within(0, 100)] = 2.0
     """Balls around up to which a robot picks one up, itself included, and from which on it releases its own."""
 

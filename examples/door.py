@@ -12,8 +12,8 @@ from typing import Annotated, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from iswarm_mj.tasks.base import Quantity, Task, only
 from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.tasks.protocol import Quantity, only
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.obstacles import poses_of
 from iswarm_mj.utils.units import RD, mm_from_rd
@@ -30,7 +30,7 @@ class Passage(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Door:
+class Door(Task):
     opens: Annotated[int, Within(1, 10_000)] = 100
     """Control step in which the door opens."""
     n_crates: Annotated[int, Within(0, 20)] = 3

@@ -11,9 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.base import Look, Quantity, Task, only
 from iswarm_mj.tasks.layout import free_cells, place_robots
-from iswarm_mj.tasks.protocol import Look, Quantity, only
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -26,7 +27,7 @@ class Floor(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Coverage:
+class Coverage(Task):
     measured: ClassVar = {"covered": Quantity("share of the cells that have been visited", high=1.0)}
     drawn: ClassVar = {"visited": Look((185, 215, 185), "square")}
     unused: ClassVar = ("gripper", "arena.n_dust")
@@ -58,7 +59,7 @@ class Coverage:
 
 
 @dataclass(frozen=True)
-class Explore:
+class Explore(Strategy):
     """Robots walk straight on, and turn to a side at random before walls and others."""
 
     wander: Annotated[float, Within(0, 90, "deg")] = 10.0

@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.constraints import Above, Within
 
 

@@ -11,11 +11,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.layout import lying, place_robots
-from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -45,7 +46,7 @@ class Sort(Cleaning):
         apart = jnp.linalg.norm(inputs.poses[:, None, :2] - balls.position, axis=-1)
         own = jnp.where(balls.holder == jnp.arange(len(yaw))[:, None], -1.0, jnp.inf)
         nearest = jnp.where(balls.is_held, own, apart).argmin(axis=1)
-        light, east = x / mm_from_rd(inputs.config.arena.size / 2), -jnp.arctan2(jnp.sin(yaw), jnp.cos(yaw))
+        light, east = x / mm_from_rd(inputs.arena.size / 2), -jnp.arctan2(jnp.sin(yaw), jnp.cos(yaw))
         return balls, sensed._replace(own={"side": sides(balls)[nearest], "light": light, "east": east})
 
     def metrics(self, state):
@@ -57,7 +58,7 @@ def sides(balls):
 
 
 @dataclass(frozen=True)
-class BySize:
+class BySize(Strategy):
     def init(self, n_robots, key):
         return jnp.ones(n_robots, bool)
 

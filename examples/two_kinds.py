@@ -16,7 +16,7 @@ import jax.numpy as jnp
 
 from iswarm_mj.engines.robot_file import models_directory
 from iswarm_mj.tasks.aggregation import Aggregation, Spots
-from iswarm_mj.tasks.protocol import Quantity
+from iswarm_mj.tasks.base import Quantity
 
 CHANGES = {
     'class="hull" size="1 1 0.5" mass="10"': 'class="hull" size="1.4 1.2 0.5" mass="17"',

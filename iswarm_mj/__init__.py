@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from iswarm_mj.config import READINGS, SwarmConfig
+    from iswarm_mj.engines.base import Engine
     from iswarm_mj.engines.mjx.settings import MjxSettings
     from iswarm_mj.engines.mujoco.settings import MujocoSettings
     from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -18,8 +19,10 @@ if TYPE_CHECKING:
     from iswarm_mj.player.page import play
     from iswarm_mj.simulation.run import Run
     from iswarm_mj.simulation.settings import RunSettings
+    from iswarm_mj.strategy.base import Strategy, StrategyFactory
     from iswarm_mj.strategy.genome import PRESETS
     from iswarm_mj.strategy.teams import Teams
+    from iswarm_mj.tasks.base import Task
     from iswarm_mj.workflows.grasp import run_grasp
     from iswarm_mj.workflows.grasp_settings import GraspSettings
     from iswarm_mj.workflows.rollout import rollout
@@ -29,13 +32,17 @@ __version__ = "0.2.0"
 __all__ = [
     "PRESETS",
     "READINGS",
+    "Engine",
     "GraspSettings",
     "MjxSettings",
     "MujocoSettings",
     "PlanarSettings",
     "Run",
     "RunSettings",
+    "Strategy",
+    "StrategyFactory",
     "SwarmConfig",
+    "Task",
     "Teams",
     "load",
     "make_env",
@@ -57,7 +64,10 @@ _MODULES = {
     "engines.mujoco.settings": ("MujocoSettings",),
     "engines.planar.settings": ("PlanarSettings",),
     "simulation.settings": ("RunSettings",),
+    "engines.base": ("Engine",),
+    "strategy.base": ("Strategy", "StrategyFactory"),
     "strategy.genome": ("PRESETS",),
+    "tasks.base": ("Task",),
     "strategy.teams": ("Teams",),
 }
 """Where the names of `__all__` are defined."""

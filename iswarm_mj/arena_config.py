@@ -6,7 +6,7 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from iswarm_mj.utils.constraints import PER_WORLD, Above, Within, check, validate
+from iswarm_mj.utils.constraints import Above, Within, check, validate
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.obstacles import FIELDS, OF_BOX, check_boxes, checked
 from iswarm_mj.utils.walls import corners_of, half_planes, outline_of
@@ -20,7 +20,7 @@ class ArenaConfig:
     """Edge of the square arena (Table 1) [rd]; with an `outline`, of the square around it."""
     outline: tuple[tuple[float, float], ...] = ()
     """Width and height of a rectangular arena, or the corners x y of a convex one, in place of the square [rd]."""
-    dump_size: Annotated[float, Within(1, 500, "rd"), PER_WORLD] = 5.0
+    dump_size: Annotated[float, Within(1, 500, "rd")] = 5.0
     """Edge of the square dump [rd], "in the centre of the arena" (section 4.2). The paper gives no size."""
     dust_area_size: Annotated[float, Above(0, 1000, "rd")] = 6.0
     """Edge of each of the two square dust areas [rd] (section 4.2). The paper gives no size."""

@@ -12,10 +12,11 @@ SMALL = [*ARENA_FLAGS, "--robots=30"]
 WALK = """
 from dataclasses import dataclass
 import jax.numpy as jnp
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
 
 @dataclass
-class Walk:
+class Walk(Strategy):
     speed: float = 1.0
 
     def init(self, n_robots, key):

@@ -14,7 +14,7 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.units import RD
 
-CONFIG = SwarmConfig()
+CONFIG = SwarmConfig().static
 RULES = rules_of(PRESETS["type1"])
 ROBOT = read_robot()
 STEP = 0.5 * RD

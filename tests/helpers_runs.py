@@ -14,6 +14,7 @@ from helpers_mujoco import spoil as spoil_steps
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
@@ -125,7 +126,7 @@ class CountingMemory(NamedTuple):
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Scripted:
+class Scripted(Strategy):
     """The paper's strategy until a control step, from which on one robot of the world, or all, get another command."""
 
     inner: VectorStrategy

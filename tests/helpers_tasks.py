@@ -9,15 +9,16 @@ import numpy as np
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.base import Look, Quantity, Task, only
 from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.tasks.protocol import Look, Quantity, only
 from iswarm_mj.utils.constraints import Within
 
 
 @dataclass(frozen=True)
-class Eastward:
+class Eastward(Task):
     """Robots are to be east of a line."""
 
     line: Annotated[float, Within(-20, 20, "mm")] = 0.0
@@ -53,7 +54,7 @@ class Eastward:
 
 
 @dataclass(frozen=True)
-class Still:
+class Still(Strategy):
     """A strategy of robots that stand, pick nothing up, and remember their numbers."""
 
     def init(self, n_robots, key):

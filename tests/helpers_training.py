@@ -9,6 +9,7 @@ from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import training
 from iswarm_mj.experiments.runner.training import Training, train
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.workflows.rollout import Rollout
@@ -19,7 +20,7 @@ GOAL = np.array([0.5, -1.0, 0.25])
 
 
 @dataclass
-class Three:
+class Three(Strategy):
     """A policy of three weights, which robots do not use."""
 
     weights: object

@@ -1,12 +1,15 @@
 """Beginnings, parameters and states of worlds of cleaning, and where balls are."""
 
 import jax.numpy as jnp
+import numpy as np
 
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.gripper.handling import loaded
+from iswarm_mj.sensors.arena import arena_of
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.simulation import initial, worlds
 from iswarm_mj.simulation.state import SwarmState, WorldParams
+from iswarm_mj.tasks.base import TaskInputs
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.grasping import ball_centres
 
@@ -33,7 +36,34 @@ def centres(record):
 
 def params_of(config, strategy, key, n_robots):
     """Parameters of a world of N robots, which the first delivery finishes."""
-    return WorldParams(strategy, conditions_of(config), key, jnp.ones(n_robots, bool), jnp.int32(1), CLEANING)
+    return WorldParams(
+        strategy=strategy,
+        conditions=conditions_of(config),
+        key=key,
+        is_present=jnp.ones(n_robots, bool),
+        goal=jnp.int32(1),
+        task=CLEANING,
+        arena=arena_of(config.arena),
+        is_driven=jnp.zeros(0, bool),
+    )
+
+
+def task_inputs(config, poses, robot, is_present=None, **more):
+    """What a task finds in a world of this configuration, in which all robots live and pick nothing."""
+    there = np.ones(len(poses), bool) if is_present is None else np.asarray(is_present)
+    inputs = TaskInputs(
+        poses=poses,
+        is_present=there,
+        is_alive=there,
+        picks=np.zeros_like(there),
+        team=np.zeros(len(there), np.int32),
+        kind=np.zeros(len(there), np.int32),
+        conditions=conditions_of(config),
+        arena=arena_of(config.arena),
+        config=config.static,
+        robot=robot,
+    )
+    return inputs._replace(**more)
 
 
 def swarm_of(memory, balls, n_robots):

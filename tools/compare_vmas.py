@@ -18,6 +18,8 @@ import sys
 import time
 from typing import ClassVar
 
+from iswarm_mj.strategy.base import Strategy
+
 WARM_UP = 3
 """Steps before time is taken, which compile."""
 
@@ -95,7 +97,7 @@ def run_stepper(n_agents, n_worlds, chunk):
     from iswarm_mj.strategy.interface import Command
     from iswarm_mj.utils.units import mm_from_rd
 
-    class Random:
+    class Random(Strategy):
         payload: ClassVar = {f"bit_{number}": Flag() for number in range(4)}
 
         def init(self, n_robots, key):

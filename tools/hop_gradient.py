@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from iswarm_mj.sensors.fields import Integer
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.constraints import Above, Within
 
@@ -18,7 +19,7 @@ FAR = 31
 
 
 @dataclass(frozen=True)
-class HopGradient:
+class HopGradient(Strategy):
     """The next hop count is one more than the least that is heard, or than the own one a step ago."""
 
     wander: Annotated[float, Within(0, 180, "deg")] = 30.0

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 
 from iswarm_mj.strategy.believed import Belief
 from iswarm_mj.strategy.neural import Neural, NeuralStrategy
+from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.tasks.cleaning import Cleaning
-from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.utils.geometry import rotate
 
 

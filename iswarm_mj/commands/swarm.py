@@ -132,7 +132,7 @@ class WithTask(TaskOptions, Swarm):
 
     def checked(self) -> int:
         """See `Swarm.checked`."""
-        for group, _, part in (name.partition(".") for name in getattr(self.task, "unused", ())):
+        for group, _, part in (name.partition(".") for name in self.task.unused):
             unused = [part] if part else [f.name for f in fields(getattr(self, group))]
             idle = [f"{group}.{name}" for name in unused if self._could_be_usual(group, name)]
             refuse(self, idle, f"in the task {type(self.task).__name__}")

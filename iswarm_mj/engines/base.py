@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from jaxtyping import Bool, Float, Int, Shaped
 
@@ -102,7 +102,7 @@ class WithBoxes(ABC):
         return bodies.poses[..., : self.n_robots(bodies), :]
 
     def boxes(self, bodies: Any) -> Float[Array, "*B M 3"]:
-        """See `PushingEngine.boxes`."""
+        """See `Engine.boxes`."""
         return bodies.poses[..., self.n_robots(bodies) :, :]
 
 
@@ -170,30 +170,32 @@ def concluded(bodies: Any, moved: Any, touching: Array, fault: Array, is_running
     return Motion(type(bodies)(*kept), touching, fault, robot)
 
 
-@runtime_checkable
-class Engine(Protocol[Bodies]):
+class Engine(ABC, Generic[Bodies]):
     """Rigid-body physics and light of worlds with N robots each. Units: mm, mg, s, rad.
+
+    An engine of your own derives from this class, or from `CompiledEngine`, has an attribute `robot`, and writes the
+    four methods; `take_phases` and `sensors.links.find_links` help with two of them.
 
     An engine acts on one world, and is mapped over worlds by `jax.vmap`, or on B worlds at once, and all arrays have a
     leading axis; `*B` stands for either.
     """
 
-    @property
-    def robot(self) -> Robots:
-        """Geometry and mass of the robots."""
-        ...
+    robot: Robots
+    """Geometry and mass of the robots."""
 
+    @abstractmethod
     def place(self, poses: Float[Array, "*B NM 3"], is_present: Bool[Array, "*B N"]) -> Bodies:
         """Return robots, and boxes after them, at rest at x, y [mm] and yaw [rad].
 
-        Robots that are not present neither touch nor hide anything; a `PushingEngine` alone is given boxes.
+        Robots that are not present neither touch nor hide anything. Only engines whose settings say `has_boxes` are
+        given boxes.
         """
-        ...
 
+    @abstractmethod
     def poses(self, bodies: Bodies) -> Float[Array, "*B N 3"]:
         """Return x, y [mm] and yaw [rad] of the robots; yaw is not wrapped."""
-        ...
 
+    @abstractmethod
     def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "*B"]) -> Sight:
         """Find links and walls in sight.
 
@@ -201,31 +203,24 @@ class Engine(Protocol[Bodies]):
             bodies: where the robots are.
             emits: (*B, N) bool, which robots send light, or the power of their LEDs, from 0 to 1; dark ones still stand
                 in the way.
-            is_running: which worlds need an answer; that of the others has no meaning.
+            is_running: which worlds need an answer; that of the others is undefined.
         """
-        ...
 
+    @abstractmethod
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "*B"]) -> Motion:
         """Take the physics steps of some phases, one after the other.
 
         A world that does not run, or in which a fault occurs, keeps its bodies.
         """
-        ...
 
-
-@runtime_checkable
-class PushingEngine(Engine[Bodies], Protocol[Bodies]):
-    """An engine with boxes (`ArenaConfig.boxes`) that robots push."""
-
-    def boxes(self, bodies: Bodies) -> Float[Array, "*B M 3"]:
-        """Return x, y [mm] and yaw [rad] of the boxes; yaw is not wrapped."""
-        ...
+    def boxes(self, bodies: Bodies) -> Float[Array, "*B M 3"] | None:
+        """Return x, y [mm] and yaw [rad] of the boxes (`ArenaConfig.boxes`), yaw not wrapped; None without boxes."""
+        return None
 
 
 def boxes_of(engine: Engine, bodies: Any) -> Float[Array, "*B M 3"] | None:
     """Return x, y [mm] and yaw [rad] of the boxes; None where there are none."""
-    find = getattr(engine, "boxes", None)  # since asking whether it is a `PushingEngine` takes 0.05 ms
-    boxes = None if find is None else find(bodies)
+    boxes = engine.boxes(bodies)
     return boxes if boxes is not None and boxes.shape[-2] else None
 
 
@@ -234,10 +229,9 @@ Mapping = Literal["batch", "vmap", "in turn"]
 or computes one after the other."""
 
 
-@runtime_checkable
-class CompiledEngine(Engine[Bodies], Protocol[Bodies]):
+class CompiledEngine(Engine[Bodies]):
     """An engine that acts inside programs compiled by JAX; a pytree."""
 
+    @abstractmethod
     def mapping(self, platform: str) -> Mapping:
         """Return how a program for devices of this platform goes through its worlds."""
-        ...

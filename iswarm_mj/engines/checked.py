@@ -1,22 +1,20 @@
 """Engines of users: each answer is checked as it comes, so that a mistake is one sentence and no run goes wrong."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple, get_args
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.engines.base import Mapping, Motion, Sight
+from iswarm_mj.engines.base import CompiledEngine, Engine, Mapping, Motion, Sight
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.strategy.contract import check_has, compare, shapes_of
+from iswarm_mj.strategy.contract import check_base, compare, shapes_of
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
-
-METHODS = ("place", "poses", "sense", "move")
 
 
 class Size(NamedTuple):
@@ -44,7 +42,7 @@ def make_host_engine(settings: EngineSettings, model: ModelSpec, robot: Robots) 
     def made(n_worlds: int, n_threads: int) -> Any:
         with user_code(name):
             engine = make(n_worlds, n_threads)
-        return _checked(engine, name, METHODS, model, robot)
+        return _checked(engine, name, Engine, model, robot)
 
     return made
 
@@ -62,17 +60,17 @@ def make_compiled_engine(
     name = f"{type(settings).__name__}.compiled_engine"
     with user_code(name):
         engine = settings.compiled_engine(model, n_worlds, platform)
-    found = _checked(engine, name, ("mapping", *METHODS), model, robot)
+    found = _checked(engine, name, CompiledEngine, model, robot)
     as_arrays(as_pytree(engine, "engine"), f"engine {type(engine).__name__}")
     return found
 
 
-def _checked(engine: Any, maker: str, methods: Sequence[str], model: ModelSpec, robot: Robots) -> "CheckedEngine":
-    """A user's engine, which has these methods and robots, and checks itself."""
+def _checked(engine: Any, maker: str, base: type, model: ModelSpec, robot: Robots) -> "CheckedEngine":
+    """Return a user's engine as one that checks itself; it must derive from a base class and have the run's robots."""
     if engine is None or isinstance(engine, type):
         got = "None" if engine is None else f"the class {engine.__name__} itself"
         raise UserError(f"{maker} must return an engine, see iswarm_mj.engines.base.Engine (got {got})")
-    check_has(engine, methods, "an engine", "iswarm_mj.engines.base.Engine")
+    check_base(engine, base, "an engine")
     name = type(engine).__name__
     with user_code(f"{name}.robot"):
         own = engine.robot
@@ -83,7 +81,7 @@ def _checked(engine: Any, maker: str, methods: Sequence[str], model: ModelSpec, 
 
 
 @jax.tree_util.register_pytree_node_class
-class CheckedEngine:
+class CheckedEngine(CompiledEngine):
     """A user's engine: exceptions name the line, and what it returns has the shapes and types of `engines.base`."""
 
     def __init__(self, engine: Any, size: Size):
@@ -124,6 +122,10 @@ class CheckedEngine:
     def poses(self, bodies: Any) -> Any:
         """See `Engine.poses`."""
         return self._called("poses", bodies)
+
+    def boxes(self, bodies: Any) -> Any:
+        """See `Engine.boxes`."""
+        return self._called("boxes", bodies)
 
     def sense(self, bodies: Any, emits: Any, is_running: Any) -> Sight:
         """See `Engine.sense`."""

@@ -50,7 +50,7 @@ class EngineSettings(ABC):
     name: ClassVar[str]
     """Of the engine, as `--engine` takes it."""
     has_boxes: ClassVar[bool] = False
-    """The engine is a `PushingEngine`: it simulates `ArenaConfig.boxes`."""
+    """The engine simulates `ArenaConfig.boxes`, and has `Engine.boxes`."""
 
     def __post_init__(self):
         validate(self)

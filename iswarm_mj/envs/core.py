@@ -24,7 +24,9 @@ from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
 from iswarm_mj.simulation.streams import step_keys
-from iswarm_mj.tasks.protocol import ChangingTask, DrivingTask, Quantity
+from iswarm_mj.static_config import StaticConfig
+from iswarm_mj.strategy.base import overrides
+from iswarm_mj.tasks.base import Quantity, Task
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import RobotFile, Robots
 
@@ -42,9 +44,9 @@ class Episode(NamedTuple):
     waits: Bool[Array, "*B N"]
     """The robot stays where it is in the next step, see `Observation.waits`."""
     tool_voltage_squared: Float[Array, "*B N"]
-    """See `tasks.protocol.Sensed` [V^2]."""
+    """See `tasks.base.Sensed` [V^2]."""
     conditions: Conditions | None
-    """Of the step that the robots have begun to perceive; None where the task changes none (`ChangingTask`)."""
+    """Of the step that the robots have begun to perceive; None where the task changes none (`Task.conditions`)."""
 
 
 class State(NamedTuple):
@@ -109,7 +111,7 @@ class Core:
         senses: what the task lets robots sense beside balls and dump, by name, and how many numbers of each.
     """
 
-    config: SwarmConfig
+    config: StaticConfig
     given: SwarmConfig
     robot: Robots
     robot_file: RobotFile
@@ -141,7 +143,8 @@ class Core:
         index = jax.random.randint(start_key, (), 0, len(self.poses))
         poses, world = jax.tree.map(lambda a: a[index], (self.poses, self.worlds))
         no, zero = jnp.zeros(self.n_robots, bool), jnp.zeros(self.n_robots)
-        conditions = self.params.conditions if isinstance(self.params.task, ChangingTask) else None
+        changes = overrides(self.params.task, Task, "conditions")
+        conditions = self.params.conditions if changes else None
         return Episode(world, key, next_key, jnp.int32(0), no, zero, conditions), poses
 
     def auto_reset(self, data: Episode, is_new: Bool[Array, ""]) -> tuple[Episode, Float[Array, "NM 3"]]:
@@ -163,7 +166,7 @@ class Core:
             energy=jax.tree.map(partial(jnp.where, is_new), swarm.energy, done.energy),
         )
         emits = is_emitting(self.config, swarm.is_alive, done.energy)
-        boxes = self.params.task.drive_boxes(swarm.task) if isinstance(self.params.task, DrivingTask) else None
+        boxes = self.params.task.drive_boxes(swarm.task)
         return Intent(done, said, ~is_new & ~done.is_refused.any(), emits, boxes)
 
     def observe(

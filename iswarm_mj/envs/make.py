@@ -28,8 +28,8 @@ from iswarm_mj.simulation.worlds import World, random_keys
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.library import TASKS, find
 from iswarm_mj.strategy.user_code import user_code
+from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.tasks.signatures import usable_task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
@@ -56,7 +56,7 @@ def make_env(
     """Return an environment in which each robot of a swarm has actions, observations and a reward.
 
     Args:
-        task: `"cleaning"`, FILE.py:CLASS, the name of an installed task, or a `tasks.protocol.Task`.
+        task: `"cleaning"`, FILE.py:CLASS, the name of an installed task, or a `tasks.base.Task`.
         n_robots: N.
         config: of the swarm; defaults if None.
         engine: settings, by default `PlanarSettings()`. With `MjxSettings()`, `reset` and `step` are of one world, for
@@ -130,7 +130,7 @@ class PreparedEnv:
         poses, worlds = first_state(self.setup)
         with jax.default_device(self.setup.device):
             core = Core(
-                config=self.setup.program_config,
+                config=self.setup.static,
                 given=self.setup.config,
                 robot=self.setup.robot,
                 robot_file=self.setup.robot_file,
@@ -172,10 +172,9 @@ def prepare_env(
 
     messages = as_payload(payload)
     messages.check_room(len(setup.robot.sides))
-    quantities = getattr(setup.task, "senses", {})  # a task that senses nothing more has no such attribute
     senses = tuple(
         (name, (quantity, int(np.prod(setup.sensed[name].shape[1:], dtype=int))))
-        for name, quantity in quantities.items()
+        for name, quantity in setup.task.senses.items()
     )
 
     made, n_batch = _engine_of(setup)

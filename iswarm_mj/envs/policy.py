@@ -12,13 +12,14 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.make import as_payload, task_of
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.strategy.base import Strategy, StrategyFactory
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
 
 
-class PolicyStrategy:
+class PolicyStrategy(StrategyFactory):
     """Robots that act by a policy, as those of `make_env` with the same task and payload.
 
     Each robot's observation is a row of `Env.observations`, and the policy's output a row of `Env.actions`.
@@ -55,7 +56,7 @@ class PolicyStrategy:
 
 
 @dataclass(frozen=True)
-class Policy:
+class Policy(Strategy):
     """The `Strategy` of a policy; see `PolicyStrategy` for what its fields are."""
 
     params: Any

@@ -14,7 +14,7 @@ from iswarm_mj.sensors.fields import Bearing, Field, Flag, Integer, Real, Vector
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.tasks.protocol import Quantity
+from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.geometry import wrapped

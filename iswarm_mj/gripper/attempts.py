@@ -6,8 +6,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
-from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, is_grasped, is_released
+from iswarm_mj.static_config import StaticGripper
 from iswarm_mj.utils.arrays import Array
 
 
@@ -44,11 +44,11 @@ class Outcomes(NamedTuple):
     """Speed of a released ball as it lands [m/s]; 0 where none lands."""
 
 
-Decider = Callable[[GripperConfig, Attempts], Outcomes]
+Decider = Callable[[StaticGripper, Attempts], Outcomes]
 """Decides the outcomes of attempts."""
 
 
-def by_balance(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
+def by_balance(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
     """Outcomes by the balance of the forces, without dynamics: the quasi-static surrogate.
 
     Where the tool's axis misses the ball by more than the tool's radius, nothing is lifted.

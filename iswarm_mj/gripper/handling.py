@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import GripperConfig
 from iswarm_mj.gripper.attempts import Attempts, Decider, by_balance
 from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.floor import FloorView
+from iswarm_mj.static_config import StaticGripper
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.draws import draw
 
@@ -83,7 +83,7 @@ def working(balls: Balls, n_robots: int) -> Bool[Array, "N"]:
 
 
 def handle(
-    gripper: GripperConfig,
+    gripper: StaticGripper,
     conditions: Conditions,
     balls: Balls,
     tips: Float[Array, "N 2"],
@@ -174,7 +174,7 @@ def handle(
 
 
 def _attempts(
-    gripper: GripperConfig,
+    gripper: StaticGripper,
     conditions: Conditions,
     balls: Balls,
     worker: Int[Array, "K"],
@@ -202,7 +202,7 @@ def _attempts(
 
 
 def _tries(
-    gripper: GripperConfig, balls: Balls, tips: Float[Array, "N 2"], view: FloorView, picks: Bool[Array, "N"]
+    gripper: StaticGripper, balls: Balls, tips: Float[Array, "N 2"], view: FloorView, picks: Bool[Array, "N"]
 ) -> tuple[Bool[Array, "N"], Int[Array, "K"]]:
     """Which robots try to lift a ball, and for each ball the nearest of them, the one of lowest index; N if none."""
     n_robots, n_balls = len(tips), len(balls.radius)

@@ -16,9 +16,9 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.strategy.declared import array_name, parts_of
+from iswarm_mj.tasks.base import Look, Quantity, Task, balls_of
 from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.tasks.layout import no_balls
-from iswarm_mj.tasks.protocol import DrawnTask, Look, Quantity, Task, balls_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
@@ -155,12 +155,12 @@ def _in_si(part: Any, unit: str) -> Shaped[np.ndarray, "T N *shape"]:
 
 def _looks(task: Task) -> dict[str, Look]:
     """Return how areas are drawn that may change from step to step."""
-    return {name: look for name, look in getattr(task, "drawn", {}).items() if name not in FIXED}
+    return {name: look for name, look in task.drawn.items() if name not in FIXED}
 
 
 def _quantities(task: Task) -> dict[str, Quantity]:
     """Return metrics that trajectories have beside those of `Frames`."""
-    return {name: quantity for name, quantity in getattr(task, "measured", {}).items() if name not in ARRAYS}
+    return {name: quantity for name, quantity in task.measured.items() if name not in ARRAYS}
 
 
 def _watch(task: Task, config: SwarmConfig) -> Callable[[Any], dict[str, np.ndarray]]:
@@ -175,7 +175,7 @@ def _watch(task: Task, config: SwarmConfig) -> Callable[[Any], dict[str, np.ndar
     @jax.jit
     @jax.vmap
     def read(state: Any) -> Any:
-        shapes = task.areas(config, state) if areas and isinstance(task, DrawnTask) else {}
+        shapes = task.areas(config, state) if areas else {}
         numbers = task.metrics(state) if metrics else {}
         return {AREA + name: shapes[name] * MM for name in areas} | {METRIC + name: numbers[name] for name in metrics}
 
@@ -190,7 +190,7 @@ def _watch(task: Task, config: SwarmConfig) -> Callable[[Any], dict[str, np.ndar
 
 def _fixed_areas(task: Task, config: SwarmConfig, state: Any) -> dict[str, Float[np.ndarray, "A 4"]]:
     """Return rectangles x_min, y_min, x_max, y_max [m] of the dump and of dust areas, as far as the task has them."""
-    if not isinstance(task, DrawnTask) or not any(name in task.drawn for name in FIXED):
+    if not any(name in task.drawn for name in FIXED):
         return {}
     found = task.areas(config, state)
     shapes = {name: np.asarray(found[name], float) * MM for name in FIXED if name in found}

@@ -12,8 +12,8 @@ import numpy as np
 from iswarm_mj import __version__
 from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.simulation.run import Run
+from iswarm_mj.tasks.base import is_scored
 from iswarm_mj.tasks.measures import Measures
-from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 from iswarm_mj.utils.lock import locked
 
@@ -67,14 +67,14 @@ def result(run: Run, wall_s: float) -> dict[str, Any]:
     """
     settings, metrics = run.settings, run.metrics()
     measures = [run.measures(world) for world in range(settings.n_worlds)]
-    measured = getattr(run.task, "measured", {})
+    measured = run.task.measured
     units = {name: quantity.unit for name, quantity in measured.items() if quantity.unit}
 
     def each(values: list[Any]) -> Any:
         return values[0] if settings.n_worlds == 1 else values
 
     task, counts, scored = run.task, ("collisions", "finished_at"), {}
-    if isinstance(task, ScoredTask):
+    if is_scored(task):
         scores = [task.fitness(m, run.config, settings.n_robots, settings.steps) for m in measures]
         counts, scored = Measures._fields, {"n_dust": run.config.arena.n_dust, "fitness": each(scores)}
 

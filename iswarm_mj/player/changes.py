@@ -10,7 +10,7 @@ import numpy as np
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
-from iswarm_mj.tasks.protocol import balls_of
+from iswarm_mj.tasks.base import balls_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
 from iswarm_mj.utils.walls import beyond

@@ -122,7 +122,7 @@ def controls(scenario: Scenario, start: Scenario | None = None) -> list[Control]
     ]
 
     # Settings of the strategy and of the task, then those of the configuration.
-    unused: set[str] = set(getattr(scenario.task, "unused", ()))
+    unused: set[str] = set(scenario.task.unused)
     if scenario.genome is None:
         unused.add("strategy")
     owner = "the strategy" if scenario.genome else type(scenario.strategy).__name__

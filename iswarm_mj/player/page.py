@@ -277,8 +277,8 @@ def play(
 
     Args:
         config: of the run.
-        strategy: a genome, or see `strategy.protocol.Strategy`; by default the paper's of type 1.
-        task: see `tasks.protocol.Task`; cleaning by default.
+        strategy: a genome, or see `strategy.base.Strategy`; by default the paper's of type 1.
+        task: see `tasks.base.Task`; cleaning by default.
         robots: their number; by default that of the genome.
         seed: of all random numbers.
         engine: `MujocoSettings()` by default.

@@ -298,7 +298,7 @@ class Session:
         """Keep what the latest control step looks like."""
         self.snapshots.append(Snapshot(frames, record))
         arrays = frames.arrays()
-        for name in ("step", *getattr(self.run.task, "measured", {}), "collisions", "mean_speed"):
+        for name in ("step", *self.run.task.measured, "collisions", "mean_speed"):
             line = self.lines.setdefault(name, deque(maxlen=LONGEST))
             line.append(float(arrays[name if name in ARRAYS else METRIC + name][0]))
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
 from iswarm_mj.sensors.occlusion import CLEAR, OPEN, Circles, Paths, circles, judge
 from iswarm_mj.sensors.optics import (
@@ -24,6 +23,7 @@ from iswarm_mj.sensors.optics import (
     receive_views,
     receiver_positions,
 )
+from iswarm_mj.static_config import StaticOptics
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
@@ -73,7 +73,7 @@ def find_candidates(
     poses: Float[np.ndarray, "BN 3"],
     around: Neighbours,
     robot: Robots,
-    optics: OpticsConfig,
+    optics: StaticOptics,
     sends: Bool[np.ndarray, "BN"] | Float[np.ndarray, "BN"],
     kind: Int[np.ndarray, "BN"],
 ) -> Candidates:
@@ -111,7 +111,7 @@ def find_candidates(
 def find_links(
     poses: Float[np.ndarray, "B N 3"],
     robot: Robots,
-    optics: OpticsConfig,
+    optics: StaticOptics,
     reaches: LedHit,
     sends: Bool[np.ndarray, "B N"] | Float[np.ndarray, "B N"] | None = None,
     boxes: Float[np.ndarray, "B M 6"] | None = None,

@@ -15,24 +15,24 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Int
 
-from iswarm_mj.config import OpticsConfig
 from iswarm_mj.sensors.links import Links
+from iswarm_mj.static_config import StaticOptics
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.robot import PAPER_SIDES, Sides
 
 
-def draw_first_slots(optics: OpticsConfig, key: Array, n_robots: int) -> Int[Array, "N"]:
+def draw_first_slots(optics: StaticOptics, key: Array, n_robots: int) -> Int[Array, "N"]:
     """Slots in which robots light their front LED."""
     return jax.random.randint(key, (n_robots,), 0, optics.slots)
 
 
-def sides_on(optics: OpticsConfig, sides: Sides = PAPER_SIDES) -> Bool[Array, "S"]:
+def sides_on(optics: StaticOptics, sides: Sides = PAPER_SIDES) -> Bool[Array, "S"]:
     """Sides whose photodiodes are on while their robot emits, and see the wall that reflects its light."""
     on = {"front": sides.front, "none": (False,) * len(sides), "all": (True,) * len(sides)}
     return jnp.array(on[optics.photodiodes_while_emitting])
 
 
-def listens(optics: OpticsConfig, since: Int[Array, "*N S"], sides: Sides = PAPER_SIDES) -> Bool[Array, "*N S"]:
+def listens(optics: StaticOptics, since: Int[Array, "*N S"], sides: Sides = PAPER_SIDES) -> Bool[Array, "*N S"]:
     """Whether each side receives messages.
 
     Args:
@@ -45,7 +45,7 @@ def listens(optics: OpticsConfig, since: Int[Array, "*N S"], sides: Sides = PAPE
     return jnp.where(since < len(sides), sides_on(optics, sides) & (since != side), while_silent)
 
 
-def understood(optics: OpticsConfig, in_sight: Links, first_slot: Int[Array, "N"], sides: Sides = PAPER_SIDES) -> Links:
+def understood(optics: StaticOptics, in_sight: Links, first_slot: Int[Array, "N"], sides: Sides = PAPER_SIDES) -> Links:
     """The nearest sender that each side understands.
 
     Args:

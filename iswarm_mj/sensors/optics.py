@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.static_config import StaticOptics
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.robot import SIDES, Point, Robots, Sides
 from iswarm_mj.utils.units import mm_from_rd
@@ -92,7 +92,7 @@ def receive(
     receiver: Components,
     sender: Components,
     robot: Robots,
-    optics: OpticsConfig,
+    optics: StaticOptics,
     power: Float[Array, "*#P"] | None = None,
     kinds: Kinds = (0, 0),
 ) -> Reception:
@@ -115,7 +115,7 @@ def receive(
 
 
 def receive_views(
-    views: Views, robot: Robots, optics: OpticsConfig, power: Float[Array, "*#P"] | None = None
+    views: Views, robot: Robots, optics: StaticOptics, power: Float[Array, "*#P"] | None = None
 ) -> Reception:
     """As `receive`, for callers that know how the robots of each pair see each other."""
     rule = _in_sector if optics.mode == "sector" else _by_power
@@ -126,7 +126,7 @@ def receive_views(
     return Reception(views.side, views.led, bearing, xp.where(received, effective, math.inf))
 
 
-def _in_sector(views: Views, robot: Robots, optics: OpticsConfig) -> tuple[Array, Array, Any]:
+def _in_sector(views: Views, robot: Robots, optics: StaticOptics) -> tuple[Array, Array, Any]:
     """Bearing and way of the light by the paper's rule: in the receiver's sector and in the sender's beam."""
     at_receiver, at_sender, side, led, _ = views
     xp, sides = array_module(side), robot.sides
@@ -153,7 +153,7 @@ def _bearing(side: Array, sides: Sides, like: Array) -> Array:
     return _look_up(sides.bearings, side, like)
 
 
-def _by_power(views: Views, robot: Robots, optics: OpticsConfig) -> tuple[Array, Array, Any]:
+def _by_power(views: Views, robot: Robots, optics: StaticOptics) -> tuple[Array, Array, Any]:
     """Bearing and way of the light by power: Lambertian lobe, inverse square, acceptance of the photodiodes.
 
     The lobe is cos^m with half its power at half the beam's aperture, m = -ln 2 / ln cos(aperture / 2) (Kahn &

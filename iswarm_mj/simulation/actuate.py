@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from iswarm_mj.config import DriveConfig, SwarmConfig
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState
+from iswarm_mj.static_config import StaticConfig, StaticDrive
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.draws import draw
@@ -39,7 +39,7 @@ class Actuated(NamedTuple):
 
 
 def actuate(
-    config: SwarmConfig,
+    config: StaticConfig,
     conditions: Conditions,
     command: Command,
     swarm: SwarmState,
@@ -59,7 +59,7 @@ def actuate(
         waits: robots that stand still.
         poses: where robots are as the step begins: x, y [mm] and yaw [rad].
         is_present: the other places are empty.
-        tool_voltage_squared: see `tasks.protocol.Sensed` [V^2].
+        tool_voltage_squared: see `tasks.base.Sensed` [V^2].
         key: of the errors.
     """
     acts = swarm.is_alive & ~waits
@@ -110,21 +110,30 @@ FASTEST = (5.0, 5.0, 0.5)
 """Velocities of driven boxes at most [mm/s, mm/s, rad/s], so that they run through no robot."""
 
 
-def velocity_towards(config: SwarmConfig, wanted: Array | None, boxes: Array | None) -> Array | None:
-    """Return the velocities (*B, M, 3) with which boxes of mass 0 get to poses in a control step, as far as they can.
+def velocity_towards(
+    drive: StaticDrive, is_driven: Bool[Array, "*B M"], wanted: Array | None, boxes: Array | None
+) -> Array | None:
+    """Return the velocities (*B, M, 3) with which driven boxes get to poses in a control step, as far as they can.
 
-    Those with a mass have none; those of a box whose pose is to be infinite are not finite, which is a fault.
+    Args:
+        drive: duration of a control step.
+        is_driven: boxes of mass 0; the others have no velocity of their own.
+        wanted: where the boxes are to be (*B, M, 3), x, y [mm] and yaw [rad]; None if the task drives none. A pose that
+            is not finite gives a velocity that is not finite, which is a fault.
+        boxes: where they are; None if there are none.
     """
     if wanted is None or boxes is None:
         return None
-    xp, most, drive = array_module(boxes), np.array(FASTEST), config.drive
-    is_driven = np.array([mass == 0 for *_, mass, _ in config.arena.boxes])[:, None]
+    xp = array_module(boxes)
+    largest = np.array(FASTEST)
     duration = (drive.turn_substeps + drive.walk_substeps) * drive.timestep
-    way = xp.where(is_driven, xp.where(xp.isfinite(wanted), wanted, xp.nan) - boxes, 0.0)
-    return xp.clip(way / duration, -most, most).astype(boxes.dtype)
+
+    target = xp.where(xp.isfinite(wanted), wanted, xp.nan)
+    way = xp.where(xp.asarray(is_driven)[..., None], target - boxes, 0.0)
+    return xp.clip(way / duration, -largest, largest).astype(boxes.dtype)
 
 
-def drive_phases(drive: DriveConfig, command: Command, boxes: Array | None = None) -> tuple[Phase, Phase]:
+def drive_phases(drive: StaticDrive, command: Command, boxes: Array | None = None) -> tuple[Phase, Phase]:
     """Turn on the spot, then walk ahead, along the heading as it is then.
 
     A robot that a contact turns while it walks keeps its direction over the ground until the next control step.

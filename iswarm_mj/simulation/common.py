@@ -3,31 +3,23 @@
 from dataclasses import fields, replace
 from typing import Any
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
-from iswarm_mj.sensors.conditions import Conditions
-from iswarm_mj.strategy.rules import NON_STRATEGY_FIELDS
-from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.utils.errors import UserError
 
 _PARTS: dict[str, Any] = {f.name: f.type for f in fields(SwarmConfig)}
-_SHARED = {
-    "arena": {"size", "outline", "n_dust", "obstacles", "boxes"},
-    "gripper": {
-        *("release_gap", "tool_reach", "resolution", "bench", "bench_capacity", "tool_error"),
-        *("grasp_time", "release_time"),
-    },
-    "strategy": NON_STRATEGY_FIELDS - set(Conditions._fields),
-}
-"""Of these parts, all other settings may differ; of the remaining ones, those that are `Conditions`."""
+_STATIC: dict[str, Any] = {f.name: f.type for f in fields(StaticConfig)}
+_SHARED_BY_ENGINES = {"size", "outline", "n_dust", "obstacles", "boxes"}
+"""Settings of the arena that engines build their models from, or that shape the state of a task."""
 
-PER_WORLD_FIELDS = {
-    part: {
-        f.name
-        for f in fields(cls)
-        if (f.name not in _SHARED[part] if part in _SHARED else f.name in Conditions._fields)
-    }
-    for part, cls in _PARTS.items()
-}
+
+def _per_world(part: str) -> set[str]:
+    """Return the settings of a part of the configuration in which worlds may differ."""
+    compiled = _SHARED_BY_ENGINES if part == "arena" else {f.name for f in fields(_STATIC[part])}
+    return {f.name for f in fields(_PARTS[part])} - compiled
+
+
+PER_WORLD_FIELDS = {part: _per_world(part) for part in _PARTS}
 """Settings in which worlds of one run may differ, by parts of the configuration."""
 
 
@@ -41,32 +33,17 @@ def shared(config: SwarmConfig) -> tuple[tuple[str, Any], ...]:
     )
 
 
-def common(config: SwarmConfig) -> SwarmConfig:
-    """Return what control steps are compiled for: the defaults of all that may differ, and of the arena."""
-    usual = SwarmConfig()
-    parts = {
-        part: replace(mine, **{name: getattr(getattr(usual, part), name) for name in PER_WORLD_FIELDS[part]})
-        for part, mine in vars(config).items()
-        if part != "arena"
-    }
-    return SwarmConfig(ArenaConfig(), **parts)
-
-
-def program_config(config: SwarmConfig, task: Task, on_host: bool) -> SwarmConfig:
-    """Return the configuration that control steps are compiled for.
-
-    Where the task allows it, what may differ between worlds of one run and the arena have their defaults, so that runs
-    of different settings share a program.
+def static_config(config: SwarmConfig, on_host: bool) -> StaticConfig:
+    """Return what the control steps of a run are compiled for.
 
     Args:
         config: of the run.
-        task: see `tasks.protocol.Task`.
         on_host: the engine computes on the host, where the bench is that of MuJoCo in C unless it is chosen.
     """
-    config = common(config) if getattr(task, "shares_program", False) else config
-    if config.gripper.bench != "auto":
-        return config
-    return replace(config, gripper=replace(config.gripper, bench="c" if on_host else "mjx"))
+    static = config.static
+    if static.gripper.bench != "auto":
+        return static
+    return replace(static, gripper=replace(static.gripper, bench="c" if on_host else "mjx"))
 
 
 def check_common(config: SwarmConfig, other: SwarmConfig) -> None:

@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine, boxes_of
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.decide import decide, decide_worlds
@@ -18,6 +17,7 @@ from iswarm_mj.simulation.packed import kinds_of
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.utils.jax_setup import without_shardy
 
 Tree = TypeVar("Tree")
@@ -47,7 +47,7 @@ class CompiledLoop:
     def __init__(
         self,
         engine: CompiledEngine,
-        config: SwarmConfig,
+        config: StaticConfig,
         params: WorldParams,
         state: WorldState,
         chunk: int,
@@ -161,7 +161,7 @@ def _rows_of(params: WorldParams, state: WorldState, worlds: jax.Array) -> tuple
 class Program(NamedTuple):
     """What is compiled into a program."""
 
-    config: SwarmConfig
+    config: StaticConfig
     mesh: Mesh
     """The devices."""
     n_steps: int

@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.channel import Received
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
@@ -17,10 +16,10 @@ from iswarm_mj.simulation.packed import Packed, pack
 from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import step_keys
-from iswarm_mj.strategy.declared import led_power, said
+from iswarm_mj.static_config import StaticConfig
+from iswarm_mj.strategy.base import Strategy, overrides
+from iswarm_mj.strategy.declared import led_power, payload_of
 from iswarm_mj.strategy.interface import Observation
-from iswarm_mj.strategy.protocol import ReckoningStrategy, RelayingStrategy, ReleasingStrategy
-from iswarm_mj.tasks.protocol import DrivingTask
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
@@ -43,14 +42,14 @@ class Decision(NamedTuple):
     received: Received
     """See `Perceived`."""
     boxes: Float[Array, "*B M 3"] | None = None
-    """See `DrivingTask.drive_boxes`; None where the task drives none."""
+    """See `Task.drive_boxes`; None where the task drives none."""
 
 
-def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
+def decide(config: StaticConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
     """Take a world's control step up to the commands; a world that does not run keeps its state.
 
     Args:
-        config: what control steps are compiled for (`common.program_config`); all else is in `params`.
+        config: what control steps are compiled for (`common.static_config`); all else is in `params`.
         robot: its geometry.
         params: of the world.
         swarm: after the step before.
@@ -62,16 +61,16 @@ def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: Swarm
     params = with_conditions(params, swarm)
     n_robots, is_alive, strategy = len(begin.poses), swarm.is_alive, params.strategy
     keys = step_keys(params.key, begin.step)
-    payload = said(strategy, swarm.memory, swarm.is_loaded)
+    payload = strategy.say(swarm.memory, swarm.is_loaded) if payload_of(strategy).fields else {}
     picks = strategy.picks(swarm.memory) & is_alive
-    releases = strategy.releases(swarm.memory) if isinstance(strategy, ReleasingStrategy) else None
+    releases = strategy.releases(swarm.memory)
     seen = perceive(config, robot, params, swarm, begin, keys, payload, picks, releases)
     observation = seen.observation
     if config.strategy.update_order == "sequential" and payload:
-        if not isinstance(strategy, RelayingStrategy):
+        if not overrides(strategy, Strategy, "listen"):
             raise UserError(
                 f"strategy.update_order is sequential, but {type(strategy).__name__} has no method listen; add one "
-                "(see RelayingStrategy), or use synchronous updates."
+                "(see Strategy.listen), or use synchronous updates."
             )
 
         def relay(observation: Observation) -> Message:
@@ -92,14 +91,13 @@ def decide(config: SwarmConfig, robot: Robots, params: WorldParams, swarm: Swarm
         seen.sensed.tool_voltage_squared,
         keys.actuators,
     )
-    if isinstance(strategy, ReckoningStrategy):
-        memory = strategy.fell_short(memory, done.shortfall)
+    memory = strategy.fell_short(memory, done.shortfall)
     decided = seen.swarm._replace(memory=memory, energy=done.energy, led_power=led_power(strategy, memory))
     kept = jax.tree.map(lambda new, old: jnp.where(begin.is_running, new, old), decided, swarm)
     flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
     progress = params.task.progress(kept.task)
     links = seen.links if config.optics.baud_rate else None
-    boxes = params.task.drive_boxes(kept.task) if isinstance(params.task, DrivingTask) else None
+    boxes = params.task.drive_boxes(kept.task)
     done = done._replace(shortfall=None, energy=None)
     return Decision(kept, done, progress, flag, links, seen.received, boxes)
 
@@ -146,7 +144,7 @@ def heard_in_turn(
 
 
 def decide_worlds(
-    config: SwarmConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs
+    config: StaticConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs
 ) -> Decision:
     """`decide` for B worlds at once, all at the same step."""
     of_one = partial(decide, config, robot)
@@ -155,7 +153,9 @@ def decide_worlds(
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
-def decide_packed(config: SwarmConfig, robot: Robots, params: Packed, swarm: SwarmState, begin: StepInputs) -> Decision:
+def decide_packed(
+    config: StaticConfig, robot: Robots, params: Packed, swarm: SwarmState, begin: StepInputs
+) -> Decision:
     """`decide_worlds`, where what a world decides does not depend on how many there are, to the last bit.
 
     The parameters are packed, and so are memories and the state of the task.

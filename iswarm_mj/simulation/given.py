@@ -12,10 +12,11 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.base import makes_strategies
 from iswarm_mj.strategy.pytrees import as_arrays, as_strategy
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
-from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.tasks.base import Task
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
@@ -68,7 +69,7 @@ def of_all_worlds(
 ) -> Any:
     """Return a strategy whose arrays have a first axis of B worlds.
 
-    Where it has a method `for_world(config, robot, n_robots)`, what that returns is the strategy of a world.
+    Where it makes strategies (`StrategyFactory`), what its `for_world` returns is the strategy of a world.
 
     Args:
         given: the user's strategy, see `strategy.pytrees.as_strategy`.
@@ -82,7 +83,7 @@ def of_all_worlds(
     """
     if is_per_world:
         return _per_world(as_arrays(as_strategy(given), "strategy"), len(worlds))
-    if not hasattr(given, "for_world") or isinstance(given, type):
+    if not makes_strategies(given):
         own = as_arrays(as_strategy(given), "strategy")
         return of_worlds(own, len(worlds))
     name, made = type(given).__name__, {}

@@ -11,9 +11,10 @@ from jaxtyping import Bool, Float
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.neighbours import find_neighbours
+from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.user_code import user_code
+from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.layout import cell_of
-from iswarm_mj.tasks.protocol import DrivingTask, LayingTask, Task
 from iswarm_mj.tasks.signatures import check_layout
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -34,7 +35,7 @@ class Start(NamedTuple):
     poses: Float[np.ndarray, "N 3"]
     """x, y [mm] and yaw [rad]."""
     task: Any
-    """State of the task, see `tasks.protocol.Task.lay_out`."""
+    """State of the task, see `tasks.base.Task.lay_out`."""
     is_alive: Bool[np.ndarray, "N"]
     boxes: Sequence[Box] | None = None
     """As `ArenaConfig.boxes`, of which sizes, masses and friction are those of the run; None: where the arena has them.
@@ -72,10 +73,10 @@ def start_with(
     Raises:
         UserError: what the task lays out is no layout, or robots stand beyond the walls or in each other.
     """
-    if isinstance(task, LayingTask):
-        name = f"{type(task).__name__}.lay_boxes"
-        with user_code(name):
-            boxes = task.lay_boxes(config, rng, shared)
+    name = f"{type(task).__name__}.lay_boxes"
+    with user_code(name):
+        boxes = task.lay_boxes(config, rng, shared)
+    if boxes is not None:
         config = boxed(config, boxes, name)
     name = f"{type(task).__name__}.lay_out"
     with user_code(name):
@@ -111,7 +112,7 @@ def check_boxes(task: Task, starts: Sequence[Start]) -> None:
             f"world {different[0]} of {name} has other boxes than the first; worlds of a run may differ in x, y and "
             "yaw of their boxes, not in number, half edges, mass and friction"
         )
-    if isinstance(task, DrivingTask) and not any(mass == 0 for *_, mass, _ in each[0]):
+    if overrides(task, Task, "drive_boxes") and not any(mass == 0 for *_, mass, _ in each[0]):
         fact = f"{name}.drive_boxes moves boxes of mass 0, of which there are none"
         raise UserError(f"{fact}; lay one, or add it to `arena.boxes`")
 

@@ -10,13 +10,13 @@ from typing import Any, TypeVar
 import jax
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine
 from iswarm_mj.simulation.decide import Decision, decide_packed
 from iswarm_mj.simulation.packed import pack, unpacked
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.utils.profiling import Stopwatch
 
 Tree = TypeVar("Tree")
@@ -44,7 +44,7 @@ class Share:
         state: with packed memories and a packed state of the task (`packed.Packed`).
     """
 
-    def __init__(self, engine: Engine, config: SwarmConfig, params: WorldParams, state: WorldState, watch: Stopwatch):
+    def __init__(self, engine: Engine, config: StaticConfig, params: WorldParams, state: WorldState, watch: Stopwatch):
         self.engine, self._config, self._watch = engine, config, watch
         self.state = state
         self.replace(params, state.swarm)
@@ -91,7 +91,7 @@ class HostLoop:
     def __init__(
         self,
         make_engine: Callable[[int, int], Engine],
-        config: SwarmConfig,
+        config: StaticConfig,
         params: WorldParams,
         start: tuple[np.ndarray, WorldState],
         n_threads: int,
@@ -101,7 +101,7 @@ class HostLoop:
 
         Args:
             make_engine: makes an engine for a number of worlds and of threads.
-            config: what all worlds share.
+            config: what control steps are compiled for.
             params: of B worlds.
             start: poses (B, N + M, 3) x, y [mm] and yaw [rad], and the state but for the bodies.
             n_threads: threads, 0 for one a core.

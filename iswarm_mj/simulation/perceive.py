@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.gripper.attempts import Decider, by_balance
 from iswarm_mj.sensors.channel import Received, exchange
@@ -15,10 +14,11 @@ from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understoo
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import StepKeys
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.teams import team_numbers
-from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, Sensed, TaskInputs
+from iswarm_mj.tasks.base import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.draws import draw
 from iswarm_mj.utils.robot import Robots
@@ -58,7 +58,7 @@ class Perceived(NamedTuple):
 
 
 def perceive(
-    config: SwarmConfig,
+    config: StaticConfig,
     robot: Robots,
     params: WorldParams,
     swarm: SwarmState,
@@ -71,7 +71,7 @@ def perceive(
     """Take a world's control step up to what robots know: communicate, and advance the task.
 
     Args:
-        config: what control steps are compiled for (`common.program_config`).
+        config: what control steps are compiled for (`common.static_config`).
         robot: its geometry.
         params: of the world.
         swarm: after the step before.
@@ -99,25 +99,25 @@ def perceive(
         swarm = swarm._replace(energy=energy, starved=swarm.starved + (is_empty & swarm.is_alive))
     (stop,), (misses,) = draw(keys.stops, (len(poses),), n_uniform=1).uniform
     inputs = TaskInputs(
-        poses,
-        params.is_present,
-        swarm.is_alive,
-        picks & ~is_empty,
-        jnp.asarray(team_numbers(params.strategy, len(poses))),
-        jnp.asarray(robot.kind_of(len(poses)), jnp.int32),
-        params.conditions,
-        config,
-        robot,
-        decider_of(config),
-        voltage,
-        None if releases is None else releases & swarm.is_alive & ~is_empty,
+        poses=poses,
+        is_present=params.is_present,
+        is_alive=swarm.is_alive,
+        picks=picks & ~is_empty,
+        team=jnp.asarray(team_numbers(params.strategy, len(poses))),
+        kind=jnp.asarray(robot.kind_of(len(poses)), jnp.int32),
+        conditions=params.conditions,
+        arena=params.arena,
+        config=config,
+        robot=robot,
+        decide_attempts=decider_of(config),
+        voltage=voltage,
+        releases=None if releases is None else releases & swarm.is_alive & ~is_empty,
         notices=misses >= params.conditions.error_in_sensing,
         boxes=jnp.zeros((0, 3)) if begin.boxes is None else begin.boxes,
     )
     task, sensed = params.task.advance(swarm.task, inputs, keys.task)
-    is_alive = swarm.is_alive
-    if isinstance(params.task, DeadlyTask):
-        is_alive &= params.task.survives(task)
+    survives = params.task.survives(task)
+    is_alive = swarm.is_alive if survives is None else swarm.is_alive & survives
     swarm = swarm._replace(task=task, is_loaded=sensed.is_loaded, is_alive=is_alive)
     message = received.message
     observation = Observation(
@@ -140,13 +140,10 @@ def perceive(
 
 def with_conditions(params: WorldParams, swarm: SwarmState) -> WorldParams:
     """Return the parameters of a world with the conditions of this step, which its task may change."""
-    task = params.task
-    if not isinstance(task, ChangingTask):
-        return params
-    return params._replace(conditions=task.conditions(swarm.task, params.conditions))
+    return params._replace(conditions=params.task.conditions(swarm.task, params.conditions))
 
 
-def decider_of(config: SwarmConfig) -> Decider:
+def decider_of(config: StaticConfig) -> Decider:
     """Return what decides whether attempts to pick up and to release succeed: the forces' balance, or the bench."""
     if config.gripper.resolution == "quasi-static":
         return by_balance

@@ -3,14 +3,14 @@
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.energy import EnergyConfig
 from iswarm_mj.utils.units import mm_from_rd
 
 
-def charged(config: SwarmConfig, energy: Float[Array, "N"]) -> Float[Array, "N"]:
+def charged(config: StaticConfig, energy: Float[Array, "N"]) -> Float[Array, "N"]:
     """Energies after a control step in the light [J]."""
     income = config.energy.light_power * config.drive.control_period
     return jnp.minimum(energy + income, config.energy.full)
@@ -21,13 +21,13 @@ def voltage(config: EnergyConfig, energy: Float[Array, "N"]) -> Float[Array, "N"
     return jnp.sqrt(2 * energy / config.capacitance)
 
 
-def can_act(config: SwarmConfig, energy: Float[Array, "N"]) -> Bool[Array, "N"]:
+def can_act(config: StaticConfig, energy: Float[Array, "N"]) -> Bool[Array, "N"]:
     """Whether each robot has the energy of one control step, messages and a walk; otherwise it waits for light."""
     return energy >= config.energy.of_step(config.drive.control_period)
 
 
 def is_emitting(
-    config: SwarmConfig, is_alive: Bool[Array, "*B N"], energy: Float[Array, "*B N"] | None
+    config: StaticConfig, is_alive: Bool[Array, "*B N"], energy: Float[Array, "*B N"] | None
 ) -> Bool[Array, "*B N"]:
     """Robots that light their LEDs in a control step: all that live and do not wait for energy.
 
@@ -40,7 +40,7 @@ def is_emitting(
 
 
 def after(
-    config: SwarmConfig,
+    config: StaticConfig,
     energy: Float[Array, "N"],
     command: Command,
     tool_voltage_squared: Float[Array, "N"],

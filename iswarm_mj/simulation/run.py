@@ -18,17 +18,17 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState, decode, summary
-from iswarm_mj.simulation.worlds import World, conditions_of_worlds, vector_strategies
+from iswarm_mj.simulation.worlds import World, arenas_of_worlds, conditions_of_worlds, vector_strategies
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import PRESETS, Genome
-from iswarm_mj.strategy.protocol import Strategy
 from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.strategy.teams import team_sizes
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
+from iswarm_mj.tasks.base import Task, balls_of
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.tasks.measures import Measures, measure
-from iswarm_mj.tasks.protocol import Task, balls_of
 from iswarm_mj.tasks.signatures import as_task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole, validate
 from iswarm_mj.utils.errors import SimulationFault, UserError, shown
@@ -88,10 +88,10 @@ class Run:
             settings: of the run; by default the genome's number of robots and 800 steps.
             engine: settings of the engine, by default `MujocoSettings()`.
             worlds: `settings.n_worlds` worlds that may differ; by default those of the seed, with the run's genome.
-            strategy: another strategy in place of the paper's, see `strategy.protocol`; a genome stands for itself.
+            strategy: another strategy in place of the paper's, see `strategy.base`; a genome stands for itself.
                 With a method `for_world(config, robot, n_robots)`, what that returns for each world.
             strategy_per_world: the arrays of `strategy` have a first axis of worlds.
-            task: what the robots are to do, see `tasks.protocol`; cleaning by default.
+            task: what the robots are to do, see `tasks.base`; cleaning by default.
             robot_file: MJCF file of the robots, by default `models/robot.xml`; or files of several kinds, as
                 `["a.xml:200", "b.xml:80"]` with the number of robots of each.
 
@@ -217,7 +217,8 @@ class Run:
         self.worlds, self.strategy = [replace(world, **own) for world in self.worlds], None if is_genome else strategy
         params, state = self.arrays()
         conditions = conditions_of_worlds(config, self.worlds)
-        params = params._replace(strategy=self._strategies(), conditions=conditions, task=self._tasks)
+        arena = arenas_of_worlds(config, self.worlds)
+        params = params._replace(strategy=self._strategies(), conditions=conditions, task=self._tasks, arena=arena)
         self._loop.replace(params, state.swarm)
 
     def edit(self, edit: Callable[[SwarmState], SwarmState]) -> None:

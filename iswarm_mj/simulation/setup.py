@@ -12,15 +12,16 @@ from iswarm_mj.engines.checked import make_compiled_engine, make_host_engine
 from iswarm_mj.engines.registry import ENGINES, check_settings
 from iswarm_mj.engines.robot_file import as_robot_file, check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
-from iswarm_mj.simulation.common import program_config
+from iswarm_mj.simulation.common import static_config
 from iswarm_mj.simulation.given import goal_of, of_worlds
 from iswarm_mj.simulation.initial import Start, boxed, check_boxes
 from iswarm_mj.simulation.memory_check import check_memory, devices_of
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.layout import cell_of, check_robots
-from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import as_task, check_task, usable_task
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.jax_setup import check_devices, configure_jax
@@ -32,7 +33,7 @@ class Setup(NamedTuple):
 
     config: SwarmConfig
     """Of the run."""
-    program_config: SwarmConfig
+    static: StaticConfig
     """What control steps are compiled for."""
     settings: RunSettings
     engine: EngineSettings
@@ -130,8 +131,8 @@ def set_up(
         worlds = [replace(w, config=w.config and boxed(w.config, boxes, "start")) for w in worlds]
     known = config.arena.boxes == () or engine.has_boxes
     check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)
-    program = program_config(config, task, engine.on_host)
+    static = static_config(config, engine.on_host)
     arrays = as_task(task)
-    sensed = check_task(arrays, program, robot, starts[0].task, capacity, len(config.arena.boxes))
+    sensed = check_task(arrays, config, static, robot, starts[0].task, capacity)
     tasks = of_worlds(arrays, len(starts))
-    return Setup(config, program, settings, engine, robot, file, task, tasks, sensed, goal, worlds, starts)
+    return Setup(config, static, settings, engine, robot, file, task, tasks, sensed, goal, worlds, starts)

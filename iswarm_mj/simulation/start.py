@@ -15,12 +15,12 @@ from iswarm_mj.simulation.initial import Start
 from iswarm_mj.simulation.loop import HostLoop
 from iswarm_mj.simulation.setup import Setup
 from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
-from iswarm_mj.simulation.worlds import conditions_of_worlds, random_keys
+from iswarm_mj.simulation.worlds import arenas_of_worlds, conditions_of_worlds, random_keys
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.contract import zeros_of
 from iswarm_mj.strategy.declared import led_power
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.strategy.protocol import Strategy
-from iswarm_mj.tasks.protocol import Task, balls_of
+from iswarm_mj.tasks.base import Task, balls_of
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.obstacles import poses_of
@@ -42,7 +42,7 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Host
     Returns:
         The loop, and the record of the start of the recorded worlds (1, W, ...).
     """
-    settings, program, capacity = setup.settings, setup.program_config, setup.capacity
+    settings, program, capacity = setup.settings, setup.static, setup.capacity
     keys = random_keys(setup.worlds)
     params = world_params(setup, keys, strategy)
     poses, state = first_state(setup, first_memories(strategy, keys, capacity))
@@ -74,6 +74,8 @@ def world_params(setup: Setup, keys: Array, strategy: Any) -> WorldParams:
         is_present=np.arange(setup.capacity) < n_robots[:, None],
         goal=np.full(len(worlds), goal, np.int32),
         task=setup.tasks,
+        arena=arenas_of_worlds(setup.config, worlds),
+        is_driven=np.array([[mass == 0 for *_, mass, _ in start.boxes or ()] for start in setup.starts], bool),
     )
 
 

@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
+from iswarm_mj.sensors.arena import Arena
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.strategy.protocol import Strategy
-from iswarm_mj.tasks.protocol import Task
+from iswarm_mj.tasks.base import Task
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind, SimulationFault
 
@@ -35,6 +36,9 @@ class WorldParams(NamedTuple):
     goal: Int[Array, "*B"]
     """The world is finished with this progress of the task, in cleaning balls delivered."""
     task: Task
+    arena: Arena
+    is_driven: Bool[Array, "*B M"]
+    """Boxes of mass 0, which the task alone moves."""
 
 
 class SwarmState(NamedTuple):
@@ -104,7 +108,7 @@ class WorldState(NamedTuple):
     finished_at: Int[Array, "*B"]
     """After this control step; 0 if not finished."""
     progress: Int[Array, "*B"]
-    """Of the task (`tasks.protocol.Task.progress`), counted in each control step; 0 at the start."""
+    """Of the task (`tasks.base.Task.progress`), counted in each control step; 0 at the start."""
     fault: Fault
 
 

@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 
 from jaxtyping import Float, Int
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import Engine, Motion, boxes_of
 from iswarm_mj.simulation.actuate import Actuated, drive_phases, velocity_towards
 from iswarm_mj.simulation.decide import Decision
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import FaultKind
@@ -26,7 +26,7 @@ class Stepper(NamedTuple):
 
     engine: Engine
     """Senses and moves."""
-    config: SwarmConfig
+    config: StaticConfig
     """What control steps are compiled for."""
     decide: Decide
     """What the robots decide."""
@@ -58,7 +58,7 @@ def control_step(
     with stepper.watch("policy"):
         decision = stepper.decide(params, swarm, begin)
     moves = is_running & ~decision.done.is_refused.any(axis=-1)
-    boxes = velocity_towards(config, decision.boxes, begin.boxes)
+    boxes = velocity_towards(config.drive, params.is_driven, decision.boxes, begin.boxes)
     phases = drive_phases(config.drive, decision.done.command, boxes)
     with stepper.watch("physics"):
         motion = engine.move(state.bodies, phases, moves)

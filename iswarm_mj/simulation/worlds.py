@@ -9,15 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.sensors.arena import Arena, arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
-from iswarm_mj.simulation.common import check_common, common
+from iswarm_mj.simulation.common import check_common
 from iswarm_mj.simulation.initial import Start, boxed, check_balls, check_poses, check_start, draw_start
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.rules import rules_of_worlds
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
-from iswarm_mj.tasks.protocol import BallTask, Task
+from iswarm_mj.tasks.base import Task, has_balls
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, check_kind, validate
 from iswarm_mj.utils.robot import Robots
@@ -96,11 +97,17 @@ def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Condit
     return Conditions(*(np.array(column, bool if isinstance(column[0], bool) else np.float32) for column in columns))
 
 
+def arenas_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Arena:
+    """Return the arenas of B worlds, NumPy arrays (B, ...); of worlds without a configuration those of the run's."""
+    each = [arena_of((world.config or config).arena) for world in worlds]
+    return jax.tree.map(lambda *values: np.stack(values), *each)
+
+
 def vector_strategies(config: SwarmConfig, robot: Robots, worlds: Sequence[World]) -> VectorStrategy:
     """Return the paper's strategy with the genome and the readings of each world, stacked along a first axis."""
     rules = rules_of_worlds([world.genome for world in worlds], [(world.config or config).strategy for world in worlds])
     n_scouts = np.array([round(world.genome.fraction_scouts * world.n_robots) for world in worlds], np.int32)
-    return VectorStrategy(rules, n_scouts, common(config), robot)
+    return VectorStrategy(rules, n_scouts, config.static, robot)
 
 
 @jax.jit
@@ -121,7 +128,7 @@ def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: 
     own = boxed(own, given.boxes, "start")
     check_start(given, usual[n_robots])
     check_poses("start.poses", np.asarray(given.poses), robot, own.arena)
-    if isinstance(task, BallTask):
+    if has_balls(task):
         with user_code(f"{type(task).__name__}.balls"):
             balls = task.balls(given.task)
         check_balls(balls, n_robots, own.arena)

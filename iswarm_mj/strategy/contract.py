@@ -1,6 +1,8 @@
-"""What protocols ask of strategies, tasks and engines of users: methods, and shapes and types of what these return."""
+"""Checks of what users write against base classes: methods, and shapes and types of what these return."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import fields, is_dataclass
+from difflib import get_close_matches
 from typing import Any
 
 import jax
@@ -13,24 +15,49 @@ from iswarm_mj.utils.errors import UserError, shown
 _TYPES = {Bool: jnp.bool_, Float: jnp.float32, Int: jnp.int32, UInt32: jnp.uint32}
 
 
-def check_has(given: Any, methods: Sequence[str], what: str, protocol: str) -> None:
-    """Check that an object or a class of a user has the methods of a protocol.
+def check_base(given: Any, base: type, what: str) -> None:
+    """Check that an object or a class of a user derives from a base class and defines what it must.
 
     Args:
         given: by the user.
-        methods: that it needs.
-        what: it is to be, with its article, as "a strategy".
-        protocol: where they are described.
+        base: that it must derive from, as `Task`.
+        what: it is to be, with its article, as "a task".
 
     Raises:
-        UserError: one is missing.
+        UserError: it does not derive from the class, lacks a method, or has one whose name is nearly that of another.
     """
-    missing = [method for method in methods if not callable(getattr(given, method, None))]
-    if missing:
-        name = given.__name__ if isinstance(given, type) else type(given).__name__
+    cls = given if isinstance(given, type) else type(given)
+    name = cls.__name__
+    if not issubclass(cls, base):
         raise UserError(
-            f"{name} has no method {' and no method '.join(missing)}; {what} has {', '.join(methods)}, see {protocol}"
+            f"{name} is not {what}, since it does not derive from {base.__name__}; write class "
+            f"{name}({base.__name__}), with from iswarm_mj import {base.__name__}"
         )
+
+    public = [method for method in dir(base) if not method.startswith("_")]
+    abstract = getattr(cls, "__abstractmethods__", frozenset())
+    missing = [
+        method
+        for method in public
+        if method in abstract or (callable(getattr(base, method)) and not callable(getattr(cls, method)))
+    ]
+    if missing:
+        raise UserError(f"{name} has no method {' and no method '.join(missing)}; {what} has it, see {base.__name__}")
+    _check_spelling(cls, base, public)
+
+
+def _check_spelling(cls: type, base: type, public: Sequence[str]) -> None:
+    """Raise a UserError if a class has an attribute whose name is nearly that of one that it leaves to its base."""
+    unchanged = [name for name in public if getattr(cls, name) is getattr(base, name)]
+    declared = {name for kind in cls.__mro__ if issubclass(kind, base) and kind is not base for name in vars(kind)}
+    own_fields = {field.name for field in fields(cls)} if is_dataclass(cls) else set()
+    for name in sorted(declared - set(public) - own_fields):
+        nearest = get_close_matches(name, unchanged, n=1, cutoff=0.8)
+        if nearest and not name.startswith("_"):
+            raise UserError(
+                f"{cls.__name__}.{name} is never used: {base.__name__} has {nearest[0]}, but no {name}; rename it, or "
+                f"call a helper of your own _{name}"
+            )
 
 
 def shapes_of(cls: Any, **sizes: int | tuple[int, ...]) -> dict[str, Any]:

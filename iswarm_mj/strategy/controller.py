@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.avoidance import is_avoided, kept_distances, listening_sides, repulsion
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.rules import Rules
@@ -92,13 +92,13 @@ def learn(
 
 
 def forget_unconfirmed(
-    config: SwarmConfig, rules: Rules, memory: VectorMemory, is_there: Bool[Array, "N"]
+    config: StaticConfig, rules: Rules, memory: VectorMemory, is_there: Bool[Array, "N"]
 ) -> VectorMemory:
     """Memories without the vectors that are too short to follow although the target `is_there` not, if so ruled."""
     return memory.where(is_there | _can_be_followed(config, _length(memory.vector)) | ~rules.forget_on_arrival)
 
 
-def choose(config: SwarmConfig, rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws) -> Target:
+def choose(config: StaticConfig, rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws) -> Target:
     """Where the robots want to go.
 
     Empty workers follow their vector to dust, loaded robots theirs to the dump, with the genome's weights as
@@ -130,7 +130,7 @@ def towards_ball(target: Target, approaches: Bool[Array, "N"], ball_vector: Floa
 
 
 def avoid(
-    config: SwarmConfig, rules: Rules, observation: Observation, follows: Bool[Array, "N"], sides: Sides = PAPER_SIDES
+    config: StaticConfig, rules: Rules, observation: Observation, follows: Bool[Array, "N"], sides: Sides = PAPER_SIDES
 ) -> Float[Array, "N 2"]:
     """Push away from neighbours that are too near, and from walls unless the robot `follows` a vector."""
     distance = observation.distance / mm_from_rd(config.optics.communication_radius)
@@ -148,7 +148,7 @@ def avoid(
 
 
 def steer(
-    config: SwarmConfig, direction: Float[Array, "N 2"], limit: Float[Array, "N"], prefers_left: Bool[Array, "N"]
+    config: StaticConfig, direction: Float[Array, "N 2"], limit: Float[Array, "N"], prefers_left: Bool[Array, "N"]
 ) -> Command:
     """Turn towards a direction, then move; slower where pushes cancel or the turn is not yet complete.
 
@@ -170,7 +170,7 @@ def steer(
 
 
 def approach(
-    config: SwarmConfig,
+    config: StaticConfig,
     probe_tip: Float[np.ndarray, "N 2"],
     approaches: Bool[Array, "N"],
     ball_vector: Float[Array, "N 2"],
@@ -203,12 +203,12 @@ def _length(vector: Array) -> Array:
     return jnp.hypot(vector[:, 0], vector[:, 1])
 
 
-def _can_be_followed(config: SwarmConfig, length: Array) -> Array:
+def _can_be_followed(config: StaticConfig, length: Array) -> Array:
     """Whether vectors of this length (N,) [mm] are worth following: they end more than half a step away."""
     return length > 0.5 * mm_from_rd(config.step_length)
 
 
-def _limited_turn(config: SwarmConfig, angle: Array) -> Array:
+def _limited_turn(config: StaticConfig, angle: Array) -> Array:
     """Turn of at most `drive.max_turn` towards `angle` (N,) [rad]."""
     limit = math.radians(config.drive.max_turn)
     return jnp.clip(angle, -limit, limit)

@@ -5,10 +5,9 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.strategy.protocol import DimmingStrategy
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 
@@ -23,15 +22,10 @@ def payload_of(strategy: Any) -> Payload:
     return given if isinstance(given, Payload) else Payload({} if given is None else given)
 
 
-def said(strategy: Any, memory: Any, is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
-    """Return what each robot says; nothing where the strategy declares no payload."""
-    return strategy.say(memory, is_loaded) if payload_of(strategy).fields else {}
-
-
 def led_power(strategy: Any, memory: Any) -> Float[Array, "N"] | None:
     """Return the power of each robot's LEDs; None where all send at full power."""
-    is_dim = isinstance(strategy, DimmingStrategy)
-    return jnp.clip(strategy.led_power(memory), 0.0, 1.0) if is_dim else None
+    power = strategy.led_power(memory)
+    return None if power is None else jnp.clip(power, 0.0, 1.0)
 
 
 def recorded_of(strategy: Any) -> dict[str, str]:

@@ -34,7 +34,7 @@ class Observation(NamedTuple):
     grasp_failed: Bool[Array, "N"]
     """The robot's attempt to pick up a ball failed in this step."""
     sensed: Mapping[str, Array]
-    """(N, ...) what the task lets robots sense, by the names in `tasks.protocol.Task.senses`."""
+    """(N, ...) what the task lets robots sense, by the names in `tasks.base.Task.senses`."""
     waits: Bool[Array, "N"]
     """The robot does not move in this step: it works at a ball, has no energy, or stops to emit."""
 

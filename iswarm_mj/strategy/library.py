@@ -16,6 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
+from iswarm_mj.strategy.base import makes_strategies
 from iswarm_mj.strategy.user_code import is_users, user_code
 from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 from iswarm_mj.utils.files import check_file
@@ -45,8 +46,8 @@ class Offer(NamedTuple):
         return f"FILE.py:CLASS, as {self.example}"
 
 
-STRATEGIES = Offer("strategy", "strategies", "act", "walk.py:Walk", "iswarm_mj.strategy.protocol")
-TASKS = Offer("task", "tasks", "lay_out", "gather.py:Gather", "iswarm_mj.tasks.protocol")
+STRATEGIES = Offer("strategy", "strategies", "act", "walk.py:Walk", "iswarm_mj.strategy.base")
+TASKS = Offer("task", "tasks", "lay_out", "gather.py:Gather", "iswarm_mj.tasks.base")
 
 
 def find_strategy(name: str) -> Any:
@@ -131,7 +132,7 @@ def _of_file(offer: Offer, path: Path, name: str) -> Any:
         listed = f"its {offer.plural} are {', '.join(classes)}"
         there = listed if classes else f"it has no class with a method {offer.method}"
         raise UserError(f"{fact}; {there}; write {path}:{classes[0] if classes else 'CLASS'}")
-    if not (isinstance(found, type) or is_dataclass(found) or hasattr(found, "for_world")):
+    if not (isinstance(found, type) or is_dataclass(found) or makes_strategies(found)):
         raise UserError(f"{path}:{name} is a {type(found).__name__}; name a class, see {offer.protocol}")
     return found
 

@@ -17,7 +17,9 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy import controller
+from iswarm_mj.strategy.base import Strategy, StrategyFactory
 from iswarm_mj.strategy.believed import MOST_DOUBT, Belief, Trust, confirmed, merged
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.network import Shape, forward, load_weights
@@ -47,7 +49,7 @@ SHIPPED = Path(__file__).parent / "neural.npz"
 
 
 @dataclass(frozen=True)
-class Neural:
+class Neural(StrategyFactory):
     """A small network that was trained to clean, in the paper's arena, by an evolution strategy (docs/policies.md)."""
 
     weights: Path | None = None
@@ -70,7 +72,8 @@ class Neural:
 
 def untrained(config: SwarmConfig, robot: Robots, weights: Any = None) -> "NeuralStrategy":
     """Return the strategy with these weights, by default those with which training begins."""
-    return NeuralStrategy(jnp.asarray(first_weights() if weights is None else weights, jnp.float32), config, robot)
+    chosen = first_weights() if weights is None else weights
+    return NeuralStrategy(jnp.asarray(chosen, jnp.float32), config.static, robot)
 
 
 def first_weights() -> Float[np.ndarray, "W"]:
@@ -120,17 +123,17 @@ class Memory(NamedTuple):
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class NeuralStrategy:
+class NeuralStrategy(Strategy):
     """See the module.
 
     Attributes:
         weights: `N_WEIGHTS` of them; worlds may have different ones.
-        config: limits of the drive, range of light and of the sense of dust.
+        config: limits of the drive, range of light and of vectors in messages.
         robot: its sides and its tool.
     """
 
     weights: Float[Array, "W"]
-    config: SwarmConfig = field(metadata={"static": True})
+    config: StaticConfig = field(metadata={"static": True})
     robot: Robots = field(metadata={"static": True})
 
     recorded: ClassVar[dict[str, str]] = {
@@ -181,7 +184,7 @@ class NeuralStrategy:
         return self._moved(known, *command)._replace(flag=flag > 0), command
 
     def fell_short(self, memory: Memory, shortfall: Float[Array, "N"]) -> Memory:
-        """Return the memories of robots that walked less than they commanded, see `ReckoningStrategy`."""
+        """Return the memories of robots that walked less than they commanded, see `Strategy.fell_short`."""
         return self._moved(memory, jnp.zeros_like(shortfall), -shortfall)
 
     def _moved(self, memory: Memory, turn: Float[Array, "N"], forward: Float[Array, "N"]) -> Memory:

@@ -11,28 +11,30 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.strategy.contract import check_has
+from iswarm_mj.strategy.base import Strategy, StrategyFactory, overrides
+from iswarm_mj.strategy.contract import check_base
 from iswarm_mj.utils.errors import UserError
 
 
 def check_methods(given: Any) -> None:
-    """Check that a strategy, or a class of strategies, has the methods of `strategy.protocol.Strategy`.
-
-    A class with a method `for_world` makes strategies, and need not be one.
+    """Check that a strategy, or a class of strategies or of what makes them, has the methods of its base class.
 
     Raises:
-        UserError: one is missing.
+        UserError: it derives from no base class, lacks a method, or says something without declaring its fields.
     """
-    if hasattr(given, "for_world"):
+    cls = _class(given)
+    if issubclass(cls, StrategyFactory) and not issubclass(cls, Strategy):
+        check_base(cls, StrategyFactory, "what makes strategies")
         return
+    check_base(cls, Strategy, "a strategy")
     declares = "payload" in dir(given)
-    names = ("say", "init", "picks", "act") if declares else ("init", "picks", "act")
-    check_has(given, names, "a strategy", "iswarm_mj.strategy.protocol.Strategy")
-    if hasattr(given, "say") and not declares:
+    if overrides(cls, Strategy, "say") and not declares:
         raise UserError(
-            f"{_class(given).__name__} has a method say, but no attribute payload; declare what it says, as "
+            f"{cls.__name__} has a method say, but no attribute payload; declare what it says, as "
             'payload = {"count": Integer(bits=4)} with iswarm_mj.sensors.fields'
         )
+    if declares and not overrides(cls, Strategy, "say"):
+        raise UserError(f"{cls.__name__} has an attribute payload, but no method say; write one, see Strategy.say")
 
 
 def as_strategy(given: Any) -> Any:

@@ -1,45 +1,104 @@
 """The parameters of the robots' rules that may differ from world to world: genome and readings, as arrays."""
 
-from collections import namedtuple
 from collections.abc import Sequence
 from dataclasses import fields
-from typing import Any
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import StrategyConfig
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import choices
 
-NON_STRATEGY_FIELDS = {"dust_range", "error_in_sensing", "message_range", "update_order"}
-"""Settings of `StrategyConfig` that sensors and channel apply."""
-
-_FIELDS = [(cls, f) for cls in (Genome, StrategyConfig) for f in fields(cls) if f.name not in NON_STRATEGY_FIELDS]
-
-Rules = namedtuple("Rules", [f.name for _, f in _FIELDS])
-"""Values of a genome and of a `StrategyConfig`, as scalars or as arrays (B,) of worlds: flags as bool, numbers as
-float32, and one of several words as int32, its place among them."""
-
-_CODES = {f.name: choices(cls, f.name) for cls, f in _FIELDS}
-_TYPES = [bool if f.type is bool else np.int32 if _CODES[f.name] else np.float32 for _, f in _FIELDS]
+_GENES = {f.name for f in fields(Genome)}
 
 
-def reads(rules: Any, name: str, word: str) -> Bool[Array, "*B"]:
-    """Whether rules have this word of the several that a reading may have."""
-    return getattr(rules, name) == _CODES[name].index(word)
+class Rules(NamedTuple):
+    """Values of a genome and of a `StrategyConfig`, as scalars, or of B worlds as arrays (B,).
+
+    Each field is the parameter of the same name, in its unit; one of several words is its place among them.
+    """
+
+    density_of_robots: Float[Array, "*B"]
+    """`Genome.density_of_robots`."""
+    fraction_scouts: Float[Array, "*B"]
+    """`Genome.fraction_scouts`."""
+    p_vector_forget: Float[Array, "*B"]
+    """`Genome.p_vector_forget`."""
+    use_hop_count: Bool[Array, "*B"]
+    """`Genome.use_hop_count`."""
+    priority_coll_avoid_dist: Float[Array, "*B"]
+    """`Genome.priority_coll_avoid_dist` [sr]."""
+    empty_coll_avoid_dist: Float[Array, "*B"]
+    """`Genome.empty_coll_avoid_dist` [sr]."""
+    loaded_coll_avoid_dist: Float[Array, "*B"]
+    """`Genome.loaded_coll_avoid_dist` [sr]."""
+    priority_signal_scouts: Bool[Array, "*B"]
+    """`Genome.priority_signal_scouts`."""
+    priority_signal_loaded: Bool[Array, "*B"]
+    """`Genome.priority_signal_loaded`."""
+    weight_find_dust: Float[Array, "*B"]
+    """`Genome.weight_find_dust`."""
+    weight_find_dump: Float[Array, "*B"]
+    """`Genome.weight_find_dump`."""
+    avoidance_sides: Int[Array, "*B"]
+    """`strategy.avoidance_sides`, see `reads`."""
+    avoidance_course: Int[Array, "*B"]
+    """`strategy.avoidance_course`, see `reads`."""
+    priority_repulsion: Int[Array, "*B"]
+    """`strategy.priority_repulsion`, see `reads`."""
+    avoids_at_dust: Bool[Array, "*B"]
+    """`strategy.avoids_at_dust`."""
+    random_turn: Float[Array, "*B"]
+    """`strategy.random_turn` [deg]."""
+    scouts_pick: Bool[Array, "*B"]
+    """`strategy.scouts_pick`."""
+    avoidance_gain: Float[Array, "*B"]
+    """`strategy.avoidance_gain`."""
+    priority_factor: Float[Array, "*B"]
+    """`strategy.priority_factor`."""
+    wall_gain: Float[Array, "*B"]
+    """`strategy.wall_gain`."""
+    forget_on_arrival: Bool[Array, "*B"]
+    """`strategy.forget_on_arrival`."""
+    odometry_error_turn: Float[Array, "*B"]
+    """`strategy.odometry_error_turn` [deg]."""
+    odometry_error_step: Float[Array, "*B"]
+    """`strategy.odometry_error_step`."""
+
+
+def reads(rules: Rules, name: str, word: str) -> Bool[Array, "*B"]:
+    """Return whether rules have a word, of the several that a reading may have.
+
+    Args:
+        rules: of one world, or of B worlds.
+        name: of the reading, as "avoidance_course".
+        word: as "crossing".
+    """
+    return getattr(rules, name) == choices(StrategyConfig, name).index(word)
 
 
 def rules_of(genome: Genome, strategy: StrategyConfig | None = None) -> Rules:
     """Return the rules as JAX scalars, so that others need no compilation; the readings are the default's if None."""
-    return Rules(*(jnp.asarray(column[0]) for column in rules_of_worlds([genome], [strategy or StrategyConfig()])))
+    of_one_world = rules_of_worlds([genome], [strategy or StrategyConfig()])
+    return jax.tree.map(lambda column: jnp.asarray(column[0]), of_one_world)
 
 
 def rules_of_worlds(genomes: Sequence[Genome], strategies: Sequence[StrategyConfig]) -> Rules:
-    """Return the rules of B worlds, NumPy arrays (B,)."""
-    parts = {Genome: genomes, StrategyConfig: strategies}
-    columns = {f.name: [getattr(one, f.name) for one in parts[cls]] for cls, f in _FIELDS}
-    coded = ([codes.index(v) for v in columns[name]] if codes else columns[name] for name, codes in _CODES.items())
-    return Rules(*(np.array(column, kind) for column, kind in zip(coded, _TYPES, strict=True)))
+    """Return the rules of B worlds: Boolean, float32 and int32 arrays (B,)."""
+    columns = {}
+    for name in Rules._fields:
+        sources: Sequence[Any] = genomes if name in _GENES else strategies
+        columns[name] = _column(name, [getattr(source, name) for source in sources])
+    return Rules(**columns)
+
+
+def _column(name: str, values: Sequence[Any]) -> np.ndarray:
+    """Return the values of a parameter in B worlds as an array; of words, their places among those allowed."""
+    if words := choices(StrategyConfig, name):
+        return np.array([words.index(value) for value in values], np.int32)
+    return np.array(values, bool if isinstance(values[0], bool) else np.float32)

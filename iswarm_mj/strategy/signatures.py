@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.strategy.base import Strategy, overrides
 from iswarm_mj.strategy.contract import check_names, compare, shapes_of
 from iswarm_mj.strategy.declared import check_recorded, payload_of
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.protocol import DimmingStrategy, RelayingStrategy, ReleasingStrategy, Strategy
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
@@ -72,12 +72,15 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
         for field, its in wanted.items():
             compare(f"{name}.say", said[field], its, f"field {field}")
     compare(f"{name}.picks", result("picks", memory), flags)
-    if isinstance(strategy, ReleasingStrategy):
+    if overrides(strategy, Strategy, "releases"):
         compare(f"{name}.releases", result("releases", memory), flags)
-    if isinstance(strategy, DimmingStrategy):
+    if overrides(strategy, Strategy, "led_power"):
         compare(f"{name}.led_power", result("led_power", memory), jax.ShapeDtypeStruct((n_robots,), jnp.float32))
-    if isinstance(strategy, RelayingStrategy):
+    if overrides(strategy, Strategy, "listen"):
         compare(f"{name}.listen", result("listen", memory, observation, key), memory, "memory")
+    if overrides(strategy, Strategy, "fell_short"):
+        shortfall = jax.ShapeDtypeStruct((n_robots,), jnp.float32)
+        compare(f"{name}.fell_short", result("fell_short", memory, shortfall), memory, "memory")
     returned = result("act", memory, observation, key)
     if not isinstance(returned, tuple) or isinstance(returned, Command) or len(returned) != 2:
         raise UserError(f"{name}.act must return (memory, Command) (got a {type(returned).__name__})")

@@ -13,10 +13,10 @@ from jaxtyping import Bool, Float, Int32
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.strategy.declared import payload_of, recorded_of, said
+from iswarm_mj.strategy.base import Strategy, makes_strategies, overrides
+from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.protocol import DimmingStrategy, ReckoningStrategy, RelayingStrategy, ReleasingStrategy
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
@@ -38,7 +38,7 @@ class Team(NamedTuple):
 
 @jax.tree_util.register_pytree_node_class
 @dataclass(frozen=True)
-class Teams:
+class Teams(Strategy):
     """A strategy that gives each team of robots a strategy: `Teams({"red": (0.7, Walk()), "blue": (0.3, Gossip())})`.
 
     The robots of a team have consecutive numbers, in the order of the teams. A strategy acts on the robots of its team,
@@ -148,51 +148,49 @@ class Teams:
         return self._chosen("picks", memory)
 
     def releases(self, memory: dict[str, Any]) -> Bool[Array, "N"]:
-        """See `ReleasingStrategy.releases`; robots of other strategies release balls over the dump alone."""
-        return self._chosen("releases", memory, ReleasingStrategy, False)
+        """See `Strategy.releases`; robots of teams without it release balls over the dump alone."""
+        return self._chosen("releases", memory, default=False)
 
     def led_power(self, memory: dict[str, Any]) -> Float[Array, "N"]:
-        """See `DimmingStrategy.led_power`; robots of other strategies send at full power."""
-        return self._chosen("led_power", memory, DimmingStrategy, 1.0)
+        """See `Strategy.led_power`; robots of teams without it send at full power."""
+        return self._chosen("led_power", memory, default=1.0)
 
-    def _chosen(self, method: str, memory: dict[str, Any], kind: Any = object, usual: bool | float = 0) -> Array:
-        """What a method of strategies of a kind returns; the usual value for robots of others."""
+    def _chosen(self, method: str, memory: dict[str, Any], default: bool | float = False) -> Array:
+        """Return what a method of each team's strategy returns, and the default where that is None."""
         n_robots = len(jax.tree.leaves(memory)[0])
-        return jnp.concatenate(
-            [
-                getattr(strategy, method)(_of(memory[name], robots))
-                if isinstance(strategy, kind)
-                else jnp.full(robots.stop - robots.start, usual)
-                for name, strategy, robots in self._each(n_robots)
-            ]
-        )
+        parts = []
+        for name, strategy, robots in self._each(n_robots):
+            chosen = getattr(strategy, method)(_of(memory[name], robots))
+            parts.append(jnp.full(robots.stop - robots.start, default) if chosen is None else chosen)
+        return jnp.concatenate(parts)
 
     def say(self, memory: dict[str, Any], is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
-        """See `SpeakingStrategy.say`."""
+        """See `Strategy.say`."""
         nothing = self.payload.shapes(len(is_loaded))
         all_said = jax.tree.map(lambda its: jnp.zeros(its.shape, its.dtype), nothing)
         for name, strategy, robots in self._each(len(is_loaded)):
-            own = said(strategy, _of(memory[name], robots), is_loaded[robots])
+            if not payload_of(strategy).fields:
+                continue
+            own = strategy.say(_of(memory[name], robots), is_loaded[robots])
             here = {field: all_said[field] for field in own}
             all_said |= jax.tree.map(lambda a, mine, at=robots: a.at[at].set(mine), here, own)
         return all_said
 
     def listen(self, memory: dict[str, Any], observation: Observation, key: Array) -> dict[str, Any]:
-        """See `RelayingStrategy.listen`; teams whose strategy cannot pass on what they just heard do not."""
+        """See `Strategy.listen`; teams whose strategy cannot pass on what they just heard do not."""
         heard = dict(memory)
         for k, (name, strategy, robots) in enumerate(self._each(len(observation.waits))):
-            if isinstance(strategy, RelayingStrategy):
+            if overrides(strategy, Strategy, "listen"):
                 own = _of(memory[name], robots), _seen(strategy, observation, robots), jax.random.fold_in(key, k)
                 heard[name] = _placed(strategy.listen(*own), robots, len(observation.waits))
         return heard
 
     def fell_short(self, memory: dict[str, Any], shortfall: Float[Array, "N"]) -> dict[str, Any]:
-        """See `ReckoningStrategy.fell_short`; robots of other strategies do not learn of it."""
+        """See `Strategy.fell_short`."""
         known = dict(memory)
         for name, strategy, robots in self._each(len(shortfall)):
-            if isinstance(strategy, ReckoningStrategy):
-                own = strategy.fell_short(_of(memory[name], robots), shortfall[robots])
-                known[name] = _placed(own, robots, len(shortfall))
+            own = strategy.fell_short(_of(memory[name], robots), shortfall[robots])
+            known[name] = _placed(own, robots, len(shortfall))
         return known
 
     def act(self, memory: dict[str, Any], observation: Observation, key: Array) -> tuple[dict[str, Any], Command]:
@@ -220,16 +218,17 @@ def team_numbers(strategy: Any, n_robots: int) -> Int32[np.ndarray, "N"]:
 
 def _usable(strategy: Any) -> Any:
     """A strategy that is a pytree, if it need not be made first."""
-    is_made = not isinstance(strategy, Genome) and (isinstance(strategy, type) or not hasattr(strategy, "for_world"))
-    return as_strategy(strategy) if is_made else strategy
+    if isinstance(strategy, Genome) or makes_strategies(strategy):
+        return strategy
+    return as_strategy(strategy)
 
 
 def _in_world(strategy: Any, config: SwarmConfig, robot: Robots, n_robots: int) -> Any:
     """A strategy in a world of this configuration, for so many robots."""
     if isinstance(strategy, Genome):
         n_scouts = round(strategy.fraction_scouts * n_robots)
-        return VectorStrategy(rules_of(strategy, config.strategy), n_scouts, config, robot)
-    made = strategy.for_world(config, robot, n_robots) if hasattr(strategy, "for_world") else strategy
+        return VectorStrategy(rules_of(strategy, config.strategy), n_scouts, config.static, robot)
+    made = strategy.for_world(config, robot, n_robots) if makes_strategies(strategy) else strategy
     return as_strategy(made)
 
 

@@ -8,11 +8,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.fields import Flag, Vector
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy import controller
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.rules import Rules
@@ -41,7 +42,7 @@ def payload_for(max_range: float, n_leds: int = 4) -> Payload:
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class VectorStrategy:
+class VectorStrategy(Strategy):
     """Vectors to dust and dump, hop counts, scouts, avoidance (section 4 of the paper).
 
     Attributes:
@@ -53,11 +54,11 @@ class VectorStrategy:
 
     rules: Rules
     n_scouts: Int[Array, "*B"] | int
-    config: SwarmConfig = field(metadata={"static": True})
+    config: StaticConfig = field(metadata={"static": True})
     robot: Robots = field(metadata={"static": True})
 
     batch_invariant: ClassVar[bool] = True
-    """See `tasks.protocol.Task`."""
+    """See `tasks.base.Task`."""
     recorded: ClassVar[dict[str, str]] = {
         f"{place}.{part}": unit
         for place in ("dust", "dump")
@@ -109,7 +110,7 @@ class VectorStrategy:
         return known._replace(dust=dust, dump=dump), command
 
     def fell_short(self, memory: RobotMemory, shortfall: Float[Array, "N"]) -> RobotMemory:
-        """Return the memories of robots that walked less than they commanded, see `ReckoningStrategy`."""
+        """Return the memories of robots that walked less than they commanded, see `Strategy.fell_short`."""
         still = jnp.zeros_like(shortfall)
         dust, dump = (after_motion(vectors, still, -shortfall) for vectors in (memory.dust, memory.dump))
         return memory._replace(dust=dust, dump=dump)

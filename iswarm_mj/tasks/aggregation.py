@@ -15,9 +15,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command, Observation
+from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs, only
 from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.tasks.protocol import Look, Quantity, Sensed, TaskInputs, only
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.constraints import Above, Within, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -34,7 +35,7 @@ class Spots(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Aggregation:
+class Aggregation(Task):
     """Two spots of light lie on the x axis; robots are to gather on the brighter one, east or west by chance.
 
     Light falls off linearly from 1, or `dim`, at a spot's centre to 0 at its edge.
@@ -49,7 +50,6 @@ class Aggregation:
     error_light: Annotated[float, Within(0, 1)] = 0.05
     """Relative standard deviation of what a photodiode measures."""
 
-    shares_program: ClassVar[bool] = True
     senses: ClassVar[Mapping[str, Quantity]] = {"light": Quantity("brightness at the robot", high=2.0)}
     measured: ClassVar[Mapping[str, Quantity]] = {
         "bright": Quantity("share of the robots in the brighter spot", high=1.0),
@@ -118,7 +118,7 @@ class Aggregation:
 
 
 @dataclass(frozen=True)
-class Beeclust:
+class Beeclust(Strategy):
     """Robots walk straight on; one that meets another stops and waits, the longer the brighter, then turns away."""
 
     longest_wait: Annotated[float, Within(0, 1e6)] = 300.0

@@ -11,20 +11,19 @@ from jaxtyping import Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.layout import draw_radii, lying, place_balls, place_robots
 from iswarm_mj.tasks.measures import BROUGHT_HOME, PICKED, Measures, fitness
-from iswarm_mj.tasks.protocol import Look, Quantity, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
 
 
 @jax.tree_util.register_static
 @dataclass(frozen=True)
-class Cleaning:
+class Cleaning(Task):
     """Balls on two dust areas are to be carried to the dump; the configuration's `arena` says where these are."""
 
-    shares_program: ClassVar[bool] = True
     batch_invariant: ClassVar[bool] = True
     measured: ClassVar[Mapping[str, Quantity]] = {
         "delivered": Quantity("balls at the dump"),

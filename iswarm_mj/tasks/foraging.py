@@ -1,5 +1,6 @@
 """Foraging from sources that run dry and come back elsewhere, and a strategy of robots that each do it alone."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, NamedTuple
 
@@ -11,11 +12,12 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.vectors import after_motion, learnt
+from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
-from iswarm_mj.tasks.protocol import Look, Quantity, Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Above, Within, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -42,7 +44,7 @@ class Sources(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Foraging:
+class Foraging(Task):
     """Items are to be carried home, to the dump; a source whose items are all there comes back elsewhere.
 
     Items are `arena.n_dust` balls, which stick alike; tools lift and release them as in cleaning.
@@ -53,15 +55,16 @@ class Foraging:
     source_radius: Annotated[float, Above(0, 75, "rd")] = 2.0
     """Radius of a source [rd]."""
 
-    shares_program: ClassVar[bool] = True
-    measured: ClassVar[dict[str, Quantity]] = {
+    measured: ClassVar[Mapping[str, Quantity]] = {
         "items": Quantity("items brought home"),
         "rate": Quantity("items brought home per time", "1/min"),
         "moves": Quantity("sources that ran dry and came back elsewhere"),
     }
-    drawn: ClassVar[dict[str, Look]] = {"dump": Look((250, 205, 50), "square"), "sources": Look((120, 190, 110))}
+    drawn: ClassVar[Mapping[str, Look]] = {"dump": Look((250, 205, 50), "square"), "sources": Look((120, 190, 110))}
 
-    def lay_out(self, config: SwarmConfig, n_robots: int, rng: Any, shared: Any, cell: float) -> tuple[Array, Sources]:
+    def lay_out(
+        self, config: SwarmConfig, n_robots: int, rng: np.random.Generator, shared: np.random.Generator, cell: float
+    ) -> tuple[Float[np.ndarray, "N 3"], Sources]:
         """See `Task.lay_out`.
 
         Raises:
@@ -145,7 +148,7 @@ def _between(limits: Any, n: int, key: Array) -> Float[Array, "n 2"]:
 
 
 @dataclass(frozen=True)
-class Forager:
+class Forager(Strategy):
     """Robots search at random; where home and the last item lay they know by their own steps, and go back there."""
 
     random_turn: Annotated[float, Within(0, 180, "deg")] = 25.0

@@ -7,8 +7,9 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.user_code import user_code
-from iswarm_mj.tasks.protocol import Quantity
+from iswarm_mj.tasks.base import Quantity, Task
 from iswarm_mj.utils.arrays import Array
 
 REWARD = "reward"
@@ -38,7 +39,7 @@ def rewarded(task: Any) -> Any:
 @cache
 def _rewarded(kind: Any) -> Any:
     class Rewarded(kind):
-        measured: ClassVar = {**getattr(kind, "measured", {}), REWARD: Quantity("of all robots", low=-float("inf"))}
+        measured: ClassVar = {**kind.measured, REWARD: Quantity("of all robots", low=-float("inf"))}
 
         def lay_out(self, *args: Any) -> Any:
             poses, state = super().lay_out(*args)
@@ -59,7 +60,7 @@ def _rewarded(kind: Any) -> Any:
         return method
 
     for name in ("progress", "reward", "areas", "balls", "conditions", "survives", "drive_boxes"):
-        if hasattr(kind, name):
+        if overrides(kind, Task, name):
             setattr(Rewarded, name, of_own(name))
     Rewarded.__name__ = Rewarded.__qualname__ = kind.__name__
     return Rewarded

@@ -8,27 +8,28 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.sensors.arena import arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
-from iswarm_mj.strategy.contract import check_has, check_names, compare, shapes_of
+from iswarm_mj.static_config import StaticConfig
+from iswarm_mj.strategy.base import overrides
+from iswarm_mj.strategy.contract import check_base, check_names, compare, shapes_of
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree, is_number
 from iswarm_mj.strategy.user_code import user_code
-from iswarm_mj.tasks.protocol import ChangingTask, DeadlyTask, DrivingTask, Sensed, TaskInputs
+from iswarm_mj.tasks.base import Sensed, Task, TaskInputs
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.robot import Robots
 
-_METHODS = ("lay_out", "goal", "advance", "progress", "reward", "metrics")
 _SCALARS = (jnp.float32, jnp.int32, jnp.bool_)
 
 
 def check_methods(given: Any) -> None:
-    """Check that a task, or a class of tasks, has the methods of `tasks.protocol.Task`.
+    """Check that a task, or a class of tasks, derives from `Task` and has its methods.
 
     Raises:
-        UserError: one is missing.
+        UserError: it does not, lacks a method, or has one whose name is nearly that of another.
     """
-    needed = (*_METHODS, "areas") if getattr(given, "drawn", None) else _METHODS
-    check_has(given, needed, "a task", "iswarm_mj.tasks.protocol.Task")
+    check_base(given, Task, "a task")
 
 
 def usable_task(given: Any) -> Any:
@@ -71,42 +72,58 @@ def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
 
 
 def check_task(
-    task: Any, config: SwarmConfig, robot: Robots, state: Any, n_robots: int, n_boxes: int = 0
+    task: Any, config: SwarmConfig, static: StaticConfig, robot: Robots, state: Any, n_robots: int
 ) -> dict[str, Any]:
     """Check the shapes and types of what a task's methods return, and return those of what robots sense beside.
 
     Args:
         task: as `as_task` returned it.
-        config: what control steps are compiled for.
+        config: of the run, with the boxes that robots push.
+        static: what control steps are compiled for.
         robot: its geometry.
         state: of the task at the start of a world.
         n_robots: N.
-        n_boxes: that they push.
 
     Raises:
         UserError: a method returns something else, raises an exception or cannot be compiled.
     """
     leaves, structure = jax.tree.flatten(jax.eval_shape(lambda *given: given, task, state))
-    return _check_shapes(structure, tuple(leaves), config, robot, n_robots, n_boxes)
+    if task.drawn or overrides(task, Task, "areas"):
+        _check_areas(task, config, state)
+    return _check_shapes(structure, tuple(leaves), static, robot, n_robots, len(config.arena.boxes))
+
+
+def _check_areas(task: Any, config: SwarmConfig, state: Any) -> None:
+    """Check the areas on the floor that a task draws in the arena of a run."""
+    name = type(task).__name__
+    with user_code(f"{name}.areas"):
+        areas = jax.eval_shape(lambda own, state: own.areas(config, state), task, state)
+    check_names(f"{name}.areas", areas, task.drawn, "drawn")
+    for key, found in areas.items():
+        if found.shape[1:] != (3,):
+            raise UserError(f"{name}.areas must return {key} as numbers (M, 3) (got shape {found.shape})")
 
 
 @lru_cache(maxsize=64)  # tracing takes some tenths of a second
 def _check_shapes(
     structure: Any,
     leaves: tuple[jax.ShapeDtypeStruct, ...],
-    config: SwarmConfig,
+    static: StaticConfig,
     robot: Robots,
     n_robots: int,
     n_boxes: int,
 ) -> dict[str, Any]:
     task, before = jax.tree.unflatten(structure, leaves)
     name, world = type(task).__name__, shapes_of(TaskInputs, N=n_robots, M=n_boxes)
-    # Shapes, since arrays would start JAX's threads: environments are made before Gymnasium forks.
-    conditions = jax.eval_shape(lambda: Conditions(*map(jnp.asarray, conditions_of(config))))
+    # Only their shapes and types count, so any configuration will do; arrays would start JAX's
+    # threads, and environments are made before Gymnasium forks.
+    usual = SwarmConfig()
+    conditions = jax.eval_shape(lambda: Conditions(*map(jnp.asarray, conditions_of(usual))))
+    arena = jax.eval_shape(lambda: jax.tree.map(jnp.asarray, arena_of(usual.arena)))
 
     def result(method: str, *given: Any) -> Any:
-        def call(own: Any, world: Any, conditions: Any, *given: Any) -> Any:
-            inputs = TaskInputs(**world, conditions=conditions, config=config, robot=robot)
+        def call(own: Any, world: Any, conditions: Any, arena: Any, *given: Any) -> Any:
+            inputs = TaskInputs(**world, conditions=conditions, arena=arena, config=static, robot=robot)
             match method:
                 case "advance":
                     given = (given[0], inputs, given[1])
@@ -116,41 +133,33 @@ def _check_shapes(
                     given = (*given, sent)
                 case "conditions":
                     given = (*given, conditions)
-                case "areas":
-                    given = (config, *given)
             return getattr(own, method)(*given)
 
         with user_code(f"{name}.{method}"):
-            return jax.eval_shape(call, task, world, conditions, *given)
+            return jax.eval_shape(call, task, world, conditions, arena, *given)
 
     returned = result("advance", before, jax.eval_shape(jax.random.key, 0))
     if not isinstance(returned, tuple) or len(returned) != 2 or not isinstance(returned[1], Sensed):
         raise UserError(f"{name}.advance must return its state and Sensed (got a {type(returned).__name__})")
     after, sensed = returned
     compare(f"{name}.advance", after, before, "state")
-    check_names(f"{name}.advance", dict(sensed.own), getattr(task, "senses", {}), "senses")
+    check_names(f"{name}.advance", dict(sensed.own), task.senses, "senses")
     for key, found in sensed.own.items():
         if found.shape[:1] != (n_robots,):
             raise UserError(f"{name}.advance must return {key} of {n_robots} robots first (got shape {found.shape})")
     compare(f"{name}.advance", sensed, Sensed(**shapes_of(Sensed, N=n_robots), own=sensed.own), "sensed")
     compare(f"{name}.progress", result("progress", before), jax.ShapeDtypeStruct((), jnp.int32))
     compare(f"{name}.reward", result("reward", before, after), jax.ShapeDtypeStruct((n_robots,), jnp.float32))
-    if isinstance(task, ChangingTask):
+    if overrides(task, Task, "conditions"):
         compare(f"{name}.conditions", result("conditions", before), conditions, "conditions")
-    if isinstance(task, DeadlyTask):
+    if overrides(task, Task, "survives"):
         compare(f"{name}.survives", result("survives", after), world["is_alive"])
-    if isinstance(task, DrivingTask):
+    if overrides(task, Task, "drive_boxes"):
         compare(f"{name}.drive_boxes", result("drive_boxes", after), world["boxes"])
     metrics = result("metrics", before)
-    check_names(f"{name}.metrics", metrics, getattr(task, "measured", {}), "measured")
+    check_names(f"{name}.metrics", metrics, task.measured, "measured")
     for key, found in metrics.items():
         if found.shape != () or found.dtype not in _SCALARS:
             got = f"{found.dtype}{list(found.shape)}"
             raise UserError(f"{name}.metrics must return {key} as a scalar float32, int32 or bool (got {got})")
-    if drawn := getattr(task, "drawn", None):
-        areas = result("areas", before)
-        check_names(f"{name}.areas", areas, drawn, "drawn")
-        for key, found in areas.items():
-            if found.shape[1:] != (3,):
-                raise UserError(f"{name}.areas must return {key} as numbers (M, 3) (got shape {found.shape})")
     return dict(sensed.own)

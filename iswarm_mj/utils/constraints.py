@@ -8,10 +8,6 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from iswarm_mj.utils.errors import ConfigError
 
-PER_WORLD = "per world"
-"""In an annotation: worlds of one run may have different values, which programs take as arrays
-(`sensors.conditions.Conditions`)."""
-
 
 @dataclass(frozen=True)
 class Within:
@@ -155,11 +151,6 @@ def choices(cls: type, name: str) -> tuple[Any, ...]:
     """Values that a field of a dataclass may have whose type is a `Literal`; none for another type, or no field."""
     kind, _ = _declared(cls).get(name, (None, ()))
     return get_args(kind) if get_origin(kind) is Literal else ()
-
-
-def per_world(cls: type) -> list[str]:
-    """Names of the fields of a dataclass that are annotated `PER_WORLD`."""
-    return [name for name, (_, extras) in _declared(cls).items() if PER_WORLD in extras]
 
 
 @functools.cache

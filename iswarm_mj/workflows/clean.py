@@ -14,8 +14,8 @@ from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING, RESULT
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.base import is_scored
 from iswarm_mj.tasks.measures import Measures
-from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.utils.interruption import completing, saved
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
@@ -76,7 +76,7 @@ def _begin(run: Run, out: Path, grasps: int, save: Callable[[], None], stack: Ex
             stack.enter_context(locked(place))
         save()
         stack.enter_context(saved(save))
-        name, recorders = RECORDING if isinstance(run.task, ScoredTask) else OTHER_RECORDING, []
+        name, recorders = RECORDING if is_scored(run.task) else OTHER_RECORDING, []
         for index, place in enumerate(places[: len(recorded)]):
             recorders.append(Recorder(run, place / name, index, place, grasps))
             stack.enter_context(saved(recorders[-1].save))

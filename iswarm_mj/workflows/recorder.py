@@ -3,7 +3,7 @@
 import errno
 import json
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -21,7 +21,7 @@ from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import ABOUT, TRAJECTORY, Scene
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
-from iswarm_mj.tasks.protocol import BallTask
+from iswarm_mj.tasks.base import has_balls
 from iswarm_mj.utils.files import atomic_write, write_error
 from iswarm_mj.utils.interruption import completing, postponed
 from iswarm_mj.utils.memory import give_back
@@ -136,12 +136,13 @@ class Recorder:
         }
         self._recording = Recording(recording, self._scene, metadata, identity)
         self._attempts = None
-        if grasps and isinstance(run.task, BallTask):
+        if grasps and has_balls(run.task):
             from iswarm_mj.output.rerun_attempts import AttemptView
 
             gap = self._world.config.gripper.release_gap
             self._attempts = AttemptView(self._recording.stream, self._scene, gap, grasps)
-            self._state, self._balls_of = self._of_step(run.start, 0), run.task.balls
+            self._state = self._of_step(run.start, 0)
+            self._balls_of: Callable[[Any], Any] = run.task.balls
 
     def save(self) -> None:
         """Write what is left, and complete the files."""

@@ -18,10 +18,10 @@ from iswarm_mj.simulation.initial import Start, start_with
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import PRESETS, Genome
-from iswarm_mj.strategy.protocol import Strategy
+from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.files import check_name
@@ -84,13 +84,13 @@ def rollout(
 
     Args:
         config: what all worlds share.
-        strategy: a genome or a `strategy.protocol.Strategy`.
+        strategy: a genome or a `strategy.base.Strategy`.
         keys: (B,) from `jax.random.split(jax.random.key(seed), B)`.
         n_robots: N, in each world or of each world.
         steps: maximum control steps.
         engine: `MjxSettings()` by default, for GPUs; on a CPU `PlanarSettings()` or `MujocoSettings()` are much faster.
         strategy_per_world: the arrays of `strategy` have a first axis of B worlds.
-        task: a `tasks.protocol.Task`; cleaning by default.
+        task: a `tasks.base.Task`; cleaning by default.
         robot_file: MJCF file of the robots, or of each kind (`RobotFile`); None for `models/robot.xml`.
         stop_at: progress at which a world is finished, in cleaning balls delivered; None for the task's goal.
         every: control steps between counts of progress; the last step is always counted.

@@ -15,13 +15,13 @@ from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.robot_file import read_robot
-from iswarm_mj.simulation.common import common
 from iswarm_mj.simulation.decide import decide
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.step import Stepper, control_step, drive_phases
 from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import rules_of
@@ -153,7 +153,7 @@ def test_in_single_precision_and_in_reverse(double):
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Paced:
+class Paced(Strategy):
     """The paper's strategy with its walks scaled by `pace`."""
 
     papers: VectorStrategy
@@ -182,7 +182,7 @@ def test_through_whole_control_steps():
     """Sight, messages, noise and decisions included: the mean square of displacements, against differences."""
     n_robots = len(APART)
     rules = rules_of(PRESETS["type1"], SMALL.strategy)
-    papers = VectorStrategy(rules, jnp.asarray(0), common(SMALL), read_robot())
+    papers = VectorStrategy(rules, jnp.asarray(0), SMALL.static, read_robot())
     strategy = Paced(papers, jnp.float32(1))
     start = start_of(SMALL, n_robots, 0, 0)._replace(poses=np.array(APART))
     world = World(PRESETS["type1"], n_robots, start=start)

@@ -26,11 +26,12 @@ import jax
 import jax.numpy as jnp
 
 from iswarm_mj.sensors.fields import Bearing, Integer, Real
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.constraints import Within
 
 @dataclass
-class Walk:
+class Walk(Strategy):
     turn: Annotated[float, Within(0, 180, "deg")] = 30.0
     """Largest turn of a step [deg]."""
     payload = {"count": Integer(bits=4), "heat": Real(0, 1, bits=8), "aim": Bearing(bits=3)}
@@ -190,8 +191,8 @@ MISTAKES = [
     ),
     (
         (),
-        "@dataclass\nclass Walk:",
-        "class Walk:\n    def __init__(self):\n        self.a = 1 / 0\n",
+        "@dataclass\nclass Walk(Strategy):",
+        "class Walk(Strategy):\n    def __init__(self):\n        self.a = 1 / 0\n",
         r"raised ZeroDivisionError: .*walk\.py, line \d+: `self.a = 1 / 0`",
     ),
     ((), "turn: ", "steps: int = 3\n    turn: ", "has a field steps, but --steps is already a flag of iswarm clean"),

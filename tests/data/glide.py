@@ -18,7 +18,7 @@ class Places(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Glide:
+class Glide(CompiledEngine):
     robot: Robots = field(metadata={"static": True})
     timestep: float
 

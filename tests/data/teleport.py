@@ -18,7 +18,7 @@ class Places(NamedTuple):
     poses: np.ndarray
 
 
-class Teleport:
+class Teleport(Engine):
     """Robots appear where their servos would have taken them, through each other, and are blind."""
 
     def __init__(self, model: ModelSpec, far: float):

@@ -28,7 +28,7 @@ SETTINGS = [
     ("Teleport(model, self.far)", "None", "host_engine must return an engine"),
 ]
 METHODS = [
-    ("def move(", "def other(", "Teleport has no method move"),
+    ("def move(", "def other(", "abstract class Teleport .*abstract method '?move"),
     ("def sense(self", "def sense(self, more", "sense raised TypeError"),
     ("self.robot, self._far = read_robots(model.robot_file), far", "self._far = far", "robot raised AttributeError"),
     ("self.robot, self._far = read_robots(model.robot_file), far", "self.robot = np.zeros(3)", "robot must be the"),
@@ -46,7 +46,7 @@ METHODS = [
     ("        poses = bodies.poses\n", "        raise SystemExit(0)\n", "move raised SystemExit"),
 ]
 IN_PROGRAMS = [
-    ("def mapping", "def other", "Glide has no method mapping"),
+    ("def mapping", "def other", "abstract class Glide .*abstract method '?mapping"),
     ('return "batch"', 'return "each"', r"Glide.mapping must return one of 'batch', .*\(got 'each'\)"),
     ("model.config.drive.timestep", "'x'", "engine Glide holds a str where JAX expects an array"),
     (

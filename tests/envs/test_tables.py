@@ -16,7 +16,7 @@ from iswarm_mj.envs import tables
 from iswarm_mj.sensors.fields import Bearing, Flag, Integer, Real, Vector
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Message, Payload
-from iswarm_mj.tasks.protocol import Quantity
+from iswarm_mj.tasks.base import Quantity
 
 FIELDS = {"flag": Flag(), "count": Integer(4, low=-3), "heat": Real(0, 1, 5, unit="K"), "aim": Bearing(3)}
 PAYLOAD = Payload({**FIELDS, "home": Vector(28.3, 4, 4, 2)})

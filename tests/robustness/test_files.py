@@ -36,7 +36,7 @@ from iswarm_mj.utils.errors import UserError
 
 GENOME = b'{"use_hop_count": true, "p_vector_forget": 0.29, "density_of_robots": 0.2, "fraction_scouts": 0.1}\n'
 CONFIG = b'steps = 8\nrecord = false\nrecord_worlds = [0, 1]\nreading = "initial"\n[arena]\nsize = 55\nn_dust = 24\n'
-STRATEGY = b"class Walk:\n    init = picks = act = print\n"
+STRATEGY = b"from iswarm_mj.strategy.base import Strategy\n\nclass Walk(Strategy):\n    init = picks = act = print\n"
 FOREIGN = [GENOME, STRATEGY, b"PAR1" * 9, b"PK\3\4" + bytes(60), b"\x89PNG\r\n", b"<mujoco/>", b"[]", b"{}", b""]
 NUMBER = re.compile(rb"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
 ODD_NUMBERS = [b"nan", b"inf", b"-1", b"0", b"1e308", b"1e-320", b"-0.0", b"9" * 400, b"x", b"1 2", b"0x7f"]

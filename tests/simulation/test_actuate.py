@@ -26,7 +26,7 @@ def carried_out(config, turn, forward, waits=False, poses=None, is_present=True,
     command = Command(*(jnp.asarray(part, jnp.float32) for part in (turn, forward)))
     poses = jnp.zeros((n, 3)) if poses is None else jnp.asarray(poses, jnp.float32)
     given = jnp.full(n, waits), poses, jnp.full(n, is_present), jnp.full(n, charges)
-    return actuate(config, conditions_of(config), command, swarm, *given, key)
+    return actuate(config.static, conditions_of(config), command, swarm, *given, key)
 
 
 def test_commands_are_brought_within_the_limits(small):
@@ -110,11 +110,11 @@ def test_one_robot_stands_in_a_cell(small):
 
 def test_driven_boxes_get_to_their_poses_in_one_step_if_they_can(small):
     """Of two worlds with steps of two seconds; the second box has a mass, and the third is to be nowhere."""
-    boxes = [(5, y, 0.5, 0.5, 0, mass, 0) for y, mass in ((5, 0), (0, 1e-5), (-5, 0))]
-    config = replace(small, arena=replace(small.arena, boxes=boxes), drive=replace(small.drive, control_period=2.0))
+    config = replace(small, drive=replace(small.drive, control_period=2.0))
     there = np.arange(18, dtype=np.float32).reshape(2, 3, 3)
     way = np.array([[(1, -2, 0.3), (1, 1, 1), (2, np.inf, 0.1)], [(99, -99, 9), (0, 0, np.nan), (0, 0, -np.inf)]])
-    found = velocity_towards(config, there + way, there)
+    drive, is_driven = config.static.drive, np.array([[True, False, True]] * 2)
+    found = velocity_towards(drive, is_driven, there + way, there)
     expected = [[(0.5, -1, 0.15), (0, 0, 0), (1, np.nan, 0.05)], [(5, -5, 0.5), (0, 0, 0), (0, 0, np.nan)]]
     np.testing.assert_allclose(found, expected, rtol=1e-5)
-    assert velocity_towards(config, None, there) is velocity_towards(config, there, None) is None
+    assert velocity_towards(drive, is_driven, None, there) is velocity_towards(drive, is_driven, there, None) is None

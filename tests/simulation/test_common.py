@@ -18,12 +18,11 @@ from iswarm_mj.config import (
     SwarmConfig,
 )
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation.common import PER_WORLD_FIELDS, program_config, shared
+from iswarm_mj.simulation.common import PER_WORLD_FIELDS, shared, static_config
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
 
 TYPE1 = PRESETS["type1"]
@@ -109,7 +108,7 @@ def test_one_program_serves_all_settings_in_which_worlds_may_differ(mixed):
 )
 def test_trials_run_on_the_bench_of_the_engine_or_the_one_that_is_chosen(chosen, on_host, bench):
     config = SwarmConfig(gripper=GripperConfig(resolution="dynamic", bench=chosen))
-    assert program_config(config, CLEANING, on_host).gripper.bench == bench
+    assert static_config(config, on_host).gripper.bench == bench
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 """Random numbers of a decision."""
 
 from contextlib import ExitStack
-from dataclasses import replace
 from unittest import mock
 
 import jax
@@ -11,12 +10,12 @@ from helpers_sensing import lay
 from helpers_tasks import Still
 from helpers_worlds import params_of, swarm_of
 
-from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import Sight
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation import decide, perceive
-from iswarm_mj.simulation.common import PER_WORLD_FIELDS, common
+from iswarm_mj.simulation.common import PER_WORLD_FIELDS, static_config
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.genome import PRESETS
@@ -46,43 +45,26 @@ def test_robots_that_stop_miss_dust_as_often_as_others():
     sides = jnp.zeros((n, 4), bool)
     sight = Sight(Links(*(sides.astype(kind) for kind in kinds)), sides)
     begin, keys = StepInputs(jnp.zeros((n, 3)), sight, jnp.int32(0), jnp.array(True)), step_keys(params.key, 0)
-    seen = perceive.perceive(config, read_robot(), params, state, begin, keys, {}, no)
+    seen = perceive.perceive(config.static, read_robot(), params, state, begin, keys, {}, no)
     stops, misses = seen.observation.waits, ~seen.inputs.notices
     assert abs(stops.mean() - 0.5) < 0.03 and abs(misses.mean() - 0.5) < 0.03
     assert abs(np.corrcoef(stops, misses)[0, 1]) < 0.06
 
 
-class Unread:
-    """In place of a setting that nothing may use."""
-
-    def __bool__(self):
-        raise AssertionError("a program depends on a setting in which worlds may differ")
-
-    __eq__ = __float__ = __array__ = __bool__
-    __hash__ = object.__hash__
-
-
 def setup_of(config, n):
     """A strategy of a configuration, and what decides of a world's first step are given after the robot."""
-    strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config, read_robot())
+    strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config.static, read_robot())
     params = params_of(config, strategy, jax.random.key(2), n)
     shape = n, 4, config.optics.n_senders
     links = Links(*(jnp.zeros(shape, kind) for kind in (jnp.int32, bool, jnp.int32, jnp.float32, jnp.float32)))
     return params, swarm_of(strategy.init(n, params.key), lay((0.0, -60.0)), n), Sight(links, jnp.zeros((n, 4), bool))
 
 
-def test_programs_use_no_setting_in_which_worlds_may_differ():
-    n, drive, gripper = 2, DriveConfig(locations="cells"), GripperConfig(grasp_time=2.0, release_time=2.0)
-    given = replace(SEQUENTIAL, drive=drive, gripper=gripper, energy=EnergyConfig(model="capacitor"))
-    params, state, sight = setup_of(given, n)
-    config = common(given)
+def test_what_is_compiled_in_has_no_setting_in_which_worlds_may_differ():
+    static = static_config(SwarmConfig(), on_host=True)
+    assert not hasattr(static, "arena")
     for part, names in PER_WORLD_FIELDS.items():
-        for name in names - {"size"}:
-            object.__setattr__(getattr(config, part), name, Unread())
-    params = params._replace(strategy=replace(params.strategy, config=config))
-    state = state._replace(energy=jnp.ones(n), starved=jnp.zeros(n, int))
-    begin = StepInputs(jnp.zeros((n, 3)), sight, jnp.int32(0), jnp.array(True))
-    jax.eval_shape(lambda state: decide.decide(config, read_robot(), params, state, begin), state)
+        assert not any(hasattr(getattr(static, part, None), name) for name in names)
 
 
 def test_each_draws_numbers_of_its_own_in_each_step():
@@ -105,7 +87,7 @@ def test_each_draws_numbers_of_its_own_in_each_step():
         with ExitStack() as patches:
             for name, (owner, call, place) in USERS.items():
                 patches.enter_context(told(name, getattr(owner, call), place))
-            decide.decide(config, read_robot(), params, state, begin)
+            decide.decide(config.static, read_robot(), params, state, begin)
         return found
 
     drawn = [keys(step) for step in range(2)]

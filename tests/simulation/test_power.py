@@ -6,18 +6,17 @@ import jax
 import numpy as np
 import pytest
 from helpers_sensing import lay, place
+from helpers_worlds import task_inputs
 
 from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.gripper.attempts import Outcomes
-from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD, mm_from_rd
 
@@ -76,9 +75,7 @@ def test_the_tool_is_charged_to_the_voltage_that_it_uses_in_attempts_alone(
 
     @jax.jit
     def squared(voltage):
-        inputs = TaskInputs(
-            poses, here, here, here & picks, 0 * here, 0 * here, conditions_of(config), config, robot, decided, voltage
-        )
+        inputs = task_inputs(config, poses, robot, picks=here & picks, decide_attempts=decided, voltage=voltage)
         return update_balls(balls, inputs, jax.random.key(0))[1].tool_voltage_squared
 
     for has in (60.0, 30.0):

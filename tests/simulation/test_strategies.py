@@ -12,6 +12,7 @@ from iswarm_mj.simulation.given import to_json
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_strategy
@@ -20,7 +21,7 @@ from iswarm_mj.utils.errors import UserError
 HERE = MujocoSettings(1)
 
 
-class Still:
+class Still(Strategy):
     """Robots that stand, without parameters."""
 
     recorded = ("home",)

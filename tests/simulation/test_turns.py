@@ -57,7 +57,7 @@ def decided(strategy, config, state, poses, links, key):
     params = params_of(config, strategy, key, n)
     sight = Sight(links, jnp.zeros((n, 4), bool))
     begin = StepInputs(poses, sight, jnp.int32(0), jnp.array(True))
-    return decide.decide(config, read_robot(), params, state, begin)
+    return decide.decide(config.static, read_robot(), params, state, begin)
 
 
 N, GAP = 9, 8.0
@@ -71,7 +71,7 @@ def chain(update_order):
     """
     strategy, drive = StrategyConfig(update_order=update_order), DriveConfig(step_length=1e-6, max_turn=1e-6)
     config = SwarmConfig(optics=NO_NOISE, strategy=strategy, drive=drive)
-    strategy = VectorStrategy(rules_of(Genome(p_vector_forget=0.0)), jnp.int32(0), config, read_robot())
+    strategy = VectorStrategy(rules_of(Genome(p_vector_forget=0.0)), jnp.int32(0), config.static, read_robot())
     poses = place(*[(k * GAP, 0, 0) for k in range(N)])
     links, poses = links_of(poses, config.optics), jnp.asarray(poses, jnp.float32)
 
@@ -125,7 +125,7 @@ def swarm_that_hears(seed):
 
     memory = RobotMemory(vectors(), vectors(), jnp.asarray(rng.random(n) < 0.1))
     links, key = links_of(poses, config.optics), jax.random.key(seed)
-    strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(5), config, read_robot())
+    strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(5), config.static, read_robot())
     was_loaded, is_loaded = jnp.asarray(rng.random((2, n)) < 0.3)
 
     message, is_heard, distance, *_ = transmit(strategy, links, key, memory, was_loaded)
@@ -247,7 +247,7 @@ def test_the_order_is_new_in_each_step_and_even():
 
 def test_a_strategy_that_cannot_pass_on_news_is_refused():
     config = SwarmConfig(strategy=IN_TURN)
-    able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config, read_robot())
+    able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config.static, read_robot())
     deaf = SimpleNamespace(**{name: getattr(able, name) for name in ("init", "payload", "say", "picks", "act")})
     state = swarm_of(deaf.init(2, None), lay((0.0, 60.0)), 2)
     poses = place((0, 0, 0), (8, 0, 0))

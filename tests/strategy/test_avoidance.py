@@ -14,7 +14,7 @@ from iswarm_mj.strategy.controller import avoid
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.rules import rules_of
 
-CONFIG = SwarmConfig()
+CONFIG = SwarmConfig().static
 avoid_here, repulsion_here = jax.jit(partial(avoid, CONFIG)), jax.jit(repulsion)
 
 

@@ -102,7 +102,7 @@ def test_turn_then_walk(degrees, length, turn, pace):
 
 
 def test_turns_are_limited_as_configured():
-    slow = SwarmConfig(drive=DriveConfig(max_turn=20))
+    slow = SwarmConfig(drive=DriveConfig(max_turn=20)).static
     for direction, turn in (([0.0, 1.0], 20), ([-1.0, -0.1], -20), ([1.0, 0.1], math.degrees(math.atan(0.1)))):
         command = steer_here(slow, np.float32([direction]), np.float32([np.inf]), np.ones(1, bool))
         assert math.degrees(command.turn[0]) == pytest.approx(turn, abs=1e-3)

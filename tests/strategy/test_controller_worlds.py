@@ -29,7 +29,7 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 
 DROPPING = SwarmConfig(gripper=GripperConfig(drop_rate=0.2))
 N_ROBOTS, N_BALLS = 24, 13  # of the worlds that `decided` is compiled for
-STRATEGY = VectorStrategy(RULES, 0, DROPPING, read_robot())
+STRATEGY = VectorStrategy(RULES, 0, DROPPING.static, read_robot())
 decide_here = jax.jit(decide, static_argnums=(0, 1))
 
 
@@ -117,7 +117,7 @@ def decided(poses, state, links, sees_wall, seed=5):
     params = params_of(DROPPING, STRATEGY, jax.random.key(seed), N_ROBOTS)
     poses, running = jnp.asarray(poses, jnp.float32), jnp.array(True)
     begin = StepInputs(poses, Sight(links, sees_wall), jnp.int32(3), running)
-    return decide_here(DROPPING, read_robot(), params, state, begin)
+    return decide_here(DROPPING.static, read_robot(), params, state, begin)
 
 
 def moved(poses, state, angle, shift=(0.0, 0.0)):

@@ -85,7 +85,7 @@ class TestWays:
         place = 9 * np.float32([[np.cos(2 * np.pi / 3), np.sin(2 * np.pi / 3)]])
         memory = memory._replace(dump=Belief(place, np.zeros(1, np.float32), np.ones(1, bool)))
         config = replace(CONFIG, drive=DriveConfig(max_turn=largest))
-        _, command = does(replace(strategy(dump=1, speed=1), config=config), sees(), memory)
+        _, command = does(replace(strategy(dump=1, speed=1), config=config.static), sees(), memory)
         assert command.turn[0] == pytest.approx(np.radians(largest))
         assert command.forward[0] == pytest.approx(RD / 2 * np.cos(np.radians(120 - largest)), rel=1e-5)
 
@@ -147,7 +147,7 @@ class TestWays:
 def test_robots_of_eight_sides(tmp_path):
     """The sender ahead shows LED 1, at 45 degrees, hence looks along 135 degrees; the wall is at 45 degrees."""
     robot = read_robot(robot_file(tmp_path, "eight"))
-    for own in (untrained(CONFIG, robot), VectorStrategy(rules_of(TYPE1), 0, CONFIG, robot)):
+    for own in (untrained(CONFIG, robot), VectorStrategy(rules_of(TYPE1), 0, CONFIG.static, robot)):
         assert payload_of(own) == payload_for(mm_from_rd(CONFIG.strategy.message_range), 8)
         payload_of(own).check_room(8)
     policy, first = untrained(CONFIG, robot), np.arange(8)[None] == 0

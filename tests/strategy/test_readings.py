@@ -24,7 +24,7 @@ NOTHING = RobotMemory(*[remember(np.zeros((N, 2)), known=False)] * 2, np.zeros(N
 
 
 def acts(strategy, seen, memory=NOTHING, genome=PRESETS["type1"]):
-    return act_here(SwarmConfig(), PROBE, rules_of(genome, strategy), memory, seen, jax.random.key(4))
+    return act_here(SwarmConfig().static, PROBE, rules_of(genome, strategy), memory, seen, jax.random.key(4))
 
 
 def neighbour_ahead(distance):
@@ -54,7 +54,7 @@ def test_robots_know_that_they_fell_short():
     """Vectors to a place are those of a robot that commanded what it walked in truth."""
     place = remember(np.array([[3.0, 1.0], [-2.0, 4.0]]))
     memory = RobotMemory(place, place._replace(known=np.array([True, False])), np.zeros(2, bool))
-    fell_short = jax.jit(VectorStrategy(rules_of(Genome()), 0, SwarmConfig(), ROBOT).fell_short)
+    fell_short = jax.jit(VectorStrategy(rules_of(Genome()), 0, SwarmConfig().static, ROBOT).fell_short)
     short = fell_short(memory, np.float32([0.5, -1.0]))
     np.testing.assert_allclose(short.dust.vector, [[3.5, 1.0], [-3.0, 4.0]], rtol=1e-6)
     assert short.dump.vector.tolist() == [[3.5, 1.0], [0.0, 0.0]]
@@ -103,7 +103,9 @@ def test_actuators_err_as_configured():
     swarm, zero = swarm_of(None, lay((0.0, 60.0)), N), np.zeros(N, np.float32)
     places = np.zeros((N, 3), np.float32), zero == 0
     exact, wrong = (
-        actuate_here(config, conditions_of(config), command, swarm, zero > 0, *places, zero, jax.random.key(0)).command
+        actuate_here(
+            config.static, conditions_of(config), command, swarm, zero > 0, *places, zero, jax.random.key(0)
+        ).command
         for config in (SwarmConfig(), SwarmConfig(drive=sloppy))
     )
     np.testing.assert_array_equal(exact, command)

@@ -13,6 +13,7 @@ import pytest
 
 from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.contract import shapes_of
 from iswarm_mj.strategy.declared import led_power, parts_of
 from iswarm_mj.strategy.interface import Command, Observation
@@ -26,7 +27,7 @@ N, S = 5, 6
 
 
 @dataclass
-class Walk:
+class Walk(Strategy):
     """Robots that count their steps."""
 
     gain: float = 1.0

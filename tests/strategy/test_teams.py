@@ -17,6 +17,7 @@ from iswarm_mj.sensors.fields import Flag, Integer, Real
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import TYPE1, TYPE2
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.signatures import observation_shapes
@@ -26,7 +27,7 @@ from iswarm_mj.utils.errors import UserError
 
 
 @dataclass(frozen=True)
-class Counter:
+class Counter(Strategy):
     """Says its index, turns by chance, and remembers the largest index that it heard."""
 
     turn: float = 0.5
@@ -50,7 +51,7 @@ class Counter:
 
 
 @dataclass(frozen=True)
-class Loud:
+class Loud(Strategy):
     """Says one flag."""
 
     payload: ClassVar = {"loud": Flag()}
@@ -212,7 +213,7 @@ def test_worlds_of_other_sizes_are_refused():
         ({"a": (0.5, Loud()), "b": (4, Loud())}, "give one kind"),
         ({"a": (0, Loud())}, "share of team a must be"),
         ({"a": (True, Loud())}, "share of team a must be"),
-        ({"a": (1.0, object())}, "no method init"),
+        ({"a": (1.0, object())}, "does not derive from Strategy"),
         ({"a": (0.5, Counter()), "b": (0.5, Counter(0.2))}, None),
         ({"a": (0.5, Checked()), "b": (0.5, Still())}, None),
         ({"a": (0.5, Counter()), "b": (0.5, Other())}, "equal fields of the same name"),

@@ -7,13 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from helpers_sensing import senses_nothing
-from helpers_worlds import start_of
+from helpers_worlds import start_of, task_inputs
 
 from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust, Spots
-from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.tasks.signatures import as_task, check_task
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import RD
@@ -42,7 +41,7 @@ def test_either_spot_is_the_brighter_one():
         inside = np.hypot(np.abs(x) - 10 * RD, y) < 4 * RD
         np.testing.assert_allclose(start.task.shares, [(inside & (x > 0)).mean(), (inside & (x < 0)).mean()])
     task, state = as_task(TASK), starts[0].task
-    assert check_task(task, CONFIG, read_robot(), state, 50).keys() == {"light"}
+    assert check_task(task, CONFIG, CONFIG.static, read_robot(), state, 50).keys() == {"light"}
     for sign in (-1.0, 1.0):
         areas = TASK.areas(CONFIG, starts[east.index(sign)].task)
         for name, side in (("bright", sign), ("dim", -sign)):
@@ -69,10 +68,7 @@ def test_spots_may_touch_the_walls(spots):
 
 def inputs_of(poses, present):
     """Inputs of the task at poses in diameters of a robot."""
-    present = np.asarray(present)
-    return TaskInputs(
-        np.multiply(poses, [RD, RD, 1.0]), present, present, present, 0 * present, 0 * present, None, CONFIG, None, None
-    )
+    return task_inputs(CONFIG, np.multiply(poses, [RD, RD, 1.0]), None, present)
 
 
 def advanced(poses, present, east=1.0, task=TASK):

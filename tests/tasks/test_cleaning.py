@@ -5,20 +5,18 @@ import jax.numpy as jnp
 import numpy as np
 from helpers_runs import N, first_step, records, run_of
 from helpers_sensing import lay, place
-from helpers_worlds import start_of
+from helpers_worlds import start_of, task_inputs
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot
-from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.measures import PICKED
-from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.tasks.signatures import check_task
 
 
 def test_it_is_a_task(small):
     start = start_of(small, N, 0, 0)
-    assert check_task(CLEANING, small, read_robot(), start.task, N) == {}
+    assert check_task(CLEANING, small, small.static, read_robot(), start.task, N) == {}
 
 
 def test_what_robots_do_not_notice_they_neither_sense_nor_use():
@@ -27,7 +25,7 @@ def test_what_robots_do_not_notice_they_neither_sense_nor_use():
     poses = np.float32(place((40, 0, 0), (60, 0, 0), (0, 0, 0), (2, 2, 0)))
     balls, there = lay((40.9, 0), (60.9, 0), (0, 0), (0, 0), holders=[None, None, 2, 3]), np.ones(4, bool)
     config = SwarmConfig()
-    inputs = TaskInputs(poses, there, there, there, 0 * there, 0 * there, conditions_of(config), config, robot)
+    inputs = task_inputs(config, poses, robot, picks=there)
     after, sensed = CLEANING.advance(balls, inputs._replace(notices=notices), jax.random.key(0))
     assert sensed.at_dust.tolist() == [True, *[False] * 3] and sensed.on_dump.tolist() == [False, False, True, False]
     np.testing.assert_allclose(sensed.ball_vector, [[0.9, 0], *[[0, 0]] * 3], atol=1e-5)
@@ -42,17 +40,7 @@ def test_rewards_are_the_balls_part_of_the_fitness(small):
     there = jnp.ones(N, bool)
     before, total = first_step(run.start), np.zeros(N)
     for after in records(run):
-        inputs = TaskInputs(
-            jnp.asarray(after.poses[0]),
-            there,
-            there,
-            there,
-            0 * there,
-            0 * there,
-            conditions_of(run.config),
-            run.config,
-            run.robot,
-        )
+        inputs = task_inputs(run.config, jnp.asarray(after.poses[0]), run.robot, picks=there)
         old, new = (jax.tree.map(lambda a: jnp.asarray(a[0]), r.swarm.task) for r in (before, after))
         reward = np.asarray(CLEANING.reward(old, new, inputs))
         at_work = np.flatnonzero(reward)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from helpers_runs import records
 from helpers_sensing import remember, senses_nothing, turned
-from helpers_worlds import start_of
+from helpers_worlds import start_of, task_inputs
 
 from iswarm_mj.config import ArenaConfig, DriveConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -15,7 +15,6 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.foraging import Forager, Foraging, _between
-from iswarm_mj.tasks.protocol import TaskInputs
 from iswarm_mj.tasks.signatures import as_task, check_task
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
@@ -36,7 +35,7 @@ def test_items_begin_at_their_sources():
         areas = TASK.areas(SMALL, start.task)
         np.testing.assert_allclose(areas["dump"], [[0.0, 0.0, 1.5 * RD]], rtol=1e-6)
         np.testing.assert_allclose(areas["sources"], [[x, y, RD] for x, y in start.task.centres], rtol=1e-6)
-    assert check_task(as_task(TASK), SMALL, read_robot(), start.task, 6) == {}
+    assert check_task(as_task(TASK), SMALL, SMALL.static, read_robot(), start.task, 6) == {}
     wide = start_of(replace(SMALL, arena=replace(SMALL.arena, dump_size=6)), 6, 1, 0, task=Foraging(2, 2.0))
     np.testing.assert_allclose(np.hypot(*wide.task.centres.T), 5.5 * RD, rtol=1e-6)  # no room beyond the dump
 
@@ -61,7 +60,7 @@ def test_a_source_moves_when_its_last_item_is_home():
     settings = RunSettings(10, 500, stop_at=6)
     run = Run(SMALL, None, settings, PlanarSettings(2, 2), strategy=Forager(), task=TASK)
     before, items, moved, there = jax.tree.map(lambda a: a[0], run.start), 0, 0, np.ones(10, bool)
-    inputs = TaskInputs(None, there, there, there, 0 * there, 0 * there, None, SMALL, run.robot)
+    inputs = task_inputs(SMALL, there, run.robot)
     for after in records(run):
         old, new = before.swarm.task.items, after.swarm.task.items
         after_task = jax.tree.map(lambda a: a[0], after.swarm.task)

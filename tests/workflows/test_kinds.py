@@ -21,6 +21,7 @@ from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.simulation.initial import check_poses
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Aggregation, Spots
@@ -83,7 +84,7 @@ def test_a_run_continues_from_its_results(out, tmp_path, monkeypatch):
 
 
 @dataclass(frozen=True)
-class Still:
+class Still(Strategy):
     """Robots that stand still and know their kinds."""
 
     masses: tuple = ()

@@ -11,6 +11,7 @@ from helpers_tasks import Eastward
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import draw_radii, place_robots
@@ -25,7 +26,7 @@ NEVER = -1
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Straight:
+class Straight(Strategy):
     """Ahead by `stride` [mm] in each step, after a turn by `turn` [rad], in silence; remembers the number of steps."""
 
     stride: jax.Array

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import (
+    CompiledEngine,
     FreeBodies,
     Mapping,
     Motion,
@@ -35,7 +36,7 @@ _SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations th
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class MjxEngine(WithBoxes):
+class MjxEngine(WithBoxes, CompiledEngine):
     """`CompiledEngine` on MJX; acts on one world.
 
     Attributes:
@@ -49,7 +50,7 @@ class MjxEngine(WithBoxes):
     is_masked: bool = field(metadata={"static": True})
 
     @property
-    def robot(self) -> Robots:
+    def robot(self) -> Robots:  # pyright: ignore[reportIncompatibleVariableOverride]  # of the arena, which is a pytree
         """See `Engine.robot`."""
         return self.arena.robot
 

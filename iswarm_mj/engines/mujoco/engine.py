@@ -10,7 +10,7 @@ from mujoco.batch import Batch, SimulationError
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Motion, Phase, Sight, WithBoxes, take_phases, with_boxes
+from iswarm_mj.engines.base import Engine, Motion, Phase, Sight, WithBoxes, take_phases, with_boxes
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco_library import without_timers
 from iswarm_mj.utils.arrays import Array
@@ -37,7 +37,7 @@ class Bodies(NamedTuple):
     """Contact points in the last physics step, which choose the solver of the next ones."""
 
 
-class MujocoEngine(WithBoxes):
+class MujocoEngine(WithBoxes, Engine):
     """`Engine` on `mujoco.batch`: B worlds at once, bit-identical at any number of threads."""
 
     def __init__(self, config: SwarmConfig, arena: ArenaModel, n_worlds: int, n_threads: int, capacity: int):

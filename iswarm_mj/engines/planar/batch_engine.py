@@ -12,7 +12,17 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import FreeBodies, Mapping, Motion, Phase, Sight, WithBoxes, take_phases, with_boxes
+from iswarm_mj.engines.base import (
+    CompiledEngine,
+    FreeBodies,
+    Mapping,
+    Motion,
+    Phase,
+    Sight,
+    WithBoxes,
+    take_phases,
+    with_boxes,
+)
 from iswarm_mj.engines.planar.gpu import physics, sight, surroundings
 from iswarm_mj.engines.planar.gpu.cells import n_cells
 from iswarm_mj.engines.planar.gpu.functions import jax_kernel, words_of
@@ -40,7 +50,7 @@ ROBOTS_PER_WARP = 70
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class PlanarBatchEngine(WithBoxes):
+class PlanarBatchEngine(WithBoxes, CompiledEngine):
     """`CompiledEngine` of B worlds at once.
 
     Attributes:

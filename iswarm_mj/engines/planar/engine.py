@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import FreeBodies, Motion, Phase, Sight, WithBoxes, take_phases, with_boxes
+from iswarm_mj.engines.base import Engine, FreeBodies, Motion, Phase, Sight, WithBoxes, take_phases, with_boxes
 from iswarm_mj.engines.planar.physics import take_steps
 from iswarm_mj.engines.planar.plane import FINEST, read_kinds, read_plane, solids_of, solids_with, table_of
 from iswarm_mj.engines.planar.reception import points_of, read_light
@@ -21,7 +21,7 @@ from iswarm_mj.utils.arrays import Array
 _SHARES = 4  # of the worlds for each thread, so that none waits long for another
 
 
-class PlanarEngine(WithBoxes):
+class PlanarEngine(WithBoxes, Engine):
     """`Engine` of B worlds at once, bit-identical at any number of threads.
 
     At the finest tolerance robots end a control step within 0.001 mm of where MuJoCo in C puts them. Those that

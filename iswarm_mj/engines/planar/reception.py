@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.planar.kinds import Place, Table, shared
+from iswarm_mj.static_config import StaticOptics
 from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -61,7 +61,7 @@ class Reception(NamedTuple):
     """Effective distance, infinite where no light arrives."""
 
 
-def read_light(robot: Robots, optics: OpticsConfig) -> Light:
+def read_light(robot: Robots, optics: StaticOptics) -> Light:
     """Numbers of the robots' optics."""
     reach, splay = mm_from_rd(optics.communication_radius), math.radians(optics.photodiode_splay)
     beam = math.radians(optics.led_beam_aperture / 2)

@@ -21,12 +21,13 @@ from iswarm_mj.experiments.analysis.plots import draw_learning
 from iswarm_mj.experiments.runner.journal import journal
 from iswarm_mj.experiments.runner.settings import TrainingPlan
 from iswarm_mj.simulation.given import to_json
+from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.network import MOST_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.user_code import user_code
+from iswarm_mj.tasks.base import Task, is_scored
 from iswarm_mj.tasks.layout import check_robots
 from iswarm_mj.tasks.measures import Measures
-from iswarm_mj.tasks.protocol import ScoredTask
 from iswarm_mj.tasks.rewarded import REWARD, rewarded
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import UserError
@@ -73,7 +74,7 @@ class Training(TrainingPlan):
 def points(found: Rollout, task: Any, config: SwarmConfig, robots: Sequence[int], steps: int) -> Float[np.ndarray, "B"]:
     """Points of each world: the task's fitness, and 40 for each unit of its progress on average over time, so that
     early deliveries count before all balls are delivered; of a task without a fitness the rewards of all robots."""
-    if not isinstance(task, ScoredTask):
+    if not is_scored(task):
         return found.metrics[REWARD].astype(float)
     early = 40.0 * found.delivered_after.mean(axis=1)
     counted = (found.delivered, found.picked, found.collisions, found.mean_carriage_steps, found.finished_at)
@@ -112,8 +113,8 @@ def train(
     for number in {number for _, numbers in training.scenes for number in numbers}:
         check_total(robot_file, number)
     made = policy(strategy, training.config, max(training.robots), robot_file)
-    is_scored = isinstance(task, ScoredTask)
-    if hasattr(task, "fitness") and not is_scored:
+    has_fitness = is_scored(task)
+    if overrides(task, Task, "fitness") and not has_fitness:
         raise UserError(f"{type(task).__name__} has a fitness, which counts balls, but no method balls; add it")
     start, shaped = ravel_pytree(made.weights)
     settings = {**asdict(training), "strategy": to_json(strategy), "task": to_json(task), **engine.identity}
@@ -122,7 +123,7 @@ def train(
     del settings["generations"]  # a training may go on for longer
     search = SepCMA(np.asarray(start, float), training.spread, seed=training.seed, population_size=training.population)
 
-    aim = task if is_scored else rewarded(task)
+    aim = task if has_fitness else rewarded(task)
     given = {"engine": engine, "task": aim, "robot_file": robot_file}
 
     def tried(candidates: np.ndarray, n_worlds: int, number: int) -> np.ndarray:

@@ -9,7 +9,6 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Int
 
-from iswarm_mj.config import GripperConfig
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.gripper import mjx_forces
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
@@ -32,6 +31,7 @@ from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, WORK_OBJECT_SUBSTRAT
 from iswarm_mj.gripper.mjx_forces import Force, GripperForces, State, first_state, gripper_force, gripper_forces
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
 from iswarm_mj.gripper.units import MS, NN, UM
+from iswarm_mj.static_config import StaticGripper
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.numbers import in_arrays
 
@@ -127,7 +127,7 @@ class Slot(NamedTuple):
     """[s]"""
 
 
-def by_batch(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
+def by_batch(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
     """Outcomes of trials in MJX, `gripper.bench_capacity` at once; the attempts beyond are postponed.
 
     The same script and the same laws as in `swarm_trials`, in single precision. A step of the swarm without attempts

@@ -16,7 +16,6 @@ import mujoco
 import numpy as np
 from jax.custom_batching import custom_vmap
 
-from iswarm_mj.config import GripperConfig
 from iswarm_mj.engines.mujoco_library import keep_no_log, without_timers
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
@@ -27,6 +26,7 @@ from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.script import START, Each, Ramp, Watch, hangs
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
+from iswarm_mj.static_config import StaticGripper
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.numbers import in_arrays
 
@@ -248,7 +248,7 @@ def outcomes(gap: float, attempts: Attempts) -> Outcomes:
     return found
 
 
-def by_host(gripper: GripperConfig, attempts: Attempts) -> Outcomes:
+def by_host(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
     """Outcomes of trials in MuJoCo's C engine, by a callback from a program of JAX.
 
     The callback is skipped in steps in which no world makes an attempt. All numbers go as one array and come back as

@@ -1,7 +1,26 @@
-"""What a task is: how worlds begin, what robots sense of it, what becomes of it, and how well they do."""
+"""What a task is: how worlds begin, what robots sense of it, how it goes on, and how well they do.
 
+A task of your own derives from `Task`, or from one that ships:
+
+    @dataclass(frozen=True)
+    class Gather(Task):
+        measured: ClassVar = {"inside": Quantity("robots within 5 rd of the middle")}
+
+        def lay_out(self, config, n_robots, rng, shared, cell):
+            return place_robots(config.arena, n_robots, rng, cell), np.zeros((), np.int32)
+
+        def advance(self, state, inputs, key):
+            away = jnp.hypot(inputs.poses[:, 0], inputs.poses[:, 1])
+            inside = (away < mm_from_rd(5.0)) & inputs.is_present
+            return inside.sum(dtype=jnp.int32), without_balls(len(away))
+
+        def metrics(self, state):
+            return {"inside": state}
+"""
+
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,7 +29,10 @@ from jaxtyping import Bool, Float, Int, UInt32
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.attempts import Decider, by_balance
 from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.sensors.arena import Arena
 from iswarm_mj.sensors.conditions import Conditions
+from iswarm_mj.static_config import StaticConfig
+from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.arrays import Array
@@ -50,9 +72,10 @@ class TaskInputs(NamedTuple):
     """Index of the robot's kind in `robot.kinds`; 0 where all robots are of one kind."""
     conditions: Conditions
     """Noise, voltages and places of this world."""
-    config: SwarmConfig
-    """Of the run; where a world has a configuration of its own, `conditions` has its values. With `shares_program`,
-    what worlds of a run may differ in has its default here."""
+    arena: Arena
+    """Size, dust and balls of this world's arena."""
+    config: StaticConfig
+    """Settings that all worlds of the run share and that are compiled in: drive, light, gripper, energy."""
     robot: Robots
     """Geometry of the robots; `robot.each("probe_tip", n_robots)` is an attribute of each."""
     decide_attempts: Decider = by_balance
@@ -93,30 +116,35 @@ class Sensed(NamedTuple):
 
 
 def only(n_robots: int, **own: Array) -> Sensed:
-    """What robots sense of a task without balls and dump: these quantities alone."""
+    """Return what robots sense of a task without balls and dump: these quantities alone."""
     no, zero = jnp.zeros(n_robots, bool), jnp.zeros(n_robots)
     return Sensed(no, jnp.zeros((n_robots, 2)), no, no, no, no, zero, own)
 
 
-@runtime_checkable
-class Task(Protocol):
+class Task(ABC):
     """What N robots of one world are to do.
 
-    A task is a dataclass: its fields are its settings, and flags of `iswarm run --task`. Like a strategy it is made a
-    pytree (`strategy.pytrees.as_pytree`), so that numbers are arrays in the methods that say "JAX"; these run under
-    `jit` and `vmap`, in every engine. `lay_out` and `goal` are plain Python, called once a world.
+    A task is a dataclass that derives from this class: its fields are its settings, and flags of `iswarm run --task`.
+    Like a strategy it is made a pytree (`strategy.pytrees.as_pytree`), so that numbers are arrays in the methods that
+    say "JAX"; these run under `jit` and `vmap`, in every engine. The others are plain Python, called once a world.
 
-    Three attributes of its class are dictionaries, and may be left out: `senses`, a `Quantity` for each thing that
-    robots sense beside balls and dump (`Sensed.own`, `Observation.sensed`); `measured`, one for each metric; `drawn`, a
-    `Look` for each kind of areas (`DrawnTask.areas`). A tuple may be left out, too: `unused`, settings that have no
-    effect in the task, as "arena.n_dust", or "gripper" for all of the group, whose flags `iswarm run` then refuses.
-
-    Two flags may be True. `shares_program`: the task reads nothing of `TaskInputs.config` in which worlds of a run may
-    differ (`simulation.common.PER_WORLD_FIELDS`), so that runs of different settings share a compiled program.
-    `batch_invariant`, of strategies too: the compiled program was seen to round alike for one world and for more, which
-    otherwise costs a single world a second computation of each decision.
+    Only `lay_out` and `advance` must be written. A task with balls writes `balls`, too; most such tasks hold a `Balls`
+    in their state and hand it to `update_balls` in `advance`.
     """
 
+    senses: ClassVar[Mapping[str, Quantity]] = {}
+    """Quantities that robots sense beside balls and dump (`Sensed.own`, `Observation.sensed`)."""
+    measured: ClassVar[Mapping[str, Quantity]] = {}
+    """Quantities that `metrics` returns."""
+    drawn: ClassVar[Mapping[str, Look]] = {}
+    """Kinds of areas on the floor that `areas` returns, and how they look."""
+    unused: ClassVar[tuple[str, ...]] = ()
+    """Settings without effect in the task, as "arena.n_dust", or "gripper" for the whole group; `iswarm run` refuses
+    their flags."""
+    batch_invariant: ClassVar[bool] = False
+    """See `Strategy.batch_invariant`."""
+
+    @abstractmethod
     def lay_out(
         self, config: SwarmConfig, n_robots: int, rng: np.random.Generator, shared: np.random.Generator, cell: float
     ) -> tuple[Float[np.ndarray, "N 3"], Any]:
@@ -131,7 +159,16 @@ class Task(Protocol):
             shared: draws what all worlds of a seed have in common; may be `rng`.
             cell: width of the cells on which robots start, so that none touches another [rd].
         """
-        ...
+
+    @abstractmethod
+    def advance(self, state: Any, inputs: TaskInputs, key: Array) -> tuple[Any, Sensed]:
+        """Take a control step of all but the robots, and return the state and what robots sense of it; JAX.
+
+        Args:
+            state: from the step before.
+            inputs: the world as the step begins.
+            key: random key of this world and step.
+        """
 
     def goal(self, config: SwarmConfig, n_robots: int) -> int | None:
         """Return the progress with which nothing is left to do; None if there always is.
@@ -140,21 +177,11 @@ class Task(Protocol):
             config: of the run.
             n_robots: N.
         """
-        ...
-
-    def advance(self, state: Any, inputs: TaskInputs, key: Array) -> tuple[Any, Sensed]:
-        """Take a control step of all but the robots, and return what they sense of it; JAX.
-
-        Args:
-            state: from the step before.
-            inputs: the world as the step begins.
-            key: random key of this world and step.
-        """
-        ...
+        return None
 
     def progress(self, state: Any) -> Int[Array, ""]:
         """Return how far the robots are, int32; a world is finished at the goal, or at `RunSettings.stop_at`; JAX."""
-        ...
+        return jnp.int32(0)
 
     def reward(self, before: Any, after: Any, inputs: TaskInputs) -> Float[Array, "N"]:
         """Return the reward of each robot for a control step, for learning; JAX.
@@ -164,16 +191,11 @@ class Task(Protocol):
             after: what `advance` made of it.
             inputs: that `advance` had, with the commands and messages of the step.
         """
-        ...
+        return jnp.zeros(len(inputs.poses))
 
     def metrics(self, state: Any) -> dict[str, Array]:
         """Return the scalars that `measured` names so far, float32, int32 or bool; JAX."""
-        ...
-
-
-@runtime_checkable
-class DrawnTask(Task, Protocol):
-    """A task with areas on the floor, which recordings and pictures show."""
+        return {}
 
     def areas(self, config: SwarmConfig, state: Any) -> dict[str, Float[Array, "M 3"]]:
         """Return the areas of each of `drawn`: x, y and half the width, or the radius [mm]; JAX.
@@ -182,72 +204,57 @@ class DrawnTask(Task, Protocol):
             config: of the world.
             state: of the task, in any control step.
         """
-        ...
-
-
-@runtime_checkable
-class ChangingTask(Task, Protocol):
-    """A task that changes noise, voltages and the like in time."""
+        return {}
 
     def conditions(self, state: Any, conditions: Conditions) -> Conditions:
-        """Return the conditions of a step that begins with this state, from those of the configuration; JAX."""
-        ...
+        """Return noise, voltages and the like in a step that begins with this state; JAX.
 
+        Args:
+            state: of the task.
+            conditions: those of the configuration, which the default keeps.
+        """
+        return conditions
 
-@runtime_checkable
-class DeadlyTask(Task, Protocol):
-    """A task in which robots fail."""
+    def survives(self, state: Any) -> Bool[Array, "N"] | None:
+        """Return which robots do not fail in a step that `advance` ends with this state; JAX.
 
-    def survives(self, state: Any) -> Bool[Array, "N"]:
-        """Return which robots do not fail in a step that `advance` ends with this state; others only stand in the way
-        from then on; JAX."""
-        ...
-
-
-@runtime_checkable
-class LayingTask(Task, Protocol):
-    """A task with boxes of its own."""
+        Robots that failed stay where they are, dark and dumb. None: none ever fails.
+        """
+        return None
 
     def lay_boxes(
         self, config: SwarmConfig, rng: np.random.Generator, shared: np.random.Generator
-    ) -> Sequence[Sequence[float]]:
+    ) -> Sequence[Sequence[float]] | None:
         """Return the boxes of a world, seven numbers each as in `ArenaConfig.boxes`, whose place they take.
 
         They lie as those must. Worlds of a run may differ in x, y and yaw alone. `lay_out` finds them in its `config`.
+        None: the boxes are those of the configuration.
 
         Args: as for `lay_out`.
         """
-        ...
+        return None
 
-
-@runtime_checkable
-class DrivingTask(Task, Protocol):
-    """A task that moves boxes of mass 0: doors, lifts, walls."""
-
-    def drive_boxes(self, state: Any) -> Float[Array, "M 3"]:
-        """Return where boxes are to be after a step that `advance` ends with this state: x, y [mm], yaw [rad]; JAX.
+    def drive_boxes(self, state: Any) -> Float[Array, "M 3"] | None:
+        """Return where boxes of mass 0 are to be after a step that `advance` ends with this state; JAX.
 
         They move there by at most `actuate.FASTEST`, and push robots and other boxes aside; a pose that is not finite
-        is a fault of the world. Those with a mass stay as robots and friction leave them, whatever their rows are.
+        is a fault of the world. Boxes with a mass stay as robots and friction leave them, whatever their rows are.
+        None: the task moves no boxes.
+
+        Returns:
+            x, y [mm] and yaw [rad] of all boxes.
         """
-        ...
+        return None
 
+    def balls(self, state: Any) -> Balls | None:
+        """Return the K balls, which recordings and pictures show and whose attempts are counted; None if it has none.
 
-@runtime_checkable
-class BallTask(Task, Protocol):
-    """A task with balls, which recordings and pictures show, and whose attempts are counted."""
+        JAX or NumPy, with any leading axes.
+        """
+        return None
 
-    def balls(self, state: Any) -> Balls:
-        """Return the K balls; JAX or NumPy, with any leading axes."""
-        ...
-
-
-@runtime_checkable
-class ScoredTask(BallTask, Protocol):
-    """A task with a fitness, which results report with all measures of its balls."""
-
-    def fitness(self, measures: Measures, config: SwarmConfig, n_robots: int, steps: int) -> float:
-        """Return the fitness of a world.
+    def fitness(self, measures: Measures, config: SwarmConfig, n_robots: int, steps: int) -> float | None:
+        """Return the fitness of a world, which results report with all measures of its balls; None if it has none.
 
         Args:
             measures: of the world.
@@ -255,9 +262,19 @@ class ScoredTask(BallTask, Protocol):
             n_robots: N.
             steps: of the run at most.
         """
-        ...
+        return None
+
+
+def has_balls(task: Any) -> bool:
+    """Return whether a task has balls."""
+    return overrides(task, Task, "balls")
+
+
+def is_scored(task: Any) -> bool:
+    """Return whether a task has balls and a fitness."""
+    return has_balls(task) and overrides(task, Task, "fitness")
 
 
 def balls_of(task: Task, state: Any) -> Balls | None:
     """Return the balls of a task, which may have a first axis of worlds as its state has; None if it has none."""
-    return task.balls(state) if isinstance(task, BallTask) else None
+    return task.balls(state)

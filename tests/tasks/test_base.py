@@ -16,8 +16,9 @@ from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.protocol import Quantity
+from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.clean import clean
 
@@ -25,7 +26,7 @@ ENGINES = [PlanarSettings(1), PlanarSettings(impl="warp", chunk=4)]
 N = 6
 
 
-class Homing:
+class Homing(Strategy):
     """Robots that turn to the east and walk until they feel that they are beyond the line."""
 
     recorded = ("gap",)
@@ -108,7 +109,7 @@ WRONG = {
         advancing(lambda own, sensed: (own, sensed._replace(own={"gap": jnp.zeros(3)}))),
         r"must return gap of 6 robots first \(got shape \(3,\)\)",
     ),
-    "no method": (changed(reward=None), r"Eastward has no method reward; a task has lay_out, goal, advance"),
+    "no method": (changed(reward=None), "Eastward has no method reward; a task has it, see Task"),
     "the class": (Eastward, r"task is the class Eastward itself; give an object of it, as Eastward\(\)"),
     "poses": (
         changed(lay_out=lambda self, c, n, *a: (np.zeros((n, 2)), Eastward.lay_out(self, c, n, *a)[1])),
