@@ -16,7 +16,7 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
+from iswarm_mj.tasks.layout import balls_on_floor, draw_radii, place_robots
 from iswarm_mj.utils.constraints import Above, Within
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -33,7 +33,7 @@ class Clusters(Cleaning):
     def lay_out(self, config, n_robots, rng, shared, cell):
         half = mm_from_rd(config.arena.size / 2 - 2)
         places = rng.uniform(-half, half, (config.arena.n_dust, 2))
-        balls = lying(config.gripper, places, draw_radii(config.arena, shared))
+        balls = balls_on_floor(config.gripper, places, draw_radii(config.arena, shared))
         return place_robots(config.arena, n_robots, rng, cell), balls
 
     def goal(self, config, n_robots):
