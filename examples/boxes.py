@@ -13,13 +13,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.base import Quantity, Task, without_balls
-from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.utils.constraints import Within
-from iswarm_mj.utils.obstacles import poses_of_boxes
-from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj import (
+    Command,
+    Quantity,
+    Strategy,
+    Task,
+    Within,
+    mm_from_rd,
+    place_robots,
+    poses_of_boxes,
+    without_balls,
+)
 
 
 class Race(NamedTuple):

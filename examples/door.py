@@ -12,11 +12,16 @@ from typing import Annotated, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.tasks.base import Quantity, Task, without_balls
-from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.utils.constraints import Within
-from iswarm_mj.utils.obstacles import poses_of_boxes
-from iswarm_mj.utils.units import RD, mm_from_rd
+from iswarm_mj import (
+    RD,
+    Quantity,
+    Task,
+    Within,
+    mm_from_rd,
+    place_robots,
+    poses_of_boxes,
+    without_balls,
+)
 
 WALL, DOOR = 4.0, 2.8
 """Where wall and door are, along x [rd]."""

@@ -11,12 +11,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.base import Look, Quantity, Task, without_balls
-from iswarm_mj.tasks.layout import free_cells, place_robots
-from iswarm_mj.utils.constraints import Within
-from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj import (
+    Command,
+    Look,
+    Quantity,
+    Strategy,
+    Task,
+    Within,
+    free_cells,
+    mm_from_rd,
+    place_robots,
+    without_balls,
+)
 
 
 class Floor(NamedTuple):

@@ -11,13 +11,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.base import Quantity
-from iswarm_mj.tasks.cleaning import Cleaning
-from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.tasks.layout import balls_on_floor, place_robots
-from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj import (
+    Cleaning,
+    Command,
+    Quantity,
+    Strategy,
+    balls_on_floor,
+    mm_from_rd,
+    place_robots,
+    update_balls,
+)
 
 
 @dataclass(frozen=True)
