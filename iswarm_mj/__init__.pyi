@@ -8,6 +8,7 @@ from .config import GripperConfig as GripperConfig
 from .config import OpticsConfig as OpticsConfig
 from .config import StrategyConfig as StrategyConfig
 from .config import SwarmConfig as SwarmConfig
+from .engines.base import CompiledEngine as CompiledEngine
 from .engines.base import Engine as Engine
 from .engines.base import Motion as Motion
 from .engines.base import Phase as Phase
