@@ -86,7 +86,7 @@ from .utils.pictures import boxes_of_picture as boxes_of_picture
 from .utils.robot import Robots as Robots
 from .utils.units import RD as RD
 from .utils.units import mm_from_rd as mm_from_rd
-from .workflows.clean import clean as clean
+from .workflows.clean import run_swarm as run_swarm
 from .workflows.grasp import run_force_curves as run_force_curves
 from .workflows.grasp import run_grasp as run_grasp
 from .workflows.grasp_settings import GraspSettings as GraspSettings

@@ -16,7 +16,7 @@ from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.units import ROBOT_DIAMETER
-from iswarm_mj.workflows.clean import _save, clean, summary
+from iswarm_mj.workflows.clean import _save, run_swarm, summary
 
 STEPS = BLOCK + 6
 
@@ -30,7 +30,7 @@ def run_to(config, record=True, steps=STEPS, **settings):
 
 def run_clean(config, out, **settings):
     run = run_to(config, **settings)
-    return clean(run, out)
+    return run_swarm(run, out)
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +169,7 @@ class TestFaults:
         run = run_to(small)
         spoil(run, self.STEP, world=0, robot=5)
         with pytest.raises(SimulationFault, match=r"^step 66, world 0: robot 5 left the arena; ") as raised:
-            clean(run, tmp_path)
+            run_swarm(run, tmp_path)
         assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.rrd", "result.json", "trajectory.npz"]
         content = json.loads((tmp_path / "result.json").read_text())
         assert content["faults"] == [str(raised.value)] and content["steps"] == self.STEP
