@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 
+from iswarm_mj.engines.registry import OFFER as ENGINES
+from iswarm_mj.strategy.library import STRATEGIES, TASKS
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("iswarm_mj", "iswarm_mj.envs", "iswarm_mj.gripper")
 """Packages with public names, which their stubs list."""
@@ -121,3 +124,9 @@ def test_a_public_name_is_there_and_documented(package, name, module):
 def test_the_reference_lists_the_public_names_and_nothing_else():
     listed = re.findall(r"^::: (\S+)$", (ROOT / "docs/api.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert sorted(listed) == sorted(f"{package}.{name}" for package, name, _ in ALL)
+
+
+@pytest.mark.parametrize("offer", [STRATEGIES, TASKS, ENGINES], ids=lambda offer: offer.word)
+def test_errors_about_classes_of_users_refer_to_public_names(offer):
+    package, _, name = offer.base.rpartition(".")
+    assert name in NAMES[package]
