@@ -13,13 +13,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.base import Quantity, Task, only
-from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.utils.constraints import Within
-from iswarm_mj.utils.obstacles import poses_of
-from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj import (
+    Command,
+    Quantity,
+    Strategy,
+    Task,
+    Within,
+    mm_from_rd,
+    place_robots,
+    poses_of_boxes,
+    without_balls,
+)
 
 
 class Race(NamedTuple):
@@ -36,7 +40,7 @@ class Push(Task):
     unused: ClassVar = ("gripper", "arena.n_dust")
 
     def lay_out(self, config, n_robots, rng, shared, cell):
-        x = poses_of(config.arena.boxes)[:, 0].astype(np.float32)
+        x = poses_of_boxes(config.arena.boxes)[:, 0].astype(np.float32)
         return place_robots(config.arena, n_robots, rng, cell), Race(x, x)
 
     def goal(self, config, n_robots):
@@ -45,7 +49,7 @@ class Push(Task):
     def advance(self, state, inputs, key):
         yaw = inputs.poses[:, 2]
         east = -jnp.arctan2(jnp.sin(yaw), jnp.cos(yaw))  # by the sun, or a gradient of light
-        return state._replace(now=inputs.boxes[:, 0]), only(len(yaw), east=east)
+        return state._replace(now=inputs.boxes[:, 0]), without_balls(len(yaw), east=east)
 
     def progress(self, state):
         return jnp.maximum(jnp.floor((state.now - state.start).mean()), 0).astype(jnp.int32)

@@ -11,14 +11,19 @@ from typing import Annotated, ClassVar
 import jax
 import jax.numpy as jnp
 
-from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.base import Quantity
-from iswarm_mj.tasks.cleaning import Cleaning
-from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
-from iswarm_mj.utils.constraints import Above, Within
-from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj import (
+    Above,
+    Cleaning,
+    Command,
+    Quantity,
+    Strategy,
+    Within,
+    balls_on_floor,
+    draw_radii,
+    mm_from_rd,
+    place_robots,
+    update_balls,
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,7 @@ class Clusters(Cleaning):
     def lay_out(self, config, n_robots, rng, shared, cell):
         half = mm_from_rd(config.arena.size / 2 - 2)
         places = rng.uniform(-half, half, (config.arena.n_dust, 2))
-        balls = lying(config.gripper, places, draw_radii(config.arena, shared))
+        balls = balls_on_floor(config.gripper, places, draw_radii(config.arena, shared))
         return place_robots(config.arena, n_robots, rng, cell), balls
 
     def goal(self, config, n_robots):

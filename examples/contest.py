@@ -9,10 +9,7 @@ from typing import ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.tasks.base import Quantity
-from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
-from iswarm_mj.tasks.grasping import update_balls
+from iswarm_mj import Balls, Cleaning, Quantity, update_balls
 
 
 class Match(NamedTuple):
@@ -32,7 +29,7 @@ class Contest(Cleaning):
     }
 
     def lay_out(self, config, n_robots, rng, shared, cell):
-        poses, balls = CLEANING.lay_out(config, n_robots, rng, shared, cell)
+        poses, balls = super().lay_out(config, n_robots, rng, shared, cell)
         return poses, Match(balls, np.zeros(2, np.int32))
 
     def advance(self, state, inputs, key):
@@ -55,4 +52,4 @@ class Contest(Cleaning):
         return {"first": state.points[0], "second": state.points[1]}
 
     def areas(self, config, state):
-        return CLEANING.areas(config, state.balls)
+        return super().areas(config, state.balls)

@@ -12,11 +12,16 @@ from typing import Annotated, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.tasks.base import Quantity, Task, only
-from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.utils.constraints import Within
-from iswarm_mj.utils.obstacles import poses_of
-from iswarm_mj.utils.units import RD, mm_from_rd
+from iswarm_mj import (
+    RD,
+    Quantity,
+    Task,
+    Within,
+    mm_from_rd,
+    place_robots,
+    poses_of_boxes,
+    without_balls,
+)
 
 WALL, DOOR = 4.0, 2.8
 """Where wall and door are, along x [rd]."""
@@ -50,7 +55,7 @@ class Door(Task):
     def lay_out(self, config, n_robots, rng, shared, cell):
         poses = place_robots(config.arena, 4 * n_robots, rng, cell)
         before = poses[poses[:, 0] < mm_from_rd(DOOR) - 2 * RD][:n_robots]
-        boxes = poses_of(config.arena.boxes).astype(np.float32)
+        boxes = poses_of_boxes(config.arena.boxes).astype(np.float32)
         return before, Passage(np.int32(0), boxes, np.float32(0))
 
     def goal(self, config, n_robots):
@@ -60,7 +65,7 @@ class Door(Task):
         door = jnp.where(state.step >= self.opens, mm_from_rd(5.0), 0.0)
         through = (inputs.poses[:, 0] > mm_from_rd(WALL)) & inputs.is_present
         share = through.sum(dtype=jnp.float32) / inputs.is_present.sum()
-        return Passage(state.step + 1, state.boxes.at[0, 1].set(door), share), only(len(through))
+        return Passage(state.step + 1, state.boxes.at[0, 1].set(door), share), without_balls(len(through))
 
     def drive_boxes(self, state):
         return state.boxes

@@ -11,12 +11,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.base import Look, Quantity, Task, only
-from iswarm_mj.tasks.layout import free_cells, place_robots
-from iswarm_mj.utils.constraints import Within
-from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj import (
+    Command,
+    Look,
+    Quantity,
+    Strategy,
+    Task,
+    Within,
+    free_cells,
+    mm_from_rd,
+    place_robots,
+    without_balls,
+)
 
 
 class Floor(NamedTuple):
@@ -42,7 +48,7 @@ class Coverage(Task):
     def advance(self, state, inputs, key):
         apart = jnp.abs(inputs.poses[:, None, :2] - state.cells).max(axis=-1)  # cells are 1 rd wide
         seen = ((apart < 1.5) & inputs.is_present[:, None]).any(axis=0)
-        return state._replace(visited=state.visited | seen), only(len(inputs.poses))
+        return state._replace(visited=state.visited | seen), without_balls(len(inputs.poses))
 
     def progress(self, state):
         return jnp.floor(100 * state.visited.mean()).astype(jnp.int32)

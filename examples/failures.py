@@ -9,11 +9,7 @@ from typing import Annotated, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.tasks.base import Quantity
-from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
-from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.utils.constraints import Above, Within
+from iswarm_mj import Above, Balls, Cleaning, Quantity, Within, update_balls
 
 
 class Wear(NamedTuple):
@@ -35,7 +31,7 @@ class Failures(Cleaning):
     measured: ClassVar = {**Cleaning.measured, "failed": Quantity("robots that have failed")}
 
     def lay_out(self, config, n_robots, rng, shared, cell):
-        poses, balls = CLEANING.lay_out(config, n_robots, rng, shared, cell)
+        poses, balls = super().lay_out(config, n_robots, rng, shared, cell)
         fails_at = np.full(n_robots, np.inf, np.float32)
         chosen = rng.permutation(n_robots)[: round(self.share * n_robots)]
         fails_at[chosen] = rng.uniform(1, self.until, len(chosen))
@@ -52,14 +48,14 @@ class Failures(Cleaning):
         return state.balls
 
     def progress(self, state):
-        return CLEANING.progress(state.balls)
+        return super().progress(state.balls)
 
     def reward(self, before, after, inputs):
-        return CLEANING.reward(before.balls, after.balls, inputs)
+        return super().reward(before.balls, after.balls, inputs)
 
     def metrics(self, state):
         failed = (state.step >= state.fails_at).sum(dtype=jnp.int32)
-        return CLEANING.metrics(state.balls) | {"failed": failed}
+        return super().metrics(state.balls) | {"failed": failed}
 
     def areas(self, config, state):
-        return CLEANING.areas(config, state.balls)
+        return super().areas(config, state.balls)

@@ -11,13 +11,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.base import Quantity
-from iswarm_mj.tasks.cleaning import Cleaning
-from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.tasks.layout import lying, place_robots
-from iswarm_mj.utils.units import mm_from_rd
+from iswarm_mj import (
+    Cleaning,
+    Command,
+    Quantity,
+    Strategy,
+    balls_on_floor,
+    mm_from_rd,
+    place_robots,
+    update_balls,
+)
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,7 @@ class Sort(Cleaning):
         arena, half = config.arena, mm_from_rd(config.arena.inradius - 2)
         radii = np.where(np.arange(arena.n_dust) % 2, arena.ball_radius_max, arena.ball_radius_min)
         places = rng.uniform(-half, half, (arena.n_dust, 2))
-        return place_robots(arena, n_robots, rng, cell), lying(config.gripper, places, radii)
+        return place_robots(arena, n_robots, rng, cell), balls_on_floor(config.gripper, places, radii)
 
     def goal(self, config, n_robots):
         return None

@@ -14,9 +14,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from iswarm_mj.engines.robot_file import models_directory
-from iswarm_mj.tasks.aggregation import Aggregation, Spots
-from iswarm_mj.tasks.base import Quantity
+from iswarm_mj import Aggregation, Quantity, models_directory
 
 CHANGES = {
     'class="hull" size="1 1 0.5" mass="10"': 'class="hull" size="1.4 1.2 0.5" mass="17"',
@@ -52,7 +50,7 @@ class ByKind(Aggregation):
         is_bright = self.light(inputs.poses, state.east)[:, 0] > 0
         kinds = [inputs.is_present & (inputs.kind == kind) for kind in (0, 1)]
         shares = [(kind & is_bright).sum() / kind.sum() for kind in kinds]
-        return Spots(state.east, jnp.stack(shares).astype(jnp.float32)), sensed
+        return state._replace(shares=jnp.stack(shares).astype(jnp.float32)), sensed
 
     def metrics(self, state):
         return {"small": state.shares[0], "large": state.shares[1]}

@@ -4,7 +4,7 @@ import numpy as np
 
 from iswarm_mj.config import ArenaConfig
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.utils.obstacles import poses_of
+from iswarm_mj.utils.obstacles import poses_of_boxes
 from iswarm_mj.utils.units import RD
 
 ARENA = ArenaConfig(size=15, dump_size=3, dust_area_size=2, dust_area_offset=5.5, n_dust=2)
@@ -20,7 +20,7 @@ BOXES = (
 def placed(engine, robots, boxes):
     """Bodies of robots (B, N, 3) with the boxes of an arena."""
     robots = np.asarray(robots, float)
-    start = np.tile(poses_of(boxes), (len(robots), 1, 1))
+    start = np.tile(poses_of_boxes(boxes), (len(robots), 1, 1))
     return engine.place(np.concatenate([robots, start], axis=1), np.ones(robots.shape[:2], bool))
 
 

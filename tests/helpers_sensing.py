@@ -13,7 +13,7 @@ from iswarm_mj.sensors import links
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.occlusion import Circles
 from iswarm_mj.strategy.interface import Observation
-from iswarm_mj.tasks.layout import lying
+from iswarm_mj.tasks.layout import balls_on_floor
 from iswarm_mj.utils.units import RD
 
 RADIUS = 3.5 * RD
@@ -82,7 +82,7 @@ def lay(*positions, holders=None):
     """Balls of the median strength at `positions`; `holders` lists who holds each, None for nobody."""
     k = len(positions)
     holders = holders or [None] * k
-    balls = lying(GripperConfig(), np.array(positions, float), np.full(k, 20e-6))
+    balls = balls_on_floor(GripperConfig(), np.array(positions, float), np.full(k, 20e-6))
     held = np.array([h is not None for h in holders])
     holder = np.array([h or 0 for h in holders], np.int32)
     balls = balls._replace(is_held=held, holder=holder, was_picked=held)

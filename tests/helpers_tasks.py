@@ -11,7 +11,7 @@ from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.base import Look, Quantity, Task, only
+from iswarm_mj.tasks.base import Look, Quantity, Task, without_balls
 from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.constraints import Within
@@ -38,7 +38,7 @@ class Eastward(Task):
     def advance(self, state, inputs, key):
         gap = self.line - inputs.poses[:, 0]
         own = {"is_east": (gap < 0) & inputs.is_present, "steps": state["steps"] + 1}
-        return own, only(len(gap), gap=gap)
+        return own, without_balls(len(gap), gap=gap)
 
     def progress(self, state):
         return state["is_east"].sum(dtype=jnp.int32)

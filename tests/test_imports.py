@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 import iswarm_mj
 
 LAWS = ["adhesion", "detachment", "electrostatics", "probe_table"]
@@ -20,8 +22,9 @@ def loaded(code):
 
 
 def test_the_root_is_light():
-    found = loaded("import iswarm_mj; dir(iswarm_mj)")
-    assert {name for name in found if name.startswith("iswarm")} == {"iswarm_mj"}
+    found = loaded("import iswarm_mj; dir(iswarm_mj); iswarm_mj.envs; dir(iswarm_mj.gripper)")
+    packages = {"iswarm_mj", "iswarm_mj.envs", "iswarm_mj.gripper"}
+    assert {name for name in found if name.startswith("iswarm")} == packages
     assert not {"jax", "mujoco", "numpy", "pyarrow", "rerun", "numba"} & found
 
 
@@ -53,13 +56,12 @@ def test_simulation_does_without_the_bench_and_mjx():
 MODULES = sorted(Path(iswarm_mj.__file__).parent.rglob("*.py"))
 
 
-def test_it_offers_what_it_names():
-    """At run time, to type checkers and in `dir`, the same names from the same modules."""
-    (block,) = [node for node in ast.parse(Path(iswarm_mj.__file__).read_text()).body if isinstance(node, ast.If)]
-    typed = {
-        alias.name: node.module for node in ast.walk(block) if isinstance(node, ast.ImportFrom) for alias in node.names
-    }
-    assert sorted(typed) == sorted(iswarm_mj.__all__)
-    for name, module in typed.items():
-        assert getattr(iswarm_mj, name) is getattr(importlib.import_module(module), name)
-        assert name in dir(iswarm_mj)
+@pytest.mark.parametrize("package", ["iswarm_mj", "iswarm_mj.envs", "iswarm_mj.gripper"])
+def test_a_package_offers_what_its_stub_names(package):
+    """At run time, in `dir`, and to type checkers, for which a stub imports each name as itself."""
+    offering = importlib.import_module(package)
+    stub = ast.parse(Path(offering.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
+    imported = [alias for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names]
+    assert [alias.name for alias in imported if alias.asname != alias.name] == []
+    names = sorted(alias.name for alias in imported)
+    assert names == sorted(offering.__all__) == sorted(dir(offering))

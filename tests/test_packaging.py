@@ -25,8 +25,8 @@ MODELS = [p.relative_to(ROOT).as_posix() for p in (ROOT / "models").rglob("*") i
 FROM_ELSEWHERE = """
 import numpy as np
 import iswarm_mj
-from iswarm_mj.config import SwarmConfig
-from iswarm_mj.gripper.laws.probe_table import probe_factor
+from iswarm_mj import SwarmConfig
+from iswarm_mj.gripper import probe_factor
 from iswarm_mj.engines.arena import compile_arena
 print(iswarm_mj.__file__)
 print(len(compile_arena(SwarmConfig(), 2, np.array([20e-6]), visual=True).hull))
@@ -63,6 +63,9 @@ def wheel(sdist, tmp_path_factory):
 @pytest.mark.slow
 def test_both_archives_hold_the_data_unchanged(sdist, wheel):
     data = [
+        "__init__.pyi",
+        "envs/__init__.pyi",
+        "gripper/__init__.pyi",
         "gripper/laws/probe_table.csv",
         "py.typed",
         "experiments/report/topics.csv",

@@ -209,5 +209,8 @@ class TestSite:
     def test_figures_and_reference_are_there(self, site):
         assert list((site / "figures").rglob("*.png"))
         text = (site / "api.html").read_text(encoding="utf-8")
-        assert all(f'id="iswarm_mj.{name}"' in text for name in ("simulation.run.Run.advance", "output.saved.load"))
+        assert all(
+            f'id="iswarm_mj.{name}"' in text
+            for name in ("Run.advance", "load", "envs.single_env", "gripper.grasp_voltage")
+        )
         assert "Take the next control steps" in text

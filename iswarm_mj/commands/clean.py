@@ -49,11 +49,11 @@ class Clean(Swarm):
     def run(self) -> None:
         """Run the command."""
         planned = self.planned(self.record_worlds if self.record else ())
-        from iswarm_mj.workflows.clean import clean
+        from iswarm_mj.workflows.clean import run_swarm
 
         with locked(self.out):  # refused before anything is compiled
             pass
-        clean(self.run_of(planned), self.out, self.record_grasps)
+        run_swarm(self.run_of(planned), self.out, self.record_grasps)
 
     def planned(self, recorded: tuple[int, ...]) -> RunSettings:
         """Return the settings of the run, in which these worlds are recorded.

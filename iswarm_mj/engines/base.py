@@ -53,7 +53,7 @@ class Motion(NamedTuple):
 def find_lost(
     poses: Float[Array, "*B N 3"], is_present: Bool[Array, "*B N"], walls: Float[Array, "W 3"]
 ) -> tuple[Int[Array, "*B"], Int[Array, "*B"]]:
-    """Faults of poses that are not finite or not inside the walls, as bits of `FaultKind`, and the first robot.
+    """Return faults of poses that are not finite or beyond the walls, as bits of `FaultKind`, and the first robot.
 
     Args:
         poses: x, y [mm] and yaw [rad].
@@ -133,7 +133,7 @@ def take_phases(
     n_robots: int,
     take: Take,
 ) -> Motion:
-    """`Engine.move` by the steps of one phase after the other; a fault ends those of its world.
+    """Take the steps of one phase after the other, as `Engine.move` must; a fault ends those of its world.
 
     Args:
         bodies: a named tuple of arrays or None, the first axes those of worlds; has `poses` and `is_present`.

@@ -69,7 +69,7 @@ def _checked(engine: Any, maker: str, base: type, model: ModelSpec, robot: Robot
     """Return a user's engine as one that checks itself; it must derive from a base class and have the run's robots."""
     if engine is None or isinstance(engine, type):
         got = "None" if engine is None else f"the class {engine.__name__} itself"
-        raise UserError(f"{maker} must return an engine, see iswarm_mj.engines.base.Engine (got {got})")
+        raise UserError(f"{maker} must return an engine, see iswarm_mj.Engine (got {got})")
     check_base(engine, base, "an engine")
     name = type(engine).__name__
     with user_code(f"{name}.robot"):

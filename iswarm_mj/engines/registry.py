@@ -18,7 +18,7 @@ ENGINES: dict[str, type[EngineSettings]] = {
 }
 """Settings of each engine by its name."""
 
-OFFER = Offer("engine", "engines", "bytes_per_robot", "glide.py:Glide", "iswarm_mj.engines.settings")
+OFFER = Offer("engine", "engines", "bytes_per_robot", "glide.py:Glide", "iswarm_mj.EngineSettings")
 
 SETTINGS = tuple(dict.fromkeys(f.name for engine in ENGINES.values() for f in fields(engine)))
 """Names of all settings of these engines."""
@@ -47,7 +47,7 @@ def find_engine(name: str) -> type[EngineSettings]:
     """
     found = find(OFFER, name, ENGINES)
     if not (isinstance(found, type) and issubclass(found, EngineSettings) and hasattr(found, "name")):
-        raise UserError(f"engine {name} must be a subclass of EngineSettings with a name; see {OFFER.protocol}")
+        raise UserError(f"engine {name} must be a subclass of EngineSettings with a name; see {OFFER.base}")
     return found
 
 
@@ -67,7 +67,7 @@ def check_settings(settings: EngineSettings) -> None:
             check(f"{name}.{attribute}", value, allowed, allows(value))
     method = "host_engine" if settings.on_host else "compiled_engine"
     if getattr(own, method) is getattr(EngineSettings, method):
-        raise UserError(f"{name} has no method {method}, which makes the engine; see {OFFER.protocol}")
+        raise UserError(f"{name} has no method {method}, which makes the engine; see {OFFER.base}")
 
 
 def described() -> str:

@@ -1,53 +1,21 @@
 """Environments for learning: actions, observations and rewards of each robot, on every engine.
 
-`make_env` makes one of pure functions `reset` and `step`, in the style of MuJoCo Playground; `parallel_env` one for
-PettingZoo, `vector_env` and `single_env` ones for Gymnasium, which the extra `marl` installs.
+`iswarm_mj.make_env` makes one of pure functions `reset` and `step`, in the style of MuJoCo Playground; `parallel_env`
+one for PettingZoo, `vector_env` and `single_env` ones for Gymnasium, which the extra `marl` installs. The public names
+are those of `__init__.pyi`, imported when they are first used.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import lazy_loader
 
 from iswarm_mj.utils.environment import check_environment
 
-if TYPE_CHECKING:
-    from iswarm_mj.envs.core import State
-    from iswarm_mj.envs.env import Env
-    from iswarm_mj.envs.gymnasium import SwarmEnv as single_env
-    from iswarm_mj.envs.gymnasium import SwarmVectorEnv as vector_env
-    from iswarm_mj.envs.make import make_env
-    from iswarm_mj.envs.pettingzoo import SwarmParallelEnv as parallel_env
-    from iswarm_mj.envs.policy import PolicyStrategy
-    from iswarm_mj.envs.watch import EnvRecording, Pictures
-
-__all__ = [
-    "Env",
-    "EnvRecording",
-    "Pictures",
-    "PolicyStrategy",
-    "State",
-    "make_env",
-    "parallel_env",
-    "single_env",
-    "vector_env",
-]
-
-_HOMES = {
-    "Env": "env.Env",
-    "EnvRecording": "watch.EnvRecording",
-    "Pictures": "watch.Pictures",
-    "PolicyStrategy": "policy.PolicyStrategy",
-    "State": "core.State",
-    "make_env": "make.make_env",
-    "parallel_env": "pettingzoo.SwarmParallelEnv",
-    "single_env": "gymnasium.SwarmEnv",
-    "vector_env": "gymnasium.SwarmVectorEnv",
-}
+_import_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is asked for (PEP 562)."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    check_environment()
-    module, own = _HOMES[name].split(".")
-    return getattr(import_module(f"{__name__}.{module}"), own)
+    """Import a public name when it is first used, unless a variable of the environment would break its libraries."""
+    if name in __all__:
+        check_environment()
+    return _import_name(name)

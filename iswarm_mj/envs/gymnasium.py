@@ -219,6 +219,11 @@ class SwarmEnv(gymnasium.Env):
         self._one.close()
 
 
+single_env = SwarmEnv
+"""The environment of one world: `single_env(n_robots=20)`."""
+vector_env = SwarmVectorEnv
+"""The environment of many worlds: `vector_env(num_envs=64, n_robots=20)`."""
+
 # As `gymnasium.make("iswarm/Cleaning-v0", n_robots=20)`, once this module is imported.
 gymnasium.register(
     "iswarm/Cleaning-v0", entry_point=f"{__name__}:SwarmEnv", vector_entry_point=f"{__name__}:SwarmVectorEnv"

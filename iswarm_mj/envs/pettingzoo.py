@@ -89,3 +89,7 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     def _each(self, obs: np.ndarray) -> dict[str, np.ndarray]:
         return {agent: row.copy() for agent, row in zip(self.possible_agents, obs, strict=True)}
+
+
+parallel_env = SwarmParallelEnv
+"""The environment of one world, by the name that PettingZoo gives it: `parallel_env(n_robots=20)`."""

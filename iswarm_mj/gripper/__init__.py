@@ -1,1 +1,8 @@
-"""The electrostatic gripper: force laws, their plugins in MuJoCo, the bench of one ball, and balls in the swarm."""
+"""The electrostatic gripper: force laws, their plugins in MuJoCo, the bench of one ball, and balls in the swarm.
+
+The public names are those of `__init__.pyi`, imported when they are first used.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

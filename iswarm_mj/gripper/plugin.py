@@ -1,6 +1,8 @@
 """MuJoCo engine plugins of the gripper's forces; importing this module registers them.
 
-    import iswarm_mj.gripper.plugin
+    from iswarm_mj.gripper import register_plugins
+
+    register_plugins()
     model = mujoco.MjModel.from_xml_path("models/bench.xml")
 
 They are passive forces, compiled by Numba, and work in `mj_step`, in the viewer, and in the threads of
@@ -47,7 +49,13 @@ from iswarm_mj.utils.errors import UserError
 
 
 def state_index(model: mujoco.MjModel, instance: str, field: str) -> int:
-    """Index of an attribute or a result, see `ATTRIBUTES` and `COMPUTED`, of a plugin instance in `plugin_state`."""
+    """Return the place of an attribute or a result of a plugin instance in `MjData.plugin_state`.
+
+    Args:
+        model: has the instance.
+        instance: its name in the MJCF file.
+        field: one of `ATTRIBUTES` or `COMPUTED`; an error lists them.
+    """
     known = state_indices(model)
     if (instance, field) not in known:
         choices = ", ".join(f"{field} of {instance}" for instance, field in known)
@@ -86,3 +94,11 @@ def _register(plugin: str) -> int:
 
 SLOTS = {plugin: _register(plugin) for plugin in ATTRIBUTES}
 """Slots of the plugins in MuJoCo's registry."""
+
+
+def register_plugins() -> dict[str, int]:
+    """Register the plugins of the gripper's forces in MuJoCo, and return their slots in its registry.
+
+    The first import of this module registers them, since MuJoCo takes each plugin once; calls only return the slots.
+    """
+    return SLOTS

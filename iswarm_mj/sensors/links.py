@@ -116,7 +116,9 @@ def find_links(
     sends: Bool[np.ndarray, "B N"] | Float[np.ndarray, "B N"] | None = None,
     boxes: Float[np.ndarray, "B M 6"] | None = None,
 ) -> Links:
-    """Links of all robots: for each side the nearest senders in sight, of equally near ones that of lowest index first.
+    """Return the links of all robots: for each side the nearest senders in sight.
+
+    Of equally near senders that of lowest index comes first.
 
     Args:
         poses: x, y [mm] and yaw [rad].

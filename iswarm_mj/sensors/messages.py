@@ -61,7 +61,7 @@ class Payload:
                 rule = f"give it a name as of a variable, but not {' or '.join(RESERVED)}"
                 raise UserError(f"a field of a payload cannot be called {name!r}; {rule}")
             if not isinstance(field, Field):
-                kinds = f"{', '.join(KINDS)} (iswarm_mj.sensors.fields), as {_EXAMPLE}"
+                kinds = f"{', '.join(KINDS)} of iswarm_mj, as {_EXAMPLE}"
                 raise UserError(f"field {name!r} of a payload is {field!r}; make it one of {kinds}")
             if name == PRIORITY and not isinstance(field, Flag):
                 raise UserError(f"field {name!r} of a payload is {field}; make it a Flag, or give it another name")

@@ -23,7 +23,7 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.base import Task, balls_of
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.obstacles import poses_of
+from iswarm_mj.utils.obstacles import poses_of_boxes
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robots
 
@@ -112,7 +112,7 @@ def first_state(setup: Setup, first: Any = (None, None)) -> tuple[Float[np.ndarr
     )
     nothing = zeros_of(WorldState, B=(n_worlds,), K=setup.robot.most_partners, N=capacity)
     state = WorldState(bodies=None, swarm=swarm, fault=Fault(**zeros_of(Fault, B=(n_worlds,))), **nothing)
-    boxes = np.stack([poses_of(start.boxes or ()) for start in starts])
+    boxes = np.stack([poses_of_boxes(start.boxes or ()) for start in starts])
     return np.concatenate([_padded([start.poses for start in starts], capacity), boxes], axis=1), state
 
 

@@ -32,8 +32,8 @@ class Offer(NamedTuple):
     """That only such classes have."""
     example: str
     """How a class in a file is named."""
-    protocol: str
-    """Module that says what it has to be."""
+    base: str
+    """Public name of the class that documents its methods."""
 
     @property
     def group(self) -> str:
@@ -46,8 +46,8 @@ class Offer(NamedTuple):
         return f"FILE.py:CLASS, as {self.example}"
 
 
-STRATEGIES = Offer("strategy", "strategies", "act", "walk.py:Walk", "iswarm_mj.strategy.base")
-TASKS = Offer("task", "tasks", "lay_out", "gather.py:Gather", "iswarm_mj.tasks.base")
+STRATEGIES = Offer("strategy", "strategies", "act", "walk.py:Walk", "iswarm_mj.Strategy")
+TASKS = Offer("task", "tasks", "lay_out", "gather.py:Gather", "iswarm_mj.Task")
 
 
 def find_strategy(name: str) -> Any:
@@ -133,7 +133,7 @@ def _of_file(offer: Offer, path: Path, name: str) -> Any:
         there = listed if classes else f"it has no class with a method {offer.method}"
         raise UserError(f"{fact}; {there}; write {path}:{classes[0] if classes else 'CLASS'}")
     if not (isinstance(found, type) or is_dataclass(found) or makes_strategies(found)):
-        raise UserError(f"{path}:{name} is a {type(found).__name__}; name a class, see {offer.protocol}")
+        raise UserError(f"{path}:{name} is a {type(found).__name__}; name a class, see {offer.base}")
     return found
 
 

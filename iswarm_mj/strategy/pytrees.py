@@ -31,7 +31,7 @@ def check_methods(given: Any) -> None:
     if overrides(cls, Strategy, "say") and not declares:
         raise UserError(
             f"{cls.__name__} has a method say, but no attribute payload; declare what it says, as "
-            'payload = {"count": Integer(bits=4)} with iswarm_mj.sensors.fields'
+            'payload = {"count": Integer(bits=4)} with iswarm_mj.Integer'
         )
     if declares and not overrides(cls, Strategy, "say"):
         raise UserError(f"{cls.__name__} has an attribute payload, but no method say; write one, see Strategy.say")

@@ -17,7 +17,7 @@ from jaxtyping import Float, Int
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs, only
+from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs, without_balls
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.constraints import Above, Within, validate
@@ -97,7 +97,7 @@ class Aggregation(Task):
         shares = inside.sum(axis=0) / inputs.is_present.sum()
         error = 1.0 + self.error_light * jax.random.normal(key, (n_robots,))
         seen = jnp.clip(light.sum(axis=1) * error, 0.0, 2.0)
-        return Spots(state.east, shares.astype(jnp.float32)), only(n_robots, light=seen)
+        return Spots(state.east, shares.astype(jnp.float32)), without_balls(n_robots, light=seen)
 
     def progress(self, state: Spots) -> Int[Array, ""]:
         """Percent of the robots in the brighter spot."""

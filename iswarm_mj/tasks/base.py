@@ -115,7 +115,7 @@ class Sensed(NamedTuple):
     """Of each of `Task.senses`, an array whose first axis is that of the robots."""
 
 
-def only(n_robots: int, **own: Array) -> Sensed:
+def without_balls(n_robots: int, **own: Array) -> Sensed:
     """Return what robots sense of a task without balls and dump: these quantities alone."""
     no, zero = jnp.zeros(n_robots, bool), jnp.zeros(n_robots)
     return Sensed(no, jnp.zeros((n_robots, 2)), no, no, no, no, zero, own)

@@ -13,7 +13,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs
 from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.tasks.layout import draw_radii, lying, place_balls, place_robots
+from iswarm_mj.tasks.layout import balls_on_floor, draw_radii, place_balls, place_robots
 from iswarm_mj.tasks.measures import BROUGHT_HOME, PICKED, Measures, fitness
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
@@ -41,7 +41,7 @@ class Cleaning(Task):
         radii = draw_radii(config.arena, shared)
         poses = place_robots(config.arena, n_robots, rng, cell)
         position = place_balls(config.arena, rng)
-        return poses, lying(config.gripper, position, radii)
+        return poses, balls_on_floor(config.gripper, position, radii)
 
     def goal(self, config: SwarmConfig, n_robots: int) -> int:
         """All balls."""

@@ -17,7 +17,7 @@ from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.vectors import after_motion, learnt
 from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs
 from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.tasks.layout import draw_radii, lying, place_robots
+from iswarm_mj.tasks.layout import balls_on_floor, draw_radii, place_robots
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Above, Within, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -82,7 +82,7 @@ class Foraging(Task):
         limits = np.array(mm_from_rd(np.array([min(nearest, farthest), farthest])), np.float32)
         centres, spread = self._places(limits, arena.n_dust, jax.random.key(rng.integers(2**32)))
         position = np.asarray(centres[np.arange(arena.n_dust) % self.sources] + spread)
-        items = lying(config.gripper, position, draw_radii(arena, shared))
+        items = balls_on_floor(config.gripper, position, draw_radii(arena, shared))
         none, zero = np.zeros(arena.n_dust, bool), np.zeros((), np.int32)
         return poses, Sources(items, np.asarray(centres), limits, none, zero, zero, zero.astype(np.float32))
 

@@ -14,7 +14,7 @@ from iswarm_mj.utils.units import mm_from_rd
 
 
 def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, Sensed]:
-    """Carry, release and pick up balls as the forces of the grippers decide; and what robots sense of dust and dump.
+    """Carry, release and pick up balls as the forces of the grippers decide; return what robots sense, too.
 
     Args:
         balls: from the step before.

@@ -18,9 +18,9 @@ from iswarm_mj.utils.walls import beyond, in_mm
 
 @lru_cache(maxsize=16)
 def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
-    """Centres (C, 2) of the cells of this width [rd] outside the dump [mm], read-only; 2376 in the paper's arena.
+    """Return the centres (C, 2) of the cells of this width [rd] outside the dump [mm], read-only.
 
-    A robot in a cell touches neither a wall nor an obstacle or a box at any heading.
+    The paper's arena has 2376. A robot in a cell touches neither a wall nor an obstacle or a box at any heading.
 
     Raises:
         ConfigError: obstacles and boxes leave no cell.
@@ -51,7 +51,7 @@ def cell_of(robot: Robots) -> float:
 
 
 def robots_for(arena: ArenaConfig, density: float, name: str = "density") -> int:
-    """Number of robots that covers a share `density` of the free cells; 0.118 gives 280, 0.132 gives 314.
+    """Return the number of robots that covers a share `density` of the free cells: 280 for 0.118, 314 for 0.132.
 
     Args:
         arena: sizes of the arena and of the dump.
@@ -74,7 +74,20 @@ def check_robots(arena: ArenaConfig, n_robots: int, cell: float = 1.0) -> None:
 
 
 def place_robots(arena: ArenaConfig, n_robots: int, rng: np.random.Generator, cell: float = 1.0) -> np.ndarray:
-    """Start poses (N, 3) x, y [mm], yaw [rad]: on distinct free cells of this width [rd], at random headings."""
+    """Return poses (N, 3) at which robots start, each on a free cell of its own and at a random heading.
+
+    Args:
+        arena: walls, dump, obstacles and boxes, which the robots do not touch.
+        n_robots: N.
+        rng: draws cells and headings.
+        cell: width of a cell, the argument `cell` of `Task.lay_out` [rd].
+
+    Returns:
+        x, y [mm] and yaw [rad].
+
+    Raises:
+        ConfigError: the arena has no room for so many.
+    """
     check_robots(arena, n_robots, cell)
     cells = free_cells(arena, cell)
     xy = cells[rng.choice(len(cells), n_robots, replace=False)]
@@ -97,17 +110,17 @@ def place_balls(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
 
 
 def draw_radii(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
-    """Radii (K,) of the balls, uniform between the limits [m]."""
+    """Return radii (K,) of the balls, drawn uniformly between the limits of the arena's settings [m]."""
     return rng.uniform(arena.ball_radius_min, arena.ball_radius_max, arena.n_dust)
 
 
-def lying(gripper: GripperConfig, position: Float[np.ndarray, "K 2"], radius: Float[np.ndarray, "K"]) -> Balls:
-    """Balls that lie on the floor and stick alike; how strongly is drawn in each attempt.
+def balls_on_floor(gripper: GripperConfig, position: Float[np.ndarray, "K 2"], radius: Float[np.ndarray, "K"]) -> Balls:
+    """Return balls that lie on the floor and all stick alike; each attempt draws how strongly.
 
     Args:
         gripper: median works of adhesion at 10 % RH, and the humidity.
-        position: of the balls [mm].
-        radius: of the balls [m].
+        position: where the balls lie [mm].
+        radius: radii of the balls [m].
     """
     factor = float(humidity_factor(gripper.relative_humidity))
     return Balls(**zeros_of(Balls, K=len(radius)))._replace(
@@ -120,4 +133,4 @@ def lying(gripper: GripperConfig, position: Float[np.ndarray, "K 2"], radius: Fl
 
 def no_balls() -> Balls:
     """No balls at all, for tasks without."""
-    return lying(GripperConfig(), np.zeros((0, 2)), np.zeros(0))
+    return balls_on_floor(GripperConfig(), np.zeros((0, 2)), np.zeros(0))

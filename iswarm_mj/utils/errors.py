@@ -26,7 +26,7 @@ def shown(value: Any) -> str:
 
 
 class UserError(Exception):
-    """Bad input.
+    """An input is not allowed.
 
     The message is one sentence that states what must hold, what was given, and the remedy. The command line prints
     it and exits with code 2.

@@ -72,7 +72,7 @@ LIGHTEST, HEAVIEST, ROUGHEST = 1e-8, 1e-2, 10.0
 differ by more than a thousandfold are solved slowly."""
 
 
-def poses_of(boxes: Sequence[Box]) -> Float[np.ndarray, "M 3"]:
+def poses_of_boxes(boxes: Sequence[Box]) -> Float[np.ndarray, "M 3"]:
     """Return where boxes start: x, y [mm] and yaw [rad]."""
     each = np.array(boxes, float).reshape(-1, len(OF_BOX))
     return np.column_stack([each[:, :2] * RD, np.deg2rad(each[:, 4])])

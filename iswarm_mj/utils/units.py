@@ -18,11 +18,11 @@ MM = 1e-3
 """One arena length unit [m]."""
 
 RD = ROBOT_DIAMETER / MM
-"""One robot diameter in arena length units [mm]."""
+"""One robot diameter [mm]."""
 
 
 def mm_from_rd(length: Any) -> Any:
-    """Length in arena units [mm] from one in robot diameters [rd]."""
+    """Return a length in mm, the unit of the arena, from one in robot diameters [rd]."""
     return length * RD
 
 

@@ -25,8 +25,8 @@ MAX_LISTED = 10
 """Worlds whose numbers the summary lists; of more it states averages and ranges."""
 
 
-def clean(run: Run, out: Path, grasps: int = 0) -> dict[str, Any]:
-    """Run the swarm, write its results into `out`, print a summary; return the content of result.json.
+def run_swarm(run: Run, out: Path, grasps: int = 0) -> dict[str, Any]:
+    """Take a run to its end, write its results into `out`, print a summary; return the content of result.json.
 
     From the start on, result.json is that of this run: until it has ended, it says "interrupted": true, and if an
     exception or a signal ends the run, it and the files of recorded worlds contain what there was.

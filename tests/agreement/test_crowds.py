@@ -27,7 +27,7 @@ from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import cell_of, place_robots
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.obstacles import corners, numbers, poses_of
+from iswarm_mj.utils.obstacles import corners, numbers, poses_of_boxes
 from iswarm_mj.utils.units import RD
 from iswarm_mj.utils.walls import beyond, in_mm
 
@@ -70,7 +70,7 @@ def starts(config, file, rng):
     """
     poses = np.stack([place_robots(config.arena, N, rng, cell_of(read_robots(file))) for _ in range(B)])
     poses[..., :2] += rng.uniform(-0.02, 0.02, (B, N, 2))
-    boxes = np.tile(poses_of(config.arena.boxes), (B, 1, 1))
+    boxes = np.tile(poses_of_boxes(config.arena.boxes), (B, 1, 1))
     poses[:, ABSENT, :2] = poses[:, [8, 9, 10], :2] + 0.5
     if config.arena.boxes:
         fixed = numbers(config.arena.obstacles, RD)[:, :2]

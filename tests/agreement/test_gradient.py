@@ -27,7 +27,7 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.utils.obstacles import poses_of
+from iswarm_mj.utils.obstacles import poses_of_boxes
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.units import RD
 
@@ -123,7 +123,7 @@ def test_with_contacts_it_agrees_with_differences(double):
 def test_of_boxes_that_are_pushed_it_agrees_with_differences():
     """Friction lets go of one of them, which goes with its robot; in single precision."""
     config = replace(SMALL, arena=replace(SMALL.arena, boxes=BOXES))
-    engine, start = MjxEngine(compile_mjx_arena(config, 2, "jax", 1), config, is_masked=False), poses_of(BOXES)
+    engine, start = MjxEngine(compile_mjx_arena(config, 2, "jax", 1), config, is_masked=False), poses_of_boxes(BOXES)
     poses = jnp.asarray(np.concatenate([start - [start[0, 0] + RD / 2 + 0.95, 0, 0], start]), jnp.float32)
 
     def ends(speed):

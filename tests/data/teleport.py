@@ -6,12 +6,19 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from iswarm_mj.engines.base import Engine, Motion, Phase, Sight, find_lost
-from iswarm_mj.engines.robot_file import read_robots
-from iswarm_mj.engines.settings import EngineSettings, ModelSpec
-from iswarm_mj.sensors.links import Links
-from iswarm_mj.utils.constraints import Within
-from iswarm_mj.utils.walls import in_mm
+from iswarm_mj import (
+    RD,
+    Engine,
+    EngineSettings,
+    Links,
+    ModelSpec,
+    Motion,
+    Phase,
+    Sight,
+    Within,
+    find_lost,
+    read_robots,
+)
 
 
 class Places(NamedTuple):
@@ -23,7 +30,8 @@ class Teleport(Engine):
 
     def __init__(self, model: ModelSpec, far: float):
         self.robot, self._far = read_robots(model.robot_file), far
-        self._timestep, self._walls = model.config.drive.timestep, in_mm(model.config.arena.walls)
+        self._timestep = model.config.drive.timestep
+        self._walls = model.config.arena.walls * [1, 1, RD]  # normals, and distances from the centre in mm
 
     def place(self, poses: Any, is_present: Any) -> Places:
         return Places(np.array(poses, float))

@@ -194,6 +194,6 @@ class TestMistakes:
 
     @pytest.mark.parametrize("package", ["pettingzoo", "gymnasium"])
     def test_a_package_that_is_missing(self, package):
-        code = f"import sys; sys.modules['{package}'] = None\nfrom iswarm_mj.envs import make_env, parallel_env"
+        code = f"import sys; sys.modules['{package}'] = None\nfrom iswarm_mj.envs import parallel_env"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert f"UserError: this environment needs {package}; run pip install 'iswarm-mj[marl]'" in done.stderr

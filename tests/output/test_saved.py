@@ -11,7 +11,7 @@ from helpers_worlds import centres
 
 import iswarm_mj
 from iswarm_mj import PRESETS, PlanarSettings, Run
-from iswarm_mj.workflows.clean import clean
+from iswarm_mj.workflows.clean import run_swarm
 
 
 def cleaned(run, out):
@@ -23,7 +23,7 @@ def cleaned(run, out):
         return records[-1]
 
     run.advance = advance_and_keep
-    clean(run, out)
+    run_swarm(run, out)
     return jax.tree.map(lambda *parts: np.concatenate(parts), *records)
 
 

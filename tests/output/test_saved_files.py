@@ -16,7 +16,7 @@ from iswarm_mj.output.saved import restored
 from iswarm_mj.output.stage import recorded
 from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.workflows.clean import clean
+from iswarm_mj.workflows.clean import run_swarm
 
 MADE = []
 
@@ -38,7 +38,7 @@ def small_run(small, tmp_path_factory):
     run = run_of(small, n_worlds=3, steps=60, seed=6, stop_at=1, failed_fraction=0.2, record_worlds=(1, 0))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("iswarm_mj.output.rerun_attempts.AttemptView", Attempts)
-        clean(run, out, grasps=9)
+        run_swarm(run, out, grasps=9)
     return out
 
 

@@ -12,7 +12,7 @@ import iswarm_mj
 from iswarm_mj.output.rerun_entities import SHOWN, UNITS
 from iswarm_mj.output.schema import ARRAYS, axes_of, dtype_of
 from iswarm_mj.output.trajectory import RECORDING, TRAJECTORY
-from iswarm_mj.workflows.clean import clean
+from iswarm_mj.workflows.clean import run_swarm
 
 DOCS = Path(__file__).parents[2] / "docs" / "files.md"
 TABLE = {("T", "N"): "robots", ("T", "K"): "balls", ("T", "M"): "boxes", ("T", "N", "S"): "links", ("T",): "steps"}
@@ -24,7 +24,7 @@ def done(small, tmp_path_factory):
     out = tmp_path_factory.mktemp("run")
     box = 0.0, 4.0, 0.5, 0.7, 10.0, 1e-5, 0.01
     run = run_of(replace(small, arena=replace(small.arena, boxes=(box,))), steps=12)
-    clean(run, out)
+    run_swarm(run, out)
     return np.load(out / TRAJECTORY), iswarm_mj.load(out), read(out / RECORDING)
 
 

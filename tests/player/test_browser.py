@@ -33,7 +33,7 @@ from iswarm_mj.player.film import Film
 from iswarm_mj.player.replay import write_replay
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.workflows.clean import clean
+from iswarm_mj.workflows.clean import run_swarm
 
 sync_api = pytest.importorskip("playwright.sync_api")
 CHROMIUM = shutil.which("chromium")
@@ -153,7 +153,7 @@ def test_the_command_ends_with_ctrl_c(browser):
 
 
 def test_a_replay_has_the_same_light_in_every_loop(browser, tmp_path):
-    clean(Run(CONFIG, settings=RunSettings(20, 8, 3), engine=PlanarSettings()), tmp_path)
+    run_swarm(Run(CONFIG, settings=RunSettings(20, 8, 3), engine=PlanarSettings()), tmp_path)
     write_replay(load(tmp_path), Film(speed=8.0), tmp_path / "page.html")
     page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
     page.goto(f"file://{tmp_path}/page.html")

@@ -38,7 +38,7 @@ from iswarm_mj.player.replay import swarm_film, write_replay
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.workflows.clean import clean
+from iswarm_mj.workflows.clean import run_swarm
 
 SECONDS = 120
 CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
@@ -151,7 +151,7 @@ def test_the_bench_draws_the_curve_of_its_sliders_and_a_trial(played):
 def run(tmp_path_factory):
     out = tmp_path_factory.mktemp("run")
     settings = RunSettings(20, 12, 3)
-    clean(Run(CONFIG, settings=settings, engine=PlanarSettings()), out)
+    run_swarm(Run(CONFIG, settings=settings, engine=PlanarSettings()), out)
     return load(out)
 
 

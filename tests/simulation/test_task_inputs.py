@@ -11,7 +11,7 @@ from iswarm_mj.config import ArenaConfig, DriveConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.tasks.base import Quantity, Task, only
+from iswarm_mj.tasks.base import Quantity, Task, without_balls
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.units import RD
 
@@ -52,7 +52,7 @@ class Coverage(Task):
         edge = inputs.arena.size * RD
         row, column = jnp.floor((inputs.poses[:, :2] / edge + 0.5) * CELLS).astype(int).T
         state = state[0].at[row, column].set(True), seen(inputs)
-        return state, only(len(row))
+        return state, without_balls(len(row))
 
     def progress(self, state):
         return state[0].sum(dtype=jnp.int32)

@@ -12,7 +12,7 @@ from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.strategy.base import Strategy, StrategyFactory, makes_strategies, overrides
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import check_methods
-from iswarm_mj.tasks.base import Quantity, Task, has_balls, is_scored, only
+from iswarm_mj.tasks.base import Quantity, Task, has_balls, is_scored, without_balls
 from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.signatures import check_methods as check_task_methods
 from iswarm_mj.utils.errors import UserError
@@ -34,7 +34,7 @@ class Gather(Task):
         return np.zeros((n_robots, 3)), ()
 
     def advance(self, state, inputs, key):
-        return state, only(len(inputs.poses))
+        return state, without_balls(len(inputs.poses))
 
 
 def mine(base=Walk, **methods):

@@ -183,9 +183,9 @@ def test_sizes(shares, n_robots, sizes):
 
 def test_a_swarm_of_two_teams_is_recorded_by_team(tmp_path):
     run = Run(SMALL, TEAMS, RunSettings(10, 12), PlanarSettings(1))
-    from iswarm_mj.workflows.clean import clean
+    from iswarm_mj.workflows.clean import run_swarm
 
-    clean(run, tmp_path)
+    run_swarm(run, tmp_path)
     saved = iswarm_mj.load(tmp_path)
     assert (saved.scene.team_names, saved.scene.team_sizes) == (("count", "loud"), (7, 3))
     table = saved.robots.filter(saved.robots["step"].to_numpy() == 12)

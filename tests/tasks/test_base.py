@@ -20,7 +20,7 @@ from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.workflows.clean import clean
+from iswarm_mj.workflows.clean import run_swarm
 
 ENGINES = [PlanarSettings(1), PlanarSettings(impl="warp", chunk=4)]
 N = 6
@@ -175,7 +175,7 @@ class TestFiles:
     def saved(small, tmp_path_factory):
         out = tmp_path_factory.mktemp("run")
         run = run_of(small, PlanarSettings(1), record_worlds=(0, 1))
-        clean(run, out)
+        run_swarm(run, out)
         return out, load(out)
 
     def test_result(self, saved):
@@ -190,7 +190,7 @@ class TestFiles:
             measured: ClassVar = {**Eastward.measured, "steps": Quantity("taken", "steps")}
 
         run = run_of(small, PlanarSettings(1), Counted(2.0))
-        clean(run, tmp_path)
+        run_swarm(run, tmp_path)
         text = capsys.readouterr().out
         assert "       steps  12, 12 steps\n" in text and "       share  0" in text
         assert "       steps  12, 12 steps\n" in inspection(tmp_path)

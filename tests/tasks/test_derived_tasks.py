@@ -23,7 +23,7 @@ from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.utils.obstacles import poses_of
+from iswarm_mj.utils.obstacles import poses_of_boxes
 
 N = 6
 CONFIG = SwarmConfig(
@@ -65,7 +65,7 @@ class Gated(Cleaning):
     def lay_out(self, config, n_robots, rng, shared, cell):
         poses, balls = CLEANING.lay_out(config, n_robots, rng, shared, cell)
         nothing = np.zeros((), np.float32)
-        return poses, Gates(balls, poses_of(config.arena.boxes).astype(np.float32), nothing, nothing)
+        return poses, Gates(balls, poses_of_boxes(config.arena.boxes).astype(np.float32), nothing, nothing)
 
     def advance(self, state: Gates, inputs: Any, key: Any):
         balls, sensed = update_balls(state.balls, inputs, key)

@@ -22,10 +22,10 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Beeclust
-from iswarm_mj.tasks.base import Quantity, Task, only
+from iswarm_mj.tasks.base import Quantity, Task, without_balls
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.obstacles import numbers, overlap, poses_of
+from iswarm_mj.utils.obstacles import numbers, overlap, poses_of_boxes
 from iswarm_mj.utils.units import RD
 
 N, STEPS, WORLDS = 12, 6, 2
@@ -45,14 +45,14 @@ class Lift(Task):
         return [one, (-4, rng.uniform(-4, 4), 0.6, 0.4, 45, 1e-5, 0.01)]
 
     def lay_out(self, config, n_robots, rng, shared, cell):
-        boxes = poses_of(config.arena.boxes).astype(np.float32)
+        boxes = poses_of_boxes(config.arena.boxes).astype(np.float32)
         return place_robots(config.arena, n_robots, rng, cell), boxes
 
     def goal(self, config, n_robots):
         return None
 
     def advance(self, state, inputs, key):
-        return inputs.boxes, only(len(inputs.poses), light=jnp.zeros(len(inputs.poses)))
+        return inputs.boxes, without_balls(len(inputs.poses), light=jnp.zeros(len(inputs.poses)))
 
     def drive_boxes(self, state):
         return jnp.array([[-20.0, -20.0, 9.0], [jnp.nan, 0, jnp.inf]])
@@ -85,16 +85,16 @@ def test_a_driven_box_pushes_and_is_not_pushed(name):
     robots = np.float32([[9.0, -9.0, 0.0], [-3 * RD + 3.0, 4.0 * RD, np.pi]])
     phase = Phase(20, lambda poses: jnp.float32([[0.0, 0, 0], [-2.4, 0, 0]]) + 0 * poses, velocity)
     if name == "mjx":
-        start, present = np.concatenate([robots, np.float32(poses_of(boxes))]), jnp.ones(2, bool)
+        start, present = np.concatenate([robots, np.float32(poses_of_boxes(boxes))]), jnp.ones(2, bool)
         move = jax.jit(lambda start: engine.move(engine.place(start, present), [phase], jnp.bool_(True)))
         poses = np.asarray(move(start).bodies.poses)
     else:
         one = phase._replace(velocity=lambda poses: np.asarray(phase.velocity(poses)), boxes=velocity[None])
         poses = engine.move(placed(engine, robots[None], boxes), [one], np.ones(1, bool)).bodies.poses[0]
-    np.testing.assert_allclose(poses[2] - poses_of(boxes)[0], [4.0, 0, 0], atol=0.02)
+    np.testing.assert_allclose(poses[2] - poses_of_boxes(boxes)[0], [4.0, 0, 0], atol=0.02)
     edge = poses[2, 0] + RD / 2
     assert poses[1, 0] > edge + 0.7 and robots[1, 0] < edge  # the second robot was pushed back
-    assert poses[3, 0] > edge and poses_of(boxes)[1, 0] - 0.56 * RD < edge
+    assert poses[3, 0] > edge and poses_of_boxes(boxes)[1, 0] - 0.56 * RD < edge
 
 
 def test_a_run():
@@ -105,7 +105,7 @@ def test_a_run():
     start = run.start.boxes[0]
     assert not run.faults and np.abs(start[0] - start[1])[:, 1].min() > 0.1 and len(run.config.arena.boxes) == 2
     for world in range(WORLDS):
-        np.testing.assert_allclose(poses_of(run.starts[world].boxes), start[world], atol=1e-5)
+        np.testing.assert_allclose(poses_of_boxes(run.starts[world].boxes), start[world], atol=1e-5)
         hulls = np.column_stack([run.start.poses[0, world][:, :2], np.ones(N), np.zeros((N, 1)), np.ones((N, 2))])
         for box in numbers(run.starts[world].boxes, RD):
             assert not overlap(hulls, np.broadcast_to(box, hulls.shape)).any()

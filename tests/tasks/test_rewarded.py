@@ -13,7 +13,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.tasks.base import Quantity, Task, only
+from iswarm_mj.tasks.base import Quantity, Task, without_balls
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.tasks.rewarded import REWARD, Earned, rewarded
 from iswarm_mj.workflows.rollout import rollout
@@ -40,7 +40,7 @@ class Eastwards(Task):
         return None
 
     def advance(self, state, inputs, key):
-        return Seen(inputs.poses[:, 0], state.step + 1), only(len(inputs.poses))
+        return Seen(inputs.poses[:, 0], state.step + 1), without_balls(len(inputs.poses))
 
     def survives(self, state):
         return (jnp.arange(len(state.x)) != 2) | (state.step < 5)

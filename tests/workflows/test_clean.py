@@ -18,7 +18,7 @@ from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows import clean as workflow
-from iswarm_mj.workflows.clean import _save, clean, summary
+from iswarm_mj.workflows.clean import _save, run_swarm, summary
 
 STEPS = BLOCK + 6
 
@@ -32,7 +32,7 @@ def run_to(config, record=True, steps=STEPS, **settings):
 
 def run_clean(config, out, **settings):
     run = run_to(config, **settings)
-    return clean(run, out)
+    return run_swarm(run, out)
 
 
 @pytest.fixture(scope="module")
@@ -155,7 +155,7 @@ def test_a_further_world_has_its_directory_for_itself(small, tmp_path, monkeypat
         advance(*given)
 
     monkeypatch.setattr(workflow, "_advance", other_run)
-    clean(run_of(small, steps=1, n_worlds=2, record_worlds=(0, 1)), out)
+    run_swarm(run_of(small, steps=1, n_worlds=2, record_worlds=(0, 1)), out)
     assert refused == [True]
     assert sorted(path.name for path in (out / "world-1").iterdir()) == ["clean.rrd", "trajectory.npz"]
 
@@ -186,7 +186,7 @@ class TestFaults:
         run = run_to(small)
         spoil(run, self.STEP, world=0, robot=5)
         with pytest.raises(SimulationFault, match=r"^step 66, world 0: robot 5 left the arena; ") as raised:
-            clean(run, tmp_path)
+            run_swarm(run, tmp_path)
         assert sorted(path.name for path in tmp_path.iterdir()) == ["clean.rrd", "result.json", "trajectory.npz"]
         content = json.loads((tmp_path / "result.json").read_text())
         assert content["faults"] == [str(raised.value)] and content["steps"] == self.STEP

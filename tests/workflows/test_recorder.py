@@ -14,7 +14,7 @@ from iswarm_mj.output.frames import BLOCK, RecordedWorld
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows import recorder
-from iswarm_mj.workflows.clean import clean
+from iswarm_mj.workflows.clean import run_swarm
 
 STEPS, SCOUTS = 110, Genome(fraction_scouts=1.0)
 """Scouts lift no balls, so that a run of them takes all its steps."""
@@ -31,7 +31,7 @@ def test_blocks_grow_with_the_run_up_to_some_frames_and_bytes(
     for name, value in limits.items():
         monkeypatch.setattr(recorder, name, value)
     monkeypatch.setattr(recorder, "give_back", lambda: given_back.append(1))
-    clean(run, tmp_path)
+    run_swarm(run, tmp_path)
     chunks = RrdReader(tmp_path / "clean.rrd").stream().to_chunks()
     rows = [len(c.to_record_batch()) for c in chunks if c.entity_path == "/world/robots/body" and not c.is_static]
     assert sum(rows) == run.step + 1 == STEPS + 1 and max(rows) == largest and rows.count(2) >= 16

@@ -20,7 +20,7 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import ROBOT_DIAMETER
-from iswarm_mj.workflows.clean import clean
+from iswarm_mj.workflows.clean import run_swarm
 
 OBSERVED = 6
 """Runs of each kind that are looked at: trajectories of types; overlaps and times of time steps, with the planar engine
@@ -50,7 +50,7 @@ def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
         directory = out / f"{row['type']}-{row['repeat']}"
         settings = RunSettings(row["n_robots"], row["max_steps"], row["seed"], stop_at=plan.goal)
         with redirect_stdout(io.StringIO()):
-            clean(Run(plan.config, PRESETS[row["type"]], settings), directory)
+            run_swarm(Run(plan.config, PRESETS[row["type"]], settings), directory)
         frames = load(directory).arrays
         row["aggregation"] = aggregation(frames)
         if row["repeat"] == 0:

@@ -96,7 +96,7 @@ def thinned(trace: Trace, limit: int) -> Trace:
 def trace_trial(
     trial: Trial, protocol: Protocol, voltage: float | None, gap: float, timestep: float | None = None
 ) -> Trace:
-    """Trace of a trial from the approach to a ball that rests again.
+    """Return the trace of a trial, from the approach to a ball that rests again.
 
     Args:
         trial: the ball.

@@ -10,7 +10,7 @@ from iswarm_mj.utils.arrays import Quantity, array_module
 
 
 def jkr_pull_off(radius: Quantity, work: Quantity) -> Quantity:
-    """Pull-off force of a compliant contact, F = 3/2 pi R W.
+    """Return the pull-off force of a compliant contact, F = 3/2 pi R W.
 
     Source: Johnson, Kendall, Roberts 1971; lower bound of Eq. 1. Valid for a Tabor parameter
     above about 5.
@@ -19,7 +19,7 @@ def jkr_pull_off(radius: Quantity, work: Quantity) -> Quantity:
 
 
 def dmt_pull_off(radius: Quantity, work: Quantity) -> Quantity:
-    """Pull-off force of a stiff contact, F = 2 pi R W.
+    """Return the pull-off force of a stiff contact, F = 2 pi R W.
 
     Source: Derjaguin, Muller, Toporov 1975; upper bound of Eq. 1. Valid for a Tabor parameter
     below about 0.1. The bench uses it for both contacts, although they lie in the transition to JKR:
@@ -33,7 +33,7 @@ def dmt_pull_off(radius: Quantity, work: Quantity) -> Quantity:
 
 
 def van_der_waals_force(hamaker: Quantity, radius: Quantity, gap: Quantity) -> Quantity:
-    """Attraction of a sphere to a half-space across a gap, F = 2 A R^3 / (3 z^2 (z + 2 R)^2).
+    """Return the attraction of a sphere to a half-space across a gap, F = 2 A R^3 / (3 z^2 (z + 2 R)^2).
 
     Source: Hamaker 1937, pairwise and without retardation; F -> A R / (6 z^2) for z << R. Too large beyond
     about 0.1 um, where retardation sets in.
@@ -47,7 +47,7 @@ def van_der_waals_force(hamaker: Quantity, radius: Quantity, gap: Quantity) -> Q
 
 
 def humidity_factor(relative_humidity: Quantity) -> Quantity:
-    """Work of adhesion over that at 10 % RH, h = 1 + (RH - 10)/70 above 10 % and 1 + 0.04 (10 - RH) below.
+    """Return the work of adhesion over that at 10 % RH: h = 1 + (RH - 10)/70 above 10 % and 1 + 0.04 (10 - RH) below.
 
     Source: empirical, after section 3.2.1 on its ref. 54: least at 10 % RH, twice that in air at 70 to 90 %.
     Valid for 5 to 90 % RH; of the lower branch only the sign is known.

@@ -24,9 +24,9 @@ from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 from iswarm_mj.utils.arrays import Array, Quantity, array_module
 
 WORK_TOOL_OBJECT = 1.41e-3
-"""W_TO at 10 % RH [J/m^2]; calibrated."""
+"""Median work of adhesion between tool and ball at 10 % RH, calibrated [J/m^2]."""
 WORK_OBJECT_SUBSTRATE = 14.7e-3
-"""W_OS at 10 % RH [J/m^2]; calibrated."""
+"""Median work of adhesion between ball and plate at 10 % RH, calibrated [J/m^2]."""
 VARIATION_TOOL_OBJECT = 0.12
 """Coefficient of variation of W_TO from trial to trial, log-normal; calibrated."""
 VARIATION_OBJECT_SUBSTRATE = 0.16
@@ -51,7 +51,7 @@ PRINTED_EQ3_CONSTANT = 5.49e5
 
 
 def detachment_voltage(work: Quantity, gap: Quantity, constant: float = EQ3_CONSTANT) -> Quantity:
-    """Voltage that overcomes adhesion across a gap, V = sqrt(2 W D / eps0) [V].
+    """Return the voltage that overcomes adhesion across a gap, V = sqrt(2 W D / eps0) [V].
 
     Source: Eq. 3, without weight. Valid for D << R and a stiff (DMT) contact.
 
@@ -126,7 +126,15 @@ def grasp_voltage(
     gap: Quantity = CONTACT_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
 ) -> Quantity:
-    """Least voltage that lifts a touched ball, where `is_grasped` turns true; 0 where adhesion suffices [V]."""
+    """Return the least voltage at which a touching tool lifts the ball; 0 where adhesion suffices [V].
+
+    Args:
+        radius: of the ball [m].
+        work_tool_object: work of adhesion between tool and ball [J/m^2].
+        work_object_substrate: work of adhesion between ball and plate [J/m^2].
+        gap: effective electrical gap between tool and ball [m].
+        probe_radius: radius of the tool [m].
+    """
     deficit = grasp_deficit(radius, work_tool_object, work_object_substrate)
     return _least_voltage(deficit, pick_force(1.0, gap, radius, probe_radius))
 
@@ -137,7 +145,14 @@ def release_voltage(
     gap: Quantity = RELEASE_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
 ) -> Quantity:
-    """Least voltage that drops a held ball, where `is_released` turns true; 0 where its weight suffices [V]."""
+    """Return the least voltage at which a held ball leaves the tool; 0 where its weight suffices [V].
+
+    Args:
+        radius: of the ball [m].
+        work_tool_object: work of adhesion between tool and ball [J/m^2].
+        gap: between ball and plate [m].
+        probe_radius: radius of the tool [m].
+    """
     deficit = release_deficit(radius, work_tool_object)
     return _least_voltage(deficit, release_force(1.0, gap, radius, probe_radius))
 

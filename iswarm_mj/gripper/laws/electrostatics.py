@@ -20,7 +20,9 @@ def asymptotic_force(voltage: Quantity, gap: Quantity, radius: Quantity) -> Quan
 
 
 def release_force(voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity) -> Quantity:
-    """Force towards the plane on a sphere that touches a probe, F = f(D/R, R_m/R) pi eps0 V^2 R / D, D from the plane.
+    """Return the force towards the plane on a sphere that touches a probe.
+
+    F = f(D/R, R_m/R) pi eps0 V^2 R / D, D from the plane.
 
     Source: f from boundary elements (sphere and probe at V, plane at 0, probe 20 R long), through
     `probe_table`, whose range is the validity; f -> 1, Eq. 2, for small gaps.
@@ -29,7 +31,9 @@ def release_force(voltage: Quantity, gap: Quantity, radius: Quantity, probe_radi
 
 
 def pick_force(voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity) -> Quantity:
-    """Force towards a probe on a sphere that lies on the plane, F = f(D/R, R_m/R) pi eps0 V^2 R / D, D from the probe.
+    """Return the force towards a probe on a sphere that lies on the plane.
+
+    F = f(D/R, R_m/R) pi eps0 V^2 R / D, D from the probe.
 
     Source: f from boundary elements (probe at V, sphere and plane at 0, probe 20 R long), through
     `probe_table`, whose range is the validity; f -> 1, Eq. 2, for small gaps.

@@ -30,7 +30,7 @@ FILE = "probe_table.csv"
 
 
 def probe_factor(task: str, gap_ratio: Quantity, probe_ratio: Quantity) -> Quantity:
-    """Shape factor f = F D / (R pi eps0 V^2); f -> 1 as D/R -> 0.
+    """Return the shape factor f = F D / (R pi eps0 V^2); f -> 1 as D/R -> 0.
 
     Source: boundary elements, good to 2e-4; interpolation adds less than 2e-4. Concrete numbers outside the
     table raise `UserError`; inside a JAX transformation, where the numbers are unknown, the ratios are
