@@ -44,7 +44,7 @@ def test_a_run_ends_while_the_disk_has_room_to_complete_its_files(small, tmp_pat
     monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=left.pop(0)))
     said = r"clean\.rrd cannot be written \(No space left on device\); make room"
     with pytest.raises(UserError, match=said):
-        clean(run_of(small, SCOUTS, steps=STEPS * BLOCK), tmp_path)
+        run_swarm(run_of(small, SCOUTS, steps=STEPS * BLOCK), tmp_path)
     content, steps = json.loads((tmp_path / "result.json").read_text()), load(tmp_path).arrays["step"]
     assert content["interrupted"] and content["steps"] == steps[-1] == 2 * BLOCK - 1
     assert read(tmp_path / "clean.rrd")["/world/robots/body"]["step"] == steps.tolist()
