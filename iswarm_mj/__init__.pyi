@@ -44,6 +44,9 @@ from .sensors.links import Links as Links
 from .sensors.links import find_links as find_links
 from .sensors.memory import VectorMemory as VectorMemory
 from .sensors.messages import Payload as Payload
+from .simulation.checks import check_engine as check_engine
+from .simulation.checks import check_strategy as check_strategy
+from .simulation.checks import check_task as check_task
 from .simulation.run import Run as Run
 from .simulation.settings import RunSettings as RunSettings
 from .simulation.state import StepRecord as StepRecord

@@ -85,7 +85,7 @@ class CheckedEngine(CompiledEngine):
     """A user's engine: exceptions name the line, and what it returns has the shapes and types of `engines.base`."""
 
     def __init__(self, engine: Any, size: Size):
-        self._engine, self._size, self._name = engine, size, type(engine).__name__
+        self._engine, self._size, self.name = engine, size, type(engine).__name__
         self.robot = size.robot
 
     def tree_flatten(self) -> tuple[tuple[Any], Size]:
@@ -102,7 +102,7 @@ class CheckedEngine(CompiledEngine):
         found = self._called("mapping", platform)
         if found not in get_args(Mapping):
             words = ", ".join(map(repr, get_args(Mapping)))
-            raise UserError(f"{self._name}.mapping must return one of {words} (got {found!r})")
+            raise UserError(f"{self.name}.mapping must return one of {words} (got {found!r})")
         return found
 
     def place(self, poses: Any, is_present: Any) -> object:
@@ -115,7 +115,7 @@ class CheckedEngine(CompiledEngine):
                 got = type(leaf).__name__ if shape is None else f"shape {shape}"
                 part = f"{jax.tree_util.keystr(path)} of " if path else ""
                 worlds = f" with a first axis of worlds, {axes[0]}," if axes else ""
-                raise UserError(f"{self._name}.place must return arrays{worlds} as {part}its bodies (got {got})")
+                raise UserError(f"{self.name}.place must return arrays{worlds} as {part}its bodies (got {got})")
         self._check_poses(bodies, axes)
         return bodies
 
@@ -135,14 +135,14 @@ class CheckedEngine(CompiledEngine):
             name: jax.ShapeDtypeStruct((*its.shape, *more), its.dtype)
             for name, its in shapes_of(Links, **sizes).items()
         }
-        compare(f"{self._name}.sense", sight, Sight(Links(**links), **shapes_of(Sight, **sizes)))
+        compare(f"{self.name}.sense", sight, Sight(Links(**links), **shapes_of(Sight, **sizes)))
         if isinstance(sight.links.sender, np.ndarray):
-            check_links(f"{self._name}.sense", sight.links, self._size.n_robots, len(self.robot.sides))
+            check_links(f"{self.name}.sense", sight.links, self._size.n_robots, len(self.robot.sides))
         return sight
 
     def move(self, bodies: Any, phases: Any, is_running: Any) -> Motion:
         """See `Engine.move`."""
-        motion, name = self._called("move", bodies, phases, is_running), f"{self._name}.move"
+        motion, name = self._called("move", bodies, phases, is_running), f"{self.name}.move"
         if not isinstance(motion, Motion):
             raise UserError(f"{name} must return a Motion (got a {type(motion).__name__})")
         compare(name, motion.bodies, bodies, "bodies")
@@ -152,7 +152,7 @@ class CheckedEngine(CompiledEngine):
         return motion
 
     def _called(self, method: str, *given: Any) -> Any:
-        with user_code(f"{self._name}.{method}"):
+        with user_code(f"{self.name}.{method}"):
             return getattr(self._engine, method)(*given)
 
     def _sizes(self, axes: tuple[int, ...]) -> dict[str, Any]:
@@ -163,7 +163,7 @@ class CheckedEngine(CompiledEngine):
         poses = self.poses(bodies)
         is_double = getattr(poses, "dtype", None) == np.float64
         shape = (*axes, self._size.n_robots, 3)
-        compare(f"{self._name}.poses", poses, jax.ShapeDtypeStruct(shape, jnp.float64 if is_double else jnp.float32))
+        compare(f"{self.name}.poses", poses, jax.ShapeDtypeStruct(shape, jnp.float64 if is_double else jnp.float32))
 
 
 def check_links(method: str, links: Links, n_robots: int, n_sides: int) -> None:

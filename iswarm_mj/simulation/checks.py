@@ -1,0 +1,144 @@
+"""Checks of a strategy, a task or an engine on demand: those that every run makes before it begins."""
+
+from typing import Any
+
+import jax
+import numpy as np
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.simulation.actuate import drive_phases
+from iswarm_mj.simulation.given import of_all_worlds
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.setup import Setup, set_up
+from iswarm_mj.strategy.genome import TYPE1
+from iswarm_mj.strategy.interface import Command
+from iswarm_mj.strategy.signatures import check_strategies
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.robot import RobotFile
+
+N_WORLDS = 2
+"""Worlds in which an engine is tried."""
+STILL_MM = 0.05
+"""Distance by which contacts may move robots that do not drive [mm]."""
+
+
+def check_strategy(
+    strategy: Any,
+    *,
+    task: Any = None,
+    config: SwarmConfig | None = None,
+    n_robots: int = 8,
+    robot_file: RobotFile = None,
+) -> None:
+    """Check a strategy as a run would: its methods, and the shapes and types of what they return.
+
+    Args:
+        strategy: derives from `Strategy` or `StrategyFactory`.
+        task: whose quantities its robots sense; cleaning by default.
+        config: of the run.
+        n_robots: N.
+        robot_file: MJCF file of the robots, or of each kind (`RobotFile`).
+
+    Raises:
+        UserError: what is wrong, in one sentence with file, line and cure.
+    """
+    setup = _set_up(MujocoSettings(), task, config, n_robots, robot_file)
+    strategies = of_all_worlds(strategy, setup.config, setup.robot, setup.worlds)
+    check_strategies(strategies, setup.capacity, len(setup.robot.sides), setup.sensed)
+
+
+def check_task(
+    task: Any,
+    *,
+    config: SwarmConfig | None = None,
+    n_robots: int = 8,
+    robot_file: RobotFile = None,
+) -> None:
+    """Check a task as a run would: its methods, how a world begins, and what its methods return.
+
+    Args:
+        task: derives from `Task`.
+        config: of the run.
+        n_robots: N.
+        robot_file: MJCF file of the robots, or of each kind (`RobotFile`).
+
+    Raises:
+        UserError: what is wrong, in one sentence with file, line and cure.
+    """
+    _set_up(MujocoSettings(), task, config, n_robots, robot_file)
+
+
+def check_engine(
+    engine: EngineSettings,
+    *,
+    config: SwarmConfig | None = None,
+    n_robots: int = 8,
+    robot_file: RobotFile = None,
+) -> None:
+    """Check an engine: place robots in two worlds, let them sense, and move them by a command of zero.
+
+    Args:
+        engine: settings of the engine.
+        config: of the run.
+        n_robots: N.
+        robot_file: MJCF file of the robots, or of each kind (`RobotFile`).
+
+    Raises:
+        UserError: what is wrong, in one sentence: a method's shapes, types or exception, or robots that do not stand
+            where they were placed, or that move without a command.
+    """
+    setup = _set_up(engine, None, config, n_robots, robot_file, n_worlds=N_WORLDS)
+    poses = np.stack([start.poses for start in setup.starts])
+    is_present = np.ones(poses.shape[:2], bool)
+    is_running = np.ones(N_WORLDS, bool)
+    command = Command(np.zeros(poses.shape[:2], np.float32), np.zeros(poses.shape[:2], np.float32))
+
+    if engine.on_host:
+        made = setup.host_engine()(N_WORLDS, 1)
+        first, last = _try(made, setup, poses, is_present, is_running, command)
+    else:
+        made, devices = setup.compiled_engine(N_WORLDS)
+
+        def trial(*arrays: Any) -> Any:
+            return _try(made, setup, *arrays)
+
+        acts_on_all = made.mapping(devices[0].platform) == "batch"
+        program = jax.jit(trial if acts_on_all else jax.vmap(trial))
+        arrays = poses.astype(np.float32), is_present, is_running, command
+        first, last = jax.tree.map(np.asarray, program(*arrays))
+
+    name = getattr(made, "name", type(made).__name__)  # engines of users are wrapped
+    _check_still(f"{name}.place must put robots where it is told", first - poses)
+    _check_still(f"{name}.move must leave robots that have no command where they are", last - first)
+
+
+def _set_up(
+    engine: EngineSettings,
+    task: Any,
+    config: SwarmConfig | None,
+    n_robots: int,
+    robot_file: RobotFile,
+    n_worlds: int = 1,
+) -> Setup:
+    settings = RunSettings(n_robots, 1, n_worlds=n_worlds, record_worlds=())
+    return set_up(config or SwarmConfig(), settings, engine, task or CLEANING, TYPE1, robot_file)
+
+
+def _try(engine: Any, setup: Setup, poses: Any, is_present: Any, is_running: Any, command: Command) -> tuple[Any, Any]:
+    """Return where robots are after they were placed, and after a control step."""
+    bodies = engine.place(poses, is_present)
+    first = engine.poses(bodies)
+    engine.sense(bodies, is_present, is_running)
+    phases = drive_phases(setup.static.drive, command)
+    last = engine.poses(engine.move(bodies, phases, is_running).bodies)
+    return first, last
+
+
+def _check_still(rule: str, way: np.ndarray) -> None:
+    """Raise a UserError if robots moved, or are nowhere."""
+    farthest = float(np.abs(way[..., :2]).max())
+    if not farthest <= STILL_MM:
+        raise UserError(f"{rule} (a robot is {farthest:g} mm away); correct the engine")
