@@ -115,7 +115,7 @@ def controls(scenario: Scenario, start: Scenario | None = None) -> list[Control]
             group="World",
             value=scenario.n_robots,
             low=1,
-            high=200_000,
+            high=max(200_000, scenario.n_robots),  # a dense swarm in a large arena has more
             text="Number of robots.",
         ),
         _choice_of_part("engine", OFFER.group, scenario, start, "Physics engine."),

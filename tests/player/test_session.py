@@ -406,3 +406,10 @@ def test_earlier_changes_of_a_setting_are_kept():
 def test_balls_are_refused_where_a_task_has_none():
     with pytest.raises(UserError, match="Aggregation has no balls"):
         Session(Scenario(strategy=Beeclust(), task=Aggregation(), robots=4), [Change.parse("9:ball=0,0")])
+
+
+def test_a_swarm_that_fills_a_large_arena_is_within_the_range_of_its_control():
+    """Whose number of robots follows from density and size, and is beyond the usual limit."""
+    dense = Scenario(SwarmConfig(ArenaConfig(size=1000.0)), strategy=replace(TYPE1, density_of_robots=0.9))
+    robots = next(control for control in controls(dense) if control.name == "robots")
+    assert robots.value == dense.n_robots > 200_000 and robots.low <= robots.value <= robots.high
