@@ -146,8 +146,8 @@ def _is_raised() -> bool:
 def _is_loading(frame: FrameType | None) -> bool:
     """Return whether a module is being imported.
 
-    C libraries may crash if an exception comes while they begin: 3 of some 60 signals during
-    imports ended in a segmentation fault.
+    C libraries may crash if an exception comes while they begin: 3 of 105 signals during imports
+    ended in a segmentation fault.
     """
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
