@@ -128,6 +128,29 @@ run(work)
     assert (tmp_path / "page").read_text() == "complete"
 
 
+def test_imports_are_not_interrupted(tmp_path):
+    """C libraries may crash if an exception comes while they begin."""
+    (tmp_path / "library.py").write_text("""
+import time
+try:
+    time.sleep(2.0)
+except BaseException:
+    print("disturbed", flush=True)
+""")
+    code = """
+def work():
+    sys.path.append(str(out))
+    import library
+    time.sleep(600)
+begin(GRACE_S=600.0)
+run(work)
+"""
+    with started(tmp_path, code) as process:
+        process.send_signal(signal.SIGTERM)
+        assert process.communicate(timeout=60) == ("", "")
+        assert process.returncode == 128 + signal.SIGTERM
+
+
 def test_it_does_not_wait_without_end_for_them(tmp_path):
     code = "def work():\n    with completing():\n        stay_in_c()\nbegin(GRACE_S=0.1, FILES_S=0.2)\nrun(work)\n"
     with started(tmp_path, code) as process:
