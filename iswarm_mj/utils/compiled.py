@@ -12,19 +12,25 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache, wraps
 from pathlib import Path
 from typing import Any
 
 import numba
 import platformdirs
+from filelock import FileLock
 from numba.core import config
 
 CHECKSUMS = "checksums.json"
 """File beside those of numba: their SHA-256 by their paths."""
 _SUFFIXES = (".nbi", ".nbc")
 """Suffixes of numba's files: an index for each function, and a program for each type of its arguments."""
-_LOCK = threading.Lock()
+_LOCK = ".lock"
+"""File that the process locks which reads or writes the checksums."""
+_PATIENCE = 10.0
+"""Time after which a folder whose lock another process keeps counts as one that cannot be written to [s]."""
+_THREADS = threading.Lock()
 
 
 @cache
@@ -69,27 +75,33 @@ def cached(
 
 
 def record(place: Path) -> None:
-    """Write the checksums of numba's files in a folder of the cache."""
-    with _LOCK:
-        try:
+    """Write the checksums of numba's files in a folder of the cache.
+
+    Processes that compile at the same time take turns, so that the last to write has seen the files of all.
+    """
+    part = place / f".{os.getpid()}-{CHECKSUMS}"
+    try:
+        with _THREADS, FileLock(place / _LOCK, timeout=_PATIENCE):
             sums = {_name(path, place): _checksum(path) for path in _files(place)}
-            with tempfile.NamedTemporaryFile("w", dir=place, suffix=".tmp", delete=False, encoding="ascii") as part:
-                json.dump(sums, part, indent=1)
-            os.replace(part.name, place / CHECKSUMS)
-        except OSError as error:
-            _say_unwritable(place, error)
+            part.write_text(json.dumps(sums, indent=1), encoding="ascii")
+            part.replace(place / CHECKSUMS)
+    except OSError as error:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+        _say_unwritable(place, error)
 
 
 def remove_damaged(place: Path) -> None:
     """Remove numba's files that differ from their checksums, or have none, as where a process was killed."""
-    known = _known_checksums(place)
-    is_damaged = known is None
-    for path in _files(place):
-        expected = (known or {}).get(_name(path, place))
-        if expected == _checksum(path):
-            continue
-        is_damaged |= expected is not None
-        path.unlink(missing_ok=True)
+    with _THREADS, FileLock(place / _LOCK, timeout=_PATIENCE):
+        known = _known_checksums(place)
+        is_damaged = known is None
+        for path in _files(place):
+            expected = (known or {}).get(_name(path, place))
+            if expected == _checksum(path):
+                continue
+            is_damaged |= expected is not None
+            path.unlink(missing_ok=True)
     if is_damaged:
         _say(f"the cache of compiled programs in {place.parent} was damaged; what it lacks is compiled again")
 
