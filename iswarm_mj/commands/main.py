@@ -23,6 +23,7 @@ from iswarm_mj.commands.recorded import Inspect, Picture, Replay, Video
 from iswarm_mj.commands.report import Report, Reproduce
 from iswarm_mj.commands.sweep import Sweep
 from iswarm_mj.commands.train import Train
+from iswarm_mj.utils.environment import check_environment
 from iswarm_mj.utils.errors import SimulationFault, UserError, closest, printable, shown
 from iswarm_mj.utils.interruption import code_of_signal, handle_signals, leave
 
@@ -85,6 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         command = parse(given)
         for name, why in idle(command).items():
             raise without_effect(name, why)
+        check_environment()
         command.run()
         sys.stdout.flush()
     except BaseException as error:

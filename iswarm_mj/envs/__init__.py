@@ -7,6 +7,8 @@ PettingZoo, `vector_env` and `single_env` ones for Gymnasium, which the extra `m
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from iswarm_mj.utils.environment import check_environment
+
 if TYPE_CHECKING:
     from iswarm_mj.envs.core import State
     from iswarm_mj.envs.env import Env
@@ -46,5 +48,6 @@ def __getattr__(name: str) -> Any:
     """Import what is asked for (PEP 562)."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    check_environment()
     module, own = _HOMES[name].split(".")
     return getattr(import_module(f"{__name__}.{module}"), own)

@@ -15,6 +15,7 @@ from iswarm_mj.envs.tables import checked
 from iswarm_mj.simulation.actuate import drive_phases, velocity_towards
 from iswarm_mj.simulation.decide import pad_singleton_batch
 from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.jax_setup import check_jax
 
 
 class Env:
@@ -74,6 +75,7 @@ class Env:
         Args:
             key: random key, or one for each of B worlds.
         """
+        check_jax()
         with jax.default_device(self._device):
             return self._compiled_reset(jax.device_put(self._keys(key), self._device))
 
@@ -88,6 +90,7 @@ class Env:
         Raises:
             UserError: shape or type of the action do not fit.
         """
+        check_jax()
         action = checked(action, (*self._axes, self.n_robots, self.action_size))
         with jax.default_device(self._device):
             return self._compiled_step(state, action)

@@ -1,8 +1,8 @@
 """Swarms as Gymnasium environments: the robots of a world as one agent, one world or many at once."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,8 @@ import jax
 import numpy as np
 
 from iswarm_mj.envs.core import State
-from iswarm_mj.envs.make import make_env
+from iswarm_mj.envs.env import Env
+from iswarm_mj.envs.make import prepare_env
 from iswarm_mj.envs.tables import Row, bounds, checked
 from iswarm_mj.envs.watch import EnvRecording, Pictures
 from iswarm_mj.utils.constraints import check, is_whole
@@ -49,9 +50,6 @@ class SwarmVectorEnv(VectorEnv):
     """B worlds: observations (B, N, D), actions (B, N, A), the rewards of a world's robots summed (B,).
 
     Copies and pickles are made anew from the same settings: their first episode begins with `reset`.
-
-    Attributes:
-        env: the environment of JAX.
     """
 
     metadata = {**RENDERING, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -81,17 +79,30 @@ class SwarmVectorEnv(VectorEnv):
         check("num_envs", num_envs, "a whole number, at least 1", is_whole(num_envs) and num_envs >= 1)
         check("render_mode", render_mode, "rgb_array, or None", render_mode in ("rgb_array", None))
         self._given = {"task": task, "n_robots": n_robots, "num_envs": num_envs, "render_mode": render_mode, **settings}
-        self.env = env = make_env(task, n_robots, n_worlds=num_envs, **settings)
+        self.prepared = prepared = prepare_env(task, n_robots, n_worlds=num_envs, **settings)
         self.num_envs, self.render_mode = int(num_envs), render_mode
-        self.single_observation_space = box_of(env.observations, env.n_robots)
-        self.single_action_space = box_of(env.actions, env.n_robots)
+        self.single_observation_space = box_of(prepared.observations, prepared.n_robots)
+        self.single_action_space = box_of(prepared.actions, prepared.n_robots)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        mapped = (jax.jit(jax.vmap(env.reset)), jax.jit(jax.vmap(env.step)))
-        self._reset, self._step = mapped if env.n_worlds is None else (env.reset, env.step)
         self._state: State | None = None
         self._pictures: Pictures | None = None
-        self._recording = None if record is None else EnvRecording(env, record)
+        self._recording = None if record is None else EnvRecording(self.env, record)
+
+    @cached_property
+    def env(self) -> Env:
+        """The environment of JAX, made when it is first used, so that Gymnasium may fork before."""
+        return self.prepared.make()
+
+    @cached_property
+    def _reset(self) -> Callable[[Any], State]:
+        """What begins episodes in all worlds."""
+        return jax.jit(jax.vmap(self.env.reset)) if self.env.n_worlds is None else self.env.reset
+
+    @cached_property
+    def _step(self) -> Callable[[State, Any], State]:
+        """What takes a control step in all worlds."""
+        return jax.jit(jax.vmap(self.env.step)) if self.env.n_worlds is None else self.env.step
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return what makes another one."""

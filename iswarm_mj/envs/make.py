@@ -1,6 +1,8 @@
 """How environments are made."""
 
 import os
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -8,22 +10,26 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.checked import make_compiled_engine
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.envs import tables
 from iswarm_mj.envs.core import Core, Speaker
 from iswarm_mj.envs.env import Env
+from iswarm_mj.envs.tables import Row
 from iswarm_mj.sensors.fields import Flag
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.memory_check import devices_of
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.setup import set_up
+from iswarm_mj.simulation.setup import Setup, set_up
 from iswarm_mj.simulation.start import first_state, world_params
 from iswarm_mj.simulation.worlds import World, random_keys
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.library import TASKS, find
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.protocol import Quantity
 from iswarm_mj.tasks.signatures import usable_task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
@@ -67,43 +73,124 @@ def make_env(
     Raises:
         UserError: unknown task, settings that do not fit, or more worlds than fit into memory.
     """
-    config, engine = SwarmConfig() if config is None else config, PlanarSettings() if engine is None else engine
+    return prepare_env(
+        task,
+        n_robots,
+        config=config,
+        engine=engine,
+        payload=payload,
+        steps=steps,
+        stop_at=stop_at,
+        n_worlds=n_worlds,
+        n_starts=n_starts,
+        seed=seed,
+        robot_file=robot_file,
+    ).make()
+
+
+@dataclass(frozen=True)
+class PreparedEnv:
+    """An environment that is checked, but for its arrays, which start JAX's threads.
+
+    A process with these threads cannot be forked, and Gymnasium forks one that has made an environment.
+    """
+
+    setup: Setup
+    engine: Engine | CompiledEngine
+    layouts: Sequence[World]
+    """From which episodes begin."""
+    steps: int
+    """Maximum control steps of an episode."""
+    payload: Payload
+    senses: tuple[tuple[str, tuple[Quantity, int]], ...]
+    """See `Core`."""
+    n_worlds: int | None
+    """See `Env`."""
+
+    @property
+    def n_robots(self) -> int:
+        """N."""
+        return self.setup.capacity
+
+    @property
+    def observations(self) -> list[Row]:
+        """See `tables.observation_rows`."""
+        return tables.observation_rows(self.setup.config, self.setup.robot, self.payload, dict(self.senses))
+
+    @property
+    def actions(self) -> list[Row]:
+        """See `tables.action_rows`."""
+        return tables.action_rows(self.setup.config, self.payload)
+
+    def make(self) -> Env:
+        """Return the environment."""
+        speaker: Any = Speaker(self.payload)
+        # An episode has a key of its own.
+        params = world_params(self.setup, random_keys(self.layouts[:1]), speaker)
+        poses, worlds = first_state(self.setup)
+        with jax.default_device(self.setup.device):
+            core = Core(
+                config=self.setup.program_config,
+                given=self.setup.config,
+                robot=self.setup.robot,
+                robot_file=self.setup.robot_file,
+                params=jax.tree.map(lambda a: jnp.asarray(a)[0], params),
+                poses=jnp.asarray(poses, jnp.float32),
+                worlds=jax.tree.map(jnp.asarray, worlds),
+                steps=self.steps,
+                payload=self.payload,
+                senses=self.senses,
+            )
+        return Env(core, self.engine, self.n_worlds, on_host=self.setup.engine.on_host)
+
+
+def prepare_env(
+    task: Any,
+    n_robots: int,
+    *,
+    config: SwarmConfig | None = None,
+    engine: EngineSettings | None = None,
+    payload: Any = None,
+    steps: int = 800,
+    stop_at: int | None = None,
+    n_worlds: int | None = None,
+    n_starts: int = 64,
+    seed: int = 0,
+    robot_file: RobotFile = None,
+) -> PreparedEnv:
+    """Check the settings of an environment, see `make_env`, and return what makes it."""
+    config = SwarmConfig() if config is None else config
+    engine = PlanarSettings() if engine is None else engine
     check_kind("config", config, SwarmConfig)
     if config.strategy.update_order != "synchronous":
         raise UserError("strategy.update_order is sequential, but robots of an environment act at once; leave it out")
     check("n_starts", n_starts, "a whole number from 1 to 100000", is_whole(n_starts) and 1 <= n_starts <= 100_000)
+
     settings = RunSettings(n_robots, steps, seed, n_worlds=1 if n_worlds is None else n_worlds, stop_at=stop_at)
     layouts = [World(PRESETS["type1"], int(n_robots), int(seed), index) for index in range(n_starts)]
     setup = set_up(config, settings, engine, task_of(task), layouts, robot_file)
-    config = setup.config
-    speaker: Any = Speaker(as_payload(payload))
-    speaker.payload.check_room(len(setup.robot.sides))
-    params = world_params(setup, random_keys(layouts[:1]), speaker)  # an episode has a key of its own
-    poses, worlds = first_state(setup)
+
+    messages = as_payload(payload)
+    messages.check_room(len(setup.robot.sides))
+    quantities = getattr(setup.task, "senses", {})  # a task that senses nothing more has no such attribute
     senses = tuple(
         (name, (quantity, int(np.prod(setup.sensed[name].shape[1:], dtype=int))))
-        for name, quantity in getattr(setup.task, "senses", {}).items()  # a task without has no such attribute
+        for name, quantity in quantities.items()
     )
-    with jax.default_device(setup.device):
-        core = Core(
-            config=setup.program_config,
-            given=config,
-            robot=setup.robot,
-            robot_file=setup.robot_file,
-            params=jax.tree.map(lambda a: jnp.asarray(a)[0], params),
-            poses=jnp.asarray(poses, jnp.float32),
-            worlds=jax.tree.map(jnp.asarray, worlds),
-            steps=steps,
-            payload=speaker.payload,
-            senses=senses,
-        )
-    if engine.on_host:
-        n_threads = getattr(engine, "threads", 0) or len(os.sched_getaffinity(0))
-        return Env(core, setup.host_engine()(settings.n_worlds, n_threads), settings.n_worlds, on_host=True)
-    platform = devices_of(engine)[0].platform
-    made = make_compiled_engine(engine, setup.model, setup.robot, settings.n_worlds, platform)
-    is_batch = made.mapping(platform) == "batch"
-    return Env(core, made, settings.n_worlds if is_batch else None, on_host=False)
+
+    made, n_batch = _engine_of(setup)
+    return PreparedEnv(setup, made, layouts, steps, messages, senses, n_batch)
+
+
+def _engine_of(setup: Setup) -> tuple[Engine | CompiledEngine, int | None]:
+    """Return the engine, and the number of worlds that it takes at once; None if `jax.vmap` maps one."""
+    settings, n_worlds = setup.engine, setup.settings.n_worlds
+    if settings.on_host:
+        n_threads = getattr(settings, "threads", 0) or len(os.sched_getaffinity(0))
+        return setup.host_engine()(n_worlds, n_threads), n_worlds
+    platform = devices_of(settings)[0].platform
+    engine = make_compiled_engine(settings, setup.model, setup.robot, n_worlds, platform)
+    return engine, n_worlds if engine.mapping(platform) == "batch" else None
 
 
 def task_of(given: Any) -> Any:

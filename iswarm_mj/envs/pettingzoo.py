@@ -23,11 +23,12 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
     def __init__(self, task: Any = "cleaning", n_robots: int = 20, **settings: Any):
         """Make the world, see `SwarmVectorEnv`."""
         self._one = SwarmVectorEnv(task, n_robots, 1, **settings)
-        self.render_mode, env = self._one.render_mode, self._one.env
-        self.possible_agents = [f"robot_{robot}" for robot in range(env.n_robots)]
+        self.render_mode = self._one.render_mode
+        prepared = self._one.prepared
+        self.possible_agents = [f"robot_{robot}" for robot in range(prepared.n_robots)]
         self.agents: list[str] = []
-        self.observation_spaces = {agent: box_of(env.observations) for agent in self.possible_agents}
-        self.action_spaces = {agent: box_of(env.actions) for agent in self.possible_agents}
+        self.observation_spaces = {agent: box_of(prepared.observations) for agent in self.possible_agents}
+        self.action_spaces = {agent: box_of(prepared.actions) for agent in self.possible_agents}
 
     def observation_space(self, agent: str) -> Space:
         """Return what a robot observes, see `Env.observations`."""

@@ -8,11 +8,13 @@ import jax
 
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.utils.errors import ConfigError
+from iswarm_mj.utils.jax_setup import check_devices
 from iswarm_mj.utils.memory import available_memory, gigabytes
 
 
 def devices_of(engine: EngineSettings) -> list[Any]:
     """Return the JAX devices that an engine of compiled programs is to use."""
+    check_devices()
     return list(getattr(engine, "devices", None) or jax.local_devices())
 
 

@@ -32,6 +32,7 @@ from iswarm_mj.tasks.protocol import Task, balls_of
 from iswarm_mj.tasks.signatures import as_task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole, validate
 from iswarm_mj.utils.errors import SimulationFault, UserError, shown
+from iswarm_mj.utils.jax_setup import check_jax
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.units import mm_from_rd
@@ -178,6 +179,7 @@ class Run:
         Raises:
             RuntimeError: the run is over.
         """
+        check_jax()
         if self.is_over:
             raise RuntimeError(f"the run is over after {self.step} control steps; make a new Run to go on")
         first = self._taken

@@ -23,7 +23,7 @@ from iswarm_mj.tasks.layout import cell_of, check_robots
 from iswarm_mj.tasks.protocol import Task
 from iswarm_mj.tasks.signatures import as_task, check_task, usable_task
 from iswarm_mj.utils.constraints import check, check_kind
-from iswarm_mj.utils.jax_setup import configure_jax
+from iswarm_mj.utils.jax_setup import check_devices, configure_jax
 from iswarm_mj.utils.robot import RobotFile, Robots
 
 
@@ -59,6 +59,7 @@ class Setup(NamedTuple):
     @property
     def device(self) -> Any:
         """JAX device of what is not the engine's, None for the default: engines on the host leave GPUs alone."""
+        check_devices()
         return jax.local_devices(backend="cpu")[0] if self.engine.on_host else None
 
     @property

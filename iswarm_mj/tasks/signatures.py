@@ -101,7 +101,8 @@ def _check_shapes(
 ) -> dict[str, Any]:
     task, before = jax.tree.unflatten(structure, leaves)
     name, world = type(task).__name__, shapes_of(TaskInputs, N=n_robots, M=n_boxes)
-    conditions = Conditions(*map(jnp.asarray, conditions_of(config)))
+    # Shapes, since arrays would start JAX's threads: environments are made before Gymnasium forks.
+    conditions = jax.eval_shape(lambda: Conditions(*map(jnp.asarray, conditions_of(config))))
 
     def result(method: str, *given: Any) -> Any:
         def call(own: Any, world: Any, conditions: Any, *given: Any) -> Any:
@@ -122,7 +123,7 @@ def _check_shapes(
         with user_code(f"{name}.{method}"):
             return jax.eval_shape(call, task, world, conditions, *given)
 
-    returned = result("advance", before, jax.random.key(0))
+    returned = result("advance", before, jax.eval_shape(jax.random.key, 0))
     if not isinstance(returned, tuple) or len(returned) != 2 or not isinstance(returned[1], Sensed):
         raise UserError(f"{name}.advance must return its state and Sensed (got a {type(returned).__name__})")
     after, sensed = returned

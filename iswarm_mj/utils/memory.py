@@ -7,7 +7,20 @@ from pathlib import Path
 
 import psutil
 
+from iswarm_mj.utils.errors import UserError
+
+try:
+    import resource
+except ImportError:  # on Windows, which has no such limits
+    resource = None
+
 _GROUP = Path("/sys/fs/cgroup")
+LEAST_ADDRESS_SPACE = 3_000_000_000
+"""Address space in which the libraries fit on two cores [bytes].
+
+With 2.5 GB (`ulimit -v`) `iswarm clean` ends in errors of theirs, or is aborted by them; with 3.1 GB it succeeds. MJX,
+whose programs are larger, needs more than 5 GB.
+"""
 
 
 def available_memory() -> int:
@@ -18,7 +31,32 @@ def available_memory() -> int:
         lines = (_GROUP / "memory.stat").read_text(encoding="ascii").splitlines()
         cache = sum(int(line.split()[1]) for line in lines if line.startswith(("active_file ", "inactive_file ")))
         free = min(free, most - used + cache)
+    limit = _address_space()
+    if limit is not None:
+        free = min(free, max(0, limit - psutil.Process().memory_info().vms))
     return free
+
+
+def check_address_space() -> None:
+    """Refuse a limit of this process's address space in which the libraries do not fit.
+
+    Raises:
+        UserError: with the limit and what is needed.
+    """
+    limit = _address_space()
+    if limit is not None and limit < LEAST_ADDRESS_SPACE:
+        raise UserError(
+            f"the memory of this process must not be limited to less than {gigabytes(LEAST_ADDRESS_SPACE)} of address "
+            f"space, which the libraries take (got {gigabytes(limit)}); raise the limit, as by `ulimit -v unlimited`"
+        )
+
+
+def _address_space() -> int | None:
+    """Return the limit of this process's address space [bytes]; None if there is none."""
+    if resource is None:
+        return None
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    return None if limit == resource.RLIM_INFINITY else limit
 
 
 def check_memory(needed: int) -> None:

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import psutil
 import pytest
 
 from iswarm_mj.utils import memory
@@ -35,3 +36,9 @@ def test_a_refusal_names_both_numbers(system):
     memory.check_memory(3_000_000_000)
     with pytest.raises(MemoryError, match=r"3\.5 GB.* 3 GB"):
         memory.check_memory(3_500_000_000)
+
+
+def test_the_limit_of_the_address_space_counts(system, monkeypatch):
+    taken = psutil.Process().memory_info().vms
+    monkeypatch.setattr(memory, "_address_space", lambda: taken + 10**9)
+    assert memory.available_memory() == pytest.approx(1e9, abs=1e8)

@@ -1,0 +1,58 @@
+"""What surrounds this process and may end the libraries beneath in errors of theirs: variables, limits of memory.
+
+`docs/faults.md` says what each variable does to a run.
+"""
+
+import os
+import subprocess
+import sys
+from functools import cache
+from importlib import import_module
+
+from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.memory import check_address_space
+
+_VARIABLES = {"jax": "JAX_", "numba": "NUMBA_", "mujoco": "MUJOCO_GL"}
+"""How the names of the variables begin that a library reads when it is imported."""
+_PARSE_XLA_FLAGS = "from jaxlib import xla_client; xla_client.CompileOptions()"
+
+
+def check_environment() -> None:
+    """Refuse environment variables and limits with which a library cannot be imported or used; cheap without any.
+
+    Raises:
+        UserError: with the name of the variable or the limit.
+    """
+    if not sys.modules.keys() >= _VARIABLES.keys():  # what is loaded has its memory
+        check_address_space()
+    for library, beginning in _VARIABLES.items():
+        _check_import(library, beginning)
+    if "numba" in sys.modules and sys.modules["numba"].config.DISABLE_JIT:
+        raise UserError("NUMBA_DISABLE_JIT must be 0, since engines are compiled (got 1); unset it")
+    if os.environ.get("XLA_FLAGS"):
+        _check_xla_flags(os.environ["XLA_FLAGS"])
+
+
+def _check_import(library: str, beginning: str) -> None:
+    """Import a library if the user has set one of its variables, to name them where that fails."""
+    names = [name for name in os.environ if name.startswith(beginning)]
+    if not names or library in sys.modules:
+        return
+    try:
+        import_module(library)
+    except Exception as error:  # of any kind, such as AttributeError where OpenGL has no library
+        given = ", ".join(f"{name}={shown(os.environ[name])}" for name in sorted(names))
+        remedy = "unset it, or correct it and install what it names"
+        raise UserError(f"{library} cannot be imported with {given} ({shown(error)}); {remedy}") from None
+
+
+@cache
+def _check_xla_flags(flags: str) -> None:
+    """Parse XLA's flags in another process, since those that XLA does not know end the process."""
+    done = subprocess.run([sys.executable, "-c", _PARSE_XLA_FLAGS], capture_output=True, text=True, errors="replace")
+    if done.returncode == 0:
+        return
+    # As in "F1126 15:25:16.054898   25193 parse_flags_from_env.cc:234] Unknown flag in XLA_FLAGS: --xla_nonsense=1".
+    reasons = [line.partition("] ")[2] for line in done.stderr.splitlines() if "] " in line]
+    reason = shown(reasons[0]) if reasons else f"the process ended with {done.returncode}"
+    raise UserError(f"XLA_FLAGS must hold flags that XLA knows (got {shown(flags)}: {reason}); correct or unset it")
