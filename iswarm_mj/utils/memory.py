@@ -15,11 +15,11 @@ except ImportError:  # on Windows, which has no such limits
     resource = None
 
 _GROUP = Path("/sys/fs/cgroup")
-LEAST_ADDRESS_SPACE = 4_000_000_000
+LEAST_ADDRESS_SPACE = 3_000_000_000
 """Address space in which the libraries fit on two cores [bytes].
 
-With 2.5 GB (`ulimit -v`) `iswarm clean` ends in errors of theirs, or is aborted by them. With 3.1 GB it succeeds, but
-not with `--engine mjx`.
+With 2.5 GB (`ulimit -v`) `iswarm clean` ends in errors of theirs, or is aborted by them; with 3.1 GB it succeeds. MJX,
+whose programs are larger, needs more than 5 GB.
 """
 
 

@@ -17,6 +17,7 @@ import hashlib
 from functools import partial
 from pathlib import Path
 
+import iswarm_mj  # before JAX, whose log it silences
 import jax
 import numba
 import numpy as np
@@ -98,9 +99,10 @@ def check_survival(filled, tmp_path, which, seed):
     numbers, kind = random.Random(seed), KINDS[seed % len(KINDS)]
     if which == "numba":
         pattern = NUMBA_FILES[seed % len(NUMBA_FILES)]
-        found = [path for path in (cache / "iswarm_mj" / "numba").rglob(pattern) if path.is_file()]
+        found = (cache / "iswarm_mj" / "numba").rglob(pattern)
     else:
-        found = [path for path in cache.glob("iswarm_mj/jax-*/*-cache") if path.is_file()]
+        found = cache.glob("iswarm_mj/jax-*/*-cache")
+    found = [path for path in found if path.is_file() and path.stat().st_size > 0]  # but for locks
     damaged = sorted(found) if seed % 2 else [numbers.choice(sorted(found))]
     for path in damaged:
         damage(path, kind, numbers)
