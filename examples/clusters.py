@@ -51,6 +51,9 @@ class Clusters(Cleaning):
         around = ((apart < mm_from_rd(self.near)) & balls.is_lying).sum(axis=1)
         return balls, sensed._replace(own={"balls_around": around.astype(jnp.float32)})
 
+    def areas(self, config, state):
+        return {}  # the dump and the dust areas are floor as any other
+
     def metrics(self, state):
         apart = jnp.linalg.norm(state.position[:, None] - state.position, axis=-1)
         neighbours = ((apart < mm_from_rd(self.near)).sum() - len(apart)) / len(apart)

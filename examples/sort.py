@@ -52,6 +52,9 @@ class Sort(Cleaning):
         light, east = x / mm_from_rd(inputs.arena.size / 2), -jnp.arctan2(jnp.sin(yaw), jnp.cos(yaw))
         return balls, sensed._replace(own={"side": sides(balls)[nearest], "light": light, "east": east})
 
+    def areas(self, config, state):
+        return {}  # the dump and the dust areas are floor as any other
+
     def metrics(self, state):
         return {"sorted": (sides(state) * state.position[:, 0] > 0).mean()}
 
