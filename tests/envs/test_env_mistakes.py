@@ -31,7 +31,7 @@ class TestMistakes:
         "settings, words",
         [
             ({"task": "cleanin"}, "cleanin"),
-            ({"task": 3}, "int has no method lay_out"),
+            ({"task": 3}, "int is not a task, since it does not derive from Task"),
             ({"n_robots": 0}, "n_robots must be at least 1|n_robots must be a whole number"),
             ({"n_robots": 5000}, "n_robots must be between 1 and"),
             ({"steps": 0}, "steps must be"),

@@ -43,7 +43,7 @@ def test_the_command_trains_in_worlds(tmp_path, capfd, monkeypatch):
     Path("walk.py").write_text("class Walk:\n    init = picks = act = None\n    def __init__(self): pass\n")
     with pytest.raises(SystemExit):
         cli.main(["train", "--strategy", "walk.py:Walk"])
-    assert "Walk has no method init" in capfd.readouterr().err
+    assert "Walk is not a strategy, since it does not derive from Strategy" in capfd.readouterr().err
 
 
 def test_the_command_forwards_all_flags(tmp_path, monkeypatch):
@@ -64,7 +64,7 @@ def test_the_command_forwards_all_flags(tmp_path, monkeypatch):
     )
 
 
-class Balls:
+class Balls(Aggregation):
     """A task with a fitness but no balls."""
 
     fitness = Cleaning.fitness

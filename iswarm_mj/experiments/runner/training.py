@@ -29,6 +29,7 @@ from iswarm_mj.tasks.base import Task, is_scored
 from iswarm_mj.tasks.layout import check_robots
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.rewarded import REWARD, rewarded
+from iswarm_mj.tasks.signatures import check_methods
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import remove, remove_parts
@@ -113,6 +114,7 @@ def train(
     for number in {number for _, numbers in training.scenes for number in numbers}:
         check_total(robot_file, number)
     made = policy(strategy, training.config, max(training.robots), robot_file)
+    check_methods(task)
     has_fitness = is_scored(task)
     if overrides(task, Task, "fitness") and not has_fitness:
         raise UserError(f"{type(task).__name__} has a fitness, which counts balls, but no method balls; add it")
