@@ -55,7 +55,7 @@ def test_the_first_run_of_each_type_is_recorded_and_drawn_where_half_is_delivere
     frames |= {"ball_position": np.zeros((9, 4, 3))}
     stand_ins = {
         "Run": lambda config, genome, settings: (genome, settings.n_robots, settings.seed),
-        "clean": lambda run, out: made.append((*run, out.name)),
+        "run_swarm": lambda run, out: made.append((*run, out.name)),
         "load": lambda _: SimpleNamespace(arrays=frames),
         "aggregation": lambda _: 0.25,
         "draw_swarm": lambda _, step, title, path: drawn.append((step, title, path.name)),

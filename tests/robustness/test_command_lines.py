@@ -25,8 +25,8 @@ from iswarm_mj.utils.constraints import choices
 STARTS = [
     "iswarm_mj.simulation.run.start_loop",
     "iswarm_mj.experiments.runner.pool.run_jobs",
-    "iswarm_mj.workflows.grasp.run_trials",
-    "iswarm_mj.workflows.grasp.force_curve",
+    "iswarm_mj.gripper.bench.run_trials.run_trials",
+    "iswarm_mj.gripper.bench.force_curve.force_curve",
     "iswarm_mj.output.stage.Stage",
     "iswarm_mj.output.video.Stage",
 ]
