@@ -23,7 +23,7 @@ class Play(WithTask):
 
     worlds: Annotated[int, Within(1, 1)] = 1
     """The page shows one world."""
-    port: Annotated[int, Within(1024, 65_535)] = 8080
+    port: Annotated[int, Within(1024, 64_535)] = 8080
     """Where the page is, on this machine alone; the first port from there on that is free."""
     open: bool = True
     """Open the page in the browser, where there is one."""

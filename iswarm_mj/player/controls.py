@@ -14,7 +14,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.library import STRATEGIES, TASKS
 from iswarm_mj.strategy.pytrees import is_static_field
 from iswarm_mj.strategy.rules import Rules
-from iswarm_mj.utils.constraints import Within, check, choices, constraint_of
+from iswarm_mj.utils.constraints import Within, check, choices, constraint_of, type_of
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.errors import ConfigError, UserError
 
@@ -164,9 +164,15 @@ def declared(given: Any) -> Iterator[Control]:
     """Yield the controls of the fields of a dataclass that are numbers, flags or words."""
     cls = type(given)
     for f in fields(given) if is_dataclass(given) else ():
-        value, limits, words = getattr(given, f.name), constraint_of(cls, f.name), choices(cls, f.name)
+        value = getattr(given, f.name)
+        limits = constraint_of(cls, f.name)
+        words = choices(cls, f.name)
         if f.name in _HIDDEN or not f.init or not (words or isinstance(value, bool | int | float)):
             continue
+
+        # Whole numbers do where fields are floats, and are changed to other floats.
+        if isinstance(value, int) and not isinstance(value, bool) and type_of(cls, f.name) is float:
+            value = float(value)
         low, high, unit = (limits.low, limits.high, limits.unit) if limits else (-math.inf, math.inf, "")
         yield Control(f.name, "", value, low, high, words, unit, field_docs(cls).get(f.name, ""))
 

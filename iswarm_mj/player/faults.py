@@ -30,8 +30,8 @@ class Faults:
         return sentence
 
     def is_new(self, error: BaseException) -> bool:
-        """Return whether an exception was not reported yet."""
-        return describe(error) not in self._known
+        """Return whether an exception is to be shown: a user's error always, others once."""
+        return isinstance(error, UserError) or describe(error) not in self._known
 
     def forget(self) -> None:
         """Take all exceptions for new ones, as another run may raise them for other reasons."""

@@ -15,6 +15,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 from functools import partial
 from http import HTTPStatus
 from numbers import Number
@@ -164,7 +165,8 @@ class Guard:
 
         # Only this attribute of viser finds a control by the name that messages give it.
         controls = getattr(server.gui, "_gui_input_handle_from_uuid", None)
-        if status != HTTPStatus.FORBIDDEN or not self._n_connections or controls is None:
+        is_guarded = status == HTTPStatus.FORBIDDEN and self._n_connections > 0
+        if not is_guarded or controls is None or not _knows_messages():
             version = viser.__version__
             raise UserError(
                 f"viser {version} cannot close the page to others; viser 1.1 can: `pip install 'viser>=1.1,<1.2'`"
@@ -251,6 +253,16 @@ class Guard:
         if not hmac.compare_digest(path.encode(errors="replace"), f"/{self.secret}".encode()):
             return "Open the whole address that `iswarm play` printed, or `Page.url` in Python."
         return None
+
+
+def _knows_messages() -> bool:
+    """Return whether viser's messages have the fields that pass; others would all be dropped."""
+    from viser import _messages
+
+    return all(
+        {field.name for field in fields(getattr(_messages, kind.__name__))} == set(kind.__struct_fields__)
+        for kind in (GuiUpdateMessage, ViewerCameraMessage, ScenePointerMessage)
+    )
 
 
 class _Connection(ServerConnection):

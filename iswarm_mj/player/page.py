@@ -23,6 +23,7 @@ from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.utils.constraints import check, is_whole
 from iswarm_mj.utils.robot import RobotFile
 
 HOST, PORT = "127.0.0.1", 8080
@@ -35,6 +36,8 @@ _NARROW = """<style>@media (max-width: 36em) {
 """In a narrow window the panel lies beneath the arena, and not on it."""
 MOST_MESSAGES = 3
 """Errors that are shown at a time at most, the latest ones."""
+LAST_PORT = 64_535
+"""Last port to begin with: viser tries 1000, and would wait without end beyond 65535."""
 FRAME_S, PANEL_S = 1 / 25, 0.3
 """Between two drawings of the swarm, and of the panel [s]."""
 CLOSE_S = 2.0
@@ -44,9 +47,14 @@ CLOSE_S = 2.0
 def open_server(port: int = PORT) -> Any:
     """Return a viser server that listens to this machine alone, for those who know its `url`.
 
+    Args:
+        port: the first one that is tried; the server takes the next free one.
+
     Raises:
-        UserError: viser has a version that cannot be guarded.
+        UserError: the port is out of range, or viser has a version that cannot be guarded.
     """
+    is_port = is_whole(port) and 1024 <= port <= LAST_PORT
+    check("port", port, f"a whole number from 1024 to {LAST_PORT}", is_port)
     import viser
 
     class Server(viser.ViserServer):

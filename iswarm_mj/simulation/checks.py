@@ -1,4 +1,7 @@
-"""Checks of a strategy, a task or an engine on demand: those that every run makes before it begins."""
+"""Checks of a strategy, a task or an engine on demand.
+
+Strategies and tasks are checked as every run does before it begins; engines are tried, too.
+"""
 
 from typing import Any
 
@@ -23,6 +26,8 @@ N_WORLDS = 2
 """Worlds in which an engine is tried."""
 STILL_MM = 0.05
 """Distance by which contacts may move robots that do not drive [mm]."""
+STILL_RAD = 0.05
+"""Angle by which contacts may turn them [rad]."""
 
 
 def check_strategy(
@@ -98,7 +103,7 @@ def check_engine(
 
     if engine.on_host:
         made = setup.host_engine()(N_WORLDS, 1)
-        first, last = _try(made, setup, poses, is_present, is_running, command)
+        first, last, _ = _try(made, setup, poses, is_present, is_running, command)
     else:
         made, devices = setup.compiled_engine(N_WORLDS)
 
@@ -108,7 +113,7 @@ def check_engine(
         acts_on_all = made.mapping(devices[0].platform) == "batch"
         program = jax.jit(trial if acts_on_all else jax.vmap(trial))
         arrays = poses.astype(np.float32), is_present, is_running, command
-        first, last = jax.tree.map(np.asarray, program(*arrays))
+        first, last, _ = jax.tree.map(np.asarray, program(*arrays))
 
     name = getattr(made, "name", type(made).__name__)  # engines of users are wrapped
     _check_still(f"{name}.place must put robots where it is told", first - poses)
@@ -124,21 +129,25 @@ def _set_up(
     n_worlds: int = 1,
 ) -> Setup:
     settings = RunSettings(n_robots, 1, n_worlds=n_worlds, record_worlds=())
-    return set_up(config or SwarmConfig(), settings, engine, task or CLEANING, TYPE1, robot_file)
+    config = SwarmConfig() if config is None else config
+    task = CLEANING if task is None else task
+    return set_up(config, settings, engine, task, TYPE1, robot_file)
 
 
-def _try(engine: Any, setup: Setup, poses: Any, is_present: Any, is_running: Any, command: Command) -> tuple[Any, Any]:
-    """Return where robots are after they were placed, and after a control step."""
+def _try(
+    engine: Any, setup: Setup, poses: Any, is_present: Any, is_running: Any, command: Command
+) -> tuple[Any, Any, Any]:
+    """Return where robots are after they were placed and after a control step, and what they sensed."""
     bodies = engine.place(poses, is_present)
     first = engine.poses(bodies)
-    engine.sense(bodies, is_present, is_running)
+    sight = engine.sense(bodies, is_present, is_running)
     phases = drive_phases(setup.static.drive, command)
     last = engine.poses(engine.move(bodies, phases, is_running).bodies)
-    return first, last
+    return first, last, sight
 
 
 def _check_still(rule: str, way: np.ndarray) -> None:
     """Raise a UserError if robots moved, or are nowhere."""
-    farthest = float(np.abs(way[..., :2]).max())
-    if not farthest <= STILL_MM:
-        raise UserError(f"{rule} (a robot is {farthest:g} mm away); correct the engine")
+    farthest, turned = (float(np.abs(part).max()) for part in (way[..., :2], way[..., 2]))
+    if not (farthest <= STILL_MM and turned <= STILL_RAD):
+        raise UserError(f"{rule} (a robot is {farthest:g} mm and {turned:g} rad away); correct the engine")

@@ -18,7 +18,7 @@ A strategy of your own derives from `Strategy` and writes `init`, `picks` and `a
 """
 
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 from jaxtyping import Bool, Float
 
@@ -50,12 +50,15 @@ class Strategy(StrategyFactory):
     first axis; store random keys as `jax.random.key_data`. Methods set no attributes, and draw random numbers only from
     their key.
 
-    Two attributes of the class may be set. `payload`: the fields of its messages by name (`sensors.fields`), or a
-    `Payload`; without it, messages carry the number of the LED alone. `recorded`: names of parts of the memory that
-    recordings show, as `("state", "home.vector")`, or a dictionary of names and units.
     """
 
-    batch_invariant = False
+    payload: ClassVar[Any]
+    """Fields of the messages by name (`sensors.fields`), or a `Payload`; without it, messages carry the number of the
+    LED alone."""
+    recorded: ClassVar[Any]
+    """Names of parts of the memory that recordings show, as `("state", "home.vector")`, or a dictionary of names and
+    units; without it, none."""
+    batch_invariant: ClassVar[bool] = False
     """The compiled program was seen to round alike for one world and for more; otherwise the decisions of a single
     world are computed twice."""
 

@@ -48,10 +48,12 @@ def check_base(given: Any, base: type, what: str) -> None:
 
 def _check_spelling(cls: type, base: type, public: Sequence[str]) -> None:
     """Raise a UserError if a class has an attribute whose name is nearly that of one that it leaves to its base."""
+    attributes = [name for name in vars(base).get("__annotations__", {}) if not hasattr(base, name)]
     unchanged = [name for name in public if getattr(cls, name) is getattr(base, name)]
+    unchanged += [name for name in attributes if not hasattr(cls, name)]
     declared = {name for kind in cls.__mro__ if issubclass(kind, base) and kind is not base for name in vars(kind)}
     own_fields = {field.name for field in fields(cls)} if is_dataclass(cls) else set()
-    for name in sorted(declared - set(public) - own_fields):
+    for name in sorted(declared - set(public) - set(attributes) - own_fields):
         nearest = get_close_matches(name, unchanged, n=1, cutoff=0.8)
         if nearest and not name.startswith("_"):
             raise UserError(
@@ -99,8 +101,8 @@ def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
     same = " as it was given" if what in ("memory", "bodies") else ""
     if jax.tree.structure(given) != jax.tree.structure(wanted):
         raise UserError(
-            f"{method} must return {_named(wanted)} as its {what}{same} (got {_named(given)}); return the same type "
-            "with the same parts"
+            f"{method} must return {_named(wanted)} as its {what}{same} (got {_named(given)})"
+            f"{_differing(given, wanted)}; return the same type with the same parts"
         )
     for (path, mine), its in zip(jax.tree_util.tree_leaves_with_path(given), jax.tree.leaves(wanted), strict=True):
         shape, kind = getattr(mine, "shape", None), getattr(mine, "dtype", None)
@@ -120,6 +122,18 @@ def check_names(method: str, given: Any, names: Collection[str], attribute: str)
         got = ", ".join(map(str, given)) or "nothing" if isinstance(given, dict) else f"a {type(given).__name__}"
         wanted = ", ".join(names) or "nothing"
         raise UserError(f"{method} must return by name what {attribute} declares, {wanted} (got {got})")
+
+
+def _differing(given: Any, wanted: Any) -> str:
+    """Return which parts of a tree are missing and which are too many; nothing where the names do not differ."""
+    mine, theirs = ({jax.tree_util.keystr(path) for path, _ in _leaves(tree)} for tree in (given, wanted))
+    missing = [f"without {path}" for path in sorted(theirs - mine) if path]
+    unknown = [f"with {path}" for path in sorted(mine - theirs) if path]
+    return "".join(f", {part}" for part in (*missing, *unknown))
+
+
+def _leaves(tree: Any) -> Any:
+    return jax.tree_util.tree_leaves_with_path(tree)
 
 
 def _named(tree: Any) -> str:

@@ -153,6 +153,12 @@ def choices(cls: type, name: str) -> tuple[Any, ...]:
     return get_args(kind) if get_origin(kind) is Literal else ()
 
 
+def type_of(cls: type, name: str) -> Any:
+    """Return the type of a field of a dataclass, without its annotations."""
+    kind, _ = _declared(cls)[name]
+    return kind
+
+
 @functools.cache
 def constraint_of(cls: type, name: str) -> Within | None:
     """Limits of a field of a dataclass, or of the elements of a tuple; None for a field without limits."""

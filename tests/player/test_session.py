@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj.commands.main import parse
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player.changes import Change, edit
 from iswarm_mj.player.controls import controls, is_live
@@ -413,3 +413,9 @@ def test_a_swarm_that_fills_a_large_arena_is_within_the_range_of_its_control():
     dense = Scenario(SwarmConfig(ArenaConfig(size=1000.0)), strategy=replace(TYPE1, density_of_robots=0.9))
     robots = next(control for control in controls(dense) if control.name == "robots")
     assert robots.value == dense.n_robots > 200_000 and robots.low <= robots.value <= robots.high
+
+
+def test_whole_numbers_in_place_of_floats_may_become_floats():
+    scenario = Scenario(SwarmConfig(optics=OpticsConfig(wall_range=2)))
+    control = next(control for control in controls(scenario) if control.name == "optics.wall_range")
+    assert control.check(2.5) == 2.5 and isinstance(control.value, float)

@@ -59,6 +59,7 @@ def test_mistakes_are_one_sentence(call, sentence):
     [
         ("Places(np.array(poses, float))", "Places(np.array(poses, float) + 1.0)", "Teleport.place must put robots"),
         ("poses = bodies.poses\n", "poses = bodies.poses + 0.2\n", "Teleport.move must leave robots"),
+        ("poses = bodies.poses\n", "poses = bodies.poses + [0, 0, 0.1]\n", "Teleport.move must leave robots"),
         ("return bodies.poses", "return bodies.poses[0]", "Teleport.poses must return"),
     ],
 )

@@ -143,7 +143,7 @@ class TestRuns:
             (Still, r"is the class Still itself; give an object of it, as Still\(\)"),
             (Attributes(), r"Attributes has attributes \(stride\) but is not a dataclass; write @dataclass"),
             (Listed(["a"]), "Listed.names is compiled in and must not change, but is a list; use a tuple"),
-            (3.0, "float has no method init and no method picks"),
+            (3.0, "float is not a strategy, since it does not derive from Strategy"),
         ):
             with pytest.raises(UserError, match=words):
                 Run(small, strategy=strategy, settings=RunSettings(2, 1), engine=HERE)

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache, partial
-from types import SimpleNamespace
 from unittest import mock
 
 import jax
@@ -24,6 +23,7 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation import decide
 from iswarm_mj.simulation.decide import draw_turns, heard_in_turn
 from iswarm_mj.simulation.perceive import StepInputs
+from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.interface import Observation
@@ -248,9 +248,11 @@ def test_the_order_is_new_in_each_step_and_even():
 def test_a_strategy_that_cannot_pass_on_news_is_refused():
     config = SwarmConfig(strategy=IN_TURN)
     able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config.static, read_robot())
-    deaf = SimpleNamespace(**{name: getattr(able, name) for name in ("init", "payload", "say", "picks", "act")})
+    deaf = type(
+        "Deaf", (Strategy,), {name: getattr(able, name) for name in ("init", "payload", "say", "picks", "act")}
+    )()
     state = swarm_of(deaf.init(2, None), lay((0.0, 60.0)), 2)
     poses = place((0, 0, 0), (8, 0, 0))
     arguments = state, jnp.asarray(poses, jnp.float32), links_of(poses, config.optics), jax.random.key(0)
-    with pytest.raises(UserError, match=r"update_order is sequential, but SimpleNamespace has no method listen"):
+    with pytest.raises(UserError, match=r"update_order is sequential, but Deaf has no method listen"):
         jax.eval_shape(partial(decided, deaf, config), *arguments)

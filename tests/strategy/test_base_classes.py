@@ -49,8 +49,8 @@ SPEAKS = {"payload": {"word": Integer(3)}, "say": lambda self, memory, is_loaded
     [
         (mine(release=Walk.picks), "Mine.release is never used: Strategy has releases, but no release; rename it"),
         (mine(led_powers=Walk.picks), "Strategy has led_power"),
-        (mine(record=("x",), releases=Walk.picks), None),
-        (mine(payloads={}), None),
+        (mine(record=("x",), releases=Walk.picks), "Strategy has recorded, but no record"),
+        (mine(payloads={}), "Strategy has payload, but no payloads"),
         (mine(_release=Walk.picks), None),
         (mine(turn_aside=Walk.picks), None),
         (mine(act=None), "Mine has no method act; a strategy has it, see Strategy"),

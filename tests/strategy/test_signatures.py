@@ -135,7 +135,7 @@ def test_the_remedy_is_that_of_the_mistake():
     def renames(self, memory, seen, key):
         return {"count": memory["steps"]}, Command(*jnp.zeros((2, N)))
 
-    same = r"as its memory as it was given \(got dict of 1 array\)"
+    same = r"as its memory as it was given \(got dict of 1 array\), without .*, with .*"
     refused(rf"Mine\.act must return dict of 1 array {same}; return the same type", act=renames)
 
     def shortens(self, memory, *_):
@@ -225,3 +225,10 @@ def test_names_of_the_parts_of_a_memory():
     memory = {"state": 1, "home": VectorMemory(2, 3, 4), "pair": (5, [6])}
     parts = {"state": 1, "home.vector": 2, "home.hop": 3, "home.known": 4, "pair.0": 5, "pair.1.0": 6}
     assert parts_of(memory) == parts
+
+
+def test_parts_of_a_memory_with_other_names_are_named():
+    def act(self, memory, seen, key):
+        return {"count": memory["steps"]}, Command(*jnp.zeros((2, N)))
+
+    refused(r"\(got dict of 1 array\), without \['steps'\], with \['count'\]; return the same type", act=act)

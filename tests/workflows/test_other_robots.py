@@ -92,14 +92,14 @@ def test_avoidance_follows_the_directions_of_the_sides():
     assert listening_sides(front, askew).tolist() == [True, False, False, False]
     assert is_avoided(rules, jnp.arange(4)[None], askew).tolist() == [[True, False, True, True]]
     walls = senses_nothing(1, sides=6)._replace(sees_wall=jnp.array([[False, True, False, False, False, False]]))
-    push = np.asarray(avoid(SwarmConfig(), rules, walls, jnp.array([False]), sides))[0]
+    push = np.asarray(avoid(SwarmConfig().static, rules, walls, jnp.array([False]), sides))[0]
     np.testing.assert_allclose(push / np.linalg.norm(push), [-0.5, -np.sqrt(0.75)], atol=1e-5)
 
 
 def test_probes_anywhere_get_over_the_ball():
     """Turned and moved as commanded, again and again, tips of several kinds end on it, from all around."""
     tips = np.repeat([(0.9, 0.0), (0.8, 0.5), (1.1, 0.1), (-0.7, -0.3), (-0.9, 0.0)], 16, axis=0)
-    config, angles, n = SwarmConfig(), np.tile(np.linspace(-3.1, 3.1, 16), 5), len(tips)
+    config, angles, n = SwarmConfig().static, np.tile(np.linspace(-3.1, 3.1, 16), 5), len(tips)
     ball, at, heading = 1.5 * np.exp(1j * angles), np.zeros(n, complex), np.ones(n, complex)
     for _ in range(6):
         seen = (ball - at) / heading
