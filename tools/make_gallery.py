@@ -23,7 +23,7 @@ from iswarm_mj.output.saved import load
 from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.film import Film
 from iswarm_mj.player.inputs import Inputs
-from iswarm_mj.player.page import HOST, Page, close_server
+from iswarm_mj.player.page import Page, close_server
 from iswarm_mj.player.replay import swarm_film, write_replay
 from iswarm_mj.player.scenario import Scenario
 from iswarm_mj.player.scene import STATE
@@ -102,7 +102,7 @@ def images(url: str) -> Iterator[Any]:
 
 def open_unguarded() -> Any:
     """Return a server to which a browser can send its pictures, which the guard of pages would drop."""
-    return viser.ViserServer(host=HOST, port=8400, verbose=False)
+    return viser.ViserServer(host="127.0.0.1", port=8400, verbose=False)
 
 
 def rendered(server: Any) -> Image.Image:
@@ -118,7 +118,7 @@ def rendered(server: Any) -> Image.Image:
 
 def scenes(server: Any, draw: Any) -> list[Image.Image]:
     found = []
-    for _ in images(f"http://{HOST}:{server.get_port()}"):
+    for _ in images(f"http://127.0.0.1:{server.get_port()}"):
         while not server.get_clients():
             time.sleep(0.1)
         time.sleep(3)

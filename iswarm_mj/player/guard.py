@@ -20,6 +20,7 @@ from functools import partial
 from http import HTTPStatus
 from numbers import Number
 from typing import Annotated, Any, Literal
+from urllib.parse import parse_qsl
 
 import msgspec
 import websockets.asyncio.server
@@ -42,13 +43,20 @@ HEADERS = {
 }
 """Headers of all responses."""
 
-_HOST = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?")
-"""Allowed values of the header Host: any port, as it may be forwarded from another machine."""
+_HOST = re.compile(r"(?P<name>[a-z0-9.]+)(:[0-9]{1,5})?")
+"""Form of the header Host; any port, as it may be forwarded from another machine."""
+_FORWARDED = ("127.0.0.1", "localhost")
+"""Names by which a forwarded port is reached."""
+OPEN_S = 3.0
+"""Longest time of a handshake [s]: a stranger may begin many, and each takes a file descriptor."""
 _START = threading.Lock()
 """Lock of `Guard.start`, which replaces a function for all threads."""
 _LOG = logging.getLogger(__name__)
-# Strangers could fill the terminal with it.
+# Strangers could fill the terminal with these, by many requests that they do not finish.
 _LOG.addFilter(lambda record: record.getMessage() != "opening handshake failed")
+logging.getLogger("asyncio").addFilter(
+    lambda record: not record.getMessage().startswith("socket.accept() out of system resource")
+)
 
 
 # What the stock client of viser 1.1 sends on this page: changes of controls, the camera, and clicks
@@ -115,12 +123,14 @@ class Guard:
 
     Attributes:
         secret: path of the page's address; a new one for each page.
+        host: address of this machine at which the page is; a new one for each page where possible.
         n_dropped: messages that did not pass.
     """
 
     def __init__(self) -> None:
-        """Choose a secret."""
+        """Choose a secret and an address."""
         self.secret = secrets.token_urlsafe(32)
+        self.host = _new_address()
         self.n_dropped = 0
         self._n_connections = 0
         self._controls: dict[str, Any] = {}
@@ -139,6 +149,7 @@ class Guard:
             settings["create_connection"] = partial(_Connection, self)
             settings["max_size"] = MAX_SIZE
             settings["close_timeout"] = CLOSE_S
+            settings["open_timeout"] = OPEN_S
             settings["logger"] = _LOG
             return serve(handler, *args, **settings)
 
@@ -150,7 +161,7 @@ class Guard:
             finally:
                 websockets.asyncio.server.serve = serve
 
-    def check(self, server: Any, host: str) -> None:
+    def check(self, server: Any) -> None:
         """Make sure that a server is guarded, and learn its controls.
 
         Raises:
@@ -158,7 +169,7 @@ class Guard:
         """
         import viser
 
-        connection = http.client.HTTPConnection(host, server.get_port(), timeout=10)
+        connection = http.client.HTTPConnection(self.host, server.get_port(), timeout=10)
         connection.request("GET", "/")
         status = connection.getresponse().status
         connection.close()
@@ -183,7 +194,7 @@ class Guard:
             message = _DECODER.decode(raw) if isinstance(raw, bytes) else None
         except (msgspec.MsgspecError, ValueError, RecursionError):
             message = None
-        if message is None or not self._fits(message):
+        if message is None or not self._fits(message) or not self._looks(message):
             self._drop()
             return None
 
@@ -199,6 +210,13 @@ class Guard:
             return True
         control = self._controls.get(message.uuid)
         return control is None or _kind(control.value) is _kind(message.updates.value)
+
+    @staticmethod
+    def _looks(message: Any) -> bool:
+        """Return whether a camera looks somewhere; viser computes angles of its directions."""
+        if not isinstance(message, ViewerCameraMessage):
+            return True
+        return any(message.up_direction) and message.look_at != message.position
 
     def _drop(self) -> None:
         """Count a message that did not pass, and report the first one."""
@@ -227,6 +245,11 @@ class Guard:
             response = serve_page(connection, Request("/", request.headers))
         if response is not None:
             response.headers.update(HEADERS)
+            if not refusal:
+                # What the client loads by itself, whatever parameters it is given.
+                sources = f"connect-src 'self' ws://{request.headers['Host']} data: blob:"
+                policy = f"{sources}; object-src 'none'; base-uri 'none'; form-action 'none'"
+                response.headers["Content-Security-Policy"] = policy
         return response
 
     def _refusal(self, request: Request) -> str | None:
@@ -238,8 +261,9 @@ class Guard:
 
         # Other names are refused, as a website can let its own name lead to this machine.
         host = headers.get("Host", "")
-        if not _HOST.fullmatch(host):
-            return "This page is at 127.0.0.1 and localhost only."
+        match = _HOST.fullmatch(host)
+        if match is None or match["name"] not in (self.host, *_FORWARDED):
+            return f"This page is at {self.host} only."
 
         # Browsers state the website by which a websocket is opened.
         upgrade, origin = headers.get("Upgrade"), headers.get("Origin")
@@ -249,9 +273,17 @@ class Guard:
             return "Another website cannot use this page."
 
         # The whole path is compared, without a guess what other forms of it might mean.
-        path = request.path.partition("?")[0].removesuffix("/")
-        if not hmac.compare_digest(path.encode(errors="replace"), f"/{self.secret}".encode()):
+        path, _, query = request.path.partition("?")
+        given = path.removesuffix("/").encode(errors="replace")
+        if not hmac.compare_digest(given, f"/{self.secret}".encode()):
             return "Open the whole address that `iswarm play` printed, or `Page.url` in Python."
+
+        # viser's client loads what parameters name, which a website might choose. It adds the
+        # address of its own websocket itself.
+        parameters = parse_qsl(query, keep_blank_values=True)
+        own = ("websocket", f"ws://{host}/{self.secret}")
+        if query and parameters != [own]:
+            return "Open the address without what stands behind the question mark."
         return None
 
 
@@ -285,6 +317,19 @@ class _Connection(ServerConnection):
     def recv_streaming(self, decode: bool | None = None) -> Any:
         """Refuse, as parts of a message cannot be screened; viser does not ask."""
         raise NotImplementedError
+
+
+def _new_address() -> str:
+    """Return an address of this machine for one page.
+
+    Browsers keep what belongs to an origin, that is address and port, when a page has ended: its
+    tab, which connects again, or a service worker, which answers for whatever comes next. Whoever
+    takes the port of an ended page could so learn the address of the next one. On Linux all of
+    127.0.0.0/8 is this machine, so each page has an origin of its own.
+    """
+    if sys.platform != "linux":
+        return "127.0.0.1"
+    return ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])
 
 
 def _kind(value: Any) -> type:

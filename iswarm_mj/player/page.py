@@ -26,7 +26,7 @@ from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.constraints import check, is_whole
 from iswarm_mj.utils.robot import RobotFile
 
-HOST, PORT = "127.0.0.1", 8080
+PORT = 8080
 """Where the page is; the first port from there on that is free."""
 _NARROW = """<style>@media (max-width: 36em) {
 #root { height: 45% !important; }
@@ -66,13 +66,13 @@ def open_server(port: int = PORT) -> Any:
 
     guard = Guard()
     with guard.start(), redirect_stdout(io.StringIO()):  # it prints its address in a frame
-        server = Server(host=HOST, port=port, label="iswarm play", verbose=False)
+        server = Server(host=guard.host, port=port, label="iswarm play", verbose=False)
     try:
-        guard.check(server, HOST)
+        guard.check(server)
     except BaseException:
         close_server(server)
         raise
-    server.url = f"http://{HOST}:{server.get_port()}/{guard.secret}/"
+    server.url = f"http://{guard.host}:{server.get_port()}/{guard.secret}/"
     return server
 
 

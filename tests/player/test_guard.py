@@ -12,6 +12,7 @@ import re
 import shutil
 import socket
 import subprocess
+import sys
 import time
 import webbrowser
 from concurrent.futures import ThreadPoolExecutor
@@ -139,7 +140,44 @@ def test_the_page_and_its_websocket_open_at_the_whole_address(server):
     assert status(server.url, Upgrade=None) == 200
     forwarded = {"Host": "localhost:9999", "Origin": "http://localhost:9999"}
     assert status(server.url, **forwarded) == 101
-    assert status(server.url, path="PATH?theme=dark", Upgrade=None, Origin=None) == 200
+    split = urlsplit(server.url)
+    own = f"ws%3A%2F%2F{split.netloc}{split.path.removesuffix('/')}".replace("/", "%2F").replace(":", "%3A")
+    assert status(server.url, path=f"PATH?websocket={own}", Upgrade=None, Origin=None) == 200  # as after a reload
+
+
+@pytest.mark.parametrize(
+    "query",
+    [
+        "playbackPath=http://evil.example/x.viser",
+        "websocket=ws://evil.example:1",
+        "websocket=ws://HOST/",
+        "websocket=ws://HOSTPATH&playbackPath=x",
+        "websocket=ws://HOSTPATH&websocket=ws://evil.example",
+        "theme=dark",
+        "&",
+    ],
+)
+def test_parameters_by_which_a_website_could_lead_the_client_elsewhere_are_refused(server, query):
+    assert status(server.url, path=f"PATH?{query}", Upgrade=None, Origin=None) == 403
+
+
+def test_the_client_may_connect_to_the_page_alone(server):
+    split = urlsplit(server.url)
+    with socket.create_connection((split.hostname, split.port), SECONDS) as connection:
+        connection.sendall(f"GET {split.path} HTTP/1.1\r\nHost: {split.netloc}\r\n\r\n".encode())
+        head = connection.recv(4000).decode("latin-1")
+    policy = re.search("Content-Security-Policy: (.*)\r\n", head)[1]
+    assert f"connect-src 'self' ws://{split.netloc} data: blob:" in policy and "evil" not in policy
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have one such address")
+def test_pages_have_origins_of_their_own(server):
+    """So that nothing that a browser keeps of an ended page, or of who took its port, meets the next one."""
+    other = open_server(PORT)
+    close_server(other)
+    hosts = {urlsplit(one.url).hostname for one in (server, other)}
+    assert len(hosts) == 2 and all(host.startswith("127.") for host in hosts)
+    assert status(server.url, Host=f"{urlsplit(other.url).hostname}:{PORT}") == 403
 
 
 @pytest.mark.parametrize("upgrade", ["websocket", None], ids=["websocket", "page"])
@@ -293,9 +331,9 @@ def test_another_user_reaches_neither_the_page_nor_the_file_that_leads_there(ser
         own = {"user": NOBODY, "group": NOBODY, "extra_groups": [], "cwd": "/", "timeout": SECONDS}
         return subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False, **own)
 
-    port = server.get_port()
-    request = "".join(f"{k}: {v}\\r\\n" for k, v in HANDSHAKE.items()).replace("HOST", f"127.0.0.1:{port}")
-    talk = f"exec 3<>/dev/tcp/127.0.0.1/{port}; printf 'GET / HTTP/1.1\\r\\n{request}\\r\\n' >&3; head -1 <&3"
+    host, port = urlsplit(server.url).hostname, server.get_port()
+    request = "".join(f"{k}: {v}\\r\\n" for k, v in HANDSHAKE.items()).replace("HOST", f"{host}:{port}")
+    talk = f"exec 3<>/dev/tcp/{host}/{port}; printf 'GET / HTTP/1.1\\r\\n{request}\\r\\n' >&3; head -1 <&3"
     assert as_nobody(talk).stdout.split()[1] == "403"
 
     with redirect_file(server.url) as file:
