@@ -72,7 +72,7 @@ def places(arena: ArenaConfig) -> np.ndarray:
     poses = {
         0: (-28.0, 13.0, 0.0),
         1: (-28.0, 10.0, 0.0),
-        2: (-22.0, 10.0, math.pi),
+        2: (-17.8, 10.0, math.pi),
         AT_WALL: (east - 2.2, 8.5, 0.0),
         AT_DUMP: (3.9, 0.0, 0.0),
         5: (22.0, 5.0, 0.0),
