@@ -15,7 +15,7 @@ from iswarm_mj.tasks.base import Look, Quantity, Task, without_balls
 from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.utils.obstacles import poses_of_boxes
-from iswarm_mj.utils.units import RD, mm_from_rd
+from iswarm_mj.utils.units import mm_from_rd
 
 TIP = (1.0, 0.05)
 """Place ahead of a robot that the tools of both kinds of robots reach [mm]."""
@@ -112,7 +112,10 @@ class Zoned(Own):
     drawn: ClassVar = {"disc": Look((10, 200, 30))}
 
     def areas(self, config, state):
-        x, radius = mm_from_rd(config.arena.dust_area_offset), mm_from_rd(config.arena.dump_size) / 2
+        x, radius = (
+            mm_from_rd(config.arena.dust_area_offset),
+            mm_from_rd(config.arena.dump_size) / 2,
+        )
         return {"disc": jnp.stack([jnp.float32(x), jnp.float32(state.step), jnp.float32(radius)])[None]}
 
 
@@ -126,7 +129,12 @@ class Tidy(Own, Cleaning):
         _, balls = CLEANING.lay_out(config, len(poses), rng, shared, cell)
         x, y, yaw = poses[list(HOLDERS)].T
         ahead, aside = TIP
-        tips = np.column_stack([x + ahead * np.cos(yaw) - aside * np.sin(yaw), y + ahead * np.sin(yaw) + aside * np.cos(yaw)])
+        tips = np.column_stack(
+            [
+                x + ahead * np.cos(yaw) - aside * np.sin(yaw),
+                y + ahead * np.sin(yaw) + aside * np.cos(yaw),
+            ]
+        )
         dust = [[-mm_from_rd(config.arena.dust_area_offset), 0.0]]
         return balls._replace(position=np.float32(np.concatenate([tips, dust])))
 
@@ -213,4 +221,3 @@ TASKS = {
     "everything": Everything(),
 }
 DISC = "area_disc"
-assert set(SEEN) == set(Own.measured) and RD > 2
