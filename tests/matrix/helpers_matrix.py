@@ -121,14 +121,23 @@ def play(cell: Cell) -> Story:
     if cell.way == "page":
         return play_page(cell)
     n_worlds = 3 if cell.way.endswith("3") else 1
-    return play_environment(cell, n_worlds) if cell.way.startswith("environment") else play_run(cell, n_worlds)
+    if cell.way.startswith("environment"):
+        return play_environment(cell, n_worlds)
+    return play_run(cell, n_worlds)
 
 
 def run_of(cell: Cell, worlds: list[World], config: SwarmConfig) -> Run:
     """Return a run whose worlds are recorded in the opposite order."""
-    settings = RunSettings(N, STEPS, SEED, len(worlds), record_worlds=tuple(range(len(worlds)))[::-1])
-    task, engine, file = TASKS[cell.task], ENGINES[cell.engine], robots_of(cell.arena)
-    return Run(config, None, settings, engine, worlds=worlds, strategy=Drill(), task=task, robot_file=file)
+    recorded = tuple(range(len(worlds)))[::-1]
+    return Run(
+        config,
+        settings=RunSettings(N, STEPS, SEED, len(worlds), record_worlds=recorded),
+        engine=ENGINES[cell.engine],
+        worlds=worlds,
+        strategy=Drill(),
+        task=TASKS[cell.task],
+        robot_file=robots_of(cell.arena),
+    )
 
 
 def play_run(cell: Cell, n_worlds: int) -> Story:
@@ -146,7 +155,8 @@ def story_of(run: Run, record: StepRecord, configs: list[list[SwarmConfig]]) -> 
     recorded = [RecordedWorld.of(run, rows.index(world)) for world in range(len(rows))]
     frames = [world.frames([record]) for world in recorded]
     in_order = [rows.index(world) for world in range(len(rows))]
-    start, record = (jax.tree.map(lambda a: np.asarray(a)[:, in_order], one) for one in (run.start, record))
+    start = jax.tree.map(lambda a: np.asarray(a)[:, in_order], run.start)
+    record = jax.tree.map(lambda a: np.asarray(a)[:, in_order], record)
     metrics = {name: [one.arrays()[METRIC + name] for one in frames] for name in run.task.measured}
     return Story(
         configs=configs,
@@ -205,24 +215,17 @@ def play_environment(cell: Cell, n_worlds: int) -> Story:
 
 def assert_alike(story: Story, other: Story) -> None:
     """Poses, lives and the task are the same, but for what 32-bit floats round."""
-    for one, another in zip(
-        *(jax.tree.leaves((s.poses, s.boxes, s.is_alive, s.task)) for s in (story, other)),
-        strict=True,
-    ):
-        np.testing.assert_allclose(one, another, rtol=1e-5, atol=2e-3)
+    leaves = [jax.tree.leaves((one.poses, one.boxes, one.is_alive, one.task)) for one in (story, other)]
+    for value, expected in zip(*leaves, strict=True):
+        np.testing.assert_allclose(value, expected, rtol=1e-5, atol=2e-3)
 
 
 def play_page(cell: Cell) -> Story:
     """Play the page's session, in which settings change; the run that changes so comes to the same."""
-    config, task, engine, file = (
-        config_of(cell.arena, 1),
-        TASKS[cell.task],
-        ENGINES[cell.engine],
-        robots_of(cell.arena),
-    )
-    session = Session(Scenario(config, Drill(), task, N, SEED, engine, file))
+    config, task, engine = config_of(cell.arena, 1), TASKS[cell.task], ENGINES[cell.engine]
+    session = Session(Scenario(config, Drill(), task, N, SEED, engine, robots_of(cell.arena)))
     run = session.start.run()
-    snapshots, scenes, records = [session.snapshots[-1]], [], []
+    snapshots, records = [], []
     for step in range(STEPS):
         if step == CHANGED_AFTER:
             for name, value in CHANGES.items():
@@ -230,15 +233,18 @@ def play_page(cell: Cell) -> Story:
             run.change(changed(config), Drill())
         session.advance()
         snapshots.append(session.snapshots[-1])
-        scenes.append(session.scene)
         records.append(run.advance())
 
     configs = [[config]] * CHANGED_AFTER + [[changed(config)]] * (STEPS - CHANGED_AFTER)
-    record = jax.tree.map(lambda *values: np.concatenate(values), *(one.record for one in snapshots[1:]))
-    story = story_of(session.run, record, configs)
-    repeated = story_of(run, jax.tree.map(lambda *values: np.concatenate(values), *records), configs)
+    story = story_of(session.run, joined([one.record for one in snapshots]), configs)
+    repeated = story_of(run, joined(records), configs)
     jax.tree.map(np.testing.assert_array_equal, story.record, repeated.record)
 
-    frames = [one.frames for one in snapshots[1:]]
-    metrics = {name: np.array(list(session.lines[name])[1:])[:, None] for name in task.measured}
-    return story._replace(metrics=metrics, drawn=[(scenes[-1], frames)])
+    # What the page plots and draws; its lines begin at the start.
+    metrics = {name: np.array(session.lines[name])[1:, None] for name in task.measured}
+    return story._replace(metrics=metrics, drawn=[(session.scene, [one.frames for one in snapshots])])
+
+
+def joined(records: list[StepRecord]) -> StepRecord:
+    """Return consecutive records as one."""
+    return jax.tree.map(lambda *values: np.concatenate(values), *records)

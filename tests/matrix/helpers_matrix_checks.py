@@ -71,7 +71,7 @@ def check_what_it_saw(task, story: Story) -> None:
 
 def hulls(story: Story, poses: np.ndarray) -> np.ndarray:
     """Return robots at poses (N, 3) as boxes."""
-    halves = np.broadcast_to(story.robot.each("half_edges", np.arange(len(poses)))[:, :2], (len(poses), 2))
+    halves = story.robot.each("half_edges", np.arange(len(poses)))[:, :2]
     return np.column_stack([poses[:, :2], np.cos(poses[:, 2]), np.sin(poses[:, 2]), halves])
 
 
