@@ -187,9 +187,10 @@ class Page:
                     self.session.messages.put(self.session.faults.report(error))
 
     def _begin_view(self) -> None:
-        """Make a new view after a reset."""
+        """Make a new view after a reset, and let the present one follow changes of settings."""
         session, before = self.session, self._panel.view
         if session.version == self._version:
+            before.follow(session.scene)
             return
         self._version = session.version
         session.shown = 0.0

@@ -290,7 +290,7 @@ class Session:
             wanted = wanted.set(name, now.get(name))
         task = None if is_same(now.task, self.now.task) else now.task
         self.run.change(now.config, now.strategy, task)
-        if task is not None:
+        if task is not None or now.config != self.now.config:  # by which areas on the floor are drawn
             self.world = RecordedWorld.of(self.run, 0)
         self.now, self.wanted = now, wanted
 

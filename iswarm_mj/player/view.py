@@ -8,6 +8,7 @@ import trimesh
 from jaxtyping import Float
 
 from iswarm_mj.output import shapes
+from iswarm_mj.output.frames import FIXED
 from iswarm_mj.output.memory import vectors
 from iswarm_mj.output.palette import BOX, FLOOR, GREEN, PINK, SKY, WALL, YELLOW, rgb
 from iswarm_mj.output.schema import Frames
@@ -50,16 +51,7 @@ class SwarmView:
         drawn.remove_by_name(_ROOT)
         self.root = drawn.add_frame(_ROOT, show_axes=False)
         drawn.add_mesh_simple(f"{_ROOT}/floor", *shapes.floor(scene), color=rgb(FLOOR), side="double")
-        for boxes in shapes.arena_boxes(scene):
-            for k, (x, y, half_x, half_y, yaw) in enumerate(boxes.places):
-                drawn.add_box(
-                    f"{_ROOT}/{boxes.name}/{k}",
-                    color=rgb(boxes.colour),
-                    dimensions=(2 * half_x, 2 * half_y, boxes.high - boxes.low),
-                    position=(x, y, (boxes.high + boxes.low) / 2),
-                    wxyz=(np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)),
-                    cast_shadow=False,
-                )
+        self._draw_standing()
         length, height = scene.length * shapes.MILLIMETRES, scene.height * shapes.MILLIMETRES
         self._height, n, k = height, len(scene.is_alive), len(scene.ball_radius)
         front = trimesh.creation.box((0.2, 0.5, 0.1))
@@ -100,6 +92,32 @@ class SwarmView:
         self._ring = drawn.add_mesh_simple(
             f"{_ROOT}/ring", ring.vertices, ring.faces, color=(20, 20, 20), visible=False
         )
+
+    def follow(self, scene: Scene) -> None:
+        """Take in the constants of the world after settings have changed, and draw its dump and dust areas anew.
+
+        Args:
+            scene: of the same world.
+        """
+        if scene is self.scene:
+            return
+        before, self.scene = self.scene, scene
+        is_moved = [not np.array_equal(getattr(before, name), getattr(scene, name)) for name in FIXED]
+        if any(is_moved):
+            self._draw_standing()
+
+    def _draw_standing(self) -> None:
+        """Draw walls, dump, dust areas and obstacles."""
+        for boxes in shapes.arena_boxes(self.scene):
+            for k, (x, y, half_x, half_y, yaw) in enumerate(boxes.places):
+                self._drawn.add_box(
+                    f"{_ROOT}/{boxes.name}/{k}",
+                    color=rgb(boxes.colour),
+                    dimensions=(2 * half_x, 2 * half_y, boxes.high - boxes.low),
+                    position=(x, y, (boxes.high + boxes.low) / 2),
+                    wxyz=(np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)),
+                    cast_shadow=False,
+                )
 
     @property
     def vectors(self) -> list[str]:

@@ -13,6 +13,7 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.simulation.common import check_common
 from iswarm_mj.simulation.given import metrics_of, of_all_worlds, of_worlds, to_json
+from iswarm_mj.simulation.initial import boxed
 from iswarm_mj.simulation.memory_check import check_memory
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
@@ -112,6 +113,7 @@ class Run:
             settings = RunSettings(robots_for(config.arena, density, "density_of_robots"), STEPS)
         engine, task = MujocoSettings() if engine is None else engine, CLEANING if task is None else task
         setup = set_up(config, settings, engine, task, genome if worlds is None else worlds, robot_file)
+        self._configured_boxes = config.arena.boxes
         n_worlds = len(setup.worlds)
         check("worlds", n_worlds, f"as many as n_worlds, {settings.n_worlds}", n_worlds == settings.n_worlds)
         self.config, self.genome, self.settings, self.engine = setup.config, genome, settings, setup.engine
@@ -208,6 +210,10 @@ class Run:
         Raises:
             UserError: the configurations differ in something else, or a field of the task is out of range.
         """
+        # Boxes that the task laid take the place of those of the configuration, as at the start.
+        if config.arena.boxes == self._configured_boxes:
+            config = boxed(config, self.config.arena.boxes, type(self.task).__name__)
+
         check_common(self.config, config)
         if task is not None:
             validate(task)

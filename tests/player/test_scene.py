@@ -133,6 +133,17 @@ def test_balls_are_drawn_as_large_as_they_are(session, server):
     assert np.corrcoef(view._balls.batched_scales, session.scene.ball_radius)[0, 1] > 0.9999
 
 
+def test_the_dump_is_drawn_as_large_as_it_becomes(server):
+    session = Session(Scenario(CONFIG, robots=20, engine=PlanarSettings()))
+    session.advance()
+    view = SwarmView(server.scene, session.scene)
+    session.set("arena.dump_size", 3.0)
+    session.set("arena.dump_size", 4.0)
+    view.follow(session.scene)
+    (dump,) = [node for name, node in server.scene._handle_from_node_name.items() if name.endswith("/dump/0")]
+    np.testing.assert_allclose(dump.dimensions[:2], 4.0 * RD, rtol=1e-6)
+
+
 def test_robots_and_the_balls_that_they_carry_are_between_two_steps(session):
     """Balls that a robot holds before and after; a robot goes 1 mm at most."""
     n_moved = 0

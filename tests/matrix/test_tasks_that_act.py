@@ -1,0 +1,10 @@
+"""Tasks that drive boxes, let robots die and change conditions: on engines, in arenas, in all ways to play them."""
+
+import pytest
+from helpers_matrix import cells_of, play
+from helpers_matrix_checks import check
+
+
+@pytest.mark.parametrize("cell", cells_of("boxes", "deaths", "conditions", "everything"), ids=str)
+def test_a_cell(cell):
+    check(cell, play(cell))
