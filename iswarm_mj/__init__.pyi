@@ -45,6 +45,7 @@ from .sensors.links import find_links as find_links
 from .sensors.memory import VectorMemory as VectorMemory
 from .sensors.messages import Payload as Payload
 from .simulation.run import Run as Run
+from .simulation.scenario import Scenario as Scenario
 from .simulation.settings import RunSettings as RunSettings
 from .simulation.state import StepRecord as StepRecord
 from .simulation.worlds import World as World
