@@ -48,6 +48,7 @@ from .simulation.checks import check_engine as check_engine
 from .simulation.checks import check_strategy as check_strategy
 from .simulation.checks import check_task as check_task
 from .simulation.run import Run as Run
+from .simulation.scenario import Scenario as Scenario
 from .simulation.settings import RunSettings as RunSettings
 from .simulation.state import StepRecord as StepRecord
 from .simulation.worlds import World as World

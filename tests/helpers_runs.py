@@ -27,13 +27,14 @@ N = 30
 
 def run_of(config, genome=PRESETS["type1"], n_robots=N, steps=200, *, threads=1, **settings):
     """Run of small swarms; `worlds`, `strategy` (of all) and `robot_file` go to `Run`, the rest to `RunSettings`."""
-    parts = {name: settings.pop(name) for name in ("worlds", "strategy", "robot_file") if name in settings}
-    parts["strategy_per_world"] = "strategy" in parts
+    parts = {name: settings.pop(name) for name in ("worlds", "robot_file") if name in settings}
+    parts["strategy_per_world"] = "strategy" in settings
+    strategy = settings.pop("strategy", genome)
     if "worlds" in parts:
         settings["n_worlds"] = len(parts["worlds"])
     everything = tuple(range(settings.get("n_worlds", 1)))
     settings = RunSettings(n_robots, steps, **{"record_worlds": everything, **settings})
-    return Run(config, genome, settings, MujocoSettings(threads), **parts)
+    return Run(config, strategy, settings, MujocoSettings(threads), **parts)
 
 
 def records(run):

@@ -83,10 +83,9 @@ def main():
         genome, strategy = OTHERS[name] if name in OTHERS else (None, NETWORKS[name](args.weights))
         run = Run(
             config,
-            genome,
+            genome if strategy is None else strategy,
             settings,
             PlanarSettings(args.threads),
-            strategy=strategy,
             task=without.Told() if name == "knows-all" else None,
             robot_file=args.robot,
         )

@@ -25,7 +25,7 @@ from iswarm_mj.player.film import Film
 from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.page import Page, close_server
 from iswarm_mj.player.replay import swarm_film, write_replay
-from iswarm_mj.player.scenario import Scenario
+from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.scene import STATE
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import aim, light
@@ -161,7 +161,7 @@ def bench() -> None:
     server = open_unguarded()
     try:
         light(server.scene)
-        aim(server.initial_camera, Session(Scenario(robots=1)).scene, is_low=True)
+        aim(server.initial_camera, Session(PageScenario(robots=1)).scene, is_low=True)
         shown = Bench(server, Inputs(server, refused=print, failed=print), 139 / 6)
         shown.root.visible = True
         shown.take(shown.settings.trace())
@@ -178,7 +178,7 @@ def bench() -> None:
 
 def page() -> None:
     """The page itself."""
-    session = Session(Scenario())
+    session = Session(PageScenario())
     shown = Page(session, 8400)
     pictures = []
     try:

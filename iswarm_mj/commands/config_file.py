@@ -1,7 +1,5 @@
 """Files of `--config`: TOML whose keys are flags, or the result.json of an earlier run."""
 
-import tomllib
-from collections import Counter
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +8,7 @@ from typing import Any
 from iswarm_mj.commands.flags import SETTINGS, flag, names, switch
 from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.utils.errors import UserError, closest, shown
-from iswarm_mj.utils.files import flat, read_json, read_text
+from iswarm_mj.utils.files import by_flags, read_json, read_toml
 
 _SETTINGS = {"n_robots": "robots", "n_worlds": "worlds", "steps": "steps", "seed": "seed", "stop_at": "stop_at"}
 """Settings of a run in result.json, and their flags."""
@@ -40,11 +38,7 @@ class ConfigFile:
         remedy = "name a TOML file, with lines as `steps = 300` or `[arena]`, or a result.json"
         if path.suffix == ".json":
             return cls(path, _of_result(path, read_json(path, remedy, what="--config "), given), True)
-        text = read_text(path, remedy, what="--config ")
-        try:
-            return cls(path, _flat(tomllib.loads(text)), False)
-        except (ValueError, RecursionError) as error:
-            raise UserError(f"--config {path} is no TOML ({shown(error)}); {remedy}") from None
+        return cls(path, read_toml(path, remedy, what="--config "), False)
 
     def arguments(self, command: str, known: Mapping[str, Any], given: Collection[str]) -> list[str]:
         """Return the values as arguments of a command, but those of flags that are given or excluded by them.
@@ -114,8 +108,8 @@ def _of_result(path: Path, content: Any, given: Collection[str]) -> dict[str, An
         return found
 
     if part("grasp"):
-        return {name: value for name, value in _flat(content["grasp"]).items() if value is not None}
-    values = {name: part("settings").get(key) for key, name in _SETTINGS.items()} | _flat(part("config"))
+        return {name: value for name, value in by_flags(content["grasp"]).items() if value is not None}
+    values = {name: part("settings").get(key) for key, name in _SETTINGS.items()} | by_flags(part("config"))
     values |= {name: content.get(name) for name in IDENTITY} | {"robot": part("robot").get("file")}
     if part("genome"):
         values["genome"] = str(path)
@@ -132,21 +126,9 @@ def _named(path: Path, word: str, own: Mapping[str, Any], given: Collection[str]
 
     cls, values = own.get("class"), {name: value for name, value in own.items() if name != "class"}
     if word in given or (word == "task" and cls == type(CLEANING).__name__):
-        return _flat(values) if word in given else {}
+        return by_flags(values) if word in given else {}
     offer = {"strategy": STRATEGIES, "task": TASKS}[word]
     name = offered(offer, str(cls), set(values))
     if name is None:
         raise UserError(f"--config {path} is of the {word} {shown(cls)}; name it by {naming(offer, str(cls))}")
     return {**values, word: name}
-
-
-def _flat(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Values by names of flags.
-
-    Raises:
-        ValueError: one occurs twice, with hyphens and with underscores.
-    """
-    found = [(name.replace("-", "_"), value) for name, value in flat(values)]
-    if twice := [name for name, n in Counter(name for name, _ in found).items() if n > 1]:
-        raise ValueError(f"{shown(twice[0])} occurs twice")
-    return dict(found)

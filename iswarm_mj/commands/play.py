@@ -38,19 +38,19 @@ class Play(WithTask):
         n_robots = self.checked()
         refuse(self, ["chunk"], "on the page, which shows every step")
         from iswarm_mj.player.changes import Change
-        from iswarm_mj.player.scenario import Scenario
+        from iswarm_mj.player.scenario import PageScenario
         from iswarm_mj.player.session import Session
 
-        scenario = Scenario(
+        scenario = PageScenario(
             self.config,
-            self.rules,
-            self.task,
-            self.robots if self.density is None else n_robots,
-            self.seed,
-            self.engine_settings,
-            self.robot_file,
-            shlex.join(self.controller) if self.controller[1:] else "".join(self.controller),
-            self.task_name,
+            strategy=self.rules,
+            task=self.task,
+            robots=self.robots if self.density is None else n_robots,
+            robot_file=self.robot_file,
+            engine=self.engine_settings,
+            seed=self.seed,
+            strategy_name=shlex.join(self.controller) if self.controller[1:] else "".join(self.controller),
+            task_name=self.task_name,
         )
         with waiting("placing the robots"):
             return Session(scenario, [Change.parse(text) for text in self.changes], self.out)

@@ -21,9 +21,11 @@ from iswarm_mj.envs.tables import Row
 from iswarm_mj.sensors.fields import Flag
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.memory_check import devices_of
+from iswarm_mj.simulation.scenario import Scenario, refuse_beside_scenario
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import Setup, set_up
 from iswarm_mj.simulation.start import first_state, world_params
+from iswarm_mj.simulation.stated import STEPS
 from iswarm_mj.simulation.worlds import World, random_keys
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.library import TASKS, find
@@ -40,51 +42,90 @@ MOST_BITS = 29
 
 
 def make_env(
-    task: Any = "cleaning",
-    n_robots: int = 20,
+    scenario: Scenario | Any = None,
+    n_robots: int | None = None,
     *,
+    task: Any = None,
     config: SwarmConfig | None = None,
     engine: EngineSettings | None = None,
     payload: Any = None,
-    steps: int = 800,
+    steps: int | None = None,
     stop_at: int | None = None,
     n_worlds: int | None = None,
     n_starts: int = 64,
-    seed: int = 0,
+    seed: int | None = None,
     robot_file: RobotFile = None,
 ) -> Env:
     """Return an environment in which each robot of a swarm has actions, observations and a reward.
 
+    `make_env(scenario)` takes all of a scenario but its strategy, in whose place robots are told what to do; the parts
+    of a scenario can be given one by one in its place.
+
     Args:
-        task: `"cleaning"`, FILE.py:CLASS, the name of an installed task, or a `tasks.base.Task`.
-        n_robots: N.
+        scenario: what is simulated; or a task, as `task`.
+        n_robots: N, 20 by default.
+        task: `"cleaning"`, the default, FILE.py:CLASS, the name of an installed task, or a `tasks.base.Task`.
         config: of the swarm; defaults if None.
         engine: settings, by default `PlanarSettings()`. With `MjxSettings()`, `reset` and `step` are of one world, for
             `jax.vmap`; otherwise of `n_worlds` at once.
         payload: message fields by name, a `Payload` (`sensors.messages`), or a number of bits, one flag each. Without
             it, actions are motion only.
-        steps: maximum control steps of an episode.
+        steps: maximum control steps of an episode, 800 by default.
         stop_at: progress that ends an episode; the task's goal by default.
         n_worlds: B, 1 by default; with MJX only the size of Warp's buffers.
         n_starts: number of initial layouts, drawn from `seed`; the keys of `reset` pick one.
-        seed: of the layouts.
+        seed: of the layouts, 0 by default.
         robot_file: MJCF file of the robots, or of each kind (`RobotFile`); None for `models/robot.xml`.
 
     Raises:
-        UserError: unknown task, settings that do not fit, or more worlds than fit into memory.
+        UserError: unknown task, settings that do not fit, or more worlds than fit into memory; or parts beside a
+            scenario.
     """
-    return prepare_env(
-        task,
-        n_robots,
+    if not isinstance(scenario, Scenario):
+        if scenario is not None and task is not None:
+            raise UserError("the task is given twice, first and as `task`; leave out one of them")
+        task = task if scenario is None else scenario
+        return prepare_env(
+            "cleaning" if task is None else task,
+            20 if n_robots is None else n_robots,
+            config=config,
+            engine=engine,
+            payload=payload,
+            steps=STEPS if steps is None else steps,
+            stop_at=stop_at,
+            n_worlds=n_worlds,
+            n_starts=n_starts,
+            seed=0 if seed is None else seed,
+            robot_file=robot_file,
+        ).make()
+
+    refuse_beside_scenario(
+        task=task,
+        n_robots=n_robots,
         config=config,
         engine=engine,
-        payload=payload,
         steps=steps,
         stop_at=stop_at,
         n_worlds=n_worlds,
-        n_starts=n_starts,
         seed=seed,
         robot_file=robot_file,
+    )
+    if not isinstance(scenario.worlds, int):
+        raise UserError(
+            "an environment begins in `n_starts` layouts of a seed; give a scenario with a number of worlds"
+        )
+    return prepare_env(
+        scenario.task,
+        scenario.n_robots,
+        config=scenario.config,
+        engine=scenario.engine,
+        payload=payload,
+        steps=scenario.steps,
+        stop_at=scenario.goal,
+        n_worlds=scenario.n_worlds,
+        n_starts=n_starts,
+        seed=scenario.seed,
+        robot_file=scenario.robot_file,
     ).make()
 
 

@@ -4,7 +4,7 @@ import os
 import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.files import check_file, from_json, read_json
+from iswarm_mj.utils.files import check_file, from_json, read_json, restored
 from iswarm_mj.utils.memory import check_memory
 from iswarm_mj.utils.robot import RobotFile
 
@@ -175,20 +175,6 @@ def load(path: str | Path) -> SavedRun:
         ) from None
     except UserError as error:
         raise UserError(f"{source}: {error}; {REMEDY}.") from None
-
-
-def restored(cls: type[Any], values: Mapping[str, Any]) -> Any:
-    """Return the dataclass that `asdict` turned into this dictionary.
-
-    Args:
-        cls: the dataclass; fields that are dataclasses have them as default factories.
-        values: by the names of its fields; those left out have their defaults.
-
-    Raises:
-        TypeError: a name that the dataclass does not have.
-    """
-    inner: dict[str, Any] = {f.name: f.default_factory for f in fields(cls) if is_dataclass(f.default_factory)}
-    return cls(**{name: restored(inner[name], value) if name in inner else value for name, value in values.items()})
 
 
 def _by_number(read: Mapping[Path, Arrays]) -> dict[int, Arrays]:

@@ -7,7 +7,7 @@ from importlib.metadata import entry_points
 from typing import Any, NamedTuple
 
 from iswarm_mj.engines.registry import ENGINES, OFFER
-from iswarm_mj.player.scenario import Scenario
+from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.simulation.common import PER_WORLD_FIELDS
 from iswarm_mj.simulation.settings import RunSettings
@@ -78,7 +78,7 @@ class Control(NamedTuple):
         return f"{name} [{self.unit}]" if self.unit else name
 
 
-def is_live(scenario: Scenario, name: str) -> bool:
+def is_live(scenario: PageScenario, name: str) -> bool:
     """Whether a setting may change while a run goes on: what programs take as arrays, see `PER_WORLD_FIELDS`."""
     match scenario.paths().get(name):
         case ("config", group, own):
@@ -92,7 +92,7 @@ def is_live(scenario: Scenario, name: str) -> bool:
     return False
 
 
-def controls(scenario: Scenario, start: Scenario | None = None) -> list[Control]:
+def controls(scenario: PageScenario, start: PageScenario | None = None) -> list[Control]:
     """Return the controls of all settings that have an effect in a scenario.
 
     Args:
@@ -143,7 +143,7 @@ def controls(scenario: Scenario, start: Scenario | None = None) -> list[Control]
     return found
 
 
-def _choice_of_part(name: str, group: str, scenario: Scenario, start: Scenario | None, text: str) -> Control:
+def _choice_of_part(name: str, group: str, scenario: PageScenario, start: PageScenario | None, text: str) -> Control:
     """Return the control that chooses a strategy, a task or an engine by its name.
 
     Args:
@@ -177,7 +177,7 @@ def declared(given: Any) -> Iterator[Control]:
         yield Control(f.name, "", value, low, high, words, unit, field_docs(cls).get(f.name, ""))
 
 
-def parsed(scenario: Scenario, name: str, text: str) -> Any:
+def parsed(scenario: PageScenario, name: str, text: str) -> Any:
     """Return the value of a setting that a text states, for a change while the run goes on.
 
     Raises:

@@ -12,15 +12,15 @@ import numpy as np
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.engines.robot_file import as_robot_file
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.output import shapes
 from iswarm_mj.player import view as look
 from iswarm_mj.player.guard import Guard
 from iswarm_mj.player.panel import GRIPPER, THEME, Panel
-from iswarm_mj.player.scenario import Scenario
+from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
+from iswarm_mj.simulation.scenario import Scenario, config_of, refuse_beside_scenario
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.constraints import check, is_whole
@@ -270,12 +270,13 @@ class Page:
 
 
 def play(
-    config: SwarmConfig | None = None,
+    scenario: Scenario | SwarmConfig | None = None,
     *,
+    config: SwarmConfig | None = None,
     strategy: Any = None,
     task: Any = None,
     robots: int | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     engine: EngineSettings | None = None,
     robot_file: RobotFile = None,
     port: int = PORT,
@@ -285,25 +286,39 @@ def play(
     In a notebook the returned object shows the page; a script calls its `wait`.
 
     Args:
-        config: of the run.
+        scenario: what is simulated, in one world; its parts can be given one by one in its place.
+        config: of the run, in place of a scenario.
         strategy: a genome, or see `strategy.base.Strategy`; by default the paper's of type 1.
         task: see `tasks.base.Task`; cleaning by default.
         robots: their number; by default that of the genome.
-        seed: of all random numbers.
+        seed: of all random numbers, 0 by default.
         engine: `MujocoSettings()` by default.
         robot_file: MJCF file of the robots, or of each kind (`RobotFile`), by default `models/robot.xml`.
         port: where the page is, on this machine alone; the first one from there on that is free.
 
     Raises:
-        UserError: settings that do not fit each other.
+        UserError: settings that do not fit each other; or parts beside a scenario.
     """
-    scenario = Scenario(
-        config or SwarmConfig(),
+    if isinstance(scenario, Scenario):
+        refuse_beside_scenario(
+            config=config,
+            strategy=strategy,
+            task=task,
+            robots=robots,
+            seed=seed,
+            engine=engine,
+            robot_file=robot_file,
+        )
+        return Page(Session(PageScenario.of(scenario)), port)
+
+    is_usual = scenario is None and config is None
+    made = PageScenario(
+        SwarmConfig() if is_usual else config_of(scenario, config),
         strategy=TYPE1 if strategy is None else strategy,
         task=CLEANING if task is None else task,
         robots=robots,
-        seed=seed,
-        engine=engine or MujocoSettings(),
-        robot_file=as_robot_file(robot_file),
+        seed=0 if seed is None else seed,
+        engine=MujocoSettings() if engine is None else engine,
+        robot_file=robot_file,
     )
-    return Page(Session(scenario), port)
+    return Page(Session(made), port)

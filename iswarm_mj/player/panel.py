@@ -15,7 +15,7 @@ from iswarm_mj.player.changes import BALL, KILL, REVIVE
 from iswarm_mj.player.controls import Control
 from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.inspection import described
-from iswarm_mj.player.scenario import Scenario
+from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.settings_tabs import SettingsTabs
 from iswarm_mj.player.view import SwarmView
@@ -231,7 +231,7 @@ class Panel:
             self._shown = key
             self._draw_plots()
 
-    def _take_settings(self, wanted: Scenario) -> None:
+    def _take_settings(self, wanted: PageScenario) -> None:
         """Show the inputs of changed settings, and what waits for a reset."""
         self._settings.rebuild()
         chosen = _chosen(wanted)
@@ -292,7 +292,7 @@ class Panel:
                     )
 
 
-def _chosen(scenario: Scenario) -> tuple[str, ...]:
+def _chosen(scenario: PageScenario) -> tuple[str, ...]:
     """Return the names of strategy, task and engine."""
     return scenario.get("strategy"), scenario.get("task"), scenario.get("engine")
 

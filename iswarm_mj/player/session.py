@@ -22,8 +22,9 @@ from iswarm_mj.output.trajectory import METRIC
 from iswarm_mj.player.changes import EDITS, Change, edit
 from iswarm_mj.player.controls import Control, controls, is_live, parsed
 from iswarm_mj.player.faults import Faults
-from iswarm_mj.player.scenario import Scenario, command_line, is_same, toml
+from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.simulation.state import StepRecord
+from iswarm_mj.simulation.stated import command_line, is_same, toml
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.recorder import Recorder
 
@@ -74,7 +75,7 @@ class Session:
         lock: held while another run takes the place of the present one, and by whoever draws.
     """
 
-    def __init__(self, scenario: Scenario, changes: Sequence[Change] = (), out: Path = Path("runs/play")):
+    def __init__(self, scenario: PageScenario, changes: Sequence[Change] = (), out: Path = Path("runs/play")):
         """Begin a run.
 
         Args:
@@ -102,7 +103,7 @@ class Session:
             if change.what in EDITS:
                 edit(self.run, change)  # which refuses what cannot be
 
-    def _begin(self, scenario: Scenario) -> None:
+    def _begin(self, scenario: PageScenario) -> None:
         """Begin another run; where that fails, all stays as it was."""
         run = scenario.run()
         world = RecordedWorld.of(run, 0)

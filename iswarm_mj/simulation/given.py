@@ -107,12 +107,12 @@ def to_json(given: Any) -> dict[str, Any]:
     """Return a strategy's class and its parameters as results state them; of large arrays, their shapes."""
     if isinstance(given, Teams):
         return {"class": "Teams"} | {team.name: {"share": team.share, **to_json(team.strategy)} for team in given.teams}
-    values = {f.name: _plain(getattr(given, f.name)) for f in fields(given)} if is_dataclass(given) else {}
+    values = {f.name: plain(getattr(given, f.name)) for f in fields(given)} if is_dataclass(given) else {}
     return {"class": type(given).__name__, **values}
 
 
-def _plain(value: Any) -> Any:
-    """A parameter in JSON."""
+def plain(value: Any) -> Any:
+    """Return a parameter in JSON."""
     if isinstance(value, jax.Array | np.ndarray | np.generic):
         return np.asarray(value).tolist() if np.size(value) <= _MAX_STATED else f"{value.dtype}{list(value.shape)}"
     try:

@@ -15,14 +15,16 @@ from iswarm_mj.simulation.common import check_common
 from iswarm_mj.simulation.given import metrics_of, of_all_worlds, of_worlds, to_json
 from iswarm_mj.simulation.initial import boxed
 from iswarm_mj.simulation.memory_check import check_memory
+from iswarm_mj.simulation.scenario import Scenario, check_genome, config_of, refuse_beside_scenario
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState, decode, summary
+from iswarm_mj.simulation.stated import STEPS
 from iswarm_mj.simulation.worlds import World, arenas_of_worlds, conditions_of_worlds, vector_strategies
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.declared import payload_of, recorded_of
-from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.genome import TYPE1, Genome
 from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.strategy.teams import team_sizes
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
@@ -31,15 +33,12 @@ from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.tasks.measures import Measures, measure
 from iswarm_mj.tasks.signatures import as_task
-from iswarm_mj.utils.constraints import check, check_kind, is_whole, validate
+from iswarm_mj.utils.constraints import check, is_whole, validate
 from iswarm_mj.utils.errors import SimulationFault, UserError, shown
 from iswarm_mj.utils.jax_setup import check_jax
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.units import mm_from_rd
-
-STEPS = 800
-"""Control steps of a run at most, unless its settings say otherwise."""
 
 
 class Run:
@@ -69,45 +68,64 @@ class Run:
 
     def __init__(
         self,
-        config: SwarmConfig,
-        genome: Genome | Any = None,
+        scenario: Scenario | SwarmConfig | None = None,
+        strategy: Strategy | Genome | Any = None,
         settings: RunSettings | None = None,
         engine: EngineSettings | None = None,
         *,
+        config: SwarmConfig | None = None,
         worlds: Sequence[World] | None = None,
-        strategy: Strategy | Genome | Any = None,
         strategy_per_world: bool = False,
         task: Task | Any = None,
         robot_file: RobotFile = None,
+        record_worlds: Sequence[int] | None = None,
     ):
         """Prepare the worlds.
 
+        `Run(scenario)` needs nothing else; the parts of a scenario can be given one by one in its place.
+
         Args:
-            config: what all worlds share.
-            genome: the paper's strategy with these parameters, by default those of type 1; or another strategy, as
-                `strategy`.
+            scenario: what is simulated; or what all worlds share, as `config`.
+            strategy: a genome of the paper's strategy, by default type 1; or another strategy, see `strategy.base`.
+                With a method `for_world(config, robot, n_robots)`, what that returns for each world.
             settings: of the run; by default the genome's number of robots and 800 steps.
             engine: settings of the engine, by default `MujocoSettings()`.
+            config: what all worlds share.
             worlds: `settings.n_worlds` worlds that may differ; by default those of the seed, with the run's genome.
-            strategy: another strategy in place of the paper's, see `strategy.base`; a genome stands for itself.
-                With a method `for_world(config, robot, n_robots)`, what that returns for each world.
-            strategy_per_world: the arrays of `strategy` have a first axis of worlds.
+            strategy_per_world: the arrays of the strategy have a first axis of worlds.
             task: what the robots are to do, see `tasks.base`; cleaning by default.
             robot_file: MJCF file of the robots, by default `models/robot.xml`; or files of several kinds, as
                 `["a.xml:200", "b.xml:80"]` with the number of robots of each.
+            record_worlds: worlds of a scenario whose steps `advance` returns, world 0 by default.
 
         Raises:
-            UserError: robots, worlds or settings that do not fit.
+            UserError: robots, worlds or settings that do not fit; or parts beside a scenario.
         """
-        if strategy is None and (hasattr(genome, "act") or hasattr(genome, "for_world")):
-            genome, strategy = None, genome
+        if isinstance(scenario, Scenario):
+            refuse_beside_scenario(
+                config=config,
+                strategy=strategy,
+                settings=settings,
+                engine=engine,
+                worlds=worlds,
+                task=task,
+                robot_file=robot_file,
+            )
+            config = scenario.config
+            strategy = scenario.strategy
+            settings = scenario.settings((0,) if record_worlds is None else record_worlds)
+            engine = scenario.engine
+            worlds = None if isinstance(scenario.worlds, int) else scenario.worlds
+            task = scenario.task
+            robot_file = scenario.robot_file
+        elif record_worlds is not None:
+            raise UserError("`record_worlds` is given without a scenario; set it in `settings`")
+        else:
+            config = config_of(scenario, config)
+        genome = strategy if isinstance(strategy, Genome) else TYPE1
         if isinstance(strategy, Genome):
-            if worlds is not None:
-                raise UserError("strategy is a genome, but worlds have their own; leave out one of them")
-            genome, strategy = strategy, None
-        genome = PRESETS["type1"] if genome is None else genome
-        check_kind("genome", genome, Genome)
-        check_kind("config", config, SwarmConfig)
+            check_genome(strategy, worlds)
+            strategy = None
         if settings is None:
             density = genome.density_of_robots
             settings = RunSettings(robots_for(config.arena, density, "density_of_robots"), STEPS)

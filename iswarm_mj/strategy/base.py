@@ -50,14 +50,14 @@ class Strategy(StrategyFactory):
     first axis; store random keys as `jax.random.key_data`. Methods set no attributes, and draw random numbers only from
     their key.
 
+
+    Two attributes, of the class or the object, may be set. `payload`: the fields of its messages by name
+    (`sensors.fields`), or a `Payload`; without it, messages carry the number of the LED alone. `recorded`: names of
+    parts of the memory that recordings show, as `("state", "home.vector")`, or a dictionary of names and units.
     """
 
-    payload: ClassVar[Any]
-    """Fields of the messages by name (`sensors.fields`), or a `Payload`; without it, messages carry the number of the
-    LED alone."""
-    recorded: ClassVar[Any]
-    """Names of parts of the memory that recordings show, as `("state", "home.vector")`, or a dictionary of names and
-    units; without it, none."""
+    ATTRIBUTES: ClassVar[tuple[str, ...]] = ("payload", "recorded")
+    """Names of these attributes, which have no default: dataclasses would take it for one of their fields."""
     batch_invariant: ClassVar[bool] = False
     """The compiled program was seen to round alike for one world and for more; otherwise the decisions of a single
     world are computed twice."""

@@ -48,7 +48,7 @@ def check_base(given: Any, base: type, what: str) -> None:
 
 def _check_spelling(cls: type, base: type, public: Sequence[str]) -> None:
     """Raise a UserError if a class has an attribute whose name is nearly that of one that it leaves to its base."""
-    attributes = [name for name in vars(base).get("__annotations__", {}) if not hasattr(base, name)]
+    attributes = getattr(base, "ATTRIBUTES", ())
     unchanged = [name for name in public if getattr(cls, name) is getattr(base, name)]
     unchanged += [name for name in attributes if not hasattr(cls, name)]
     declared = {name for kind in cls.__mro__ if issubclass(kind, base) and kind is not base for name in vars(kind)}

@@ -6,9 +6,11 @@ import math
 import os
 import re
 import stat
+import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -174,6 +176,50 @@ def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
             yield from flat(value, f"{prefix}{key}.")
         else:
             yield f"{prefix}{key}", value
+
+
+def read_toml(path: Path, remedy: str, what: str = "") -> dict[str, Any]:
+    """Return the values of a TOML file by the names of flags, with underscores, and dots between groups.
+
+    Args:
+        path: of the file.
+        remedy: what the user can do if it cannot be read.
+        what: stands before its name in errors.
+
+    Raises:
+        UserError: it cannot be read, is no TOML, or names a value twice.
+    """
+    text = read_text(path, remedy, what)
+    try:
+        return by_flags(tomllib.loads(text))
+    except (ValueError, RecursionError) as error:
+        raise UserError(f"{what}{path} is no TOML ({shown(error)}); {remedy}") from None
+
+
+def by_flags(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return nested values by the names of flags.
+
+    Raises:
+        ValueError: one occurs twice, with hyphens and with underscores.
+    """
+    found = [(name.replace("-", "_"), value) for name, value in flat(values)]
+    if twice := [name for name, n in Counter(name for name, _ in found).items() if n > 1]:
+        raise ValueError(f"{shown(twice[0])} occurs twice")
+    return dict(found)
+
+
+def restored(cls: type[Any], values: Mapping[str, Any]) -> Any:
+    """Return the dataclass that `asdict` turned into this dictionary.
+
+    Args:
+        cls: the dataclass; fields that are dataclasses have them as default factories.
+        values: by the names of its fields; those left out have their defaults.
+
+    Raises:
+        TypeError: a name that the dataclass does not have.
+    """
+    inner: dict[str, Any] = {f.name: f.default_factory for f in fields(cls) if is_dataclass(f.default_factory)}
+    return cls(**{name: restored(inner[name], value) if name in inner else value for name, value in values.items()})
 
 
 def write_error(path: Path, error: OSError) -> UserError:

@@ -16,10 +16,11 @@ from iswarm_mj.engines.robot_file import as_robot_file, read_robots
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.simulation.initial import Start, start_with
 from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.scenario import Scenario, config_of, refuse_beside_scenario
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.genome import PRESETS, Genome
+from iswarm_mj.strategy.genome import TYPE1, Genome
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
@@ -58,12 +59,13 @@ class Rollout(NamedTuple):
 
 
 def rollout(
-    config: SwarmConfig,
-    strategy: Strategy | Genome | Any,
-    keys: jax.Array,
+    scenario: Scenario | SwarmConfig | None = None,
+    strategy: Strategy | Genome | Any = None,
+    keys: jax.Array | None = None,
     *,
-    n_robots: int | Sequence[int],
-    steps: int,
+    config: SwarmConfig | None = None,
+    n_robots: int | Sequence[int] | None = None,
+    steps: int | None = None,
     engine: EngineSettings | None = None,
     strategy_per_world: bool = False,
     task: Task | Any = None,
@@ -75,6 +77,9 @@ def rollout(
 ) -> Rollout:
     """Run a strategy in B worlds.
 
+    `rollout(scenario)` is of the worlds of a scenario, those of `Run(scenario)`; the parts of a scenario can be given
+    one by one in its place, with keys.
+
     A key determines its world: positions of robots and balls at the start, radii and adhesion of the balls (NumPy's
     generator, seeded by the key's data), then the noise and the strategy's random numbers (the key itself). Different
     strategies with the same keys meet the same worlds.
@@ -83,9 +88,10 @@ def rollout(
     the strategy's arrays.
 
     Args:
-        config: what all worlds share.
+        scenario: what is simulated; or what all worlds share, as `config`.
         strategy: a genome or a `strategy.base.Strategy`.
-        keys: (B,) from `jax.random.split(jax.random.key(seed), B)`.
+        keys: (B,) from `jax.random.split(jax.random.key(seed), B)`; with a scenario, in place of its seed and worlds.
+        config: what all worlds share.
         n_robots: N, in each world or of each world.
         steps: maximum control steps.
         engine: `MjxSettings()` by default, for GPUs; on a CPU `PlanarSettings()` or `MujocoSettings()` are much faster.
@@ -98,16 +104,47 @@ def rollout(
         record: file, `*.rrd`, for a recording of the first of these worlds, or of world 0; open it with `rerun`.
 
     Raises:
-        UserError: keys, robots, settings or strategy do not fit, or the recording cannot be written.
+        UserError: keys, robots, settings or strategy do not fit, or the recording cannot be written; or parts beside a
+            scenario.
     """
-    _check_keys(keys)
-    check_kind("config", config, SwarmConfig)
+    worlds: Sequence[World] | None = None
+    n_worlds = 1
+    seed = 0
+    if isinstance(scenario, Scenario):
+        refuse_beside_scenario(
+            config=config,
+            strategy=strategy,
+            n_robots=n_robots,
+            steps=steps,
+            engine=engine,
+            task=task,
+            robot_file=robot_file,
+            stop_at=stop_at,
+        )
+        config = scenario.config
+        strategy = scenario.strategy
+        n_robots = scenario.n_robots
+        steps = scenario.steps
+        engine = scenario.engine
+        task = scenario.task
+        robot_file = scenario.robot_file
+        stop_at = scenario.goal
+        seed = scenario.seed
+        n_worlds = scenario.n_worlds
+        worlds = None if isinstance(scenario.worlds, int) else scenario.worlds
+        if keys is not None and scenario.worlds != 1:
+            raise UserError("keys are given beside a scenario with worlds of its own; give it worlds=1")
+    else:
+        config = config_of(scenario, config)
+        engine = MjxSettings() if engine is None else engine
+    if keys is not None or not isinstance(scenario, Scenario):
+        n_worlds = _number_of(keys)
     check_kind("record", record, (str, Path, NoneType))
     if record is not None:
         check_name(record, ".rrd", setting="record")
     check_kind("poses_of", poses_of, (list, tuple, range))
     check("every", every, "a whole number between 1 and 10000", is_whole(every) and 1 <= every <= 10_000)
-    every, n_worlds = int(every), len(keys)
+    every = int(every)
     known = all(is_whole(world) and world in range(n_worlds) for world in poses_of)
     known = known and len(set(poses_of)) == len(poses_of)
     check("poses_of", tuple(poses_of), f"distinct worlds from 0 to {n_worlds - 1}", known)
@@ -115,27 +152,19 @@ def rollout(
     numbers: list[Any] = list(n_robots) if isinstance(n_robots, Sequence) else [n_robots] * n_worlds
     are_numbers = len(numbers) == n_worlds and all(map(is_whole, numbers))
     check("n_robots", n_robots, f"a whole number, or a list of one for each of {n_worlds} worlds", are_numbers)
-    settings = RunSettings(max(numbers), steps, n_worlds=n_worlds, stop_at=stop_at, record_worlds=recorded)
-    is_genome = isinstance(strategy, Genome)
-    genome = strategy if is_genome else PRESETS["type1"]  # which is ignored
-    engine = MjxSettings() if engine is None else engine
+    if steps is None:
+        raise UserError("steps are missing; give `steps`, the number of control steps at most")
+    settings = RunSettings(max(numbers), steps, seed, n_worlds, stop_at, record_worlds=recorded)
     engine = engine.in_chunks(every) if isinstance(engine, EngineSettings) else engine
     task = CLEANING if task is None else task
-    robot = read_robots(as_robot_file(robot_file))
-    starts: dict[tuple[bytes, int], Start] = {}  # worlds of the same key begin alike
-    worlds = []
-    for index, (number, data) in enumerate(zip(numbers, np.asarray(jax.random.key_data(keys)), strict=True)):
-        if (which := (data.tobytes(), int(number))) not in starts:
-            rng = np.random.default_rng(data)
-            starts[which] = start_with(config, task, robot, which[1], rng, rng)
-        worlds.append(World(genome, which[1], index=index, start=starts[which], key=keys[index]))
+    if keys is not None:
+        worlds = _worlds_of_keys(config, strategy, task, robot_file, keys, numbers)
     run = Run(
         config,
-        genome,
+        strategy,
         settings,
         engine,
         worlds=worlds,
-        strategy=None if is_genome else strategy,
         strategy_per_world=strategy_per_world,
         task=task,
         robot_file=robot_file,
@@ -166,7 +195,29 @@ def rollout(
     )
 
 
-def _check_keys(keys: jax.Array) -> None:
+def _worlds_of_keys(
+    config: SwarmConfig, strategy: Any, task: Any, robot_file: RobotFile, keys: jax.Array, numbers: Sequence[int]
+) -> list[World]:
+    """Return worlds with so many robots each that keys determine."""
+    robot = read_robots(as_robot_file(robot_file))
+    genome = strategy if isinstance(strategy, Genome) else TYPE1  # which is ignored
+
+    starts: dict[tuple[bytes, int], Start] = {}  # worlds of the same key begin alike
+    worlds = []
+    for index, (number, data) in enumerate(zip(numbers, np.asarray(jax.random.key_data(keys)), strict=True)):
+        if (which := (data.tobytes(), int(number))) not in starts:
+            rng = np.random.default_rng(data)
+            starts[which] = start_with(config, task, robot, which[1], rng, rng)
+        worlds.append(World(genome, which[1], index=index, start=starts[which], key=keys[index]))
+    return worlds
+
+
+def _number_of(keys: Any) -> int:
+    """Return the number of random keys.
+
+    Raises:
+        UserError: they are none.
+    """
     is_key = isinstance(keys, jax.Array) and jnp.issubdtype(keys.dtype, jax.dtypes.prng_key)
     if not is_key or keys.ndim != 1 or not len(keys):
         given = f"{keys.dtype}{list(keys.shape)}" if hasattr(keys, "shape") else f"a {type(keys).__name__}"
@@ -174,3 +225,4 @@ def _check_keys(keys: jax.Array) -> None:
             f"keys was {given}; it must be random keys, one for each world: "
             "make B of them by jax.random.split(jax.random.key(0), B)."
         )
+    return len(keys)

@@ -20,7 +20,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import METRIC, Scene
-from iswarm_mj.player.scenario import Scenario
+from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -223,7 +223,16 @@ def assert_alike(story: Story, other: Story) -> None:
 def play_page(cell: Cell) -> Story:
     """Play the page's session, in which settings change; the run that changes so comes to the same."""
     config, task, engine = config_of(cell.arena, 1), TASKS[cell.task], ENGINES[cell.engine]
-    session = Session(Scenario(config, Drill(), task, N, SEED, engine, robots_of(cell.arena)))
+    scenario = PageScenario(
+        config,
+        strategy=Drill(),
+        task=task,
+        robots=N,
+        seed=SEED,
+        engine=engine,
+        robot_file=robots_of(cell.arena),
+    )
+    session = Session(scenario)
     run = session.start.run()
     snapshots, records = [], []
     for step in range(STEPS):

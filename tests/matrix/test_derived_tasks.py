@@ -14,7 +14,7 @@ from iswarm_mj.config import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.player.scenario import Scenario
+from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -124,7 +124,7 @@ def test_environments_see_their_own_arena_and_their_gates_open(engine):
 
 
 def test_the_page_shows_a_task_its_own_arena_also_after_a_change():
-    session = Session(Scenario(CONFIG, task=Gated(), robots=N, engine=PlanarSettings(threads=1)))
+    session = Session(PageScenario(CONFIG, task=Gated(), robots=N, engine=PlanarSettings(threads=1)))
     before = session.snapshots[-1].record.boxes[0, 0]
     session.advance()
     session.set("arena.dust_area_offset", 9.0)

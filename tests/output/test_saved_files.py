@@ -12,10 +12,10 @@ from helpers_runs import run_of
 
 import iswarm_mj
 from iswarm_mj.config import READINGS, OpticsConfig, SwarmConfig
-from iswarm_mj.output.saved import restored
 from iswarm_mj.output.stage import recorded
 from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import restored
 from iswarm_mj.workflows.clean import run_swarm
 
 MADE = []

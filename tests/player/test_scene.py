@@ -19,7 +19,7 @@ from iswarm_mj.output.swarm_classes import BALL_CLASSES
 from iswarm_mj.player import scene as arrays
 from iswarm_mj.player.inspection import described
 from iswarm_mj.player.page import close_server, open_server
-from iswarm_mj.player.scenario import Scenario
+from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView, aim
 from iswarm_mj.sensors.fields import Integer
@@ -31,7 +31,7 @@ CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
 
 @pytest.fixture(scope="module")
 def session():
-    session = Session(Scenario(CONFIG, robots=20, seed=3, engine=PlanarSettings()))
+    session = Session(PageScenario(CONFIG, robots=20, seed=3, engine=PlanarSettings()))
     for _ in range(60):
         session.advance()
     return session
@@ -204,7 +204,7 @@ def test_trails_end_at_loaded_robots(session):
 
 
 def test_hulls_are_drawn_with_their_sizes(tmp_path, server):
-    session = Session(Scenario(CONFIG, engine=PlanarSettings(), robot_file=two_kinds(tmp_path, 6)))
+    session = Session(PageScenario(CONFIG, engine=PlanarSettings(), robot_file=two_kinds(tmp_path, 6)))
     session.advance()
     view = SwarmView(server.scene, session.scene)
     view.show([one.frames for one in session.snapshots], 1.0)

@@ -17,12 +17,13 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player.changes import Change, edit
 from iswarm_mj.player.controls import controls, is_live
 from iswarm_mj.player.faults import describe
-from iswarm_mj.player.scenario import Scenario, toml
+from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.simulation.compiled_loop import _advance
 from iswarm_mj.simulation.decide import decide_packed
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.stated import toml
 from iswarm_mj.strategy.genome import PRESETS, TYPE1
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
@@ -31,7 +32,7 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
 CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
-SCENARIO = Scenario(CONFIG, robots=20, seed=3, engine=PlanarSettings())
+SCENARIO = PageScenario(CONFIG, robots=20, seed=3, engine=PlanarSettings())
 
 
 def state(run: Run) -> list[np.ndarray]:
@@ -118,7 +119,7 @@ def test_what_is_copied_of_another_task_and_strategy_repeats_it(tmp_path):
     arena = ArenaConfig(size=24.0, dust_area_offset=7.0, obstacles=((5.0, 5.0, 1.0, 2.0, 30.0),))
     task = Aggregation(spot_radius=4.0, spot_offset=7.0)
     own = {"strategy": Beeclust(longest_wait=20.0), "task": task, "robots": 12, "engine": PlanarSettings()}
-    scenario = Scenario(SwarmConfig(arena), **own)
+    scenario = PageScenario(SwarmConfig(arena), **own)
     session = steps(Session(scenario), 4)
     assert session.command().startswith("iswarm run ")
     assert_copies_repeat(session, tmp_path / "play.toml")
@@ -158,7 +159,7 @@ def test_rules_of_what_runs_change_while_another_strategy_waits():
 
 def test_settings_of_a_task_that_waits():
     own = {"strategy": Forager(), "task": Foraging(), "robots": 12, "engine": PlanarSettings()}
-    session = steps(Session(Scenario(CONFIG, **own)), 1)
+    session = steps(Session(PageScenario(CONFIG, **own)), 1)
     session.want("task", "cleaning")
     before = session.wanted
     with pytest.raises(UserError, match="Forager and Cleaning have no setting source_radius"):
@@ -182,7 +183,7 @@ def test_a_fault_pauses_and_is_explained_and_reset_works(capsys, monkeypatch):
             assert session.work() and not session.is_playing
             assert session.messages.get_nowait().startswith("ZeroDivisionError: division by zero")
         assert capsys.readouterr().err.count("Traceback") == 1
-        patch.setattr(Scenario, "run", lambda _: [][0])
+        patch.setattr(PageScenario, "run", lambda _: [][0])
         session.post(session.reset)
         session.work()
         assert session.messages.get_nowait().startswith("IndexError")
@@ -316,7 +317,7 @@ def test_controls_have_the_ranges_that_settings_declare():
     assert (forget.low, forget.high, forget.value, forget.is_live) == (0, 1, 0.29, True)
     assert found["strategy.priority_repulsion"].choices == ("higher", "scaled")
     assert found["robots"].value == 20 and not found["robots"].is_live
-    own = {c.name: c for c in controls(Scenario(strategy=Beeclust(), task=Aggregation()))}
+    own = {c.name: c for c in controls(PageScenario(strategy=Beeclust(), task=Aggregation()))}
     assert own["longest_wait"].is_live and "p_vector_forget" not in own and "gripper.drop_rate" not in own
     assert not is_live(SCENARIO, "fraction_scouts") and not is_live(SCENARIO, "arena.size")
 
@@ -325,8 +326,8 @@ def test_each_control_takes_its_own_value():
     for control in controls(SCENARIO):
         assert SCENARIO.set(control.name, control.value).get(control.name) == control.value
     sparse = SCENARIO.set("density_of_robots", 0.1)
-    assert sparse.n_robots == Scenario(CONFIG, strategy=replace(TYPE1, density_of_robots=0.1)).n_robots != 20
-    paper = Scenario(strategy=Beeclust()).set("strategy", "type2")
+    assert sparse.n_robots == PageScenario(CONFIG, strategy=replace(TYPE1, density_of_robots=0.1)).n_robots != 20
+    paper = PageScenario(strategy=Beeclust()).set("strategy", "type2")
     assert paper.strategy == PRESETS["type2"]
 
 
@@ -368,7 +369,7 @@ def test_teams_of_python_are_copied_if_flags_can_state_them(tmp_path):
 def test_a_class_of_no_file_is_not_copied():
     own = type("Own", (Beeclust,), {"__module__": "nowhere"})
     with pytest.raises(UserError, match="no command can name Own"):
-        Scenario(strategy=own(), task=Aggregation()).values()
+        PageScenario(strategy=own(), task=Aggregation()).values()
 
 
 ODD = ["🤖.py:Walk", 'a"b', "a\\b", "a\nb\tc\x00\x1f\x7f\x80", "ä é ß", "'", "=", "# no comment", "\\u0041", " "]
@@ -405,17 +406,17 @@ def test_earlier_changes_of_a_setting_are_kept():
 
 def test_balls_are_refused_where_a_task_has_none():
     with pytest.raises(UserError, match="Aggregation has no balls"):
-        Session(Scenario(strategy=Beeclust(), task=Aggregation(), robots=4), [Change.parse("9:ball=0,0")])
+        Session(PageScenario(strategy=Beeclust(), task=Aggregation(), robots=4), [Change.parse("9:ball=0,0")])
 
 
 def test_a_swarm_that_fills_a_large_arena_is_within_the_range_of_its_control():
     """Whose number of robots follows from density and size, and is beyond the usual limit."""
-    dense = Scenario(SwarmConfig(ArenaConfig(size=1000.0)), strategy=replace(TYPE1, density_of_robots=0.9))
+    dense = PageScenario(SwarmConfig(ArenaConfig(size=1000.0)), strategy=replace(TYPE1, density_of_robots=0.9))
     robots = next(control for control in controls(dense) if control.name == "robots")
     assert robots.value == dense.n_robots > 200_000 and robots.low <= robots.value <= robots.high
 
 
 def test_whole_numbers_in_place_of_floats_may_become_floats():
-    scenario = Scenario(SwarmConfig(optics=OpticsConfig(wall_range=2)))
+    scenario = PageScenario(SwarmConfig(optics=OpticsConfig(wall_range=2)))
     control = next(control for control in controls(scenario) if control.name == "optics.wall_range")
     assert control.check(2.5) == 2.5 and isinstance(control.value, float)

@@ -59,12 +59,12 @@ def odd_settings(rng, cls):
 def misuse(rng, small):
     """What is tried, and a call that does it."""
     name, value, kind = "", odd(rng), rng.integers(6)
-    run = {"config": small, "genome": PRESETS["type1"], "settings": RunSettings(N, 2), "engine": MujocoSettings(1)}
+    run = {"config": small, "strategy": PRESETS["type1"], "settings": RunSettings(N, 2), "engine": MujocoSettings(1)}
     rolled = {"config": small, "strategy": PRESETS["type1"], "keys": jax.random.split(jax.random.key(0), 2)}
     rolled |= {"n_robots": N, "steps": 2, "engine": MujocoSettings(1)}
     made = {"config": small, "n_robots": N, "n_starts": 2, "n_worlds": 2, "engine": PlanarSettings(1)}
     calls = {
-        2: (Run, run, ["worlds", "strategy", "strategy_per_world", "robot_file"]),
+        2: (Run, run, ["scenario", "worlds", "strategy_per_world", "robot_file"]),
         3: (rollout, rolled, ["strategy_per_world", "stop_at", "every", "poses_of", "record"]),
         4: (make_env, made, ["task", "seed", "payload", "steps", "stop_at", "robot_file"]),
         5: (load, {}, ["path"]),

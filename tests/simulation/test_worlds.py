@@ -188,7 +188,7 @@ class TestWhatDoesNotFit:
     def test_strategies_without_an_axis_of_worlds(self, small):
         strategy = vector_strategies(small, read_robot(), [World(TYPE1, 5)] * 2)
         with pytest.raises(UserError, match=r"array of shape \(2,\); .* that of the 1 worlds"):
-            Run(small, TYPE1, RunSettings(5, 3), strategy=strategy, strategy_per_world=True)
+            Run(small, strategy, RunSettings(5, 3), strategy_per_world=True)
 
 
 def test_the_number_of_scouts_is_rounded(small):

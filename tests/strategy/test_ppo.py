@@ -59,7 +59,7 @@ def test_without_noise_robots_do_what_they_do_in_a_run():
     start = start._replace(poses=start.poses.astype(np.float32).astype(float))
     world = World(PRESETS["type1"], N, start=start, key=own)
     strategy = replace(learner.strategy, weights=weights)
-    run = Run(SMALL, None, RunSettings(N, STEPS), PlanarSettings(1), worlds=[world], strategy=strategy)
+    run = Run(SMALL, strategy, RunSettings(N, STEPS), PlanarSettings(1), worlds=[world])
     for _ in range(STEPS):
         state, memory, _ = learner.step(weights, state, memory, jnp.zeros((1, N, 4)))
         record = run.advance()

@@ -45,9 +45,7 @@ class Homing(Strategy):
 
 
 def run_of(small, engine, task=None, **settings):
-    return Run(
-        small, None, RunSettings(N, 12, n_worlds=2, **settings), engine, strategy=Homing(), task=task or Eastward(2.0)
-    )
+    return Run(small, Homing(), RunSettings(N, 12, n_worlds=2, **settings), engine, task=task or Eastward(2.0))
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=["planar", "warp"])
@@ -164,7 +162,7 @@ def test_wrong_tasks_are_refused(small, task, sentence):
 def test_what_no_task_offers(small):
     """Cleaning has no gap to sense."""
     with pytest.raises(UserError, match=r"Homing.act raised KeyError: 'gap'"):
-        Run(small, None, RunSettings(N, 12), MujocoSettings(1), strategy=Homing())
+        Run(small, Homing(), RunSettings(N, 12), MujocoSettings(1))
 
 
 class TestFiles:

@@ -58,7 +58,7 @@ def test_sources_that_cannot_be_are_refused(task, message):
 def test_a_source_moves_when_its_last_item_is_home():
     """Counted from the balls themselves; what is home stays home until then, and items lie at their new source."""
     settings = RunSettings(10, 500, stop_at=6)
-    run = Run(SMALL, None, settings, PlanarSettings(2, 2), strategy=Forager(), task=TASK)
+    run = Run(SMALL, Forager(), settings, PlanarSettings(2, 2), task=TASK)
     before, items, moved, there = jax.tree.map(lambda a: a[0], run.start), 0, 0, np.ones(10, bool)
     inputs = task_inputs(SMALL, there, run.robot)
     for after in records(run):

@@ -1,0 +1,248 @@
+"""The fields of a scenario, read from a TOML file for --config or from the result.json of a run."""
+
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import is_dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from iswarm_mj.config import READINGS, SwarmConfig
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.registry import find_engine
+from iswarm_mj.engines.robot_file import as_robot_file
+from iswarm_mj.engines.settings import OF_MACHINE
+from iswarm_mj.simulation.given import plain, to_json
+from iswarm_mj.simulation.stated import default_of, names_of
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome, load_genome
+from iswarm_mj.strategy.library import STRATEGIES, TASKS, Offer, find, find_teams, offered
+from iswarm_mj.strategy.teams import Teams
+from iswarm_mj.strategy.user_code import user_code
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.layout import robots_for
+from iswarm_mj.utils.constraints import check, validate
+from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.files import read_json, read_toml, restored
+
+_OF_RUN = {"robots": "robots", "seed": "seed", "worlds": "worlds", "steps": "steps", "stop_at": "goal"}
+"""Keys of a file, and the fields of a scenario."""
+_RESULT = "give the result.json of a run of a swarm"
+
+
+def fields_of_toml(path: Path) -> dict[str, Any]:
+    """Return the fields of a scenario by a file whose keys are flags of `iswarm run`.
+
+    Raises:
+        UserError: it cannot be read, or has a key that is no part of a scenario.
+    """
+    values = read_toml(path, "name a TOML file, with lines as `steps = 300` or `[arena]`")
+    left = {name: _as_tuple(value) for name, value in values.items()}
+    found = {field: left.pop(key) for key, field in _OF_RUN.items() if key in left}
+    found["config"] = _config(left)
+    found |= _strategy(left)
+    if "task" in left:
+        found["task_name"] = str(left.pop("task"))
+        found["task"] = _object(find(TASKS, found["task_name"]), left)
+    usual_engine = find_engine(str(left.pop("engine", MujocoSettings.name))).usual()
+    found["engine"] = _object(usual_engine, left)
+    if "robot" in left:
+        found["robot_file"] = _robot_file(left.pop("robot"))
+    if "density" in left:
+        found["robots"] = robots_for(found["config"].arena, left.pop("density"), "density")
+    if left:
+        raise UserError(f"{path} names {shown(next(iter(left)))}, which is no part of a scenario; leave it out")
+    return found
+
+
+def _config(left: dict[str, Any]) -> SwarmConfig:
+    """Return the configuration of a file, whose values are taken away from those that are left."""
+    reading = left.pop("reading", "paper")
+    check("reading", reading, f"one of {', '.join(READINGS)}", reading in READINGS)
+    usual = READINGS[reading]
+    return replace(usual, **{group: _object(part, left, f"{group}.") for group, part in vars(usual).items()})
+
+
+def _strategy(left: dict[str, Any]) -> dict[str, Any]:
+    """Return the strategy of a file and its name; its values are taken away from those that are left."""
+    if "strategy" not in left:
+        name = str(left.pop("genome", "type1"))
+        return {"strategy": _object(load_genome(name), left), "strategy_name": name if name in PRESETS else None}
+    given = left.pop("strategy")
+    words = [str(word) for word in given] if isinstance(given, tuple) else [str(given)]
+    name = shlex.join(words) if words[1:] else words[0]
+    teams = find_teams(words)
+    if not teams:
+        return {"strategy": _object(find(STRATEGIES, words[0]), left), "strategy_name": name}
+    own = {team: (share, _object(found, left, f"{team}.")) for team, (share, found) in teams.items()}
+    return {"strategy": Teams(own), "strategy_name": name}
+
+
+def _robot_file(given: Any) -> Any:
+    """Return a file of robots, or those of their kinds, as a list of words names them."""
+    words = given if isinstance(given, tuple) else (given,)
+    try:
+        return as_robot_file(words)
+    except UserError:  # without the number of its robots
+        return as_robot_file(words[0] if len(words) == 1 else words)
+
+
+def _object(found: Any, left: dict[str, Any], prefix: str = "") -> Any:
+    """Return an object of a class, or one like an object, with values of a file.
+
+    Args:
+        found: the class, or the object.
+        left: values by name; those of its fields are taken away.
+        prefix: of the fields' names.
+    """
+    cls = found if isinstance(found, type) else type(found)
+    values = {name: left.pop(prefix + name) for name in names_of(cls) if prefix + name in left}
+    return _made(found, {name: _as_path(cls, name, value) for name, value in values.items()})
+
+
+def _made(found: Any, values: dict[str, Any]) -> Any:
+    """Return an object of a class, or one like an object, with values that are checked."""
+    is_class = isinstance(found, type)
+    with user_code(found.__name__ if is_class else type(found).__name__):
+        made = found
+        if is_class:
+            made = found(**values)
+        elif values:
+            made = replace(found, **values)
+    if is_dataclass(made):
+        validate(made)
+    return made
+
+
+def _types_of(cls: type, name: str) -> tuple[Any, ...]:
+    """Return the types that a field of a dataclass may have."""
+    hint = get_type_hints(cls)[name]
+    return get_args(hint) if get_origin(hint) not in (None, tuple, Literal) else (get_origin(hint) or hint,)
+
+
+def _as_path(cls: type, name: str, value: Any) -> Any:
+    """Return a value of a field of a dataclass, a path where the field takes one and no text."""
+    types = _types_of(cls, name)
+    return Path(value) if isinstance(value, str) and Path in types and str not in types else value
+
+
+def fields_of_result(result: str | Path | Mapping[str, Any], strategy: Any, task: Any, engine: Any) -> dict[str, Any]:
+    """Return the fields of a scenario by the result.json of a run.
+
+    Args:
+        result: the file, or its content.
+        strategy: class of the strategy, or the strategy; None for that which a package offers.
+        task: likewise.
+        engine: class of the engine's settings; None for that which a package offers.
+
+    Raises:
+        UserError: it is no result of a run, or it does not state a part completely.
+    """
+    is_file = isinstance(result, str | Path)
+    source = str(result) if is_file else "the result"
+    content = read_json(Path(result), _RESULT) if is_file else result
+    if not isinstance(content, Mapping) or not {"config", "settings", "engine", "task"} <= content.keys():
+        raise UserError(f"{source} is not of a run of a swarm; {_RESULT}")
+    try:
+        return _of_result(content, strategy, task, engine)
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise UserError(f"{source} has settings that this version does not know ({error}); {_RESULT}") from None
+
+
+def _of_result(content: Mapping[str, Any], strategy: Any, task: Any, engine: Any) -> dict[str, Any]:
+    engine = find_engine(content["engine"]) if engine is None else engine
+    names = set(names_of(engine)) - OF_MACHINE
+    if "genome" in content:
+        strategy = restored(Genome, content["genome"])
+    else:
+        strategy = _stated(STRATEGIES, content["strategy"], strategy)
+    settings = content["settings"]
+    n_robots, seed, n_worlds = settings["n_robots"], settings["seed"], settings["n_worlds"]
+    worlds: Any = n_worlds
+    if dead := settings["failed_fraction"]:
+        genome = strategy if isinstance(strategy, Genome) else TYPE1
+        worlds = [World(genome, n_robots, seed, index, failed_fraction=dead) for index in range(n_worlds)]
+    return {
+        "config": restored(SwarmConfig, content["config"]),
+        "strategy": strategy,
+        "task": _stated(TASKS, content["task"], task),
+        "robots": n_robots,
+        "robot_file": content["robot"]["file"],
+        "engine": engine(**{name: content[name] for name in names if name in content}),
+        "seed": seed,
+        "worlds": worlds,
+        "steps": settings["steps"],
+        "goal": settings["stop_at"],
+    }
+
+
+def _stated(offer: Offer, stated: Mapping[str, Any], given: Any) -> Any:
+    """Return a strategy or a task as a result states it, see `to_json`.
+
+    Args:
+        offer: what it is.
+        stated: name of the class, and the values of its fields.
+        given: the class, or the object that it is; None for the class that a package offers.
+    """
+    if given is not None and not isinstance(given, type):
+        return given
+    values = dict(stated)
+    name = values.pop("class")
+    if name == "Teams" and given is None:
+        return Teams({team: (own["share"], _of_team(own)) for team, own in values.items()})
+    if name == type(CLEANING).__name__ and given is None and not values:
+        return CLEANING
+    cls = given
+    if cls is None:
+        offered_as = offered(offer, name, set(values))
+        if offered_as is None:
+            remedy = f"give its class, as from_result(..., {offer.word}={name})"
+            raise UserError(f"the result is of the {offer.word} {shown(name)}, which no package offers; {remedy}")
+        cls = find(offer, offered_as)
+    made = _made(cls, {field: _value(offer, cls, field, value) for field, value in values.items()})
+    if json.loads(json.dumps(to_json(made), default=str)) != stated:
+        _refuse(offer, name, "the values")
+    return made
+
+
+def _of_team(stated: Mapping[str, Any]) -> Any:
+    """Return the strategy of a team as a result states it."""
+    own = {name: value for name, value in stated.items() if name != "share"}
+    if own["class"] == Genome.__name__:
+        return restored(Genome, {name: value for name, value in own.items() if name != "class"})
+    return _stated(STRATEGIES, own, None)
+
+
+def _value(offer: Offer, cls: Any, name: str, value: Any) -> Any:
+    """Return the value of a field of which a result states a number, a text or a list."""
+    types = _types_of(cls, name)
+    default = default_of(cls, name)
+    if plain(default) == value:
+        return default
+    if isinstance(value, list):
+        if hasattr(default, "dtype"):
+            return np.asarray(value, default.dtype)
+        if tuple in types:
+            return _as_tuple(value)
+        _refuse(offer, cls.__name__, name)
+    if isinstance(value, str) and not {str, Literal} & {*types}:
+        if Path not in types:
+            _refuse(offer, cls.__name__, name)
+        return Path(value)
+    return value
+
+
+def _as_tuple(value: Any) -> Any:
+    return tuple(map(_as_tuple, value)) if isinstance(value, list) else value
+
+
+def _refuse(offer: Offer, cls: str, name: str) -> NoReturn:
+    """Refuse to make up what a result states only in part, such as large arrays.
+
+    Raises:
+        UserError: always.
+    """
+    remedy = f"give the {offer.word} itself, as from_result(..., {offer.word}={cls}(...))"
+    raise UserError(f"the result does not state {name} of {cls} completely; {remedy}")

@@ -1,0 +1,205 @@
+"""What is simulated, said once for runs, rollouts, environments and the page."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from iswarm_mj.config import SwarmConfig
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.robot_file import as_robot_file, files_of
+from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.simulation.read_scenario import fields_of_result, fields_of_toml
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.stated import STEPS, toml, values_of
+from iswarm_mj.simulation.worlds import World
+from iswarm_mj.strategy.genome import TYPE1, Genome
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.layout import robots_for
+from iswarm_mj.utils.constraints import check, check_kind, constraint_of, is_whole, validate
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.robot import RobotFile
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """What is simulated: the one description that `Run`, `rollout`, `make_env` and `play` take.
+
+    All fields but the first are keywords, so their order does not matter. `dataclasses.replace` makes variants.
+    """
+
+    config: SwarmConfig = field(default_factory=SwarmConfig, kw_only=False)
+    """Arena, drive, optics, gripper, readings of the paper and energy."""
+    strategy: Any = TYPE1
+    """What the robots do: a genome of the paper's strategy, or another one (`Strategy`). In an environment they do what
+    they are told instead."""
+    task: Any = CLEANING
+    """What they are to do, see `Task`."""
+    robots: Annotated[int | None, constraint_of(RunSettings, "n_robots")] = None
+    """Their number; None: it follows from `robot_file`, or from the density of the genome, or of type 1."""
+    robot_file: RobotFile = None
+    """MJCF file of the robots, None for `models/robot.xml`; or files of several kinds, as `["a.xml:200", "b.xml:80"]`
+    with the number of robots of each."""
+    engine: EngineSettings = field(default_factory=MujocoSettings)
+    """The engine, with its settings."""
+    seed: Annotated[int, constraint_of(RunSettings, "seed")] = 0
+    """Seed of all random numbers."""
+    worlds: int | Sequence[World] = 1
+    """Number of worlds of the seed; or a sequence with a `World` for each.
+
+    Worlds of a sequence may differ in what a `World` has: genome (where the strategy is a genome), number of robots,
+    seed and number, share of dead robots, start, key, and `World.config`. Their configurations may differ in noise,
+    voltages, adhesion, places and readings; the edge of the arena, optics and whatever else programs are compiled for
+    are those of `config`. Task and engine are the same in all worlds, and so is a strategy, but for its `for_world`.
+    """
+    steps: Annotated[int, constraint_of(RunSettings, "steps")] = STEPS
+    """Control steps at most, in an environment of an episode; the page goes on for as long as it is watched."""
+    goal: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
+    """Progress of the task at which a world is finished, in cleaning balls delivered; None for the task's goal."""
+    strategy_name: str | None = field(default=None, compare=False)
+    """Name of the strategy in files and commands, as --strategy takes it, of teams with blanks between; by default the
+    name under which a package offers its class, or its file."""
+    task_name: str | None = field(default=None, compare=False)
+    """Name of the task, likewise."""
+
+    def __post_init__(self):
+        validate(self)
+        object.__setattr__(self, "robot_file", as_robot_file(self.robot_file))
+
+        object.__setattr__(self, "worlds", _checked_worlds(self.worlds))
+        if isinstance(self.strategy, Genome):
+            check_genome(self.strategy, self.worlds)
+
+    @property
+    def genome(self) -> Genome | None:
+        """The genome, if they follow the paper's strategy."""
+        return self.strategy if isinstance(self.strategy, Genome) else None
+
+    @property
+    def n_robots(self) -> int:
+        """Number of robots, in the largest world."""
+        if self.robots is not None:
+            return self.robots
+        if not isinstance(self.worlds, int):
+            return max(world.n_robots for world in self.worlds)
+        of_kinds = sum(number for _, number in files_of(self.robot_file))
+        density = (self.genome or TYPE1).density_of_robots
+        return of_kinds or robots_for(self.config.arena, density, "density_of_robots")
+
+    @property
+    def n_worlds(self) -> int:
+        """Number of worlds."""
+        return self.worlds if isinstance(self.worlds, int) else len(self.worlds)
+
+    def settings(self, record_worlds: Sequence[int] = (0,)) -> RunSettings:
+        """Return the settings of a run, in which these worlds are recorded."""
+        return RunSettings(
+            n_robots=self.n_robots,
+            steps=self.steps,
+            seed=self.seed,
+            n_worlds=self.n_worlds,
+            stop_at=self.goal,
+            record_worlds=tuple(record_worlds),
+        )
+
+    def values(self) -> dict[str, Any]:
+        """Return the settings that differ from the defaults of `iswarm run`, by the names of its flags.
+
+        Raises:
+            UserError: no flag can state one of them.
+        """
+        return values_of(self)
+
+    def to_toml(self) -> str:
+        """Return the text of a file for `iswarm run --config` and for `from_toml`.
+
+        Raises:
+            UserError: no file can state it, such as a strategy that lives in a notebook.
+        """
+        return toml(self.values())
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Self:
+        """Read a file whose keys are flags of `iswarm run`, such as `to_toml` states.
+
+        Raises:
+            UserError: it cannot be read, or has a key that is no part of a scenario.
+        """
+        return cls(**fields_of_toml(Path(path)))
+
+    @classmethod
+    def from_result(
+        cls,
+        result: str | Path | Mapping[str, Any],
+        *,
+        strategy: Any = None,
+        task: Any = None,
+        engine: type[EngineSettings] | None = None,
+    ) -> Self:
+        """Read what was simulated from the result.json of a run, which worlds of its own do not appear in.
+
+        Args:
+            result: the file, or its content.
+            strategy: class of the run's strategy where no installed package offers it, or the strategy itself.
+            task: likewise.
+            engine: class of the run's engine where no installed package offers it.
+
+        Raises:
+            UserError: it is no result of a run, or it does not state a part completely.
+        """
+        return cls(**fields_of_result(result, strategy, task, engine))
+
+
+def refuse_beside_scenario(**given: Any) -> None:
+    """Refuse settings, by their names, that are given beside a scenario, which has them.
+
+    Raises:
+        UserError: one is not None.
+    """
+    for name, value in given.items():
+        if value is not None:
+            raise UserError(f"`{name}` is given beside a scenario, which says it already; set it in the scenario alone")
+
+
+def check_genome(genome: Genome, worlds: Any) -> None:
+    """Refuse the genome of a run whose worlds have other ones; type 1 is the default.
+
+    Raises:
+        UserError: no world has it.
+    """
+    if genome == TYPE1 or not isinstance(worlds, Sequence):
+        return
+    if all(isinstance(world, World) and world.genome != genome for world in worlds):
+        raise UserError("strategy is a genome, but worlds have their own; leave out one of them")
+
+
+def _checked_worlds(worlds: Any) -> int | tuple[World, ...]:
+    """Return the number of worlds, or the worlds that are given.
+
+    Raises:
+        ConfigError: it is something else.
+    """
+    allowed = "a number above 0, or a World for each"
+    if is_whole(worlds):
+        check("worlds", worlds, allowed, worlds > 0)
+        return int(worlds)
+    are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
+    check("worlds", worlds, allowed, are_worlds and len(worlds) > 0)
+    return tuple(worlds)
+
+
+def config_of(first: Any, config: Any) -> SwarmConfig:
+    """Return the configuration of a call without a scenario.
+
+    Args:
+        first: what is given in place of the scenario.
+        config: what is given as `config`.
+
+    Raises:
+        UserError: both are given, or it is none.
+    """
+    if first is not None and config is not None:
+        raise UserError("the configuration is given twice, first and as `config`; leave out one of them")
+    given: Any = first if config is None else config
+    check_kind("config", given, SwarmConfig)
+    return given

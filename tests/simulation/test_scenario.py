@@ -1,0 +1,281 @@
+"""A scenario means the same to each entry, no part of it can be swapped, and files state it."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from helpers_robots import two_kinds
+
+from iswarm_mj import PRESETS, Run, RunSettings, Scenario, Teams, World, make_env, play, rollout
+from iswarm_mj.commands.main import parse
+from iswarm_mj.config import READINGS, ArenaConfig, EnergyConfig, SwarmConfig
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.engines.registry import find_engine
+from iswarm_mj.envs import PolicyStrategy
+from iswarm_mj.output.results import about
+from iswarm_mj.player.scenario import PageScenario
+from iswarm_mj.player.session import Session
+from iswarm_mj.simulation.stated import is_same
+from iswarm_mj.strategy.library import STRATEGIES, find
+from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
+from iswarm_mj.tasks.foraging import Forager, Foraging
+from iswarm_mj.utils.errors import UserError
+
+ARENA = ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0)
+CONFIG = SwarmConfig(ARENA)
+HERE = PlanarSettings(threads=1)
+N = 12
+PAPERS = Scenario(CONFIG, robots=N, seed=3, engine=HERE)
+TYPE1, TYPE2 = PRESETS["type1"], PRESETS["type2"]
+
+
+def turn_and_walk(weights, obs):
+    return jnp.broadcast_to(weights, (len(obs), 2))
+
+
+def first_step(run):
+    """Return poses (N, 3) of world 0 after a step."""
+    return run.advance().poses[0, 0]
+
+
+class TestEntries:
+    """Each takes the scenario alone."""
+
+    def test_a_run_the_page_and_an_environment_begin_alike(self):
+        policy = PolicyStrategy(turn_and_walk, jnp.array([0.3, 0.8]))
+        scenario = replace(PAPERS, strategy=policy)
+        run = Run(scenario)
+        start = run.start.poses[0, 0]
+        poses = first_step(run)
+        assert np.abs(poses - start).max() > 0.01
+
+        three = Run(replace(scenario, worlds=3), record_worlds=(1, 0, 2))
+        np.testing.assert_array_equal(three.advance().poses[0, 1], poses)
+
+        session = Session(PageScenario.of(scenario))
+        session.advance()
+        np.testing.assert_array_equal(session.snapshots[-1].record.poses[0, 0], poses)
+
+        counted = rollout(replace(scenario, worlds=2, steps=1), poses_of=(0,))
+        np.testing.assert_array_equal(counted.poses[0], np.float32([start, poses]))
+
+        env = make_env(scenario, n_starts=1)
+        state = env.reset(jax.random.split(jax.random.key(0), 1))
+        np.testing.assert_allclose(env.poses(state)[0], start, atol=1e-5)
+        state = env.step(state, np.full((1, N, 2), [0.3, 0.8], np.float32))
+        np.testing.assert_allclose(env.poses(state)[0], poses, atol=1e-5)
+
+    def test_a_run_is_that_of_its_parts_and_of_the_command(self, tmp_path):
+        scenario = replace(PAPERS, strategy=TYPE2, steps=3, worlds=2)
+        parts = Run(CONFIG, TYPE2, RunSettings(N, 3, 3, 2), HERE)
+        file = tmp_path / "scenario.toml"
+        file.write_text(scenario.to_toml())
+        command = parse(["run", "--config", str(file)])
+        runs = Run(scenario), parts, command.run_of(command.planned((0,)))
+        poses, theirs, of_command = (np.concatenate([run.advance().poses for _ in range(3)]) for run in runs)
+        np.testing.assert_array_equal(poses, theirs)
+        np.testing.assert_array_equal(poses, of_command)
+        assert about(runs[0]) == about(runs[1])
+
+    def test_a_rollout_of_keys_is_that_of_its_parts(self):
+        scenario = replace(PAPERS, steps=3, goal=4)
+        keys = jax.random.split(jax.random.key(1), 2)
+        one = rollout(scenario, keys=keys, poses_of=(0, 1))
+        other = rollout(CONFIG, TYPE1, keys, n_robots=N, steps=3, engine=HERE, stop_at=4, poses_of=(0, 1))
+        np.testing.assert_array_equal(one.poses, other.poses)
+
+    def test_worlds_of_a_scenario_differ(self):
+        noisy = replace(CONFIG, optics=replace(CONFIG.optics, error_in_communication=0.5))
+        worlds = [World(TYPE2, 5, seed=8), World(TYPE1, N, config=noisy, failed_fraction=0.5)]
+        run = Run(replace(PAPERS, robots=None, worlds=worlds), record_worlds=(0, 1))
+        assert (run.settings.n_robots, run.settings.n_worlds) == (N, 2)
+        assert run.start.swarm.is_alive.sum(axis=-1).tolist() == [[5, N // 2]]
+
+    def test_numbers_of_robots_follow(self, tmp_path):
+        dense = replace(TYPE2, density_of_robots=0.1)
+        assert Scenario(CONFIG, strategy=dense).n_robots < Scenario(CONFIG, strategy=TYPE2).n_robots
+        kinds = two_kinds(tmp_path, 6)
+        assert Scenario(CONFIG, robot_file=kinds).n_robots == Run(Scenario(CONFIG, robot_file=kinds)).settings.n_robots
+
+
+class TestMistakes:
+    def test_the_order_of_arguments_does_not_matter(self):
+        given = {"strategy": TYPE2, "seed": 3, "engine": HERE, "config": CONFIG, "steps": 9}
+        assert Scenario(**given) == Scenario(**dict(reversed(given.items())))
+
+    @pytest.mark.parametrize("call", [Scenario, Run, rollout, play])
+    def test_a_genome_is_no_configuration(self, call):
+        with pytest.raises(UserError, match="config must be a SwarmConfig"):
+            call(TYPE2, strategy=CONFIG)
+
+    @pytest.mark.parametrize(
+        ("call", "parts"),
+        [
+            (Run, {"config": CONFIG}),
+            (Run, {"strategy": TYPE2}),
+            (Run, {"settings": RunSettings(N, 3)}),
+            (Run, {"worlds": [World(TYPE2, N)]}),
+            (rollout, {"n_robots": 3}),
+            (rollout, {"stop_at": 3}),
+            (make_env, {"config": CONFIG}),
+            (make_env, {"task": "cleaning"}),
+            (make_env, {"seed": 0}),
+            (play, {"strategy": TYPE2}),
+            (play, {"seed": 0}),
+        ],
+        ids=lambda part: part.__name__ if callable(part) else next(iter(part)),
+    )
+    def test_parts_beside_a_scenario_are_refused(self, call, parts):
+        with pytest.raises(UserError, match=f"`{next(iter(parts))}` is given beside a scenario"):
+            call(PAPERS, **parts)
+
+    @pytest.mark.parametrize(
+        ("given", "words"),
+        [
+            ({"worlds": 0}, "worlds must be a number above 0, or a World for each"),
+            ({"worlds": []}, "worlds must be a number above 0, or a World for each"),
+            ({"worlds": [TYPE2]}, "worlds must be a number above 0, or a World for each"),
+            ({"worlds": [World(PRESETS["evolved"], N)], "strategy": TYPE2}, "worlds have their own"),
+            ({"steps": 0}, "steps must be"),
+            ({"goal": 0}, "goal must be"),
+            ({"robots": 0}, "robots must be"),
+            ({"engine": "planar"}, "engine must be"),
+        ],
+    )
+    def test_what_no_scenario_has(self, given, words):
+        with pytest.raises(UserError, match=words):
+            Scenario(CONFIG, **given)
+
+    def test_what_an_entry_cannot_take(self):
+        worlds = replace(PAPERS, worlds=[World(TYPE2, N)])
+        keys = jax.random.split(jax.random.key(1), 2)
+        for call, words in (
+            (lambda: play(worlds), "shows one world"),
+            (lambda: play(replace(PAPERS, goal=3)), "without goal"),
+            (lambda: make_env(worlds), "a number of worlds"),
+            (lambda: rollout(worlds, keys=keys), "worlds of its own"),
+            (lambda: Run(CONFIG, record_worlds=(0,)), "without a scenario"),
+            (lambda: Run(CONFIG, config=CONFIG), "given twice"),
+            (lambda: make_env("cleaning", task="cleaning"), "given twice"),
+        ):
+            with pytest.raises(UserError, match=words):
+                call()
+
+
+OWN = "from iswarm_mj.tasks.aggregation import Beeclust\n\n\nclass Walk(Beeclust):\n    pass\n"
+BARE = replace(ARENA, n_dust=72)  # as without effect in another task
+SPOTS = Aggregation(spot_radius=4.0, spot_offset=7.0)
+BOXES = replace(ARENA, obstacles=((5.0, 5.0, 1.0, 2.0, 30.0), (-6.0, 6.0, 1.0, 1.0, 0.0)))
+ODD = {
+    "defaults": Scenario(),
+    "a genome of its own": replace(PAPERS, strategy=replace(TYPE1, use_hop_count=False, p_vector_forget=0.125)),
+    "steps, goal and worlds": replace(PAPERS, steps=17, goal=5, worlds=3),
+    "a task with fields": replace(PAPERS, config=SwarmConfig(BARE), strategy=Beeclust(longest_wait=20.0), task=SPOTS),
+    "another task": replace(PAPERS, strategy=Forager(), task=Foraging()),
+    "obstacles": replace(PAPERS, config=SwarmConfig(BOXES)),
+    "an outline": replace(PAPERS, config=SwarmConfig(replace(ARENA, outline=((24.0, 20.0),)))),
+    "a reading and energy": replace(PAPERS, config=replace(READINGS["selected"], energy=EnergyConfig("capacitor"))),
+    "teams": replace(
+        PAPERS, strategy=Teams({"type1": (0.5, TYPE1), "type2": (0.5, replace(TYPE2, fraction_scouts=0.5))})
+    ),
+    "MuJoCo": replace(PAPERS, engine=MujocoSettings(threads=1), robots=None),
+}
+"""Scenarios by what is odd about them."""
+
+
+def read_back(scenario, file):
+    file.write_text(scenario.to_toml())
+    return Scenario.from_toml(file)
+
+
+class TestFiles:
+    @pytest.mark.parametrize("scenario", ODD.values(), ids=ODD)
+    def test_a_toml_file_states_it_to_python_and_to_the_command(self, scenario, tmp_path):
+        again = read_back(scenario, tmp_path / "scenario.toml")
+        assert again.values() == scenario.values()
+        assert replace(again, engine=scenario.engine) == scenario and again.engine.identity == scenario.engine.identity
+
+        command = parse(["run", "--config", str(tmp_path / "scenario.toml")])
+        assert (
+            command.config == scenario.config and command.task == scenario.task and command.rules == scenario.strategy
+        )
+        assert command.checked() == scenario.n_robots and command.engine_settings.identity == scenario.engine.identity
+        assert (command.seed, command.worlds, command.steps) == (scenario.seed, scenario.worlds, scenario.steps)
+        assert command.stop_at == scenario.goal
+
+    @pytest.mark.parametrize("scenario", ODD.values(), ids=ODD)
+    def test_a_result_states_it(self, scenario, tmp_path):
+        run = Run(replace(scenario, engine=HERE) if scenario == Scenario() else scenario)
+        again = Run(Scenario.from_result(about(run)))
+        assert about(again) == about(run)
+        np.testing.assert_array_equal(again.start.poses, run.start.poses)
+        (tmp_path / "result.json").write_text(json.dumps(about(run)))
+        assert Scenario.from_result(tmp_path / "result.json") == Scenario.from_result(about(run))
+
+    def test_kinds_of_robots(self, tmp_path):
+        scenario = replace(PAPERS, robots=None, robot_file=two_kinds(tmp_path, 6))
+        again = read_back(scenario, tmp_path / "scenario.toml")
+        assert again.robot_file == scenario.robot_file and again.n_robots == scenario.n_robots
+        assert Scenario.from_result(about(Run(scenario))).robot_file == scenario.robot_file
+
+    def test_classes_of_files(self, tmp_path):
+        (tmp_path / "own.py").write_text(OWN)
+        walk = find(STRATEGIES, f"{tmp_path}/own.py:Walk")
+        scenario = replace(PAPERS, strategy=walk(longest_wait=7.0), task=SPOTS, robots=4)
+        again = read_back(scenario, tmp_path / "scenario.toml")
+        assert again.values() == scenario.values() and again.strategy.longest_wait == 7.0
+
+        result = about(Run(scenario))
+        with pytest.raises(UserError, match=r"strategy Walk, which no package offers; give its class.*strategy=Walk"):
+            Scenario.from_result(result)
+        assert Scenario.from_result(result, strategy=walk).strategy == scenario.strategy
+
+    def test_engines_of_files_and_of_gpus(self, tmp_path):
+        engine = find_engine(f"{Path(__file__).parents[1]}/data/teleport.py:TeleportSettings")
+        again = read_back(replace(PAPERS, engine=engine(30.0)), tmp_path / "scenario.toml")
+        assert type(again.engine).__name__ == "TeleportSettings" and again.engine.identity == engine(30.0).identity
+        result = about(Run(replace(PAPERS, engine=engine(30.0))))
+        assert Scenario.from_result(result, engine=engine).engine == engine(30.0)
+        assert read_back(replace(PAPERS, engine=MjxSettings()), tmp_path / "scenario.toml").engine.name == "mjx"
+
+    def test_dead_robots_of_a_result(self):
+        run = Run(CONFIG, TYPE2, RunSettings(N, 3, 3, 2, failed_fraction=0.5, record_worlds=(0, 1)), HERE)
+        again = Run(Scenario.from_result(about(run)), record_worlds=(0, 1))
+        np.testing.assert_array_equal(again.start.swarm.is_alive, run.start.swarm.is_alive)
+        np.testing.assert_array_equal(again.start.poses, run.start.poses)
+
+    def test_what_only_the_command_has_is_refused(self, tmp_path):
+        file = tmp_path / "run.toml"
+        for text, words in (("out = 'here'", "names out, which is no part"), ("seed = ", "is no TOML")):
+            file.write_text(text)
+            with pytest.raises(UserError, match=words):
+                Scenario.from_toml(file)
+        file.write_text('reading = "selected"\nuse-hop-count = false\n[arena]\nn-dust = 24\n')
+        found = Scenario.from_toml(file)
+        assert found.config == replace(READINGS["selected"], arena=ArenaConfig(n_dust=24))
+        assert found.strategy == replace(TYPE1, use_hop_count=False)
+
+    def test_what_no_file_can_state(self):
+        @dataclass(frozen=True)
+        class Large(Beeclust):
+            weights: object = None
+
+        of_notebook = type("Own", (Beeclust,), {"__module__": "nowhere"})
+        with pytest.raises(UserError, match="no command can name Own"):
+            replace(PAPERS, strategy=of_notebook(), task=SPOTS).to_toml()
+        with pytest.raises(UserError, match="no flag can state worlds that differ"):
+            replace(PAPERS, worlds=[World(TYPE2, N)]).to_toml()
+        large = Large(weights=np.zeros(100, np.float32))
+        result = about(Run(replace(PAPERS, strategy=large, task=SPOTS)))
+        with pytest.raises(UserError, match="does not state weights of Large completely"):
+            Scenario.from_result(result, strategy=Large)
+        assert is_same(Scenario.from_result(result, strategy=large).strategy, large)
+        for content in ({}, {"config": {}}, {**about(Run(PAPERS)), "settings": {}}):
+            with pytest.raises(UserError, match="give the result"):
+                Scenario.from_result(content)
