@@ -111,6 +111,19 @@ def saved(save: Callable[[], None]) -> Iterator[None]:
         _State.saves = outer
 
 
+@contextmanager
+def kept_handlers() -> Iterator[None]:
+    """Set the handlers of signals again that a library replaces in the block, as Ray does with SIGTERM's."""
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            is_of_python = handler is not None  # no other can be set
+            if is_of_python and signal.getsignal(number) != handler:
+                signal.signal(number, handler)
+
+
 def code_of_signal(error: BaseException) -> int | None:
     """Return the exit code of a process that an error ends because of a signal; None without one.
 
