@@ -89,20 +89,6 @@ interruption.GRACE_S = 0.2
 handle_signals(say)
 run(stay_in_c)
 """
-CONTEXT_LOST = """
-def complete():
-    with completing():
-        time.sleep(2.0)
-def work():
-    threading.Thread(target=complete).start()
-    try:
-        time.sleep(600)
-    except KeyboardInterrupt:
-        pass
-    raise ValueError
-begin(RETRY_S=0.5, GRACE_S=600.0)
-run(work)
-"""
 COMPLETING = """
 def work():
     with completing():
@@ -136,7 +122,6 @@ def started(tmp_path, code):
         (ALWAYS_DROPPED, "farewell\n"),
         (IN_C, "farewell\n"),
         (COMPUTING, "farewell\n"),
-        (CONTEXT_LOST, ""),
         (FAREWELL_FAILS, ""),
     ],
 )
@@ -172,6 +157,31 @@ run(work)
         process.send_signal(signal.SIGTERM)
         assert process.wait(timeout=60) == 128 + signal.SIGTERM
     assert not file.parent.exists()
+
+
+def test_its_end_is_not_interrupted_after_an_error_that_does_not_tell_of_the_signal(tmp_path):
+    code = """
+def complete():
+    with completing():
+        while interruption._State.number is None:
+            time.sleep(0.01)
+        time.sleep(2.0)
+begin(RETRY_S=0.1, GRACE_S=600.0)
+threading.Thread(target=complete).start()
+threading.Timer(0.5, announce).start()
+try:
+    try:
+        time.sleep(600)
+    except KeyboardInterrupt:
+        pass
+    raise ValueError
+except ValueError as error:
+    leave(code_of_signal(error) or 1)
+"""
+    with started(tmp_path, code) as process:
+        process.send_signal(signal.SIGTERM)
+        assert process.communicate(timeout=60) == ("", "")
+        assert process.returncode == 128 + signal.SIGTERM
 
 
 def test_signals_of_others_do_not_count_as_the_second(tmp_path):
