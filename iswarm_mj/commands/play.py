@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar
 from iswarm_mj.commands.flags import refuse
 from iswarm_mj.commands.swarm import WithTask
 from iswarm_mj.utils.constraints import Within
+from iswarm_mj.utils.interruption import saved
 from iswarm_mj.utils.progress import waiting
 
 
@@ -85,8 +86,9 @@ def redirect_file(url: str) -> Iterator[Path]:
 <title>iswarm play</title>
 <a href="{url}">Open the page</a>
 """
-    with TemporaryDirectory(prefix="iswarm-") as directory:  # of mode 0700
-        file = Path(directory, "play.html")
+    directory = TemporaryDirectory(prefix="iswarm-")  # of mode 0700
+    with saved(directory.cleanup):  # also where a signal ends the process while C code runs
+        file = Path(directory.name, "play.html")
         file.touch(0o600)
         file.write_text(text, encoding="utf-8")
         yield file

@@ -15,29 +15,42 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import platformdirs
 from filelock import FileLock
 from numba.core import config
 
-CHECKSUMS = "checksums.json"
-"""File beside those of numba: their SHA-256 by their paths."""
+CHECKSUMS = "files.json"
+"""File beside those of numba: what is known of them (`_Known`) by their paths."""
 _SUFFIXES = (".nbi", ".nbc")
 """Suffixes of numba's files: an index for each function, and a program for each type of its arguments."""
 _LOCK = ".lock"
 """File that the process locks which reads or writes the checksums."""
 _PATIENCE = 10.0
 """Time after which a folder whose lock another process keeps counts as one that cannot be written to [s]."""
-_THREADS = threading.Lock()
+_THREADS = threading.RLock()
+"""Held by the thread that sets the directory of numba, which is that of all threads, or locks `_LOCK`."""
+
+
+class _Known(NamedTuple):
+    """What is recorded of a file of numba."""
+
+    checksum: str
+    size: int
+    time: int
+    """When it was written [ns]."""
 
 
 @cache
 def version(sources: Path) -> str:
     """Return a name for the present state of the Python files in a folder."""
-    text = b"".join(path.read_bytes() for path in sorted(sources.rglob("*.py")))
-    return hashlib.sha256(text).hexdigest()[:16]
+    digest = hashlib.sha256()
+    for path in sorted(sources.rglob("*.py")):
+        digest.update(os.fsencode(path.relative_to(sources)) + b"\0")
+        digest.update(path.read_bytes() + b"\0")
+    return digest.hexdigest()[:16]
 
 
 def cached(
@@ -54,19 +67,20 @@ def cached(
         options: of the compiler.
     """
     sources = sources or Path(function.__code__.co_filename).parent
-    place = _checked_place(_root() / version(sources))
-    if place is None:
-        return compiler(**options)(function)
+    with _THREADS:
+        place = _checked_place(_root() / version(sources))
+        if place is None:
+            return compiler(**options)(function)
 
-    directory_before = config.CACHE_DIR
-    config.CACHE_DIR = str(place)
-    try:
-        program = compiler(cache=True, **options)(function)
-    except OSError as error:
-        _say_unwritable(place, error)
-        return compiler(**options)(function)
-    finally:
-        config.CACHE_DIR = directory_before
+        directory_before = config.CACHE_DIR
+        config.CACHE_DIR = str(place)
+        try:
+            program = compiler(cache=True, **options)(function)
+        except OSError as error:
+            _say_unwritable(place, error)
+            return compiler(**options)(function)
+        finally:
+            config.CACHE_DIR = directory_before
 
     if compiler is numba.njit:
         return _recorded(program, place)
@@ -77,13 +91,19 @@ def cached(
 def record(place: Path) -> None:
     """Write the checksums of numba's files in a folder of the cache.
 
+    Files that were not written since they were recorded keep their checksums, so that damage to them is still found.
     Processes that compile at the same time take turns, so that the last to write has seen the files of all.
     """
     part = place / f".{os.getpid()}-{CHECKSUMS}"
     try:
         with _THREADS, FileLock(place / _LOCK, timeout=_PATIENCE):
-            sums = {_name(path, place): _checksum(path) for path in _files(place)}
-            part.write_text(json.dumps(sums, indent=1), encoding="ascii")
+            known = _read_record(place) or {}
+            entries = {}
+            for path in _files(place):
+                name = _name(path, place)
+                with suppress(FileNotFoundError):  # another process has removed it
+                    entries[name] = _recorded_file(path, known.get(name))
+            part.write_text(json.dumps(entries, indent=1), encoding="ascii")
             part.replace(place / CHECKSUMS)
     except OSError as error:
         with suppress(OSError):
@@ -94,13 +114,14 @@ def record(place: Path) -> None:
 def remove_damaged(place: Path) -> None:
     """Remove numba's files that differ from their checksums, or have none, as where a process was killed."""
     with _THREADS, FileLock(place / _LOCK, timeout=_PATIENCE):
-        known = _known_checksums(place)
+        known = _read_record(place)
         is_damaged = known is None
         for path in _files(place):
-            expected = (known or {}).get(_name(path, place))
-            if expected == _checksum(path):
-                continue
-            is_damaged |= expected is not None
+            entry = (known or {}).get(_name(path, place))
+            with suppress(FileNotFoundError):  # another process has removed it
+                if entry is not None and entry.checksum == _checksum(path):
+                    continue
+            is_damaged |= entry is not None
             path.unlink(missing_ok=True)
     if is_damaged:
         _say(f"the cache of compiled programs in {place.parent} was damaged; what it lacks is compiled again")
@@ -156,23 +177,28 @@ def _name(path: Path, place: Path) -> str:
     return path.relative_to(place).as_posix()
 
 
-def _checksum(path: Path) -> str | None:
-    """Return the SHA-256 of a file; None if another process has removed it."""
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()
-    except FileNotFoundError:
-        return None
+def _checksum(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _known_checksums(place: Path) -> dict[str, str] | None:
-    """Return the recorded checksums, none where nothing was recorded; None if the record itself is damaged."""
+def _recorded_file(path: Path, known: _Known | None) -> _Known:
+    """Return what is to be recorded of a file, which is read only if it was written since it was recorded."""
+    status = path.stat()
+    if known is not None and (known.size, known.time) == (status.st_size, status.st_mtime_ns):
+        return known
+    return _Known(_checksum(path), status.st_size, status.st_mtime_ns)
+
+
+def _read_record(place: Path) -> dict[str, _Known] | None:
+    """Return what is recorded of the files, nothing where no record is; None if the record itself is damaged."""
     try:
-        sums = json.loads((place / CHECKSUMS).read_bytes())
+        record = json.loads((place / CHECKSUMS).read_bytes())
+        return {name: _Known(*entry) for name, entry in record.items()}
     except FileNotFoundError:
         return {}
-    except ValueError:
+    except (ValueError, TypeError, AttributeError):  # no JSON, or other values than those of a record
         return None
-    return sums if isinstance(sums, dict) else None
 
 
 @cache

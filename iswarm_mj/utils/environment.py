@@ -15,6 +15,8 @@ from iswarm_mj.utils.memory import check_address_space
 _VARIABLES = {"jax": "JAX_", "numba": "NUMBA_", "mujoco": "MUJOCO_GL"}
 """How the names of the variables begin that a library reads when it is imported."""
 _PARSE_XLA_FLAGS = "from jaxlib import xla_client; xla_client.CompileOptions()"
+_PATIENCE_S = 60.0
+"""Time after which the flags count as known [s]."""
 
 
 def check_environment() -> None:
@@ -49,10 +51,16 @@ def _check_import(library: str, beginning: str) -> None:
 @cache
 def _check_xla_flags(flags: str) -> None:
     """Parse XLA's flags in another process, since those that XLA does not know end the process."""
-    done = subprocess.run([sys.executable, "-c", _PARSE_XLA_FLAGS], capture_output=True, text=True, errors="replace")
+    command = [sys.executable, "-c", _PARSE_XLA_FLAGS]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=_PATIENCE_S)
+    except (OSError, subprocess.TimeoutExpired):  # this says nothing about the flags
+        return
     if done.returncode == 0:
         return
-    # As in "F1126 15:25:16.054898   25193 parse_flags_from_env.cc:234] Unknown flag in XLA_FLAGS: --xla_nonsense=1".
-    reasons = [line.partition("] ")[2] for line in done.stderr.splitlines() if "] " in line]
+    # Warnings, whose lines begin with W, may come before the line that tells, as in
+    # "F1126 15:25:16.054898   25193 parse_flags_from_env.cc:234] Unknown flag in XLA_FLAGS: --xla_nonsense=1".
+    lines = [line for line in done.stderr.splitlines() if line.startswith("F")]
+    reasons = [line.partition("] ")[2] for line in lines if "] " in line]
     reason = shown(reasons[0]) if reasons else f"the process ended with {done.returncode}"
     raise UserError(f"XLA_FLAGS must hold flags that XLA knows (got {shown(flags)}: {reason}); correct or unset it")

@@ -19,8 +19,11 @@ from typing import Any
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 RETRY_S = 0.1
 """Time after which the exception is raised again [s]."""
-GRACE_S = 3.0
-"""Time after which the thread ends the process itself [s]; a second signal does it at once."""
+GRACE_S = 4.0
+"""Time for the main thread to end [s]; a second signal skips it. Saving may then take FILES_S more.
+
+It is more than the 3 s in which the page closes (`player.page.CLOSE_S` and 1 s of viser).
+"""
 FILES_S = 30.0
 """Longest wait of the thread for files that are being completed [s]."""
 
@@ -61,7 +64,10 @@ def handle_signals(farewell: Callable[[], str]) -> None:
 
 @contextmanager
 def postponed() -> Iterator[None]:
-    """Let the exception wait for the end of the block."""
+    """Defer KeyboardInterrupt to the end of the block, by GRACE_S at most.
+
+    Then the watcher saves and ends the process. No effect without `handle_signals`.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -86,6 +92,8 @@ def completing() -> Iterator[None]:
 def saved(save: Callable[[], None]) -> Iterator[None]:
     """Save something at the end of the block, and also when an exception leaves it.
 
+    To be used in the main thread.
+
     Args:
         save: may be called several times, also in another thread.
     """
@@ -103,6 +111,19 @@ def saved(save: Callable[[], None]) -> Iterator[None]:
         _State.saves = outer
 
 
+@contextmanager
+def kept_handlers() -> Iterator[None]:
+    """Set the handlers of signals again that a library replaces in the block, as Ray does with SIGTERM's."""
+    handlers = {number: signal.getsignal(number) for number in SIGNALS}
+    try:
+        yield
+    finally:
+        for number, handler in handlers.items():
+            is_of_python = handler is not None  # no other can be set
+            if is_of_python and signal.getsignal(number) != handler:
+                signal.signal(number, handler)
+
+
 def code_of_signal(error: BaseException) -> int | None:
     """Return the exit code of a process that an error ends because of a signal; None without one.
 
@@ -115,10 +136,12 @@ def code_of_signal(error: BaseException) -> int | None:
 
 
 def leave(code: int) -> None:
-    """End the process after its output, without what Python does at its end.
+    """Flush the output, wait for files being completed, and end the process.
 
-    Libraries may crash there whose loading a signal interrupted, or whose threads run on.
+    Python's shutdown is left out: libraries may crash in it whose loading a signal interrupted, or
+    whose threads run on.
     """
+    _State.depth += 1  # an error that does not tell of the exception would let it come again here
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()
@@ -129,11 +152,11 @@ def leave(code: int) -> None:
 def _raise_interrupt(number: int, frame: FrameType | None) -> None:
     """Handle a signal in the main thread."""
     _State.number = _State.number or number
-    if not _State.depth and not _is_raised() and not _is_loading(frame):
+    if not _State.depth and not _is_unwinding() and not _is_loading(frame):
         raise KeyboardInterrupt
 
 
-def _is_raised() -> bool:
+def _is_unwinding() -> bool:
     """Return whether `with`, `finally` or `except` blocks are busy with the exception."""
     error = sys.exc_info()[1]
     while error is not None:
@@ -166,20 +189,23 @@ def _watch(arrivals: int, main_thread: int, farewell: Callable[[], str]) -> None
     """
     number = _next_signal(arrivals)
     end = time.monotonic() + GRACE_S
+    is_echo_due = False
     while time.monotonic() < end:
-        is_second = select.select([arrivals], [], [], RETRY_S)[0]
-        if is_second:
+        if not _arrives_soon(arrivals):
+            # C code may have dropped the exception, or modules were being imported. This signal is
+            # written to the pipe, too, unless a library has replaced the pipe or the handler.
+            signal.pthread_kill(main_thread, number)
+            is_echo_due = True
+        elif is_echo_due:
+            is_echo_due = False
+        else:  # a second signal of the user
             break
-        # C code may have dropped the exception, or modules were being imported. This signal is
-        # written to the pipe, too.
-        signal.pthread_kill(main_thread, number)
-        _next_signal(arrivals)
 
     # In another thread, since a disk may let it wait without end.
-    saver = threading.Thread(target=_save_and_exit, args=[128 + number, farewell()], daemon=True)
+    saver = threading.Thread(target=_save_and_exit, args=[128 + number, farewell], daemon=True)
     saver.start()
     saver.join(FILES_S)
-    _exit(128 + number, farewell())
+    _exit(128 + number, farewell)
 
 
 def _next_signal(arrivals: int) -> int:
@@ -190,7 +216,16 @@ def _next_signal(arrivals: int) -> int:
             return number
 
 
-def _save_and_exit(code: int, line: str) -> None:
+def _arrives_soon(arrivals: int) -> bool:
+    """Return whether one of our signals arrives within RETRY_S."""
+    end = time.monotonic() + RETRY_S
+    while select.select([arrivals], [], [], max(0.0, end - time.monotonic()))[0]:
+        if os.read(arrivals, 1)[0] in SIGNALS:
+            return True
+    return False
+
+
+def _save_and_exit(code: int, farewell: Callable[[], str]) -> None:
     """End the process after saving what the open `saved` blocks save.
 
     This waits for files that are being completed.
@@ -199,15 +234,17 @@ def _save_and_exit(code: int, line: str) -> None:
         for save in reversed(_State.saves):
             with suppress(Exception):
                 save()
-        _exit(code, line)
+        _exit(code, farewell)
 
 
-def _exit(code: int, line: str) -> None:
-    """Print a line on the standard error and end the process."""
-    is_read = select.select([], [2], [], 0.0)[1]
-    if is_read:  # else whoever reads the output may let it wait without end
-        os.write(2, f"{line}\n".encode())
-    os._exit(code)
+def _exit(code: int, farewell: Callable[[], str]) -> None:
+    """Print a line on the standard error and end the process, also where it cannot be printed."""
+    try:
+        is_read = select.select([], [2], [], 0.0)[1]
+        if is_read:  # else whoever reads the output may let it wait without end
+            os.write(2, f"{farewell()}\n".encode())
+    finally:  # the terminal may be gone, as at SIGHUP
+        os._exit(code)
 
 
 def _report_unraisable(about: Any) -> None:

@@ -14,6 +14,7 @@ from joblib.externals.loky import process_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from iswarm_mj.utils.errors import SimulationFault, UserError
+from iswarm_mj.utils.interruption import kept_handlers
 
 Backend = Literal["processes", "ray"]
 _MOST_GROWTH = 4_000_000_000
@@ -99,7 +100,9 @@ def _connected(workers: int) -> Any:
         raise UserError("Ray is not installed; run pip install 'iswarm-mj[cluster]'") from None
     if not ray.is_initialized():
         local = {} if os.environ.get("RAY_ADDRESS") else {"num_cpus": workers or None, "include_dashboard": False}
-        with warnings.catch_warnings():  # JAX warns of each fork, but Ray's children start another program at once
+        os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # else it tells its makers, by the internet
+        with kept_handlers(), warnings.catch_warnings():
+            # JAX warns of each fork, but Ray's children start another program at once.
             warnings.simplefilter("ignore", RuntimeWarning)
             ray.init(logging_level=logging.ERROR, log_to_driver=False, **local)
     return ray

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from iswarm_mj.utils.compiled import CHECKSUMS
+from iswarm_mj.utils.compiled import CHECKSUMS, record, remove_damaged
 
 PROGRAMS = """
 import hashlib
@@ -128,6 +128,34 @@ def test_damage_is_survived(filled, tmp_path, which, seed):
 @pytest.mark.parametrize(("which", "seed"), ALL)
 def test_any_damage_is_survived(filled, tmp_path, which, seed):
     check_survival(filled, tmp_path, which, seed)
+
+
+def test_damage_while_a_process_runs_is_found_by_the_next(tmp_path):
+    """The process records another program after a bit of the first one has flipped on the disk."""
+    folder = tmp_path / "function"
+    folder.mkdir()
+    first, second = folder / "first.nbc", folder / "second.nbc"
+    first.write_bytes(b"program")
+    record(tmp_path)
+    written = first.stat()
+    first.write_bytes(b"Program")
+    os.utime(first, ns=(written.st_atime_ns, written.st_mtime_ns))
+    second.write_bytes(b"program")
+    record(tmp_path)
+
+    remove_damaged(tmp_path)
+    assert [*folder.iterdir()] == [second]
+
+
+def test_programs_that_are_written_again_stay(tmp_path):
+    folder = tmp_path / "function"
+    folder.mkdir()
+    index = folder / "index.nbi"
+    for content in (b"one type", b"two types"):
+        index.write_bytes(content)
+        record(tmp_path)
+    remove_damaged(tmp_path)
+    assert index.read_bytes() == b"two types"
 
 
 def test_a_full_disk_is_survived(filled, tmp_path):

@@ -13,7 +13,7 @@ from helpers_small import SMALL
 
 from iswarm_mj import PlanarSettings, Run, RunSettings, make_env
 from iswarm_mj.output.saved import load
-from iswarm_mj.utils import jax_setup
+from iswarm_mj.utils import environment, jax_setup
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.jax_setup import check_devices, check_jax
 
@@ -104,6 +104,26 @@ def test_python_is_told_before_a_library_fails():
     env = os.environ | {"MUJOCO_GL": "nonsense"}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env)
     assert "UserError: mujoco cannot be imported with MUJOCO_GL=nonsense" in done.stderr.splitlines()[-1]
+
+
+FATAL = """
+import sys
+sys.exit("W1126 15:25:16.05 25 env.cc:23] Old processor\\nF1126 15:25:16.05 25 env.cc:23] Unknown flag\\nabort ] trap")
+"""
+
+
+def test_the_reason_is_what_ended_xla_and_no_warning(monkeypatch):
+    monkeypatch.setattr(environment, "_PARSE_XLA_FLAGS", FATAL)
+    with pytest.raises(UserError, match="got --xla_of_a_warning=1: Unknown flag\\)"):
+        environment._check_xla_flags("--xla_of_a_warning=1")
+
+
+def test_flags_that_cannot_be_checked_are_taken(monkeypatch):
+    monkeypatch.setattr(environment, "_PARSE_XLA_FLAGS", "import time; time.sleep(600)")
+    monkeypatch.setattr(environment, "_PATIENCE_S", 0.1)
+    environment._check_xla_flags("--xla_that_takes_long=1")
+    monkeypatch.setattr(sys, "executable", "/none")
+    environment._check_xla_flags("--xla_without_a_process=1")
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -70,6 +71,24 @@ def work():
 begin(GRACE_S=0.2)
 run(work)
 """
+DROPPED_WITHOUT_PIPE = """
+def work():
+    for _ in range(2):
+        try:
+            time.sleep(600)
+        except KeyboardInterrupt:
+            signal.set_wakeup_fd(-1)  # as a library may
+    time.sleep(600)
+begin(RETRY_S=0.05, GRACE_S=600.0)
+run(work)
+"""
+FAREWELL_FAILS = """
+def say():
+    raise ValueError
+interruption.GRACE_S = 0.2
+handle_signals(say)
+run(stay_in_c)
+"""
 COMPLETING = """
 def work():
     with completing():
@@ -80,19 +99,31 @@ run(work)
 """
 
 
+@contextmanager
 def started(tmp_path, code):
     """A process that has said that its work begins, and heeds signals that this one ignores."""
     heed = "import signal\nfor number in (1, 2, 15):\n    signal.signal(number, signal.SIG_DFL)\n"
     command = [sys.executable, "-c", heed + BEGIN + code, str(tmp_path)]
-    process = subprocess.Popen(command, stdout=-1, stderr=-1, text=True, cwd=Path(__file__).parents[2])
-    assert process.stdout.readline() == "now\n", process.communicate()
-    return process
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with subprocess.Popen(command, **pipes, text=True, cwd=Path(__file__).parents[2]) as process:
+        try:
+            assert process.stdout.readline() == "now\n", process.communicate()
+            yield process
+        finally:
+            process.kill()
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize(
     ("code", "says"),
-    [(DROPPED_ONCE, ""), (ALWAYS_DROPPED, "farewell\n"), (IN_C, "farewell\n"), (COMPUTING, "farewell\n")],
+    [
+        (DROPPED_ONCE, ""),
+        (DROPPED_WITHOUT_PIPE, ""),
+        (ALWAYS_DROPPED, "farewell\n"),
+        (IN_C, "farewell\n"),
+        (COMPUTING, "farewell\n"),
+        (FAREWELL_FAILS, ""),
+    ],
 )
 def test_a_process_ends_after_it_saved(tmp_path, number, code, says):
     with started(tmp_path, code) as process:
@@ -100,6 +131,77 @@ def test_a_process_ends_after_it_saved(tmp_path, number, code, says):
         assert process.communicate(timeout=60) == ("", says)
         assert process.returncode == 128 + number
     assert (tmp_path / "saved").read_text() == "saved"
+
+
+def test_a_process_ends_whose_terminal_is_gone(tmp_path):
+    with started(tmp_path, IN_C) as process:
+        process.stderr.close()
+        process.send_signal(signal.SIGHUP)
+        assert process.wait(timeout=60) == 128 + signal.SIGHUP
+    assert (tmp_path / "saved").read_text() == "saved"
+
+
+def test_the_file_that_leads_to_the_page_is_removed(tmp_path):
+    code = """
+from iswarm_mj.commands.play import redirect_file
+def work():
+    with redirect_file("http://127.0.0.1:8080/secret/") as file:
+        (out / "name").write_text(str(file))
+        stay_in_c()
+begin(GRACE_S=0.2)
+run(work)
+"""
+    with started(tmp_path, code) as process:
+        file = Path((tmp_path / "name").read_text())
+        assert file.exists()
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(timeout=60) == 128 + signal.SIGTERM
+    assert not file.parent.exists()
+
+
+def test_its_end_is_not_interrupted_after_an_error_that_does_not_tell_of_the_signal(tmp_path):
+    code = """
+def complete():
+    with completing():
+        while interruption._State.number is None:
+            time.sleep(0.01)
+        time.sleep(2.0)
+begin(RETRY_S=0.1, GRACE_S=600.0)
+threading.Thread(target=complete).start()
+threading.Timer(0.5, announce).start()
+try:
+    try:
+        time.sleep(600)
+    except KeyboardInterrupt:
+        pass
+    raise ValueError
+except ValueError as error:
+    leave(code_of_signal(error) or 1)
+"""
+    with started(tmp_path, code) as process:
+        process.send_signal(signal.SIGTERM)
+        assert process.communicate(timeout=60) == ("", "")
+        assert process.returncode == 128 + signal.SIGTERM
+
+
+def test_signals_of_others_do_not_count_as_the_second(tmp_path):
+    code = """
+import os
+def work():
+    with postponed():
+        while interruption._State.number is None:
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGUSR1)
+        time.sleep(1.0)
+        (out / "rest").write_text("complete")
+signal.signal(signal.SIGUSR1, lambda *_: None)
+begin(GRACE_S=3600.0, RETRY_S=3600.0)
+run(work)
+"""
+    with started(tmp_path, code) as process:
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=60) == 128 + signal.SIGINT
+    assert (tmp_path / "rest").read_text() == "complete"
 
 
 def test_the_process_waits_for_files_that_are_being_completed(tmp_path):

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from contextlib import closing
+from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -13,7 +14,7 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError, _Execu
 from joblib.externals.loky.reusable_executor import _ReusablePoolExecutor
 
 from iswarm_mj.utils.errors import SimulationFault, UserError
-from iswarm_mj.utils.pool import unordered
+from iswarm_mj.utils.pool import _connected, unordered
 
 LIMIT = 600
 """Longest time for something that has to happen [s]."""
@@ -168,6 +169,29 @@ def test_a_sentence_names_ray_where_it_is_missing(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(UserError, match=r"^Ray is not installed; .*\[cluster\]'$"):
         results(square, [1], 1, "ray")
+
+
+def test_ray_keeps_our_handlers_and_tells_nobody(monkeypatch):
+    """Ray replaces the handler of SIGTERM when it begins, and would send statistics of its usage."""
+    told = []
+
+    def begin(**_):
+        told.append(os.environ["RAY_USAGE_STATS_ENABLED"])
+        signal.signal(signal.SIGTERM, lambda *_: None)
+
+    def raise_system_exit(*_):
+        raise SystemExit
+
+    monkeypatch.delenv("RAY_USAGE_STATS_ENABLED", raising=False)
+    monkeypatch.setitem(sys.modules, "ray", SimpleNamespace(is_initialized=lambda: False, init=begin))
+    before = signal.signal(signal.SIGTERM, raise_system_exit)
+    try:
+        _connected(1)
+        assert signal.getsignal(signal.SIGTERM) is raise_system_exit
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        os.environ.pop("RAY_USAGE_STATS_ENABLED", None)
+    assert told == ["0"]
 
 
 @pytest.fixture(scope="module")
