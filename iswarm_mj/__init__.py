@@ -22,7 +22,7 @@ os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used, unless a variable of the environment would break its libraries."""
-    if name in __all__:
+    if name in __all__ and name not in ("envs", "gripper"):  # which import nothing by themselves
         from iswarm_mj.utils.environment import check_environment
 
         check_environment()

@@ -229,7 +229,7 @@ MISTAKES = [
         "by name what payload declares, count, heat, aim .got ",
     ),
     ((), "{name: memory[name] ", "{name: memory['count'] ", "float32.12. as its field heat"),
-    ((), "payload = ", "payloads = ", "Walk has a method say, but no attribute payload; declare what it says"),
+    ((), "payload = ", "payloads = ", "Walk.payloads is never used: Strategy has payload, but no payloads"),
     (("walk.py:Walk", "type1"), "", "", "NAME=SHARE"),
     (("walk.py:Walk=0.5", "type1=x"), "", "", "NAME=SHARE"),
     (("walk.py:Walk=0.5", "type1=0.6"), "", "", "add up to 1"),

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+import pytest
 from helpers_matrix_tasks import TASKS, Drill
 from helpers_matrix_worlds import CHANGES, NUMBERS, STEPS, N, changed, config_of
 from helpers_mjx import ran
@@ -79,9 +80,11 @@ CELLS = [
 ]
 
 
-def cells_of(*tasks: str) -> list[Cell]:
-    """Return the cells of these tasks."""
-    return [cell for cell in CELLS if cell.task in tasks]
+def cells_of(*tasks: str) -> list[Any]:
+    """Return the cells of these tasks as parameters of a test; MJX compiles for long."""
+    cells = [cell for cell in CELLS if cell.task in tasks]
+    slow = {"mjx": [pytest.mark.slow]}
+    return [pytest.param(cell, marks=slow.get(cell.engine, []), id=str(cell)) for cell in cells]
 
 
 class Story(NamedTuple):

@@ -5,6 +5,6 @@ from helpers_matrix import cells_of, play
 from helpers_matrix_checks import check
 
 
-@pytest.mark.parametrize("cell", cells_of("boxes", "deaths", "conditions", "everything"), ids=str)
+@pytest.mark.parametrize("cell", cells_of("boxes", "deaths", "conditions", "everything"))
 def test_a_cell(cell):
     check(cell, play(cell))

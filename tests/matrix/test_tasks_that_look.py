@@ -5,6 +5,6 @@ from helpers_matrix import cells_of, play
 from helpers_matrix_checks import check
 
 
-@pytest.mark.parametrize("cell", cells_of("own", "areas", "cleaning"), ids=str)
+@pytest.mark.parametrize("cell", cells_of("own", "areas", "cleaning"))
 def test_a_cell(cell):
     check(cell, play(cell))

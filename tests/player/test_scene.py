@@ -134,7 +134,7 @@ def test_balls_are_drawn_as_large_as_they_are(session, server):
 
 
 def test_the_dump_is_drawn_as_large_as_it_becomes(server):
-    session = Session(Scenario(CONFIG, robots=20, engine=PlanarSettings()))
+    session = Session(PageScenario(CONFIG, robots=20, engine=PlanarSettings()))
     session.advance()
     view = SwarmView(server.scene, session.scene)
     session.set("arena.dump_size", 3.0)

@@ -75,7 +75,7 @@ def test_conditions_reach_the_runs(told, tmp_path):
     assert (arena.size, arena.dust_area_offset, arena.dust_area_size, arena.n_dust) == (30, 9, 4, 20)
     for name in ("error_distance_measure", "error_in_communication", "p_communication_break"):
         assert getattr(config.optics, name) == 2 * getattr(SwarmConfig().optics, name)
-    assert config.drive.error_turn == 5 and options == {"strategy": None, "task": None, "robot_file": path}
+    assert config.drive.error_turn == 5 and options == {"task": None, "robot_file": path}
     assert (settings.n_robots, settings.steps, settings.n_worlds, settings.failed_fraction) == (9, 70, 4, 0.25)
     assert settings.seed == compare_policies.FRESH > 2**31
     assert told("--worlds", "4", "--only", "type1")[0][0][0][0] == SwarmConfig()
