@@ -133,14 +133,14 @@ def _recorded(program: Callable[..., Any], place: Path) -> Callable[..., Any]:
 
     @wraps(dispatcher.py_func)
     def call(*arguments: Any) -> Any:
-        n_known = len(dispatcher.signatures)
+        n_known = len(dispatcher.overloads)
         try:
             result = program(*arguments)
         except OSError as error:
             # Of writing the program, which is compiled by now and has not run.
             _say_unwritable(place, error)
             result = program(*arguments)
-        if len(dispatcher.signatures) > n_known:
+        if len(dispatcher.overloads) > n_known:
             record(place)
         return result
 
