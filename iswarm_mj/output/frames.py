@@ -16,7 +16,7 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.strategy.declared import array_name, parts_of
-from iswarm_mj.tasks.base import Look, Quantity, Task, balls_of
+from iswarm_mj.tasks.base import Look, Quantity, Task
 from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.tasks.layout import no_balls
 from iswarm_mj.utils.errors import UserError
@@ -134,7 +134,7 @@ class RecordedWorld:
 
     def _observed(self, record: StepRecord) -> Observed:
         """Its steps (T, ...), with what the task offers of them."""
-        balls = balls_of(self._task, record.swarm.task)
+        balls = self._task.balls(record.swarm.task)
         if balls is None:
             balls = jax.tree.map(lambda a: np.zeros((len(record.poses), *a.shape), a.dtype), no_balls())
         return Observed(record, balls, np.asarray(ball_centres(balls, record.poses, self._robot)))

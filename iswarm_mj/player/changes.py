@@ -10,7 +10,6 @@ import numpy as np
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
-from iswarm_mj.tasks.base import balls_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
 from iswarm_mj.utils.walls import beyond
@@ -51,7 +50,7 @@ def edit(run: Run, change: Change) -> Callable[[SwarmState], SwarmState]:
         UserError: there is no such robot or place, or there are no balls.
     """
     if change.what == BALL:
-        balls = balls_of(run.task, run.starts[0].task)
+        balls = run.task.balls(run.starts[0].task)
         if balls is None or not np.size(balls.radius):
             raise UserError(f"{type(run.task).__name__} has no balls; click on a robot instead")
         place = np.array(_numbers(change, float, 2, "a place, as 60:ball=3.5,-2"))
@@ -83,7 +82,7 @@ def _with_life(robot: int, is_alive: bool, swarm: SwarmState) -> SwarmState:
 
 def _with_ball(place: np.ndarray, run: Run, swarm: SwarmState) -> SwarmState:
     """The delivered ball that is farthest from a place, or else the farthest one on the floor, lies there."""
-    balls: Any = balls_of(run.task, swarm.task)
+    balls: Any = run.task.balls(swarm.task)
     delivered, held = np.asarray(balls.is_delivered[0]), np.asarray(balls.is_held[0])
     free = delivered if delivered.any() else ~held
     if not free.any():

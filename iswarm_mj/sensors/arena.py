@@ -10,7 +10,7 @@ from iswarm_mj.utils.arrays import Array
 
 
 class Arena(NamedTuple):
-    """Arena of one world as scalars, or of B worlds as arrays (B,); lengths in robot diameters, as in `ArenaConfig`.
+    """Arena of one world as scalars, or of B worlds as arrays (B,), in the units of `ArenaConfig`.
 
     The dump's size is one of the `Conditions`, since a task may change it. Obstacles, walls and boxes differ in number
     from arena to arena: a task that needs them puts them into its state in `Task.lay_out`.

@@ -16,41 +16,41 @@ class Conditions(NamedTuple):
     """
 
     dump_size: Float[Array, "*B"]
-    """`arena.dump_size` [rd]."""
+    """Edge of the square dump [rd]."""
     error_turn: Float[Array, "*B"]
-    """`drive.error_turn` [deg]."""
+    """Standard deviation of an executed turn about its command [deg]."""
     error_step: Float[Array, "*B"]
-    """`drive.error_step`."""
+    """Relative standard deviation of the distance walked."""
     stop_share: Float[Array, "*B"]
-    """`drive.stop_share`."""
+    """Probability per step that a robot stays where it is."""
     turn_share: Float[Array, "*B"]
-    """`drive.turn_share`."""
+    """Share of a step that the largest turn takes."""
     loaded_speed: Float[Array, "*B"]
-    """`drive.loaded_speed`."""
+    """Speed of a robot that carries a ball, relative to that of others."""
     error_distance_measure: Float[Array, "*B"]
-    """`optics.error_distance_measure`."""
+    """Relative standard deviation of a measured distance."""
     error_in_communication: Float[Array, "*B"]
-    """`optics.error_in_communication`."""
+    """Probability that a message arrives with a wrong bit."""
     independent_bit_errors: Bool[Array, "*B"]
-    """`optics.independent_bit_errors`."""
+    """Bits flip independently."""
     parity_check: Bool[Array, "*B"]
-    """`optics.parity_check`."""
+    """Robots discard messages that fail their check."""
     p_communication_break: Float[Array, "*B"]
-    """`optics.p_communication_break`."""
+    """Probability per step that a link fails."""
     grasp_voltage: Float[Array, "*B"]
-    """`gripper.grasp_voltage` [V]."""
+    """Voltage for picking up a ball [V]."""
     release_voltage: Float[Array, "*B"]
-    """`gripper.release_voltage` [V]."""
+    """Voltage for releasing a ball [V]."""
     spread_tool_object: Float[Array, "*B"]
-    """`gripper.spread_tool_object`."""
+    """Coefficient of variation of the work of adhesion between tool and ball."""
     spread_object_substrate: Float[Array, "*B"]
-    """`gripper.spread_object_substrate`."""
+    """Coefficient of variation of the work of adhesion between ball and floor."""
     drop_rate: Float[Array, "*B"]
-    """`gripper.drop_rate`."""
+    """Probability per step that a carried ball falls."""
     dust_range: Float[Array, "*B"]
-    """`strategy.dust_range` [rd]."""
+    """Distance within which a robot senses a ball [rd]."""
     error_in_sensing: Float[Array, "*B"]
-    """`strategy.error_in_sensing`."""
+    """Probability per step that a robot senses neither dust nor dump."""
 
 
 def conditions_of(config: SwarmConfig) -> Conditions:

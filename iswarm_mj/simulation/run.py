@@ -28,7 +28,7 @@ from iswarm_mj.strategy.genome import TYPE1, Genome
 from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.strategy.teams import team_sizes
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
-from iswarm_mj.tasks.base import Task, balls_of
+from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.tasks.measures import Measures, measure
@@ -323,4 +323,4 @@ class Run:
         state = self._state
         finished_at = int(state.finished_at[world]) if state.is_finished[world] else None
         starved = 0 if state.swarm.starved is None else int(state.swarm.starved[world].sum())
-        return measure(balls_of(self.task, self.task_state), world, int(state.collisions[world]), finished_at, starved)
+        return measure(self.task.balls(self.task_state), world, int(state.collisions[world]), finished_at, starved)

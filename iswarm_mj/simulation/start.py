@@ -20,7 +20,7 @@ from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.contract import zeros_of
 from iswarm_mj.strategy.declared import led_power
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.base import Task, balls_of
+from iswarm_mj.tasks.base import Task
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.obstacles import poses_of_boxes
@@ -42,7 +42,7 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Host
     Returns:
         The loop, and the record of the start of the recorded worlds (1, W, ...).
     """
-    settings, program, capacity = setup.settings, setup.static, setup.capacity
+    settings, static, capacity = setup.settings, setup.static, setup.capacity
     keys = random_keys(setup.worlds)
     params = world_params(setup, keys, strategy)
     poses, state = first_state(setup, first_memories(strategy, keys, capacity))
@@ -50,11 +50,11 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Host
     start = start_record(state, poses[:, :capacity], settings.record_worlds, setup.robot, boxes)
     if setup.engine.on_host:
         n_threads = getattr(setup.engine, "threads", 0)
-        return HostLoop(setup.host_engine(), program, params, (poses, state), n_threads, watch), start
+        return HostLoop(setup.host_engine(), static, params, (poses, state), n_threads, watch), start
     engine, devices = setup.compiled_engine(len(setup.worlds))
     place = engine.place if engine.mapping(devices[0].platform) == "batch" else jax.vmap(engine.place)
     state = state._replace(bodies=place(jnp.asarray(poses, jnp.float32), params.is_present))
-    return CompiledLoop(engine, program, params, state, getattr(setup.engine, "chunk", 1), devices), start
+    return CompiledLoop(engine, static, params, state, getattr(setup.engine, "chunk", 1), devices), start
 
 
 def world_params(setup: Setup, keys: Array, strategy: Any) -> WorldParams:
@@ -128,7 +128,8 @@ def _stacked(task: Task, states: Sequence[Any]) -> Any:
 
 def _loaded(task: Task, start: Start) -> Bool[np.ndarray, "N"]:
     """Which robots hold a ball at the start."""
-    loaded, balls = np.zeros(len(start.poses), bool), balls_of(task, start.task)
+    loaded = np.zeros(len(start.poses), bool)
+    balls = task.balls(start.task)
     if balls is not None:
         loaded[np.asarray(balls.holder)[np.asarray(balls.is_held)]] = True
     return loaded

@@ -1,1 +1,1 @@
-"""What a swarm is to do: the protocol of a task, cleaning and other tasks."""
+"""What a swarm is to do: the base class of tasks, cleaning and other tasks."""

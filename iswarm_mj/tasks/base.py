@@ -273,8 +273,3 @@ def has_balls(task: Any) -> bool:
 def is_scored(task: Any) -> bool:
     """Return whether a task has balls and a fitness."""
     return has_balls(task) and overrides(task, Task, "fitness")
-
-
-def balls_of(task: Task, state: Any) -> Balls | None:
-    """Return the balls of a task, which may have a first axis of worlds as its state has; None if it has none."""
-    return task.balls(state)
