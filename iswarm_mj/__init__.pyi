@@ -10,9 +10,9 @@ from .config import StrategyConfig as StrategyConfig
 from .config import SwarmConfig as SwarmConfig
 from .engines.base import CompiledEngine as CompiledEngine
 from .engines.base import Engine as Engine
+from .engines.base import LightReading as LightReading
 from .engines.base import Motion as Motion
 from .engines.base import Phase as Phase
-from .engines.base import Sight as Sight
 from .engines.base import find_lost as find_lost
 from .engines.base import take_phases as take_phases
 from .engines.mjx.settings import MjxSettings as MjxSettings

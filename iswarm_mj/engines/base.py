@@ -16,7 +16,7 @@ Bodies = TypeVar("Bodies")
 """Mechanical state of the robots; only its engine looks inside."""
 
 
-class Sight(NamedTuple):
+class LightReading(NamedTuple):
     """Light that N robots receive in a control step."""
 
     links: Links
@@ -85,7 +85,7 @@ class FreeBodies(NamedTuple):
     """(B,) what an engine that begins with the slowest worlds counted in the latest phase of each."""
 
 
-class WithBoxes(ABC):
+class BoxesMixin(ABC):
     """Part of engines whose bodies have `poses` (*B, N + M, 3), those of robots and then of boxes."""
 
     @property
@@ -119,7 +119,7 @@ def set_points(phase: Phase, poses: Float[Array, "*B NM 3"], n_robots: int) -> F
     return xp.concatenate([robots, boxes], axis=-2) if boxes.size else robots
 
 
-Take = Callable[[Any, Array, int, Array, Array], tuple[Any, Array, Array]]
+StepBodies = Callable[[Any, Array, int, Array, Array], tuple[Any, Array, Array]]
 """Takes the physics steps of a phase: bodies, set points of their drives (*B, N, 3) [mm/s, mm/s, rad/s], number of
 steps, worlds that take them (*B,), pairs in contact so far -> bodies, pairs in contact, bits of `FaultKind` (*B,)."""
 
@@ -131,7 +131,7 @@ def take_phases(
     walls: Array,
     robot: Robots,
     n_robots: int,
-    take: Take,
+    step_bodies: StepBodies,
 ) -> Motion:
     """Take the steps of one phase after the other, as `Engine.move` must; a fault ends those of its world.
 
@@ -142,19 +142,19 @@ def take_phases(
         walls: see `utils.walls.half_planes` [mm].
         robot: its geometry.
         n_robots: N; bodies beyond them have no drives.
-        take: takes the steps of a phase.
+        step_bodies: takes the steps of a phase.
     """
     xp = array_module(bodies.poses)
     moved, fault = bodies, xp.zeros(is_running.shape, xp.int32)
     touching = xp.zeros((*is_running.shape, robot.most_partners, n_robots), xp.int32)
     for phase in phases:
         targets, runs = set_points(phase, moved.poses, n_robots), is_running & (fault == 0)
-        moved, touching, failure = take(moved, targets, phase.n_substeps, runs, touching)
+        moved, touching, failure = step_bodies(moved, targets, phase.n_substeps, runs, touching)
         fault = fault | failure
-    return concluded(bodies, moved, touching, fault, is_running, walls)
+    return finish_motion(bodies, moved, touching, fault, is_running, walls)
 
 
-def concluded(bodies: Any, moved: Any, touching: Array, fault: Array, is_running: Array, walls: Array) -> Motion:
+def finish_motion(bodies: Any, moved: Any, touching: Array, fault: Array, is_running: Array, walls: Array) -> Motion:
     """Outcome of a motion to `moved`: robots that got lost are faults too, and worlds with faults keep their bodies.
 
     Args: as for `take_phases`; `fault` is what occurred on the way.
@@ -196,7 +196,7 @@ class Engine(ABC, Generic[Bodies]):
         """Return x, y [mm] and yaw [rad] of the robots; yaw is not wrapped."""
 
     @abstractmethod
-    def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "*B"]) -> Sight:
+    def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "*B"]) -> LightReading:
         """Find links and walls in sight.
 
         Args:

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.engines.base import CompiledEngine, Engine, Mapping, Motion, Sight
+from iswarm_mj.engines.base import CompiledEngine, Engine, LightReading, Mapping, Motion
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.strategy.contract import check_base, compare, shapes_of
@@ -127,7 +127,7 @@ class CheckedEngine(CompiledEngine):
         """See `Engine.boxes`."""
         return self._called("boxes", bodies)
 
-    def sense(self, bodies: Any, emits: Any, is_running: Any) -> Sight:
+    def sense(self, bodies: Any, emits: Any, is_running: Any) -> LightReading:
         """See `Engine.sense`."""
         sight, sizes = self._called("sense", bodies, emits, is_running), self._sizes(is_running.shape)
         more = (self._size.n_senders,) * (self._size.n_senders > 1)
@@ -135,7 +135,7 @@ class CheckedEngine(CompiledEngine):
             name: jax.ShapeDtypeStruct((*its.shape, *more), its.dtype)
             for name, its in shapes_of(Links, **sizes).items()
         }
-        compare(f"{self.name}.sense", sight, Sight(Links(**links), **shapes_of(Sight, **sizes)))
+        compare(f"{self.name}.sense", sight, LightReading(Links(**links), **shapes_of(LightReading, **sizes)))
         if isinstance(sight.links.sender, np.ndarray):
             check_links(f"{self.name}.sense", sight.links, self._size.n_robots, len(self.robot.sides))
         return sight

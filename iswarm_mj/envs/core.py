@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
-from iswarm_mj.engines.base import Motion, Sight
+from iswarm_mj.engines.base import LightReading, Motion
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.tables import Row
 from iswarm_mj.sensors.conditions import Conditions
@@ -177,7 +177,7 @@ class Core:
         motion: Motion,
         poses: Float[Array, "N 3"],
         boxes: Float[Array, "M 3"] | None,
-        sight: Sight,
+        sight: LightReading,
     ) -> State:
         """Return the state after a step, but for its bodies; poses, boxes and light are those after the motion."""
         ran, before = ~is_new, data.world.swarm._replace(energy=intent.done.energy)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.engines.base import Sight
+from iswarm_mj.engines.base import LightReading
 from iswarm_mj.gripper.attempts import Decider, by_balance
 from iswarm_mj.sensors.channel import Received, exchange
 from iswarm_mj.sensors.links import Links
@@ -29,7 +29,7 @@ class StepInputs(NamedTuple):
 
     poses: Float[Array, "*B N 3"]
     """x, y [mm] and yaw [rad]."""
-    sight: Sight
+    sight: LightReading
     """Light that the robots receive."""
     step: Int[Array, ""]
     """Number of the control step, from 0."""
@@ -85,7 +85,7 @@ def perceive(
     if config.optics.baud_rate:
         first_slot = draw_first_slots(config.optics, keys.slots, len(poses))
         links = understood(config.optics, sight.links, first_slot, robot.sides)
-        sight = Sight(links, sight.sees_wall & sides_on(config.optics, robot.sides))
+        sight = LightReading(links, sight.sees_wall & sides_on(config.optics, robot.sides))
     declared = payload_of(params.strategy)
 
     def transmit(payload: dict[str, Any]) -> Received:

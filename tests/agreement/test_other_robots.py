@@ -53,7 +53,7 @@ def test_links_are_those_of_the_reference(file, density):
 
 
 def senses(file, config, poses, inside, emits, in_mjx):
-    """`Sight` of each engine, of MJX where asked for, whose programs take long to compile."""
+    """`LightReading` of each engine, of MJX where asked for, whose programs take long to compile."""
     n_worlds, n_robots = inside.shape
     arena, running = compile_arena(config, n_robots, np.zeros(0), robot_file=file), np.ones(n_worlds, bool)
     engines = {

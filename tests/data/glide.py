@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from iswarm_mj.engines.base import CompiledEngine, Motion, Sight
+from iswarm_mj.engines.base import CompiledEngine, LightReading, Motion
 from iswarm_mj.engines.robot_file import read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.sensors.links import Links
@@ -31,10 +31,10 @@ class Glide(CompiledEngine):
     def poses(self, bodies: Places) -> Any:
         return bodies.poses
 
-    def sense(self, bodies: Places, emits: Any, is_running: Any) -> Sight:
+    def sense(self, bodies: Places, emits: Any, is_running: Any) -> LightReading:
         shape = (*bodies.poses.shape[:-1], len(self.robot.sides))
         whole, flags, number = jnp.zeros(shape, jnp.int32), jnp.zeros(shape, bool), jnp.zeros(shape, jnp.float32)
-        return Sight(Links(whole, flags, whole, number, number), flags)
+        return LightReading(Links(whole, flags, whole, number, number), flags)
 
     def move(self, bodies: Places, phases: Any, is_running: Any) -> Motion:
         poses = bodies.poses

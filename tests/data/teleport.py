@@ -10,11 +10,11 @@ from iswarm_mj import (
     RD,
     Engine,
     EngineSettings,
+    LightReading,
     Links,
     ModelSpec,
     Motion,
     Phase,
-    Sight,
     Within,
     find_lost,
     read_robots,
@@ -39,10 +39,10 @@ class Teleport(Engine):
     def poses(self, bodies: Places) -> Any:
         return bodies.poses
 
-    def sense(self, bodies: Places, emits: Any, is_running: Any) -> Sight:
+    def sense(self, bodies: Places, emits: Any, is_running: Any) -> LightReading:
         shape = (*bodies.poses.shape[:2], len(self.robot.sides))
         whole, flags, number = np.zeros(shape, np.int32), np.zeros(shape, bool), np.zeros(shape, np.float32)
-        return Sight(Links(whole, flags, whole, number, number), flags)
+        return LightReading(Links(whole, flags, whole, number, number), flags)
 
     def move(self, bodies: Places, phases: Sequence[Phase], is_running: Any) -> Motion:
         poses = bodies.poses

@@ -17,7 +17,7 @@ N, STEPS = 5, 2
 DATA = Path(__file__).parents[1] / "data"
 SIX = DATA.parents[1] / "models" / "robot6.xml"
 HOST, COMPILED = "teleport.py:TeleportSettings", "glide.py:GlideSettings"
-SIGHT = "Sight(Links(whole, flags, whole, number, number), flags)"
+SIGHT = "LightReading(Links(whole, flags, whole, number, number), flags)"
 SETTINGS = [
     ("        return 24", "        return None", "bytes_per_robot must be a whole number above 0"),
     ("    far: ", "    threads: int = -1\n    far: ", "threads must be a whole number, at least 0"),
@@ -35,7 +35,7 @@ METHODS = [
     ("read_robots(model.robot_file), far", f"read_robots({str(SIX)!r}), far", r"robot must be .*got others"),
     ("Places(np.array(poses, float))", "Places(poses[0])", r"place must return arrays .* as \.poses .*shape \(5, 3\)"),
     ("return bodies.poses", "return bodies.poses.tolist()", r"poses must return an array as its result \(got list"),
-    (SIGHT, "None", r"sense must return Sight of 6 arrays .*got NoneType"),
+    (SIGHT, "None", r"sense must return LightReading of 6 arrays .*got NoneType"),
     (SIGHT, SIGHT.replace("whole,", "number,"), r"sense must return int32\[1, 5, 4\] as \.links\.sender .*float32"),
     (SIGHT, SIGHT.replace("whole, flags", "whole + 9, ~flags"), r"sense must return a sender from 0 to 4 .*got 9"),
     (SIGHT, SIGHT.replace("whole, flags", "whole - 1, ~flags"), r"sense must return a sender from 0 to 4 .*got -1"),
@@ -111,7 +111,7 @@ def test_later_mistakes(small, engine):
 @pytest.mark.parametrize(
     ("name", "old", "new", "message"),
     [
-        (HOST, SIGHT, "None", "Teleport.sense must return Sight"),
+        (HOST, SIGHT, "None", "Teleport.sense must return LightReading"),
         (COMPILED, "zero, zero)", "zero * 1.0, zero)", "Glide.move must return int32"),
     ],
 )

@@ -11,7 +11,7 @@ from helpers_tasks import Still
 from helpers_worlds import params_of, swarm_of
 
 from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
-from iswarm_mj.engines.base import Sight
+from iswarm_mj.engines.base import LightReading
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation import decide, perceive
@@ -43,7 +43,7 @@ def test_robots_that_stop_miss_dust_as_often_as_others():
     state = swarm_of(jnp.arange(n), lay((0.0, -60.0)), n)
     kinds = jnp.int32, bool, jnp.int32, jnp.float32, jnp.float32
     sides = jnp.zeros((n, 4), bool)
-    sight = Sight(Links(*(sides.astype(kind) for kind in kinds)), sides)
+    sight = LightReading(Links(*(sides.astype(kind) for kind in kinds)), sides)
     begin, keys = StepInputs(jnp.zeros((n, 3)), sight, jnp.int32(0), jnp.array(True)), step_keys(params.key, 0)
     seen = perceive.perceive(config.static, read_robot(), params, state, begin, keys, {}, no)
     stops, misses = seen.observation.waits, ~seen.inputs.notices
@@ -57,7 +57,11 @@ def setup_of(config, n):
     params = params_of(config, strategy, jax.random.key(2), n)
     shape = n, 4, config.optics.n_senders
     links = Links(*(jnp.zeros(shape, kind) for kind in (jnp.int32, bool, jnp.int32, jnp.float32, jnp.float32)))
-    return params, swarm_of(strategy.init(n, params.key), lay((0.0, -60.0)), n), Sight(links, jnp.zeros((n, 4), bool))
+    return (
+        params,
+        swarm_of(strategy.init(n, params.key), lay((0.0, -60.0)), n),
+        LightReading(links, jnp.zeros((n, 4), bool)),
+    )
 
 
 def test_what_is_compiled_in_has_no_setting_in_which_worlds_may_differ():

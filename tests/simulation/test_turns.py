@@ -14,7 +14,7 @@ from helpers_worlds import params_of, swarm_of
 
 from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.engines.base import Sight
+from iswarm_mj.engines.base import LightReading
 from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.fields import Flag
@@ -55,7 +55,7 @@ def decided(strategy, config, state, poses, links, key):
     """Decision of a world's first step in which nobody sees a wall."""
     n = len(poses)
     params = params_of(config, strategy, key, n)
-    sight = Sight(links, jnp.zeros((n, 4), bool))
+    sight = LightReading(links, jnp.zeros((n, 4), bool))
     begin = StepInputs(poses, sight, jnp.int32(0), jnp.array(True))
     return decide.decide(config.static, read_robot(), params, state, begin)
 

@@ -12,7 +12,7 @@ from helpers_worlds import params_of, swarm_of
 
 from iswarm_mj.config import GripperConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.engines.base import Sight
+from iswarm_mj.engines.base import LightReading
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.decide import decide
 from iswarm_mj.simulation.perceive import StepInputs
@@ -116,7 +116,7 @@ def world(rng, centre, spread):
 def decided(poses, state, links, sees_wall, seed=5):
     params = params_of(DROPPING, STRATEGY, jax.random.key(seed), N_ROBOTS)
     poses, running = jnp.asarray(poses, jnp.float32), jnp.array(True)
-    begin = StepInputs(poses, Sight(links, sees_wall), jnp.int32(3), running)
+    begin = StepInputs(poses, LightReading(links, sees_wall), jnp.int32(3), running)
     return decide_here(DROPPING.static, read_robot(), params, state, begin)
 
 

@@ -10,14 +10,14 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.base import (
+    BoxesMixin,
     CompiledEngine,
     FreeBodies,
+    LightReading,
     Mapping,
     Motion,
     Phase,
-    Sight,
-    WithBoxes,
-    concluded,
+    finish_motion,
     set_points,
     with_boxes,
 )
@@ -36,7 +36,7 @@ _SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations th
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class MjxEngine(WithBoxes, CompiledEngine):
+class MjxEngine(BoxesMixin, CompiledEngine):
     """`CompiledEngine` on MJX; acts on one world.
 
     Attributes:
@@ -64,15 +64,17 @@ class MjxEngine(WithBoxes, CompiledEngine):
 
     @property
     def n_boxes(self) -> int:
-        """See `WithBoxes.n_boxes`."""
+        """See `BoxesMixin.n_boxes`."""
         return len(self.arena.halves)
 
-    def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, ""]) -> Sight:
+    def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, ""]) -> LightReading:
         """See `Engine.sense`."""
         solid = with_poses(self.arena.obstacles, self.boxes(bodies), self.arena.halves)
         crowd = Crowd(self.poses(bodies), bodies.is_present[: self.arena.n_robots], solid)
         with jax.default_matmul_precision("highest"):
-            return Sight(find_links(self.config, self.arena, crowd, emits), find_walls(self.config, self.arena, crowd))
+            return LightReading(
+                find_links(self.config, self.arena, crowd, emits), find_walls(self.config, self.arena, crowd)
+            )
 
     def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, ""]) -> Motion:
         """See `Engine.move`."""
@@ -100,7 +102,7 @@ class MjxEngine(WithBoxes, CompiledEngine):
         there = bodies.is_present[: arena.n_robots]
         partners = _partners(touching & there & there[:, None] & (index[:, None] < index), arena.robot.most_partners)
         moved = FreeBodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
-        return concluded(bodies, moved, partners, overflow, is_running, arena.walls)
+        return finish_motion(bodies, moved, partners, overflow, is_running, arena.walls)
 
 
 def _partners(touching: Bool[Array, "N N"], most: int) -> Int[Array, "K N"]:

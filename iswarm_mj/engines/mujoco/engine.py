@@ -10,7 +10,7 @@ from mujoco.batch import Batch, SimulationError
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Engine, Motion, Phase, Sight, WithBoxes, take_phases, with_boxes
+from iswarm_mj.engines.base import BoxesMixin, Engine, LightReading, Motion, Phase, take_phases, with_boxes
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco_library import without_timers
 from iswarm_mj.utils.arrays import Array
@@ -37,7 +37,7 @@ class Bodies(NamedTuple):
     """Contact points in the last physics step, which choose the solver of the next ones."""
 
 
-class MujocoEngine(WithBoxes, Engine):
+class MujocoEngine(BoxesMixin, Engine):
     """`Engine` on `mujoco.batch`: B worlds at once, bit-identical at any number of threads."""
 
     def __init__(self, config: SwarmConfig, arena: ArenaModel, n_worlds: int, n_threads: int, capacity: int):
@@ -80,10 +80,10 @@ class MujocoEngine(WithBoxes, Engine):
 
     @property
     def n_boxes(self) -> int:
-        """See `WithBoxes.n_boxes`."""
+        """See `BoxesMixin.n_boxes`."""
         return len(self._arena.hull) - self._n_robots
 
-    def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> LightReading:
         """See `Engine.sense`."""
         n, self._qpos[:, self._arena.qpos] = self._n_robots, np.asarray(bodies.poses)[:, self._there]
         sight = sense(
@@ -95,7 +95,7 @@ class MujocoEngine(WithBoxes, Engine):
         )
         if self._capacity == n:
             return sight
-        return Sight(type(sight.links)(*map(self._of_robots, sight.links)), self._of_robots(sight.sees_wall))
+        return LightReading(type(sight.links)(*map(self._of_robots, sight.links)), self._of_robots(sight.sees_wall))
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
@@ -105,7 +105,7 @@ class MujocoEngine(WithBoxes, Engine):
     def _take_steps(
         self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[Bodies, Array, Array]:
-        """See `Take`."""
+        """See `StepBodies`."""
         self._qpos[:, self._arena.qpos] = bodies.poses[:, self._there]
         self._qvel[:] = bodies.velocity
         self._force[:, self._arena.qpos] = self._arena.servo_gain * targets[:, self._there]

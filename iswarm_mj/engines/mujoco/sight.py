@@ -6,7 +6,7 @@ from mujoco.batch import Batch
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Sight
+from iswarm_mj.engines.base import LightReading
 from iswarm_mj.sensors.links import find_links
 from iswarm_mj.sensors.optics import led_axes, led_positions
 from iswarm_mj.utils.obstacles import distances, numbers, with_poses
@@ -95,14 +95,14 @@ def sense(
     boxes: Float[np.ndarray, "B M 3"],
     emits: np.ndarray,
     is_present: Bool[np.ndarray, "B N"],
-) -> Sight:
+) -> LightReading:
     """Light of a control step, see `Engine.sense`; robots that are not present do not take part."""
     if not is_present.all():
         away = _FAR * (1 + np.arange(poses.shape[1]))
         poses = np.where(is_present[..., None], poses, away[:, None])
     solid = scene.solid(boxes)
     links = find_links(poses, scene.robot, scene.config.optics, scene.reaches, emits * is_present, solid)
-    return Sight(links, find_walls(scene, poses, is_present, solid))
+    return LightReading(links, find_walls(scene, poses, is_present, solid))
 
 
 def find_walls(

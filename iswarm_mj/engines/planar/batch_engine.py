@@ -13,13 +13,13 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import (
+    BoxesMixin,
     CompiledEngine,
     FreeBodies,
+    LightReading,
     Mapping,
     Motion,
     Phase,
-    Sight,
-    WithBoxes,
     take_phases,
     with_boxes,
 )
@@ -50,7 +50,7 @@ ROBOTS_PER_WARP = 70
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class PlanarBatchEngine(WithBoxes, CompiledEngine):
+class PlanarBatchEngine(BoxesMixin, CompiledEngine):
     """`CompiledEngine` of B worlds at once.
 
     Attributes:
@@ -80,10 +80,10 @@ class PlanarBatchEngine(WithBoxes, CompiledEngine):
 
     @property
     def n_boxes(self) -> int:
-        """See `WithBoxes.n_boxes`."""
+        """See `BoxesMixin.n_boxes`."""
         return len(self.kinds) - len(self.robot.kinds)
 
-    def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> LightReading:
         """See `Engine.sense`."""
         n_worlds, n_robots = len(bodies.poses), self.n_robots(bodies)
         is_present = bodies.is_present[:, :n_robots] & is_running[:, None]
@@ -112,7 +112,7 @@ class PlanarBatchEngine(WithBoxes, CompiledEngine):
         )
         if self.light.n_senders == 1:
             links = [values[..., 0] for values in links]
-        return Sight(Links(*links), sees_wall)
+        return LightReading(Links(*links), sees_wall)
 
     def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
@@ -122,7 +122,7 @@ class PlanarBatchEngine(WithBoxes, CompiledEngine):
     def _take_steps(
         self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[FreeBodies, Array, Array]:
-        """See `Take`."""
+        """See `StepBodies`."""
         (n_worlds, n_bodies), n_robots, n_walls = bodies.is_present.shape, self.n_robots(bodies), self.plane.n_walls
         n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, 2 * self.plane.radius + SKIN, n_robots)
         areas = [kind.half_x * kind.half_y for kind in self.kinds[: len(self.robot.kinds)]]

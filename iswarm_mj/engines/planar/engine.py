@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import Engine, FreeBodies, Motion, Phase, Sight, WithBoxes, take_phases, with_boxes
+from iswarm_mj.engines.base import BoxesMixin, Engine, FreeBodies, LightReading, Motion, Phase, take_phases, with_boxes
 from iswarm_mj.engines.planar.physics import take_steps
 from iswarm_mj.engines.planar.plane import FINEST, read_kinds, read_plane, solids_of, solids_with, table_of
 from iswarm_mj.engines.planar.reception import points_of, read_light
@@ -21,7 +21,7 @@ from iswarm_mj.utils.arrays import Array
 _SHARES = 4  # of the worlds for each thread, so that none waits long for another
 
 
-class PlanarEngine(WithBoxes, Engine):
+class PlanarEngine(BoxesMixin, Engine):
     """`Engine` of B worlds at once, bit-identical at any number of threads.
 
     At the finest tolerance robots end a control step within 0.001 mm of where MuJoCo in C puts them. Those that
@@ -54,10 +54,10 @@ class PlanarEngine(WithBoxes, Engine):
 
     @property
     def n_boxes(self) -> int:
-        """See `WithBoxes.n_boxes`."""
+        """See `BoxesMixin.n_boxes`."""
         return len(self.kinds) - len(self.robot.kinds)
 
-    def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> Sight:
+    def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> LightReading:
         """See `Engine.sense`."""
         n_worlds, n_robots = len(bodies.poses), self.n_robots(bodies)
         sight = empty_sight(n_worlds, n_robots, len(self.robot.sides), self._light.n_senders)
@@ -78,7 +78,7 @@ class PlanarEngine(WithBoxes, Engine):
     def _take_steps(
         self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[FreeBodies, Array, Array]:
-        """See `Take`."""
+        """See `StepBodies`."""
         changed = {name: np.copy(getattr(bodies, name)) for name in ("poses", "velocity", "overlap")}
         new, failure = bodies._replace(**changed), np.zeros(len(runs), np.int32)
         arguments = n_substeps * self.plane.refinement, new, np.ascontiguousarray(targets, float), touching

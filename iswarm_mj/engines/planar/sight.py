@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from iswarm_mj.engines.base import Sight
+from iswarm_mj.engines.base import LightReading
 from iswarm_mj.engines.planar.compiled import cached, inlined, uncounted
 from iswarm_mj.engines.planar.in_sight import View, add_near, link_to, next_in_sight, search_radius, sees_wall
 from iswarm_mj.engines.planar.kinds import place_of
@@ -12,8 +12,8 @@ from iswarm_mj.engines.planar.reception import Light
 from iswarm_mj.sensors.links import Links
 
 
-def empty_sight(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> Sight:
-    """Sight of robots that see nothing, to be filled by `sense`; links have the shape (B, N, S, K)."""
+def empty_sight(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> LightReading:
+    """Light reading of robots that see nothing, to be filled by `sense`; links have the shape (B, N, S, K)."""
     shape = n_worlds, n_robots, n_sides, n_senders
     links = Links(
         sender=np.zeros(shape, np.int32),
@@ -22,7 +22,7 @@ def empty_sight(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> S
         measured_bearing=np.zeros(shape, np.float32),
         true_distance=np.zeros(shape, np.float32),
     )
-    return Sight(links, np.zeros(shape[:3], np.bool_))
+    return LightReading(links, np.zeros(shape[:3], np.bool_))
 
 
 @cached
@@ -31,7 +31,7 @@ def sense(
     poses: np.ndarray,
     emits: np.ndarray,
     is_present: np.ndarray,
-    sight: Sight,
+    sight: LightReading,
     light: Light,
     points: np.ndarray,
     solids: np.ndarray,
@@ -71,7 +71,7 @@ def _sense_world(
     within: float,
     emits: np.ndarray,
     is_present: np.ndarray,
-    sight: Sight,
+    sight: LightReading,
     light: Light,
     points: np.ndarray,
     solids: np.ndarray,

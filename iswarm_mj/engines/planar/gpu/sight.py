@@ -49,7 +49,7 @@ def find_light(
         led: likewise.
         bearing: likewise [rad].
         distance: likewise [mm].
-        sees_wall: (B, N, S) output, see `Sight`.
+        sees_wall: (B, N, S) output, see `LightReading`.
     """
     world, slot, side = wp.tid()
     i, kinds = robot[world, slot], kinds_in(kind_words, place.shape[1])
