@@ -182,8 +182,7 @@ def _advance(
         engine, n_rows = shared.engine, len(params.goal)
         platform = program.mesh.devices.flat[0].platform
         mapping = engine.mapping(platform)
-        decisions = partial(decide_worlds if mapping == "batch" else decide, program.config, engine.robot)
-        stepper = Stepper(engine, program.config, decisions, program.records)
+        decide_step = decide_worlds if mapping == "batch" else decide
         place = shared.recorded - jax.lax.axis_index(_WORLDS) * n_rows
 
         def keep(values: jax.Array) -> jax.Array:
@@ -194,6 +193,8 @@ def _advance(
             state, step = carry
 
             def take(params: WorldParams, state: WorldState) -> tuple[WorldState, StepRecord | None]:
+                decide_with = partial(decide_step, program.config, engine.robot, params)
+                stepper = Stepper(engine, program.config, decide_with, program.records)
                 return control_step(stepper, params, state, step, shared.last)
 
             match mapping:

@@ -4,6 +4,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -12,12 +13,13 @@ import numpy as np
 
 from iswarm_mj.engines.base import Engine
 from iswarm_mj.simulation.decide import Decision, decide_packed
-from iswarm_mj.simulation.packed import pack, unpacked
+from iswarm_mj.simulation.packed import Packed, pack, unpacked
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
 from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.utils.profiling import Stopwatch
+from iswarm_mj.utils.robot import Robots
 
 Tree = TypeVar("Tree")
 WORLDS = 16
@@ -53,7 +55,9 @@ class Share:
         """See `HostLoop.replace`."""
         cpu = jax.local_devices(backend="cpu")[0]
         swarm = swarm._replace(memory=pack(swarm.memory), task=pack(swarm.task))
-        self.params, (self._packed_params, swarm) = params, jax.device_put((pack(params), swarm), cpu)
+        packed_params, swarm = jax.device_put((pack(params), swarm), cpu)
+        self.params = params
+        self._decide = partial(_decide, self._config, self.engine.robot, packed_params)
         self.state = self.state._replace(swarm=swarm)
 
     def advance(self, step: int, last: int, recorded: Sequence[int]) -> StepRecord | None:
@@ -73,12 +77,14 @@ class Share:
         )
         return None if record is None else jax.tree.map(lambda a: np.asarray(a)[list(recorded)], unpacked(record))
 
-    def _decide(self, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
-        poses, boxes = jax.tree.map(lambda a: a.astype(np.float32), (begin.poses, begin.boxes))
-        begin = begin._replace(poses=poses, boxes=boxes)
-        decision = decide_packed(self._config, self.engine.robot, self._packed_params, swarm, begin)
-        names = "done", "progress", "boxes"
-        return decision._replace(**{name: jax.tree.map(np.asarray, getattr(decision, name)) for name in names})
+
+def _decide(config: StaticConfig, robot: Robots, params: Packed, swarm: SwarmState, begin: StepInputs) -> Decision:
+    """Return what the robots of a share decide; what its engine needs of that as NumPy arrays."""
+    poses, boxes = jax.tree.map(lambda a: a.astype(np.float32), (begin.poses, begin.boxes))
+    decision = decide_packed(config, robot, params, swarm, begin._replace(poses=poses, boxes=boxes))
+    needed = (decision.done, decision.progress, decision.boxes)
+    done, progress, boxes = jax.tree.map(np.asarray, needed)
+    return decision._replace(done=done, progress=progress, boxes=boxes)
 
 
 class HostLoop:

@@ -17,8 +17,9 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import FaultKind
 
-Decide = Callable[[WorldParams, SwarmState, StepInputs], Decision]
-"""`decide.decide` with its configuration; mapped over worlds where the engine acts on many at once."""
+Decide = Callable[[SwarmState, StepInputs], Decision]
+"""`decide.decide` with configuration, robots and parameters of the world; mapped over worlds where the
+engine acts on many at once."""
 
 
 class Stepper(NamedTuple):
@@ -29,7 +30,7 @@ class Stepper(NamedTuple):
     config: StaticConfig
     """What control steps are compiled for."""
     decide: Decide
-    """What the robots decide."""
+    """Decides what the robots do."""
     records: bool
     """Return a record of each step."""
     watch: Callable[[str], Any] = nullcontext
@@ -56,7 +57,7 @@ def control_step(
         sight = engine.sense(state.bodies, emits, is_running)
     begin = StepInputs(engine.poses(state.bodies), sight, step, is_running, boxes_of(engine, state.bodies))
     with stepper.watch("policy"):
-        decision = stepper.decide(params, swarm, begin)
+        decision = stepper.decide(swarm, begin)
     moves = is_running & ~decision.done.is_refused.any(axis=-1)
     boxes = velocity_towards(config.drive, params.is_driven, decision.boxes, begin.boxes)
     phases = drive_phases(config.drive, decision.done.command, boxes)

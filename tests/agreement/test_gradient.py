@@ -197,7 +197,7 @@ def test_through_whole_control_steps():
         mine = params._replace(strategy=replace(params.strategy, pace=pace))
 
         def step(state, k):
-            stepper = Stepper(engine, SMALL, partial(decide, SMALL, engine.robot), records=False)
+            stepper = Stepper(engine, SMALL, partial(decide, SMALL, engine.robot, mine), records=False)
             return control_step(stepper, mine, state, k, jnp.int32(3))[0], None
 
         end, _ = jax.lax.scan(step, state, jnp.arange(3))
