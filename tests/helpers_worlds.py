@@ -7,7 +7,7 @@ from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.gripper.handling import loaded
 from iswarm_mj.sensors.arena import arena_of
 from iswarm_mj.sensors.conditions import conditions_of
-from iswarm_mj.simulation import initial, worlds
+from iswarm_mj.simulation import layouts, worlds
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.tasks.base import TaskInputs
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -16,7 +16,7 @@ from iswarm_mj.tasks.grasping import ball_centres
 
 def start_of(config, n_robots, seed, index, failed_fraction=0.0, task=CLEANING):
     """How world `index` of a seed begins, with the paper's robots."""
-    return initial.draw_start(config, task, read_robot(), n_robots, seed, index, failed_fraction)
+    return layouts.draw_start(config, task, read_robot(), n_robots, seed, index, failed_fraction)
 
 
 def begin_with(monkeypatch, starts):

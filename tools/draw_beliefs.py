@@ -15,7 +15,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.believed import MOST_DOUBT
+from iswarm_mj.strategy.beliefs import MOST_DOUBT
 from iswarm_mj.strategy.neural import Neural
 from iswarm_mj.utils.units import RD
 

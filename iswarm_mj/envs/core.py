@@ -18,7 +18,7 @@ from iswarm_mj.envs import tables
 from iswarm_mj.envs.tables import Row
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.actuate import Actuated, actuate
+from iswarm_mj.simulation.actuate import DriveOutput, actuate
 from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
@@ -70,7 +70,7 @@ class State(NamedTuple):
 class Intent(NamedTuple):
     """What robots do in a step."""
 
-    done: Actuated
+    done: DriveOutput
     """By their drives; actions that were not finite are refused, too."""
     said: dict[str, Any]
     is_running: Bool[Array, "*B"]

@@ -20,11 +20,11 @@ from iswarm_mj.envs.env import Env
 from iswarm_mj.envs.tables import Row
 from iswarm_mj.sensors.fields import Flag
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.memory_check import devices_of
+from iswarm_mj.simulation.build import initial_state, world_params
+from iswarm_mj.simulation.memory_limits import devices_of
 from iswarm_mj.simulation.scenario import Scenario, refuse_beside_scenario
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import Setup, set_up
-from iswarm_mj.simulation.start import first_state, world_params
 from iswarm_mj.simulation.stated import STEPS
 from iswarm_mj.simulation.worlds import World, random_keys
 from iswarm_mj.strategy.genome import PRESETS
@@ -168,7 +168,7 @@ class PreparedEnv:
         speaker: Any = Speaker(self.payload)
         # An episode has a key of its own.
         params = world_params(self.setup, random_keys(self.layouts[:1]), speaker)
-        poses, worlds = first_state(self.setup)
+        poses, worlds = initial_state(self.setup)
         with jax.default_device(self.setup.device):
             core = Core(
                 config=self.setup.static,

@@ -18,8 +18,8 @@ from iswarm_mj.envs.env import Env
 from iswarm_mj.output.frames import BLOCK, RecordedWorld
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.stage import Shot, Stage
+from iswarm_mj.simulation.build import start_record
 from iswarm_mj.simulation.given import to_json
-from iswarm_mj.simulation.start import start_record
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.step import mean_step
 from iswarm_mj.utils.constraints import check_kind

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 from iswarm_mj.engines.registry import ENGINES, OFFER
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.sensors.conditions import Conditions
-from iswarm_mj.simulation.common import PER_WORLD_FIELDS
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS
 from iswarm_mj.strategy.library import STRATEGIES, TASKS
 from iswarm_mj.strategy.pytrees import is_static_field
 from iswarm_mj.strategy.rules import Rules

@@ -23,7 +23,7 @@ CELLS = 2048
 """Cells of 1 rd in a row, more than in the largest arena."""
 
 
-class Actuated(NamedTuple):
+class DriveOutput(NamedTuple):
     """Commands of N robots as their drives carry them out."""
 
     command: Command
@@ -48,7 +48,7 @@ def actuate(
     is_present: Bool[Array, "N"],
     tool_voltage_squared: Float[Array, "N"],
     key: Array,
-) -> Actuated:
+) -> DriveOutput:
     """Carry out what N robots of a world command.
 
     Args:
@@ -81,8 +81,8 @@ def actuate(
     energy = swarm.energy
     if energy is not None:
         lit = swarm.is_alive if swarm.led_power is None else swarm.is_alive * swarm.led_power
-        energy = power.after(config, energy, done, tool_voltage_squared, lit)
-    return Actuated(done, wanted - jnp.where(acts, command.forward, 0.0), is_blocked, is_refused, energy)
+        energy = power.energy_after_step(config, energy, done, tool_voltage_squared, lit)
+    return DriveOutput(done, wanted - jnp.where(acts, command.forward, 0.0), is_blocked, is_refused, energy)
 
 
 def _errors(n_robots: int, error_turn: Array, error_step: Array, key: Array) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.sensors.channel import Received
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
-from iswarm_mj.simulation.actuate import Actuated, actuate
+from iswarm_mj.simulation.actuate import DriveOutput, actuate
 from iswarm_mj.simulation.packed import Packed, pack
 from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.state import SwarmState, WorldParams
@@ -31,7 +31,7 @@ class Decision(NamedTuple):
     """Outcome of `decide`."""
 
     swarm: SwarmState
-    done: Actuated
+    done: DriveOutput
     """By the drives; energy and shortfall are None, since `swarm` has them and what robots remember of them."""
     progress: Int[Array, "*B"]
     """Of the task, see `Task.progress`."""
@@ -49,7 +49,7 @@ def decide(config: StaticConfig, robot: Robots, params: WorldParams, swarm: Swar
     """Take a world's control step up to the commands; a world that does not run keeps its state.
 
     Args:
-        config: what control steps are compiled for (`common.static_config`); all else is in `params`.
+        config: what control steps are compiled for (`shared_settings.static_config`); all else is in `params`.
         robot: its geometry.
         params: of the world.
         swarm: after the step before.
@@ -91,7 +91,7 @@ def decide(config: StaticConfig, robot: Robots, params: WorldParams, swarm: Swar
         seen.sensed.tool_voltage_squared,
         keys.actuators,
     )
-    memory = strategy.fell_short(memory, done.shortfall)
+    memory = strategy.correct_odometry(memory, done.shortfall)
     decided = seen.swarm._replace(memory=memory, energy=done.energy, led_power=led_power(strategy, memory))
     kept = jax.tree.map(lambda new, old: jnp.where(begin.is_running, new, old), decided, swarm)
     flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive

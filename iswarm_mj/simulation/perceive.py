@@ -71,7 +71,7 @@ def perceive(
     """Take a world's control step up to what robots know: communicate, and advance the task.
 
     Args:
-        config: what control steps are compiled for (`common.static_config`).
+        config: what control steps are compiled for (`shared_settings.static_config`).
         robot: its geometry.
         params: of the world.
         swarm: after the step before.
@@ -93,10 +93,12 @@ def perceive(
 
     received = transmit(payload)
     voltage, is_empty = None, jnp.zeros(len(poses), bool)
-    if swarm.energy is not None and swarm.starved is not None:
+    if swarm.energy is not None and swarm.steps_without_energy is not None:
         energy = power.charged(config, swarm.energy)
         voltage, is_empty = power.voltage(config.energy, energy), ~power.can_act(config, energy)
-        swarm = swarm._replace(energy=energy, starved=swarm.starved + (is_empty & swarm.is_alive))
+        swarm = swarm._replace(
+            energy=energy, steps_without_energy=swarm.steps_without_energy + (is_empty & swarm.is_alive)
+        )
     (stop,), (misses,) = draw(keys.stops, (len(poses),), n_uniform=1).uniform
     inputs = TaskInputs(
         poses=poses,

@@ -39,7 +39,7 @@ def is_emitting(
     return is_alive if energy is None else is_alive & can_act(config, charged(config, energy))
 
 
-def after(
+def energy_after_step(
     config: StaticConfig,
     energy: Float[Array, "N"],
     command: Command,

@@ -11,14 +11,14 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.checked import check_links
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.simulation.common import check_common
+from iswarm_mj.simulation.build import build_loop
 from iswarm_mj.simulation.given import metrics_of, of_all_worlds, of_worlds, to_json
-from iswarm_mj.simulation.initial import boxed
-from iswarm_mj.simulation.memory_check import check_memory
+from iswarm_mj.simulation.layouts import with_boxes_laid
+from iswarm_mj.simulation.memory_limits import check_memory
 from iswarm_mj.simulation.scenario import Scenario, check_genome, config_of, refuse_beside_scenario
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
-from iswarm_mj.simulation.start import start_loop
+from iswarm_mj.simulation.shared_settings import check_shared_settings
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState, decode, summary
 from iswarm_mj.simulation.stated import STEPS
 from iswarm_mj.simulation.worlds import World, arenas_of_worlds, conditions_of_worlds, vector_strategies
@@ -149,7 +149,7 @@ class Run:
         self.teams = team_sizes(own, setup.capacity)
         self.watch = Stopwatch()
         with jax.default_device(setup.device):
-            self._loop, self.start = start_loop(setup, own, self.watch)
+            self._loop, self.start = build_loop(setup, own, self.watch)
         self._taken = 0
         self.first_call_s, self._first_steps = 0.0, 0
         self._has_ended = np.zeros(n_worlds, bool)
@@ -220,7 +220,7 @@ class Run:
         """Give all worlds other settings from the next control step on; places and memories stay as they are.
 
         Args:
-            config: may differ from the run's in `common.PER_WORLD_FIELDS`.
+            config: may differ from the run's in `shared_settings.PER_WORLD_FIELDS`.
             strategy: a genome of the paper's where the run has one; otherwise of the same class, static fields and
                 shapes as the run's.
             task: likewise; None for the present one.
@@ -230,9 +230,9 @@ class Run:
         """
         # Boxes that the task laid take the place of those of the configuration, as at the start.
         if config.arena.boxes == self._configured_boxes:
-            config = boxed(config, self.config.arena.boxes, type(self.task).__name__)
+            config = with_boxes_laid(config, self.config.arena.boxes, type(self.task).__name__)
 
-        check_common(self.config, config)
+        check_shared_settings(self.config, config)
         if task is not None:
             validate(task)
             self.task, self._tasks = task, of_worlds(as_task(task), len(self.worlds))
@@ -322,5 +322,5 @@ class Run:
             raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {shown(world)})")
         state = self._state
         finished_at = int(state.finished_at[world]) if state.is_finished[world] else None
-        starved = 0 if state.swarm.starved is None else int(state.swarm.starved[world].sum())
+        starved = 0 if state.swarm.steps_without_energy is None else int(state.swarm.steps_without_energy[world].sum())
         return measure(self.task.balls(self.task_state), world, int(state.collisions[world]), finished_at, starved)

@@ -12,11 +12,11 @@ from iswarm_mj.engines.checked import make_compiled_engine, make_host_engine
 from iswarm_mj.engines.registry import ENGINES, check_settings
 from iswarm_mj.engines.robot_file import as_robot_file, check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
-from iswarm_mj.simulation.common import static_config
 from iswarm_mj.simulation.given import goal_of, of_worlds
-from iswarm_mj.simulation.initial import Start, boxed, check_boxes
-from iswarm_mj.simulation.memory_check import check_memory, devices_of
+from iswarm_mj.simulation.layouts import Start, check_boxes, with_boxes_laid
+from iswarm_mj.simulation.memory_limits import check_memory, devices_of
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.shared_settings import static_config
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
 from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.genome import Genome
@@ -127,8 +127,8 @@ def set_up(
     starts = starts_of(config, task, robot, worlds)
     check_boxes(task, starts)
     if (boxes := starts[0].boxes) != config.arena.boxes:
-        config = boxed(config, boxes, "start")
-        worlds = [replace(w, config=w.config and boxed(w.config, boxes, "start")) for w in worlds]
+        config = with_boxes_laid(config, boxes, "start")
+        worlds = [replace(w, config=w.config and with_boxes_laid(w.config, boxes, "start")) for w in worlds]
     known = config.arena.boxes == () or engine.has_boxes
     check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)
     static = static_config(config, engine.on_host)

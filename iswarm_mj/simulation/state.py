@@ -54,7 +54,7 @@ class SwarmState(NamedTuple):
     """The robot carries something."""
     energy: Float[Array, "*B N"] | None = None
     """In the robots' capacitors [J]; None where they have none."""
-    starved: Int[Array, "*B N"] | None = None
+    steps_without_energy: Int[Array, "*B N"] | None = None
     """Control steps in which each robot waited for energy; None where they have no capacitors."""
     led_power: Float[Array, "*B N"] | None = None
     """With which each robot sends its next message, from 0 to 1; None where all send at full power."""

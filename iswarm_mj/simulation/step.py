@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from jaxtyping import Float, Int
 
 from iswarm_mj.engines.base import Engine, Motion, boxes_of
-from iswarm_mj.simulation.actuate import Actuated, drive_phases, velocity_towards
+from iswarm_mj.simulation.actuate import DriveOutput, drive_phases, velocity_towards
 from iswarm_mj.simulation.decide import Decision
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.power import is_emitting
@@ -69,7 +69,7 @@ def control_step(
 
 
 def after_motion(
-    state: WorldState, motion: Motion, done: Actuated, step: Int[Array, ""], is_running: Array
+    state: WorldState, motion: Motion, done: DriveOutput, step: Int[Array, ""], is_running: Array
 ) -> WorldState:
     """Account for the motion of a control step: bodies, faults, collisions.
 

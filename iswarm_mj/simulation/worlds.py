@@ -11,9 +11,9 @@ import numpy as np
 from iswarm_mj.config import SwarmConfig
 from iswarm_mj.sensors.arena import Arena, arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
-from iswarm_mj.simulation.common import check_common
-from iswarm_mj.simulation.initial import Start, boxed, check_balls, check_poses, check_start, draw_start
+from iswarm_mj.simulation.layouts import Start, check_balls, check_poses, check_start, draw_start, with_boxes_laid
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.shared_settings import check_shared_settings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.rules import rules_of_worlds
 from iswarm_mj.strategy.user_code import user_code
@@ -42,7 +42,8 @@ class World:
     failed_fraction: Annotated[float, Within(0, 1)] = 0.0
     """Share of the robots that are dead from the start."""
     config: SwarmConfig | None = None
-    """May differ from the run's in `common.PER_WORLD_FIELDS`: noise, voltages, adhesion, places, the readings."""
+    """Settings of this world, which may differ from the run's in `shared_settings.PER_WORLD_FIELDS`: noise, voltages,
+    adhesion, places, the readings."""
     start: Start | None = None
     """How the world begins; drawn from its seed if not given."""
     key: Array | None = None
@@ -73,7 +74,7 @@ def starts_of(config: SwarmConfig, task: Task, robot: Robots, worlds: Sequence[W
         UserError: a world differs in what all worlds of a run share, or cannot begin so.
     """
     for own in {world.config for world in worlds if world.config is not None}:
-        check_common(config, own)
+        check_shared_settings(config, own)
     usual: dict[int, Start] = {}  # by the number of robots, on which the shapes of a task's state may depend
     return [_start(config, task, robot, world, usual) for world in worlds]
 
@@ -125,7 +126,7 @@ def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: 
             return drawn
     check_kind("start", given, Start)
     given = given._replace(boxes=own.arena.boxes) if given.boxes is None else given
-    own = boxed(own, given.boxes, "start")
+    own = with_boxes_laid(own, given.boxes, "start")
     check_start(given, usual[n_robots])
     check_poses("start.poses", np.asarray(given.poses), robot, own.arena)
     if has_balls(task):

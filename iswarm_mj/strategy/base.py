@@ -125,12 +125,12 @@ class Strategy(StrategyFactory):
         """
         return None
 
-    def fell_short(self, memory: Any, shortfall: Float[Array, "N"]) -> Any:
+    def correct_odometry(self, memory: Any, shortfall: Float[Array, "N"]) -> Any:
         """Return the memory after a step that was shorter than commanded.
 
         Args:
             memory: from `act`.
-            shortfall: distance commanded that the drive did not walk, see `simulation.actuate.Actuated` [mm].
+            shortfall: distance commanded that the drive did not walk, see `simulation.actuate.DriveOutput` [mm].
         """
         return memory
 

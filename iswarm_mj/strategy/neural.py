@@ -20,7 +20,7 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.base import Strategy, StrategyFactory
-from iswarm_mj.strategy.believed import MOST_DOUBT, Belief, Trust, confirmed, merged
+from iswarm_mj.strategy.beliefs import MOST_DOUBT, Belief, Trust, confirmed, merged
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.network import Shape, forward, load_weights
 from iswarm_mj.strategy.vector_strategy import payload_for
@@ -183,8 +183,8 @@ class NeuralStrategy(Strategy):
         command = Command(*(jnp.where(seen.waits, 0.0, part) for part in command))
         return self._moved(known, *command)._replace(flag=flag > 0), command
 
-    def fell_short(self, memory: Memory, shortfall: Float[Array, "N"]) -> Memory:
-        """Return the memories of robots that walked less than they commanded, see `Strategy.fell_short`."""
+    def correct_odometry(self, memory: Memory, shortfall: Float[Array, "N"]) -> Memory:
+        """Return the memories of robots that walked less than they commanded, see `Strategy.correct_odometry`."""
         return self._moved(memory, jnp.zeros_like(shortfall), -shortfall)
 
     def _moved(self, memory: Memory, turn: Float[Array, "N"], forward: Float[Array, "N"]) -> Memory:

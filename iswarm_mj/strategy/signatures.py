@@ -78,9 +78,9 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
         compare(f"{name}.led_power", result("led_power", memory), jax.ShapeDtypeStruct((n_robots,), jnp.float32))
     if overrides(strategy, Strategy, "listen"):
         compare(f"{name}.listen", result("listen", memory, observation, key), memory, "memory")
-    if overrides(strategy, Strategy, "fell_short"):
+    if overrides(strategy, Strategy, "correct_odometry"):
         shortfall = jax.ShapeDtypeStruct((n_robots,), jnp.float32)
-        compare(f"{name}.fell_short", result("fell_short", memory, shortfall), memory, "memory")
+        compare(f"{name}.correct_odometry", result("correct_odometry", memory, shortfall), memory, "memory")
     returned = result("act", memory, observation, key)
     if not isinstance(returned, tuple) or isinstance(returned, Command) or len(returned) != 2:
         raise UserError(f"{name}.act must return (memory, Command) (got a {type(returned).__name__})")

@@ -185,11 +185,11 @@ class Teams(Strategy):
                 heard[name] = _placed(strategy.listen(*own), robots, len(observation.waits))
         return heard
 
-    def fell_short(self, memory: dict[str, Any], shortfall: Float[Array, "N"]) -> dict[str, Any]:
-        """See `Strategy.fell_short`."""
+    def correct_odometry(self, memory: dict[str, Any], shortfall: Float[Array, "N"]) -> dict[str, Any]:
+        """See `Strategy.correct_odometry`."""
         known = dict(memory)
         for name, strategy, robots in self._each(len(shortfall)):
-            own = strategy.fell_short(_of(memory[name], robots), shortfall[robots])
+            own = strategy.correct_odometry(_of(memory[name], robots), shortfall[robots])
             known[name] = _placed(own, robots, len(shortfall))
         return known
 

@@ -109,8 +109,8 @@ class VectorStrategy(Strategy):
         dust, dump = (after_motion(vectors, *believed) for vectors in (known.dust, known.dump))
         return known._replace(dust=dust, dump=dump), command
 
-    def fell_short(self, memory: RobotMemory, shortfall: Float[Array, "N"]) -> RobotMemory:
-        """Return the memories of robots that walked less than they commanded, see `Strategy.fell_short`."""
+    def correct_odometry(self, memory: RobotMemory, shortfall: Float[Array, "N"]) -> RobotMemory:
+        """Return the memories of robots that walked less than they commanded, see `Strategy.correct_odometry`."""
         still = jnp.zeros_like(shortfall)
         dust, dump = (after_motion(vectors, still, -shortfall) for vectors in (memory.dust, memory.dump))
         return memory._replace(dust=dust, dump=dump)

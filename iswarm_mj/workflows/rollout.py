@@ -14,7 +14,7 @@ from iswarm_mj.config import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.robot_file import as_robot_file, read_robots
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.simulation.initial import Start, start_with
+from iswarm_mj.simulation.layouts import Start, draw_start_with
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario, config_of, refuse_beside_scenario
 from iswarm_mj.simulation.settings import RunSettings
@@ -207,7 +207,7 @@ def _worlds_of_keys(
     for index, (number, data) in enumerate(zip(numbers, np.asarray(jax.random.key_data(keys)), strict=True)):
         if (which := (data.tobytes(), int(number))) not in starts:
             rng = np.random.default_rng(data)
-            starts[which] = start_with(config, task, robot, which[1], rng, rng)
+            starts[which] = draw_start_with(config, task, robot, which[1], rng, rng)
         worlds.append(World(genome, which[1], index=index, start=starts[which], key=keys[index]))
     return worlds
 

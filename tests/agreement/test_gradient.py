@@ -15,10 +15,10 @@ from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.simulation.build import build_loop
 from iswarm_mj.simulation.decide import decide
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
-from iswarm_mj.simulation.start import start_loop
 from iswarm_mj.simulation.step import Stepper, control_step, drive_phases
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import Strategy
@@ -189,7 +189,7 @@ def test_through_whole_control_steps():
     many = jax.tree.map(lambda a: jnp.asarray(a)[None], strategy)
     settings = RunSettings(n_robots, 3, record_worlds=())
     setup = set_up(SMALL, settings, MjxSettings(chunk=1), CLEANING, [world])
-    loop, _ = start_loop(setup, many, Stopwatch())
+    loop, _ = build_loop(setup, many, Stopwatch())
     params, state, engine = loop.on_first_device()
     params, state = jax.tree.map(lambda a: a[0], (params, state))
 

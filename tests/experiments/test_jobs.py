@@ -10,7 +10,7 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.experiments.runner import pool
 from iswarm_mj.experiments.runner.pool import Execution, Job, outcomes, run_jobs
-from iswarm_mj.simulation import memory_check
+from iswarm_mj.simulation import memory_limits
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -111,8 +111,8 @@ def test_batches_of_other_sizes_share_a_program(small, tried, sizes, capacity):
 def test_batches_of_planar_fit_into_the_memory(monkeypatch, fitting, sizes):
     """Of any sizes, with half of what is free left for what is not estimated."""
     jobs, planar = [SimpleNamespace(n_robots=n) for n in [100, 950, 240] * 128], PlanarSettings(1, impl="warp")
-    free = fitting and int(2 * fitting * memory_check.needed_memory(planar, 1, 950))
-    monkeypatch.setattr(memory_check, "_free_memory", lambda _: free)
+    free = fitting and int(2 * fitting * memory_limits.needed_memory(planar, 1, 950))
+    monkeypatch.setattr(memory_limits, "_free_memory", lambda _: free)
     parts = pool._parts(range(len(jobs)), jobs, planar)
     assert [len(part) for part in parts] == sizes
     assert [index for part in parts for index in part] == list(range(384))

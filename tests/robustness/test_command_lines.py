@@ -23,7 +23,7 @@ from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.utils.constraints import choices
 
 STARTS = [
-    "iswarm_mj.simulation.run.start_loop",
+    "iswarm_mj.simulation.run.build_loop",
     "iswarm_mj.experiments.runner.pool.run_jobs",
     "iswarm_mj.gripper.bench.run_trials.run_trials",
     "iswarm_mj.gripper.bench.force_curve.force_curve",

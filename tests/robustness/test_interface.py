@@ -83,7 +83,7 @@ def test_each_is_refused_or_makes_sense(small, tmp_path_factory, seed):
     place = tmp_path_factory.mktemp("empty")
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
         patch.chdir(place)
-        patch.setattr("iswarm_mj.simulation.run.start_loop", reach)  # runs end where they would begin
+        patch.setattr("iswarm_mj.simulation.run.build_loop", reach)  # runs end where they would begin
         warnings.simplefilter("ignore")
         try:
             made = call()

@@ -17,7 +17,7 @@ from hypothesis import event
 from iswarm_mj import MujocoSettings, PlanarSettings, Run, RunSettings, SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.floor import probe_tips
-from iswarm_mj.simulation.common import PER_WORLD_FIELDS, check_common
+from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS, check_shared_settings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import Above, choices, constraint_of
@@ -79,7 +79,7 @@ def drawn(rng, small):
     for _ in range(N_WORLDS):
         genome = replace(Genome(), **{f.name: end(rng, Genome, f.name) for f in fields(Genome) if rng.random() < 0.2})
         own = moved(rng, config, OF_WORLDS, rng.integers(1, 4))
-        check_common(config, own)
+        check_shared_settings(config, own)
         worlds.append(World(genome, N_ROBOTS, config=own, start=busy_start(own, rng)))
     engine = PlanarSettings(1) if rng.random() < 0.8 else MujocoSettings(1)
     settings = RunSettings(N_ROBOTS, N_STEPS, n_worlds=N_WORLDS, record_worlds=tuple(range(N_WORLDS)))

@@ -8,7 +8,7 @@ import pytest
 from iswarm_mj.config import ArenaConfig, GripperConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.sensors.arena import Arena, arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
-from iswarm_mj.simulation.common import PER_WORLD_FIELDS
+from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS
 from iswarm_mj.strategy.rules import Rules
 
 LAID_OUT = {f.name for f in fields(GripperConfig) if f.name.startswith(("work_", "relative_humidity"))}

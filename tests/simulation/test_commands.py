@@ -13,7 +13,7 @@ from helpers_tasks import COUNT, Still, Weather
 from iswarm_mj.config import EnergyConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs.make import make_env
-from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.layouts import Start
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -140,7 +140,8 @@ def test_robots_that_wait_for_energy_release_nothing():
     )
     assert run.start.swarm.is_loaded[0, 0].tolist() == [False, True, True, True]
     last = [record.swarm for record in records(run)][-1]
-    assert last.starved[0].tolist() == [3] * 4 and [run.measures(world).starved for world in range(2)] == [12, 12]
+    assert last.steps_without_energy[0].tolist() == [3] * 4
+    assert [run.measures(world).starved for world in range(2)] == [12, 12]
     assert last.task.is_held[0][:4].tolist() == [True, True, False, False] and not last.task.releases[0][:2].any()
 
 

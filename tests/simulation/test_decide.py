@@ -15,8 +15,8 @@ from iswarm_mj.engines.base import LightReading
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation import decide, perceive
-from iswarm_mj.simulation.common import PER_WORLD_FIELDS, static_config
 from iswarm_mj.simulation.perceive import StepInputs
+from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS, static_config
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.rules import rules_of

@@ -23,7 +23,7 @@ from iswarm_mj.utils.units import RD, mm_from_rd
 CONFIG = SwarmConfig(drive=DriveConfig(control_period=2.0), energy=EnergyConfig(model="capacitor"))
 """Steps of two seconds: light puts in 0.96 mJ, and a robot needs 0.68 mJ to act."""
 FULL = CONFIG.energy.full
-after = jax.jit(power.after, static_argnums=0)
+after = jax.jit(power.energy_after_step, static_argnums=0)
 
 
 def test_light_fills_a_capacitor_and_no_more():
@@ -114,7 +114,7 @@ def test_in_the_dark_a_swarm_comes_to_rest_and_is_dark(small):
         return swarm._replace(is_alive=swarm.is_alive & (np.arange(30) != 3))
 
     record = records_of(lit(small, 0.0), 14, die)
-    energy, waited = record.swarm.energy[:12], record.swarm.starved
+    energy, waited = record.swarm.energy[:12], record.swarm.steps_without_energy
     assert (np.diff(energy, axis=0) <= 0).all() and (energy[-1] < 0.38e-3).all()
     assert not np.any(record.command.forward[11]) and not np.any(record.command.turn[11])
     assert waited[11].min() >= 1 and not record.links.valid[11].any()
@@ -135,7 +135,7 @@ def test_who_lights_its_leds():
 def test_in_full_light_no_robot_waits(small):
     plain, record = records_of(small), records_of(lit(small, 0.01))
     np.testing.assert_array_equal(record.poses, plain.poses)
-    assert not np.any(record.swarm.starved) and record.links.valid[-1].any()
+    assert not np.any(record.swarm.steps_without_energy) and record.links.valid[-1].any()
     np.testing.assert_allclose(record.swarm.energy, FULL, rtol=0.3)
 
 

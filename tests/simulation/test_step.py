@@ -14,8 +14,8 @@ from iswarm_mj.config import OpticsConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
-from iswarm_mj.simulation.actuate import Actuated, drive_phases
-from iswarm_mj.simulation.initial import Start
+from iswarm_mj.simulation.actuate import DriveOutput, drive_phases
+from iswarm_mj.simulation.layouts import Start
 from iswarm_mj.simulation.state import Fault, WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
 from iswarm_mj.simulation.worlds import World
@@ -100,7 +100,7 @@ def test_worlds_that_are_faulty_or_do_not_run_are_not_counted():
         touching=0 * touching,
         fault=Fault(nothing, nothing, nothing),
     )
-    done = Actuated(None, None, robots | [True, False, False], robots, None)
+    done = DriveOutput(None, None, robots | [True, False, False], robots, None)
     moved = after_motion(state, Motion(None, touching, bits, nothing), done, np.int32(6), is_running)
     assert moved.collisions.tolist() == [2, 2, 0, 0, 2] and moved.fault.step.tolist() == [0, 0, 7, 0, 0]
     params = WorldParams(*[None] * len(WorldParams._fields))._replace(goal=np.full(5, 3))

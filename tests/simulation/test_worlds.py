@@ -14,10 +14,10 @@ from iswarm_mj.config import GripperConfig, OpticsConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.simulation.build import world_params
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
-from iswarm_mj.simulation.start import world_params
 from iswarm_mj.simulation.worlds import World, random_keys, starts_of, vector_strategies
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.cleaning import CLEANING

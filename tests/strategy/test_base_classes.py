@@ -104,7 +104,7 @@ def test_fields_of_a_dataclass_may_be_called_nearly_as_a_method():
 def test_defaults_change_nothing():
     walk, memory = Walk(), jnp.arange(3.0)
     assert walk.releases(memory) is walk.led_power(memory) is None and walk.say(memory, memory > 0) == {}
-    assert walk.fell_short(memory, memory) is walk.listen(memory, None, jax.random.key(0)) is memory
+    assert walk.correct_odometry(memory, memory) is walk.listen(memory, None, jax.random.key(0)) is memory
     assert walk.for_world(None, None, 3) is walk and not makes_strategies(walk)
     task = Gather()
     assert task.survives(()) is task.drive_boxes(()) is task.balls(()) is task.goal(None, 3) is None

@@ -15,7 +15,7 @@ from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.believed import Belief
+from iswarm_mj.strategy.beliefs import Belief
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.network import Shape, forward, load_weights, save_weights

@@ -9,7 +9,7 @@ from helpers_neural import CONFIG, ROBOT, does, sees, strategy
 from scipy import stats
 
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.strategy.believed import MOST_DOUBT, Belief, Trust, confirmed, merged
+from iswarm_mj.strategy.beliefs import MOST_DOUBT, Belief, Trust, confirmed, merged
 from iswarm_mj.strategy.neural import INPUTS, SHAPE, WAYS, Memory, untrained
 from iswarm_mj.utils.units import RD
 
@@ -154,7 +154,7 @@ class TestBeliefs:
         policy = strategy(ahead=1, speed=1)
         memory, command = does(policy, sees(on_dump=np.array([True])))
         np.testing.assert_allclose(memory.dump.vector, [[-RD / 2, 0]], rtol=1e-5)
-        memory = policy.fell_short(memory._replace(dust=memory.dump), command.forward / 2)
+        memory = policy.correct_odometry(memory._replace(dust=memory.dump), command.forward / 2)
         np.testing.assert_allclose([memory.dust.vector, memory.dump.vector], [[[-RD / 4, 0]]] * 2, rtol=1e-5)
 
     def test_merged_by_hand(self):

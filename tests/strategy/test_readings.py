@@ -54,7 +54,7 @@ def test_robots_know_that_they_fell_short():
     """Vectors to a place are those of a robot that commanded what it walked in truth."""
     place = remember(np.array([[3.0, 1.0], [-2.0, 4.0]]))
     memory = RobotMemory(place, place._replace(known=np.array([True, False])), np.zeros(2, bool))
-    fell_short = jax.jit(VectorStrategy(rules_of(Genome()), 0, SwarmConfig().static, ROBOT).fell_short)
+    fell_short = jax.jit(VectorStrategy(rules_of(Genome()), 0, SwarmConfig().static, ROBOT).correct_odometry)
     short = fell_short(memory, np.float32([0.5, -1.0]))
     np.testing.assert_allclose(short.dust.vector, [[3.5, 1.0], [-3.0, 4.0]], rtol=1e-6)
     assert short.dump.vector.tolist() == [[3.5, 1.0], [0.0, 0.0]]

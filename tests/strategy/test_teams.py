@@ -84,7 +84,7 @@ class Relay(Loud):
     def listen(self, memory, seen, key):
         return jax.random.uniform(key, memory.shape)
 
-    def fell_short(self, memory, shortfall):
+    def correct_odometry(self, memory, shortfall):
         return memory + shortfall[:, None]
 
 
@@ -132,7 +132,7 @@ def test_each_team_listens_reckons_releases_and_dims_for_its_robots_alone():
     teams, key = Teams({"count": (0.7, Counter()), "relay": (0.3, Relay())}), jax.random.key(3)
     memory, shortfall = teams.init(10, key), jnp.arange(10.0)
     heard = teams.listen(memory, some(observation_shapes(10, payload=teams.payload)), key)
-    short = teams.fell_short(memory, shortfall)
+    short = teams.correct_odometry(memory, shortfall)
     for found, wanted in (
         (heard["relay"], jax.random.uniform(jax.random.fold_in(key, 1), (3, 2))),
         (short["relay"], memory["relay"][7:] + shortfall[7:, None]),

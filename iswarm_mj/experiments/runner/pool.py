@@ -11,10 +11,10 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.experiments.runner.journal import Journal, Key
 from iswarm_mj.experiments.runner.settings import Workers
-from iswarm_mj.simulation.common import shared
-from iswarm_mj.simulation.memory_check import most_worlds
+from iswarm_mj.simulation.memory_limits import max_worlds
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.shared_settings import shared_settings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.layout import free_cells
@@ -171,13 +171,13 @@ def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes
     """
     alike: dict[Any, list[int]] = {}
     for index, job in enumerate(jobs):
-        alike.setdefault((shared(job.config), job.steps, job.stop_at), []).append(index)
+        alike.setdefault((shared_settings(job.config), job.steps, job.stop_at), []).append(index)
     for indices in (part for every in alike.values() for part in _parts(every, jobs, engine)):
         yield from zip(indices, outcomes([jobs[index] for index in indices], engine), strict=True)
 
 
 def _parts(indices: Sequence[int], jobs: Sequence[Job], engine: EngineSettings) -> list[list[int]]:
     """Jobs in batches, as many in each as the memory has room for."""
-    most = most_worlds(engine, max(jobs[index].n_robots for index in indices))
+    most = max_worlds(engine, max(jobs[index].n_robots for index in indices))
     n_parts = max(1, math.ceil(len(indices) / most))
     return [list(indices[len(indices) * k // n_parts : len(indices) * (k + 1) // n_parts]) for k in range(n_parts)]

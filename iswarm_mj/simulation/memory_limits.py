@@ -49,7 +49,7 @@ def check_memory(engine: EngineSettings, n_worlds: int, n_robots: int, remembere
         raise ConfigError("n_worlds", n_worlds, constraint, f"use fewer worlds or robots{less}")
 
 
-def most_worlds(engine: EngineSettings, n_robots: int) -> float:
+def max_worlds(engine: EngineSettings, n_robots: int) -> float:
     """How many worlds take no more than half of the free memory, since they need more than is known; at least one.
 
     Args:

@@ -23,7 +23,7 @@ PER_WORLD_FIELDS = {part: _per_world(part) for part in _PARTS}
 """Settings in which worlds of one run may differ, by parts of the configuration."""
 
 
-def shared(config: SwarmConfig) -> tuple[tuple[str, Any], ...]:
+def shared_settings(config: SwarmConfig) -> tuple[tuple[str, Any], ...]:
     """Return names and values of the settings that all worlds of a run share."""
     return tuple(
         (f"{part}.{f.name}", getattr(mine, f.name))
@@ -46,9 +46,9 @@ def static_config(config: SwarmConfig, on_host: bool) -> StaticConfig:
     return replace(static, gripper=replace(static.gripper, bench="c" if on_host else "mjx"))
 
 
-def check_common(config: SwarmConfig, other: SwarmConfig) -> None:
+def check_shared_settings(config: SwarmConfig, other: SwarmConfig) -> None:
     """Raise a UserError if a world's configuration differs from its run's in what all worlds of a run share."""
-    pairs = zip(shared(config), shared(other), strict=True)
+    pairs = zip(shared_settings(config), shared_settings(other), strict=True)
     if differ := [name for (name, value), (_, its) in pairs if value != its]:
         raise UserError(
             f"a world differs from its run in {' and '.join(differ)}, which all worlds of one run share; "

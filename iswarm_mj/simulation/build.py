@@ -11,8 +11,8 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
-from iswarm_mj.simulation.initial import Start
-from iswarm_mj.simulation.loop import HostLoop
+from iswarm_mj.simulation.host_loop import HostLoop
+from iswarm_mj.simulation.layouts import Start
 from iswarm_mj.simulation.setup import Setup
 from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.worlds import arenas_of_worlds, conditions_of_worlds, random_keys
@@ -31,7 +31,7 @@ ENDLESS = 2**31 - 1
 """Progress that no task reaches."""
 
 
-def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[HostLoop | CompiledLoop, StepRecord]:
+def build_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[HostLoop | CompiledLoop, StepRecord]:
     """Make the engine of a run and place its worlds in it.
 
     Args:
@@ -45,7 +45,7 @@ def start_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[Host
     settings, static, capacity = setup.settings, setup.static, setup.capacity
     keys = random_keys(setup.worlds)
     params = world_params(setup, keys, strategy)
-    poses, state = first_state(setup, first_memories(strategy, keys, capacity))
+    poses, state = initial_state(setup, initial_memories(strategy, keys, capacity))
     boxes = poses[:, capacity:] if poses.shape[1] > capacity else None
     start = start_record(state, poses[:, :capacity], settings.record_worlds, setup.robot, boxes)
     if setup.engine.on_host:
@@ -80,7 +80,7 @@ def world_params(setup: Setup, keys: Array, strategy: Any) -> WorldParams:
 
 
 @partial(jax.jit, static_argnames=("capacity",))
-def first_memories(strategy: Strategy, key: Array, capacity: int) -> tuple[Any, Float[Array, "B N"] | None]:
+def initial_memories(strategy: Strategy, key: Array, capacity: int) -> tuple[Any, Float[Array, "B N"] | None]:
     """Return what the robots of B worlds remember at the start, and the power of their LEDs, see `led_power`."""
 
     def of_world(strategy: Strategy, key: Array) -> Any:
@@ -90,14 +90,14 @@ def first_memories(strategy: Strategy, key: Array, capacity: int) -> tuple[Any, 
     return jax.vmap(of_world)(strategy, key)
 
 
-def first_state(setup: Setup, first: Any = (None, None)) -> tuple[Float[np.ndarray, "B NM 3"], WorldState]:
+def initial_state(setup: Setup, first: Any = (None, None)) -> tuple[Float[np.ndarray, "B NM 3"], WorldState]:
     """Return the poses of robots and boxes of B worlds at the start, and their state but for the engine's bodies.
 
     Robots have full capacitors, if any.
 
     Args:
         setup: of a run or an environment.
-        first: see `first_memories`.
+        first: see `initial_memories`.
     """
     starts, task, capacity, energy = setup.starts, setup.task, setup.capacity, setup.config.energy
     n_worlds, has_energy = len(starts), energy.model != "none"
@@ -107,7 +107,7 @@ def first_state(setup: Setup, first: Any = (None, None)) -> tuple[Float[np.ndarr
         is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
         is_loaded=_padded([_loaded(task, start) for start in starts], capacity),
         energy=np.full((n_worlds, capacity), energy.full, np.float32) if has_energy else None,
-        starved=np.zeros((n_worlds, capacity), np.int32) if has_energy else None,
+        steps_without_energy=np.zeros((n_worlds, capacity), np.int32) if has_energy else None,
         led_power=first[1],
     )
     nothing = zeros_of(WorldState, B=(n_worlds,), K=setup.robot.most_partners, N=capacity)

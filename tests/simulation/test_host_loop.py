@@ -10,8 +10,8 @@ from helpers_runs import N, end_of, poses_of
 from iswarm_mj.config import READINGS
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation import loop
-from iswarm_mj.simulation.loop import WORLDS, Share, shares_of
+from iswarm_mj.simulation import host_loop
+from iswarm_mj.simulation.host_loop import MAX_WORLDS, WorldShard, shard_worlds
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import PRESETS
@@ -25,18 +25,18 @@ def run_in(config, engine, n_worlds=9, steps=20, record_worlds=(), n_robots=N):
 class TestShares:
     @pytest.mark.parametrize("n_worlds", range(1, 70, 3))
     def test_have_each_world_once_and_hardly_differ_in_size(self, n_worlds):
-        sizes = [part.stop - part.start for part in shares_of(n_worlds)]
-        assert [w for part in shares_of(n_worlds) for w in range(n_worlds)[part]] == list(range(n_worlds))
-        assert max(sizes) <= WORLDS and max(sizes) - min(sizes) <= 1
+        sizes = [part.stop - part.start for part in shard_worlds(n_worlds)]
+        assert [w for part in shard_worlds(n_worlds) for w in range(n_worlds)[part]] == list(range(n_worlds))
+        assert max(sizes) <= MAX_WORLDS and max(sizes) - min(sizes) <= 1
         assert len(sizes) >= min(n_worlds, 2)
 
     def test_two_threads_take_as_many_of_eight_worlds(self):
-        assert shares_of(8) == [slice(0, 4), slice(4, 8)]
+        assert shard_worlds(8) == [slice(0, 4), slice(4, 8)]
 
 
 def test_threads_do_not_matter(small, monkeypatch):
     """Not in the last bit; nine worlds are three shares here, so one of two threads takes two of them."""
-    monkeypatch.setattr(loop, "WORLDS", 4)
+    monkeypatch.setattr(host_loop, "MAX_WORLDS", 4)
     one, *others = (run_in(small, PlanarSettings(threads)) for threads in (1, 2, 7))
     poses, measures = end_of(one)
     assert np.abs(np.diff(poses, axis=0)).max(axis=(1, 2)).min() > 1.0  # worlds differ
@@ -52,7 +52,7 @@ def test_threads_do_not_matter(small, monkeypatch):
 
 def test_a_world_is_the_same_in_any_batch(small, monkeypatch):
     """Whole states in the last bit, alone and among others, in shares of one world to three, on any threads."""
-    monkeypatch.setattr(loop, "WORLDS", 4)
+    monkeypatch.setattr(host_loop, "MAX_WORLDS", 4)
     most = end_and_state(run_in(small, MujocoSettings(1), 9, 15))
     for n_worlds, threads in ((1, 1), (4, 5), (5, 2)):
         found = end_and_state(run_in(small, MujocoSettings(threads), n_worlds, 15))
@@ -105,7 +105,7 @@ def test_every_world_is_given_its_own_state(small):
 
 def test_two_threads_work_at_a_time(small, monkeypatch):
     """Each of two shares waits for the other one, which would be for ever on one thread."""
-    run, advance = run_in(small, PlanarSettings(2), 6), Share.advance
+    run, advance = run_in(small, PlanarSettings(2), 6), WorldShard.advance
     run.advance()  # compiles, one share after the other
     meeting = threading.Barrier(2, timeout=60)
 
@@ -113,13 +113,13 @@ def test_two_threads_work_at_a_time(small, monkeypatch):
         meeting.wait()
         return advance(*arguments)
 
-    monkeypatch.setattr(Share, "advance", meet)
+    monkeypatch.setattr(WorldShard, "advance", meet)
     run.advance()
     assert run.step == 2
 
 
 def test_what_fails_in_a_thread_fails_the_step(small, monkeypatch):
-    run, advance = run_in(small, PlanarSettings(2), 6), Share.advance
+    run, advance = run_in(small, PlanarSettings(2), 6), WorldShard.advance
     run.advance()
     last = run._loop._shares[-1]
 
@@ -128,6 +128,6 @@ def test_what_fails_in_a_thread_fails_the_step(small, monkeypatch):
             raise OSError("no more")
         return advance(own, *arguments)
 
-    monkeypatch.setattr(Share, "advance", fail)
+    monkeypatch.setattr(WorldShard, "advance", fail)
     with pytest.raises(OSError, match="no more"):
         run.advance()

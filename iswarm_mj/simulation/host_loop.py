@@ -22,22 +22,22 @@ from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.robot import Robots
 
 Tree = TypeVar("Tree")
-WORLDS = 16
+MAX_WORLDS = 16
 """Of a share at most. In many small ones the time that each call of a program takes shows: 32 worlds on one thread take
 20 % longer in shares of 4, 2 % in shares of 16."""
 
 
-def shares_of(n_worlds: int) -> list[slice]:
+def shard_worlds(n_worlds: int) -> list[slice]:
     """Worlds of each share, as equal in number as possible, and of two shares at least where there are two worlds.
 
     They do not depend on the number of threads, since programs for other numbers of worlds may round otherwise.
     """
-    n_shares = max(-(-n_worlds // WORLDS), min(n_worlds, 2))
+    n_shares = max(-(-n_worlds // MAX_WORLDS), min(n_worlds, 2))
     edges = [n_worlds * share // n_shares for share in range(n_shares + 1)]
     return [slice(first, last) for first, last in pairwise(edges)]
 
 
-class Share:
+class WorldShard:
     """Some worlds, with an engine of their own that acts on all of them at once; their decisions are compiled.
 
     Attributes:
@@ -115,16 +115,16 @@ class HostLoop:
         """
         n_threads = n_threads or len(os.sched_getaffinity(0))
         self.devices: list[Any] = []
-        self._watch, self._parts = watch, shares_of(len(params.goal))
+        self._watch, self._parts = watch, shard_worlds(len(params.goal))
         self._n_workers = min(n_threads, len(self._parts))
         self._pool = ThreadPoolExecutor(self._n_workers - 1) if self._n_workers > 1 else None
-        self._shares: list[Share] = []
+        self._shares: list[WorldShard] = []
         self._is_compiled = False
         for part in self._parts:
             own, (poses, state) = jax.tree.map(lambda a, part=part: np.asarray(a)[part], (params, start))
             engine = make_engine(len(poses), n_threads // self._n_workers)
             state = state._replace(bodies=engine.place(poses, own.is_present))
-            self._shares.append(Share(engine, config, own, state, watch))
+            self._shares.append(WorldShard(engine, config, own, state, watch))
 
     def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
         """Take one control step.

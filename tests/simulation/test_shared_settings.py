@@ -18,9 +18,9 @@ from iswarm_mj.config import (
     SwarmConfig,
 )
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation.common import PER_WORLD_FIELDS, shared, static_config
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS, shared_settings, static_config
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
@@ -127,4 +127,4 @@ def test_what_is_compiled_in_may_not_differ(mixed, part, name, value):
     other = replace(small, **{part: replace(getattr(small, part), **{name: value})})
     with pytest.raises(UserError, match=rf"differs from its run in {part}\.{name}, which all worlds of one run share"):
         run_of(small, worlds=[World(TYPE1, N, config=other)])
-    assert shared(small) != shared(other)
+    assert shared_settings(small) != shared_settings(other)

@@ -9,8 +9,8 @@ from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs import PolicyStrategy
-from iswarm_mj.simulation import memory_check
-from iswarm_mj.simulation.memory_check import check_memory, most_worlds, needed_memory
+from iswarm_mj.simulation import memory_limits
+from iswarm_mj.simulation.memory_limits import check_memory, max_worlds, needed_memory
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
@@ -21,7 +21,7 @@ HOST = MujocoSettings()
 
 @pytest.fixture
 def four_gigabytes(monkeypatch):
-    monkeypatch.setattr(memory_check, "available_memory", lambda: 4_000_000_000)
+    monkeypatch.setattr(memory_limits, "available_memory", lambda: 4_000_000_000)
 
 
 def test_worlds_that_fit_are_allowed(four_gigabytes):
@@ -30,7 +30,7 @@ def test_worlds_that_fit_are_allowed(four_gigabytes):
     said = rf"n_worlds must be at most {most} with 283 robots in each, so that the run fits into the 4 GB .* needs 4 GB"
     with pytest.raises(ConfigError, match=said):
         check_memory(HOST, most + 1, 283)
-    assert most_worlds(HOST, 283) == 2_000_000_000 // (283 * 1000) and most_worlds(HOST, 10**7) == 1
+    assert max_worlds(HOST, 283) == 2_000_000_000 // (283 * 1000) and max_worlds(HOST, 10**7) == 1
 
 
 def test_a_run_is_refused_before_anything_is_taken(four_gigabytes, small, monkeypatch):
@@ -67,9 +67,9 @@ def test_a_gpu_has_memory_of_its_own(four_gigabytes, impl, times):
 
 
 def test_nothing_is_refused_where_nothing_is_known(monkeypatch):
-    monkeypatch.setattr(memory_check, "available_memory", lambda: None)
+    monkeypatch.setattr(memory_limits, "available_memory", lambda: None)
     check_memory(HOST, 10**9, 1000)
-    assert most_worlds(HOST, 1000) == float("inf")
+    assert max_worlds(HOST, 1000) == float("inf")
     unknown = SimpleNamespace(platform="gpu", memory_stats=lambda: None)
     check_memory(MjxSettings(devices=(unknown,)), 10**9, 1000)
 

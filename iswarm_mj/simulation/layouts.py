@@ -47,10 +47,10 @@ def draw_start(
 ) -> Start:
     """Draw how world `index` of a seed begins; all worlds of a seed share what the task draws of the seed alone."""
     shared, own = np.random.default_rng([seed, 2**32 - 1]), np.random.default_rng([seed, index])
-    return start_with(config, task, robot, n_robots, own, shared, failed_fraction)
+    return draw_start_with(config, task, robot, n_robots, own, shared, failed_fraction)
 
 
-def start_with(
+def draw_start_with(
     config: SwarmConfig,
     task: Task,
     robot: Robots,
@@ -77,7 +77,7 @@ def start_with(
     with user_code(name):
         boxes = task.lay_boxes(config, rng, shared)
     if boxes is not None:
-        config = boxed(config, boxes, name)
+        config = with_boxes_laid(config, boxes, name)
     name = f"{type(task).__name__}.lay_out"
     with user_code(name):
         poses, state = task.lay_out(config, n_robots, rng, shared, cell_of(robot))
@@ -88,7 +88,7 @@ def start_with(
     return Start(poses, state, is_alive, config.arena.boxes)
 
 
-def boxed(config: SwarmConfig, boxes: Any, name: str) -> SwarmConfig:
+def with_boxes_laid(config: SwarmConfig, boxes: Any, name: str) -> SwarmConfig:
     """Return a configuration with other boxes, which `name` gave.
 
     Raises:
