@@ -9,9 +9,9 @@ from typing import Any
 
 import lazy_loader
 
-_import_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+from iswarm_mj._version import __version__ as __version__
 
-__version__ = "0.2.0"
+_import_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 # JAX 0.10 and 0.11 report every program that they load from their compilation cache on a CPU as an error, because the
 # features stored with it include two preferences of the compiler that no processor has. XLA reads its log level

@@ -57,17 +57,17 @@ CHECKED = [
     )
 ]
 """Modules whose annotations, shapes included, are checked at every call; none that numba compiles."""
-install_import_hook(CHECKED, "helpers_types.check")
+install_import_hook(CHECKED, "support.types.check")
 
-import helpers_draws
-from helpers_small import SMALL
-from helpers_types import begin_test
 from hypothesis import settings
+from support import draws
+from support.small import SMALL
+from support.types import begin_test
 
 from iswarm_mj.utils.jax_setup import configure_jax
 
 configure_jax()
-helpers_draws.use_loops()
+draws.use_loops()
 gc.freeze()
 gc.set_threshold(50_000, 20, 20)  # as `iswarm` does
 settings.register_profile("repeatable", derandomize=True)  # the same examples each time
@@ -117,3 +117,16 @@ def _types_are_checked_anew():
 def small():
     """15 x 15 rd, a dump of 3 x 3 rd, 24 balls in two areas of 3 x 3 rd."""
     return SMALL
+
+
+@pytest.fixture
+def few_pixels(monkeypatch):
+    """Figures of few pixels; their SVG files, which take as long again, are empty."""
+    from matplotlib.figure import Figure
+
+    savefig = Figure.savefig
+
+    def save(drawing, path, format, metadata):
+        savefig(drawing, path, format=format, metadata=metadata, dpi=20) if format == "png" else path.touch()
+
+    monkeypatch.setattr(Figure, "savefig", save)

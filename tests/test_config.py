@@ -7,7 +7,8 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from iswarm_mj.config import (
+from iswarm_mj.config.energy import EnergyConfig
+from iswarm_mj.config.swarm import (
     READINGS,
     ArenaConfig,
     DriveConfig,
@@ -16,12 +17,11 @@ from iswarm_mj.config import (
     StrategyConfig,
     SwarmConfig,
 )
+from iswarm_mj.geometry.walls import beyond, corners_of, half_planes
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.utils.constraints import Above, constraint_of
-from iswarm_mj.utils.energy import EnergyConfig
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import MM, RD, ROBOT_DIAMETER, mm_from_m, mm_from_rd
-from iswarm_mj.utils.walls import beyond, corners_of, half_planes
 
 TOGETHER = {
     *("size", "dump_size", "dust_area_size", "dust_area_offset", "ball_radius_min", "ball_radius_max"),

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers_cli import code_of
-from helpers_small import FLAGS
+from support.cli import code_of
+from support.small import FLAGS
 
 import iswarm_mj
 

@@ -68,8 +68,8 @@ def test_both_archives_hold_the_data_unchanged(sdist, wheel):
         "gripper/__init__.pyi",
         "gripper/laws/probe_table.csv",
         "py.typed",
-        "experiments/report/topics.csv",
-        "experiments/report/templates/report.html",
+        "paper/report/topics.csv",
+        "paper/report/templates/report.html",
     ]
     assert {"models/arena.xml", "models/robot.xml", "models/ball.xml", "models/meshes/leg.obj"} <= set(MODELS)
     for name in (*MODELS, *(f"iswarm_mj/{name}" for name in data)):
@@ -77,7 +77,7 @@ def test_both_archives_hold_the_data_unchanged(sdist, wheel):
         assert (sdist / name).read_bytes() == original
         inside = name if name.startswith("iswarm_mj/") else f"iswarm_mj/{name}"
         assert (wheel / inside).read_bytes() == original
-    for name in ("README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md", "requirements.lock"):
+    for name in ("README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md"):
         assert (sdist / name).is_file(), name
 
 
@@ -112,11 +112,11 @@ def test_versions_agree():
 
 
 def test_the_lock_satisfies_the_requirements():
-    lock = (ROOT / "requirements.lock").read_text(encoding="utf-8")
+    lock = (ROOT / ".ci/requirements.lock").read_text(encoding="utf-8")
     locked = re.findall(r"^([a-z0-9][a-z0-9.-]*)==([^\s;]+)", lock, re.MULTILINE)
     names = {name for name, _ in locked}
     for requirement in (*REQUIRED.values(), *EXTRA.values()):
-        assert requirement.name in names, f"{requirement} is not in requirements.lock: remake it, see CONTRIBUTING.md"
+        assert requirement.name in names, f"{requirement} is not in the lock file: remake it, see CONTRIBUTING.md"
     for name, number in locked:
         wanted = REQUIRED.get(name, EXTRA.get(name))
         assert wanted is None or wanted.specifier.contains(number), f"{name} {number} is locked, {wanted} is required"

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from iswarm_mj.experiments.report.reproduce import parts_of
-from iswarm_mj.experiments.report.tables import Tables, filled
-from iswarm_mj.experiments.runner.experiment import FINDINGS, Plan
-from iswarm_mj.experiments.runner.pool import Execution
+from iswarm_mj.paper.report.reproduce import parts_of
+from iswarm_mj.paper.report.tables import Tables, filled
+from iswarm_mj.paper.studies.experiment import FINDINGS, Plan
+from iswarm_mj.search.pool import Execution
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.tables import read_table, write_csv
 

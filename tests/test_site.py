@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from make_tables import BLOCK, MADE, filled
 
 from iswarm_mj.commands.main import parse
 from iswarm_mj.strategy.interface import Observation
@@ -18,8 +19,6 @@ from iswarm_mj.utils.errors import FaultKind
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
 NAMING = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "results/README.md"]
-sys.path.append(str(ROOT / "tools"))
-from make_tables import BLOCK, MADE, filled  # noqa: E402
 
 
 def commands(page):
@@ -36,7 +35,7 @@ ALL = [(page.name, shlex.join(words)) for page in PAGES for words in commands(pa
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_tables_that_the_code_determines_are_up_to_date(page):
     text = page.read_text(encoding="utf-8")
-    assert filled(text) == text, "run `python tools/make_tables.py`"
+    assert filled(text) == text, "run `python tools/make/make_tables.py`"
 
 
 def test_each_table_is_on_a_page_and_complete():

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 from iswarm_mj.commands.swarm import Swarm, WithTask
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.constraints import Needs, Within, check, constraint_of
-from iswarm_mj.utils.lock import locked
+from iswarm_mj.utils.directory_lock import locked
 
 _RECORDED = Needs("record", why="with --no-record")
 _DYNAMIC = Needs("has_trials", why="without `gripper.resolution` dynamic")

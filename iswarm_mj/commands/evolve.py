@@ -6,8 +6,8 @@ from typing import ClassVar
 
 from iswarm_mj.commands.flags import refuse
 from iswarm_mj.commands.options import ManyRunsOptions
-from iswarm_mj.experiments.runner.evolution import Operators
-from iswarm_mj.experiments.runner.settings import Search, SearchPlan
+from iswarm_mj.search.methods import Operators
+from iswarm_mj.search.settings import Search, SearchPlan
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Evolve(SearchPlan, ManyRunsOptions):
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.experiments.runner.search import run_search
+        from iswarm_mj.search.search import run_search
 
         if self.method != "paper":
             rates = [f"operators.{f.name}" for f in fields(Operators) if not f.name.startswith("density")]

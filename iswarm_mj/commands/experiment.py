@@ -10,7 +10,7 @@ import tyro
 
 from iswarm_mj.commands.flags import changed, refuse, usual, without_effect
 from iswarm_mj.commands.options import ManyRunsOptions
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 
@@ -36,8 +36,8 @@ class Experiment(ManyRunsOptions):
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.experiments.runner.experiment import Plan, run_experiment
-        from iswarm_mj.experiments.studies.registry import EXPERIMENTS, listing
+        from iswarm_mj.paper.studies.experiment import Plan, run_experiment
+        from iswarm_mj.paper.studies.registry import EXPERIMENTS, listing
 
         if self.list:
             refuse(self, [name for name in changed(self) if name not in ("list", "name")], "with `list`")
@@ -56,7 +56,7 @@ class Experiment(ManyRunsOptions):
 
     def _check_varied(self, made: Any, plan: Any) -> None:
         """Refuse settings that differ from their defaults, and without which the runs of an experiment are the same."""
-        from iswarm_mj.experiments.runner.experiment import varied
+        from iswarm_mj.paper.studies.experiment import varied
 
         jobs, usually = [entry.job for entry in made.entries(plan)], usual(self)
         for name in changed(self):
@@ -75,8 +75,8 @@ class Experiment(ManyRunsOptions):
     @property
     def configs(self) -> Sequence[SwarmConfig]:
         """See `ConfigOptions.configs`; of all runs, which may differ from that of the flags."""
-        from iswarm_mj.experiments.runner.experiment import Plan
-        from iswarm_mj.experiments.studies.registry import EXPERIMENTS
+        from iswarm_mj.paper.studies.experiment import Plan
+        from iswarm_mj.paper.studies.registry import EXPERIMENTS
 
         if self.name not in EXPERIMENTS:
             return super().configs

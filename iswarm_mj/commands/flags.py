@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.config import READINGS, SwarmConfig
+from iswarm_mj.config.swarm import READINGS, SwarmConfig
 from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import needs_of
 from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError

@@ -10,7 +10,7 @@ from typing import Any
 
 import tyro
 
-from iswarm_mj import __version__
+from iswarm_mj._version import __version__
 from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.evolve import Evolve
@@ -26,7 +26,7 @@ from iswarm_mj.commands.sweep import Sweep
 from iswarm_mj.commands.train import Train
 from iswarm_mj.utils.environment import check_environment
 from iswarm_mj.utils.errors import SimulationFault, UserError, closest, printable, shown
-from iswarm_mj.utils.interruption import code_of_signal, handle_signals, leave
+from iswarm_mj.utils.signals import code_of_signal, handle_signals, leave
 
 COMMANDS: dict[str, type] = {
     cls.__name__.lower(): cls

@@ -9,12 +9,12 @@ import numpy as np
 import tyro
 
 from iswarm_mj.commands.flags import refuse
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.registry import described, find_engine
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.experiments.runner.settings import Seed, Workers
+from iswarm_mj.geometry.obstacle_picture import boxes_of_picture
+from iswarm_mj.search.settings import Seed, Workers
 from iswarm_mj.utils.constraints import Needs, check
-from iswarm_mj.utils.pictures import boxes_of_picture
 
 _ENGINE = f"Physics engine: {described()}; or a class in a file. Its settings become flags, see --engine ... --help."
 EngineName: TypeAlias = Annotated[str, tyro.conf.arg(metavar="FILE.py:CLASS|NAME", help=_ENGINE)]
@@ -75,7 +75,7 @@ class ManyRunsOptions(ConfigOptions):
         Raises:
             UserError: workers cannot take the engine or its settings.
         """
-        from iswarm_mj.experiments.runner.pool import Execution
+        from iswarm_mj.search.pool import Execution
 
         check("engine", self.engine, "one that is installed, since workers import it", ":" not in self.engine)
         refuse(self, ["threads"], "with many runs, each of which has one")

@@ -15,7 +15,7 @@ import tyro
 from iswarm_mj.commands.config_file import ConfigFile
 from iswarm_mj.commands.flags import SETTINGS, flag, in_flags, names, settings
 from iswarm_mj.commands.rules import Rules, TeamFlags
-from iswarm_mj.config import READINGS
+from iswarm_mj.config.swarm import READINGS
 from iswarm_mj.engines.registry import SETTINGS as OF_ENGINES
 from iswarm_mj.engines.registry import check_settings, find_engine
 from iswarm_mj.strategy.genome import Genome, load_genome

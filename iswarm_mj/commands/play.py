@@ -12,8 +12,8 @@ from typing import Annotated, Any, ClassVar
 from iswarm_mj.commands.flags import refuse
 from iswarm_mj.commands.swarm import WithTask
 from iswarm_mj.utils.constraints import Within
-from iswarm_mj.utils.interruption import saved
 from iswarm_mj.utils.progress import waiting
+from iswarm_mj.utils.signals import saved
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ class Inspect:
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.experiments.report.inspection import inspection
+        from iswarm_mj.paper.report.inspection import inspection
 
         print("\n".join(map(printable, inspection(self.directory).split("\n"))))
 

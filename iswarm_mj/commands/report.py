@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from iswarm_mj.commands.flags import changed, refuse
 from iswarm_mj.commands.options import ManyRunsOptions
-from iswarm_mj.experiments.runner.settings import Repeats
+from iswarm_mj.search.settings import Repeats
 from iswarm_mj.utils.constraints import Needs, Within, check, validate
 from iswarm_mj.utils.files import check_name
 
@@ -25,7 +25,7 @@ class Report:
         """Run the command."""
         check("results", "nothing", "at least one directory", bool(self.results))
         check_name(self.out, ".html")
-        from iswarm_mj.experiments.report.results import report
+        from iswarm_mj.paper.report.results import report
 
         report(self.results, self.out)
 
@@ -75,8 +75,8 @@ class Reproduce(ManyRunsOptions):
         if self.tables:
             others = [name for name in changed(self) if name not in ("tables", "results", "pages")]
             refuse(self, others, "with `tables`, which makes no runs")
-        from iswarm_mj.experiments.report.reproduce import listing, parts_of, reproduce, rewrite
-        from iswarm_mj.experiments.runner.experiment import Plan
+        from iswarm_mj.paper.report.reproduce import listing, parts_of, reproduce, rewrite
+        from iswarm_mj.paper.studies.experiment import Plan
 
         out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
         results = self.results or (out / "results" if self.quick else Path("results"))

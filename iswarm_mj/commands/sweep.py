@@ -68,7 +68,7 @@ class Sweep:
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.experiments.runner.sweep import Variant, summary, sweep
+        from iswarm_mj.search.sweep import Variant, summary, sweep
 
         over = {name: values for name, values in map(_values, self.over)}
         check("over", self.over, f"one or more of {_FORM}, each flag once", 0 < len(over) == len(self.over))

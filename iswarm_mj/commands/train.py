@@ -8,7 +8,7 @@ import tyro
 
 from iswarm_mj.commands.options import ConfigOptions, EngineName
 from iswarm_mj.commands.swarm import RobotOptions, TaskOptions
-from iswarm_mj.experiments.runner.settings import TrainingPlan
+from iswarm_mj.search.settings import TrainingPlan
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Train(TrainingPlan, TaskOptions, ConfigOptions, RobotOptions):
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.experiments.runner.training import Training, train
+        from iswarm_mj.search.training import Training, train
         from iswarm_mj.strategy.neural import Neural
 
         strategy = Neural() if self.own is None else self.own

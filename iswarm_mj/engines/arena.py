@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Int
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.robot_file import (
     JOINTS,
     files_of,
@@ -19,10 +19,10 @@ from iswarm_mj.engines.robot_file import (
     robot_spec,
     without_visual,
 )
-from iswarm_mj.utils.obstacles import HEAVIEST, Box, mean_distance, numbers
-from iswarm_mj.utils.robot import Robot, RobotFile, Robots
+from iswarm_mj.geometry.obstacles import HEAVIEST, Box, mean_distance, numbers
+from iswarm_mj.geometry.robot import Robot, RobotFile, Robots
+from iswarm_mj.geometry.walls import in_mm
 from iswarm_mj.utils.units import RD, mg_from_kg, mm_from_m, mm_from_rd
-from iswarm_mj.utils.walls import in_mm
 
 
 class ArenaModel(NamedTuple):

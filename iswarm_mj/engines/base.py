@@ -6,11 +6,11 @@ from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from jaxtyping import Bool, Float, Int, Shaped
 
+from iswarm_mj.geometry.robot import Robots
+from iswarm_mj.geometry.walls import beyond
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.robot import Robots
-from iswarm_mj.utils.walls import beyond
 
 Bodies = TypeVar("Bodies")
 """Mechanical state of the robots; only its engine looks inside."""

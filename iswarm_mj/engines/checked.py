@@ -9,12 +9,12 @@ import numpy as np
 
 from iswarm_mj.engines.base import CompiledEngine, Engine, LightReading, Mapping, Motion
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.strategy.contract import check_base, compare, shapes_of
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robots
 
 
 class Size(NamedTuple):

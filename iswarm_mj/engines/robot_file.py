@@ -14,11 +14,11 @@ import numpy as np
 
 from iswarm_mj.engines.mujoco_library import keep_no_log
 from iswarm_mj.engines.plain_mjcf import check_plain
+from iswarm_mj.geometry.robot import SIDES, Mixed, Point, Robot, RobotFile, Robots, Sides
 from iswarm_mj.sensors.messages import MAX_LEDS
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_file
-from iswarm_mj.utils.robot import SIDES, Mixed, Point, Robot, RobotFile, Robots, Sides
 
 MIN_LEDS = 2
 _TYPES = {"body": "bodies", "joint": "joints", "geom": "geoms", "site": "sites"}

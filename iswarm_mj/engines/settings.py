@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeAlias
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.utils.constraints import check, choices, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.jax_setup import can_use_warp
-from iswarm_mj.utils.robot import RobotFile
 
 if TYPE_CHECKING:
     from iswarm_mj.engines.base import CompiledEngine, Engine

@@ -12,10 +12,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.base import LightReading, Motion
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.tables import Row
+from iswarm_mj.geometry.robot import RobotFile, Robots
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.actuate import DriveOutput, actuate
@@ -24,11 +25,9 @@ from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import WorldParams, WorldState
 from iswarm_mj.simulation.step import after_motion, after_task
 from iswarm_mj.simulation.streams import step_keys
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.base import overrides
 from iswarm_mj.tasks.base import Quantity, Task
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import RobotFile, Robots
 
 
 class Episode(NamedTuple):

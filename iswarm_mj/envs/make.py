@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.checked import make_compiled_engine
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -18,6 +18,7 @@ from iswarm_mj.envs import tables
 from iswarm_mj.envs.core import Core, Speaker
 from iswarm_mj.envs.env import Env
 from iswarm_mj.envs.tables import Row
+from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.sensors.fields import Flag
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.build import initial_state, world_params
@@ -35,7 +36,6 @@ from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.signatures import usable_task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import RobotFile
 
 MOST_BITS = 29
 """Flags that fit into a message beside two bits of LED number and the parity."""

@@ -8,15 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.make import as_payload, task_of
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.base import Strategy, StrategyFactory
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robots
 
 
 class PolicyStrategy(StrategyFactory):

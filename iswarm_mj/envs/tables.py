@@ -9,7 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.geometry.directions import wrapped
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.fields import Bearing, Field, Flag, Integer, Real, Vector
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Payload
@@ -17,8 +19,6 @@ from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.geometry import wrapped
-from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import RD, mm_from_rd
 
 

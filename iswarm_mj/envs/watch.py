@@ -12,7 +12,7 @@ import jax
 import numpy as np
 from jaxtyping import UInt8
 
-from iswarm_mj import __version__
+from iswarm_mj._version import __version__
 from iswarm_mj.envs.core import State
 from iswarm_mj.envs.env import Env
 from iswarm_mj.output.frames import BLOCK, RecordedWorld

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
+from iswarm_mj.config.static import StaticGripper
 from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, is_grasped, is_released
-from iswarm_mj.static_config import StaticGripper
 from iswarm_mj.utils.arrays import Array
 
 

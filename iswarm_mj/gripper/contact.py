@@ -14,7 +14,7 @@ from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, van_der_waals_force
 from iswarm_mj.gripper.laws.restitution import plastic_ratio, sticking_speed, yield_speed
 from iswarm_mj.gripper.units import CLEARANCE
 from iswarm_mj.utils.arrays import Array, Quantity
-from iswarm_mj.utils.numbers import where
+from iswarm_mj.utils.scalar_backends import where
 
 Condition: TypeAlias = bool | Bool[Array, "..."]
 

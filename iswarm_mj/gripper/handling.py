@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.config.static import StaticGripper
 from iswarm_mj.gripper.attempts import Attempts, Decider, by_balance
 from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.floor import FloorView
-from iswarm_mj.static_config import StaticGripper
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.draws import draw
+from iswarm_mj.utils.rng import draw
 
 
 class Balls(NamedTuple):

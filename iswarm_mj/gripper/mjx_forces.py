@@ -30,7 +30,7 @@ from iswarm_mj.gripper.native.attributes import ATTRIBUTES, ELECTROSTATIC, NUMBE
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.numbers import in_arrays
+from iswarm_mj.utils.scalar_backends import in_arrays
 
 _contact, _spline = in_arrays(contact, jnp), in_arrays(spline, jnp)
 

@@ -8,7 +8,8 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.schema import ARRAYS, IN_FILES, Frames, Observed
 from iswarm_mj.output.trajectory import AREA, METRIC, Scene
@@ -20,7 +21,6 @@ from iswarm_mj.tasks.base import Look, Quantity, Task
 from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.tasks.layout import no_balls
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import MM, ROBOT_DIAMETER
 
 FIXED = ("dump", "dust_areas")

@@ -9,11 +9,11 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon, Rectangle
 
+from iswarm_mj.geometry.directions import rotate
 from iswarm_mj.output.palette import DUMP, DUST, EMPTY, GREY, LOADED, SCOUT
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.output.schema import LYING
 from iswarm_mj.output.trajectory import Arrays
-from iswarm_mj.utils.geometry import rotate
 
 _MM = 1e3
 

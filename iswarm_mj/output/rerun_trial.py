@@ -9,7 +9,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 from jaxtyping import Float
 
-from iswarm_mj import __version__
+from iswarm_mj._version import __version__
 from iswarm_mj.gripper.bench.tracing import Trace, thinned
 from iswarm_mj.output import rerun_format as views
 from iswarm_mj.output.palette import GREEN, GREY, ORANGE, PALE, PURPLE, SKY, WALL, YELLOW, rgb

@@ -9,13 +9,13 @@ from typing import Any, cast
 
 import numpy as np
 
-from iswarm_mj import __version__
+from iswarm_mj._version import __version__
 from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.tasks.base import is_scored
 from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
-from iswarm_mj.utils.lock import locked
 
 
 def clear(out: Path) -> None:

@@ -13,8 +13,9 @@ import numpy as np
 import pyarrow as pa
 from jaxtyping import jaxtyped
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.robot_file import as_robot_file
+from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.output.schema import ARRAYS
 from iswarm_mj.output.tables import table_of
 from iswarm_mj.output.trajectory import ABOUT, AREA, METRIC, RESULT, SCENE, TRAJECTORY, Arrays, Scene
@@ -23,8 +24,7 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_file, from_json, read_json, restored
-from iswarm_mj.utils.memory import check_memory
-from iswarm_mj.utils.robot import RobotFile
+from iswarm_mj.utils.ram import check_memory
 
 REMEDY = f"give the --out of a run of `iswarm clean`, or its {RESULT} or {TRAJECTORY}"
 LARGEST_TRAJECTORY = 2**36

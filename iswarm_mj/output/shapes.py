@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.geometry.directions import rotate
 from iswarm_mj.output import palette
 from iswarm_mj.output.memory import Vector, is_known
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
-from iswarm_mj.utils.geometry import rotate
 
 MILLIMETRES = 1e3
 """Millimetres per metre."""

@@ -12,9 +12,10 @@ import numpy as np
 from jaxtyping import Float, UInt8
 from PIL import Image
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.robot_file import as_robot_file
+from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.output.palette import DUMP, DUST, FLOOR, rgb
 from iswarm_mj.output.saved import SavedRun, load, scene_of
 from iswarm_mj.output.shapes import floor
@@ -23,7 +24,6 @@ from iswarm_mj.output.trajectory import AREA, SCENE, Arrays, Scene
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, check_name, make_output_directory
-from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.units import MM, mm_from_m, mm_from_rd
 
 BALL_SCALE = 15.0

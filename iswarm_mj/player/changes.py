@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from iswarm_mj.geometry.walls import beyond
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
-from iswarm_mj.utils.walls import beyond
 
 EDITS = KILL, REVIVE, BALL = "kill", "revive", "ball"
 """Changes that are no settings: of a robot by its number; a ball comes to lie at x,y [rd]."""

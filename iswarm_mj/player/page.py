@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.output import shapes
 from iswarm_mj.player import view as look
 from iswarm_mj.player.guard import Guard
@@ -24,7 +25,6 @@ from iswarm_mj.simulation.scenario import Scenario, config_of, refuse_beside_sce
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.constraints import check, is_whole
-from iswarm_mj.utils.robot import RobotFile
 
 PORT = 8080
 """Where the page is; the first port from there on that is free."""

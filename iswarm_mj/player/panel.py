@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.config import ArenaConfig
+from iswarm_mj.config.swarm import ArenaConfig
+from iswarm_mj.geometry.obstacles import Obstacle, distances, numbers
 from iswarm_mj.output.palette import BLUE
 from iswarm_mj.output.shapes import MILLIMETRES
 from iswarm_mj.player import scene as arrays
@@ -22,7 +23,6 @@ from iswarm_mj.player.view import SwarmView
 from iswarm_mj.player.widgets import AXIS, copied, show, spots
 from iswarm_mj.strategy.library import STRATEGIES, TASKS
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.obstacles import Obstacle, distances, numbers
 from iswarm_mj.utils.units import RD
 
 SELECT, DROP, LIFE = "select a robot", "drop a ball", "kill or revive a robot"

@@ -7,6 +7,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
+from iswarm_mj.geometry.obstacles import Obstacle
 from iswarm_mj.output import shapes
 from iswarm_mj.output.frames import FIXED
 from iswarm_mj.output.memory import vectors
@@ -15,7 +16,6 @@ from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.player import scene as arrays
 from iswarm_mj.player.widgets import show
-from iswarm_mj.utils.obstacles import Obstacle
 from iswarm_mj.utils.units import RD
 
 _ROOT = "/swarm"

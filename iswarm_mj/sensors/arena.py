@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from iswarm_mj.arena_config import ArenaConfig
+from iswarm_mj.config.arena import ArenaConfig
 from iswarm_mj.utils.arrays import Array
 
 

@@ -13,7 +13,7 @@ from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import Message, Payload, corrupt
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.draws import draw
+from iswarm_mj.utils.rng import draw
 
 
 class Received(NamedTuple):

@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 from jaxtyping import Bool, Float
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.utils.arrays import Array
 
 

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.geometry.directions import rotate
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.geometry import rotate
 
 
 class FloorView(NamedTuple):

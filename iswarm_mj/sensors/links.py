@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.config.static import StaticOptics
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.neighbours import Neighbours, find_neighbours
 from iswarm_mj.sensors.occlusion import CLEAR, OPEN, Circles, Paths, circles, judge
 from iswarm_mj.sensors.optics import (
@@ -23,9 +25,7 @@ from iswarm_mj.sensors.optics import (
     receive_views,
     receiver_positions,
 )
-from iswarm_mj.static_config import StaticOptics
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]

@@ -15,10 +15,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Int
 
+from iswarm_mj.config.static import StaticOptics
+from iswarm_mj.geometry.robot import PAPER_SIDES, Sides
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.static_config import StaticOptics
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import PAPER_SIDES, Sides
 
 
 def draw_first_slots(optics: StaticOptics, key: Array, n_robots: int) -> Int[Array, "N"]:

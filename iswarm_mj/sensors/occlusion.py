@@ -5,9 +5,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.neighbours import Neighbours
 from iswarm_mj.utils.compiled import cached
-from iswarm_mj.utils.robot import Robots
 
 CUT, CLEAR, OPEN = 0, 1, 2
 """Verdicts: a robot blocks the path; none does; only a ray can tell."""

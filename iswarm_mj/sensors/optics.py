@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from iswarm_mj.static_config import StaticOptics
+from iswarm_mj.config.static import StaticOptics
+from iswarm_mj.geometry.robot import SIDES, Point, Robots, Sides
 from iswarm_mj.utils.arrays import Array, array_module
-from iswarm_mj.utils.robot import SIDES, Point, Robots, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
 

@@ -8,15 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from iswarm_mj.config.static import StaticConfig, StaticDrive
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState
-from iswarm_mj.static_config import StaticConfig, StaticDrive
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
-from iswarm_mj.utils.draws import draw
 from iswarm_mj.utils.fusion import fusion_barrier
+from iswarm_mj.utils.rng import draw
 from iswarm_mj.utils.units import mm_from_rd
 
 CELLS = 2048

@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from iswarm_mj.geometry.obstacles import poses_of_boxes
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
 from iswarm_mj.simulation.host_loop import HostLoop
@@ -23,9 +25,7 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.obstacles import poses_of_boxes
 from iswarm_mj.utils.profiling import Stopwatch
-from iswarm_mj.utils.robot import Robots
 
 ENDLESS = 2**31 - 1
 """Progress that no task reaches."""

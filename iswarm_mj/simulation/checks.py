@@ -8,9 +8,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.given import of_all_worlds
 from iswarm_mj.simulation.settings import RunSettings
@@ -20,7 +21,6 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import RobotFile
 
 N_WORLDS = 2
 """Worlds in which an engine is tried."""

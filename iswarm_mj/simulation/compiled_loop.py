@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
+from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.engines.base import CompiledEngine, boxes_of
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.decide import decide, decide_worlds
@@ -17,7 +18,6 @@ from iswarm_mj.simulation.packed import kinds_of
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.utils.jax_setup import without_shardy
 
 Tree = TypeVar("Tree")

@@ -8,6 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.config.static import StaticConfig
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.channel import Received
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
@@ -16,13 +18,11 @@ from iswarm_mj.simulation.packed import Packed, pack
 from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import step_keys
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.base import Strategy, overrides
 from iswarm_mj.strategy.declared import led_power, payload_of
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robots
 
 Tree = TypeVar("Tree")
 

@@ -9,7 +9,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import makes_strategies
@@ -19,7 +20,6 @@ from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robots
 
 _MAX_STATED = 64
 """Numbers of an array that results state."""

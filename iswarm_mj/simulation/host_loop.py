@@ -11,15 +11,15 @@ from typing import Any, TypeVar
 import jax
 import numpy as np
 
+from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.engines.base import Engine
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.simulation.decide import Decision, decide_packed
 from iswarm_mj.simulation.packed import Packed, pack, unpacked
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.step import Stepper, control_step
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.utils.profiling import Stopwatch
-from iswarm_mj.utils.robot import Robots
 
 Tree = TypeVar("Tree")
 MAX_WORLDS = 16

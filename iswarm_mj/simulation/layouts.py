@@ -8,7 +8,10 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
+from iswarm_mj.geometry.obstacles import Box, corners, numbers, overlap
+from iswarm_mj.geometry.robot import Robots
+from iswarm_mj.geometry.walls import beyond, in_mm
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.neighbours import find_neighbours
 from iswarm_mj.strategy.base import overrides
@@ -18,10 +21,7 @@ from iswarm_mj.tasks.layout import cell_of
 from iswarm_mj.tasks.signatures import check_layout
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.obstacles import Box, corners, numbers, overlap
-from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import RD, mm_from_rd
-from iswarm_mj.utils.walls import beyond, in_mm
 
 _KINDS = {"f": ("fiu", "finite numbers"), "b": ("b", "truth values")}
 _WHOLE = ("iu", "whole numbers")

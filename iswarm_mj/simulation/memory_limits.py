@@ -9,7 +9,7 @@ import jax
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.jax_setup import check_devices
-from iswarm_mj.utils.memory import available_memory, gigabytes
+from iswarm_mj.utils.ram import available_memory, gigabytes
 
 
 def devices_of(engine: EngineSettings) -> list[Any]:

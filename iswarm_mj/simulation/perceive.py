@@ -14,14 +14,12 @@ from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understoo
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import StepKeys
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.teams import team_numbers
 from iswarm_mj.tasks.base import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.draws import draw
-from iswarm_mj.utils.robot import Robots
+from iswarm_mj.utils.rng import draw
 
 
 class StepInputs(NamedTuple):

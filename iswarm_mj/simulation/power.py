@@ -3,10 +3,10 @@
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
-from iswarm_mj.static_config import StaticConfig
+from iswarm_mj.config.energy import EnergyConfig
+from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.energy import EnergyConfig
 from iswarm_mj.utils.units import mm_from_rd
 
 

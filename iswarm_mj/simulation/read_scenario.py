@@ -9,7 +9,7 @@ from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from iswarm_mj.config import READINGS, SwarmConfig
+from iswarm_mj.config.swarm import READINGS, SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.engines.robot_file import as_robot_file

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.checked import check_links
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
@@ -37,7 +37,6 @@ from iswarm_mj.utils.constraints import check, is_whole, validate
 from iswarm_mj.utils.errors import SimulationFault, UserError, shown
 from iswarm_mj.utils.jax_setup import check_jax
 from iswarm_mj.utils.profiling import Stopwatch
-from iswarm_mj.utils.robot import RobotFile
 from iswarm_mj.utils.units import mm_from_rd
 
 

@@ -5,10 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.robot_file import as_robot_file, files_of
 from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.simulation.read_scenario import fields_of_result, fields_of_toml
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.stated import STEPS, toml, values_of
@@ -18,7 +19,6 @@ from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.constraints import check, check_kind, constraint_of, is_whole, validate
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import RobotFile
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import jax
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.static import StaticConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.checked import make_compiled_engine, make_host_engine
 from iswarm_mj.engines.registry import ENGINES, check_settings
@@ -18,14 +19,12 @@ from iswarm_mj.simulation.memory_limits import check_memory, devices_of
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.shared_settings import static_config
 from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.layout import cell_of, check_robots
 from iswarm_mj.tasks.signatures import as_task, check_task, usable_task
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.jax_setup import check_devices, configure_jax
-from iswarm_mj.utils.robot import RobotFile, Robots
 
 
 class Setup(NamedTuple):

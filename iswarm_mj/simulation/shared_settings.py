@@ -3,8 +3,8 @@
 from dataclasses import fields, replace
 from typing import Any
 
-from iswarm_mj.config import SwarmConfig
-from iswarm_mj.static_config import StaticConfig
+from iswarm_mj.config.static import StaticConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.utils.errors import UserError
 
 _PARTS: dict[str, Any] = {f.name: f.type for f in fields(SwarmConfig)}

@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 
 from jaxtyping import Float, Int
 
+from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.engines.base import Engine, Motion, boxes_of
 from iswarm_mj.simulation.actuate import DriveOutput, drive_phases, velocity_towards
 from iswarm_mj.simulation.decide import Decision
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.simulation.power import is_emitting
 from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import FaultKind

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from jaxtyping import Int
 
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.draws import split
+from iswarm_mj.utils.rng import split
 
 
 class StepKeys(NamedTuple):

@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.arena import Arena, arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.layouts import Start, check_balls, check_poses, check_start, draw_start, with_boxes_laid
@@ -21,7 +22,6 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.base import Task, has_balls
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, check_kind, validate
-from iswarm_mj.utils.robot import Robots
 
 _AT_ONCE = 64
 """Worlds whose keys a program makes; one by one, 4096 take half a second."""

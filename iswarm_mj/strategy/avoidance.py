@@ -5,9 +5,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.geometry.robot import PAPER_SIDES, SIDES, Sides
 from iswarm_mj.strategy.rules import Rules, reads
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Sides
 
 
 class Kept(NamedTuple):

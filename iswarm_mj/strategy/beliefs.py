@@ -6,10 +6,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.geometry.robot import Sides
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.vectors import heard, learnt
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import Sides
 
 MOST_DOUBT = 14.5
 """A vector that is doubted more is forgotten; 14 is the most that a message carries."""

@@ -12,16 +12,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from iswarm_mj.config.static import StaticConfig
+from iswarm_mj.geometry.directions import wrapped
+from iswarm_mj.geometry.robot import PAPER_SIDES, SIDES, Sides
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.avoidance import is_avoided, kept_distances, listening_sides, repulsion
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.strategy.vectors import adopt, arrived, best_offer, heard
-from iswarm_mj.utils import draws
+from iswarm_mj.utils import rng
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.geometry import wrapped
-from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Sides
 from iswarm_mj.utils.units import mm_from_rd
 
 
@@ -68,7 +68,7 @@ class Target(NamedTuple):
 
 def draw(n_robots: int, n_sides: int, key: Array) -> Draws:
     """Draw the random numbers of a step."""
-    (one, other), (turn, step) = draws.draw(key, (n_robots,), n_uniform=2 + n_sides, n_normal=1)
+    (one, other), (turn, step) = rng.draw(key, (n_robots,), n_uniform=2 + n_sides, n_normal=1)
     return Draws(one[0], other[0], one[1], other[1], one[2:].T, other[2:].T, jnp.stack([turn[0], step[0]], axis=-1))
 
 
@@ -76,7 +76,7 @@ def learn(
     rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws, sides: Sides = PAPER_SIDES
 ) -> RobotMemory:
     """Memories after forgetting, listening, and sensing the floor."""
-    forgets = draws.forget < rules.p_vector_forget
+    forgets = rng.forget < rules.p_vector_forget
 
     def listen(own: VectorMemory, sent: VectorMemory, tie: Array) -> VectorMemory:
         sent = sent._replace(known=sent.known & observation.is_heard)
@@ -86,8 +86,8 @@ def learn(
         return adopt(own.where(~forgets), heard(vector, bearing, distance, led, sides), rules.use_hop_count)
 
     return memory._replace(
-        dust=arrived(listen(memory.dust, observation.payload["dust"], draws.dust_tie), observation.at_dust),
-        dump=arrived(listen(memory.dump, observation.payload["dump"], draws.dump_tie), observation.on_dump),
+        dust=arrived(listen(memory.dust, observation.payload["dust"], rng.dust_tie), observation.at_dust),
+        dump=arrived(listen(memory.dump, observation.payload["dump"], rng.dump_tie), observation.on_dump),
     )
 
 
@@ -110,8 +110,8 @@ def choose(config: StaticConfig, rules: Rules, memory: RobotMemory, observation:
     length = _length(vector)
     known = jnp.where(loaded, memory.dump.known, memory.dust.known) & _can_be_followed(config, length)
     weight = jnp.where(loaded, rules.weight_find_dump, rules.weight_find_dust)
-    follows = known & ~memory.is_scout & (draws.follow < weight)
-    angle = jnp.deg2rad(rules.random_turn) * (2.0 * draws.direction - 1.0)
+    follows = known & ~memory.is_scout & (rng.follow < weight)
+    angle = jnp.deg2rad(rules.random_turn) * (2.0 * rng.direction - 1.0)
     at_random = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
     direction = jnp.where(follows[:, None], vector / jnp.maximum(length, 1e-6)[:, None], at_random)
     return Target(direction, jnp.where(follows, length, jnp.inf), follows)

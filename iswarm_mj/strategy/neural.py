@@ -15,9 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.static import StaticConfig
+from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.base import Strategy, StrategyFactory
 from iswarm_mj.strategy.beliefs import MOST_DOUBT, Belief, Trust, confirmed, merged
@@ -26,7 +27,6 @@ from iswarm_mj.strategy.network import Shape, forward, load_weights
 from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.strategy.vectors import after_motion
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 PLACES = ("dust", "dump")

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import StrategyConfig
+from iswarm_mj.config.swarm import StrategyConfig
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import choices

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int32
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.base import Strategy, makes_strategies, overrides
 from iswarm_mj.strategy.declared import payload_of, recorded_of
@@ -22,7 +23,6 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.robot import Robots
 
 _EXAMPLE = '{"red": (0.7, Walk()), "blue": (0.3, Gossip())}'
 

@@ -8,10 +8,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.config.static import StaticConfig
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.fields import Flag, Vector
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.controller import RobotMemory
@@ -20,7 +21,6 @@ from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.strategy.vectors import after_motion, believed_motion
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.fusion import fusion_barrier
-from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 

@@ -6,11 +6,11 @@ All vectors are in the robot's own frame: x ahead, y to the left, lengths in are
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.geometry.directions import rotate
+from iswarm_mj.geometry.robot import PAPER_SIDES, SIDES, Sides
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.rules import Rules
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.geometry import rotate
-from iswarm_mj.utils.robot import PAPER_SIDES, SIDES, Sides
 
 
 def after_motion(memory: VectorMemory, turn: Float[Array, "N"], forward: Float[Array, "N"]) -> VectorMemory:

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs, without_balls

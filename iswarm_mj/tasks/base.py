@@ -26,17 +26,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.static import StaticConfig
+from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.gripper.attempts import Decider, by_balance
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.arena import Arena
 from iswarm_mj.sensors.conditions import Conditions
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import Robots
 
 
 class Quantity(NamedTuple):

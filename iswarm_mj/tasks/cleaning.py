@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs
 from iswarm_mj.tasks.grasping import update_balls

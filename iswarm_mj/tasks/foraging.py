@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.base import Strategy
@@ -21,7 +22,6 @@ from iswarm_mj.tasks.layout import balls_on_floor, draw_radii, place_robots
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Above, Within, validate
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 

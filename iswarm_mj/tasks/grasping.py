@@ -4,12 +4,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.gripper.handling import Balls, carry, handle, loaded, working
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.tasks.base import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array, array_module
-from iswarm_mj.utils.draws import draw, split
-from iswarm_mj.utils.robot import Robots
+from iswarm_mj.utils.rng import draw, split
 from iswarm_mj.utils.units import mm_from_rd
 
 

@@ -5,15 +5,15 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from iswarm_mj.config import ArenaConfig, GripperConfig
+from iswarm_mj.config.swarm import ArenaConfig, GripperConfig
+from iswarm_mj.geometry.obstacles import distances, numbers
+from iswarm_mj.geometry.robot import Robots
+from iswarm_mj.geometry.walls import beyond, in_mm
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.strategy.contract import zeros_of
 from iswarm_mj.utils.errors import ConfigError
-from iswarm_mj.utils.obstacles import distances, numbers
-from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import RD
-from iswarm_mj.utils.walls import beyond, in_mm
 
 
 @lru_cache(maxsize=16)

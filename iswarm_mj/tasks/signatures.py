@@ -7,10 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.static import StaticConfig
+from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.arena import arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
-from iswarm_mj.static_config import StaticConfig
 from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.contract import check_base, check_names, compare, shapes_of
 from iswarm_mj.strategy.interface import Command
@@ -18,7 +19,6 @@ from iswarm_mj.strategy.pytrees import as_arrays, as_pytree, is_number
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.base import Sensed, Task, TaskInputs
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Robots
 
 _SCALARS = (jnp.float32, jnp.int32, jnp.bool_)
 

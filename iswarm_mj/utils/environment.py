@@ -10,7 +10,7 @@ from functools import cache
 from importlib import import_module
 
 from iswarm_mj.utils.errors import UserError, shown
-from iswarm_mj.utils.memory import check_address_space
+from iswarm_mj.utils.ram import check_address_space
 
 _VARIABLES = {"jax": "JAX_", "numba": "NUMBA_", "mujoco": "MUJOCO_GL"}
 """How the names of the variables begin that a library reads when it is imported."""

@@ -18,7 +18,7 @@ from filelock import FileLock, Timeout
 
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import ConfigError, UserError, shown
-from iswarm_mj.utils.interruption import completing
+from iswarm_mj.utils.signals import completing
 
 LARGEST_FILE = 2**30
 """Size up to which files are read, but for trajectories [bytes]."""

@@ -14,7 +14,7 @@ from joblib.externals.loky import process_executor
 from joblib.externals.loky.process_executor import BrokenProcessPool
 
 from iswarm_mj.utils.errors import SimulationFault, UserError
-from iswarm_mj.utils.interruption import kept_handlers
+from iswarm_mj.utils.signals import kept_handlers
 
 Backend = Literal["processes", "ray"]
 _MOST_GROWTH = 4_000_000_000

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from iswarm_mj import __version__
+from iswarm_mj._version import __version__
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, check_file, check_name
 

@@ -16,9 +16,9 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.base import is_scored
 from iswarm_mj.tasks.measures import Measures
-from iswarm_mj.utils.interruption import completing, saved
-from iswarm_mj.utils.lock import locked
+from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.progress import Progress
+from iswarm_mj.utils.signals import completing, saved
 from iswarm_mj.workflows.recorder import Recorder, advanced
 
 MAX_LISTED = 10

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from iswarm_mj import __version__
+from iswarm_mj._version import __version__
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import (
@@ -25,9 +25,9 @@ from iswarm_mj.gripper.laws.detachment import (
 from iswarm_mj.gripper.laws.melting import melts
 from iswarm_mj.output.results import write_result
 from iswarm_mj.output.trajectory import RESULT
+from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.files import remove
-from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_table
 from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, cases, of_settings

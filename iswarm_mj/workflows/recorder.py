@@ -13,7 +13,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from iswarm_mj import __version__
+from iswarm_mj._version import __version__
 from iswarm_mj.gripper.handling import attempts_between
 from iswarm_mj.output import results
 from iswarm_mj.output.frames import BLOCK, RecordedWorld
@@ -23,8 +23,8 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.tasks.base import has_balls
 from iswarm_mj.utils.files import atomic_write, write_error
-from iswarm_mj.utils.interruption import completing, postponed
-from iswarm_mj.utils.memory import give_back
+from iswarm_mj.utils.ram import give_back
+from iswarm_mj.utils.signals import completing, postponed
 
 INDEX_BYTES = 65_536
 """Bytes of a recording's index for each block, which come when the file is completed."""

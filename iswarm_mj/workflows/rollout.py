@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.robot_file import as_robot_file, read_robots
 from iswarm_mj.engines.settings import EngineSettings
@@ -26,8 +26,7 @@ from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.files import check_name
-from iswarm_mj.utils.interruption import saved
-from iswarm_mj.utils.robot import RobotFile
+from iswarm_mj.utils.signals import saved
 from iswarm_mj.workflows.recorder import Recorder, advanced
 
 

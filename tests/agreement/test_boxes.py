@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_boxes import ARENA, at_start, placed
+from support.boxes import ARENA, at_start, placed
 
-from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine

@@ -10,12 +10,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_boxes import BOXES, at_start
-from helpers_robots import two_kinds
-from helpers_small import SMALL
-from helpers_touching import pairs_of
+from support.boxes import BOXES, at_start
+from support.robots import two_kinds
+from support.small import SMALL
+from support.touching import pairs_of
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
 from iswarm_mj.engines.mjx.engine import MjxEngine
@@ -23,13 +23,13 @@ from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.batch_engine import read_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.robot_file import read_robots
+from iswarm_mj.geometry.obstacles import corners, numbers, poses_of_boxes
+from iswarm_mj.geometry.walls import beyond, in_mm
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import cell_of, place_robots
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.obstacles import corners, numbers, poses_of_boxes
 from iswarm_mj.utils.units import RD
-from iswarm_mj.utils.walls import beyond, in_mm
 
 N, B = 40, 2
 OUTLINE = ((-7.0, -5.0), (1.0, -8.0), (8.0, -3.0), (6.0, 6.0), (-6.0, 6.0))

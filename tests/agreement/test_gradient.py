@@ -7,9 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_worlds import start_of
+from support.worlds import start_of
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine
@@ -27,7 +27,6 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.utils.obstacles import poses_of_boxes
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.units import RD
 

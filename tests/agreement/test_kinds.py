@@ -5,18 +5,18 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers_planar import moved, placed
-from helpers_robots import HALF, numbered, two_kinds
-from helpers_small import SMALL
+from support.planar import moved, placed
+from support.robots import HALF, numbered, two_kinds
+from support.small import SMALL
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.batch_engine import read_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.robot_file import files_of, models_directory, read_robot, read_robots
+from iswarm_mj.geometry.robot import Mixed
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.robot import Mixed
 
 N = 60
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mjx.arena import ContactCapacity, compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine

@@ -3,16 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
-from helpers_rrd import read
-from helpers_small import SMALL
+from support.rrd import read
+from support.small import SMALL
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.geometry.walls import beyond, in_mm
 from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.units import RD
-from iswarm_mj.utils.walls import beyond, in_mm
 from iswarm_mj.workflows.clean import run_swarm
 
 

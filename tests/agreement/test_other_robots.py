@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_robots import HALF, ROBOTS, robot_file, two_kinds
-from helpers_sensing import all_links, crowd, squares_in_the_way
-from helpers_small import SMALL
+from support.robots import HALF, ROBOTS, robot_file, two_kinds
+from support.sensing import all_links, crowd, squares_in_the_way
+from support.small import SMALL
 
-from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine

@@ -6,8 +6,8 @@ from functools import cache
 import jax
 import numpy as np
 import pytest
-from helpers_small import SMALL
-from helpers_touching import pairs_of
+from support.small import SMALL
+from support.touching import pairs_of
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase

@@ -9,9 +9,9 @@ from functools import cache
 import jax
 import numpy as np
 import pytest
-from helpers_touching import pairs_of
+from support.touching import pairs_of
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.mujoco.settings import MujocoSettings

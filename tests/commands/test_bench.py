@@ -5,7 +5,7 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from helpers_tasks import Eastward
+from support.tasks import Eastward
 
 from iswarm_mj.commands import bench as command
 from iswarm_mj.commands.bench import _time, bench

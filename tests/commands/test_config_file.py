@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from iswarm_mj.commands.main import main, parse
-from iswarm_mj.config import READINGS
+from iswarm_mj.config.swarm import READINGS
 from iswarm_mj.strategy import library
 from iswarm_mj.utils.errors import UserError
 

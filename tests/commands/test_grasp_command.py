@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 import pytest
-from helpers_cli import code_of
-from helpers_rrd import read
 from rerun.chunk import RrdReader
+from support.cli import code_of
+from support.rrd import read
 
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import CURVES, TABLE

@@ -5,7 +5,7 @@ from dataclasses import fields, is_dataclass
 from typing import get_args, get_type_hints
 
 import pytest
-from helpers_cli import code_of
+from support.cli import code_of
 
 from iswarm_mj.commands.flags import flag, settings
 from iswarm_mj.commands.main import COMMANDS

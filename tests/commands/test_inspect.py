@@ -13,8 +13,8 @@ import pytest
 import iswarm_mj
 from iswarm_mj.commands.config_file import ConfigFile
 from iswarm_mj.commands.main import main
-from iswarm_mj.experiments.report.inspection import inspection
-from iswarm_mj.experiments.runner.journal import journal
+from iswarm_mj.paper.report.inspection import inspection
+from iswarm_mj.search.journal import journal
 from iswarm_mj.utils.errors import UserError
 
 ROOT = Path(__file__).parents[2]

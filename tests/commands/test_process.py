@@ -7,10 +7,10 @@ import subprocess
 import sys
 
 import pytest
-from helpers_cli import ARENA_FLAGS, SMALL, code_of
+from support.cli import ARENA_FLAGS, SMALL, code_of
 
-from iswarm_mj import __version__ as version
 from iswarm_mj import load
+from iswarm_mj._version import __version__ as version
 from iswarm_mj.commands.main import parse
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
@@ -146,7 +146,7 @@ def test_the_genome_is_a_file_with_single_parameters_and_tells_the_density(here)
 
 def test_quick_experiments_have_directories_of_their_own(monkeypatch):
     given = []
-    monkeypatch.setattr("iswarm_mj.experiments.runner.experiment.run_experiment", lambda *args: given.append(args))
+    monkeypatch.setattr("iswarm_mj.paper.studies.experiment.run_experiment", lambda *args: given.append(args))
     for flags in ([], ["--quick", "--again"], ["--quick", "--out=here", "--seed=3", "--genome=type2"]):
         parse(["experiment", "density", *flags]).run()
     assert [str(out) for _, _, out, *_ in given] == [*map("runs/experiments/density{}".format, ("", "-quick")), "here"]

@@ -6,8 +6,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from helpers_cli import code_of, refused
-from helpers_small import FLAGS
+from support.cli import code_of, refused
+from support.small import FLAGS
 
 from iswarm_mj.commands.flags import idle, in_flags, settings
 from iswarm_mj.commands.main import parse

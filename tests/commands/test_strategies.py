@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers_cli import code_of
-from helpers_rrd import read
+from support.cli import code_of
+from support.rrd import read
 
 import iswarm_mj
 from iswarm_mj.commands.main import parse

@@ -7,10 +7,10 @@ from contextlib import closing
 
 import pyarrow.csv
 import pytest
-from helpers_cli import ARENA_FLAGS, WALK, code_of, refused, result
+from support.cli import ARENA_FLAGS, WALK, code_of, refused, result
 
 from iswarm_mj.commands.main import main
-from iswarm_mj.experiments.runner import sweep as runner
+from iswarm_mj.search import sweep as runner
 
 FLAGS = [*ARENA_FLAGS, "--engine=planar", "--steps=30", "--worlds=2"]
 

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from iswarm_mj.engines.base import CompiledEngine, LightReading, Motion
 from iswarm_mj.engines.robot_file import read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.utils.robot import Robots
 
 
 class Places(NamedTuple):

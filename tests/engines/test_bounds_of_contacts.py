@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_planar import both_engines, moved, placed
-from helpers_small import SMALL
+from support.planar import both_engines, moved, placed
+from support.small import SMALL
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mujoco.engine import MujocoEngine

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iswarm_mj.config import ArenaConfig, DriveConfig, SwarmConfig
+from iswarm_mj.config.static import LARGEST_TURN, LONGEST_STEP
+from iswarm_mj.config.swarm import ArenaConfig, DriveConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.simulation.step import drive_phases
-from iswarm_mj.static_config import LARGEST_TURN, LONGEST_STEP
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import ConfigError

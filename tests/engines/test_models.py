@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from helpers_small import SMALL
+from support.small import SMALL
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.robot_file import without_visual

@@ -6,8 +6,8 @@ import pytest
 
 from iswarm_mj.engines.base import FreeBodies, Phase, take_phases
 from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.geometry.walls import corners_of, half_planes
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.walls import corners_of, half_planes
 
 N, BOX = 2, 1
 WALLS = half_planes(corners_of([(40.0, 12.0)]))

@@ -6,16 +6,16 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from helpers_robots import HALF, ROBOTS, Side, around, robot_file, robot_xml
+from support.robots import HALF, ROBOTS, Side, around, robot_file, robot_xml
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.planar.plane import read_kinds, read_plane
 from iswarm_mj.engines.robot_file import models_directory, read_robot
+from iswarm_mj.geometry.obstacles import distances, numbers
+from iswarm_mj.geometry.robot import PAPER_SIDES
 from iswarm_mj.tasks.layout import cell_of, free_cells, place_robots
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.obstacles import distances, numbers
-from iswarm_mj.utils.robot import PAPER_SIDES
 from iswarm_mj.utils.units import RD
 
 

@@ -8,9 +8,9 @@ import shutil
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_sensing import place
+from support.sensing import place
 
-from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, models_directory, read_robot
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.optics import receive

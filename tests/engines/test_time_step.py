@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from iswarm_mj.config import DriveConfig, SwarmConfig
+from iswarm_mj.config.swarm import DriveConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
-from helpers_envs import FIELDS, SMALL
 from pettingzoo.test import parallel_api_test, parallel_seed_test
+from support.envs import FIELDS, SMALL
 
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings

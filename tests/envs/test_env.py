@@ -5,12 +5,12 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers_envs import ENGINES, FIELDS, SMALL, act, made, poses_of, roll
-from helpers_mjx import compilations
-from helpers_tasks import Eastward
+from support.envs import ENGINES, FIELDS, SMALL, act, made, poses_of, roll
+from support.mjx import compilations
+from support.tasks import Eastward
 
 from iswarm_mj import make_env
-from iswarm_mj.config import DriveConfig, StrategyConfig
+from iswarm_mj.config.swarm import DriveConfig, StrategyConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings

@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_envs import SMALL
+from support.envs import SMALL
 
 from iswarm_mj import make_env
-from iswarm_mj.config import StrategyConfig
+from iswarm_mj.config.swarm import StrategyConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.utils.errors import UserError

@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_envs import SMALL, poses_of
-from helpers_tasks import Eastward, Weather
+from support.envs import SMALL, poses_of
+from support.tasks import Eastward, Weather
 
 from iswarm_mj import make_env
-from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig
+from iswarm_mj.config.swarm import DriveConfig, EnergyConfig, GripperConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings

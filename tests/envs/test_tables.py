@@ -5,12 +5,12 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
-from helpers_envs import SMALL
-from helpers_sensing import senses_nothing
-from helpers_tasks import Eastward
+from support.envs import SMALL
+from support.sensing import senses_nothing
+from support.tasks import Eastward
 
 from iswarm_mj import PlanarSettings, make_env
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.envs import tables
 from iswarm_mj.sensors.fields import Bearing, Flag, Integer, Real, Vector
@@ -145,5 +145,5 @@ def test_tasks_add_what_they_let_robots_sense():
 
 def test_tasks_have_names(tmp_path):
     path = tmp_path / "east.py"
-    path.write_text("from helpers_tasks import Eastward as East\n\nclass Eastward(East):\n    line = 1.0\n")
+    path.write_text("from support.tasks import Eastward as East\n\nclass Eastward(East):\n    line = 1.0\n")
     assert make_env(f"{path}:Eastward", n_robots=3, config=SMALL, n_starts=1).observations[-1].name == "gap"

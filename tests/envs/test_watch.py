@@ -7,10 +7,10 @@ import gymnasium
 import jax
 import numpy as np
 import pytest
-from helpers_envs import SMALL, act, poses_of
-from helpers_opengl import needs_opengl, of_colour
-from helpers_rrd import read
 from rerun.chunk import RrdReader
+from support.envs import SMALL, act, poses_of
+from support.opengl import needs_opengl, of_colour
+from support.rrd import read
 
 import iswarm_mj.envs.gymnasium
 from iswarm_mj import make_env

@@ -5,8 +5,8 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers_attempts import GRIPPER, step
-from helpers_sensing import lay
+from support.attempts import GRIPPER, step
+from support.sensing import lay
 
 from iswarm_mj.gripper.bench.swarm_trials import PROTOCOL, TIMESTEP, by_host
 from iswarm_mj.gripper.bench.tracing import PHASES, trace_attempt

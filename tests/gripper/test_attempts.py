@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_attempts import DUMP, GRIPPER, KEY, step
-from helpers_sensing import lay
+from support.attempts import DUMP, GRIPPER, KEY, step
+from support.sensing import lay
 
-from iswarm_mj.config import GripperConfig
+from iswarm_mj.config.swarm import GripperConfig
 from iswarm_mj.gripper.attempts import by_balance
 from iswarm_mj.gripper.bench.swarm_trials import by_host
 from iswarm_mj.gripper.handling import working

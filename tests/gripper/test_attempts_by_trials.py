@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_attempts import GRIPPER, any_attempts, random_attempts
+from support.attempts import GRIPPER, any_attempts, random_attempts
 
 from iswarm_mj.gripper.attempts import Attempts, by_balance
 from iswarm_mj.gripper.bench import swarm_trials

@@ -3,7 +3,7 @@
 import boundary_elements as bem
 import numpy as np
 import pytest
-from helpers_capacitance import capacitance
+from support.capacitance import capacitance
 
 from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
 from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY

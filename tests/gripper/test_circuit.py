@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_capacitance import capacitance
-from helpers_energy import energy_balance
+from support.capacitance import capacitance
+from support.energy import energy_balance
 
 from iswarm_mj.gripper import contact
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
@@ -14,7 +14,7 @@ from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.bench.tracing import trace_of, trace_trial
 from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage
-from iswarm_mj.utils.numbers import numbers_of
+from iswarm_mj.utils.scalar_backends import numbers_of
 
 GAP = 5e-6
 COARSE = Protocol(step_voltage=2.0, grasp_limit=64.0, release_limit=60.0)

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_attempts import DUMP, GRIPPER, K, N, step
-from helpers_sensing import lay
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.attempts import DUMP, GRIPPER, K, N, step
+from support.sensing import lay
 
 from iswarm_mj.gripper.handling import loaded
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 import pytest
-from helpers_attempts import random_attempts
+from support.attempts import random_attempts
 
-from iswarm_mj.config import GripperConfig
+from iswarm_mj.config.swarm import GripperConfig
 from iswarm_mj.gripper.bench import script, swarm_trials
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.swarm_trials import LIFT, PRESSED, PRESSED_GAP, PROTOCOL, TIMESTEP, SingleBench
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.utils.numbers import in_arrays
+from iswarm_mj.utils.scalar_backends import in_arrays
 
 TRIAL, GAP = Trial(18e-6, 1.5e-3, 13e-3), 5e-6
 LONG, PERIOD = 6e-3, PROTOCOL.watch_time

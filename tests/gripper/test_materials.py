@@ -6,7 +6,7 @@ from typing import get_args
 import numpy as np
 import pyarrow.parquet
 import pytest
-from helpers_cli import code_of, refused
+from support.cli import code_of, refused
 
 import iswarm_mj
 from iswarm_mj.gripper.bench.trial import Contacts

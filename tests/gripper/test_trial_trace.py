@@ -1,7 +1,7 @@
 """Thinning of traces: nothing happens unseen."""
 
 import numpy as np
-from helpers_trace import bench_trace
+from support.trace import bench_trace
 
 from iswarm_mj.gripper.bench.tracing import thinned
 

@@ -7,12 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_mjx import ran
+from support.mjx import ran
 
 from iswarm_mj import make_env
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.geometry.obstacles import poses_of_boxes
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
@@ -23,7 +24,6 @@ from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.tasks.grasping import update_balls
-from iswarm_mj.utils.obstacles import poses_of_boxes
 
 N = 6
 CONFIG = SwarmConfig(

@@ -1,8 +1,8 @@
 """Tasks of one's own, with areas, and derived from cleaning: on engines, in arenas, in all ways to play them."""
 
 import pytest
-from helpers_matrix import cells_of, play
-from helpers_matrix_checks import check
+from support.matrix import cells_of, play
+from support.matrix_checks import check
 
 
 @pytest.mark.parametrize("cell", cells_of("own", "areas", "cleaning"))

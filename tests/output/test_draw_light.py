@@ -1,20 +1,16 @@
 """The pattern of a robot's light: laws of the lobe and of the distance, the threshold, and agreement with links."""
 
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from draw_light import light
 
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.config.swarm import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.optics import receive
 from iswarm_mj.utils.units import mm_from_rd
-
-sys.path.append(str(Path(__file__).parents[2] / "tools"))
-from draw_light import light
 
 ROBOT, OPTICS = read_robot(), OpticsConfig(mode="power")
 FRONT = np.ones(2000), np.zeros(2000)

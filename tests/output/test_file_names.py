@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
-from helpers_recorded import write_run
+from support.recorded import write_run
 
 from iswarm_mj import load
-from iswarm_mj.experiments.report.results import report
 from iswarm_mj.output.rerun_format import RrdFile
 from iswarm_mj.output.stage import Shot, render
 from iswarm_mj.output.video import write_video
+from iswarm_mj.paper.report.results import report
 from iswarm_mj.player.film import Film
 from iswarm_mj.player.replay import write_replay
 from iswarm_mj.strategy.network import save_weights

@@ -5,15 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_runs import N, run_of
-from helpers_tasks import Eastward
+from support.runs import N, run_of
+from support.tasks import Eastward
 
+from iswarm_mj.geometry.walls import beyond, in_mm
 from iswarm_mj.output import frames, shapes
 from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import ROBOT_DIAMETER as RD
-from iswarm_mj.utils.walls import beyond, in_mm
 
 
 @pytest.fixture(scope="module")

@@ -8,12 +8,13 @@ import imageio_ffmpeg
 import mujoco
 import numpy as np
 import pytest
-from helpers_files import full_disk
-from helpers_opengl import needs_opengl, of_colour
-from helpers_recorded import write_run
 from PIL import Image
+from support.files import full_disk
+from support.opengl import needs_opengl, of_colour
+from support.recorded import write_run
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
+from iswarm_mj.geometry.walls import area_of
 from iswarm_mj.output import video
 from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
 from iswarm_mj.output.saved import load
@@ -22,7 +23,6 @@ from iswarm_mj.output.stage import Shot, Stage, render
 from iswarm_mj.output.video import RATE, write_video
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER, mm_from_rd
-from iswarm_mj.utils.walls import area_of
 
 N = 330
 """More than 280: MuJoCo's memory for collisions must not limit a picture."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers_figures import captured
+from support.figures import captured
 
 from iswarm_mj.output import plot_force_curve
 from iswarm_mj.output.plot_force_curve import draw_force_curve, pull_off, snap_in

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from helpers_figures import captured, line
+from support.figures import captured, line
 
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage

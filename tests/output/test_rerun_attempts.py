@@ -4,8 +4,8 @@ from contextlib import closing
 
 import numpy as np
 import pytest
-from helpers_swarm_recording import PERIOD, make_scene
 from rerun.chunk import RrdReader
+from support.swarm_recording import PERIOD, make_scene
 
 from iswarm_mj.gripper.bench.tracing import trace_attempt
 from iswarm_mj.gripper.handling import Tried

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import rerun as rr
 import rerun.blueprint as rrb
-from helpers_files import full_disk
+from support.files import full_disk
 
 from iswarm_mj.output import rerun_format
 from iswarm_mj.output.rerun_format import RrdFile

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import rerun.blueprint as rrb
-from helpers_swarm_recording import make_frames, make_scene, write
 from rerun.chunk import RrdReader
+from support.swarm_recording import make_frames, make_scene, write
 
 from iswarm_mj.output.rerun_swarm import content, shown_lanes
 

@@ -7,22 +7,19 @@ import sys
 from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers_rrd import read
-from helpers_swarm_recording import PERIOD, column, cut, make_frames, make_scene, names, write
+from make_tables import NAMES
 from rerun.chunk import RrdReader
+from support.rrd import read
+from support.swarm_recording import PERIOD, column, cut, make_frames, make_scene, names, write
 
 from iswarm_mj.output import shapes, swarm_classes
 from iswarm_mj.output.rerun_swarm import Recording, shown_lanes
 from iswarm_mj.output.swarm_classes import states_of
 from iswarm_mj.output.trajectory import AREA, METRIC
 from iswarm_mj.utils.errors import UserError
-
-sys.path.append(str(Path(__file__).parents[2] / "tools"))
-from make_tables import NAMES
 
 
 @pytest.fixture(scope="module")

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from helpers_rrd import read
-from helpers_trace import RADIUS, bench_trace
 from rerun.chunk import RrdReader
+from support.rrd import read
+from support.trace import RADIUS, bench_trace
 
-from iswarm_mj import __version__
+from iswarm_mj._version import __version__
 from iswarm_mj.output.palette import GREEN, ORANGE, rgb
 from iswarm_mj.output.rerun_trial import layout, record_trace
 from iswarm_mj.output.trial_shapes import LINES, trial_shapes

@@ -13,8 +13,8 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.profiling import Stopwatch
 
 

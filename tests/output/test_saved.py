@@ -5,9 +5,9 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers_mjx import ENGINES, TINY, N, poses, settings
-from helpers_recorded import of_world
-from helpers_worlds import centres
+from support.mjx import ENGINES, TINY, N, poses, settings
+from support.recorded import of_world
+from support.worlds import centres
 
 import iswarm_mj
 from iswarm_mj import PRESETS, PlanarSettings, Run

@@ -6,12 +6,12 @@ from dataclasses import asdict
 import numpy as np
 import pyarrow.compute as pc
 import pytest
-from helpers_recorded import of_world, write_run
-from helpers_rrd import read
-from helpers_runs import run_of
+from support.recorded import of_world, write_run
+from support.rrd import read
+from support.runs import run_of
 
 import iswarm_mj
-from iswarm_mj.config import READINGS, OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import READINGS, OpticsConfig, SwarmConfig
 from iswarm_mj.output.stage import recorded
 from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
@@ -130,7 +130,7 @@ def test_a_result_of_another_run_above_is_not_that_of_the_trajectory(copy):
 
 
 def test_a_trajectory_that_needs_more_memory_than_there_is(copy, monkeypatch):
-    monkeypatch.setattr("iswarm_mj.utils.memory.available_memory", lambda: 1000)
+    monkeypatch.setattr("iswarm_mj.utils.ram.available_memory", lambda: 1000)
     with pytest.raises(UserError, match=r"it needs .* of memory"):
         iswarm_mj.load(copy())
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from helpers_rrd import read
-from helpers_runs import run_of
+from support.rrd import read
+from support.runs import run_of
 
 import iswarm_mj
 from iswarm_mj.output.rerun_entities import SHOWN, UNITS

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from helpers_swarm_recording import make_frames, make_scene, names
+from support.swarm_recording import make_frames, make_scene, names
 
 from iswarm_mj.output.palette import EMPTY, LOADED, rgb
 from iswarm_mj.output.swarm_classes import robot_classes, shown_classes, states_of

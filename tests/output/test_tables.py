@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from helpers_recorded import arrays, scene
-from helpers_sensing import remember
+from support.recorded import arrays, scene
+from support.sensing import remember
 
 from iswarm_mj.output.message_columns import stored
 from iswarm_mj.output.tables import table_of

@@ -26,7 +26,7 @@ from viser.transforms import SO3
 from iswarm_mj import SwarmConfig, play
 from iswarm_mj.commands.main import parse
 from iswarm_mj.commands.play import redirect_file
-from iswarm_mj.config import ArenaConfig
+from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.saved import load
 from iswarm_mj.player.film import Film

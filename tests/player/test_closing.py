@@ -3,10 +3,10 @@
 from threading import Event, Thread
 
 import pytest
-from helpers_rrd import read
+from support.rrd import read
 
 from iswarm_mj import SwarmConfig, play
-from iswarm_mj.config import ArenaConfig
+from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player import page as player_page
 

@@ -7,10 +7,10 @@ from threading import Event
 
 import numpy as np
 import pytest
-from helpers_page import SECONDS, Browser, wait
+from support.page import SECONDS, Browser, wait
 
 from iswarm_mj import SwarmConfig, play
-from iswarm_mj.config import ArenaConfig
+from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player.controls import Control

@@ -15,10 +15,10 @@ import numpy as np
 import psutil
 import pytest
 import zstandard
-from helpers_cli import code_of
+from support.cli import code_of
 
 from iswarm_mj import SwarmConfig, play
-from iswarm_mj.config import ArenaConfig
+from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.gripper.bench.force_curve import force_curve
 from iswarm_mj.gripper.bench.protocol import Protocol

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from helpers_robots import two_kinds
-from helpers_swarm_recording import make_frames, make_scene
+from support.robots import two_kinds
+from support.swarm_recording import make_frames, make_scene
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output import shapes
 from iswarm_mj.output.message_columns import stored

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from iswarm_mj.commands.main import parse
-from iswarm_mj.config import ArenaConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player.changes import Change, edit
 from iswarm_mj.player.controls import controls, is_live

@@ -10,11 +10,11 @@ import re
 
 import numpy as np
 import pytest
-from helpers_attacks import attack, pick
-from helpers_cli import SMALL, WALK, code_of
-from helpers_recorded import write_run
-from helpers_small import FLAGS
 from hypothesis import event
+from support.attacks import attack, pick
+from support.cli import SMALL, WALK, code_of
+from support.recorded import write_run
+from support.small import FLAGS
 
 from iswarm_mj.commands.flags import flag, settings
 from iswarm_mj.commands.main import COMMANDS
@@ -24,7 +24,7 @@ from iswarm_mj.utils.constraints import choices
 
 STARTS = [
     "iswarm_mj.simulation.run.build_loop",
-    "iswarm_mj.experiments.runner.pool.run_jobs",
+    "iswarm_mj.search.pool.run_jobs",
     "iswarm_mj.gripper.bench.run_trials.run_trials",
     "iswarm_mj.gripper.bench.force_curve.force_curve",
     "iswarm_mj.output.stage.Stage",

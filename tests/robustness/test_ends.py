@@ -16,15 +16,15 @@ import numpy as np
 import psutil
 import pyarrow.parquet as pq
 import pytest
-from helpers_attacks import attack, pick
-from helpers_recorded import write_run
-from helpers_rrd import read
-from helpers_small import FLAGS
 from hypothesis import event
 from PIL import Image
+from support.attacks import attack, pick
+from support.recorded import write_run
+from support.rrd import read
+from support.small import FLAGS
 
 from iswarm_mj import load
-from iswarm_mj.utils.lock import locked
+from iswarm_mj.utils.directory_lock import locked
 
 ROOT, ARENA = Path(__file__).parents[2], " ".join(FLAGS)
 OF_A_RUN = ("result.json", "trajectory.npz", "clean.rrd")

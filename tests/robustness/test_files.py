@@ -12,22 +12,23 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from helpers_attacks import ODD_VALUES, attack, pick
-from helpers_files import little_memory
-from helpers_recorded import write_run
 from hypothesis import event
+from support.attacks import ODD_VALUES, attack, pick
+from support.files import little_memory
+from support.recorded import write_run
 
 from iswarm_mj import load
 from iswarm_mj.commands.main import parse
 from iswarm_mj.engines.robot_file import models_directory, read_robot
-from iswarm_mj.experiments.report.inspection import inspection
-from iswarm_mj.experiments.report.results import report
-from iswarm_mj.experiments.runner import experiment, pool, search
-from iswarm_mj.experiments.runner.pool import outcome_of
-from iswarm_mj.experiments.runner.settings import Search
-from iswarm_mj.experiments.studies.registry import EXPERIMENTS
 from iswarm_mj.output.stage import recorded
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
+from iswarm_mj.paper.report.inspection import inspection
+from iswarm_mj.paper.report.results import report
+from iswarm_mj.paper.studies import experiment
+from iswarm_mj.paper.studies.registry import EXPERIMENTS
+from iswarm_mj.search import pool, search
+from iswarm_mj.search.pool import outcome_of
+from iswarm_mj.search.settings import Search
 from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.strategy.library import find_strategy
 from iswarm_mj.strategy.network import load_weights, save_weights

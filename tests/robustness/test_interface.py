@@ -7,8 +7,8 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from helpers_attacks import ODD_VALUES, attack, pick
 from hypothesis import event
+from support.attacks import ODD_VALUES, attack, pick
 
 from iswarm_mj import (
     PRESETS,
@@ -22,7 +22,7 @@ from iswarm_mj import (
     make_env,
     rollout,
 )
-from iswarm_mj.config import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig
+from iswarm_mj.config.swarm import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import UserError
 

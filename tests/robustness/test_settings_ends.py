@@ -10,9 +10,9 @@ from dataclasses import fields, replace
 import jax
 import numpy as np
 import pytest
-from helpers_attacks import attack, pick
-from helpers_worlds import start_of
 from hypothesis import event
+from support.attacks import attack, pick
+from support.worlds import start_of
 
 from iswarm_mj import MujocoSettings, PlanarSettings, Run, RunSettings, SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot

@@ -5,10 +5,10 @@
 
 import numpy as np
 import pytest
-from helpers_files import memory_mb
-from helpers_worlds import start_of
+from support.files import memory_mb
+from support.worlds import start_of
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.floor import probe_tips
 from iswarm_mj.simulation.run import Run

@@ -5,9 +5,9 @@ import dataclasses
 import jax
 import numpy as np
 import pytest
-from helpers_sensing import remember
+from support.sensing import remember
 
-from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import OpticsConfig, SwarmConfig
 from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.fields import Integer

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from iswarm_mj.config import ArenaConfig, GripperConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, GripperConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.sensors.arena import Arena, arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS

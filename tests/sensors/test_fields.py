@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_sensing import remember, wrapped
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.sensing import remember, wrapped
 
 from iswarm_mj.sensors.fields import Bearing, Flag, Integer, Real, Vector
 from iswarm_mj.utils.errors import UserError

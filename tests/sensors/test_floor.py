@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 import pytest
-from helpers_sensing import place, turned
+from support.sensing import place, turned
 
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.utils.units import RD

@@ -6,8 +6,9 @@ from functools import cache
 import jax
 import numpy as np
 import pytest
-from helpers_planar import placed
-from helpers_sensing import (
+from mujoco.batch import Batch
+from support.planar import placed
+from support.sensing import (
     RADIUS,
     SHIFTED,
     all_links,
@@ -17,18 +18,17 @@ from helpers_sensing import (
     squares_in_the_way,
     thirds_in_the_way,
 )
-from mujoco.batch import Batch
 
-from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.config.static import SENDERS_IN_SIGHT
+from iswarm_mj.config.swarm import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.planar.batch_engine import read_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
+from iswarm_mj.geometry.obstacles import numbers
+from iswarm_mj.geometry.robot import Mixed
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.neighbours import find_neighbours
-from iswarm_mj.static_config import SENDERS_IN_SIGHT
-from iswarm_mj.utils.obstacles import numbers
-from iswarm_mj.utils.robot import Mixed
 from iswarm_mj.utils.units import RD
 
 OPTICS = OpticsConfig()

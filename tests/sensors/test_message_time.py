@@ -6,13 +6,13 @@ from functools import partial
 import jax
 import numpy as np
 import pytest
-from helpers_sensing import place, squares_in_the_way
+from support.sensing import place, squares_in_the_way
 
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.config.swarm import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
+from iswarm_mj.geometry.robot import PAPER_SIDES, Sides
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.message_time import draw_first_slots, listens, sides_on, understood
-from iswarm_mj.utils.robot import PAPER_SIDES, Sides
 
 SLOTS = 8
 FRONT, LEFT, BACK, RIGHT = range(4)

@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 import pytest
-from helpers_sensing import remember
+from support.sensing import remember
 
 from iswarm_mj.sensors.fields import Vector
 from iswarm_mj.sensors.messages import Message, corrupt

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from helpers_sensing import RADIUS, place, turned, wrapped
+from support.sensing import RADIUS, place, turned, wrapped
 
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.config.swarm import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.optics import receive
 

@@ -4,7 +4,7 @@ import jax
 import numpy as np
 import pytest
 
-from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import OpticsConfig, SwarmConfig
 from iswarm_mj.sensors.channel import exchange
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.sensors.fields import Bearing, Flag, Integer, Real, Vector

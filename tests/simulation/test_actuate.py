@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_sensing import lay
-from helpers_worlds import swarm_of
+from support.sensing import lay
+from support.worlds import swarm_of
 
-from iswarm_mj.config import EnergyConfig
+from iswarm_mj.config.swarm import EnergyConfig
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.simulation.actuate import actuate, velocity_towards
 from iswarm_mj.strategy.interface import Command

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import pytest
-from helpers_small import SMALL
-from helpers_tasks import Eastward, Still
+from support.small import SMALL
+from support.tasks import Eastward, Still
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings

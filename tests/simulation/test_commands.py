@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_runs import records
-from helpers_small import SMALL
-from helpers_tasks import COUNT, Still, Weather
+from support.runs import records
+from support.small import SMALL
+from support.tasks import COUNT, Still, Weather
 
-from iswarm_mj.config import EnergyConfig, SwarmConfig
+from iswarm_mj.config.swarm import EnergyConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs.make import make_env
 from iswarm_mj.simulation.layouts import Start

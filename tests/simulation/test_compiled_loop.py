@@ -10,8 +10,8 @@ from typing import NamedTuple
 import jax
 import numpy as np
 import pytest
-from helpers_mjx import ENGINES, RECORDED, SEED, TINY, WORLDS, N, compilations, mjx, poses, ran, settings, warp
-from helpers_worlds import begin_with, centres, start_of
+from support.mjx import ENGINES, RECORDED, SEED, TINY, WORLDS, N, compilations, mjx, poses, ran, settings, warp
+from support.worlds import begin_with, centres, start_of
 
 from iswarm_mj.engines.mjx.arena import contact_capacity
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
@@ -188,7 +188,7 @@ import json
 import sys; sys.path.insert(0, "tests")
 import conftest  # keeps what is compiled
 from dataclasses import replace
-from helpers_mjx import ENGINES, TINY, poses, ran, settings
+from support.mjx import ENGINES, TINY, poses, ran, settings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.strategy.genome import PRESETS
 run = Run(TINY, PRESETS["type1"], settings(), replace(ENGINES[sys.argv[1]], devices=None, chunk=5))

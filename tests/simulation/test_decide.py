@@ -6,11 +6,11 @@ from unittest import mock
 import jax
 import jax.numpy as jnp
 import numpy as np
-from helpers_sensing import lay
-from helpers_tasks import Still
-from helpers_worlds import params_of, swarm_of
+from support.sensing import lay
+from support.tasks import Still
+from support.worlds import params_of, swarm_of
 
-from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config.swarm import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.base import LightReading
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.links import Links

@@ -5,9 +5,9 @@ import threading
 import jax
 import numpy as np
 import pytest
-from helpers_runs import N, end_of, poses_of
+from support.runs import N, end_of, poses_of
 
-from iswarm_mj.config import READINGS
+from iswarm_mj.config.swarm import READINGS
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation import host_loop

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from helpers_worlds import start_of
+from support.worlds import start_of
 
-from iswarm_mj.config import ArenaConfig, GripperConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, GripperConfig, SwarmConfig
 from iswarm_mj.tasks import layout
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.foraging import Foraging

@@ -5,8 +5,8 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from helpers_cli import SMALL, code_of, refused, result
-from helpers_mjx import ran
+from support.cli import SMALL, code_of, refused, result
+from support.mjx import ran
 
 from iswarm_mj import make_env
 from iswarm_mj.engines.registry import find_engine

@@ -5,10 +5,10 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers_sensing import lay, place
-from helpers_worlds import task_inputs
+from support.sensing import lay, place
+from support.worlds import task_inputs
 
-from iswarm_mj.config import DriveConfig, EnergyConfig, GripperConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import DriveConfig, EnergyConfig, GripperConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.gripper.attempts import Outcomes

@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import jax
 import numpy as np
 import pytest
-from helpers_mjx import compilations
-from helpers_runs import N, check_balls, end_of, first_step, poses_of, records, run_of
-from helpers_worlds import centres
+from support.mjx import compilations
+from support.runs import N, check_balls, end_of, first_step, poses_of, records, run_of
+from support.worlds import centres
 
-from iswarm_mj.config import READINGS
+from iswarm_mj.config.swarm import READINGS
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links

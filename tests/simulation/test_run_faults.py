@@ -5,14 +5,14 @@ from functools import cache
 import jax
 import numpy as np
 import pytest
-from helpers_mujoco import spoil as spoil_steps
-from helpers_runs import N, end_of, place_of, poses_of, records, run_of, scripted
+from support.mujoco import spoil as spoil_steps
+from support.runs import N, end_of, place_of, poses_of, records, run_of, scripted
 
 from iswarm_mj.engines.base import find_lost
+from iswarm_mj.geometry.walls import corners_of, half_planes, in_mm
 from iswarm_mj.simulation.state import MAX_LISTED, Fault, decode, summary
 from iswarm_mj.utils.errors import FaultKind, SimulationFault
 from iswarm_mj.utils.units import RD
-from iswarm_mj.utils.walls import corners_of, half_planes, in_mm
 
 GOAL = 3
 

@@ -8,11 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_robots import two_kinds
+from support.robots import two_kinds
 
 from iswarm_mj import PRESETS, Run, RunSettings, Scenario, Teams, World, make_env, play, rollout
 from iswarm_mj.commands.main import parse
-from iswarm_mj.config import READINGS, ArenaConfig, EnergyConfig, SwarmConfig
+from iswarm_mj.config.swarm import READINGS, ArenaConfig, EnergyConfig, SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings

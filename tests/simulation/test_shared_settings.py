@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_mjx import compilations
-from helpers_runs import N, records, run_of
-from helpers_worlds import centres
+from support.mjx import compilations
+from support.runs import N, records, run_of
+from support.worlds import centres
 
-from iswarm_mj.config import (
+from iswarm_mj.config.swarm import (
     READINGS,
     DriveConfig,
     EnergyConfig,

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from helpers_sensing import place
-from helpers_small import SMALL
-from helpers_worlds import start_of
+from support.sensing import place
+from support.small import SMALL
+from support.worlds import start_of
 
 from iswarm_mj import make_env
-from iswarm_mj.config import ArenaConfig
+from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.layouts import check_poses

@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_runs import CountingMemory, N, Scripted, engine_of, first_step, records, run_of, scripted
-from helpers_tasks import Still
-from helpers_worlds import start_of
+from support.runs import CountingMemory, N, Scripted, engine_of, first_step, records, run_of, scripted
+from support.tasks import Still
+from support.worlds import start_of
 
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.config.swarm import OpticsConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine

@@ -5,9 +5,9 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
-from helpers_mjx import ran
+from support.mjx import ran
 
-from iswarm_mj.config import ArenaConfig, DriveConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, DriveConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings

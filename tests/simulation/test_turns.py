@@ -8,11 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_sensing import crowd, lay, place, remember
-from helpers_tasks import Still
-from helpers_worlds import params_of, swarm_of
+from support.sensing import crowd, lay, place, remember
+from support.tasks import Still
+from support.worlds import params_of, swarm_of
 
-from iswarm_mj.config import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config.swarm import DriveConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import LightReading
 from iswarm_mj.sensors.channel import exchange

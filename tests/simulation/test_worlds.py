@@ -5,12 +5,12 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers_mjx import compilations
-from helpers_runs import N, poses_of, records, run_of
-from helpers_small import SMALL
-from helpers_worlds import start_of
+from support.mjx import compilations
+from support.runs import N, poses_of, records, run_of
+from support.small import SMALL
+from support.worlds import start_of
 
-from iswarm_mj.config import GripperConfig, OpticsConfig
+from iswarm_mj.config.swarm import GripperConfig, OpticsConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot

@@ -6,9 +6,9 @@ from functools import partial
 import jax
 import numpy as np
 import pytest
-from helpers_sensing import RADIUS, senses_nothing
+from support.sensing import RADIUS, senses_nothing
 
-from iswarm_mj.config import StrategyConfig, SwarmConfig
+from iswarm_mj.config.swarm import StrategyConfig, SwarmConfig
 from iswarm_mj.strategy.avoidance import Kept, kept_distances, repulsion
 from iswarm_mj.strategy.controller import avoid
 from iswarm_mj.strategy.genome import PRESETS

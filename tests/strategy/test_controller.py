@@ -5,10 +5,10 @@ import math
 import jax
 import numpy as np
 import pytest
-from helpers_controller import CONFIG, PROBE, RULES, STEP, approach_here, draws, genes, genes_read, memories, strategy
-from helpers_sensing import senses_nothing, turned
+from support.controller import CONFIG, PROBE, RULES, STEP, approach_here, draws, genes, genes_read, memories, strategy
+from support.sensing import senses_nothing, turned
 
-from iswarm_mj.config import DriveConfig, SwarmConfig
+from iswarm_mj.config.swarm import DriveConfig, SwarmConfig
 from iswarm_mj.strategy.controller import approaching, choose, steer
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.units import RD

@@ -6,11 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_controller import CONFIG, MANY, PROBE, RULES, act_here, approach_with, memories
-from helpers_sensing import lay, place, remember, senses_nothing, turned, wrapped
-from helpers_worlds import params_of, swarm_of
+from support.controller import CONFIG, MANY, PROBE, RULES, act_here, approach_with, memories
+from support.sensing import lay, place, remember, senses_nothing, turned, wrapped
+from support.worlds import params_of, swarm_of
 
-from iswarm_mj.config import GripperConfig, SwarmConfig
+from iswarm_mj.config.swarm import GripperConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.base import LightReading
 from iswarm_mj.sensors.links import Links

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from iswarm_mj.experiments.runner.evolution import (
+from iswarm_mj.search.methods import (
     IS_BOOLEAN,
     NAMES,
     Operators,

@@ -6,15 +6,15 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers_controller import CONFIG, MANY, PROBE, ROBOT, RULES, STEP, act_here, draws, genes_read, memories
-from helpers_sensing import remember, senses_nothing, turned
 from scipy import stats
+from support.controller import CONFIG, MANY, PROBE, ROBOT, RULES, STEP, act_here, draws, genes_read, memories
+from support.sensing import remember, senses_nothing, turned
 
+from iswarm_mj.geometry.robot import SIDES, Sides
 from iswarm_mj.strategy.controller import draw
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
-from iswarm_mj.utils.robot import SIDES, Sides
 
 # What to remember
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers_neural import CONFIG, ROBOT, does, sees, strategy
-from helpers_robots import robot_file
-from helpers_sensing import remember, senses_nothing
+from support.neural import CONFIG, ROBOT, does, sees, strategy
+from support.robots import robot_file
+from support.sensing import remember, senses_nothing
 
-from iswarm_mj.config import DriveConfig
+from iswarm_mj.config.swarm import DriveConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings

@@ -5,8 +5,8 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers_neural import CONFIG, ROBOT, does, sees, strategy
 from scipy import stats
+from support.neural import CONFIG, ROBOT, does, sees, strategy
 
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.beliefs import MOST_DOUBT, Belief, Trust, confirmed, merged

@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import ppo_neural
 import pytest
-from helpers_envs import poses_of
-from helpers_small import SMALL
 from ppo_neural import ARENA, CRITIC, NOISE, Learner, log_probability, wanted
 from scipy import stats
+from support.envs import poses_of
+from support.small import SMALL
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run

@@ -3,11 +3,11 @@
 import jax
 import numpy as np
 import pytest
-from helpers_controller import ROBOT, act_here
-from helpers_sensing import lay, remember, senses_nothing
-from helpers_worlds import swarm_of
+from support.controller import ROBOT, act_here
+from support.sensing import lay, remember, senses_nothing
+from support.worlds import swarm_of
 
-from iswarm_mj.config import READINGS, DriveConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config.swarm import READINGS, DriveConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.simulation.actuate import actuate
 from iswarm_mj.strategy.controller import RobotMemory

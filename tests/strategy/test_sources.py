@@ -8,7 +8,7 @@ import pytest
 from iswarm_mj.strategy.library import Beside, find_strategy, find_teams, sources
 
 FILES = {
-    "main.py": "import numpy, iswarm_mj.config\nfrom beside import one\ndef late():\n    import pack.deep as d\n",
+    "main.py": "import numpy, iswarm_mj.config.swarm\nfrom beside import one\ndef late():\n    import pack.deep as d\n",
     "beside.py": "import json\nfrom iswarm_mj import Run\nimport nothing_of_that_name\n",
     "pack/__init__.py": "",
     "pack/deep.py": "from . import twin\n",

@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_small import SMALL
-from helpers_tasks import Still
+from support.small import SMALL
+from support.tasks import Still
 
 import iswarm_mj
 from iswarm_mj.engines.arena import read_robot

@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_sensing import remember, turned
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.sensing import remember, turned
 
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.config.swarm import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.optics import receive

@@ -5,11 +5,11 @@ import sys
 import compare_policies
 import numpy as np
 import pytest
-from helpers_robots import robot_file
+from support.robots import robot_file
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.experiments.analysis.statistics import interval
+from iswarm_mj.paper.analysis.statistics import interval
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.measures import Measures
 

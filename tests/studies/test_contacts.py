@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from helpers_runs import engine_of
-from helpers_touching import pairs_of
+from support.runs import engine_of
+from support.touching import pairs_of
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings

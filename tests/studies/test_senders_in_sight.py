@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.config.static import SENDERS_IN_SIGHT
+from iswarm_mj.config.swarm import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.static_config import SENDERS_IN_SIGHT
 from iswarm_mj.strategy.genome import PRESETS
 
 pytestmark = pytest.mark.slow

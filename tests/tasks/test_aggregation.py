@@ -6,10 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_sensing import senses_nothing
-from helpers_worlds import start_of, task_inputs
+from support.sensing import senses_nothing
+from support.worlds import start_of, task_inputs
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust, Spots

@@ -6,14 +6,14 @@ from typing import ClassVar
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_mjx import ran
-from helpers_rrd import read
-from helpers_tasks import Eastward
+from support.mjx import ran
+from support.rrd import read
+from support.tasks import Eastward
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.experiments.report.inspection import inspection
 from iswarm_mj.output.saved import load
+from iswarm_mj.paper.report.inspection import inspection
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.base import Strategy

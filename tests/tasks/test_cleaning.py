@@ -3,11 +3,11 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from helpers_runs import N, first_step, records, run_of
-from helpers_sensing import lay, place
-from helpers_worlds import start_of, task_inputs
+from support.runs import N, first_step, records, run_of
+from support.sensing import lay, place
+from support.worlds import start_of, task_inputs
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.measures import PICKED

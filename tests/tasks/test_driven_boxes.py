@@ -7,10 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_boxes import ARENA, placed
-from helpers_mjx import ran
+from support.boxes import ARENA, placed
+from support.mjx import ran
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena
@@ -18,6 +18,7 @@ from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.geometry.obstacles import numbers, overlap, poses_of_boxes
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.teams import Teams
@@ -25,7 +26,6 @@ from iswarm_mj.tasks.aggregation import Beeclust
 from iswarm_mj.tasks.base import Quantity, Task, without_balls
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.obstacles import numbers, overlap, poses_of_boxes
 from iswarm_mj.utils.units import RD
 
 N, STEPS, WORLDS = 12, 6, 2

@@ -5,11 +5,11 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from helpers_runs import records
-from helpers_sensing import remember, senses_nothing, turned
-from helpers_worlds import start_of, task_inputs
+from support.runs import records
+from support.sensing import remember, senses_nothing, turned
+from support.worlds import start_of, task_inputs
 
-from iswarm_mj.config import ArenaConfig, DriveConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, DriveConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.run import Run

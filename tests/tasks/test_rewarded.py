@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from iswarm_mj.arena_config import ArenaConfig
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.arena import ArenaConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.genome import PRESETS

@@ -5,16 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iswarm_mj.config import ArenaConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.registry import find_engine
+from iswarm_mj.geometry.obstacles import distances, mean_distance, numbers, overlap
+from iswarm_mj.geometry.walls import area_of, beyond, half_planes
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.tasks.layout import free_cells
 from iswarm_mj.utils.errors import ConfigError, UserError
-from iswarm_mj.utils.obstacles import distances, mean_distance, numbers, overlap
 from iswarm_mj.utils.units import RD
-from iswarm_mj.utils.walls import area_of, beyond, half_planes
 
 SMALL = {"dump_size": 2, "dust_area_size": 1, "dust_area_offset": 3}
 TRIANGLE = ((-12.0, -6.0), (12.0, -6.0), (0.0, 12.0))

@@ -4,10 +4,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_draws import WRITTEN_OUT, in_a_loop, written_out
 from scipy import stats
+from support.draws import WRITTEN_OUT, in_a_loop, written_out
 
-from iswarm_mj.utils.draws import draw, normal, split
+from iswarm_mj.utils.rng import draw, normal, split
 
 KEY = jax.random.key(7)
 

@@ -9,7 +9,7 @@ import sys
 import jax
 import numpy as np
 import pytest
-from helpers_small import SMALL
+from support.small import SMALL
 
 from iswarm_mj import PlanarSettings, Run, RunSettings, make_env
 from iswarm_mj.output.saved import load

@@ -3,7 +3,7 @@
 import shutil
 
 import pytest
-from helpers_files import full_disk
+from support.files import full_disk
 
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, remove_parts

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from iswarm_mj.utils.geometry import rotate, wrapped
+from iswarm_mj.geometry.directions import rotate, wrapped
 
 
 @pytest.mark.parametrize("xp", [np, jnp])

@@ -12,7 +12,7 @@ BEGIN = """
 import ctypes, sys, threading, time
 from pathlib import Path
 from iswarm_mj.utils import interruption
-from iswarm_mj.utils.interruption import code_of_signal, completing, handle_signals, leave, postponed, saved
+from iswarm_mj.utils.signals import code_of_signal, completing, handle_signals, leave, postponed, saved
 
 out = Path(sys.argv[1])
 

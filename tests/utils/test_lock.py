@@ -5,14 +5,14 @@ import sys
 
 import pytest
 
+from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.lock import locked
 
 
 def test_another_process_is_refused_until_the_first_is_killed(tmp_path):
     out = tmp_path / "out"
     code = (
-        "import sys; from pathlib import Path; from iswarm_mj.utils.lock import locked\n"
+        "import sys; from pathlib import Path; from iswarm_mj.utils.directory_lock import locked\n"
         f"with locked(Path({str(out)!r})): print('has it', flush=True); sys.stdin.read()"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdin=-1, stdout=-1, text=True) as process:
@@ -32,7 +32,7 @@ def test_many_at_once_are_never_two(tmp_path):
     code = f"""
 from pathlib import Path
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.lock import locked
+from iswarm_mj.utils.directory_lock import locked
 out, n_done = Path({str(tmp_path)!r}), 0
 while n_done < 10:
     try:

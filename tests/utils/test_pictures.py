@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 
 from iswarm_mj.commands.main import parse
+from iswarm_mj.geometry.obstacle_picture import boxes_of_picture, rectangles
+from iswarm_mj.geometry.obstacles import distances, numbers
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.obstacles import distances, numbers
-from iswarm_mj.utils.pictures import boxes_of_picture, rectangles
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.utils.robot import Mixed
+from iswarm_mj.geometry.robot import Mixed
 
 SQUARE = read_robot()
 LONG, SMALL = replace(SQUARE, half_edges=(3.0, 1.0, 0.5), mass=30.0), replace(SQUARE, half_edges=(0.5, 0.8, 0.5))

@@ -4,7 +4,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from iswarm_mj import __version__
+from iswarm_mj._version import __version__
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.utils import tables
 from iswarm_mj.utils.errors import UserError

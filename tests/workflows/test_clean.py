@@ -6,16 +6,16 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
-from helpers_rrd import read
-from helpers_runs import first_step, records, run_of, spoil
+from support.rrd import read
+from support.runs import first_step, records, run_of, spoil
 
 from iswarm_mj.output.frames import BLOCK
 from iswarm_mj.output.schema import ARRAYS
 from iswarm_mj.output.trajectory import ABOUT, Scene
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.measures import Measures
+from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.errors import SimulationFault, UserError
-from iswarm_mj.utils.lock import locked
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows import clean as workflow
 from iswarm_mj.workflows.clean import _save, run_swarm, summary

@@ -4,8 +4,8 @@ import io
 
 import numpy as np
 import pytest
-from helpers_files import full_disk
-from helpers_swarm_recording import joined, make_frames, make_scene
+from support.files import full_disk
+from support.swarm_recording import joined, make_frames, make_scene
 
 from iswarm_mj.output.trajectory import TRAJECTORY
 from iswarm_mj.utils.errors import UserError

@@ -7,9 +7,9 @@ from unittest.mock import MagicMock
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_cli import code_of, refused, result
-from helpers_robots import HALF, numbered, two_kinds
-from helpers_small import FLAGS, SMALL
+from support.cli import code_of, refused, result
+from support.robots import HALF, numbered, two_kinds
+from support.small import FLAGS, SMALL
 
 import iswarm_mj
 from iswarm_mj.engines.planar.settings import PlanarSettings

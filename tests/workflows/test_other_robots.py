@@ -5,13 +5,14 @@ import json
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_robots import around, robot_xml
-from helpers_sensing import remember, senses_nothing
+from support.robots import around, robot_xml
+from support.sensing import remember, senses_nothing
 
 from iswarm_mj.commands.main import main
-from iswarm_mj.config import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config.swarm import ArenaConfig, OpticsConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import models_directory, read_robot
+from iswarm_mj.geometry.robot import SIDES, Sides
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -23,7 +24,6 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.strategy.vectors import heard
 from iswarm_mj.utils.errors import ConfigError
-from iswarm_mj.utils.robot import SIDES, Sides
 
 SIX = models_directory() / "robot6.xml"
 ARENA = ArenaConfig(size=10, dump_size=3, dust_area_size=2, dust_area_offset=3.5, n_dust=8)

@@ -4,11 +4,11 @@ import re
 
 import numpy as np
 import pytest
-from helpers_small import SMALL
 from rerun.chunk import RrdReader
+from support.small import SMALL
 
 from iswarm_mj.commands.clean import Clean
-from iswarm_mj.config import GripperConfig
+from iswarm_mj.config.swarm import GripperConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 
 MJX = {"engine": "mjx", "physics": MjxSettings(contact_capacity=2), "worlds": 2, "record_worlds": (1,), "robots": 30}

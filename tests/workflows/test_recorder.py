@@ -5,9 +5,9 @@ import shutil
 from types import SimpleNamespace
 
 import pytest
-from helpers_rrd import read
-from helpers_runs import run_of
 from rerun.chunk import RrdReader
+from support.rrd import read
+from support.runs import run_of
 
 from iswarm_mj import load
 from iswarm_mj.output.frames import BLOCK, RecordedWorld

@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from helpers_mjx import TINY, N, compilations, warp
-from helpers_tasks import Eastward
+from support.mjx import TINY, N, compilations, warp
+from support.tasks import Eastward
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings

@@ -10,14 +10,14 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.mjx.api import mjx, put_model
+from iswarm_mj.geometry.obstacles import numbers, with_poses
+from iswarm_mj.geometry.robot import RobotFile, Robots
+from iswarm_mj.geometry.walls import area_of
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.obstacles import numbers, with_poses
-from iswarm_mj.utils.robot import RobotFile, Robots
 from iswarm_mj.utils.units import RD
-from iswarm_mj.utils.walls import area_of
 
 _LINE_SEARCH = 8, 50  # iterations of conjugate gradients, and of Newton; more do not change the end of the search
 _PARKED = -1000.0  # height of the robots that are absent [mm]

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from iswarm_mj.engines import contact_geometry
 from iswarm_mj.engines.mjx.api import collision_driver, mjx, replaced
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.numbers import in_arrays
+from iswarm_mj.utils.scalar_backends import in_arrays
 
 Box = tuple[Array, Array, Array]
 """Centre, rotation and half edges of a geom."""

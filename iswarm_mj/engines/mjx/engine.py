@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.base import (
     BoxesMixin,
     CompiledEngine,
@@ -26,10 +26,10 @@ from iswarm_mj.engines.mjx.arena import MjxArena, without_absent
 from iswarm_mj.engines.mjx.contacts import planar_contacts
 from iswarm_mj.engines.mjx.derivatives import implicit_contacts
 from iswarm_mj.engines.mjx.sight import Crowd, find_links, find_walls
+from iswarm_mj.geometry.obstacles import overlap, with_poses
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
-from iswarm_mj.utils.obstacles import overlap, with_poses
-from iswarm_mj.utils.robot import Robots
 
 _SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations than allowed, not missing room
 

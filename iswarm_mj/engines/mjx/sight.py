@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mjx.arena import MjxArena
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.optics import (

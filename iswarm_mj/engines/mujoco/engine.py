@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 from mujoco.batch import Batch, SimulationError
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import BoxesMixin, Engine, LightReading, Motion, Phase, take_phases, with_boxes
 from iswarm_mj.engines.mujoco.sight import Scene, sense

@@ -4,14 +4,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from mujoco.batch import Batch
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import LightReading
 from iswarm_mj.sensors.links import find_links
 from iswarm_mj.sensors.optics import led_axes, led_positions
-from iswarm_mj.utils.obstacles import distances, numbers, with_poses
 from iswarm_mj.utils.units import RD, mm_from_rd
-from iswarm_mj.utils.walls import beyond
 
 _SHORTEST = 1e-9
 """Length of a ray at least, which MuJoCo needs [mm]."""

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import (
     BoxesMixin,
@@ -40,9 +40,9 @@ from iswarm_mj.engines.planar.plane import (
     solids_with,
 )
 from iswarm_mj.engines.planar.reception import Light, points_of, read_light
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.robot import Robots
 
 ROBOTS_PER_WARP = 70
 """In a world, for each 32 threads of its block."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import BoxesMixin, Engine, FreeBodies, LightReading, Motion, Phase, take_phases, with_boxes
 from iswarm_mj.engines.planar.physics import take_steps

@@ -12,9 +12,9 @@ from jaxtyping import Float
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.requirements import check_model
+from iswarm_mj.geometry.obstacles import Obstacle, numbers, with_poses
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.obstacles import Obstacle, numbers, with_poses
-from iswarm_mj.utils.robot import Robots
 from iswarm_mj.utils.units import RD
 
 _MIN_VALUE = mujoco.mjMINVAL

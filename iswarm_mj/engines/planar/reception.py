@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from iswarm_mj.config.static import StaticOptics
 from iswarm_mj.engines.planar.kinds import Place, Table, shared
-from iswarm_mj.static_config import StaticOptics
-from iswarm_mj.utils.robot import Robots
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.utils.units import mm_from_rd
 
 

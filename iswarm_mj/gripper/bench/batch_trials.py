@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import mujoco
 from jaxtyping import Int
 
+from iswarm_mj.config.static import StaticGripper
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.gripper import mjx_forces
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
@@ -31,9 +32,8 @@ from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, WORK_OBJECT_SUBSTRAT
 from iswarm_mj.gripper.mjx_forces import Force, GripperForces, State, first_state, gripper_force, gripper_forces
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
 from iswarm_mj.gripper.units import MS, NN, UM
-from iswarm_mj.static_config import StaticGripper
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.numbers import in_arrays
+from iswarm_mj.utils.scalar_backends import in_arrays
 
 _laws, _script = in_arrays(leap_laws, jnp), in_arrays(script, jnp)
 _STEPS = round(PROTOCOL.watch_time / TIMESTEP)

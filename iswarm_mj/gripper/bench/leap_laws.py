@@ -10,7 +10,7 @@ from jaxtyping import Bool
 
 from iswarm_mj.gripper.units import CLEARANCE
 from iswarm_mj.utils.arrays import Array, Quantity
-from iswarm_mj.utils.numbers import clip, where, whole
+from iswarm_mj.utils.scalar_backends import clip, where, whole
 
 MARGIN = 0.03
 """Part of the tool's adhesion by which a ball must be held while a leap lasts: with less it is about to leave."""

@@ -31,7 +31,7 @@ from iswarm_mj.gripper.bench.script import (
     touching,
 )
 from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.utils.numbers import in_arrays
+from iswarm_mj.utils.scalar_backends import in_arrays
 
 _script = in_arrays(script, np)
 

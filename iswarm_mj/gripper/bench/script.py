@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float
 
 from iswarm_mj.gripper.bench.protocol import Protocol, minimum_jerk
 from iswarm_mj.gripper.laws.detachment import GRAVITY
-from iswarm_mj.utils.numbers import clip, where
+from iswarm_mj.utils.scalar_backends import clip, where
 
 RESTING_SPEED = 1e-3
 """A slower ball is at rest [m/s]."""

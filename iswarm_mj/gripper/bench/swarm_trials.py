@@ -16,6 +16,7 @@ import mujoco
 import numpy as np
 from jax.custom_batching import custom_vmap
 
+from iswarm_mj.config.static import StaticGripper
 from iswarm_mj.engines.mujoco_library import keep_no_log, without_timers
 from iswarm_mj.gripper import plugin
 from iswarm_mj.gripper.attempts import Attempts, Outcomes
@@ -26,9 +27,8 @@ from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.script import START, Each, Ramp, Watch, hangs
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
-from iswarm_mj.static_config import StaticGripper
 from iswarm_mj.utils.arrays import Array
-from iswarm_mj.utils.numbers import in_arrays
+from iswarm_mj.utils.scalar_backends import in_arrays
 
 TIMESTEP = 2e-6
 """Twice that of the bench: voltages change by less than 1 %, the speed of a landing by less than 4 %

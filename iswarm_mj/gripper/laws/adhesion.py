@@ -27,7 +27,7 @@ def dmt_pull_off(radius: Quantity, work: Quantity) -> Quantity:
     and 0.37 to 0.92 at the plate, where Maugis-Dugdale gives 2 to 7 % and 11 to 19 % less. The fitted works
     absorb this; reduce a work that was measured in another way by as much. With
     works refitted to Maugis-Dugdale, voltages of the committed trials change by -3.0 to 1.6 %, and no verdict on
-    them (`tests/experiments/test_transition.py`), so that a second law would judge nothing else.
+    them (`tests/paper/test_transition.py`), so that a second law would judge nothing else.
     """
     return 2 * math.pi * radius * work
 

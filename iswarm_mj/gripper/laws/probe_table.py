@@ -3,7 +3,7 @@
 And the ball's capacitances to probe and plate, whose derivatives are the tabulated forces; see `spline.shape_of`.
 
 Bicubic spline of ln f in log2(D/R) and log2(R_m/R): twice differentiable. The numbers come from
-`tools/boundary_elements.py`.
+`tools/make/boundary_elements.py`.
 """
 
 import math
@@ -15,7 +15,7 @@ import numpy as np
 from iswarm_mj.gripper.laws import spline
 from iswarm_mj.utils.arrays import Quantity, array_module, is_concrete
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.numbers import in_arrays
+from iswarm_mj.utils.scalar_backends import in_arrays
 
 GAP_EXPONENTS = np.arange(-27, 7) / 3
 """log2 of D/R in the table, 1/512 to 4."""

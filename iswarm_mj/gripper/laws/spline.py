@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from iswarm_mj.gripper.units import UM, VACUUM_PERMITTIVITY
 from iswarm_mj.utils.arrays import Array, Quantity
-from iswarm_mj.utils.numbers import clip, where, whole
+from iswarm_mj.utils.scalar_backends import clip, where, whole
 
 Weights: TypeAlias = tuple[Quantity, Quantity, Quantity, Quantity]
 Place: TypeAlias = tuple[Any, Any, Weights, Weights]

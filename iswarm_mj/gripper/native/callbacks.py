@@ -22,7 +22,7 @@ from iswarm_mj.gripper.native.abi import PLANE, Data, Model, compiled, read_fiel
 from iswarm_mj.gripper.native.attributes import OF_ADHESION, OF_ELECTROSTATIC, raise_error, read_attributes
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
 from iswarm_mj.utils.compiled import cached
-from iswarm_mj.utils.numbers import numbers_of
+from iswarm_mj.utils.scalar_backends import numbers_of
 
 _asymptotic = compiled(electrostatics.asymptotic_force)
 _contact = numbers_of(contact, {}, compiled)

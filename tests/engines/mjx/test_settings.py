@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_robots import around, robot_xml
-from helpers_small import SMALL
+from support.robots import around, robot_xml
+from support.small import SMALL
 
 from iswarm_mj.engines.mjx.arena import contact_capacity
 from iswarm_mj.engines.mjx.settings import BATCH_CAPACITY, MjxSettings

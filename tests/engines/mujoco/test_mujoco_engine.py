@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_mujoco import EDGE, INERTIA, MASS, Worlds, corners, far_apart, separation
-from helpers_touching import pairs_of
+from support.mujoco import EDGE, INERTIA, MASS, Worlds, corners, far_apart, separation
+from support.touching import pairs_of
 
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco import engine as mujoco_engine

@@ -1,8 +1,8 @@
 """Worlds of a batch in C: independent, with places that are empty, and with faults."""
 
 import numpy as np
-from helpers_mujoco import Worlds, far_apart, spoil
-from helpers_touching import pairs_of
+from support.mujoco import Worlds, far_apart, spoil
+from support.touching import pairs_of
 
 from iswarm_mj.engines.mujoco import engine as mujoco_engine
 from iswarm_mj.utils.errors import FaultKind

@@ -5,9 +5,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_planar import both_engines, moved, placed, rounded
-from helpers_small import SMALL
-from helpers_touching import pairs_of
+from support.planar import both_engines, moved, placed, rounded
+from support.small import SMALL
+from support.touching import pairs_of
 
 from iswarm_mj.engines.planar.gpu.physics import rooms
 from iswarm_mj.utils.errors import FaultKind

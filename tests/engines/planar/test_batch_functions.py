@@ -8,9 +8,9 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 import warp as wp
-from helpers_planar import rounded
+from support.planar import rounded
 
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.config.swarm import OpticsConfig
 from iswarm_mj.engines import contact_geometry
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar import contact_law, ray_geometry, reception

@@ -5,10 +5,10 @@ from functools import cache
 
 import jax
 import numpy as np
-from helpers_crowds import crowd
-from helpers_planar import both_engines, moved, placed, rounded, same_bits
-from helpers_small import SMALL
-from helpers_touching import pairs_of
+from support.crowds import crowd
+from support.planar import both_engines, moved, placed, rounded, same_bits
+from support.small import SMALL
+from support.touching import pairs_of
 
 from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.planar.contact_law import ContactLaw

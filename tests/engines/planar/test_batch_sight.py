@@ -5,11 +5,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from helpers_planar import both_engines, placed, rounded, same_bits, with_robot
-from helpers_sensing import crowd, place, squares_in_the_way
-from helpers_small import SMALL
+from support.planar import both_engines, placed, rounded, same_bits, with_robot
+from support.sensing import crowd, place, squares_in_the_way
+from support.small import SMALL
 
-from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.gpu.surroundings import near_places
 from iswarm_mj.engines.planar.in_sight import search_radius

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.planar.contact_law import impedance, offset, regularisation, two_impulses, velocity_change
 from iswarm_mj.engines.planar.plane import read_kinds, read_plane

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_crowds import crowd
-from helpers_planar import moved, placed
-from helpers_small import SMALL
-from helpers_touching import pairs_of
+from support.crowds import crowd
+from support.planar import moved, placed
+from support.small import SMALL
+from support.touching import pairs_of
 
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.base import Phase

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from iswarm_mj.config import SwarmConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.planar.plane import read_kinds, read_plane
 from iswarm_mj.utils.errors import UserError

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from helpers_sensing import SHIFTED
+from support.sensing import SHIFTED
 
-from iswarm_mj.config import OpticsConfig
+from iswarm_mj.config.swarm import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.reception import points_of, read_light
 from iswarm_mj.engines.planar.reception import receive as receive_one

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from helpers_planar import with_robot
-from helpers_sensing import RADIUS, SHIFTED, crowd, links_by_rays, squares_in_the_way, thirds_in_the_way
+from support.planar import with_robot
+from support.sensing import RADIUS, SHIFTED, crowd, links_by_rays, squares_in_the_way, thirds_in_the_way
 
-from iswarm_mj.config import OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena, read_robot
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.sensors.links import find_links

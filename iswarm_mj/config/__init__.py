@@ -1,0 +1,1 @@
+"""Settings of a run: arena, drive, optics, gripper, strategy, energy."""

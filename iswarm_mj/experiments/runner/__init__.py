@@ -1,1 +1,0 @@
-"""How many runs are carried out: jobs, pools, journals, searches."""

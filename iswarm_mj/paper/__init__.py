@@ -1,0 +1,1 @@
+"""The paper's experiments: their runs, the statements on them, and the report."""

@@ -1,0 +1,1 @@
+"""Many runs: sweeps, searches for fit genomes, trainings of policies, and the journals that keep them."""

@@ -1,0 +1,85 @@
+"""What determines searches and trainings, apart from the engine: settings, and flags of their commands."""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from iswarm_mj.config.arena import ArenaConfig
+from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.search.methods import Operators
+from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.utils.constraints import Above, Within, check, constraint_of, validate
+
+Seed = Annotated[int, Within(0, 2**32 - 2)]
+Steps = Annotated[int, Within(1, 1_000_000)]
+Workers = Annotated[int, Within(0, 1024)]
+Generations = Annotated[int, Within(1, 100_000)]
+Population = Annotated[int, Within(2, 10_000)]
+Repeats = Annotated[int, Within(1, 1000)]
+Method = Literal["paper", "cmaes", "random"]
+
+
+@dataclass(frozen=True)
+class SearchPlan:
+    """How many runs of which length, and how genomes are searched for."""
+
+    generations: Generations = 120
+    """Generations, including the first, random one."""
+    population: Population = 10
+    """Swarms in a generation."""
+    steps: Steps = 800
+    """Maximum control steps of a run."""
+    evaluations: Repeats = 1
+    """Runs of each swarm in each generation; its fitness is their mean."""
+    replicates: Repeats = 1
+    """Independent repetitions of the search, each with its own seed; a generation of all is one set of runs."""
+    method: Method = "paper"
+    """The paper's evolution, CMA-ES with margin, or random search."""
+    seed: Seed = 0
+    """Seed of all random numbers."""
+    operators: Operators = field(default_factory=Operators)
+
+    def __post_init__(self):
+        validate(self)
+        elite = self.operators.elite
+        check("operators.elite", elite, "below `population`", elite < self.population or self.method != "paper")
+
+
+@dataclass(frozen=True)
+class Search(SearchPlan):
+    """A search in a configuration.
+
+    Replicate 0 is the search with one; the others are those with the seeds of `search.replicate_seed`. In batches this
+    is so up to rounding, see `pool.run_batches`.
+    """
+
+    config: SwarmConfig = field(default_factory=SwarmConfig)
+
+    @property
+    def n_runs(self) -> int:
+        """Runs of a generation, in all replicates."""
+        return self.replicates * self.population * self.evaluations
+
+
+@dataclass(frozen=True)
+class TrainingPlan:
+    """How many robots, for how long, and how the weights are searched for."""
+
+    robots: Annotated[tuple[int, ...], constraint_of(RunSettings, "n_robots")] = (160, 280)
+    """Numbers of robots, of which the worlds of a candidate have one each, in turn."""
+    sizes: Annotated[tuple[float, ...], constraint_of(ArenaConfig, "size")] = ()
+    """Edges of the arenas in which each candidate's worlds run, one after the other, with as many robots per area; by
+    default that of `arena.size` [rd]."""
+    steps: Steps = 200
+    """Control steps of a world."""
+    generations: Generations = 30
+    """Total generations; to continue a finished training, pass more."""
+    population: Population = 16
+    """Candidates in a generation."""
+    worlds: Repeats = 2
+    """Worlds per candidate, the same for all of a generation; its fitness is their mean."""
+    validation: Repeats = 8
+    """Worlds in which the mean of the search is tried after each tenth generation; the best mean is kept."""
+    spread: Annotated[float, Above(0, 100)] = 0.1
+    """Standard deviation of the weights at the start."""
+    seed: Seed = 0
+    """Seed of all random numbers."""

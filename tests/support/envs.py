@@ -1,0 +1,48 @@
+"""Small environments, and what to do in them."""
+
+from functools import cache
+
+import jax
+import numpy as np
+import pytest
+
+from iswarm_mj import make_env
+from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.sensors.fields import Integer
+from support.small import SMALL
+
+FIELDS = {"number": Integer(bits=3)}
+ENGINES = (PlanarSettings(1), MujocoSettings(1), pytest.param(MjxSettings(), marks=pytest.mark.slow))
+
+
+@cache
+def _env(engine, n_worlds):
+    mapped = isinstance(engine, MjxSettings)
+    env = make_env(n_robots=6, config=SMALL, payload=FIELDS, steps=6, n_worlds=n_worlds, engine=engine)
+    return (env, jax.jit(jax.vmap(env.reset)), jax.jit(jax.vmap(env.step))) if mapped else (env, env.reset, env.step)
+
+
+def made(engine, keys, env=None):
+    """An environment of six robots, its step, and the state at the beginning of worlds with these keys."""
+    env, reset, step = _env(engine, len(keys))
+    return env, step, reset(keys)
+
+
+def act(env, seed, n_worlds=3):
+    """Random actions."""
+    shape = (n_worlds, env.n_robots, env.action_size)
+    return np.random.default_rng(seed).uniform(-1, 1, shape).astype(np.float32)
+
+
+def roll(env, step, state, n_steps):
+    """The state after some random steps."""
+    for seed in range(n_steps):
+        state = step(state, act(env, seed))
+    return state
+
+
+def poses_of(env, state):
+    """Poses of the robots (*B, N, 3)."""
+    return np.asarray(state.data.world.bodies.poses)

@@ -1,0 +1,58 @@
+"""A policy of three weights, and rollouts without physics to train it."""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.search import training
+from iswarm_mj.search.training import Training, train
+from iswarm_mj.strategy.base import Strategy
+from iswarm_mj.strategy.interface import Command
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.workflows.rollout import Rollout
+
+SMALL = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=6))
+TRAINING = Training(config=SMALL, robots=(4,), steps=10, generations=5, population=4, worlds=2, seed=3)
+GOAL = np.array([0.5, -1.0, 0.25])
+
+
+@dataclass
+class Three(Strategy):
+    """A policy of three weights, which robots do not use."""
+
+    weights: object
+
+    def init(self, n_robots, key):
+        return jnp.zeros(n_robots)
+
+    def picks(self, memory):
+        return memory < 1
+
+    def act(self, memory, seen, key):
+        return memory, Command(memory, memory)
+
+
+def pretend(monkeypatch, breaks_after=None):
+    """Rollouts without physics: the nearer weights are to a goal, the more balls; returns the weights of each call."""
+    asked = []
+
+    def rollout(config, strategy, keys, *, strategy_per_world, every, steps, **_):
+        if breaks_after is not None and len(asked) >= breaks_after:
+            raise KeyboardInterrupt
+        weights = np.asarray(strategy.weights)
+        assert strategy_per_world and len(keys) == len(weights)
+        asked.append(weights)
+        worth = np.round(1000 - 100 * np.abs(weights - GOAL).sum(axis=1))
+        columns = np.tile(worth[:, None] // 2, (1, -(-steps // every)))
+        none = np.zeros(len(keys))
+        return Rollout(worth, worth, none, none, none > 1, none, columns[0], columns, None, [], {})
+
+    monkeypatch.setattr(training, "rollout", rollout)
+    return asked
+
+
+def trained(out, wanted=TRAINING, **options):
+    return train(wanted, Three(jnp.zeros(3)), out, PlanarSettings(1), task=CLEANING, **options)

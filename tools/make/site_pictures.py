@@ -1,0 +1,23 @@
+"""Hook of the documentation site: pages show figures of results/ and results-initial/, which lie beside docs/."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File, Files
+
+ROOT = Path(__file__).parents[2]
+_LINK = re.compile(r"\]\(\.\./(results[\w-]*/[\w/.-]+\.png)\)")
+
+
+def on_files(files: Files, *, config: Any) -> Files:
+    """Add the figures that pages show."""
+    pages = [Path(page.abs_src_path).read_text(encoding="utf-8") for page in files.documentation_pages()]
+    for name in sorted({name for text in pages for name in _LINK.findall(text)}):
+        files.append(File.generated(config, f"figures/{name}", abs_src_path=str(ROOT / name)))
+    return files
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """Let links lead to them."""
+    return _LINK.sub(r"](figures/\1)", markdown)
