@@ -13,7 +13,7 @@ import iswarm_mj  # sets the level of XLA's log, before anything imports JAX
 CHECKED = [
     f"{iswarm_mj.__name__}.{module}"
     for module in (
-        "utils.geometry",
+        "geometry.directions",
         "sensors.memory",
         "sensors.messages",
         "sensors.floor",
@@ -45,10 +45,10 @@ CHECKED = [
         "gripper.handling",
         "gripper.bench.protocol",
         "gripper.bench.run_trials",
-        "experiments.analysis.evolution",
-        "experiments.analysis.judge",
-        "experiments.analysis.measures",
-        "experiments.analysis.statistics",
+        "paper.analysis.evolution",
+        "paper.analysis.judge",
+        "paper.analysis.measures",
+        "paper.analysis.statistics",
         "output.frames",
         "output.plot_swarm",
         "output.rerun_entities",

@@ -23,7 +23,7 @@ def loaded(code):
 
 def test_the_root_is_light():
     found = loaded("import iswarm_mj; dir(iswarm_mj); iswarm_mj.envs; dir(iswarm_mj.gripper)")
-    packages = {"iswarm_mj", "iswarm_mj.envs", "iswarm_mj.gripper"}
+    packages = {"iswarm_mj", "iswarm_mj._version", "iswarm_mj.envs", "iswarm_mj.gripper"}
     own = {name for name in found if name.startswith("iswarm")}
     assert {name for name in own if not name.startswith("iswarm_mj.utils")} == packages
     assert not {"jax", "mujoco", "numpy", "pyarrow", "rerun", "numba"} & found
@@ -42,7 +42,7 @@ for words in (["--help"], ["clean", "--help"], ["bench", "--help-all"]):
 def test_laws_settings_workers_and_help_are_light():
     """They load neither engine, nor JAX, nor a viewer."""
     light = [f"gripper.laws.{name}" for name in LAWS]
-    light += ["config", "output.trajectory", "strategy.genome", "utils.pool", "utils.jax_setup"]
+    light += ["config.swarm", "output.trajectory", "strategy.genome", "utils.pool", "utils.jax_setup"]
     code = "".join(f"import iswarm_mj.{name}\n" for name in light) + HELP
     assert not {"jax", "mujoco", "rerun", "scipy", "matplotlib", "trimesh"} & loaded(code)
 

@@ -96,7 +96,7 @@ def test_users_need_no_private_name(path):
 def test_private_names_are_found():
     """In each way of importing them."""
     assert private_uses("from iswarm_mj.config.swarm import SwarmConfig") == ["iswarm_mj.config.swarm.SwarmConfig"]
-    assert private_uses("from iswarm_mj import SwarmConfig, config") == ["iswarm_mj.config.swarm"]
+    assert private_uses("from iswarm_mj import SwarmConfig, config") == ["iswarm_mj.config"]
     assert private_uses("import iswarm_mj.gripper.plugin") == ["iswarm_mj.gripper.plugin"]
     assert private_uses("import iswarm_mj as im\nim.load('runs')\nim.output.load('runs')") == ["iswarm_mj.output"]
     assert programs_of_page(ROOT / "docs/gripper.md")[-1].startswith("from iswarm_mj.gripper import")

@@ -76,7 +76,7 @@ def learn(
     rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws, sides: Sides = PAPER_SIDES
 ) -> RobotMemory:
     """Memories after forgetting, listening, and sensing the floor."""
-    forgets = rng.forget < rules.p_vector_forget
+    forgets = draws.forget < rules.p_vector_forget
 
     def listen(own: VectorMemory, sent: VectorMemory, tie: Array) -> VectorMemory:
         sent = sent._replace(known=sent.known & observation.is_heard)
@@ -86,8 +86,8 @@ def learn(
         return adopt(own.where(~forgets), heard(vector, bearing, distance, led, sides), rules.use_hop_count)
 
     return memory._replace(
-        dust=arrived(listen(memory.dust, observation.payload["dust"], rng.dust_tie), observation.at_dust),
-        dump=arrived(listen(memory.dump, observation.payload["dump"], rng.dump_tie), observation.on_dump),
+        dust=arrived(listen(memory.dust, observation.payload["dust"], draws.dust_tie), observation.at_dust),
+        dump=arrived(listen(memory.dump, observation.payload["dump"], draws.dump_tie), observation.on_dump),
     )
 
 
@@ -110,8 +110,8 @@ def choose(config: StaticConfig, rules: Rules, memory: RobotMemory, observation:
     length = _length(vector)
     known = jnp.where(loaded, memory.dump.known, memory.dust.known) & _can_be_followed(config, length)
     weight = jnp.where(loaded, rules.weight_find_dump, rules.weight_find_dust)
-    follows = known & ~memory.is_scout & (rng.follow < weight)
-    angle = jnp.deg2rad(rules.random_turn) * (2.0 * rng.direction - 1.0)
+    follows = known & ~memory.is_scout & (draws.follow < weight)
+    angle = jnp.deg2rad(rules.random_turn) * (2.0 * draws.direction - 1.0)
     at_random = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
     direction = jnp.where(follows[:, None], vector / jnp.maximum(length, 1e-6)[:, None], at_random)
     return Target(direction, jnp.where(follows, length, jnp.inf), follows)

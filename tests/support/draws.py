@@ -1,6 +1,6 @@
 """Random numbers by JAX's own loop of Threefry, whose programs compile in three quarters of the time.
 
-The words are the same; `utils/test_draws.py` tests the rounds that the package writes out.
+The words are the same; `utils/test_rng.py` tests the rounds that the package writes out.
 """
 
 from contextlib import contextmanager
@@ -8,29 +8,29 @@ from contextlib import contextmanager
 import jax.numpy as jnp
 from jax.extend.random import threefry_2x32
 
-from iswarm_mj.utils import draws
+from iswarm_mj.utils import rng
 
-WRITTEN_OUT = draws.threefry
+WRITTEN_OUT = rng.threefry
 
 
 def in_a_loop(key, high, low):
-    """As `draws.threefry`."""
+    """As `rng.threefry`."""
     words = threefry_2x32(key, jnp.concatenate([high.ravel(), low.ravel()]))
     return tuple(half.reshape(high.shape) for half in jnp.split(words, 2))
 
 
 def use_loops():
     """In all tests."""
-    draws.threefry = in_a_loop
+    rng.threefry = in_a_loop
 
 
 @contextmanager
 def written_out():
     """Within this the package's own rounds, in programs of their own."""
-    draws.threefry = WRITTEN_OUT
-    draws._drawn.clear_cache()
+    rng.threefry = WRITTEN_OUT
+    rng._drawn.clear_cache()
     try:
         yield
     finally:
         use_loops()
-        draws._drawn.clear_cache()
+        rng._drawn.clear_cache()

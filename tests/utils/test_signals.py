@@ -11,7 +11,7 @@ import pytest
 BEGIN = """
 import ctypes, sys, threading, time
 from pathlib import Path
-from iswarm_mj.utils import interruption
+from iswarm_mj.utils import signals
 from iswarm_mj.utils.signals import code_of_signal, completing, handle_signals, leave, postponed, saved
 
 out = Path(sys.argv[1])
@@ -21,7 +21,7 @@ def save():
 
 def begin(**limits):
     for name, value in limits.items():
-        setattr(interruption, name, value)
+        setattr(signals, name, value)
     handle_signals(lambda: "farewell")
 
 def announce():
@@ -85,7 +85,7 @@ run(work)
 FAREWELL_FAILS = """
 def say():
     raise ValueError
-interruption.GRACE_S = 0.2
+signals.GRACE_S = 0.2
 handle_signals(say)
 run(stay_in_c)
 """
@@ -163,7 +163,7 @@ def test_its_end_is_not_interrupted_after_an_error_that_does_not_tell_of_the_sig
     code = """
 def complete():
     with completing():
-        while interruption._State.number is None:
+        while signals._State.number is None:
             time.sleep(0.01)
         time.sleep(2.0)
 begin(RETRY_S=0.1, GRACE_S=600.0)
@@ -189,7 +189,7 @@ def test_signals_of_others_do_not_count_as_the_second(tmp_path):
 import os
 def work():
     with postponed():
-        while interruption._State.number is None:
+        while signals._State.number is None:
             time.sleep(0.01)
         os.kill(os.getpid(), signal.SIGUSR1)
         time.sleep(1.0)
@@ -269,7 +269,7 @@ import os
 def work():
     with postponed():
         os.kill(os.getpid(), 10)
-        while interruption._State.number is None:
+        while signals._State.number is None:
             time.sleep(0.01)
         announce()
         stay_in_c()
@@ -291,7 +291,7 @@ def test_other_threads_are_not_interrupted(tmp_path):
     code = """
 def record():
     with postponed():
-        while interruption._State.number is None:
+        while signals._State.number is None:
             time.sleep(0.01)
     (out / "recorded").write_text("all")
 def work():
