@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
+from iswarm_mj.geometry.directions import rotate
 from iswarm_mj.strategy.beliefs import Belief
 from iswarm_mj.strategy.neural import Neural, NeuralStrategy
 from iswarm_mj.tasks.base import Quantity
