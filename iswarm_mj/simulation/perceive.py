@@ -6,7 +6,9 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Bool, Float, Int
 
+from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.engines.base import LightReading
+from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.gripper.attempts import Decider, by_balance
 from iswarm_mj.sensors.channel import Received, exchange
 from iswarm_mj.sensors.links import Links

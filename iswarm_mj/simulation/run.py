@@ -11,6 +11,7 @@ from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.checked import check_links
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.simulation.build import build_loop
 from iswarm_mj.simulation.given import metrics_of, of_all_worlds, of_worlds, to_json
 from iswarm_mj.simulation.layouts import with_boxes_laid

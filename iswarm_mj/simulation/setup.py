@@ -13,6 +13,7 @@ from iswarm_mj.engines.checked import make_compiled_engine, make_host_engine
 from iswarm_mj.engines.registry import ENGINES, check_settings
 from iswarm_mj.engines.robot_file import as_robot_file, check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
+from iswarm_mj.geometry.robot import RobotFile, Robots
 from iswarm_mj.simulation.given import goal_of, of_worlds
 from iswarm_mj.simulation.layouts import Start, check_boxes, with_boxes_laid
 from iswarm_mj.simulation.memory_limits import check_memory, devices_of

@@ -14,6 +14,7 @@ from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.robot_file import as_robot_file, read_robots
 from iswarm_mj.engines.settings import EngineSettings
+from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.simulation.layouts import Start, draw_start_with
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario, config_of, refuse_beside_scenario

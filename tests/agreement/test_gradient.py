@@ -15,6 +15,7 @@ from iswarm_mj.engines.mjx.arena import compile_mjx_arena
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.geometry.obstacles import poses_of_boxes
 from iswarm_mj.simulation.build import build_loop
 from iswarm_mj.simulation.decide import decide
 from iswarm_mj.simulation.settings import RunSettings

@@ -7,6 +7,8 @@ from mujoco.batch import Batch
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
 from iswarm_mj.engines.base import LightReading
+from iswarm_mj.geometry.obstacles import distances, numbers, with_poses
+from iswarm_mj.geometry.walls import beyond
 from iswarm_mj.sensors.links import find_links
 from iswarm_mj.sensors.optics import led_axes, led_positions
 from iswarm_mj.utils.units import RD, mm_from_rd
