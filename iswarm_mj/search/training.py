@@ -23,7 +23,7 @@ from iswarm_mj.search.plots import draw_learning
 from iswarm_mj.search.settings import TrainingPlan
 from iswarm_mj.simulation.given import to_json
 from iswarm_mj.strategy.base import overrides
-from iswarm_mj.strategy.network import MOST_WEIGHTS, save_weights
+from iswarm_mj.strategy.network import MAX_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.base import Task, is_scored
@@ -198,7 +198,7 @@ def policy(strategy: Any, config: SwarmConfig, n_robots: int, robot_file: RobotF
             f"{type(made).__name__} has no weights to train; give it a field `weights`, an array of floats or several"
         )
     n_weights = sum(one.size for one in weights)
-    check("weights", f"{n_weights} numbers", f"between 2 and {MOST_WEIGHTS} numbers", 2 <= n_weights <= MOST_WEIGHTS)
+    check("weights", f"{n_weights} numbers", f"between 2 and {MAX_WEIGHTS} numbers", 2 <= n_weights <= MAX_WEIGHTS)
     are_usual = all(bool(np.all(np.abs(one) < LARGEST)) for one in weights)
     check("weights", "others", f"finite numbers below {LARGEST:g} in size", are_usual)
     return as_strategy(made)

@@ -1,6 +1,7 @@
-"""What a strategy is: the rules by which robots speak and move, given what they sense.
+"""The base class of strategies: the rules by which robots speak and move, given what they sense.
 
-A strategy of your own derives from `Strategy` and writes `init`, `picks` and `act`; every other method has a default:
+A strategy of your own derives from `Strategy` and writes `init`, `picks` and `act`; all other
+methods have a default:
 
     @dataclass(frozen=True)
     class Walk(Strategy):
@@ -14,7 +15,8 @@ A strategy of your own derives from `Strategy` and writes `init`, `picks` and `a
 
         def act(self, memory, observation, key):
             side = jax.random.uniform(key, memory.shape, minval=-1.0)
-            return memory, Command(jnp.deg2rad(self.turn) * side, jnp.full(memory.shape, 0.8))
+            turn = jnp.deg2rad(self.turn) * side
+            return memory, Command(turn, forward=jnp.full(memory.shape, 0.8))
 """
 
 from abc import ABC, abstractmethod
@@ -27,17 +29,18 @@ from iswarm_mj.utils.arrays import Array
 
 
 class StrategyFactory(ABC):
-    """What makes the strategy of each world, for example from a file of weights."""
+    """Maker of each world's strategy, for example from a file of weights."""
 
     @abstractmethod
     def for_world(self, config: Any, robot: Any, n_robots: int) -> "Strategy":
         """Return the strategy of one world.
 
-        The strategies of all worlds of a run must be of one class, with the same static fields and shapes.
+        The strategies of all worlds of a run must be of one class, with the same static fields and
+        shapes.
 
         Args:
             config: `SwarmConfig` of the world.
-            robot: `Robots`, their geometry.
+            robot: geometry of the robots, `Robots`.
             n_robots: N.
         """
 
@@ -45,22 +48,26 @@ class StrategyFactory(ABC):
 class Strategy(StrategyFactory):
     """Rules of N robots of one world, in pure JAX: all methods run under `jit` and `vmap`.
 
-    A strategy is a pytree: a dataclass is made one (`strategy.pytrees.as_pytree`). Its numbers are arrays, which may
-    differ from world to world; its static fields are compiled in. Its memory is a pytree of arrays with the robots as
-    first axis; store random keys as `jax.random.key_data`. Methods set no attributes, and draw random numbers only from
-    their key.
+    A strategy is a pytree; a dataclass becomes one automatically (`strategy.pytrees.as_pytree`).
+    Its numbers are arrays, which may differ between worlds; its static fields are compiled in.
 
+    The memory is a pytree of arrays whose first axis is the robots; store random keys as
+    `jax.random.key_data`. Methods set no attributes, and draw random numbers only from their key.
 
-    Two attributes, of the class or the object, may be set. `payload`: the fields of its messages by name
-    (`sensors.fields`), or a `Payload`; without it, messages carry the number of the LED alone. `recorded`: names of
-    parts of the memory that recordings show, as `("state", "home.vector")`, or a dictionary of names and units.
+    A strategy may set two attributes, in the class or in the object:
+
+    - `payload`: the fields of its messages by name (`sensors.fields`), or a `Payload`. Without it,
+      messages carry only the number of the LED.
+    - `recorded`: names of the parts of the memory that recordings show, as
+      `("state", "home.vector")`, or a dictionary of names and units.
     """
 
     ATTRIBUTES: ClassVar[tuple[str, ...]] = ("payload", "recorded")
-    """Names of these attributes, which have no default: dataclasses would take it for one of their fields."""
+    """Names of these attributes. They have no default, which dataclasses would take for a field."""
     batch_invariant: ClassVar[bool] = False
-    """The compiled program was seen to round alike for one world and for more; otherwise the decisions of a single
-    world are computed twice."""
+    """The compiled program rounds alike for one world and for several, as measured.
+
+    Otherwise the decisions of a single world are computed twice."""
 
     @abstractmethod
     def init(self, n_robots: int, key: Array) -> Any:
@@ -80,7 +87,7 @@ class Strategy(StrategyFactory):
         """Return the next memory and the commands.
 
         Args:
-            memory: of the previous step.
+            memory: memory after the previous step.
             observation: what the robots sense now.
             key: random key of this world and step.
 
@@ -89,63 +96,64 @@ class Strategy(StrategyFactory):
         """
 
     def say(self, memory: Any, is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
-        """Return the message of each robot: arrays (N,) by field name, of the types of the fields of `payload`.
+        """Return the message of each robot: arrays (N,) by the names and types in `payload`.
 
         Args:
-            memory: from the step before.
+            memory: memory after the previous step.
             is_loaded: the robot holds a ball.
         """
         return {}
 
     def listen(self, memory: Any, observation: Observation, key: Array) -> Any:
-        """Return the memory from which robots speak, after they heard and before they move.
+        """Return the memory from which robots speak after they heard and before they move.
 
-        Sequential updates (`strategy.update_order`) need it. The memory of a robot may depend only on what that robot
-        senses.
+        Sequential updates (`strategy.update_order`) need it. The memory of a robot may depend only
+        on what that robot senses.
 
         Args:
-            memory: from the step before.
+            memory: memory after the previous step.
             observation: as for `act`, which is called later with the same memory and key.
-            key: of `act`.
+            key: key of `act`.
         """
         return memory
 
     def releases(self, memory: Any) -> Bool[Array, "N"] | None:
-        """Return whether each robot releases the ball that it holds, wherever it is.
+        """Return whether each robot releases its ball, wherever it is.
 
-        None: robots release balls over the dump alone, as all do there.
+        Over the dump all robots release theirs. None: robots release balls only there.
         """
         return None
 
     def led_power(self, memory: Any) -> Float[Array, "N"] | None:
-        """Return the power with which each robot sends its next message, from 0, silent, to 1, full power.
+        """Return the power with which each robot sends its next message, 0 (silent) to 1 (full).
 
-        Light of a share p of the full power reaches p^(1/2) as far. A robot sees walls at any power. None: all send at
-        full power.
+        Light of a share p of the full power reaches p^(1/2) as far. Robots see walls at any power.
+        None: all send at full power.
         """
         return None
 
     def correct_odometry(self, memory: Any, shortfall: Float[Array, "N"]) -> Any:
-        """Return the memory after a step that was shorter than commanded.
+        """Return the memory after robots walked less than they commanded in this step.
 
         Args:
-            memory: from `act`.
-            shortfall: distance commanded that the drive did not walk, see `simulation.actuate.DriveOutput` [mm].
+            memory: memory that `act` returned.
+            shortfall: commanded distance that the drive did not walk, negative for one commanded
+                backwards [mm].
         """
         return memory
 
     def for_world(self, config: Any, robot: Any, n_robots: int) -> "Strategy":
-        """Return the strategy of one world, by default this one; see `StrategyFactory.for_world`."""
+        """Return the strategy of one world, by default this one; see `StrategyFactory`."""
         return self
 
 
-def makes_strategies(given: Any) -> bool:
-    """Return whether the strategy of a world is not the object itself, but what its `for_world` returns."""
-    cls = type(given)
+def makes_strategies(strategy: Any) -> bool:
+    """Return whether each world gets what `for_world` of an object returns, not the object."""
+    cls = type(strategy)
     return issubclass(cls, StrategyFactory) and cls.for_world is not Strategy.for_world
 
 
-def overrides(given: Any, base: type, method: str) -> bool:
-    """Return whether an object or a class has a method of its own in place of the default of a base class."""
-    cls = given if isinstance(given, type) else type(given)
+def overrides(value: Any, base: type, method: str) -> bool:
+    """Return whether an object or class overrides the default method of a base class."""
+    cls = value if isinstance(value, type) else type(value)
     return getattr(cls, method) is not getattr(base, method)

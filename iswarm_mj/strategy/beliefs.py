@@ -1,4 +1,4 @@
-"""Vectors to places that robots doubt more or less, and how they merge them with those that they hear."""
+"""Beliefs: vectors to places that robots doubt, and merge with the vectors that they hear."""
 
 import math
 from typing import NamedTuple
@@ -8,33 +8,33 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.geometry.robot import Sides
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.strategy.vectors import heard, learnt
+from iswarm_mj.strategy.vectors import learn_place, to_receiver_frame
 from iswarm_mj.utils.arrays import Array
 
-MOST_DOUBT = 14.5
-"""A vector that is doubted more is forgotten; 14 is the most that a message carries."""
+MAX_DOUBT = 14.5
+"""Doubt above which a vector is forgotten; rounded, it is the largest that messages carry, 14."""
 
 
 class Trust(NamedTuple):
-    """Learned numbers by which robots believe vectors to a place; any real numbers."""
+    """Learned parameters of how robots merge vectors to a place; any real numbers."""
 
     sharpness: Float[Array, ""] | float
-    """How much less a vector counts for each unit of doubt: exp(-exp(sharpness)) times."""
+    """Logarithm of the rate at which weights fall: weight exp(-exp(sharpness) * doubt)."""
     own: Float[Array, ""] | float
-    """How much more the own vector counts than one heard: exp(own) times."""
+    """Logarithm of the factor by which a robot's own vector outweighs one that it heard."""
     ageing: Float[Array, ""] | float
-    """Doubt that a step adds: exp(ageing)."""
+    """Logarithm of the doubt that each control step adds."""
 
 
 class Belief(NamedTuple):
-    """What N robots believe of where a place lies."""
+    """Where N robots believe a place to lie."""
 
     vector: Float[Array, "N 2"]
-    """From the robot to the place, in the robot's frame [mm]; zero where not known."""
+    """Vector from the robot to the place, in the robot's frame [mm]; zero where not known."""
     doubt: Float[Array, "N"]
-    """0 at the place; grows with time and with each robot that the vector came through."""
+    """Doubt, 0 at the place; grows with time and with each robot that relayed the vector."""
     known: Bool[Array, "N"]
-    """Whether there is a vector."""
+    """True where there is a vector."""
 
     @staticmethod
     def empty(n: int) -> "Belief":
@@ -45,12 +45,15 @@ class Belief(NamedTuple):
         """Return these beliefs where `keep` holds, and empty ones elsewhere."""
         return Belief(self.vector * keep[:, None], self.doubt * keep, self.known & keep)
 
-    def told(self) -> VectorMemory:
-        """What robots say: their vector, with the doubt in place of the hop count."""
+    def as_message(self) -> VectorMemory:
+        """Return the vector as robots send it: the rounded doubt takes the place of the hop count.
+
+        Receivers of the paper's message add 1 to the hop count, and thus to the doubt.
+        """
         return VectorMemory(self.vector, jnp.round(self.doubt).astype(jnp.int32), self.known)
 
 
-def merged(
+def merge_beliefs(
     trust: Trust,
     own: Belief,
     sent: VectorMemory,
@@ -59,38 +62,58 @@ def merged(
     led: Int[Array, "N S"],
     sides: Sides,
 ) -> Belief:
-    """Beliefs after listening: means of the own vector and of those heard, each by how little it is doubted.
+    """Return the beliefs after listening: weighted means of own and heard vectors.
+
+    The weight of a vector falls exponentially with its doubt. Means that are doubted too much are
+    forgotten.
 
     Args:
-        trust: learned.
-        own: a step older than when the robots spoke.
-        sent: vectors in the senders' frames, and their doubts.
+        trust: learned parameters of the weights.
+        own: beliefs of N robots as they were one step ago.
+        sent: vectors in the senders' frames, with their doubts as hop counts.
         bearing: direction of the sender in the receiver's frame [rad].
         distance: measured distance [mm].
         led: number of the sender's LED.
-        sides: of the robots.
+        sides: directions of the robots' LEDs.
     """
-    came = heard(sent, bearing, distance, led, sides)
-    aged = Belief(own.vector, own.doubt + jnp.exp(trust.ageing), own.known)
-    doubt = jnp.column_stack([aged.doubt, came.hop])
-    known = jnp.column_stack([aged.known, came.known])
-    vector = jnp.concatenate([aged.vector[:, None], came.vector], axis=1)
+    # One column for the robot's own belief, then one for each side.
+    heard = to_receiver_frame(sent, bearing, distance, led, sides)
+    own_doubt = own.doubt + jnp.exp(trust.ageing)
+    doubt = jnp.column_stack([own_doubt, heard.hop])
+    known = jnp.column_stack([own.known, heard.known])
+    vector = jnp.concatenate([own.vector[:, None], heard.vector], axis=1)
+
+    # Doubts count relative to the smallest, so that the weights of great doubts do not all vanish.
     least = jnp.where(known, doubt, jnp.inf).min(axis=1, keepdims=True)
     weight = jnp.where(known, jnp.exp(-jnp.exp(trust.sharpness) * (doubt - least)), 0.0)
     weight = weight.at[:, 0].multiply(jnp.exp(trust.own))
     share = weight / jnp.maximum(weight.sum(axis=1, keepdims=True), math.ulp(1.0))
-    mean = Belief((share[..., None] * vector).sum(axis=1), (share * doubt).sum(axis=1), known.any(axis=1))
-    return mean.where(mean.doubt <= MOST_DOUBT)
+
+    mean = Belief(
+        vector=(share[..., None] * vector).sum(axis=1),
+        doubt=(share * doubt).sum(axis=1),
+        known=known.any(axis=1),
+    )
+    return mean.where(mean.doubt <= MAX_DOUBT)
 
 
-def confirmed(belief: Belief, is_there: Bool[Array, "N"], vector: Float[Array, "N 2"], step: float) -> Belief:
-    """Beliefs without doubt where robots sense the place; forgotten where the vector led to nothing.
+def confirm_beliefs(
+    belief: Belief,
+    is_there: Bool[Array, "N"],
+    vector: Float[Array, "N 2"],
+    step: float,
+) -> Belief:
+    """Return the beliefs after robots looked for the place.
+
+    A robot that senses the place knows the vector without doubt. One that followed its vector and
+    senses nothing there forgets it.
 
     Args:
-        belief: of N robots.
+        belief: beliefs of N robots.
         is_there: the robot senses the place.
-        vector: to it [mm].
+        vector: from the robot to the place, used where `is_there` [mm].
         step: length of a robot's step [mm].
     """
-    found = learnt(belief.told(), is_there, vector, step)
-    return Belief(found.vector, jnp.where(is_there | ~found.known, 0.0, belief.doubt), found.known)
+    place = learn_place(belief.as_message(), is_there, vector, step)
+    doubt = jnp.where(is_there | ~place.known, 0.0, belief.doubt)
+    return Belief(place.vector, doubt, place.known)

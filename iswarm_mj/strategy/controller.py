@@ -1,7 +1,8 @@
-"""The vector-based strategy with scouts: what robots say and do, given what they sense (section 4 of the paper).
+"""The vector-based strategy with scouts: what robots say and do, given what they sense.
 
-Pure functions over an axis of N robots. A robot knows its own memory, what its photodiodes receive, and what lies
-under it; it knows neither its position nor its heading. S is the number of its sides, 4 in the paper.
+Source: Valdastri et al. (2006), section 4. All functions are pure, over an axis of N robots. A
+robot knows its own memory, what its photodiodes receive, and what lies under it; it knows neither
+its position nor its heading. S is the number of its sides, 4 in the paper.
 """
 
 import math
@@ -19,14 +20,17 @@ from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.avoidance import is_avoided, kept_distances, listening_sides, repulsion
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.rules import Rules
-from iswarm_mj.strategy.vectors import adopt, arrived, best_offer, heard
+from iswarm_mj.strategy.vectors import adopt, mark_arrival, side_of_best_offer, to_receiver_frame
 from iswarm_mj.utils import rng
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
 
+_TINY = 1e-6
+"""Length below which a vector has no direction; keeps divisions finite [mm]."""
+
 
 class RobotMemory(NamedTuple):
-    """What N robots carry over from one control step to the next."""
+    """Memory of N robots between control steps."""
 
     dust: VectorMemory
     """Vector to dust."""
@@ -37,22 +41,22 @@ class RobotMemory(NamedTuple):
 
 
 class Draws(NamedTuple):
-    """Random numbers in [0, 1) for one control step of N robots."""
+    """Random numbers of N robots for one control step, in [0, 1) unless stated otherwise."""
 
     forget: Float[Array, "N"]
-    """Whether the robot forgets its vectors."""
+    """Decides whether the robot forgets its vectors."""
     follow: Float[Array, "N"]
-    """Whether it follows the one that it needs."""
+    """Decides whether the robot follows the vector that it needs."""
     direction: Float[Array, "N"]
-    """Where it goes if it moves at random."""
+    """Direction of a random move."""
     side: Float[Array, "N"]
-    """Which way round it turns when pushed straight back."""
+    """Decides whether a robot that is pushed straight back turns left or right."""
     dust_tie: Float[Array, "N S"]
-    """Which of several equally good vectors to dust it adopts."""
+    """Decides between equally good vectors to dust."""
     dump_tie: Float[Array, "N S"]
-    """The same for the dump."""
+    """Decides between equally good vectors to the dump."""
     odometry: Float[Array, "N 2"]
-    """Errors of the turn and of the step that it believes it made, standard normal."""
+    """Errors with which a robot measures its turn and its step, standard normal."""
 
 
 class Target(NamedTuple):
@@ -61,154 +65,254 @@ class Target(NamedTuple):
     direction: Float[Array, "N 2"]
     """Unit vectors in the robots' frames."""
     limit: Float[Array, "N"]
-    """Distance to go at most [mm]."""
+    """Largest distance to go [mm]."""
     follows: Bool[Array, "N"]
-    """The robot follows a vector, and does not move at random."""
+    """The robot follows a vector; otherwise it moves at random."""
 
 
 def draw(n_robots: int, n_sides: int, key: Array) -> Draws:
-    """Draw the random numbers of a step."""
-    (one, other), (turn, step) = rng.draw(key, (n_robots,), n_uniform=2 + n_sides, n_normal=1)
-    return Draws(one[0], other[0], one[1], other[1], one[2:].T, other[2:].T, jnp.stack([turn[0], step[0]], axis=-1))
+    """Draw the random numbers of a control step."""
+    n_uniform = 2 + n_sides  # in each half; each half has the ties of one place
+    uniform, normal = rng.draw(key, (n_robots,), n_uniform=n_uniform, n_normal=1)
+    first, second = uniform
+    turn_error, step_error = normal
+    return Draws(
+        forget=first[0],
+        follow=second[0],
+        direction=first[1],
+        side=second[1],
+        dust_tie=first[2:].T,
+        dump_tie=second[2:].T,
+        odometry=jnp.stack([turn_error[0], step_error[0]], axis=-1),
+    )
 
 
 def learn(
-    rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws, sides: Sides = PAPER_SIDES
+    rules: Rules,
+    memory: RobotMemory,
+    observation: Observation,
+    draws: Draws,
+    sides: Sides = PAPER_SIDES,
 ) -> RobotMemory:
-    """Memories after forgetting, listening, and sensing the floor."""
+    """Return the memories after forgetting, listening, and sensing the floor."""
     forgets = draws.forget < rules.p_vector_forget
+    rows = jnp.arange(len(forgets))
 
     def listen(own: VectorMemory, sent: VectorMemory, tie: Array) -> VectorMemory:
+        """Return one kind of vectors after each robot adopted the best that it heard."""
         sent = sent._replace(known=sent.known & observation.is_heard)
-        side = best_offer(sent.hop, sent.known, rules.use_hop_count, tie)
-        message = sent, observation.bearing, observation.distance, observation.led
-        vector, bearing, distance, led = jax.tree.map(lambda a: a[jnp.arange(len(side)), side], message)
-        return adopt(own.where(~forgets), heard(vector, bearing, distance, led, sides), rules.use_hop_count)
+        side = side_of_best_offer(sent.hop, sent.known, rules.use_hop_count, tie)
+        sent = jax.tree.map(lambda each_side: each_side[rows, side], sent)
+        offer = to_receiver_frame(
+            sent,
+            bearing=observation.bearing[rows, side],
+            distance=observation.distance[rows, side],
+            led=observation.led[rows, side],
+            sides=sides,
+        )
+        return adopt(own.where(~forgets), offer, rules.use_hop_count)
 
+    dust = listen(memory.dust, observation.payload["dust"], draws.dust_tie)
+    dump = listen(memory.dump, observation.payload["dump"], draws.dump_tie)
     return memory._replace(
-        dust=arrived(listen(memory.dust, observation.payload["dust"], draws.dust_tie), observation.at_dust),
-        dump=arrived(listen(memory.dump, observation.payload["dump"], draws.dump_tie), observation.on_dump),
+        dust=mark_arrival(dust, observation.at_dust),
+        dump=mark_arrival(dump, observation.on_dump),
     )
 
 
 def forget_unconfirmed(
     config: StaticConfig, rules: Rules, memory: VectorMemory, is_there: Bool[Array, "N"]
 ) -> VectorMemory:
-    """Memories without the vectors that are too short to follow although the target `is_there` not, if so ruled."""
-    return memory.where(is_there | _can_be_followed(config, _length(memory.vector)) | ~rules.forget_on_arrival)
+    """Return the memories without vectors that robots followed to their end and found nothing.
 
+    With `strategy.forget_on_arrival` only; otherwise all vectors stay.
 
-def choose(config: StaticConfig, rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws) -> Target:
-    """Where the robots want to go.
-
-    Empty workers follow their vector to dust, loaded robots theirs to the dump, with the genome's weights as
-    probabilities; otherwise, and always as scouts, robots move at random. A vector shorter than half a step is not
-    followed: its robot has arrived.
+    Args:
+        config: length of a step.
+        rules: interpretations of the paper.
+        memory: vectors to one kind of place.
+        is_there: the robot senses the place.
     """
-    loaded = observation.is_loaded
-    vector = jnp.where(loaded[:, None], memory.dump.vector, memory.dust.vector)
+    leads_on = _can_be_followed(config, _length(memory.vector))
+    return memory.where(is_there | leads_on | ~rules.forget_on_arrival)
+
+
+def choose_target(
+    config: StaticConfig, rules: Rules, memory: RobotMemory, observation: Observation, draws: Draws
+) -> Target:
+    """Return where the robots want to go.
+
+    Empty workers follow their vector to dust and loaded robots theirs to the dump, with the
+    genome's weights as probabilities. Otherwise robots move at random, and scouts always do. A
+    vector shorter than half a step is not followed: its robot has arrived.
+    """
+    is_loaded = observation.is_loaded
+
+    # The vector that each robot needs, and whether it follows it in this step.
+    vector = jnp.where(is_loaded[:, None], memory.dump.vector, memory.dust.vector)
     length = _length(vector)
-    known = jnp.where(loaded, memory.dump.known, memory.dust.known) & _can_be_followed(config, length)
-    weight = jnp.where(loaded, rules.weight_find_dump, rules.weight_find_dust)
-    follows = known & ~memory.is_scout & (draws.follow < weight)
+    knows_way = jnp.where(is_loaded, memory.dump.known, memory.dust.known)
+    weight = jnp.where(is_loaded, rules.weight_find_dump, rules.weight_find_dust)
+    follows = knows_way & _can_be_followed(config, length) & ~memory.is_scout
+    follows &= draws.follow < weight
+
+    # A random direction for all others.
     angle = jnp.deg2rad(rules.random_turn) * (2.0 * draws.direction - 1.0)
-    at_random = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
-    direction = jnp.where(follows[:, None], vector / jnp.maximum(length, 1e-6)[:, None], at_random)
-    return Target(direction, jnp.where(follows, length, jnp.inf), follows)
+    random_direction = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
+
+    along_vector = vector / jnp.maximum(length, _TINY)[:, None]
+    return Target(
+        direction=jnp.where(follows[:, None], along_vector, random_direction),
+        limit=jnp.where(follows, length, jnp.inf),
+        follows=follows,
+    )
 
 
-def approaching(picks: Bool[Array, "N"], observation: Observation) -> Bool[Array, "N"]:
-    """Which robots approach the ball that they sense: empty ones that may pick it up and have not failed to."""
+def approaches_ball(picks: Bool[Array, "N"], observation: Observation) -> Bool[Array, "N"]:
+    """Return which robots approach the ball that they sense.
+
+    Empty ones do that pick up balls and have not just failed to.
+    """
     return observation.at_dust & picks & ~observation.is_loaded & ~observation.grasp_failed
 
 
-def towards_ball(target: Target, approaches: Bool[Array, "N"], ball_vector: Float[Array, "N 2"]) -> Target:
-    """The target, but for robots that approach a ball: they want to go there, `ball_vector` [mm]."""
+def target_ball(
+    target: Target,
+    approaches: Bool[Array, "N"],
+    ball_vector: Float[Array, "N 2"],
+) -> Target:
+    """Return the targets with the ball as that of robots that approach one.
+
+    Args:
+        target: where the robots want to go.
+        approaches: the robot approaches a ball.
+        ball_vector: from the robot to the ball, in the robot's frame [mm].
+    """
     length = _length(ball_vector)
-    direction = jnp.where(approaches[:, None], ball_vector / jnp.maximum(length, 1e-6)[:, None], target.direction)
-    return Target(direction, jnp.where(approaches, length, target.limit), target.follows)
+    to_ball = ball_vector / jnp.maximum(length, _TINY)[:, None]
+    return target._replace(
+        direction=jnp.where(approaches[:, None], to_ball, target.direction),
+        limit=jnp.where(approaches, length, target.limit),
+    )
 
 
-def avoid(
-    config: StaticConfig, rules: Rules, observation: Observation, follows: Bool[Array, "N"], sides: Sides = PAPER_SIDES
+def avoidance_push(
+    config: StaticConfig,
+    rules: Rules,
+    observation: Observation,
+    follows: Bool[Array, "N"],
+    sides: Sides = PAPER_SIDES,
 ) -> Float[Array, "N 2"]:
-    """Push away from neighbours that are too near, and from walls unless the robot `follows` a vector."""
+    """Return the push away from neighbours that are too near, and from walls.
+
+    Robots that follow a vector ignore walls.
+
+    Args:
+        config: range of the robots' light.
+        rules: distances to keep, gains, and interpretations of the paper.
+        observation: neighbours and walls in sight.
+        follows: the robot follows a vector.
+        sides: directions of the robots' LEDs and photodiodes.
+    """
+    # Neighbours.
     distance = observation.distance / mm_from_rd(config.optics.communication_radius)
     priority = observation.payload["priority"]
     kept = kept_distances(rules, observation.is_loaded, priority)
-    heeded = observation.is_heard & is_avoided(rules, observation.led, sides)
-    weight = jnp.where(priority, rules.priority_factor, 1.0) * heeded
+    is_obstacle = observation.is_heard & is_avoided(rules, observation.led, sides)
+    weight = jnp.where(priority, rules.priority_factor, 1.0) * is_obstacle
     push = repulsion(observation.bearing, distance, kept, weight)
-    outward = jnp.asarray(sides.leds)
+
+    # Walls, which lie in the direction of the LED whose light they reflect.
     if sides.leds == SIDES:
-        side = jnp.arange(len(sides)) * (math.pi / 2)
-        outward = jnp.stack([jnp.cos(side), jnp.sin(side)], axis=-1)
-    in_sight = observation.sees_wall & listening_sides(rules, sides) & ~follows[:, None]
-    return rules.avoidance_gain * push - rules.wall_gain * (in_sight.astype(jnp.float32) @ outward)
+        angle = jnp.arange(len(sides)) * (math.pi / 2)
+        outward = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
+    else:
+        outward = jnp.asarray(sides.leds)
+    is_wall = observation.sees_wall & listening_sides(rules, sides) & ~follows[:, None]
+    into_wall = is_wall.astype(jnp.float32) @ outward
+
+    return rules.avoidance_gain * push - rules.wall_gain * into_wall
 
 
 def steer(
-    config: StaticConfig, direction: Float[Array, "N 2"], limit: Float[Array, "N"], prefers_left: Bool[Array, "N"]
+    config: StaticConfig,
+    direction: Float[Array, "N 2"],
+    limit: Float[Array, "N"],
+    prefers_left: Bool[Array, "N"],
 ) -> Command:
-    """Turn towards a direction, then move; slower where pushes cancel or the turn is not yet complete.
+    """Return the commands that turn robots towards a direction, then move them.
 
-    A neighbour straight ahead, as sectors report it, pushes a robot exactly backwards. Which way round it then turns
-    is decided by `prefers_left`, and not by a rounding error.
+    Robots move slower where pushes cancel, or while the turn is not yet complete.
+
+    A neighbour straight ahead, as sectors report it, pushes a robot exactly backwards. Which way
+    round it then turns is decided by `prefers_left`, and not by a rounding error.
 
     Args:
         config: limits of the drive.
         direction: in the robots' frames; a length of 1 or more is full speed.
-        limit: distance to move at most [mm].
+        limit: largest distance to move [mm].
         prefers_left: turn left rather than right where both are equally far.
     """
     x, y = direction[:, 0], direction[:, 1]
-    straight_back = (x < 0) & (jnp.abs(y) < -1e-4 * x)
-    angle = jnp.where(straight_back, jnp.where(prefers_left, jnp.pi, -jnp.pi), jnp.arctan2(y, x))
-    turn = _limited_turn(config, angle)
-    pace = jnp.clip(_length(direction), 0.0, 1.0) * jnp.clip(jnp.cos(angle - turn), 0.0, 1.0)
+    is_straight_back = (x < 0) & (jnp.abs(y) < -1e-4 * x)
+    half_turn = jnp.where(prefers_left, jnp.pi, -jnp.pi)
+    angle = jnp.where(is_straight_back, half_turn, jnp.arctan2(y, x))
+    turn = _limit_turn(config, angle)
+
+    speed = jnp.clip(_length(direction), 0.0, 1.0)
+    pace = speed * jnp.clip(jnp.cos(angle - turn), 0.0, 1.0)
     return Command(turn, jnp.minimum(pace * mm_from_rd(config.step_length), limit))
 
 
-def approach(
+def approach_ball(
     config: StaticConfig,
     probe_tip: Float[np.ndarray, "N 2"],
     approaches: Bool[Array, "N"],
     ball_vector: Float[Array, "N 2"],
     command: Command,
 ) -> Command:
-    """Move the probe's tip over the ball that a robot approaches; the other robots keep their `command`.
+    """Return commands that bring the probe's tip over the ball; other robots keep their `command`.
 
     Args:
         config: limits of the drive.
         probe_tip: position of each probe's tip ahead of and to the left of its robot's centre [mm].
         approaches: the robot approaches a ball.
         ball_vector: from the robot to the ball, in the robot's frame [mm].
-        command: without the ball.
+        command: commands of robots that approach no ball.
     """
     angle = jnp.arctan2(ball_vector[:, 1], ball_vector[:, 0])
-    reach, aside = probe_tip.T
     ahead = _length(ball_vector)
-    if (aside != 0).any() or (reach < 0).any():  # the ball is to be as far aside as the tip, and behind if the tip is
-        askew = jnp.arcsin(jnp.clip(aside / jnp.maximum(ahead, 1e-6), -1.0, 1.0))
-        angle = wrapped(angle - jnp.where(reach >= 0, askew, jnp.pi - askew))
-        ahead = jnp.sqrt(jnp.maximum(ahead**2 - aside**2, 0.0)) * jnp.where(reach >= 0, 1.0, -1.0)
-    turn = _limited_turn(config, angle)
+    tip_ahead, tip_left = probe_tip.T
+
+    # A tip beside the axis is reached by turning until the ball is as far aside as the tip is, a
+    # tip behind the centre by turning the back to the ball.
+    if (tip_left != 0).any() or (tip_ahead < 0).any():
+        askew = jnp.arcsin(jnp.clip(tip_left / jnp.maximum(ahead, _TINY), -1.0, 1.0))
+        angle = wrapped(angle - jnp.where(tip_ahead >= 0, askew, jnp.pi - askew))
+        along_axis = jnp.sqrt(jnp.maximum(ahead**2 - tip_left**2, 0.0))
+        ahead = along_axis * jnp.where(tip_ahead >= 0, 1.0, -1.0)
+
+    # Move only once the turn is complete.
+    turn = _limit_turn(config, angle)
     step = mm_from_rd(config.step_length)
-    forward = jnp.where(turn == angle, jnp.clip(ahead - reach, -step, step), 0.0)
-    return Command(jnp.where(approaches, turn, command.turn), jnp.where(approaches, forward, command.forward))
+    forward = jnp.where(turn == angle, jnp.clip(ahead - tip_ahead, -step, step), 0.0)
+    return Command(
+        turn=jnp.where(approaches, turn, command.turn),
+        forward=jnp.where(approaches, forward, command.forward),
+    )
 
 
-def _length(vector: Array) -> Array:
-    """Lengths (N,) of vectors (N, 2)."""
+def _length(vector: Float[Array, "N 2"]) -> Float[Array, "N"]:
+    """Return the lengths of vectors."""
     return jnp.hypot(vector[:, 0], vector[:, 1])
 
 
-def _can_be_followed(config: StaticConfig, length: Array) -> Array:
-    """Whether vectors of this length (N,) [mm] are worth following: they end more than half a step away."""
+def _can_be_followed(config: StaticConfig, length: Float[Array, "N"]) -> Bool[Array, "N"]:
+    """Return whether vectors of this length [mm] end more than half a step away."""
     return length > 0.5 * mm_from_rd(config.step_length)
 
 
-def _limited_turn(config: StaticConfig, angle: Array) -> Array:
-    """Turn of at most `drive.max_turn` towards `angle` (N,) [rad]."""
+def _limit_turn(config: StaticConfig, angle: Float[Array, "N"]) -> Float[Array, "N"]:
+    """Return turns of at most `drive.max_turn` towards an angle [rad]."""
     limit = math.radians(config.drive.max_turn)
     return jnp.clip(angle, -limit, limit)

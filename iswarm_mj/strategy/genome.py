@@ -1,8 +1,8 @@
-"""The evolved parameters of a swarm, as the paper's Table 2 lists them."""
+"""Evolved parameters of a swarm, as the paper's Table 2 lists them."""
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from iswarm_mj.utils.constraints import Within, validate
 from iswarm_mj.utils.errors import ConfigError, UserError, shown
@@ -13,10 +13,10 @@ Share = Annotated[float, Within(0, 1)]
 
 @dataclass(frozen=True)
 class Genome:
-    """One swarm's strategy; the defaults are type 1 of the paper's Table 2.
+    """Parameters of a swarm's strategy; the defaults are type 1 of the paper's Table 2.
 
-    Source: Valdastri et al. (2006), Table 2. The unit sr is the sensory radius, 3.5 rd. The paper prints
-    p(vector-forget) of type 2 as "14%"; the text of section 4.6.1 says 0.14.
+    Source: Valdastri et al. (2006), Table 2. The unit sr is the sensory radius, 3.5 rd. The paper
+    prints p(vector-forget) of type 2 as "14%"; the text of section 4.6.1 says 0.14.
     """
 
     density_of_robots: Share = 0.118
@@ -70,36 +70,51 @@ EVOLVED = Genome(
     weight_find_dump=0.934,
 )
 PRESETS = {"type1": TYPE1, "type2": TYPE2, "evolved": EVOLVED}
-"""The two fit types that evolved in the paper (Table 2), and the fittest of `results/evolve-paper`."""
+"""Genomes by name: the two types that evolved in the paper (Table 2), and the fittest of
+`results/evolve-paper`."""
 
 
 def load_genome(name: str) -> Genome:
-    """Return a preset by its name, or the genome in a JSON file, whose keys are the names of the fields.
+    """Return a preset, or the genome in a JSON file.
 
-    The file may be the result.json of a run, too.
-
-    Fields that the file leaves out have the values of type 1.
+    Args:
+        name: name of a preset, or path of a JSON file with names and values of fields. Fields that
+            the file leaves out have the values of type 1. The result.json of a run will do, too.
 
     Raises:
-        UserError: unknown name, unreadable or broken file, unknown parameter, or value out of range.
+        UserError: unknown name, unreadable or broken file, unknown parameter, or value out of
+            range.
     """
     if name in PRESETS:
         return PRESETS[name]
-    path, example = Path(name), '{"use_hop_count": true, "p_vector_forget": 0.29}'
+    path = Path(name)
     if not path.exists() or path.is_dir():
+        constraint = f"a preset ({', '.join(PRESETS)}) or the path of a JSON file"
         fact = f"there is no file {shown(name)}" if path.suffix == ".json" else None
-        raise ConfigError("genome", name, f"a preset ({', '.join(PRESETS)}) or the path of a JSON file", fact)
-    values = read_json(path, f"write one object such as {example}", what="genome file ")
-    if not isinstance(values, dict):
-        fact = f"holds a {type(values).__name__}"
-        raise UserError(f"genome file {name} {fact}; write one JSON object such as {example}.")
-    if isinstance(values.get("genome"), dict):
-        values = values["genome"]  # a result.json
-    known = [f.name for f in fields(Genome)]
-    if unknown := sorted(set(values) - set(known)):
+        raise ConfigError("genome", name, constraint, fact)
+
+    values = _read_values(path, name)
+    known = [field.name for field in fields(Genome)]
+    unknown = sorted(set(values) - set(known))
+    if unknown:
         fact = f"names {', '.join(map(repr, unknown))}"
         raise UserError(f"genome file {name} {fact}; allowed names are {', '.join(known)}.")
     try:
         return replace(TYPE1, **values)
     except UserError as error:
         raise UserError(f"genome file {name}: {error}") from None
+
+
+def _read_values(path: Path, name: str) -> dict[str, Any]:
+    """Return the names and values in a JSON file of a genome, or of a run's result.
+
+    Raises:
+        UserError: the file cannot be read, or holds no JSON object.
+    """
+    example = '{"use_hop_count": true, "p_vector_forget": 0.29}'
+    values = read_json(path, f"write one object such as {example}", what="genome file ")
+    if not isinstance(values, dict):
+        fact = f"holds a {type(values).__name__}"
+        raise UserError(f"genome file {name} {fact}; write one JSON object such as {example}.")
+    of_run = values.get("genome")  # the file is the result.json of a run
+    return of_run if isinstance(of_run, dict) else values

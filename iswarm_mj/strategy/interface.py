@@ -1,4 +1,7 @@
-"""What robots sense and do in a control step. S = 4 is the number of their sides."""
+"""Observations and commands of robots in a control step.
+
+S is the number of a robot's sides, 4 for the paper's.
+"""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -9,7 +12,7 @@ from iswarm_mj.utils.arrays import Array
 
 
 class Observation(NamedTuple):
-    """All that N robots sense in one control step."""
+    """Everything that N robots sense in one control step."""
 
     is_heard: Bool[Array, "N S"]
     """A valid message arrived on this side; elsewhere its content is undefined."""
@@ -20,13 +23,15 @@ class Observation(NamedTuple):
     led: Int[Array, "N S"]
     """Number of the LED that sent it, int32."""
     payload: dict[str, Any]
-    """(N, S) fields of the message by name (`sensors.messages.Payload`); vectors are in the sender's frame."""
+    """Fields (N, S) of the message by name (`sensors.messages.Payload`).
+
+    Vectors are in the sender's frame."""
     sees_wall: Bool[Array, "N S"]
     """A wall reflects the light of this side's LED."""
     at_dust: Bool[Array, "N"]
     """A ball lies beside or beneath the robot."""
     ball_vector: Float[Array, "N 2"]
-    """From the robot to that ball, in the robot's frame [mm]."""
+    """Vector from the robot to that ball, in the robot's frame [mm]."""
     on_dump: Bool[Array, "N"]
     """The robot is on the dump."""
     is_loaded: Bool[Array, "N"]
@@ -34,15 +39,15 @@ class Observation(NamedTuple):
     grasp_failed: Bool[Array, "N"]
     """The robot's attempt to pick up a ball failed in this step."""
     sensed: Mapping[str, Array]
-    """(N, ...) what the task lets robots sense, by the names in `tasks.base.Task.senses`."""
+    """Arrays (N, ...) of other quantities that the task lets robots sense (`Task.senses`)."""
     waits: Bool[Array, "N"]
-    """The robot does not move in this step: it works at a ball, has no energy, or stops to emit."""
+    """The robot cannot move in this step: it grips, has no energy, or stops to emit."""
 
 
 class Command(NamedTuple):
-    """What N robots do in one control step: turn, then move."""
+    """Motion of N robots in one control step: they turn, then move."""
 
     turn: Float[Array, "N"]
-    """Turn, anticlockwise [rad]."""
+    """Anticlockwise turn [rad]."""
     forward: Float[Array, "N"]
     """Distance to move after the turn, negative backwards [mm]."""

@@ -1,4 +1,4 @@
-"""A small network with one hidden layer, whose weights are one vector, and the file in which weights are kept."""
+"""A small network with one hidden layer whose weights are one vector, and files of weights."""
 
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,12 +13,12 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, check_file, check_name
 
-MOST_WEIGHTS = 2**18
-"""In a file."""
+MAX_WEIGHTS = 2**18
+"""Largest number of weights in a file."""
 
 
 class Shape(NamedTuple):
-    """How many numbers a network takes, has in between, and returns."""
+    """Numbers of units of a network."""
 
     inputs: int
     hidden: int
@@ -26,26 +26,40 @@ class Shape(NamedTuple):
 
     @property
     def n_weights(self) -> int:
-        """Weights in all: of inputs and a constant to the hidden units, and of all of these to the outputs."""
-        return (self.inputs + 1) * self.hidden + (self.inputs + 1 + self.hidden) * self.outputs
+        """Number of weights.
+
+        Hidden units read the inputs and a constant; outputs read these and the hidden units.
+        """
+        to_hidden = (self.inputs + 1) * self.hidden
+        to_outputs = (self.inputs + 1 + self.hidden) * self.outputs
+        return to_hidden + to_outputs
 
 
-def forward(shape: Shape, weights: Float[Array, "W"], inputs: Float[Array, "N I"]) -> Float[Array, "N O"]:
-    """Outputs of the network: linear in its inputs and in hidden units, which are tanh of linear functions of these.
+def forward(
+    shape: Shape,
+    weights: Float[Array, "W"],
+    inputs: Float[Array, "N I"],
+) -> Float[Array, "N O"]:
+    """Return the outputs: linear in the inputs and in tanh units, which are linear in the inputs.
 
     Args:
-        shape: of the network.
-        weights: `shape.n_weights` of them.
-        inputs: of each of N robots.
+        shape: numbers of units.
+        weights: `shape.n_weights` weights, first those of the hidden units.
+        inputs: inputs of each of N robots.
     """
-    given = jnp.concatenate([inputs, jnp.ones((len(inputs), 1), inputs.dtype)], axis=1)
-    split = (shape.inputs + 1) * shape.hidden
-    hidden = jnp.tanh(given @ weights[:split].reshape(shape.inputs + 1, shape.hidden))
-    return jnp.concatenate([given, hidden], axis=1) @ weights[split:].reshape(-1, shape.outputs)
+    constant = jnp.ones((len(inputs), 1), inputs.dtype)
+    inputs = jnp.concatenate([inputs, constant], axis=1)
+
+    n_to_hidden = (shape.inputs + 1) * shape.hidden
+    to_hidden = weights[:n_to_hidden].reshape(shape.inputs + 1, shape.hidden)
+    to_outputs = weights[n_to_hidden:].reshape(-1, shape.outputs)
+
+    hidden = jnp.tanh(inputs @ to_hidden)
+    return jnp.concatenate([inputs, hidden], axis=1) @ to_outputs
 
 
 def save_weights(path: Path, weights: Float[np.ndarray, "W"]) -> None:
-    """Write weights into a file of NumPy (.npz), with 32 bits each.
+    """Write weights to a NumPy file (.npz) as float32.
 
     Raises:
         UserError: the system refused to write.
@@ -59,31 +73,50 @@ def load_weights(path: Path | str, like: Any = None) -> Any:
     """Return the weights in a file that `save_weights` wrote: (W,) float32.
 
     Args:
-        path: of the file.
-        like: a pytree of arrays, whose shapes and types the weights get; None to leave them.
+        path: path of the file.
+        like: pytree of arrays whose shapes and types the weights get; None for one flat array.
 
     Raises:
-        UserError: it does not exist, is too large, or holds something else.
+        UserError: the file does not exist, is too large, or holds something else.
+    """
+    weights = _read_weights(path)
+    if weights.dtype != np.float32 or weights.ndim != 1 or not np.isfinite(weights).all():
+        raise UserError(
+            f"{path} has weights {weights.dtype}{list(weights.shape)}; they must be one axis of "
+            "finite float32, as `iswarm train` writes them"
+        )
+    if like is None:
+        return weights
+
+    flat, to_tree = ravel_pytree(like)
+    if len(flat) != len(weights):
+        remedy = "give those of this strategy"
+        raise UserError(
+            f"{path} has {len(weights)} weights, but {len(flat)} are wanted; {remedy}",
+        )
+    return to_tree(jnp.asarray(weights, flat.dtype))
+
+
+def _read_weights(path: Path | str) -> np.ndarray:
+    """Return the array of weights in a file, whatever its type and shape.
+
+    Raises:
+        UserError: the file cannot be read, or has no such array.
     """
     try:
         check_file(Path(path))
         with np.load(path, allow_pickle=False) as content:
-            if sum(part.file_size for part in content.zip.infolist()) > 8 * MOST_WEIGHTS:
+            # A small compressed file may expand to more than the memory holds.
+            size = sum(part.file_size for part in content.zip.infolist())
+            if size > 8 * MAX_WEIGHTS:
                 raise ValueError("it expands to much more than its size")
-            found = content["weights"]
+            return content["weights"]
     except OSError as error:
         reason = error.strerror or error
-        raise UserError(f"weights {path} cannot be read ({reason}); give a file that `iswarm train` wrote") from None
-    except (ValueError, LookupError, EOFError, BadZipFile, TypeError, NotImplementedError):
-        raise UserError(f"{path} is no file of weights; give weights.npz of `iswarm train`") from None
-    if found.dtype != np.float32 or found.ndim != 1 or not np.isfinite(found).all():
         raise UserError(
-            f"{path} has weights {found.dtype}{list(found.shape)}; they must be one axis of finite float32, as "
-            "`iswarm train` writes them"
-        )
-    if like is None:
-        return found
-    flat, shaped = ravel_pytree(like)
-    if len(flat) != len(found):
-        raise UserError(f"{path} has {len(found)} weights, but {len(flat)} are wanted; give those of this strategy")
-    return shaped(jnp.asarray(found, flat.dtype))
+            f"weights {path} cannot be read ({reason}); give a file that `iswarm train` wrote",
+        ) from None
+    except (ValueError, LookupError, EOFError, BadZipFile, TypeError, NotImplementedError):
+        raise UserError(
+            f"{path} is no file of weights; give weights.npz of `iswarm train`",
+        ) from None

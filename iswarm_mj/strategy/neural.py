@@ -1,9 +1,11 @@
-"""A learned strategy: one small network, shared by all robots, decides where they go and how much they believe others.
+"""A learned strategy: one small network, shared by all robots, decides where they go.
 
-Robots send the paper's message: the vectors to dust and dump that they remember, and a flag, whose meaning is learned.
-How vectors that were heard are merged with own ones is learned, too: a robot doubts a vector the more, the longer ago
-it was confirmed, and the more robots it came through. The network reads numbers that do not depend on directions and
-returns how much each of several directions counts. It works therefore for robots with any sides.
+Robots send the paper's message: the vectors to dust and dump that they remember, and a flag whose
+meaning is learned. How they merge vectors that they hear with their own is learned, too: a robot
+doubts a vector more the longer ago it was confirmed and the more robots relayed it.
+
+The network reads numbers that do not depend on directions, and returns the weight of each of
+several directions. It therefore works for robots with any sides.
 """
 
 from dataclasses import dataclass, field
@@ -21,7 +23,13 @@ from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.base import Strategy, StrategyFactory
-from iswarm_mj.strategy.beliefs import MOST_DOUBT, Belief, Trust, confirmed, merged
+from iswarm_mj.strategy.beliefs import (
+    MAX_DOUBT,
+    Belief,
+    Trust,
+    confirm_beliefs,
+    merge_beliefs,
+)
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.network import Shape, forward, load_weights
 from iswarm_mj.strategy.vector_strategy import payload_for
@@ -30,65 +38,85 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
 
 PLACES = ("dust", "dump")
-HIDDEN = 8
+"""Places to which robots remember a vector."""
 INPUTS = (
-    *("near", "near_ahead", "flagged_near", "wall", "at_dust", "on_dump", "is_loaded", "grasp_failed"),
-    *(f"{place}_is_{what}" for place in PLACES for what in ("known", "near", "doubted")),
-    *("character", "says"),
+    "near",
+    "near_ahead",
+    "flagged_near",
+    "wall",
+    "at_dust",
+    "on_dump",
+    "is_loaded",
+    "grasp_failed",
+    "dust_is_known",
+    "dust_is_near",
+    "dust_is_doubted",
+    "dump_is_known",
+    "dump_is_near",
+    "dump_is_doubted",
+    "character",
+    "says",
 )
-"""What the network reads; `character` is a number that a robot keeps, in which it differs from others, `says` the flag
-that it sent."""
-WAYS = ("ahead", "random", "neighbours", "close", "right_of_close", "flagged", "walls", "dust", "dump", "right_of_dump")
+"""Inputs of the network.
+
+`character` is a constant in which each robot differs from others; `says` is the flag it sent."""
+DIRECTIONS = (
+    "ahead",
+    "random",
+    "neighbours",
+    "close",
+    "right_of_close",
+    "flagged",
+    "walls",
+    "dust",
+    "dump",
+    "right_of_dump",
+)
 """Directions that the network weighs."""
-SHAPE = Shape(len(INPUTS), HIDDEN, len(WAYS) + 2)
-"""Of the network, which returns the weight of each way, the speed, and whether the robot sends the flag."""
+OUTPUTS = (*DIRECTIONS, "speed", "flag")
+"""Outputs of the network: the weight of each direction, the speed, and the flag."""
+HIDDEN = 8
+"""Number of hidden units."""
+SHAPE = Shape(len(INPUTS), HIDDEN, len(OUTPUTS))
+"""Shape of the network."""
 N_WEIGHTS = SHAPE.n_weights + len(PLACES) * len(Trust._fields)
-"""Of the network and of the trust in vectors to dust and dump."""
+"""Number of weights: those of the network, then the trust in vectors to dust and to the dump."""
 SHIPPED = Path(__file__).parent / "neural.npz"
-"""The weights that ship with the package."""
+"""File of the weights that ship with the package."""
 
 
 @dataclass(frozen=True)
 class Neural(StrategyFactory):
-    """A small network that was trained to clean, in the paper's arena, by an evolution strategy (docs/policies.md)."""
+    """A small network, trained to clean in the paper's arena by an evolution strategy.
+
+    See docs/policies.md.
+    """
 
     weights: Path | None = None
-    """Weights of the network, as `iswarm train` writes them; by default those that come with the package."""
+    """Weights of the network, as `iswarm train` writes them; None for those of the package."""
 
     def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "NeuralStrategy":
         """Return the strategy of these robots.
 
         Raises:
-            UserError: the file is not one of weights, or of another network.
+            UserError: the file has no weights, or those of another network.
         """
         path = SHIPPED if self.weights is None else self.weights
         weights = load_weights(path, np.zeros(N_WEIGHTS, np.float32))
         return untrained(config, robot, weights)
 
     def for_training(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "NeuralStrategy":
-        """Return the strategy with which training begins: untrained, or with the weights of a file."""
-        return untrained(config, robot) if self.weights is None else self.for_world(config, robot, n_robots)
+        """Return the strategy from which training starts: untrained, or with a file's weights."""
+        if self.weights is None:
+            return untrained(config, robot)
+        return self.for_world(config, robot, n_robots)
 
 
 def untrained(config: SwarmConfig, robot: Robots, weights: Any = None) -> "NeuralStrategy":
-    """Return the strategy with these weights, by default those with which training begins."""
-    chosen = first_weights() if weights is None else weights
-    return NeuralStrategy(jnp.asarray(chosen, jnp.float32), config.static, robot)
-
-
-def first_weights() -> Float[np.ndarray, "W"]:
-    """Weights of robots that follow the vector they need, else walk at random, and turn away from walls and others.
-
-    They send the flag while they are loaded.
-    """
-    linear = np.zeros((SHAPE.inputs + 1 + SHAPE.hidden, SHAPE.outputs), np.float32)
-    outputs = (*WAYS, "speed", "flag")
-    for given, output, gain in FIRST:
-        row = SHAPE.inputs if given == "always" else INPUTS.index(given)
-        linear[row, outputs.index(output)] = gain
-    hidden = np.zeros((SHAPE.inputs + 1) * SHAPE.hidden, np.float32)
-    trusts = np.array([*FIRST_TRUST, *FIRST_TRUST], np.float32)
-    return np.concatenate([hidden, linear.ravel(), trusts])
+    """Return the strategy with these weights, by default those from which training starts."""
+    if weights is None:
+        weights = first_weights()
+    return NeuralStrategy(jnp.asarray(weights, jnp.float32), config.static, robot)
 
 
 FIRST = (
@@ -106,156 +134,291 @@ FIRST = (
     ("always", "flag", -1.0),
     ("is_loaded", "flag", 2.0),
 )
-"""Inputs, outputs and the gain from one to the other before training."""
+"""Input, output and gain of the connections before training; "always" is the constant input."""
 FIRST_TRUST = Trust(sharpness=0.0, own=0.0, ageing=-1.0)
+"""Trust in vectors before training."""
+
+
+def first_weights() -> Float[np.ndarray, "W"]:
+    """Return the weights from which training starts.
+
+    With them robots follow the vector that they need or else walk at random, turn away from walls
+    and others, and send the flag while they are loaded.
+    """
+    hidden = np.zeros((SHAPE.inputs + 1) * SHAPE.hidden, np.float32)
+    linear = np.zeros((SHAPE.inputs + 1 + SHAPE.hidden, SHAPE.outputs), np.float32)
+    constant_row = SHAPE.inputs
+    for input_name, output_name, gain in FIRST:
+        row = constant_row if input_name == "always" else INPUTS.index(input_name)
+        linear[row, OUTPUTS.index(output_name)] = gain
+    trust = np.array([*FIRST_TRUST, *FIRST_TRUST], np.float32)
+    return np.concatenate([hidden, linear.ravel(), trust])
 
 
 class Memory(NamedTuple):
-    """What N robots carry over from one control step to the next."""
+    """Memory of N robots between control steps."""
 
     dust: Belief
+    """Where dust lies."""
     dump: Belief
+    """Where the dump lies."""
     flag: Bool[Array, "N"]
-    """What the network decided to send."""
+    """Flag that the network decided to send."""
     character: Float[Array, "N"]
-    """A number from -1 to 1 that a robot keeps."""
+    """Constant from -1 to 1 in which each robot differs from others."""
+
+
+class Perception(NamedTuple):
+    """Inputs of the network, and the directions that it weighs."""
+
+    numbers: Float[Array, "N I"]
+    """Values of `INPUTS`."""
+    directions: Float[Array, "N D 2"]
+    """Vectors of `DIRECTIONS`, in the robots' frames."""
+
+
+class Intent(NamedTuple):
+    """Outputs of the network."""
+
+    aim: Float[Array, "N 2"]
+    """Weighted sum of the directions, in the robots' frames."""
+    speed: Float[Array, "N"]
+    """Share of the full speed, clipped to -1 and 1."""
+    flag: Float[Array, "N"]
+    """The robot sends the flag if this is positive."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class NeuralStrategy(Strategy):
-    """See the module.
-
-    Attributes:
-        weights: `N_WEIGHTS` of them; worlds may have different ones.
-        config: limits of the drive, range of light and of vectors in messages.
-        robot: its sides and its tool.
-    """
+    """Robots that share the network of this module."""
 
     weights: Float[Array, "W"]
+    """`N_WEIGHTS` weights of network and trust; worlds may have different ones."""
     config: StaticConfig = field(metadata={"static": True})
+    """Limits of the drive, range of light, range of vectors in messages."""
     robot: Robots = field(metadata={"static": True})
+    """Sides and tool of the robots."""
 
     recorded: ClassVar[dict[str, str]] = {
-        f"{place}.{part}": unit for place in PLACES for part, unit in (("vector", "mm"), ("known", ""), ("doubt", ""))
+        "dust.vector": "mm",
+        "dust.known": "",
+        "dust.doubt": "",
+        "dump.vector": "mm",
+        "dump.known": "",
+        "dump.doubt": "",
     }
 
     @property
     def payload(self) -> Payload:
-        """The paper's: the flag and two vectors, whose hop counts tell how robots doubt them."""
+        """Fields of the paper's message, in which hop counts state the doubt."""
         return payload_for(mm_from_rd(self.config.strategy.message_range), len(self.robot.sides))
 
     def init(self, n_robots: int, key: Array) -> Memory:
-        """Nobody knows anything or has said anything."""
+        """Return the memories of robots that know nothing and have sent nothing."""
         nothing = Belief.empty(n_robots)
         character = jax.random.uniform(key, (n_robots,), minval=-1.0)
         return Memory(nothing, nothing, jnp.zeros(n_robots, bool), character)
 
     def say(self, memory: Memory, is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
-        """Both vectors, and what the network decided in the step before."""
-        return {"priority": memory.flag, "dust": memory.dust.told(), "dump": memory.dump.told()}
+        """Return both vectors, and the flag that the network chose in the step before."""
+        return {
+            "priority": memory.flag,
+            "dust": memory.dust.as_message(),
+            "dump": memory.dump.as_message(),
+        }
 
     def picks(self, memory: Memory) -> Bool[Array, "N"]:
-        """All robots pick balls up."""
+        """Return True for all robots: all pick up balls."""
         return jnp.ones(len(memory.character), bool)
 
     def act(self, memory: Memory, observation: Observation, key: Array) -> tuple[Memory, Command]:
-        """Merge what was heard, let the network weigh directions, and go there, or to the ball that is near."""
-        known = self._remember(memory, observation)
-        return self._carried_out(known, observation, *self._wanted(*self._perceived(known, observation, key)))
-
-    def _wanted(self, numbers: Float[Array, "N I"], ways: Float[Array, "N V 2"]) -> tuple[Array, Array, Array]:
-        """Aims (N, 2), speeds and flags (N,) that the network returns; a flag above 0 is sent."""
-        out = forward(SHAPE, self.weights[: SHAPE.n_weights], numbers)
-        return (out[:, : len(WAYS), None] * ways).sum(axis=1), out[:, len(WAYS)], out[:, len(WAYS) + 1]
-
-    def _carried_out(
-        self, known: Memory, seen: Observation, aim: Array, speed: Array, flag: Array
-    ) -> tuple[Memory, Command]:
-        """Commands of robots that want this, and their memories afterwards."""
-        angle, largest = jnp.arctan2(aim[:, 1], aim[:, 0]), jnp.deg2rad(self.config.drive.max_turn)
-        turn = jnp.clip(angle, -largest, largest)
-        ahead = jnp.clip(speed, -1.0, 1.0) * jnp.maximum(jnp.cos(angle - turn), 0.0)
-        command = Command(turn, mm_from_rd(self.config.step_length) * ahead)
-        approaches = controller.approaching(self.picks(known), seen)
-        tips = self.robot.each("probe_tip", len(approaches))
-        command = controller.approach(self.config, tips, approaches, seen.ball_vector, command)
-        command = Command(*(jnp.where(seen.waits, 0.0, part) for part in command))
-        return self._moved(known, *command)._replace(flag=flag > 0), command
+        """Update the beliefs, let the network choose a direction, and go there or to a ball."""
+        memory = self.update_beliefs(memory, observation)
+        intent = self.evaluate_network(self.perceive(memory, observation, key))
+        return self.carry_out(memory, observation, intent)
 
     def correct_odometry(self, memory: Memory, shortfall: Float[Array, "N"]) -> Memory:
-        """Return the memories of robots that walked less than they commanded, see `Strategy.correct_odometry`."""
-        return self._moved(memory, jnp.zeros_like(shortfall), -shortfall)
+        """Return the memories of robots that walked less than commanded."""
+        return _move_beliefs(memory, jnp.zeros_like(shortfall), -shortfall)
 
-    def _moved(self, memory: Memory, turn: Float[Array, "N"], forward: Float[Array, "N"]) -> Memory:
-        places = {place: getattr(memory, place) for place in PLACES}
-        return memory._replace(
-            **{
-                name: place._replace(vector=after_motion(place.told(), turn, forward).vector)
-                for name, place in places.items()
-            }
-        )
-
-    def _remember(self, memory: Memory, seen: Observation) -> Memory:
-        trusts = self.weights[SHAPE.n_weights :].reshape(len(PLACES), -1)
+    def update_beliefs(self, memory: Memory, observation: Observation) -> Memory:
+        """Return the memories after robots listened, and looked for dust and dump."""
+        trust_of_dust, trust_of_dump = self.weights[SHAPE.n_weights :].reshape(len(PLACES), -1)
         step = mm_from_rd(self.config.step_length)
-        from_light = (seen.bearing, seen.distance, seen.led, self.robot.sides)
 
-        def learned(place: str, trust: Array, is_there: Array, vector: Array) -> Belief:
-            sent = seen.payload[place]
-            sent = sent._replace(known=sent.known & seen.is_heard)
-            return confirmed(merged(Trust(*trust), getattr(memory, place), sent, *from_light), is_there, vector, step)
+        def listen(place: str, trust: Array, belief: Belief) -> Belief:
+            sent = observation.payload[place]
+            sent = sent._replace(known=sent.known & observation.is_heard)
+            return merge_beliefs(
+                Trust(*trust),
+                own=belief,
+                sent=sent,
+                bearing=observation.bearing,
+                distance=observation.distance,
+                led=observation.led,
+                sides=self.robot.sides,
+            )
 
-        dust = learned("dust", trusts[0], seen.at_dust, seen.ball_vector)
-        dump = learned("dump", trusts[1], seen.on_dump, jnp.zeros_like(seen.ball_vector))
-        return memory._replace(dust=dust.where(~seen.grasp_failed), dump=dump)
+        dust = listen("dust", trust_of_dust, memory.dust)
+        dust = confirm_beliefs(dust, observation.at_dust, observation.ball_vector, step)
+        dump = listen("dump", trust_of_dump, memory.dump)
+        here = jnp.zeros_like(observation.ball_vector)
+        dump = confirm_beliefs(dump, observation.on_dump, here, step)
+        return memory._replace(dust=dust.where(~observation.grasp_failed), dump=dump)
 
-    def _perceived(self, memory: Memory, seen: Observation, key: Array) -> tuple[Array, Array]:
-        """What the network reads (N, I), and the ways that it weighs (N, V, 2), in the robots' frames."""
+    def perceive(self, memory: Memory, observation: Observation, key: Array) -> Perception:
+        """Return what the network reads, and the directions that it weighs.
+
+        Args:
+            memory: memories after `update_beliefs`.
+            observation: what the robots sense.
+            key: random key of the random direction.
+        """
         reach = mm_from_rd(self.config.optics.communication_radius)
-        nearness = jnp.where(seen.is_heard, jnp.clip(1.0 - seen.distance / reach, 0.0, 1.0), 0.0)
-        close = jnp.clip(2.0 * nearness - 1.0, 0.0)
-        flagged = jnp.where(seen.payload["priority"], nearness, 0.0)
-        to_sender = jnp.where(seen.is_heard[..., None], _unit(seen.bearing), 0.0)
-        neighbours, nearest, carriers = (
-            (part[..., None] * to_sender).sum(axis=1) for part in (nearness, close, flagged)
-        )
-        walls = _unit(jnp.asarray(self.robot.sides.bearings)) * seen.sees_wall[..., None]
-        numbers = [
-            nearness.max(axis=1),
-            jnp.where(jnp.asarray(self.robot.sides.front), nearness, 0.0).max(axis=1),
-            flagged.max(axis=1),
-            seen.sees_wall.any(axis=1),
-            seen.at_dust,
-            seen.on_dump,
-            seen.is_loaded,
-            seen.grasp_failed,
-        ]
-        places = (memory.dust, memory.dump)
-        distances = [jnp.hypot(*place.vector.T) for place in places]
-        for place, distance in zip(places, distances, strict=True):
-            near = jnp.where(place.known, 1.0 / (1.0 + distance / reach), 0.0)
-            numbers += [place.known, near, place.doubt / MOST_DOUBT]
         step = mm_from_rd(self.config.step_length)
-        dust, dump = (place.vector / jnp.maximum(d, step)[:, None] for place, d in zip(places, distances, strict=True))
-        ways = [
-            jnp.broadcast_to(jnp.array([1.0, 0.0]), dust.shape),
-            _unit(jax.random.uniform(key, memory.character.shape, minval=-jnp.pi, maxval=jnp.pi)),
-            neighbours,
-            nearest,
-            _to_the_right(nearest),
-            carriers,
-            walls.sum(axis=1),
-            dust,
-            dump,
-            _to_the_right(dump),
-        ]
-        return jnp.column_stack([*numbers, memory.character, memory.flag]), jnp.stack(ways, axis=1)
+        sides = self.robot.sides
+
+        # Neighbours on each side: nearness falls from 1 to 0 at the range of light, closeness at
+        # half of it.
+        fraction_of_reach = observation.distance / reach
+        nearness = jnp.where(observation.is_heard, jnp.clip(1.0 - fraction_of_reach, 0.0, 1.0), 0.0)
+        closeness = jnp.clip(2.0 * nearness - 1.0, 0.0)
+        flagged_nearness = jnp.where(observation.payload["priority"], nearness, 0.0)
+        is_ahead = jnp.asarray(sides.front)
+
+        to_sender = jnp.where(observation.is_heard[..., None], _unit(observation.bearing), 0.0)
+        to_neighbours = _weighted_sum(nearness, to_sender)
+        to_close = _weighted_sum(closeness, to_sender)
+        to_flagged = _weighted_sum(flagged_nearness, to_sender)
+
+        to_wall = _unit(jnp.asarray(sides.bearings)) * observation.sees_wall[..., None]
+
+        # Places that the robots remember; vectors longer than a step count as unit vectors.
+        distance_to_dust = _length(memory.dust.vector)
+        distance_to_dump = _length(memory.dump.vector)
+        to_dust = memory.dust.vector / jnp.maximum(distance_to_dust, step)[:, None]
+        to_dump = memory.dump.vector / jnp.maximum(distance_to_dump, step)[:, None]
+
+        numbers = {
+            "near": nearness.max(axis=1),
+            "near_ahead": jnp.where(is_ahead, nearness, 0.0).max(axis=1),
+            "flagged_near": flagged_nearness.max(axis=1),
+            "wall": observation.sees_wall.any(axis=1),
+            "at_dust": observation.at_dust,
+            "on_dump": observation.on_dump,
+            "is_loaded": observation.is_loaded,
+            "grasp_failed": observation.grasp_failed,
+            "dust_is_known": memory.dust.known,
+            "dust_is_near": _proximity(memory.dust, distance_to_dust, reach),
+            "dust_is_doubted": memory.dust.doubt / MAX_DOUBT,
+            "dump_is_known": memory.dump.known,
+            "dump_is_near": _proximity(memory.dump, distance_to_dump, reach),
+            "dump_is_doubted": memory.dump.doubt / MAX_DOUBT,
+            "character": memory.character,
+            "says": memory.flag,
+        }
+        ahead = jnp.broadcast_to(jnp.array([1.0, 0.0]), to_dust.shape)
+        random_angle = jax.random.uniform(
+            key,
+            memory.character.shape,
+            minval=-jnp.pi,
+            maxval=jnp.pi,
+        )
+        directions = {
+            "ahead": ahead,
+            "random": _unit(random_angle),
+            "neighbours": to_neighbours,
+            "close": to_close,
+            "right_of_close": _to_the_right(to_close),
+            "flagged": to_flagged,
+            "walls": to_wall.sum(axis=1),
+            "dust": to_dust,
+            "dump": to_dump,
+            "right_of_dump": _to_the_right(to_dump),
+        }
+        return Perception(
+            numbers=jnp.column_stack([numbers[name] for name in INPUTS]),
+            directions=jnp.stack([directions[name] for name in DIRECTIONS], axis=1),
+        )
+
+    def evaluate_network(self, perception: Perception) -> Intent:
+        """Return the outputs of the network."""
+        outputs = forward(SHAPE, self.weights[: SHAPE.n_weights], perception.numbers)
+        n_directions = len(DIRECTIONS)
+        return Intent(
+            aim=(outputs[:, :n_directions, None] * perception.directions).sum(axis=1),
+            speed=outputs[:, n_directions],
+            flag=outputs[:, n_directions + 1],
+        )
+
+    def carry_out(
+        self,
+        memory: Memory,
+        observation: Observation,
+        intent: Intent,
+    ) -> tuple[Memory, Command]:
+        """Return the memories and commands of robots that do as the network decided."""
+        # Turn towards the aim, and walk as far as the robot already looks there.
+        angle = jnp.arctan2(intent.aim[:, 1], intent.aim[:, 0])
+        largest = jnp.deg2rad(self.config.drive.max_turn)
+        turn = jnp.clip(angle, -largest, largest)
+        alignment = jnp.maximum(jnp.cos(angle - turn), 0.0)
+        pace = jnp.clip(intent.speed, -1.0, 1.0) * alignment
+        command = Command(turn, mm_from_rd(self.config.step_length) * pace)
+
+        # A ball within reach comes first.
+        approaches = controller.approaches_ball(self.picks(memory), observation)
+        tips = self.robot.each("probe_tip", len(approaches))
+        command = controller.approach_ball(
+            self.config,
+            tips,
+            approaches,
+            observation.ball_vector,
+            command,
+        )
+
+        command = Command(
+            turn=jnp.where(observation.waits, 0.0, command.turn),
+            forward=jnp.where(observation.waits, 0.0, command.forward),
+        )
+        memory = _move_beliefs(memory, command.turn, command.forward)
+        return memory._replace(flag=intent.flag > 0), command
+
+
+def _move_beliefs(memory: Memory, turn: Array, forward: Array) -> Memory:
+    """Return the memories after robots turned by `turn` [rad] and moved `forward` [mm]."""
+    dust = after_motion(memory.dust.as_message(), turn, forward)
+    dump = after_motion(memory.dump.as_message(), turn, forward)
+    return memory._replace(
+        dust=memory.dust._replace(vector=dust.vector),
+        dump=memory.dump._replace(vector=dump.vector),
+    )
+
+
+def _proximity(belief: Belief, distance: Float[Array, "N"], reach: float) -> Float[Array, "N"]:
+    """Return 1 for a place at the robot, falling towards 0 with its distance; 0 if unknown."""
+    return jnp.where(belief.known, 1.0 / (1.0 + distance / reach), 0.0)
+
+
+def _weighted_sum(
+    weight: Float[Array, "N S"],
+    vector: Float[Array, "N S 2"],
+) -> Float[Array, "N 2"]:
+    """Return the weighted sum of each robot's vectors."""
+    return (weight[..., None] * vector).sum(axis=1)
+
+
+def _length(vector: Float[Array, "N 2"]) -> Float[Array, "N"]:
+    """Return the lengths of vectors."""
+    return jnp.hypot(vector[:, 0], vector[:, 1])
 
 
 def _unit(angle: Float[Array, "*N"]) -> Float[Array, "*N 2"]:
+    """Return unit vectors at an angle anticlockwise from straight ahead [rad]."""
     return jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
 
 
 def _to_the_right(vector: Float[Array, "N 2"]) -> Float[Array, "N 2"]:
+    """Return vectors turned clockwise by 90 degrees."""
     return jnp.stack([vector[:, 1], -vector[:, 0]], axis=-1)

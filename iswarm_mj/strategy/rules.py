@@ -1,4 +1,4 @@
-"""The parameters of the robots' rules that may differ from world to world: genome and readings, as arrays."""
+"""Parameters of the robots' rules that may differ between worlds, as arrays."""
 
 from collections.abc import Sequence
 from dataclasses import fields
@@ -18,9 +18,10 @@ _GENES = {f.name for f in fields(Genome)}
 
 
 class Rules(NamedTuple):
-    """Values of a genome and of a `StrategyConfig`, as scalars, or of B worlds as arrays (B,).
+    """Values of a genome and of a `StrategyConfig`: scalars, or arrays (B,) of B worlds.
 
-    Each field is the parameter of the same name, in its unit; one of several words is its place among them.
+    Each field is the parameter of the same name, in its unit. Parameters that are words are stored
+    as indices, see `has_interpretation`.
     """
 
     density_of_robots: Float[Array, "*B"]
@@ -46,11 +47,11 @@ class Rules(NamedTuple):
     weight_find_dump: Float[Array, "*B"]
     """`Genome.weight_find_dump`."""
     avoidance_sides: Int[Array, "*B"]
-    """`strategy.avoidance_sides`, see `reads`."""
+    """`strategy.avoidance_sides` (index of a word)."""
     avoidance_course: Int[Array, "*B"]
-    """`strategy.avoidance_course`, see `reads`."""
+    """`strategy.avoidance_course` (index of a word)."""
     priority_repulsion: Int[Array, "*B"]
-    """`strategy.priority_repulsion`, see `reads`."""
+    """`strategy.priority_repulsion` (index of a word)."""
     avoids_at_dust: Bool[Array, "*B"]
     """`strategy.avoids_at_dust`."""
     random_turn: Float[Array, "*B"]
@@ -71,19 +72,26 @@ class Rules(NamedTuple):
     """`strategy.odometry_error_step`."""
 
 
-def reads(rules: Rules, name: str, word: str) -> Bool[Array, "*B"]:
-    """Return whether rules have a word, of the several that a reading may have.
+def has_interpretation(rules: Rules, name: str, word: str) -> Bool[Array, "*B"]:
+    """Return whether the rules interpret an ambiguous statement of the paper in this way.
 
     Args:
-        rules: of one world, or of B worlds.
-        name: of the reading, as "avoidance_course".
-        word: as "crossing".
+        rules: rules of one world, or of B worlds.
+        name: field of `StrategyConfig` that allows several words, as "avoidance_course".
+        word: one of them, as "crossing".
     """
     return getattr(rules, name) == choices(StrategyConfig, name).index(word)
 
 
 def rules_of(genome: Genome, strategy: StrategyConfig | None = None) -> Rules:
-    """Return the rules as JAX scalars, so that others need no compilation; the readings are the default's if None."""
+    """Return the rules of one world, as JAX scalars.
+
+    Arrays, unlike Python numbers, let other values run without another compilation.
+
+    Args:
+        genome: evolved parameters.
+        strategy: interpretations of the paper; None for the defaults.
+    """
     of_one_world = rules_of_worlds([genome], [strategy or StrategyConfig()])
     return jax.tree.map(lambda column: jnp.asarray(column[0]), of_one_world)
 
@@ -98,7 +106,12 @@ def rules_of_worlds(genomes: Sequence[Genome], strategies: Sequence[StrategyConf
 
 
 def _column(name: str, values: Sequence[Any]) -> np.ndarray:
-    """Return the values of a parameter in B worlds as an array; of words, their places among those allowed."""
-    if words := choices(StrategyConfig, name):
+    """Return the values of a parameter in B worlds as an array.
+
+    A word is stored as its index among the words that the parameter allows.
+    """
+    words = choices(StrategyConfig, name)
+    if words:
         return np.array([words.index(value) for value in values], np.int32)
-    return np.array(values, bool if isinstance(values[0], bool) else np.float32)
+    dtype = bool if isinstance(values[0], bool) else np.float32
+    return np.array(values, dtype)

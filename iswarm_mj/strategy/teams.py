@@ -1,4 +1,4 @@
-"""Teams: several strategies in one swarm, each with robots, memory and message fields of its own."""
+"""Teams: several strategies in one swarm, each with its own robots, memory and messages."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -32,217 +32,350 @@ class Team(NamedTuple):
 
     name: str
     share: float | int
-    """Of the robots as a float, or their number as an int."""
+    """Share of the robots as a float, or their number as an int."""
     strategy: Any
+
+
+class Member(NamedTuple):
+    """A team in a world of N robots."""
+
+    number: int
+    """Number of the team, from 0."""
+    name: str
+    strategy: Any
+    robots: slice
+    """Numbers of the team's robots in the world."""
+
+    @property
+    def size(self) -> int:
+        """Number of robots."""
+        return self.robots.stop - self.robots.start
+
+    def key(self, key: Array) -> Array:
+        """Return the team's own random key."""
+        return jax.random.fold_in(key, self.number)
 
 
 @jax.tree_util.register_pytree_node_class
 @dataclass(frozen=True)
 class Teams(Strategy):
-    """A strategy that gives each team of robots a strategy: `Teams({"red": (0.7, Walk()), "blue": (0.3, Gossip())})`.
+    """A strategy for each team: `Teams({"red": (0.7, Walk()), "blue": (0.3, Gossip())})`.
 
-    The robots of a team have consecutive numbers, in the order of the teams. A strategy acts on the robots of its team,
-    which it numbers from 0, but they see and hear all others. Messages have the fields of all teams; fields of one name
-    must be equal. Robots send 0 in fields that their strategy lacks, and of a vector that they know none.
+    The robots of a team have consecutive numbers, in the order of the teams. A strategy acts on the
+    robots of its team, which it numbers from 0, but they see and hear all others.
+
+    Messages have the fields of all teams; fields of the same name must be equal. Robots send 0 in
+    fields that their strategy lacks, and vectors as unknown.
 
     The memory is a dictionary by the teams' names, with 0 for the robots of other teams.
     """
 
     teams: Any
-    """Share and strategy of each team by its name; kept as a tuple of `Team`. Shares are floats that add up to 1, or
-    ints that add up to the number of robots. A strategy may be a `Genome`, or have `for_world`."""
+    """Share and strategy of each team by its name; kept as a tuple of `Team`.
+
+    Shares are floats that add up to 1, or ints that add up to the number of robots. A strategy may
+    be a `Genome`, or have `for_world`."""
 
     def __post_init__(self):
-        given = self.teams.items() if isinstance(self.teams, Mapping) else ()
-        if not given or not all(isinstance(value, tuple) and len(value) == 2 for _, value in given):
-            raise UserError(f"teams are a dictionary of shares and strategies, as {_EXAMPLE} (got {self.teams!r})")
-        shares = [share for _, (share, _) in given]
-        for name, (share, _) in given:
-            if not isinstance(name, str) or not name.isidentifier():
-                raise UserError(f"a team cannot be called {name!r}; give it a name as of a variable")
-            is_share = isinstance(share, float) and 0 < share <= 1
-            if not is_share and (not isinstance(share, int) or isinstance(share, bool) or share < 1):
-                raise ConfigError(f"share of team {name}", share, "a float above 0 and at most 1, or a whole number")
-        if len(are_floats := {isinstance(share, float) for share in shares}) > 1:
-            raise UserError("shares of teams must all be floats, or all be numbers of robots; give one kind")
-        if are_floats == {True} and abs(sum(shares) - 1) > 1e-6:
-            raise ConfigError("shares of the teams", round(sum(shares), 6), "such that they add up to 1")
-        object.__setattr__(self, "teams", tuple(Team(name, share, _usable(own)) for name, (share, own) in given))
-        _ = self.payload
+        _check_teams(self.teams)
+        teams = []
+        for name, (share, strategy) in self.teams.items():
+            teams.append(Team(name, share, _usable(strategy)))
+        object.__setattr__(self, "teams", tuple(teams))  # the dataclass is frozen
+        _ = self.payload  # raises an error where the fields of teams do not go together
 
     def tree_flatten(self) -> tuple[tuple[Any, ...], Any]:
-        """Return the strategies, and what is compiled in."""
-        return tuple(team.strategy for team in self.teams), tuple(team[:2] for team in self.teams)
+        """Return the strategies, and what is compiled in: names and shares."""
+        strategies = tuple(team.strategy for team in self.teams)
+        names_and_shares = tuple((team.name, team.share) for team in self.teams)
+        return strategies, names_and_shares
 
     @classmethod
-    def tree_unflatten(cls, about: Any, strategies: Any) -> "Teams":
-        """Return the teams that `tree_flatten` took apart, unchecked."""
-        made = object.__new__(cls)
-        teams = tuple(Team(name, share, own) for (name, share), own in zip(about, strategies, strict=True))
-        object.__setattr__(made, "teams", teams)
-        return made
+    def tree_unflatten(cls, names_and_shares: Any, strategies: Any) -> "Teams":
+        """Return the teams that `tree_flatten` took apart, without checks."""
+        teams = []
+        for (name, share), strategy in zip(names_and_shares, strategies, strict=True):
+            teams.append(Team(name, share, strategy))
+        unchecked = object.__new__(cls)
+        object.__setattr__(unchecked, "teams", tuple(teams))
+        return unchecked
 
     def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "Teams":
         """Return the teams of a world, with the number of robots of each as its share.
 
         Raises:
-            UserError: a team has no robot, or they have not `n_robots` robots together.
+            UserError: a team has no robot, or together they do not have `n_robots` robots.
         """
         total = sum(team.share for team in self.teams)
         if isinstance(total, int) and total != n_robots:
+            constraint = f"as many as there are robots, {n_robots}"
             remedy = f"set `n_robots` to {total}, or give shares as 0.5"
-            raise ConfigError("robots in teams", total, f"as many as there are robots, {n_robots}", remedy)
-        found = {}
+            raise ConfigError("robots in teams", total, constraint, remedy)
+
+        teams = {}
         sizes = self.sizes(n_robots)
-        for (name, share, strategy), size, end in zip(self.teams, sizes, accumulate(sizes), strict=True):
+        for team, size, end in zip(self.teams, sizes, accumulate(sizes), strict=True):
             if not size:
-                raise ConfigError(f"share of team {name}", share, f"enough for one of {n_robots} robots")
-            found[name] = size, _in_world(strategy, config, robot.part(end - size, size), size)
-        return Teams(found)
+                constraint = f"enough for one of {n_robots} robots"
+                raise ConfigError(f"share of team {team.name}", team.share, constraint)
+            robots = robot.part(end - size, size)
+            teams[team.name] = size, _strategy_in_world(team.strategy, config, robots, size)
+        return Teams(teams)
 
     def sizes(self, n_robots: int) -> tuple[int, ...]:
-        """Return the number of robots of each team; places for robots that a world lacks are those of the last."""
+        """Return the number of robots of each team.
+
+        The last team also has the places of robots that a world lacks.
+        """
         shares = [team.share for team in self.teams]
         scale = n_robots if isinstance(shares[0], float) else 1
-        edges = [0, *(math.floor(edge * scale + 0.5) for edge in np.cumsum(shares[:-1])), n_robots]
-        return tuple(np.diff(edges).tolist())
+        ends = [math.floor(end * scale + 0.5) for end in np.cumsum(shares[:-1])]
+        return tuple(np.diff([0, *ends, n_robots]).tolist())
 
-    def _each(self, n_robots: int) -> Iterator[tuple[str, Any, slice]]:
-        """Name, strategy and robots of each team."""
-        last = 0
-        for team, size in zip(self.teams, self.sizes(n_robots), strict=True):
-            yield team.name, team.strategy, slice(last, last := last + size)
+    def _members(self, n_robots: int) -> Iterator[Member]:
+        """Yield each team with its robots."""
+        first = 0
+        for number, size in enumerate(self.sizes(n_robots)):
+            team = self.teams[number]
+            yield Member(number, team.name, team.strategy, slice(first, first + size))
+            first += size
 
     @property
     def payload(self) -> Payload:
-        """Fields of all teams.
+        """Message fields of all teams.
 
         Raises:
-            UserError: two teams have different fields of the same name, or checks; or the fields have no room.
+            UserError: two teams have different fields of the same name, or different checks; or
+                the fields do not fit into a message.
         """
-        own = [payload_of(team.strategy) for team in self.teams]
-        pairs = dict.fromkeys(pair for payload in own for pair in payload.fields)
-        fields = dict([*pairs])
-        checks = dict.fromkeys(payload.check for payload in own if payload.fields)
-        if len(fields) < len(pairs) or len(checks) > 1:
-            what = "check messages alike" if len(checks) > 1 else "have equal fields of the same name"
-            found = "; ".join(f"{team.name}: {payload}" for team, payload in zip(self.teams, own, strict=True))
-            raise UserError(f"teams share one channel, and must {what} (got {found})")
+        payloads = [payload_of(team.strategy) for team in self.teams]
+        named_fields = dict.fromkeys(pair for payload in payloads for pair in payload.fields)
+        fields = dict([*named_fields])
+        checks = dict.fromkeys(payload.check for payload in payloads if payload.fields)
+
+        has_conflict = len(fields) < len(named_fields)
+        if has_conflict or len(checks) > 1:
+            alike = "check messages alike"
+            equal = "have equal fields of the same name"
+            requirement = alike if len(checks) > 1 else equal
+            named = zip(self.teams, payloads, strict=True)
+            found = "; ".join(f"{team.name}: {payload}" for team, payload in named)
+            raise UserError(f"teams share one channel, and must {requirement} (got {found})")
         return Payload(fields, *checks)
 
     @property
     def recorded(self) -> dict[str, str]:
-        """What the teams record, with their names before it."""
-        each = ((team.name, recorded_of(team.strategy)) for team in self.teams)
-        return {f"{name}.{part}": unit for name, parts in each for part, unit in parts.items()}
+        """Recorded parts of the teams' memories, as TEAM.PART, and their units."""
+        units = {}
+        for team in self.teams:
+            for part, unit in recorded_of(team.strategy).items():
+                units[f"{team.name}.{part}"] = unit
+        return units
 
     def init(self, n_robots: int, key: Array) -> dict[str, Any]:
-        """See `Strategy.init`."""
-        return {
-            name: _placed(strategy.init(robots.stop - robots.start, jax.random.fold_in(key, k)), robots, n_robots)
-            for k, (name, strategy, robots) in enumerate(self._each(n_robots))
-        }
+        """Return the initial memories of all teams, see `Strategy.init`."""
+        memory = {}
+        for team in self._members(n_robots):
+            of_team = team.strategy.init(team.size, team.key(key))
+            memory[team.name] = _scatter(of_team, team.robots, n_robots)
+        return memory
 
     def picks(self, memory: dict[str, Any]) -> Bool[Array, "N"]:
-        """See `Strategy.picks`."""
-        return self._chosen("picks", memory)
+        """Return whether each robot picks up balls."""
+        return self._collect("picks", memory, default=False)
 
     def releases(self, memory: dict[str, Any]) -> Bool[Array, "N"]:
-        """See `Strategy.releases`; robots of teams without it release balls over the dump alone."""
-        return self._chosen("releases", memory, default=False)
+        """Return whether each robot releases its ball, wherever it is.
+
+        Robots of teams whose strategies do not say so release balls only over the dump.
+        """
+        return self._collect("releases", memory, default=False)
 
     def led_power(self, memory: dict[str, Any]) -> Float[Array, "N"]:
-        """See `Strategy.led_power`; robots of teams without it send at full power."""
-        return self._chosen("led_power", memory, default=1.0)
+        """Return each robot's power, 1 in teams whose strategies set none."""
+        return self._collect("led_power", memory, default=1.0)
 
-    def _chosen(self, method: str, memory: dict[str, Any], default: bool | float = False) -> Array:
-        """Return what a method of each team's strategy returns, and the default where that is None."""
+    def _collect(self, method: str, memory: dict[str, Any], default: bool | float) -> Array:
+        """Return the results (N,) of a method of each team, with a default for None."""
         n_robots = len(jax.tree.leaves(memory)[0])
         parts = []
-        for name, strategy, robots in self._each(n_robots):
-            chosen = getattr(strategy, method)(_of(memory[name], robots))
-            parts.append(jnp.full(robots.stop - robots.start, default) if chosen is None else chosen)
+        for team in self._members(n_robots):
+            of_team = getattr(team.strategy, method)(_gather(memory[team.name], team.robots))
+            parts.append(jnp.full(team.size, default) if of_team is None else of_team)
         return jnp.concatenate(parts)
 
     def say(self, memory: dict[str, Any], is_loaded: Bool[Array, "N"]) -> dict[str, Any]:
-        """See `Strategy.say`."""
-        nothing = self.payload.shapes(len(is_loaded))
-        all_said = jax.tree.map(lambda its: jnp.zeros(its.shape, its.dtype), nothing)
-        for name, strategy, robots in self._each(len(is_loaded)):
-            if not payload_of(strategy).fields:
+        """Return the message of each robot, with 0 in fields that its team lacks."""
+        n_robots = len(is_loaded)
+        shapes = self.payload.shapes(n_robots)
+        messages = jax.tree.map(lambda shape: jnp.zeros(shape.shape, shape.dtype), shapes)
+        for team in self._members(n_robots):
+            if not payload_of(team.strategy).fields:
                 continue
-            own = strategy.say(_of(memory[name], robots), is_loaded[robots])
-            here = {field: all_said[field] for field in own}
-            all_said |= jax.tree.map(lambda a, mine, at=robots: a.at[at].set(mine), here, own)
-        return all_said
+            of_team = team.strategy.say(
+                _gather(memory[team.name], team.robots),
+                is_loaded[team.robots],
+            )
+            for name, values in of_team.items():
+                messages[name] = _place(values, messages[name], team.robots)
+        return messages
 
-    def listen(self, memory: dict[str, Any], observation: Observation, key: Array) -> dict[str, Any]:
-        """See `Strategy.listen`; teams whose strategy cannot pass on what they just heard do not."""
-        heard = dict(memory)
-        for k, (name, strategy, robots) in enumerate(self._each(len(observation.waits))):
-            if overrides(strategy, Strategy, "listen"):
-                own = _of(memory[name], robots), _seen(strategy, observation, robots), jax.random.fold_in(key, k)
-                heard[name] = _placed(strategy.listen(*own), robots, len(observation.waits))
-        return heard
+    def listen(
+        self,
+        memory: dict[str, Any],
+        observation: Observation,
+        key: Array,
+    ) -> dict[str, Any]:
+        """Return the memories from which robots speak, see `Strategy.listen`.
 
-    def correct_odometry(self, memory: dict[str, Any], shortfall: Float[Array, "N"]) -> dict[str, Any]:
-        """See `Strategy.correct_odometry`."""
-        known = dict(memory)
-        for name, strategy, robots in self._each(len(shortfall)):
-            own = strategy.correct_odometry(_of(memory[name], robots), shortfall[robots])
-            known[name] = _placed(own, robots, len(shortfall))
-        return known
+        Teams whose strategies do not define `listen` speak from the memory of the step before.
+        """
+        n_robots = len(observation.waits)
+        updated = dict(memory)
+        for team in self._members(n_robots):
+            if not overrides(team.strategy, Strategy, "listen"):
+                continue
+            of_team = team.strategy.listen(
+                _gather(memory[team.name], team.robots),
+                _observation_of(team, observation),
+                team.key(key),
+            )
+            updated[team.name] = _scatter(of_team, team.robots, n_robots)
+        return updated
 
-    def act(self, memory: dict[str, Any], observation: Observation, key: Array) -> tuple[dict[str, Any], Command]:
-        """See `Strategy.act`."""
-        n_robots, commands, next_memory = len(observation.waits), [], {}
-        for k, (name, strategy, robots) in enumerate(self._each(n_robots)):
-            own = _of(memory[name], robots), _seen(strategy, observation, robots), jax.random.fold_in(key, k)
-            after, command = strategy.act(*own)
-            next_memory[name] = _placed(after, robots, n_robots)
+    def correct_odometry(
+        self,
+        memory: dict[str, Any],
+        shortfall: Float[Array, "N"],
+    ) -> dict[str, Any]:
+        """Return the memories after robots walked less than commanded."""
+        n_robots = len(shortfall)
+        updated = dict(memory)
+        for team in self._members(n_robots):
+            of_team = team.strategy.correct_odometry(
+                _gather(memory[team.name], team.robots),
+                shortfall[team.robots],
+            )
+            updated[team.name] = _scatter(of_team, team.robots, n_robots)
+        return updated
+
+    def act(
+        self,
+        memory: dict[str, Any],
+        observation: Observation,
+        key: Array,
+    ) -> tuple[dict[str, Any], Command]:
+        """Return the next memories of all teams, and the commands of all robots."""
+        n_robots = len(observation.waits)
+        next_memory = {}
+        commands = []
+        for team in self._members(n_robots):
+            of_team, command = team.strategy.act(
+                _gather(memory[team.name], team.robots),
+                _observation_of(team, observation),
+                team.key(key),
+            )
+            next_memory[team.name] = _scatter(of_team, team.robots, n_robots)
             commands.append(command)
-        return next_memory, jax.tree.map(lambda *parts: jnp.concatenate(parts), *commands)
+        all_commands = jax.tree.map(lambda *parts: jnp.concatenate(parts), *commands)
+        return next_memory, all_commands
 
 
 def team_sizes(strategy: Any, n_robots: int) -> dict[str, int]:
     """Return the number of robots of each team by its name; empty without teams."""
-    teams = strategy.teams if isinstance(strategy, Teams) else ()
-    return dict(zip((team.name for team in teams), strategy.sizes(n_robots) if teams else (), strict=True))
+    if not isinstance(strategy, Teams):
+        return {}
+    names = [team.name for team in strategy.teams]
+    return dict(zip(names, strategy.sizes(n_robots), strict=True))
 
 
 def team_numbers(strategy: Any, n_robots: int) -> Int32[np.ndarray, "N"]:
-    """Return the number of each robot's team, from 0; without teams, robots are one."""
+    """Return the number of each robot's team, from 0; without teams all robots are one."""
     sizes = [*team_sizes(strategy, n_robots).values()] or [n_robots]
     return np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)
 
 
+def _check_teams(teams: Any) -> None:
+    """Raise a UserError unless this is a dictionary of names, shares and strategies."""
+    is_mapping = isinstance(teams, Mapping) and len(teams) > 0
+    if not is_mapping or not all(map(_is_pair, teams.values())):
+        raise UserError(
+            f"teams are a dictionary of shares and strategies, as {_EXAMPLE} (got {teams!r})",
+        )
+
+    for name, (share, _) in teams.items():
+        if not isinstance(name, str) or not name.isidentifier():
+            raise UserError(f"a team cannot be called {name!r}; give it a name as of a variable")
+        if not _is_fraction(share) and not _is_number_of_robots(share):
+            constraint = "a float above 0 and at most 1, or a whole number"
+            raise ConfigError(f"share of team {name}", share, constraint)
+
+    shares = [share for share, _ in teams.values()]
+    are_fractions = {isinstance(share, float) for share in shares}
+    if len(are_fractions) > 1:
+        raise UserError(
+            "shares of teams must all be floats, or all be numbers of robots; give one kind",
+        )
+    if are_fractions == {True} and abs(sum(shares) - 1) > 1e-6:
+        total = round(sum(shares), 6)
+        raise ConfigError("shares of the teams", total, "such that they add up to 1")
+
+
+def _is_pair(value: Any) -> bool:
+    """Return whether a value is a tuple of two."""
+    return isinstance(value, tuple) and len(value) == 2
+
+
+def _is_fraction(share: Any) -> bool:
+    """Return whether a share is a fraction of the robots."""
+    return isinstance(share, float) and 0 < share <= 1
+
+
+def _is_number_of_robots(share: Any) -> bool:
+    """Return whether a share is a number of robots; True and False are none."""
+    return isinstance(share, int) and not isinstance(share, bool) and share >= 1
+
+
 def _usable(strategy: Any) -> Any:
-    """A strategy that is a pytree, if it need not be made first."""
+    """Return a strategy as a pytree, unless `for_world` makes it later."""
     if isinstance(strategy, Genome) or makes_strategies(strategy):
         return strategy
     return as_strategy(strategy)
 
 
-def _in_world(strategy: Any, config: SwarmConfig, robot: Robots, n_robots: int) -> Any:
-    """A strategy in a world of this configuration, for so many robots."""
+def _strategy_in_world(strategy: Any, config: SwarmConfig, robot: Robots, n_robots: int) -> Any:
+    """Return a team's strategy in a world of this configuration, for its number of robots."""
     if isinstance(strategy, Genome):
+        rules = rules_of(strategy, config.strategy)
         n_scouts = round(strategy.fraction_scouts * n_robots)
-        return VectorStrategy(rules_of(strategy, config.strategy), n_scouts, config.static, robot)
-    made = strategy.for_world(config, robot, n_robots) if makes_strategies(strategy) else strategy
-    return as_strategy(made)
+        return VectorStrategy(rules, n_scouts, config.static, robot)
+    if makes_strategies(strategy):
+        strategy = strategy.for_world(config, robot, n_robots)
+    return as_strategy(strategy)
 
 
-def _of(tree: Any, robots: slice) -> Any:
-    """Arrays of some robots."""
-    return jax.tree.map(lambda a: a[robots], tree)
+def _gather(tree: Any, robots: slice) -> Any:
+    """Return the rows of a team's robots."""
+    return jax.tree.map(lambda values: values[robots], tree)
 
 
-def _placed(tree: Any, robots: slice, n_robots: int) -> Any:
-    """Arrays of some robots among those of N, with 0 for the others."""
-    return jax.tree.map(lambda a: jnp.zeros((n_robots, *a.shape[1:]), a.dtype).at[robots].set(a), tree)
+def _scatter(tree: Any, robots: slice, n_robots: int) -> Any:
+    """Return arrays of all N robots with the rows of a team, and 0 for all others."""
+
+    def scatter(values: Array) -> Array:
+        zeros = jnp.zeros((n_robots, *values.shape[1:]), values.dtype)
+        return zeros.at[robots].set(values)
+
+    return jax.tree.map(scatter, tree)
 
 
-def _seen(strategy: Any, observation: Observation, robots: slice) -> Observation:
-    """What some robots observe, with the fields of messages that their strategy knows."""
-    payload = {name: observation.payload[name] for name, _ in payload_of(strategy).fields}
-    return _of(observation._replace(payload=payload), robots)
+def _place(tree: Any, into: Any, robots: slice) -> Any:
+    """Return arrays of all robots in which a team's rows are replaced."""
+    return jax.tree.map(lambda everyone, values: everyone.at[robots].set(values), into, tree)
+
+
+def _observation_of(team: Member, observation: Observation) -> Observation:
+    """Return what a team observes, with only the message fields that its strategy knows."""
+    names = [name for name, _ in payload_of(team.strategy).fields]
+    payload = {name: observation.payload[name] for name in names}
+    return _gather(observation._replace(payload=payload), team.robots)

@@ -15,7 +15,7 @@ from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.vectors import after_motion, learnt
+from iswarm_mj.strategy.vectors import after_motion, learn_place
 from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.layout import balls_on_floor, draw_radii, place_robots
@@ -178,8 +178,8 @@ class Forager(Strategy):
         seen, step = observation, mm_from_rd(0.5)
         chance, aside = jax.random.uniform(key, (2, len(seen.at_dust)), minval=-1.0)
         takes = seen.at_dust & ~seen.is_loaded & ~seen.grasp_failed
-        home = learnt(memory["home"], seen.on_dump, jnp.zeros_like(seen.ball_vector), step)
-        food = learnt(memory["food"].where(~seen.grasp_failed), takes, seen.ball_vector, step)
+        home = learn_place(memory["home"], seen.on_dump, jnp.zeros_like(seen.ball_vector), step)
+        food = learn_place(memory["food"].where(~seen.grasp_failed), takes, seen.ball_vector, step)
         known = jnp.where(seen.is_loaded, home.known & ~seen.on_dump, food.known)
         goal = jnp.where(seen.is_loaded[:, None], home.vector, food.vector)
         angle = jnp.where(known, jnp.arctan2(goal[:, 1], goal[:, 0]), jnp.deg2rad(self.random_turn) * chance)

@@ -9,13 +9,13 @@ import pytest
 from support.sensing import RADIUS, senses_nothing
 
 from iswarm_mj.config.swarm import StrategyConfig, SwarmConfig
-from iswarm_mj.strategy.avoidance import Kept, kept_distances, repulsion
-from iswarm_mj.strategy.controller import avoid
+from iswarm_mj.strategy.avoidance import KeptDistances, kept_distances, repulsion
+from iswarm_mj.strategy.controller import avoidance_push
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.rules import rules_of
 
 CONFIG = SwarmConfig().static
-avoid_here, repulsion_here = jax.jit(partial(avoid, CONFIG)), jax.jit(repulsion)
+avoid_here, repulsion_here = jax.jit(partial(avoidance_push, CONFIG)), jax.jit(repulsion)
 
 
 @pytest.mark.parametrize(
@@ -32,18 +32,18 @@ def test_push_is_straight_away_and_linear():
     )
     away = -np.column_stack([np.cos(bearing), np.sin(bearing)])
     edge, one = np.full((30, 1), 0.65), np.ones((30, 1))
-    push = repulsion_here(bearing[:, None], 0.65 * shares[:, None], Kept(edge, edge), one)
+    push = repulsion_here(bearing[:, None], 0.65 * shares[:, None], KeptDistances(edge, edge), one)
     np.testing.assert_allclose(push, np.maximum(1 - shares, 0)[:, None] * away, atol=1e-6)
 
 
 def test_pushes_add_up():
     bearing, near = np.array([[0.0, np.pi / 2, np.pi]]), np.array([[0.5, 0.5, 0.75]])
-    push = repulsion_here(bearing, near, Kept(*np.ones((2, 1, 3))), np.array([[1.0, 2.0, 1.0]]))
+    push = repulsion_here(bearing, near, KeptDistances(*np.ones((2, 1, 3))), np.array([[1.0, 2.0, 1.0]]))
     np.testing.assert_allclose(push, [[-0.5 + 0.25, -1.0]], atol=1e-6)
 
 
 def test_no_distance_to_keep_is_no_push():
-    push = repulsion_here(np.zeros((1, 1)), np.full((1, 1), 0.1), Kept(*np.zeros((2, 1, 1))), np.ones((1, 1)))
+    push = repulsion_here(np.zeros((1, 1)), np.full((1, 1), 0.1), KeptDistances(*np.zeros((2, 1, 1))), np.ones((1, 1)))
     np.testing.assert_allclose(push, 0, atol=1e-6)
 
 

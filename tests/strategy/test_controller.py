@@ -9,12 +9,12 @@ from support.controller import CONFIG, PROBE, RULES, STEP, approach_here, draws,
 from support.sensing import senses_nothing, turned
 
 from iswarm_mj.config.swarm import DriveConfig, SwarmConfig
-from iswarm_mj.strategy.controller import approaching, choose, steer
+from iswarm_mj.strategy.controller import approaches_ball, choose_target, steer
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.units import RD
 
 KEY = jax.random.key(0)
-choose_here, steer_here = (jax.jit(f, static_argnums=0) for f in (choose, steer))
+choose_here, steer_here = (jax.jit(f, static_argnums=0) for f in (choose_target, steer))
 
 
 def planned(memory, loaded=False, follow=0.0, direction=0.5, rules=RULES, config=CONFIG):
@@ -142,7 +142,7 @@ def test_only_empty_robots_at_dust_approach_unless_it_stuck(change, approaches):
     seen = seen._replace(**{name: np.array([value]) for name, value in change.items()})
     for n_scouts, comes in ((0, approaches), (1, False)):
         one = strategy(n_scouts=n_scouts)
-        assert approaching(one.picks(one.init(1, KEY)), seen)[0] == comes
+        assert approaches_ball(one.picks(one.init(1, KEY)), seen)[0] == comes
 
 
 def test_the_tip_goes_to_the_ball_that_is_approached():

@@ -18,9 +18,9 @@ from iswarm_mj.simulation.decide import decide
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.strategy.controller import (
     RobotMemory,
-    approaching,
-    avoid,
-    choose,
+    approaches_ball,
+    avoidance_push,
+    choose_target,
     draw,
     learn,
     steer,
@@ -68,9 +68,9 @@ def test_relabelled_robots_do_the_same():
     @jax.jit
     def step(memory, seen, numbers):
         memory = learn(RULES, memory, seen, numbers)
-        wanted, limit, follows = choose(CONFIG, RULES, memory, seen, numbers)
-        command = steer(CONFIG, wanted + avoid(CONFIG, RULES, seen, follows), limit, numbers.side < 0.5)
-        comes = approaching(STRATEGY.picks(memory), seen)
+        wanted, limit, follows = choose_target(CONFIG, RULES, memory, seen, numbers)
+        command = steer(CONFIG, wanted + avoidance_push(CONFIG, RULES, seen, follows), limit, numbers.side < 0.5)
+        comes = approaches_ball(STRATEGY.picks(memory), seen)
         return (
             memory,
             follows,

@@ -46,7 +46,7 @@ def test_robots_forget_then_listen_then_feel_where_they_are(quarters):
     ties = {"dust_tie": each([0, 0.6, 0.7, 0.5]), "dump_tie": each([0, 0.2, 0.3, 0.4])}
     numbers = draws(n, forget=[0.0, 1.0, 1.0, 0.0, 1.0])._replace(**ties)
     robot = replace(ROBOT, sides=Sides(SIDES[quarters:] + SIDES[:quarters], SIDES))
-    memory = jax.jit(VectorStrategy(RULES, 0, CONFIG, robot)._remember)(own, seen, numbers)
+    memory = jax.jit(VectorStrategy(RULES, 0, CONFIG, robot).update_vectors)(own, seen, numbers)
     for found, vector, side, hop, kept in (
         (memory.dust, vectors[3], 3, 3, [[1, 1]] * 2 + [[0, 0]] * 2),
         (memory.dump, -vectors[2], 2, 2, [[2, -3]] * 2 + [[0, 0], [2, -3]]),

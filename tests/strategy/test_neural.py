@@ -19,7 +19,7 @@ from iswarm_mj.strategy.beliefs import Belief
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.network import Shape, forward, load_weights, save_weights
-from iswarm_mj.strategy.neural import N_WEIGHTS, SHIPPED, WAYS, Neural, untrained
+from iswarm_mj.strategy.neural import DIRECTIONS, N_WEIGHTS, SHIPPED, Neural, untrained
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.utils.errors import UserError
@@ -156,10 +156,10 @@ def test_robots_of_eight_sides(tmp_path):
     seen = seen._replace(
         is_heard=first, sees_wall=np.roll(first, 1), led=np.full((1, 8), 1), payload=seen.payload | {"dust": sent}
     )
-    known = policy._remember(policy.init(1, jax.random.key(0)), seen)
+    known = policy.update_beliefs(policy.init(1, jax.random.key(0)), seen)
     np.testing.assert_allclose(known.dust.vector, [[5 - 50**0.5, 50**0.5]], rtol=1e-5)
-    _, ways = policy._perceived(known, seen, jax.random.key(0))
-    np.testing.assert_allclose(ways[0, WAYS.index("walls")], [0.5**0.5] * 2, rtol=1e-5)
+    _, ways = policy.perceive(known, seen, jax.random.key(0))
+    np.testing.assert_allclose(ways[0, DIRECTIONS.index("walls")], [0.5**0.5] * 2, rtol=1e-5)
 
 
 def test_the_shipped_weights_are_small_and_used():

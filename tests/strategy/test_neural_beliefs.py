@@ -9,12 +9,12 @@ from scipy import stats
 from support.neural import CONFIG, ROBOT, does, sees, strategy
 
 from iswarm_mj.sensors.memory import VectorMemory
-from iswarm_mj.strategy.beliefs import MOST_DOUBT, Belief, Trust, confirmed, merged
-from iswarm_mj.strategy.neural import INPUTS, SHAPE, WAYS, Memory, untrained
+from iswarm_mj.strategy.beliefs import MAX_DOUBT, Belief, Trust, confirm_beliefs, merge_beliefs
+from iswarm_mj.strategy.neural import DIRECTIONS, INPUTS, SHAPE, Memory, untrained
 from iswarm_mj.utils.units import RD
 
-perceived_here = jax.jit(untrained(CONFIG, ROBOT)._perceived)
-merged_here, confirmed_here = jax.jit(merged, static_argnums=6), jax.jit(confirmed, static_argnums=3)
+perceived_here = jax.jit(untrained(CONFIG, ROBOT).perceive)
+merged_here, confirmed_here = jax.jit(merge_beliefs, static_argnums=6), jax.jit(confirm_beliefs, static_argnums=3)
 
 
 class TestReads:
@@ -41,7 +41,7 @@ class TestReads:
 
     def read(self):
         numbers, ways = perceived_here(self.MEMORY, self.SEEN, jax.random.key(1))
-        return dict(zip(INPUTS, numbers.T, strict=True)), dict(zip(WAYS, np.moveaxis(ways, 1, 0), strict=True))
+        return dict(zip(INPUTS, numbers.T, strict=True)), dict(zip(DIRECTIONS, np.moveaxis(ways, 1, 0), strict=True))
 
     def test_numbers(self):
         expected = {
@@ -88,7 +88,7 @@ class TestReads:
     def test_random_ways_and_characters_are_spread_evenly(self):
         policy, n = untrained(CONFIG, ROBOT), 4000
         memory = policy.init(n, jax.random.key(0))
-        ways = perceived_here(memory, sees(n), jax.random.key(1))[1][:, WAYS.index("random")]
+        ways = perceived_here(memory, sees(n), jax.random.key(1))[1][:, DIRECTIONS.index("random")]
         angles = np.arctan2(ways[:, 1], ways[:, 0])
         np.testing.assert_allclose(np.hypot(*ways.T), 1, rtol=1e-5)
         assert stats.kstest(angles, "uniform", (-np.pi, 2 * np.pi)).pvalue > 1e-3
@@ -113,11 +113,11 @@ class TestBeliefs:
         np.testing.assert_allclose([memory.dust.doubt[0], memory.dump.doubt[0]], 1 + np.exp([-2, 0.5]), rtol=1e-6)
 
     def test_what_is_told_is_rounded(self):
-        doubt = np.array([0.4, 2.6, MOST_DOUBT, 3.0])
-        told = Belief(np.ones((4, 2)), doubt, np.array([True, True, True, False])).told()
+        doubt = np.array([0.4, 2.6, MAX_DOUBT, 3.0])
+        told = Belief(np.ones((4, 2)), doubt, np.array([True, True, True, False])).as_message()
         assert told.hop.tolist() == [0, 3, 14, 3] and told.known.tolist() == [True, True, True, False]
         sent = dict(untrained(CONFIG, ROBOT).payload.fields)["dust"]
-        assert float(np.round(MOST_DOUBT)) == sent.max_hop < float(np.round(MOST_DOUBT + 0.01))
+        assert float(np.round(MAX_DOUBT)) == sent.max_hop < float(np.round(MAX_DOUBT + 0.01))
 
     def test_confirmed_and_refuted(self):
         """At the place; within half a step of where it was to be; beyond; where nothing is known."""
@@ -186,8 +186,8 @@ class TestBeliefs:
         belief, doubts = Belief(np.full((2, 2), 30.0), np.zeros(2), np.ones(2, bool)), []
         zero, led = np.zeros((2, 4)), np.full((2, 4), 2)  # of a robot ahead that looks the same way
         while belief.known.any():
-            sent = VectorMemory(*(np.repeat(np.flip(part, 0)[:, None], 4, axis=1) for part in belief.told()))
+            sent = VectorMemory(*(np.repeat(np.flip(part, 0)[:, None], 4, axis=1) for part in belief.as_message()))
             belief = merged_here(Trust(0.0, 0.0, 0.0), belief, sent, zero, zero, led, ROBOT.sides)
             doubts.append(float(belief.doubt[0]))
-        assert 5 < len(doubts) < 40 and (np.diff(doubts[:-1]) > 0).all() and MOST_DOUBT - 2 < doubts[-2] <= MOST_DOUBT
+        assert 5 < len(doubts) < 40 and (np.diff(doubts[:-1]) > 0).all() and MAX_DOUBT - 2 < doubts[-2] <= MAX_DOUBT
         assert not belief.vector.any() and not belief.doubt.any()

@@ -20,7 +20,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.network import forward
-from iswarm_mj.strategy.neural import N_WEIGHTS, SHAPE, WAYS, untrained
+from iswarm_mj.strategy.neural import DIRECTIONS, N_WEIGHTS, SHAPE, untrained
 from iswarm_mj.tasks.cleaning import CLEANING
 
 N, STEPS, SEED = 12, 16, 3
@@ -30,7 +30,7 @@ def test_the_loss_by_hand():
     """Four samples whose ratios are 1, 1.1, 2 and 0.5, and advantages of both signs: gains beyond the bounds count no
     more, losses do."""
     rng, strategy = np.random.default_rng(4), untrained(SMALL, read_robot())
-    shapes = (4, SHAPE.inputs), (4, len(WAYS), 2), (4, 4)
+    shapes = (4, SHAPE.inputs), (4, len(DIRECTIONS), 2), (4, 4)
     numbers, ways, drawn = (rng.normal(size=shape).astype(np.float32) for shape in shapes)
     matters, spread = rng.random((4, 4)) < 0.7, np.asarray(NOISE, float)
     mean = np.asarray(jax.jit(wanted)(strategy, numbers, ways))

@@ -15,11 +15,11 @@ from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import Rules, rules_of, rules_of_worlds
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
-from iswarm_mj.strategy.vectors import believed_motion
+from iswarm_mj.strategy.vectors import estimate_motion
 from iswarm_mj.utils.units import RD
 
 N, PROBE = 5000, (0.9, 0.0)
-actuate_here, motion_here = jax.jit(actuate, static_argnums=0), jax.jit(believed_motion)
+actuate_here, motion_here = jax.jit(actuate, static_argnums=0), jax.jit(estimate_motion)
 NOTHING = RobotMemory(*[remember(np.zeros((N, 2)), known=False)] * 2, np.zeros(N, bool))
 
 
@@ -54,8 +54,8 @@ def test_robots_know_that_they_fell_short():
     """Vectors to a place are those of a robot that commanded what it walked in truth."""
     place = remember(np.array([[3.0, 1.0], [-2.0, 4.0]]))
     memory = RobotMemory(place, place._replace(known=np.array([True, False])), np.zeros(2, bool))
-    fell_short = jax.jit(VectorStrategy(rules_of(Genome()), 0, SwarmConfig().static, ROBOT).correct_odometry)
-    short = fell_short(memory, np.float32([0.5, -1.0]))
+    correct_odometry = jax.jit(VectorStrategy(rules_of(Genome()), 0, SwarmConfig().static, ROBOT).correct_odometry)
+    short = correct_odometry(memory, np.float32([0.5, -1.0]))
     np.testing.assert_allclose(short.dust.vector, [[3.5, 1.0], [-3.0, 4.0]], rtol=1e-6)
     assert short.dump.vector.tolist() == [[3.5, 1.0], [0.0, 0.0]]
 

@@ -12,9 +12,9 @@ from iswarm_mj.config.swarm import OpticsConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.sensors.optics import receive
-from iswarm_mj.strategy.vectors import adopt, after_motion, arrived, best_offer, heard
+from iswarm_mj.strategy.vectors import adopt, after_motion, mark_arrival, side_of_best_offer, to_receiver_frame
 
-heard_here, after_motion_here = jax.jit(heard), jax.jit(after_motion)
+heard_here, after_motion_here = jax.jit(to_receiver_frame), jax.jit(after_motion)
 angles = st.floats(-np.pi, np.pi)
 lengths = st.floats(-100, 100)
 
@@ -22,7 +22,7 @@ lengths = st.floats(-100, 100)
 @jax.jit
 def adopt_here(own, offers, use_hop_count, tie):
     """Memories after the best offer (N, S) to each robot."""
-    side = best_offer(offers.hop, offers.known, use_hop_count, tie)
+    side = side_of_best_offer(offers.hop, offers.known, use_hop_count, tie)
     return adopt(own, jax.tree.map(lambda a: a[jnp.arange(len(side)), side], offers), use_hop_count)
 
 
@@ -83,7 +83,7 @@ def test_motion_teaches_nothing_to_the_ignorant():
 
 def test_standing_on_the_target_is_the_zero_vector_with_hop_0():
     before = remember(np.array([[3.0, 4.0], [3.0, 4.0], [0, 0], [0, 0]]), hop=6, known=np.array([1, 1, 0, 0], bool))
-    after = arrived(before, np.array([True, False, True, False]))
+    after = mark_arrival(before, np.array([True, False, True, False]))
     np.testing.assert_array_equal(after.vector, [[0, 0], [3, 4], [0, 0], [0, 0]])
     np.testing.assert_array_equal(after.hop, [0, 6, 0, 0])
     np.testing.assert_array_equal(after.known, [True, True, True, False])

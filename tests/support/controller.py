@@ -7,7 +7,7 @@ import numpy as np
 
 from iswarm_mj.config.swarm import StrategyConfig, SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot
-from iswarm_mj.strategy.controller import Draws, RobotMemory, approach
+from iswarm_mj.strategy.controller import Draws, RobotMemory, approach_ball
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
@@ -28,8 +28,8 @@ def act(config, probe_tip, rules, memory, seen, key):
 
 
 def approach_with(config, tip, approaches, *given):
-    """`approach` of robots of one kind."""
-    return approach(config, np.tile(tip, (len(approaches), 1)), approaches, *given)
+    """`approach_ball` of robots of one kind."""
+    return approach_ball(config, np.tile(tip, (len(approaches), 1)), approaches, *given)
 
 
 act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach_with))

@@ -17,12 +17,12 @@ from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.avoidance import is_avoided, listening_sides
-from iswarm_mj.strategy.controller import approach, avoid
+from iswarm_mj.strategy.controller import approach_ball, avoidance_push
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import payload_for
-from iswarm_mj.strategy.vectors import heard
+from iswarm_mj.strategy.vectors import to_receiver_frame
 from iswarm_mj.utils.errors import ConfigError
 
 SIX = models_directory() / "robot6.xml"
@@ -76,7 +76,7 @@ def test_vectors_turn_by_the_direction_of_the_led():
     """The sender at bearing 60 deg shows LED 2, at 120 deg: it looks along 60 + 180 - 120 deg here."""
     sides = read_robot(SIX).sides
     bearing, led = jnp.array([jnp.pi / 3]), jnp.array([2])
-    got = heard(remember(jnp.array([[10.0, 0.0]])), bearing, jnp.array([5.0]), led, sides)
+    got = to_receiver_frame(remember(jnp.array([[10.0, 0.0]])), bearing, jnp.array([5.0]), led, sides)
     expected = 5 * np.exp(1j * np.pi / 3) + 10 * np.exp(1j * np.radians(120))
     np.testing.assert_allclose(np.asarray(got.vector) @ [1, 1j], [expected], atol=1e-4)
 
@@ -92,7 +92,7 @@ def test_avoidance_follows_the_directions_of_the_sides():
     assert listening_sides(front, askew).tolist() == [True, False, False, False]
     assert is_avoided(rules, jnp.arange(4)[None], askew).tolist() == [[True, False, True, True]]
     walls = senses_nothing(1, sides=6)._replace(sees_wall=jnp.array([[False, True, False, False, False, False]]))
-    push = np.asarray(avoid(SwarmConfig().static, rules, walls, jnp.array([False]), sides))[0]
+    push = np.asarray(avoidance_push(SwarmConfig().static, rules, walls, jnp.array([False]), sides))[0]
     np.testing.assert_allclose(push / np.linalg.norm(push), [-0.5, -np.sqrt(0.75)], atol=1e-5)
 
 
@@ -104,7 +104,7 @@ def test_probes_anywhere_get_over_the_ball():
     for _ in range(6):
         seen = (ball - at) / heading
         vector = jnp.asarray(np.stack([seen.real, seen.imag], axis=-1), jnp.float32)
-        command = approach(config, tips, jnp.ones(n, bool), vector, Command(jnp.zeros(n), jnp.zeros(n)))
+        command = approach_ball(config, tips, jnp.ones(n, bool), vector, Command(jnp.zeros(n), jnp.zeros(n)))
         heading = heading * np.exp(1j * np.asarray(command.turn, float))
         at = at + heading * np.asarray(command.forward, float)
     np.testing.assert_allclose(at + heading * (tips @ [1, 1j]), ball, atol=1e-4)

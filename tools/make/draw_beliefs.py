@@ -15,7 +15,7 @@ from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.beliefs import MOST_DOUBT
+from iswarm_mj.strategy.beliefs import MAX_DOUBT
 from iswarm_mj.strategy.neural import Neural
 from iswarm_mj.utils.units import RD
 
@@ -42,7 +42,7 @@ def main():
                 known, doubt = np.asarray(belief.known[index, 0]), np.asarray(belief.doubt[index, 0])
                 panel.scatter(x[~known], y[~known], s=9, facecolors="none", edgecolors="0.75", linewidths=0.6)
                 shades = panel.scatter(
-                    x[known], y[known], s=10, c=doubt[known], cmap="viridis_r", vmin=0, vmax=MOST_DOUBT
+                    x[known], y[known], s=10, c=doubt[known], cmap="viridis_r", vmin=0, vmax=MAX_DOUBT
                 )
             flag, loaded = np.asarray(memory.flag[index, 0]), np.asarray(record.swarm.is_loaded[index, 0])
             for colour, which in (

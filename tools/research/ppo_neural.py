@@ -28,7 +28,7 @@ from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.network import Shape, forward, save_weights
-from iswarm_mj.strategy.neural import PLACES, SHAPE, first_weights, untrained
+from iswarm_mj.strategy.neural import PLACES, SHAPE, Perception, first_weights, untrained
 from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.utils.units import RD, mm_from_rd
 
@@ -78,18 +78,18 @@ def acted(env, command, said):
 def decide(env, strategy, memory, obs, key, noise):
     """Return the next memories of one world's robots, their action and the sample; `noise` (N, 4) is added."""
     seen = observed(env, obs)
-    known = strategy._remember(memory, seen)
+    known = strategy.update_beliefs(memory, seen)
     numbers, ways = strategy._perceived(known, seen, key)
     drawn = wanted(strategy, numbers, ways) + noise
     memory, command = strategy._carried_out(known, seen, drawn[:, :2], drawn[:, 2], drawn[:, 3])
-    moves = ~(controller.approaching(strategy.picks(known), seen) | seen.waits)
+    moves = ~(controller.approaches_ball(strategy.picks(known), seen) | seen.waits)
     matters = jnp.column_stack([moves, moves, moves, jnp.ones_like(moves)])
     return memory, acted(env, command, strategy.say(memory, seen.is_loaded)), (numbers, ways, drawn, matters)
 
 
 def wanted(strategy, numbers, ways):
     """Return the policy's mean (N, 4)."""
-    return jnp.column_stack(strategy._wanted(numbers, ways))
+    return jnp.column_stack(strategy.evaluate_network(Perception(numbers, ways)))
 
 
 def log_probability(strategy, numbers, ways, drawn, matters):
