@@ -56,9 +56,9 @@ class Forgetful(NeuralStrategy):
 class Omniscient(NeuralStrategy):
     """Robots know where the dump and the nearest ball are, without doubt; with the task `Told`."""
 
-    def update_beliefs(self, memory, seen):
+    def update_beliefs(self, memory, observation):
         told = jnp.ones(len(memory.character), bool)
-        places = {"dust": seen.sensed["ball_at"], "dump": seen.sensed["dump_at"]}
+        places = {"dust": observation.sensed["ball_at"], "dump": observation.sensed["dump_at"]}
         return memory._replace(**{name: Belief(where, jnp.zeros(len(where)), told) for name, where in places.items()})
 
 
