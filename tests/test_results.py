@@ -15,7 +15,7 @@ from iswarm_mj.utils.tables import read_table, write_csv
 
 ROOT = Path(__file__).parents[1]
 PAGES = ["README.md", "CONTRIBUTING.md", "results/README.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
-ENGINES = ("results", "results-mujoco")
+ENGINES = ("results/default", "results/mujoco")
 REMEDY = "run `iswarm reproduce --tables`"
 
 
@@ -25,7 +25,7 @@ def tables():
 
 
 @pytest.mark.parametrize(
-    "results", ["results", *(f"results-{name}" for name in ("initial", "mujoco", "cells", "stops", "selected"))]
+    "results", [f"results/{name}" for name in ("default", "initial", "mujoco", "cells", "stops", "selected")]
 )
 def test_findings_are_what_the_code_says_of_the_tables(tmp_path, results, tables):
     made = [topic for topic in tables.topics(results) if topic.results]
@@ -48,7 +48,7 @@ def test_evolutions_begin_as_random_search_does():
     """The first generation of both is drawn by the same numbers; its runs were worlds of other batches."""
     first, drawn = [], ("replicate", "individual", "n_robots", "seed", *(field.name for field in fields(Genome)))
     for method in ("paper", "random"):
-        rows, _ = read_table(ROOT / "results" / f"evolve-{method}" / "evolution.parquet")
+        rows, _ = read_table(ROOT / "results/default" / f"evolve-{method}" / "evolution.parquet")
         first.append([[row[name] for name in drawn] for row in rows if row["generation"] == 0])
     assert first[0] == first[1] and len(first[0]) == 160
 
@@ -56,7 +56,7 @@ def test_evolutions_begin_as_random_search_does():
 @pytest.mark.parametrize("method", ["paper", "random", "cmaes"])
 def test_searches_are_repeated_with_the_densities_of_the_results(method):
     (part,) = parts_of(Plan(), Execution(), 16, 1, [f"evolve-{method}"])
-    _, settings = read_table(ROOT / "results" / part.name / part.table)
+    _, settings = read_table(ROOT / "results/default" / part.name / part.table)
     assert part.settings["operators"] == settings["operators"]
 
 

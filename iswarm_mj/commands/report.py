@@ -61,7 +61,7 @@ class Reproduce(ManyRunsOptions):
     trials: Annotated[int, Within(1, 10_000), Needs("quick", (False,))] = 20
     """Grasps at each radius and humidity."""
     results: Path | None = None
-    """Directory of the results: results by default, and runs/reproduce-quick/results with --quick."""
+    """Directory of the results: results/default by default, and runs/reproduce-quick/results with --quick."""
     out: Path | None = None
     """Directory in which they are made, with all that is not kept, and of report.html; runs/reproduce by default."""
     pages: tuple[Path, ...] | None = None
@@ -79,7 +79,7 @@ class Reproduce(ManyRunsOptions):
         from iswarm_mj.paper.studies.experiment import Plan
 
         out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
-        results = self.results or (out / "results" if self.quick else Path("results"))
+        results = self.results or (out / "results" if self.quick else Path("results/default"))
         if self.tables:
             rewrite(results, self._pages)
             return

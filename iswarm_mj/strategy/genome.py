@@ -71,7 +71,7 @@ EVOLVED = Genome(
 )
 PRESETS = {"type1": TYPE1, "type2": TYPE2, "evolved": EVOLVED}
 """Genomes by name: the two types that evolved in the paper (Table 2), and the fittest of
-`results/evolve-paper`."""
+`results/default/evolve-paper`."""
 
 
 def load_genome(name: str) -> Genome:

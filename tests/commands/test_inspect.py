@@ -44,7 +44,7 @@ def test_the_ways_to_open_files_work(run):
     (python,) = (line for line in text.splitlines() if line.startswith("trajectory.npz"))
     call = python.split(": ", 1)[1].split(", .balls")[0]
     assert eval(call, {"iswarm_mj": iswarm_mj}).num_rows == 20 * 13
-    table = ROOT / "results/hop-count/hop_count.parquet"
+    table = ROOT / "results/default/hop-count/hop_count.parquet"
     (parquet,) = (line for line in inspection(table.parent).splitlines() if line.startswith("hop_count.parquet"))
     assert eval(parquet.split("table: ")[1], {"pyarrow": pyarrow}).num_rows == 24
     again = next(line for line in text.splitlines() if line.startswith("result.json")).split("; iswarm ")[1]
@@ -111,7 +111,7 @@ def journal_of_two(path):
 @pytest.mark.parametrize("ended", [False, True])
 def test_a_search_that_was_killed_has_a_table(tmp_path, ended):
     for name in ("evolution.parquet", "best.json")[: 1 + ended]:
-        shutil.copy(ROOT / "results/evolve-cmaes" / name, tmp_path)
+        shutil.copy(ROOT / "results/default/evolve-cmaes" / name, tmp_path)
     journal_of_two(tmp_path / "checkpoint.sqlite")
     text = inspection(tmp_path)
     assert ("interrupted: 2 finished runs of a search" in text and "same command goes on" in text) != ended

@@ -28,7 +28,7 @@ def differing(config):
 @pytest.mark.parametrize("name", EXPERIMENTS)
 def test_runs_are_those_of_the_results(name):
     """Labels, seeds, sizes and limits of the published tables; those of a quick version are fewer and shorter."""
-    rows, _ = read_table(Path(__file__).parents[2] / "results" / name / EXPERIMENTS[name].table)
+    rows, _ = read_table(Path(__file__).parents[2] / "results/default" / name / EXPERIMENTS[name].table)
     found, quick = entries(name), EXPERIMENTS[name].entries(replace(PLAN, quick=True))
     assert len(found) == len(rows) == len({entry.job for entry in found})
     for (labels, job), row in zip(found, rows, strict=True):

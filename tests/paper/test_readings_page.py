@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_the_selected_reading_is_that_of_the_rule_and_the_page_says_what_is_supported():
     """Which readings pass the correction; what of the two halves the best combinations and `paper` reproduce."""
-    rows, _ = read_table(ROOT / "results/infer/infer.parquet")
+    rows, _ = read_table(ROOT / "results/default/infer/infer.parquet")
     every = combinations_of(rows)
     found, (_, kept), (paper, _) = supports(every), sample_of(every), [c for c in every if c.is_named]
     settings = {}
@@ -62,12 +62,12 @@ def table(head):
 
 
 @pytest.mark.parametrize(
-    ("results", "column"), [("results", 2), ("results-cells", 3), ("results-stops", 4), ("results-selected", 5)]
+    ("results", "column"), [("results/default", 2), ("results/cells", 3), ("results/stops", 4), ("results/selected", 5)]
 )
 def test_the_page_s_table_of_evolutions(results, column):
     assert [row[column] for row in table("| | the paper | default")] == told(f"{results}/evolve-paper")
 
 
 def test_the_page_s_table_of_stops():
-    parts = ["results-cells/evolve-paper", *(f"results-stops/{p}" for p in ("share-25", "evolve-paper", "share-50"))]
+    parts = ["results/cells/evolve-paper", *(f"results/stops/{p}" for p in ("share-25", "evolve-paper", "share-50"))]
     assert [row[1:] for row in table("| stops, with `cells`")] == [told(part)[:3] for part in parts]

@@ -66,5 +66,5 @@ def test_without_results_all_but_the_laws_is_open_and_signs_of_html_are_text(tmp
 @pytest.mark.parametrize("name", ["types", "sensitivity", "resolved-grasps", "infer"])
 def test_each_experiment_draws_its_table(tmp_path, name, monkeypatch):
     monkeypatch.setattr("iswarm_mj.paper.analysis.statistics.RESAMPLES", 99)
-    EXPERIMENTS[name].draw(read_table(ROOT / "results" / name / EXPERIMENTS[name].table)[0], tmp_path)
+    EXPERIMENTS[name].draw(read_table(ROOT / "results/default" / name / EXPERIMENTS[name].table)[0], tmp_path)
     assert list(tmp_path.glob("*.png"))

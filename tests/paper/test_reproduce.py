@@ -58,7 +58,7 @@ def test_all_is_made_and_nothing_twice(jobs, tmp_path, capsys):
     assert page.read_text() == text
     page.write_text(text.replace("3 of 3", "4 of 4"))
     (results / "hop-count/findings.csv").write_text("something else")
-    main(["reproduce", "--tables"])
+    main(["reproduce", "--tables", "--results", "results"])
     assert (page.read_text(), (results / "hop-count/findings.csv").read_bytes()) == (text, findings)
     assert len(jobs) == made
     run("--again")
@@ -73,7 +73,7 @@ def test_quick_results_are_kept_away_from_the_others_and_from_pages(jobs, monkey
     quick = Path("runs/reproduce-quick")
     assert [args[1:] for args in given] == [
         (quick / "results", quick, (), False),
-        (Path("results"), Path("runs/reproduce"), [Path("README.md")], False),
+        (Path("results/default"), Path("runs/reproduce"), [Path("README.md")], False),
     ]
     assert [args[0][0].settings["repeats"] for args in given] == [1, 7]
 
@@ -130,6 +130,6 @@ def test_a_page_that_cannot_be_filled_leaves_all_as_it_was(jobs, tmp_path, capsy
     findings.write_text("old")
     page.write_text(before := PAGE.format("density") + PAGE.format("densty"))
     with pytest.raises(SystemExit) as stop:
-        main(["reproduce", "--tables"])
+        main(["reproduce", "--tables", "--results", "results"])
     assert stop.value.code == 2 and "The block was 'densty'" in capsys.readouterr().err
     assert findings.read_text() == "old" and page.read_text() == before

@@ -22,7 +22,7 @@ old | 17 |
 <!-- end -->
 Between.
 
-<!-- results-initial: hop-count beside results -->
+<!-- results/initial: hop-count beside results -->
 <!-- end -->
 
     <!-- end -->
@@ -37,7 +37,7 @@ def fill(directory, name, beside):
 def test_only_what_is_between_the_marks_changes(tmp_path):
     new = filled(PAGE, fill)
     assert "<!-- results: density -->\n\n| density of results and None |\n\n<!-- end -->\nBetween." in new
-    assert "\n\n| hop-count of results-initial and results |\n\n<!-- end -->" in new
+    assert "\n\n| hop-count of results/initial and results |\n\n<!-- end -->" in new
     kept = [line for line in PAGE.splitlines() if line and "old" not in line]
     assert [line for line in new.splitlines() if " of results" not in line and line] == kept
     assert filled(new, fill) == new and filled(PAGE, lambda *block: None) == PAGE

@@ -37,7 +37,7 @@ def as_stiff(work, radius, median, modulus, z0):
 @pytest.mark.parametrize("z0", [0.16e-9, 0.4e-9])
 def test_no_verdict_on_trials_changes_with_the_pull_off_of_the_transition(z0):
     """Voltages of the committed trials, times what the force balance makes of the other pull-off."""
-    rows, _ = read_table(TESTS.parent / "results/grasp/trials.parquet")
+    rows, _ = read_table(TESTS.parent / "results/default/grasp/trials.parquet")
     contacts, changed, change = Contacts(), [], {"grasp": [], "release": []}
     for row in rows:
         radius = row["radius"]

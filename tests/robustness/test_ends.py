@@ -47,7 +47,7 @@ COMMANDS = {
     "grasp": ("grasp --threads=1 --out={out}", "--radius=2e-5 --rh=10 --repeats=2", "--repeats=100"),
     "picture": ("picture {run} --width=64 --height=64 --out={out}/a.png", "--step=1", "--step=2"),
     "video": ("video {run} --width=64 --height=64 --out={out}/a.mp4", "--steps=2", "--frames-per-step=24"),
-    "report": ("report --out={out}/a.html", f"--results {ROOT}/results/hop-count", f"--results {ROOT}/results"),
+    "report": ("report --out={out}/a.html", f"--results {ROOT}/results/default/hop-count", f"--results {ROOT}/results"),
 }
 """Arguments of commands that write: all, those of a short one, those of a long one."""
 ENDLESS = {

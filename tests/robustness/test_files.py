@@ -251,6 +251,6 @@ def test_tables(tmp_path, name, seed):
     """A report names what cannot be used."""
     path = tmp_path / name
     path.parent.mkdir(exist_ok=True)
-    path.write_bytes((models_directory().parent / "results" / name).read_bytes())
+    path.write_bytes((models_directory().parent / "results/default" / name).read_bytes())
     read = partial(report, [tmp_path], tmp_path / "report.html")
     attack_file(np.random.default_rng(seed), path, read, odd_table)

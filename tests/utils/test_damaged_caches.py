@@ -188,6 +188,6 @@ print("iswarm_mj.gripper.plugin" in sys.modules, "iswarm_mj.engines.planar.physi
 
 
 def test_inspect_needs_no_compiled_program(tmp_path):
-    results = Path(__file__).parents[2] / "results" / "grasp"
+    results = Path(__file__).parents[2] / "results/default" / "grasp"
     done = subprocess.run([sys.executable, "-c", INSPECT, results], capture_output=True, text=True)
     assert done.stdout.splitlines()[-1] == "False False", done.stderr

@@ -1,4 +1,4 @@
-"""Hook of the documentation site: pages show figures of results/ and results-initial/, which lie beside docs/."""
+"""Hook of the documentation site: pages show figures of results/, which lies beside docs/."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).parents[2]
-_LINK = re.compile(r"\]\(\.\./(results[\w-]*/[\w/.-]+\.png)\)")
+_LINK = re.compile(r"\]\(\.\./(results/[\w/.-]+\.png)\)")
 
 
 def on_files(files: Files, *, config: Any) -> Files:

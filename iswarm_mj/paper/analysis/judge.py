@@ -20,7 +20,7 @@ RARE = 0.05
 EQUAL = 0.1
 """Medians that differ by less than this share of them count as equal. Of the paper's 310 steps that is 31, which is 4 %
 of its fitness; finishing times of types 1 and 2 scatter by 24 and 18 % (standard deviation of 96 runs each,
-results/types), so that of single runs, as the paper compares them, less would not show."""
+results/default/types), so that of single runs, as the paper compares them, less would not show."""
 SURE = 0.95
 """Share of the bootstrap resamples, of which one less this is as sure of the opposite."""
 MANY = 8

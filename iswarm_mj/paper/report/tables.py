@@ -1,7 +1,6 @@
 """Blocks of Markdown pages that are written from results; nothing outside of them is touched.
 
-A block begins with a line `<!-- DIRECTORY: NAME -->`, where the directory is `results` or another one whose name begins
-so, and the name a topic or one of `OF_ALL`; it ends with a line `<!-- end -->`. `<!-- DIRECTORY: NAME beside OTHER -->`
+A block begins with a line `<!-- DIRECTORY: NAME -->`, where the directory is `results` or one below it, and the name a topic or one of `OF_ALL`; it ends with a line `<!-- end -->`. `<!-- DIRECTORY: NAME beside OTHER -->`
 has the results of two directories on a topic, such as those of two configurations. A block without results stays as
 it is.
 """
