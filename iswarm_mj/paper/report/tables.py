@@ -1,8 +1,9 @@
 """Blocks of Markdown pages that are written from results; nothing outside of them is touched.
 
-A block begins with a line `<!-- DIRECTORY: NAME -->`, where the directory is `results` or one below it, and the name a topic or one of `OF_ALL`; it ends with a line `<!-- end -->`. `<!-- DIRECTORY: NAME beside OTHER -->`
-has the results of two directories on a topic, such as those of two configurations. A block without results stays as
-it is.
+A block begins with a line `<!-- DIRECTORY: NAME -->`, where the directory is `results` or one
+below it, and the name a topic or one of `OF_ALL`; it ends with a line `<!-- end -->`.
+`<!-- DIRECTORY: NAME beside OTHER -->` has the results of two directories on a topic, such as
+those of two configurations. A block without results stays as it is.
 """
 
 import re
