@@ -1,7 +1,8 @@
-"""An environment but for its engine: its state, how episodes begin, what robots do and observe. Pure JAX, of one world.
+"""The part of an environment that does not depend on the engine, as pure JAX functions of one world.
 
-An environment takes its steps half a control step later than a run: robots that have perceived act, move, and perceive
-again. The stages are those of `simulation.step.control_step`, so that the same worlds do the same in both.
+It begins episodes, carries out actions, and computes observations and rewards. A step of an environment is half a
+control step later than one of a run: robots that have perceived act, move, and perceive again. The stages are those of
+`simulation.step.control_step`, so that the same worlds do the same in both.
 """
 
 from dataclasses import dataclass
@@ -20,11 +21,17 @@ from iswarm_mj.envs.tables import Row
 from iswarm_mj.geometry.robot import RobotFile, Robots
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.actuate import DriveOutput, actuate
-from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
+from iswarm_mj.simulation.actuate import DriveInputs, DriveOutput, actuate
+from iswarm_mj.simulation.perceive import (
+    HeldOutputs,
+    Perceived,
+    StepInputs,
+    perceive,
+    with_conditions,
+)
 from iswarm_mj.simulation.power import is_emitting
-from iswarm_mj.simulation.state import WorldParams, WorldState
-from iswarm_mj.simulation.step import after_motion, after_task
+from iswarm_mj.simulation.state import SwarmState, WorldParams, WorldState
+from iswarm_mj.simulation.step import account_for_motion, account_for_task
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.base import overrides
 from iswarm_mj.tasks.base import Quantity, Task
@@ -32,87 +39,112 @@ from iswarm_mj.utils.arrays import Array
 
 
 class Episode(NamedTuple):
-    """What goes on in a world; robots do not know it."""
+    """State of a world in an episode; robots do not know it."""
 
     world: WorldState
+    """State of the world."""
     key: Array
     """Random key of the world's noise."""
     next_key: Array
-    """That begins the next episode."""
+    """Random key of the next episode."""
     step: Int[Array, "*B"]
-    """Control steps taken."""
+    """Number of control steps taken."""
     waits: Bool[Array, "*B N"]
-    """The robot stays where it is in the next step, see `Observation.waits`."""
+    """Robots that stay where they are in the next step, see `Observation.waits`."""
     tool_voltage_squared: Float[Array, "*B N"]
-    """See `tasks.base.Sensed` [V^2]."""
+    """Sum of V^2 over each robot's attempts in the next step, see `tasks.base.Sensed` [V^2]."""
     conditions: Conditions | None
-    """Of the step that the robots have begun to perceive; None where the task changes none (`Task.conditions`)."""
+    """Conditions of the step that the robots have begun to perceive; None where the task changes none
+    (`Task.conditions`)."""
 
 
 class State(NamedTuple):
-    """State of an environment with N robots; of B worlds all arrays have a leading axis of worlds."""
+    """State of an environment with N robots; for B worlds all arrays have a leading axis of worlds."""
 
     data: Episode
+    """State of the world, which robots do not know."""
     obs: Float[Array, "*B N D"]
-    """What each robot may know, see `Env.observations`."""
+    """Observation of each robot, see `Env.observations`."""
     reward: Float[Array, "*B N"]
-    """Of each robot for the last step, by its task."""
+    """Reward of each robot for the last step, from its task."""
     done: Bool[Array, "*B"]
-    """The episode has ended: the goal is reached, the time is up, or something went wrong. The next `step` begins a new
-    one, whatever the action."""
+    """Worlds whose episode has ended: the goal is reached, the time is up, or there is a fault. The next `step` begins
+    a new one, whatever the action."""
     metrics: dict[str, Array]
-    """Those of the task; `progress` of it; `collisions` so far."""
+    """Metrics and `progress` of the task, and `collisions` so far."""
     info: dict[str, Any]
     """`step` of the episode; `is_finished`, the goal is reached; `truncated`, the time is up; `fault`, bits of
-    `FaultKind`, 0 if nothing went wrong."""
+    `FaultKind`, 0 for no fault."""
 
 
 class Intent(NamedTuple):
-    """What robots do in a step."""
+    """Outcome of the actions of a step, before the motion."""
 
-    done: DriveOutput
-    """By their drives; actions that were not finite are refused, too."""
-    said: dict[str, Any]
+    drive: DriveOutput
+    """Motion that the drives carry out; actions that are not finite are refused, too."""
+    payload: dict[str, Any]
+    """Content of the robots' messages."""
     is_running: Bool[Array, "*B"]
-    """The world moves."""
+    """Worlds that move."""
     is_emitting: Bool[Array, "*B N"]
-    """The robot lights its LEDs after the step."""
+    """Robots that light their LEDs after the step."""
+    box_targets: Float[Array, "*B M 3"] | None
+    """Poses to which the task drives boxes; None where it drives none."""
+
+
+class Seen(NamedTuple):
+    """Bodies and light of a world after the motion, as its engine reports them."""
+
+    poses: Float[Array, "*B N 3"]
+    """Poses of the robots: x, y [mm] and yaw [rad]."""
     boxes: Float[Array, "*B M 3"] | None
-    """See `Decision`."""
+    """Poses of the boxes; None where there are none."""
+    sight: LightReading
+    """Light that the robots receive."""
 
 
 @jax.tree_util.register_static
 @dataclass(frozen=True)
 class Speaker:
-    """In place of a strategy: what the messages of robots carry that are told what to say."""
+    """Stand-in for a strategy, whose only part that a control step reads is the payload."""
 
     payload: Payload
 
 
-_ARRAYS = "params", "poses", "worlds"
-_STATIC = "config", "given", "robot", "robot_file", "steps", "payload", "senses"
+_ARRAYS = ("params", "poses", "worlds")
+_STATIC = (
+    "static_config",
+    "config",
+    "robot",
+    "robot_file",
+    "steps",
+    "payload",
+    "senses",
+)
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=_ARRAYS, meta_fields=_STATIC)
 @dataclass(frozen=True)
 class Core:
-    """An environment but for its engine: a pytree of the arrays in which environments of the same programs may differ.
+    """The part of an environment that does not depend on the engine.
+
+    It is a pytree of the arrays in which environments of the same programs may differ.
 
     Attributes:
-        config: what control steps are compiled for.
-        given: the configuration as it was given.
-        robot: its geometry.
+        static_config: settings that control steps are compiled for.
+        config: configuration.
+        robot: geometry of the robots.
         robot_file: MJCF file of the robots, as an absolute path, or several; None for `models/robot.xml`.
-        params: of all worlds, but for their keys.
-        poses: (K, N + M, 3) x, y [mm] and yaw [rad] of robots and boxes in K beginnings of an episode.
-        worlds: likewise, states without bodies.
-        steps: of an episode at most.
-        payload: what messages carry.
-        senses: what the task lets robots sense beside balls and dump, by name, and how many numbers of each.
+        params: parameters of all worlds; each episode has a key of its own.
+        poses: (K, N + M, 3) x, y [mm] and yaw [rad] of robots and boxes in K layouts.
+        worlds: state of a world in each of them, without bodies.
+        steps: largest number of control steps of an episode.
+        payload: fields of the messages.
+        senses: quantities that robots sense beside balls and dump, by name, and how many numbers each has.
     """
 
-    config: StaticConfig
-    given: SwarmConfig
+    static_config: StaticConfig
+    config: SwarmConfig
     robot: Robots
     robot_file: RobotFile
     params: WorldParams
@@ -124,80 +156,140 @@ class Core:
 
     @property
     def observations(self) -> list[Row]:
-        """See `tables.observation_rows`."""
-        return tables.observation_rows(self.given, self.robot, self.payload, dict(self.senses))
+        """Rows of an observation, see `tables.observation_rows`."""
+        return tables.observation_rows(self.config, self.robot, self.payload, dict(self.senses))
 
     @property
     def actions(self) -> list[Row]:
-        """See `tables.action_rows`."""
-        return tables.action_rows(self.given, self.payload)
+        """Rows of an action, see `tables.action_rows`."""
+        return tables.action_rows(self.config, self.payload)
 
     @property
     def n_robots(self) -> int:
-        """N."""
+        """Number of robots N."""
         return self.params.is_present.shape[-1]
 
     def begin(self, key: Array) -> tuple[Episode, Float[Array, "NM 3"]]:
-        """Return an episode that begins, and where its robots and boxes stand."""
-        start_key, key, next_key = jax.random.split(key, 3)
-        index = jax.random.randint(start_key, (), 0, len(self.poses))
-        poses, world = jax.tree.map(lambda a: a[index], (self.poses, self.worlds))
-        no, zero = jnp.zeros(self.n_robots, bool), jnp.zeros(self.n_robots)
-        changes = overrides(self.params.task, Task, "conditions")
-        conditions = self.params.conditions if changes else None
-        return Episode(world, key, next_key, jnp.int32(0), no, zero, conditions), poses
+        """Return a new episode in a layout that the key picks, and the poses of its robots and boxes."""
+        layout_key, key, next_key = jax.random.split(key, 3)
+        layout = jax.random.randint(layout_key, (), 0, len(self.poses))
+        poses, world = jax.tree.map(lambda a: a[layout], (self.poses, self.worlds))
 
-    def auto_reset(self, data: Episode, is_new: Bool[Array, ""]) -> tuple[Episode, Float[Array, "NM 3"]]:
-        """Return the episode, or the next one if it is over, and where robots and boxes of the next one stand."""
-        fresh, poses = self.begin(data.next_key)
-        return jax.tree.map(partial(jnp.where, is_new), fresh, data), poses
-
-    def act(self, data: Episode, is_new: Bool[Array, ""], action: Float[Array, "N A"], poses: Array) -> Intent:
-        """Return what robots at `poses` do; those of an episode that begins do nothing."""
-        decoded = tables.decode(self.actions, action)
-        command, said, is_bad = jax.lax.optimization_barrier(decoded)  # rounded as a strategy's
-        swarm, key = data.world.swarm, step_keys(data.key, data.step).actuators
-        conditions = self.params.conditions if data.conditions is None else data.conditions
-        is_present, charge = self.params.is_present, data.tool_voltage_squared
-        done = actuate(self.config, conditions, command, swarm, data.waits, poses, is_present, charge, key)
-        said = jax.tree.map(partial(jnp.where, is_new), tables.silence(self.payload, len(action)), said)
-        done = done._replace(
-            is_refused=done.is_refused | is_bad,
-            energy=jax.tree.map(partial(jnp.where, is_new), swarm.energy, done.energy),
+        conditions = None
+        if overrides(self.params.task, Task, "conditions"):
+            conditions = self.params.conditions
+        episode = Episode(
+            world=world,
+            key=key,
+            next_key=next_key,
+            step=jnp.int32(0),
+            waits=jnp.zeros(self.n_robots, bool),
+            tool_voltage_squared=jnp.zeros(self.n_robots),
+            conditions=conditions,
         )
-        emits = is_emitting(self.config, swarm.is_alive, done.energy)
-        boxes = self.params.task.drive_boxes(swarm.task)
-        return Intent(done, said, ~is_new & ~done.is_refused.any(), emits, boxes)
+        return episode, poses
+
+    def auto_reset(self, episode: Episode, is_new: Bool[Array, ""]) -> tuple[Episode, Float[Array, "NM 3"]]:
+        """Return the episode, or a new one if it is over, and the poses of robots and boxes of the new one."""
+        new_episode, poses = self.begin(episode.next_key)
+        return jax.tree.map(partial(jnp.where, is_new), new_episode, episode), poses
+
+    def act(
+        self,
+        episode: Episode,
+        is_new: Bool[Array, ""],
+        action: Float[Array, "N A"],
+        poses: Float[Array, "N 3"],
+    ) -> Intent:
+        """Return the outcome of the robots' actions; in an episode that begins they have none.
+
+        Args:
+            episode: state of the world.
+            is_new: the episode begins with this step.
+            action: actions of the robots (`tables.action_rows`).
+            poses: poses of the robots.
+        """
+        # A barrier, so that XLA rounds commands as it does those of a strategy.
+        decoded = jax.lax.optimization_barrier(tables.decode(self.actions, action))
+        command, payload, is_bad = decoded
+
+        swarm = episode.world.swarm
+        inputs = DriveInputs(
+            swarm=swarm,
+            waits=episode.waits,
+            poses=poses,
+            is_present=self.params.is_present,
+            tool_voltage_squared=episode.tool_voltage_squared,
+        )
+        conditions = self.params.conditions
+        if episode.conditions is not None:
+            conditions = episode.conditions
+        key = step_keys(episode.key, episode.step).actuators
+        drive = actuate(self.static_config, conditions, command, inputs, key)
+
+        # An episode that begins has neither said anything nor used energy.
+        either = partial(jnp.where, is_new)
+        payload = jax.tree.map(either, tables.silence(self.payload, len(action)), payload)
+        drive = drive._replace(
+            is_refused=drive.is_refused | is_bad,
+            energy=jax.tree.map(either, swarm.energy, drive.energy),
+        )
+        return Intent(
+            drive=drive,
+            payload=payload,
+            is_running=~is_new & ~drive.is_refused.any(),
+            is_emitting=is_emitting(self.static_config, swarm.is_alive, drive.energy),
+            box_targets=self.params.task.drive_boxes(swarm.task),
+        )
 
     def observe(
         self,
-        data: Episode,
+        episode: Episode,
         is_new: Bool[Array, ""],
         intent: Intent,
         motion: Motion,
-        poses: Float[Array, "N 3"],
-        boxes: Float[Array, "M 3"] | None,
-        sight: LightReading,
+        seen: Seen,
     ) -> State:
-        """Return the state after a step, but for its bodies; poses, boxes and light are those after the motion."""
-        ran, before = ~is_new, data.world.swarm._replace(energy=intent.done.energy)
-        motion = motion._replace(bodies=None, touching=motion.touching * ran)
-        moved = after_motion(data.world, motion, intent.done, data.step, ran)
-        step = data.step + ran.astype(jnp.int32)
-        params, keys = with_conditions(self.params._replace(key=data.key), before), step_keys(data.key, step)
-        inputs = StepInputs(poses, sight, step, jnp.ones((), bool), boxes)
-        seen = perceive(self.config, self.robot, params, before, inputs, keys, intent.said, before.is_alive)
-        progress = params.task.progress(seen.swarm.task)
-        world = after_task(params, moved._replace(swarm=seen.swarm), progress, data.step, ran)
-        waits, charge = seen.observation.waits, seen.sensed.tool_voltage_squared
-        conditions = None if data.conditions is None else params.conditions
-        is_faulty, is_late = world.fault.bits != 0, step >= self.steps
-        done = seen.inputs._replace(command=intent.done.command, message=seen.received.bits[:, 0])
-        reward = params.task.reward(before.task, seen.swarm.task, done)
-        metrics = {name: jnp.asarray(value) for name, value in params.task.metrics(seen.swarm.task).items()}
+        """Return the state after a step, without its bodies.
+
+        Args:
+            episode: state of the world before the step.
+            is_new: the episode begins with this step, and nothing has moved.
+            intent: outcome of the actions.
+            motion: motion of the robots.
+            seen: bodies and light after the motion.
+        """
+        has_run = ~is_new
+        step_taken = episode.step
+        step = step_taken + has_run.astype(jnp.int32)
+        swarm = episode.world.swarm._replace(energy=intent.drive.energy)
+
+        # Account for the motion, then perceive: messages arrive, and the task advances.
+        motion = motion._replace(bodies=None, touching=motion.touching * has_run)
+        world = account_for_motion(episode.world, motion, intent.drive, step_taken, has_run)
+        params = with_conditions(self.params._replace(key=episode.key), swarm)
+        perceived = self._perceive(params, swarm, intent, seen, step)
+
+        progress = params.task.progress(perceived.swarm.task)
+        world = world._replace(swarm=perceived.swarm)
+        world = account_for_task(params, world, progress, step_taken, has_run)
+
+        is_faulty = world.fault.bits != 0
+        is_late = step >= self.steps
+        reward = self._reward(params.task, swarm.task, perceived, intent)
+        metrics = {name: jnp.asarray(value) for name, value in params.task.metrics(perceived.swarm.task).items()}
+        next_episode = Episode(
+            world=world,
+            key=episode.key,
+            next_key=episode.next_key,
+            step=step,
+            waits=perceived.observation.waits,
+            tool_voltage_squared=perceived.sensed.tool_voltage_squared,
+            conditions=None if episode.conditions is None else params.conditions,
+        )
         return State(
-            data=Episode(world, data.key, data.next_key, step, waits, charge, conditions),
-            obs=tables.encode(self.observations, seen.observation),
+            data=next_episode,
+            obs=tables.encode(self.observations, perceived.observation),
             reward=jnp.where(is_new | is_faulty, 0.0, reward),
             done=world.is_finished | is_faulty | is_late,
             metrics=metrics | {"progress": world.progress, "collisions": world.collisions},
@@ -208,3 +300,30 @@ class Core:
                 "fault": world.fault.bits,
             },
         )
+
+    def _perceive(
+        self,
+        params: WorldParams,
+        swarm: SwarmState,
+        intent: Intent,
+        seen: Seen,
+        step: Int[Array, ""],
+    ) -> Perceived:
+        """Return what robots perceive as the next control step begins; all that live pick up balls."""
+        inputs = StepInputs(
+            poses=seen.poses,
+            sight=seen.sight,
+            step=step,
+            is_running=jnp.ones((), bool),
+            boxes=seen.boxes,
+        )
+        outputs = HeldOutputs(payload=intent.payload, picks=swarm.is_alive)
+        keys = step_keys(params.key, step)
+        return perceive(self.static_config, self.robot, params, swarm, inputs, outputs, keys)
+
+    def _reward(self, task: Task, task_before: Any, perceived: Perceived, intent: Intent) -> Float[Array, "N"]:
+        """Return the reward of each robot, by the change of the task's state and by what it did and said."""
+        task_inputs = perceived.task_inputs._replace(
+            command=intent.drive.command, message=perceived.received.bits[:, 0]
+        )
+        return task.reward(task_before, perceived.swarm.task, task_inputs)

@@ -171,8 +171,8 @@ class PreparedEnv:
         poses, worlds = initial_state(self.setup)
         with jax.default_device(self.setup.device):
             core = Core(
-                config=self.setup.static,
-                given=self.setup.config,
+                static_config=self.setup.static,
+                config=self.setup.config,
                 robot=self.setup.robot,
                 robot_file=self.setup.robot_file,
                 params=jax.tree.map(lambda a: jnp.asarray(a)[0], params),

@@ -21,7 +21,7 @@ from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.simulation.build import start_record
 from iswarm_mj.simulation.given import to_json
 from iswarm_mj.simulation.state import StepRecord
-from iswarm_mj.simulation.step import mean_step
+from iswarm_mj.simulation.step import mean_distance
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.files import check_name
 
@@ -42,7 +42,7 @@ def _record(env: Env, state: State, world: int) -> StepRecord:
 def _recorded(env: Env, record: StepRecord, world: int) -> RecordedWorld:
     """World that begins with a record."""
     core = env.core
-    return RecordedWorld(record, 0, core.given, core.params.task, core.robot, number=world)
+    return RecordedWorld(record, 0, core.config, core.params.task, core.robot, number=world)
 
 
 class Pictures:
@@ -62,7 +62,7 @@ class Pictures:
         self._env, first = env, _record(env, state, 0)
         recorded = _recorded(env, first, 0)
         arrays = {**recorded.scene.arrays(), **recorded.frames([first]).arrays()}
-        self._stage = Stage(env.core.given, arrays, shot, env.core.robot_file)
+        self._stage = Stage(env.core.config, arrays, shot, env.core.robot_file)
 
     def show(self, state: State, world: int = 0) -> UInt8[np.ndarray, "height width 3"]:
         """Return the pixels of a world in a state."""
@@ -107,14 +107,14 @@ class EnvRecording:
         env, record = self._env, _record(self._env, state, self._world)
         if self._before is None or self._file is None:
             self._recorded = _recorded(env, record, self._world)
-            settings = {"task": to_json(env.core.params.task), **asdict(env.core.given)}
+            settings = {"task": to_json(env.core.params.task), **asdict(env.core.config)}
             about = {"version": __version__, "n_robots": env.n_robots}
             self._file = Recording(self._path, self._recorded.scene, settings, about)
             atexit.register(self.close)  # of a program that forgets to
             self._step = 0
         else:
             self._step += 1
-            moved = mean_step(self._before.poses[0], record.poses[0], np.ones(record.poses.shape[1:3], bool))
+            moved = mean_distance(self._before.poses[0], record.poses[0], np.ones(record.poses.shape[1:3], bool))
             record = record._replace(step=np.array([[self._step]], np.int32), speed=moved[None] / env.dt)
         self._before = record
         self._left.append(record)

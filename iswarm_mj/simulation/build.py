@@ -1,15 +1,15 @@
-"""How a run begins: the engine is made, and the worlds are placed in it."""
+"""Building of a run: the engine is made, and the worlds are placed in it."""
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
-from iswarm_mj.geometry.obstacles import poses_of_boxes
+from iswarm_mj.geometry.obstacles import OF_BOX, poses_of_boxes
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
@@ -27,46 +27,84 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
 
-ENDLESS = 2**31 - 1
-"""Progress that no task reaches."""
+UNREACHABLE_GOAL = 2**31 - 1
+"""Goal of a world that never finishes: progress that no task reaches."""
+
+_MASS = OF_BOX.index("mass")
+
+
+class InitialMemories(NamedTuple):
+    """What the strategy contributes to the state at the start."""
+
+    memory: Any = None
+    """Memories of the robots of B worlds; None where no strategy acts, as in environments."""
+    led_power: Float[Array, "B N"] | None = None
+    """Power of their LEDs, from 0 to 1; None where all send at full power."""
 
 
 def build_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[HostLoop | CompiledLoop, StepRecord]:
     """Make the engine of a run and place its worlds in it.
 
     Args:
-        setup: of the run.
-        strategy: with a first axis of B worlds.
+        setup: checked parts of the run.
+        strategy: strategy with a first axis of B worlds.
         watch: takes the times of the stages on the host.
 
     Returns:
         The loop, and the record of the start of the recorded worlds (1, W, ...).
     """
-    settings, static, capacity = setup.settings, setup.static, setup.capacity
+    n_robots = setup.capacity
     keys = random_keys(setup.worlds)
     params = world_params(setup, keys, strategy)
-    poses, state = initial_state(setup, initial_memories(strategy, keys, capacity))
-    boxes = poses[:, capacity:] if poses.shape[1] > capacity else None
-    start = start_record(state, poses[:, :capacity], settings.record_worlds, setup.robot, boxes)
+    poses, state = initial_state(setup, initial_memories(strategy, keys, n_robots))
+
+    has_boxes = poses.shape[1] > n_robots
+    start = start_record(
+        state=state,
+        poses=poses[:, :n_robots],
+        recorded=setup.settings.record_worlds,
+        robot=setup.robot,
+        boxes=poses[:, n_robots:] if has_boxes else None,
+    )
+
     if setup.engine.on_host:
-        n_threads = getattr(setup.engine, "threads", 0)
-        return HostLoop(setup.host_engine(), static, params, (poses, state), n_threads, watch), start
+        host_loop = HostLoop(
+            make_engine=setup.host_engine(),
+            config=setup.static,
+            params=params,
+            start=(poses, state),
+            n_threads=getattr(setup.engine, "threads", 0),
+            watch=watch,
+        )
+        return host_loop, start
+
     engine, devices = setup.compiled_engine(len(setup.worlds))
-    place = engine.place if engine.mapping(devices[0].platform) == "batch" else jax.vmap(engine.place)
+    is_batched = engine.mapping(devices[0].platform) == "batch"
+    place = engine.place if is_batched else jax.vmap(engine.place)
     state = state._replace(bodies=place(jnp.asarray(poses, jnp.float32), params.is_present))
-    return CompiledLoop(engine, static, params, state, getattr(setup.engine, "chunk", 1), devices), start
+    compiled_loop = CompiledLoop(
+        engine=engine,
+        config=setup.static,
+        params=params,
+        state=state,
+        chunk=getattr(setup.engine, "chunk", 1),
+        devices=devices,
+    )
+    return compiled_loop, start
 
 
 def world_params(setup: Setup, keys: Array, strategy: Any) -> WorldParams:
-    """Return what stays the same in each world, stacked.
+    """Return the parameters of B worlds.
 
     Args:
-        setup: of a run or an environment, with B worlds.
-        keys: see `random_keys`, of which the first 64 bits count.
-        strategy: with a first axis of B worlds.
+        setup: checked parts of a run or an environment, with B worlds.
+        keys: random keys of the worlds (`random_keys`), of which the first 64 bits count.
+        strategy: strategy with a first axis of B worlds.
     """
-    worlds, goal = setup.worlds, ENDLESS if setup.goal is None else setup.goal
+    worlds = setup.worlds
+    goal = UNREACHABLE_GOAL if setup.goal is None else setup.goal
     n_robots = np.array([world.n_robots for world in worlds])
+    is_driven = [[box[_MASS] == 0 for box in start.boxes or ()] for start in setup.starts]
     return WorldParams(
         strategy=strategy,
         conditions=conditions_of_worlds(setup.config, worlds),
@@ -75,48 +113,68 @@ def world_params(setup: Setup, keys: Array, strategy: Any) -> WorldParams:
         goal=np.full(len(worlds), goal, np.int32),
         task=setup.tasks,
         arena=arenas_of_worlds(setup.config, worlds),
-        is_driven=np.array([[mass == 0 for *_, mass, _ in start.boxes or ()] for start in setup.starts], bool),
+        is_driven=np.array(is_driven, bool),
     )
 
 
-@partial(jax.jit, static_argnames=("capacity",))
-def initial_memories(strategy: Strategy, key: Array, capacity: int) -> tuple[Any, Float[Array, "B N"] | None]:
-    """Return what the robots of B worlds remember at the start, and the power of their LEDs, see `led_power`."""
+@partial(jax.jit, static_argnames=("n_robots",))
+def initial_memories(strategy: Strategy, keys: Array, n_robots: int) -> InitialMemories:
+    """Return the memories of the robots of B worlds at the start, and the power of their LEDs."""
 
-    def of_world(strategy: Strategy, key: Array) -> Any:
-        memory = strategy.init(capacity, key)
-        return memory, led_power(strategy, memory)
+    def of_world(strategy: Strategy, key: Array) -> InitialMemories:
+        memory = strategy.init(n_robots, key)
+        return InitialMemories(memory, led_power(strategy, memory))
 
-    return jax.vmap(of_world)(strategy, key)
+    return jax.vmap(of_world)(strategy, keys)
 
 
-def initial_state(setup: Setup, first: Any = (None, None)) -> tuple[Float[np.ndarray, "B NM 3"], WorldState]:
-    """Return the poses of robots and boxes of B worlds at the start, and their state but for the engine's bodies.
+def initial_state(
+    setup: Setup, memories: InitialMemories | None = None
+) -> tuple[Float[np.ndarray, "B NM 3"], WorldState]:
+    """Return the poses of robots and boxes of B worlds at the start, and their state without the engine's bodies.
 
-    Robots have full capacitors, if any.
+    Capacitors, if any, are full.
 
     Args:
-        setup: of a run or an environment.
-        first: see `initial_memories`.
+        setup: checked parts of a run or an environment.
+        memories: memories of the robots; None where no strategy acts.
     """
-    starts, task, capacity, energy = setup.starts, setup.task, setup.capacity, setup.config.energy
-    n_worlds, has_energy = len(starts), energy.model != "none"
+    starts = setup.starts
+    task = setup.task
+    n_robots = setup.capacity
+    n_worlds = len(starts)
+    memories = InitialMemories() if memories is None else memories
+
+    energy = None
+    steps_without_energy = None
+    if setup.config.energy.model != "none":
+        energy = np.full((n_worlds, n_robots), setup.config.energy.full, np.float32)
+        steps_without_energy = np.zeros((n_worlds, n_robots), np.int32)
+
     swarm = SwarmState(
-        memory=first[0],
+        memory=memories.memory,
         task=_stacked(task, [start.task for start in starts]),
-        is_alive=_padded([np.asarray(start.is_alive) for start in starts], capacity),
-        is_loaded=_padded([_loaded(task, start) for start in starts], capacity),
-        energy=np.full((n_worlds, capacity), energy.full, np.float32) if has_energy else None,
-        steps_without_energy=np.zeros((n_worlds, capacity), np.int32) if has_energy else None,
-        led_power=first[1],
+        is_alive=_padded([np.asarray(start.is_alive) for start in starts], n_robots),
+        is_loaded=_padded([_is_loaded(task, start) for start in starts], n_robots),
+        energy=energy,
+        steps_without_energy=steps_without_energy,
+        led_power=memories.led_power,
     )
-    nothing = zeros_of(WorldState, B=(n_worlds,), K=setup.robot.most_partners, N=capacity)
-    state = WorldState(bodies=None, swarm=swarm, fault=Fault(**zeros_of(Fault, B=(n_worlds,))), **nothing)
+    fault = Fault(**zeros_of(Fault, B=(n_worlds,)))
+    zeros = zeros_of(WorldState, B=(n_worlds,), K=setup.robot.most_partners, N=n_robots)
+    state = WorldState(bodies=None, swarm=swarm, fault=fault, **zeros)
+
+    robots = _padded([start.poses for start in starts], n_robots)
     boxes = np.stack([poses_of_boxes(start.boxes or ()) for start in starts])
-    return np.concatenate([_padded([start.poses for start in starts], capacity), boxes], axis=1), state
+    return np.concatenate([robots, boxes], axis=1), state
 
 
 def _stacked(task: Task, states: Sequence[Any]) -> Any:
+    """Return the states of a task in all worlds as one.
+
+    Raises:
+        UserError: they have different shapes.
+    """
     shapes = {tuple(map(np.shape, jax.tree.leaves(state))) for state in states}
     if len(shapes) > 1:
         raise UserError(
@@ -126,43 +184,55 @@ def _stacked(task: Task, states: Sequence[Any]) -> Any:
     return jax.tree.map(lambda *values: np.stack(values), *states)
 
 
-def _loaded(task: Task, start: Start) -> Bool[np.ndarray, "N"]:
-    """Which robots hold a ball at the start."""
-    loaded = np.zeros(len(start.poses), bool)
+def _is_loaded(task: Task, start: Start) -> Bool[np.ndarray, "N"]:
+    """Return which robots hold a ball at the start."""
+    is_loaded = np.zeros(len(start.poses), bool)
     balls = task.balls(start.task)
     if balls is not None:
-        loaded[np.asarray(balls.holder)[np.asarray(balls.is_held)]] = True
-    return loaded
+        holders = np.asarray(balls.holder)[np.asarray(balls.is_held)]
+        is_loaded[holders] = True
+    return is_loaded
 
 
-def _padded(each: Sequence[np.ndarray], capacity: int) -> np.ndarray:
-    """Values of the robots of each world, stacked, with zeros or false for empty places."""
-    filled = np.zeros((len(each), capacity, *each[0].shape[1:]), each[0].dtype)
-    for row, values in zip(filled, each, strict=True):
+def _padded(values_of_worlds: Sequence[np.ndarray], n_places: int) -> np.ndarray:
+    """Return values of the robots of each world, stacked, with zeros or false for empty places."""
+    first = values_of_worlds[0]
+    padded = np.zeros((len(values_of_worlds), n_places, *first.shape[1:]), first.dtype)
+    for row, values in zip(padded, values_of_worlds, strict=True):
         row[: len(values)] = values
-    return filled
+    return padded
 
 
 def start_record(
-    state: WorldState, poses: np.ndarray, recorded: Sequence[int], robot: Robots, boxes: np.ndarray | None
+    state: WorldState,
+    poses: np.ndarray,
+    recorded: Sequence[int],
+    robot: Robots,
+    boxes: np.ndarray | None,
 ) -> StepRecord:
-    """Record of the start of W worlds (1, W, ...), in which nobody has heard anybody.
+    """Return the record of the start of W worlds (1, W, ...), when nobody has heard anybody.
 
     Args:
-        state: of B worlds.
-        poses: (B, N, 3) x, y [mm] and yaw [rad].
+        state: state of B worlds.
+        poses: x, y [mm] and yaw [rad] of the robots (B, N, 3).
         recorded: W worlds.
-        robot: its geometry.
-        boxes: (B, M, 3) likewise; None where there are none.
+        robot: geometry of the robots.
+        boxes: poses of the boxes (B, M, 3); None where there are none.
     """
     rows = list(recorded)
-    sizes = {"T": (len(rows),), "B": (len(rows),), "N": poses.shape[1], "S": len(robot.sides)}
+    n_worlds = len(rows)
+    n_robots = poses.shape[1]
+    sizes = {"T": (n_worlds,), "B": (n_worlds,), "N": n_robots, "S": len(robot.sides)}
+
+    fields = zeros_of(StepRecord, **sizes)
+    fields["poses"] = poses[rows]
+    fields["is_running"] = np.ones(n_worlds, bool)
+    fields["speed"] = np.zeros(n_worlds)
     record = StepRecord(
-        **zeros_of(StepRecord, **sizes)
-        | {"poses": poses[rows], "is_running": np.ones(len(rows), bool), "speed": np.zeros(len(rows))},
+        **fields,
         swarm=jax.tree.map(lambda a: np.asarray(a)[rows], state.swarm),
         links=Links(**zeros_of(Links, **sizes)),
-        command=Command(**zeros_of(Command, N=poses[rows].shape[:2])),
+        command=Command(**zeros_of(Command, N=(n_worlds, n_robots))),
         boxes=None if boxes is None else boxes[rows],
     )
     return jax.tree.map(lambda a: a[None], record)

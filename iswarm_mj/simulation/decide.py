@@ -1,4 +1,4 @@
-"""What the robots of one world decide in a control step: perceive, act. Pure JAX."""
+"""The decisions of the robots of one world in a control step: perceive, act, actuate. Pure JAX."""
 
 from collections.abc import Callable
 from functools import partial
@@ -13,11 +13,17 @@ from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.channel import Received
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.sensors.messages import PRIORITY, Message
-from iswarm_mj.simulation.actuate import DriveOutput, actuate
+from iswarm_mj.simulation.actuate import DriveInputs, DriveOutput, actuate
 from iswarm_mj.simulation.packed import Packed, pack
-from iswarm_mj.simulation.perceive import StepInputs, perceive, with_conditions
+from iswarm_mj.simulation.perceive import (
+    HeldOutputs,
+    Perceived,
+    StepInputs,
+    perceive,
+    with_conditions,
+)
 from iswarm_mj.simulation.state import SwarmState, WorldParams
-from iswarm_mj.simulation.streams import step_keys
+from iswarm_mj.simulation.streams import StepKeys, step_keys
 from iswarm_mj.strategy.base import Strategy, overrides
 from iswarm_mj.strategy.declared import led_power, payload_of
 from iswarm_mj.strategy.interface import Observation
@@ -31,146 +37,211 @@ class Decision(NamedTuple):
     """Outcome of `decide`."""
 
     swarm: SwarmState
-    done: DriveOutput
-    """By the drives; energy and shortfall are None, since `swarm` has them and what robots remember of them."""
+    """State after the step, but for what the motion changes."""
+    drive: DriveOutput
+    """Motion that the drives carry out; energy and shortfall are None, since `swarm` accounts for them."""
     progress: Int[Array, "*B"]
-    """Of the task, see `Task.progress`."""
+    """Progress of the task, see `Task.progress`."""
     has_priority: Bool[Array, "*B N"]
-    """The robot sends the flag `priority` as the step begins; never where the payload has none."""
+    """Robots that send the flag `priority` as the step begins; none where the payload has no such flag."""
     links: Links | None
-    """See `Perceived`; None where they are those of the inputs."""
+    """Links over which messages arrived, see `Perceived`; None where they are those of the inputs."""
     received: Received
-    """See `Perceived`."""
-    boxes: Float[Array, "*B M 3"] | None = None
-    """See `Task.drive_boxes`; None where the task drives none."""
+    """What the sides received, see `Perceived`."""
+    box_targets: Float[Array, "*B M 3"] | None = None
+    """Poses to which the task drives boxes, see `Task.drive_boxes`; None where it drives none."""
 
 
-def decide(config: StaticConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
-    """Take a world's control step up to the commands; a world that does not run keeps its state.
+def decide(
+    config: StaticConfig,
+    robot: Robots,
+    params: WorldParams,
+    swarm: SwarmState,
+    inputs: StepInputs,
+) -> Decision:
+    """Take a world's control step up to the motion; a world that does not run keeps its state.
 
     Args:
-        config: what control steps are compiled for (`shared_settings.static_config`); all else is in `params`.
-        robot: its geometry.
-        params: of the world.
-        swarm: after the step before.
-        begin: poses, light and time, without a leading axis.
+        config: settings that control steps are compiled for (`shared_settings.static_config`).
+        robot: geometry of the robots.
+        params: parameters of the world.
+        swarm: state after the previous step.
+        inputs: bodies, light and time, without a leading axis.
 
     Raises:
         UserError: updates are sequential, and the strategy cannot pass on what its robots have just heard.
     """
     params = with_conditions(params, swarm)
-    n_robots, is_alive, strategy = len(begin.poses), swarm.is_alive, params.strategy
-    keys = step_keys(params.key, begin.step)
-    payload = strategy.say(swarm.memory, swarm.is_loaded) if payload_of(strategy).fields else {}
-    picks = strategy.picks(swarm.memory) & is_alive
-    releases = strategy.releases(swarm.memory)
-    seen = perceive(config, robot, params, swarm, begin, keys, payload, picks, releases)
-    observation = seen.observation
-    if config.strategy.update_order == "sequential" and payload:
-        if not overrides(strategy, Strategy, "listen"):
-            raise UserError(
-                f"strategy.update_order is sequential, but {type(strategy).__name__} has no method listen; add one "
-                "(see Strategy.listen), or use synchronous updates."
-            )
+    strategy = params.strategy
+    keys = step_keys(params.key, inputs.step)
 
-        def relay(observation: Observation) -> Message:
-            heard = strategy.listen(swarm.memory, observation, keys.policy)
-            return seen.transmit(strategy.say(heard, observation.is_loaded)).message
+    # Perceive: messages of the previous step arrive, and the task advances.
+    outputs = _held_outputs(strategy, swarm)
+    perceived = perceive(config, robot, params, swarm, inputs, outputs, keys)
+    observation = perceived.observation
+    if config.strategy.update_order == "sequential" and outputs.payload:
+        observation = _observe_in_turn(strategy, swarm.memory, perceived, keys)
 
-        turns = draw_turns(keys.turns, n_robots)
-        observation = heard_in_turn(observation, turns, seen.links.sender, relay)
+    # Act: the strategy turns what the robots know into memories and commands.
     memory, command = strategy.act(swarm.memory, observation, keys.policy)
-    done = actuate(
-        config,
-        params.conditions,
-        command,
-        seen.swarm,
-        observation.waits,
-        begin.poses,
-        params.is_present,
-        seen.sensed.tool_voltage_squared,
-        keys.actuators,
+
+    # Actuate: drives limit the commands and add errors; robots know what they could not walk.
+    drive_inputs = DriveInputs(
+        swarm=perceived.swarm,
+        waits=observation.waits,
+        poses=inputs.poses,
+        is_present=params.is_present,
+        tool_voltage_squared=perceived.sensed.tool_voltage_squared,
     )
-    memory = strategy.correct_odometry(memory, done.shortfall)
-    decided = seen.swarm._replace(memory=memory, energy=done.energy, led_power=led_power(strategy, memory))
-    kept = jax.tree.map(lambda new, old: jnp.where(begin.is_running, new, old), decided, swarm)
-    flag = payload.get(PRIORITY, jnp.zeros(n_robots, bool)) & is_alive
-    progress = params.task.progress(kept.task)
-    links = seen.links if config.optics.baud_rate else None
-    boxes = params.task.drive_boxes(kept.task)
-    done = done._replace(shortfall=None, energy=None)
-    return Decision(kept, done, progress, flag, links, seen.received, boxes)
+    drive = actuate(config, params.conditions, command, drive_inputs, keys.actuators)
+    memory = strategy.correct_odometry(memory, drive.shortfall)
+    decided = perceived.swarm._replace(memory=memory, energy=drive.energy, led_power=led_power(strategy, memory))
+
+    # Worlds that do not run keep their state.
+    kept = jax.tree.map(lambda new, old: jnp.where(inputs.is_running, new, old), decided, swarm)
+    no_flags = jnp.zeros(len(inputs.poses), bool)
+    return Decision(
+        swarm=kept,
+        has_priority=outputs.payload.get(PRIORITY, no_flags) & swarm.is_alive,
+        progress=params.task.progress(kept.task),
+        links=perceived.links if config.optics.baud_rate else None,
+        box_targets=params.task.drive_boxes(kept.task),
+        drive=drive._replace(shortfall=None, energy=None),
+        received=perceived.received,
+    )
+
+
+def _held_outputs(strategy: Strategy, swarm: SwarmState) -> HeldOutputs:
+    """Return what robots say and what their tools do, by the memories that they have as the step begins."""
+    payload = {}
+    if payload_of(strategy).fields:
+        payload = strategy.say(swarm.memory, swarm.is_loaded)
+    return HeldOutputs(
+        payload=payload,
+        picks=strategy.picks(swarm.memory) & swarm.is_alive,
+        releases=strategy.releases(swarm.memory),
+    )
+
+
+def _observe_in_turn(strategy: Strategy, memory: Any, perceived: Perceived, keys: StepKeys) -> Observation:
+    """Return the observation of robots that hear, decide and speak one after the other, in a random order.
+
+    Raises:
+        UserError: the strategy cannot pass on what its robots have just heard.
+    """
+    if not overrides(strategy, Strategy, "listen"):
+        raise UserError(
+            f"strategy.update_order is sequential, but {type(strategy).__name__} has no method listen; add one "
+            "(see Strategy.listen), or use synchronous updates."
+        )
+
+    def relay(observation: Observation) -> Message:
+        """Return the messages that arrive if all robots have heard this, and say so."""
+        memory_after = strategy.listen(memory, observation, keys.policy)
+        content = strategy.say(memory_after, observation.is_loaded)
+        return perceived.transmit(content).message
+
+    observation = perceived.observation
+    turns = draw_turns(keys.turns, len(observation.waits))
+    return hear_in_turn(observation, turns, perceived.links.sender, relay)
 
 
 def draw_turns(key: Array, n_robots: int) -> Float[Array, "N"]:
-    """Random numbers in [0, 1) by which robots take their turns: the smallest first.
+    """Return random numbers in [0, 1) by which robots take their turns: the smallest first.
 
     Two robots with equal numbers, which occur once in 2^23 pairs, take their turns at the same time.
     """
     return jax.random.uniform(key, (n_robots,))
 
 
-def heard_in_turn(
+def hear_in_turn(
     observation: Observation,
     turns: Float[Array, "N"],
     sender: Int[Array, "N S"],
     relay: Callable[[Observation], Message],
 ) -> Observation:
-    """What robots hear that take their turns one after the other, in an order that the paper does not state.
+    """Return what robots hear that take their turns one after the other; the paper does not state their order.
 
-    A robot hears what those before it have just learned, and what those after it said at the end of the step before.
+    A robot hears what those before it have just learned, and what those after it said at the end of the previous step.
     All robots are updated at once, repeatedly, until no message changes. Since nobody hears anything new from the
     robots after it, k sweeps settle all robots that news reaches through at most k others: in the end all have heard
     what they would have heard one by one. That takes one sweep more than the longest path of news has links.
 
     Args:
-        observation: what N robots sense, with the messages that were said at the end of the step before.
-        turns: when each robot has its turn.
-        sender: who sends to each side, where something is heard.
-        relay: messages (N, S) as they arrive if all robots have heard what it is given, and say so.
+        observation: what N robots sense, with the messages that were said at the end of the previous step.
+        turns: when each robot has its turn (`draw_turns`).
+        sender: sender of each side, where something is heard.
+        relay: returns the messages (N, S) that arrive if all robots have heard what it is given, and say so.
     """
-    old = Message(observation.led, observation.payload)
+    old_messages = Message(observation.led, observation.payload)
     is_new = observation.is_heard & (turns[sender] < turns[:, None])
+    choose_new = partial(jax.vmap(jax.vmap(jnp.where)), is_new)
 
     def sweep(state: tuple[Message, Array]) -> tuple[Message, Array]:
+        """Update all messages once; no sweeps are left when nothing changes."""
         before, sweeps_left = state
         relayed = relay(observation._replace(**before._asdict()))
-        now = jax.tree.map(partial(jax.vmap(jax.vmap(jnp.where)), is_new), relayed, old)
-        changes = [(a != b).any() for a, b in zip(jax.tree.leaves(now), jax.tree.leaves(before), strict=True)]
-        return now, jnp.where(jnp.stack(changes).any(), sweeps_left - 1, 0)
+        after = jax.tree.map(choose_new, relayed, old_messages)
+        leaves = zip(jax.tree.leaves(after), jax.tree.leaves(before), strict=True)
+        changed = jnp.stack([(new != old).any() for new, old in leaves])
+        return after, jnp.where(changed.any(), sweeps_left - 1, 0)
 
-    settled, _ = jax.lax.while_loop(lambda state: state[1] > 0, sweep, (old, jnp.int32(len(turns))))
+    def is_unsettled(state: tuple[Message, Array]) -> Array:
+        """Return whether sweeps are left."""
+        _, sweeps_left = state
+        return sweeps_left > 0
+
+    max_sweeps = jnp.int32(len(turns))
+    settled, _ = jax.lax.while_loop(is_unsettled, sweep, (old_messages, max_sweeps))
     return observation._replace(**settled._asdict())
 
 
 def decide_worlds(
-    config: StaticConfig, robot: Robots, params: WorldParams, swarm: SwarmState, begin: StepInputs
+    config: StaticConfig,
+    robot: Robots,
+    params: WorldParams,
+    swarm: SwarmState,
+    inputs: StepInputs,
 ) -> Decision:
-    """`decide` for B worlds at once, all at the same step."""
-    of_one = partial(decide, config, robot)
-    steps = jnp.broadcast_to(begin.step, begin.is_running.shape)
-    return jax.vmap(of_one)(params, swarm, begin._replace(step=steps))
+    """Return the decisions of B worlds at once, all at the same step; see `decide`."""
+    decide_world = partial(decide, config, robot)
+    steps = jnp.broadcast_to(inputs.step, inputs.is_running.shape)
+    return jax.vmap(decide_world)(params, swarm, inputs._replace(step=steps))
 
 
 @partial(jax.jit, static_argnames=("config", "robot"))
 def decide_packed(
-    config: StaticConfig, robot: Robots, params: Packed, swarm: SwarmState, begin: StepInputs
+    config: StaticConfig,
+    robot: Robots,
+    params: Packed,
+    swarm: SwarmState,
+    inputs: StepInputs,
 ) -> Decision:
-    """`decide_worlds`, where what a world decides does not depend on how many there are, to the last bit.
+    """Return the decisions of B worlds at once, each to the last bit as if it were alone; see `decide`.
 
-    The parameters are packed, and so are memories and the state of the task.
+    Parameters are packed, and in the state, as it comes and goes, memories and the task's state.
     """
-    own, step = params.tree, begin.step
+    step = inputs.step
+    world_params = params.tree
     swarm = swarm._replace(memory=swarm.memory.tree, task=swarm.task.tree)
 
-    def of_all(params: WorldParams, swarm: SwarmState, begin: StepInputs) -> Decision:
-        return decide_worlds(config, robot, params, swarm, begin._replace(step=step))
+    def decide_all(params: WorldParams, swarm: SwarmState, inputs: StepInputs) -> Decision:
+        return decide_worlds(config, robot, params, swarm, inputs._replace(step=step))
 
-    known = all(getattr(rules, "batch_invariant", False) for rules in (own.strategy, own.task))
-    known = known and config.gripper.resolution == "quasi-static"
-    decision = (of_all if known else pad_singleton_batch(of_all))(own, swarm, begin._replace(step=begin.is_running))
-    memory, task = pack(decision.swarm.memory), pack(decision.swarm.task)
+    if not _is_batch_invariant(config, world_params):
+        decide_all = pad_singleton_batch(decide_all)
+    # The step is a scalar for all worlds, so an array with an axis of worlds stands in for it.
+    decision = decide_all(world_params, swarm, inputs._replace(step=inputs.is_running))
+
+    memory = pack(decision.swarm.memory)
+    task = pack(decision.swarm.task)
     return decision._replace(swarm=decision.swarm._replace(memory=memory, task=task))
+
+
+def _is_batch_invariant(config: StaticConfig, params: WorldParams) -> bool:
+    """Return whether a program for one world is known to round as programs for more do (`docs/robustness.md`)."""
+    rules_are = params.strategy.batch_invariant and params.task.batch_invariant
+    return rules_are and config.gripper.resolution == "quasi-static"
 
 
 def pad_singleton_batch(function: Callable[..., Tree]) -> Callable[..., Tree]:
@@ -180,13 +251,15 @@ def pad_singleton_batch(function: Callable[..., Tree]) -> Callable[..., Tree]:
     One world is therefore computed twice.
 
     Args:
-        function: of such trees.
+        function: takes and returns trees whose arrays have a first axis of B worlds.
     """
 
     def of_worlds(*trees: Any) -> Tree:
-        if len(jax.tree.leaves(trees)[0]) > 1:
+        n_worlds = len(jax.tree.leaves(trees)[0])
+        if n_worlds > 1:
             return function(*trees)
-        twice = jax.lax.optimization_barrier(jax.tree.map(lambda a: jnp.concatenate([a, a]), trees))
-        return jax.tree.map(lambda a: a[:1], jax.lax.optimization_barrier(function(*twice)))
+        doubled = jax.tree.map(lambda a: jnp.concatenate([a, a]), trees)
+        results = function(*jax.lax.optimization_barrier(doubled))
+        return jax.tree.map(lambda a: a[:1], jax.lax.optimization_barrier(results))
 
     return of_worlds

@@ -1,4 +1,4 @@
-"""How control steps follow each other on the host: threads carry shares of a run's worlds from light to counts."""
+"""Control steps on the host: threads take shards of a run's worlds through a step, and meet at its end."""
 
 import os
 from collections import deque
@@ -22,18 +22,23 @@ from iswarm_mj.simulation.step import Stepper, control_step
 from iswarm_mj.utils.profiling import Stopwatch
 
 Tree = TypeVar("Tree")
+
 MAX_WORLDS = 16
-"""Of a share at most. In many small ones the time that each call of a program takes shows: 32 worlds on one thread take
-20 % longer in shares of 4, 2 % in shares of 16."""
+"""Largest number of worlds in a shard.
+
+In many small shards the time that each call of a program takes shows: 32 worlds on one thread take 20 % longer in
+shards of 4, and 2 % in shards of 16."""
+
+_STAGES = ("sense", "policy", "physics")
 
 
 def shard_worlds(n_worlds: int) -> list[slice]:
-    """Worlds of each share, as equal in number as possible, and of two shares at least where there are two worlds.
+    """Return the worlds of each shard, in equal numbers as far as possible; two worlds are two shards at least.
 
     They do not depend on the number of threads, since programs for other numbers of worlds may round otherwise.
     """
-    n_shares = max(-(-n_worlds // MAX_WORLDS), min(n_worlds, 2))
-    edges = [n_worlds * share // n_shares for share in range(n_shares + 1)]
+    n_shards = max(-(-n_worlds // MAX_WORLDS), min(n_worlds, 2))
+    edges = [n_worlds * shard // n_shards for shard in range(n_shards + 1)]
     return [slice(first, last) for first, last in pairwise(edges)]
 
 
@@ -41,57 +46,84 @@ class WorldShard:
     """Some worlds, with an engine of their own that acts on all of them at once; their decisions are compiled.
 
     Attributes:
-        engine: of these worlds.
-        params: as NumPy arrays.
-        state: with packed memories and a packed state of the task (`packed.Packed`).
+        engine: engine of these worlds.
+        params: parameters of the worlds, NumPy arrays.
+        state: state of the worlds, with packed memories and a packed state of the task (`packed.Packed`).
     """
 
-    def __init__(self, engine: Engine, config: StaticConfig, params: WorldParams, state: WorldState, watch: Stopwatch):
-        self.engine, self._config, self._watch = engine, config, watch
+    def __init__(
+        self,
+        engine: Engine,
+        config: StaticConfig,
+        params: WorldParams,
+        state: WorldState,
+        watch: Stopwatch,
+    ):
+        """Pack what programs take; the state has its bodies."""
+        self.engine = engine
         self.state = state
+        self._config = config
+        self._watch = watch
         self.replace(params, state.swarm)
 
     def replace(self, params: WorldParams, swarm: SwarmState) -> None:
-        """See `HostLoop.replace`."""
+        """Replace the parameters and the state of the swarm, see `HostLoop.replace`."""
         cpu = jax.local_devices(backend="cpu")[0]
         swarm = swarm._replace(memory=pack(swarm.memory), task=pack(swarm.task))
         packed_params, swarm = jax.device_put((pack(params), swarm), cpu)
         self.params = params
-        self._decide = partial(_decide, self._config, self.engine.robot, packed_params)
+        self._decide = partial(_decide_on_host, self._config, self.engine.robot, packed_params)
         self.state = self.state._replace(swarm=swarm)
 
     def advance(self, step: int, last: int, recorded: Sequence[int]) -> StepRecord | None:
         """Take a control step.
 
         Args:
-            step: its number, from 0.
+            step: number of the step, from 0.
             last: number of steps of the run.
-            recorded: W worlds, counted from the first of the share.
+            recorded: W worlds, counted from the first of the shard.
 
         Returns:
-            Their record (W, ...) as NumPy arrays; None where no world is recorded.
+            Record of these worlds (W, ...) as NumPy arrays; None where no world is recorded.
         """
-        stepper = Stepper(self.engine, self._config, self._decide, bool(recorded), self._watch)
-        self.state, record = control_step(
-            stepper, self.params, self.state, np.asarray(step, np.int32), np.asarray(last, np.int32)
+        stepper = Stepper(
+            engine=self.engine,
+            config=self._config,
+            decide=self._decide,
+            records=bool(recorded),
+            watch=self._watch,
         )
-        return None if record is None else jax.tree.map(lambda a: np.asarray(a)[list(recorded)], unpacked(record))
+        self.state, record = control_step(
+            stepper,
+            self.params,
+            self.state,
+            step=np.asarray(step, np.int32),
+            last=np.asarray(last, np.int32),
+        )
+        if record is None:
+            return None
+        return jax.tree.map(lambda a: np.asarray(a)[list(recorded)], unpacked(record))
 
 
-def _decide(config: StaticConfig, robot: Robots, params: Packed, swarm: SwarmState, begin: StepInputs) -> Decision:
-    """Return what the robots of a share decide; what its engine needs of that as NumPy arrays."""
-    poses, boxes = jax.tree.map(lambda a: a.astype(np.float32), (begin.poses, begin.boxes))
-    decision = decide_packed(config, robot, params, swarm, begin._replace(poses=poses, boxes=boxes))
-    needed = (decision.done, decision.progress, decision.boxes)
-    done, progress, boxes = jax.tree.map(np.asarray, needed)
-    return decision._replace(done=done, progress=progress, boxes=boxes)
+def _decide_on_host(
+    config: StaticConfig, robot: Robots, params: Packed, swarm: SwarmState, inputs: StepInputs
+) -> Decision:
+    """Return the decisions of a shard's robots; those that its engine needs as NumPy arrays."""
+    bodies = (inputs.poses, inputs.boxes)
+    poses, boxes = jax.tree.map(lambda a: a.astype(np.float32), bodies)
+    inputs = inputs._replace(poses=poses, boxes=boxes)
+    decision = decide_packed(config, robot, params, swarm, inputs)
+
+    needed = (decision.drive, decision.progress, decision.box_targets)
+    drive, progress, box_targets = jax.tree.map(np.asarray, needed)
+    return decision._replace(drive=drive, progress=progress, box_targets=box_targets)
 
 
 class HostLoop:
-    """Control steps one by one: threads carry shares of the worlds through a step, and meet at its end.
+    """Control steps one by one: threads take shards of the worlds through a step, and meet at its end.
 
     Attributes:
-        devices: JAX devices that the worlds are spread over, which are none here.
+        devices: JAX devices that the worlds are spread over; none here.
     """
 
     def __init__(
@@ -107,105 +139,123 @@ class HostLoop:
 
         Args:
             make_engine: makes an engine for a number of worlds and of threads.
-            config: what control steps are compiled for.
-            params: of B worlds.
-            start: poses (B, N + M, 3) x, y [mm] and yaw [rad], and the state but for the bodies.
-            n_threads: threads, 0 for one a core.
+            config: settings that control steps are compiled for.
+            params: parameters of B worlds.
+            start: poses (B, N + M, 3) x, y [mm] and yaw [rad] of robots and boxes, and the state without bodies.
+            n_threads: number of threads, 0 for one a core.
             watch: takes the times of the stages.
         """
         n_threads = n_threads or len(os.sched_getaffinity(0))
         self.devices: list[Any] = []
-        self._watch, self._parts = watch, shard_worlds(len(params.goal))
-        self._n_workers = min(n_threads, len(self._parts))
-        self._pool = ThreadPoolExecutor(self._n_workers - 1) if self._n_workers > 1 else None
-        self._shares: list[WorldShard] = []
+        self._watch = watch
+        self._slices = shard_worlds(len(params.goal))
+        self._n_workers = min(n_threads, len(self._slices))
+        self._pool = None
+        if self._n_workers > 1:
+            self._pool = ThreadPoolExecutor(self._n_workers - 1)
         self._is_compiled = False
-        for part in self._parts:
-            own, (poses, state) = jax.tree.map(lambda a, part=part: np.asarray(a)[part], (params, start))
+
+        self._shards: list[WorldShard] = []
+        for worlds in self._slices:
+            shard_params, (poses, state) = _worlds_of((params, start), worlds)
             engine = make_engine(len(poses), n_threads // self._n_workers)
-            state = state._replace(bodies=engine.place(poses, own.is_present))
-            self._shares.append(WorldShard(engine, config, own, state, watch))
+            state = state._replace(bodies=engine.place(poses, shard_params.is_present))
+            self._shards.append(WorldShard(engine, config, shard_params, state, watch))
 
     def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
         """Take one control step.
 
         Args:
-            first: its number, from 0.
+            first: number of the step, from 0.
             last: number of steps of the run; those beyond are not taken.
             recorded: W worlds.
 
         Returns:
-            The number T of steps taken, and their record (T, W, ...); None where no world is recorded.
+            Number T of steps taken, and their record (T, W, ...); None where no world is recorded.
         """
-        of_share = [[world for world in recorded if part.start <= world < part.stop] for part in self._parts]
-        found: list[StepRecord | None] = [None] * len(self._shares)
+        recorded_of_shard = [
+            [world for world in recorded if worlds.start <= world < worlds.stop] for worlds in self._slices
+        ]
+        records: list[StepRecord | None] = [None] * len(self._shards)
 
-        def advance(index: int) -> None:
-            part = self._parts[index]
-            found[index] = self._shares[index].advance(first, last, [w - part.start for w in of_share[index]])
+        def advance_shard(index: int) -> None:
+            first_world = self._slices[index].start
+            rows = [world - first_world for world in recorded_of_shard[index]]
+            records[index] = self._shards[index].advance(first, last, rows)
 
-        self._each(advance)
+        self._for_each_shard(advance_shard)
         if not recorded:
             return 1, None
-        order = [world for worlds in of_share for world in worlds]
-        places = [order.index(world) for world in recorded]
-        record = _joined([record for record in found if record is not None])
-        return 1, jax.tree.map(lambda a: a[places][None], record)
+
+        # Shards return their worlds in ascending order; the record has them in the order asked for.
+        order = [world for worlds in recorded_of_shard for world in worlds]
+        rows = [order.index(world) for world in recorded]
+        joined = _joined([record for record in records if record is not None])
+        return 1, jax.tree.map(lambda a: a[rows][None], joined)
 
     def read(self, part: Callable[[WorldState], Tree]) -> Tree:
         """Return part of the state of all B worlds, as NumPy arrays."""
-        return _joined([part(share.state) for share in self._shares])
+        return _joined([part(shard.state) for shard in self._shards])
 
     def worlds(self) -> tuple[WorldParams, WorldState]:
         """Return parameters and state of all worlds, as NumPy arrays where possible."""
-        params, state = _joined([(share.params, share.state) for share in self._shares])
+        params, state = _joined([(shard.params, shard.state) for shard in self._shards])
         return params, state
 
     def replace(self, params: WorldParams, swarm: SwarmState) -> None:
-        """Put other parameters and another state of the swarm, of the same shapes and types, in place of the present.
+        """Replace parameters and state of the swarm by others of the same shapes and types.
 
         Args:
-            params: of B worlds; goal and places for robots stay as they are.
-            swarm: of B worlds.
+            params: parameters of B worlds; goal and places for robots stay as they are.
+            swarm: state of B worlds.
         """
-        for share, part in zip(self._shares, self._parts, strict=True):
-            share.replace(*jax.tree.map(lambda a, part=part: np.asarray(a)[part], (params, swarm)))
+        for shard, worlds in zip(self._shards, self._slices, strict=True):
+            shard.replace(*_worlds_of((params, swarm), worlds))
 
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics.
 
-        They are of all steps so far, by the clock if all threads have as much to do.
+        The times cover all steps so far; they are those of the clock if all threads have the same work to do.
         """
-        laps, turns = self._watch.laps, len(self._shares) / self._n_workers
-        return {stage: turns * float(np.median(laps[stage])) for stage in ("sense", "policy", "physics") if laps[stage]}
+        laps = self._watch.laps
+        shards_a_worker = len(self._shards) / self._n_workers
+        return {stage: shards_a_worker * float(np.median(laps[stage])) for stage in _STAGES if laps[stage]}
 
-    def _each(self, work: Callable[[int], None]) -> None:
-        """Do something for each share, by its index, in as many threads as there are."""
-        left = deque(range(len(self._shares)))
+    def _for_each_shard(self, work: Callable[[int], None]) -> None:
+        """Do work for the index of each shard, in all threads; the calling thread is one of them."""
+        indices = deque(range(len(self._shards)))
 
-        def go_on() -> None:
-            while left:
+        def work_until_done() -> None:
+            while indices:
                 try:
-                    index = left.popleft()
+                    index = indices.popleft()
                 except IndexError:  # another thread took the last one
                     return
                 work(index)
 
-        others = []
-        if self._pool is not None and self._is_compiled:  # else several threads would compile one program
-            others = [self._pool.submit(go_on) for _ in range(self._n_workers - 1)]
+        helpers = []
+        # In the first step several threads would compile the same program.
+        if self._pool is not None and self._is_compiled:
+            helpers = [self._pool.submit(work_until_done) for _ in range(self._n_workers - 1)]
         try:
-            go_on()
+            work_until_done()
         finally:
-            for other in others:
-                other.result()
+            for helper in helpers:
+                helper.result()
         self._is_compiled = True
 
 
-def _joined(parts: Sequence[Tree]) -> Tree:
-    """Of shares of worlds one after the other, as NumPy arrays."""
+def _worlds_of(tree: Tree, worlds: slice) -> Tree:
+    """Return the rows of some worlds, as NumPy arrays."""
+    return jax.tree.map(lambda a: np.asarray(a)[worlds], tree)
+
+
+def _joined(shards: Sequence[Tree]) -> Tree:
+    """Return the trees of shards as one, with the worlds of one shard after those of the other, as NumPy arrays."""
 
     def join(*values: Any) -> np.ndarray:
-        return np.asarray(values[0]) if len(values) == 1 else np.concatenate(values)
+        if len(values) == 1:
+            return np.asarray(values[0])
+        return np.concatenate(values)
 
-    return jax.tree.map(join, *map(unpacked, parts))
+    return jax.tree.map(join, *map(unpacked, shards))

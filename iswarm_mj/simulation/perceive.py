@@ -1,4 +1,4 @@
-"""The first half of a control step: robots communicate, and the task advances. Pure JAX, of one world."""
+"""The first half of a control step: robots communicate, and the task advances. Pure JAX, for one world."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -25,36 +25,48 @@ from iswarm_mj.utils.rng import draw
 
 
 class StepInputs(NamedTuple):
-    """What a world's control step begins with, beside its state."""
+    """Bodies, light and time of a world as its control step begins."""
 
     poses: Float[Array, "*B N 3"]
-    """x, y [mm] and yaw [rad]."""
+    """Poses of the robots: x, y [mm] and yaw [rad]."""
     sight: LightReading
     """Light that the robots receive."""
     step: Int[Array, ""]
     """Number of the control step, from 0."""
     is_running: Bool[Array, "*B"]
-    """Whether the world takes this step."""
+    """Worlds that take this step."""
     boxes: Float[Array, "*B M 3"] | None = None
-    """x, y [mm] and yaw [rad] of the boxes; None where there are none."""
+    """Poses of the boxes: x, y [mm] and yaw [rad]; None where there are none."""
+
+
+class HeldOutputs(NamedTuple):
+    """Outputs of N robots that hold from the previous step: their messages, and what their tools do."""
+
+    payload: dict[str, Any]
+    """Content of each robot's message, by the names of its fields."""
+    picks: Bool[Array, "N"]
+    """Robots that pick up what their tools reach."""
+    releases: Bool[Array, "N"] | None = None
+    """Robots that release what they hold wherever they are; None: over the dump alone."""
 
 
 class Perceived(NamedTuple):
-    """What N robots of a world perceive as a control step begins, after what they said and gripped."""
+    """What N robots of a world perceive as a control step begins, after they communicated and gripped."""
 
     observation: Observation
+    """All that the robots may know."""
     swarm: SwarmState
-    """With the task advanced and the capacitors charged; the memory is that of the step before."""
+    """State with the task advanced and the capacitors charged; the memory is still that of the previous step."""
     sensed: Sensed
     """What the task let the robots sense."""
-    inputs: TaskInputs
-    """What the task found."""
+    task_inputs: TaskInputs
+    """Inputs of the task."""
     links: Links
-    """Of each side (N, S), the sender whose message it receives unless noise spoils it."""
+    """Sender whose message each side (N, S) receives unless noise spoils it."""
     received: Received
-    """Its message is None, since the observation has it."""
+    """What the sides received; its message is None, since the observation has it."""
     transmit: Callable[[dict[str, Any]], Received]
-    """Messages as received, with the same noise at whatever time within this step they are sent."""
+    """Sends other messages over the same links with the same noise, as sequential updates need."""
 
 
 def perceive(
@@ -62,67 +74,155 @@ def perceive(
     robot: Robots,
     params: WorldParams,
     swarm: SwarmState,
-    begin: StepInputs,
+    inputs: StepInputs,
+    outputs: HeldOutputs,
     keys: StepKeys,
-    payload: dict[str, Any],
-    picks: Bool[Array, "N"],
-    releases: Bool[Array, "N"] | None = None,
 ) -> Perceived:
     """Take a world's control step up to what robots know: communicate, and advance the task.
 
     Args:
-        config: what control steps are compiled for (`shared_settings.static_config`).
-        robot: its geometry.
-        params: of the world.
-        swarm: after the step before.
-        begin: poses, light and time, without a leading axis.
-        keys: of the step.
-        payload: what each robot says.
-        picks: which robots pick up what their tools reach.
-        releases: which robots release what they hold wherever they are; None: over the dump alone.
+        config: settings that control steps are compiled for (`shared_settings.static_config`).
+        robot: geometry of the robots.
+        params: parameters of the world, with the conditions of this step (`with_conditions`).
+        swarm: state after the previous step.
+        inputs: bodies, light and time, without a leading axis.
+        outputs: messages and tools, as the robots left them in the previous step.
+        keys: random keys of the step.
     """
-    poses, sight, *_ = begin
-    if config.optics.baud_rate:
-        first_slot = draw_first_slots(config.optics, keys.slots, len(poses))
-        links = understood(config.optics, sight.links, first_slot, robot.sides)
-        sight = LightReading(links, sight.sees_wall & sides_on(config.optics, robot.sides))
-    declared = payload_of(params.strategy)
+    # Communicate: the previous step's messages go through the noisy channel.
+    sight = _receivable(config, robot, inputs, keys.slots)
+    payload = payload_of(params.strategy)
 
-    def transmit(payload: dict[str, Any]) -> Received:
-        return exchange(params.conditions, declared, payload, sight.links, keys.channel)
+    def transmit(content: dict[str, Any]) -> Received:
+        return exchange(params.conditions, payload, content, sight.links, keys.channel)
 
-    received = transmit(payload)
-    voltage, is_empty = None, jnp.zeros(len(poses), bool)
-    if swarm.energy is not None and swarm.steps_without_energy is not None:
-        energy = power.charged(config, swarm.energy)
-        voltage, is_empty = power.voltage(config.energy, energy), ~power.can_act(config, energy)
-        swarm = swarm._replace(
-            energy=energy, steps_without_energy=swarm.steps_without_energy + (is_empty & swarm.is_alive)
-        )
-    (stop,), (misses,) = draw(keys.stops, (len(poses),), n_uniform=1).uniform
-    inputs = TaskInputs(
-        poses=poses,
+    received = transmit(outputs.payload)
+
+    # Charge: robots whose capacitors are empty wait for light.
+    swarm, supply = _charge(config, swarm, len(inputs.poses))
+
+    # Advance the task: balls are carried, released and picked up.
+    (stop_draw,), (sensing_draw,) = draw(keys.stops, (len(inputs.poses),), n_uniform=1).uniform
+    notices = sensing_draw >= params.conditions.error_in_sensing
+    task_inputs = _task_inputs(config, robot, params, swarm, inputs, outputs, supply, notices)
+    swarm, sensed = _advance_task(params, swarm, task_inputs, keys.task)
+
+    # Sense: this is all that robots may know.
+    stops_to_emit = stop_draw < params.conditions.stop_share
+    waits = supply.is_empty | sensed.is_busy | stops_to_emit
+    return Perceived(
+        observation=_observation(sight, received, sensed, waits),
+        swarm=swarm,
+        sensed=sensed,
+        task_inputs=task_inputs,
+        links=sight.links,
+        received=received._replace(message=None),
+        transmit=transmit,
+    )
+
+
+def with_conditions(params: WorldParams, swarm: SwarmState) -> WorldParams:
+    """Return the parameters of a world with the conditions of this step, which its task may change."""
+    conditions = params.task.conditions(swarm.task, params.conditions)
+    return params._replace(conditions=conditions)
+
+
+def decider_of(config: StaticConfig) -> Decider:
+    """Return the function that decides whether attempts to grasp and release succeed: a force balance, or trials."""
+    if config.gripper.resolution == "quasi-static":
+        return by_balance
+    # Imported here, since the bench is a large part of the package that other runs need not load.
+    if config.gripper.bench == "mjx":
+        from iswarm_mj.gripper.bench.batch_trials import by_batch
+
+        return by_batch
+    from iswarm_mj.gripper.bench.swarm_trials import by_host
+
+    return by_host
+
+
+class _Supply(NamedTuple):
+    """Voltage of the robots' capacitors as a step begins."""
+
+    voltage: Float[Array, "N"] | None
+    """Voltage [V]; None where robots have no capacitors."""
+    is_empty: Bool[Array, "N"]
+    """Robots without the energy of one control step; they wait."""
+
+
+def _receivable(config: StaticConfig, robot: Robots, inputs: StepInputs, key: Array) -> LightReading:
+    """Return the light that sides can use: where messages take time, that of the nearest sender they understand."""
+    sight = inputs.sight
+    optics = config.optics
+    if not optics.baud_rate:
+        return sight
+    first_slot = draw_first_slots(optics, key, len(inputs.poses))
+    links = understood(optics, sight.links, first_slot, robot.sides)
+    return LightReading(links, sight.sees_wall & sides_on(optics, robot.sides))
+
+
+def _charge(config: StaticConfig, swarm: SwarmState, n_robots: int) -> tuple[SwarmState, _Supply]:
+    """Return the state with capacitors charged by light, and what they supply; without capacitors as it was."""
+    if swarm.energy is None or swarm.steps_without_energy is None:
+        return swarm, _Supply(voltage=None, is_empty=jnp.zeros(n_robots, bool))
+    energy = power.charged(config, swarm.energy)
+    voltage = power.voltage(config.energy, energy)
+    is_empty = ~power.can_act(config, energy)
+    steps_without_energy = swarm.steps_without_energy + (is_empty & swarm.is_alive)
+    charged = swarm._replace(energy=energy, steps_without_energy=steps_without_energy)
+    return charged, _Supply(voltage, is_empty)
+
+
+def _task_inputs(
+    config: StaticConfig,
+    robot: Robots,
+    params: WorldParams,
+    swarm: SwarmState,
+    inputs: StepInputs,
+    outputs: HeldOutputs,
+    supply: _Supply,
+    notices: Bool[Array, "N"],
+) -> TaskInputs:
+    """Return the world as its task sees it; robots without energy neither pick up nor release."""
+    n_robots = len(inputs.poses)
+    releases = outputs.releases
+    if releases is not None:
+        releases = releases & swarm.is_alive & ~supply.is_empty
+    return TaskInputs(
+        poses=inputs.poses,
         is_present=params.is_present,
         is_alive=swarm.is_alive,
-        picks=picks & ~is_empty,
-        team=jnp.asarray(team_numbers(params.strategy, len(poses))),
-        kind=jnp.asarray(robot.kind_of(len(poses)), jnp.int32),
+        picks=outputs.picks & ~supply.is_empty,
+        team=jnp.asarray(team_numbers(params.strategy, n_robots)),
+        kind=jnp.asarray(robot.kind_of(n_robots), jnp.int32),
         conditions=params.conditions,
         arena=params.arena,
         config=config,
         robot=robot,
         decide_attempts=decider_of(config),
-        voltage=voltage,
-        releases=None if releases is None else releases & swarm.is_alive & ~is_empty,
-        notices=misses >= params.conditions.error_in_sensing,
-        boxes=jnp.zeros((0, 3)) if begin.boxes is None else begin.boxes,
+        voltage=supply.voltage,
+        releases=releases,
+        notices=notices,
+        boxes=jnp.zeros((0, 3)) if inputs.boxes is None else inputs.boxes,
     )
-    task, sensed = params.task.advance(swarm.task, inputs, keys.task)
+
+
+def _advance_task(
+    params: WorldParams, swarm: SwarmState, task_inputs: TaskInputs, key: Array
+) -> tuple[SwarmState, Sensed]:
+    """Return the state with the task advanced, in which robots may die, and what robots sense of it."""
+    task, sensed = params.task.advance(swarm.task, task_inputs, key)
+    is_alive = swarm.is_alive
     survives = params.task.survives(task)
-    is_alive = swarm.is_alive if survives is None else swarm.is_alive & survives
-    swarm = swarm._replace(task=task, is_loaded=sensed.is_loaded, is_alive=is_alive)
+    if survives is not None:
+        is_alive = is_alive & survives
+    return swarm._replace(task=task, is_loaded=sensed.is_loaded, is_alive=is_alive), sensed
+
+
+def _observation(sight: LightReading, received: Received, sensed: Sensed, waits: Bool[Array, "N"]) -> Observation:
+    """Return what robots hear, see and sense."""
     message = received.message
-    observation = Observation(
+    return Observation(
         is_heard=received.is_heard,
         bearing=sight.links.measured_bearing,
         distance=received.distance,
@@ -135,25 +235,5 @@ def perceive(
         is_loaded=sensed.is_loaded,
         grasp_failed=sensed.grasp_failed,
         sensed=sensed.own,
-        waits=is_empty | sensed.is_busy | (stop < params.conditions.stop_share),
+        waits=waits,
     )
-    return Perceived(observation, swarm, sensed, inputs, sight.links, received._replace(message=None), transmit)
-
-
-def with_conditions(params: WorldParams, swarm: SwarmState) -> WorldParams:
-    """Return the parameters of a world with the conditions of this step, which its task may change."""
-    return params._replace(conditions=params.task.conditions(swarm.task, params.conditions))
-
-
-def decider_of(config: StaticConfig) -> Decider:
-    """Return what decides whether attempts to pick up and to release succeed: the forces' balance, or the bench."""
-    if config.gripper.resolution == "quasi-static":
-        return by_balance
-    # Here, since the bench is a large part of the package that other runs need not load.
-    if config.gripper.bench == "mjx":
-        from iswarm_mj.gripper.bench.batch_trials import by_batch
-
-        return by_batch
-    from iswarm_mj.gripper.bench.swarm_trials import by_host
-
-    return by_host

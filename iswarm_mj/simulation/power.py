@@ -1,42 +1,53 @@
-"""What robots draw from their capacitors, and what light puts in."""
+"""Energy budget of robots: what light charges into their capacitors, and what a control step draws."""
 
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
 
 from iswarm_mj.config.energy import EnergyConfig
 from iswarm_mj.config.static import StaticConfig
+from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
 
 
 def charged(config: StaticConfig, energy: Float[Array, "N"]) -> Float[Array, "N"]:
-    """Energies after a control step in the light [J]."""
+    """Return the energies of capacitors after a control step in the light [J]."""
     income = config.energy.light_power * config.drive.control_period
     return jnp.minimum(energy + income, config.energy.full)
 
 
 def voltage(config: EnergyConfig, energy: Float[Array, "N"]) -> Float[Array, "N"]:
-    """Voltages of capacitors, (2 E / C)^(1/2) [V]."""
+    """Return the voltages of capacitors, (2 E / C)^(1/2) [V]."""
     return jnp.sqrt(2 * energy / config.capacitance)
 
 
 def can_act(config: StaticConfig, energy: Float[Array, "N"]) -> Bool[Array, "N"]:
-    """Whether each robot has the energy of one control step, messages and a walk; otherwise it waits for light."""
+    """Return which robots have the energy of one control step, messages and a walk; others wait for light."""
     return energy >= config.energy.of_step(config.drive.control_period)
 
 
 def is_emitting(
     config: StaticConfig, is_alive: Bool[Array, "*B N"], energy: Float[Array, "*B N"] | None
 ) -> Bool[Array, "*B N"]:
-    """Robots that light their LEDs in a control step: all that live and do not wait for energy.
+    """Return which robots light their LEDs in a control step: all that live and do not wait for energy.
 
     Args:
-        config: costs, and the light.
-        is_alive: the others are dark.
-        energy: as the step before ended [J]; None where robots have no capacitors.
+        config: costs of a control step, and the power of the light.
+        is_alive: robots that live; dead ones are dark.
+        energy: energies at the end of the previous step [J]; None where robots have no capacitors.
     """
-    return is_alive if energy is None else is_alive & can_act(config, charged(config, energy))
+    if energy is None:
+        return is_alive
+    return is_alive & can_act(config, charged(config, energy))
+
+
+def emitted_light(config: StaticConfig, swarm: SwarmState) -> Bool[Array, "*B N"] | Float[Array, "*B N"]:
+    """Return which robots light their LEDs in a control step, or at what power, from 0 to 1."""
+    emits = is_emitting(config, swarm.is_alive, swarm.energy)
+    if swarm.led_power is None:
+        return emits
+    return emits * swarm.led_power
 
 
 def energy_after_step(
@@ -44,21 +55,27 @@ def energy_after_step(
     energy: Float[Array, "N"],
     command: Command,
     tool_voltage_squared: Float[Array, "N"],
-    lit: Bool[Array, "N"] | Float[Array, "N"],
+    led_power: Bool[Array, "N"] | Float[Array, "N"],
 ) -> Float[Array, "N"]:
-    """Energies of N robots after a control step: without motion, messages, and a tool's charge C V^2 in each attempt.
+    """Return the energies left after a control step [J].
+
+    A robot pays for its turn and walk, for messages, and C V^2 for the charge of its tool in each attempt.
 
     Args:
         config: costs, and the greatest motion in a control step.
-        energy: with what light put in [J].
-        command: motion.
+        energy: energies with what light charged in this step [J].
+        command: motion that the drives carry out.
         tool_voltage_squared: sum of V^2 over the attempts of each robot [V^2].
-        lit: which robots light their LEDs, or their power from 0 to 1; those that wait for energy do not.
+        led_power: which robots light their LEDs, or at what power, from 0 to 1. Robots that wait for energy do not,
+            whatever it says.
     """
-    costs, drive = config.energy, config.drive
-    turned = jnp.abs(command.turn) / jnp.deg2rad(drive.max_turn) * drive.turn_substeps
-    walked = jnp.abs(command.forward) / mm_from_rd(config.step_length) * drive.walk_substeps
-    moving = (turned + walked) * drive.timestep * costs.walking_power
+    costs = config.energy
+    drive = config.drive
+
+    turn_steps = jnp.abs(command.turn) / jnp.deg2rad(drive.max_turn) * drive.turn_substeps
+    walk_steps = jnp.abs(command.forward) / mm_from_rd(config.step_length) * drive.walk_substeps
+    motion = (turn_steps + walk_steps) * drive.timestep * costs.walking_power
+
     tools = tool_voltage_squared * costs.tool_capacitance
-    messages = costs.message_energy * lit * can_act(config, energy)
-    return jnp.maximum(energy - moving - messages - tools, 0.0)
+    messages = costs.message_energy * led_power * can_act(config, energy)
+    return jnp.maximum(energy - motion - messages - tools, 0.0)

@@ -13,6 +13,7 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.simulation.build import build_loop
+from iswarm_mj.simulation.faults import decode_faults, summarize_faults
 from iswarm_mj.simulation.given import metrics_of, of_all_worlds, of_worlds, to_json
 from iswarm_mj.simulation.layouts import with_boxes_laid
 from iswarm_mj.simulation.memory_limits import check_memory
@@ -20,7 +21,7 @@ from iswarm_mj.simulation.scenario import Scenario, check_genome, config_of, ref
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.shared_settings import check_shared_settings
-from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState, decode, summary
+from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.stated import STEPS
 from iswarm_mj.simulation.worlds import World, arenas_of_worlds, conditions_of_worlds, vector_strategies
 from iswarm_mj.strategy.base import Strategy
@@ -279,7 +280,7 @@ class Run:
     @property
     def fault_of_each(self) -> list[SimulationFault | None]:
         """The fault of each world, None for a world without one."""
-        return decode(self._state.fault, [world.index for world in self.worlds])
+        return decode_faults(self._state.fault, [world.index for world in self.worlds])
 
     @property
     def _state(self) -> WorldState:
@@ -298,7 +299,7 @@ class Run:
     def raise_faults(self) -> None:
         """Raise one SimulationFault for all faults so far, if there are any."""
         if faults := self.faults:
-            raise faults[0] if len(faults) == 1 else SimulationFault(summary(faults))
+            raise faults[0] if len(faults) == 1 else SimulationFault(summarize_faults(faults))
 
     def arrays(self) -> tuple[WorldParams, WorldState]:
         """Return parameters and state of all worlds."""

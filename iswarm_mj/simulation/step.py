@@ -4,14 +4,14 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from typing import Any, NamedTuple
 
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.engines.base import Engine, Motion, boxes_of
 from iswarm_mj.simulation.actuate import DriveOutput, drive_phases, velocity_towards
 from iswarm_mj.simulation.decide import Decision
 from iswarm_mj.simulation.perceive import StepInputs
-from iswarm_mj.simulation.power import is_emitting
+from iswarm_mj.simulation.power import emitted_light
 from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.arrays import Array, array_module
@@ -23,12 +23,12 @@ engine acts on many at once."""
 
 
 class Stepper(NamedTuple):
-    """What carries out control steps: of one world, or of B, and all arrays have a leading axis."""
+    """Parts that take control steps: of one world, or of B, where all arrays have a leading axis."""
 
     engine: Engine
     """Senses and moves."""
     config: StaticConfig
-    """What control steps are compiled for."""
+    """Settings that control steps are compiled for."""
     decide: Decide
     """Decides what the robots do."""
     records: bool
@@ -38,80 +38,126 @@ class Stepper(NamedTuple):
 
 
 def control_step(
-    stepper: Stepper, params: WorldParams, state: WorldState, step: Int[Array, ""], last: Int[Array, ""]
+    stepper: Stepper,
+    params: WorldParams,
+    state: WorldState,
+    step: Int[Array, ""],
+    last: Int[Array, ""],
 ) -> tuple[WorldState, StepRecord | None]:
-    """Take one control step, unless the world is finished or faulty or the run over.
+    """Take one control step, unless the world is finished or faulty or the run is over.
 
     Args:
         stepper: engine, configuration and decisions.
-        params: of the world.
-        state: before.
+        params: parameters of the world.
+        state: state before the step.
         step: number of this step, from 0.
         last: number of steps of the run.
+
+    Returns:
+        State after the step, and the record of the step; None if the stepper makes none.
     """
-    engine, config, swarm = stepper.engine, stepper.config, state.swarm
+    engine = stepper.engine
+    drive_config = stepper.config.drive
     is_running = ~state.is_finished & (state.fault.bits == 0) & (step < last)
-    emits = is_emitting(config, swarm.is_alive, swarm.energy)
-    emits = emits if swarm.led_power is None else emits * swarm.led_power
+
+    # Sense: the nearest sender in sight of each side, and walls that reflect the robot's own light.
+    light = emitted_light(stepper.config, state.swarm)
     with stepper.watch("sense"):
-        sight = engine.sense(state.bodies, emits, is_running)
-    begin = StepInputs(engine.poses(state.bodies), sight, step, is_running, boxes_of(engine, state.bodies))
+        sight = engine.sense(state.bodies, light, is_running)
+    inputs = StepInputs(
+        poses=engine.poses(state.bodies),
+        sight=sight,
+        step=step,
+        is_running=is_running,
+        boxes=boxes_of(engine, state.bodies),
+    )
+
+    # Decide: robots communicate, the task advances, and the strategy acts.
     with stepper.watch("policy"):
-        decision = stepper.decide(swarm, begin)
-    moves = is_running & ~decision.done.is_refused.any(axis=-1)
-    boxes = velocity_towards(config.drive, params.is_driven, decision.boxes, begin.boxes)
-    phases = drive_phases(config.drive, decision.done.command, boxes)
+        decision = stepper.decide(state.swarm, inputs)
+
+    # Move: turn on the spot, then walk. A refused command is a fault, and stops the whole world.
+    moves = is_running & ~decision.drive.is_refused.any(axis=-1)
+    box_velocity = velocity_towards(drive_config, params.is_driven, decision.box_targets, inputs.boxes)
+    phases = drive_phases(drive_config, decision.drive.command, box_velocity)
     with stepper.watch("physics"):
         motion = engine.move(state.bodies, phases, moves)
-    moved = after_motion(state, motion, decision.done, step, is_running)
-    new = after_task(params, moved._replace(swarm=decision.swarm), decision.progress, step, is_running)
-    return new, record(stepper, params, new, decision, begin) if stepper.records else None
+
+    # Account: faults and collisions of the motion, then the progress of the task.
+    moved = account_for_motion(state, motion, decision.drive, step, is_running)
+    moved = moved._replace(swarm=decision.swarm)
+    after = account_for_task(params, moved, decision.progress, step, is_running)
+
+    if not stepper.records:
+        return after, None
+    return after, record_step(stepper, params, after, decision, inputs)
 
 
-def after_motion(
-    state: WorldState, motion: Motion, done: DriveOutput, step: Int[Array, ""], is_running: Array
+def account_for_motion(
+    state: WorldState,
+    motion: Motion,
+    drive: DriveOutput,
+    step: Int[Array, ""],
+    is_running: Bool[Array, "*B"],
 ) -> WorldState:
-    """Account for the motion of a control step: bodies, faults, collisions.
+    """Return the state with the bodies, faults and collisions of a control step's motion.
 
     Args:
-        state: before the step.
-        motion: of the robots.
-        done: by the drives.
+        state: state before the step.
+        motion: motion of the robots.
+        drive: motion that the drives carried out, and commands that they refused.
         step: number of the step, from 0.
-        is_running: (*B,) worlds that take it.
+        is_running: worlds that take it.
     """
     xp = array_module(motion.touching)
-    any_refused = done.is_refused.any(axis=-1) & is_running
-    bits = motion.fault | xp.where(any_refused, int(FaultKind.COMMAND_NOT_FINITE), 0).astype(motion.fault.dtype)
-    robot = xp.where(any_refused, done.is_refused.argmax(axis=-1), motion.robot).astype(state.fault.robot.dtype)
+
+    # Only the first fault of a world is kept, since worlds stop at it.
+    any_refused = drive.is_refused.any(axis=-1) & is_running
+    refusal = xp.where(any_refused, int(FaultKind.COMMAND_NOT_FINITE), 0)
+    new_bits = motion.fault | refusal.astype(motion.fault.dtype)
+    first_refused = drive.is_refused.argmax(axis=-1)
+    robot = xp.where(any_refused, first_refused, motion.robot).astype(state.fault.robot.dtype)
+    is_faulty = new_bits != 0
     fault = Fault(
-        state.fault.bits | bits,
-        xp.where(bits != 0, step + 1, state.fault.step).astype(state.fault.step.dtype),
-        xp.where(bits != 0, robot, state.fault.robot),
+        bits=state.fault.bits | new_bits,
+        step=xp.where(is_faulty, step + 1, state.fault.step).astype(state.fault.step.dtype),
+        robot=xp.where(is_faulty, robot, state.fault.robot),
     )
-    begun = new_contacts(state.touching, motion.touching) + done.is_blocked.sum(axis=-1)
+
+    # Pairs that begin to touch count as collisions, and so do robots that another one blocks.
+    begun = new_contacts(state.touching, motion.touching) + drive.is_blocked.sum(axis=-1)
     begun = begun.astype(state.collisions.dtype)
-    collisions = state.collisions + xp.where(is_running & (fault.bits == 0), begun, 0)
-    return state._replace(bodies=motion.bodies, touching=motion.touching, collisions=collisions, fault=fault)
+    counts = is_running & (fault.bits == 0)
+    return state._replace(
+        bodies=motion.bodies,
+        touching=motion.touching,
+        collisions=state.collisions + xp.where(counts, begun, 0),
+        fault=fault,
+    )
 
 
-def new_contacts(before: Int[Array, "*B K N"], now: Int[Array, "*B K N"]) -> Int[Array, "*B"]:
-    """Return the number of pairs of robots that touch now and did not before, see `Motion.touching`."""
-    is_known = (now[..., None, :, :] == before[..., :, None, :]).any(axis=-3)
-    return ((now > 0) & ~is_known).sum(axis=(-2, -1))
+def new_contacts(before: Int[Array, "*B K N"], after: Int[Array, "*B K N"]) -> Int[Array, "*B"]:
+    """Return the number of pairs of robots that touch after a step and did not before, see `Motion.touching`."""
+    is_old = (after[..., None, :, :] == before[..., :, None, :]).any(axis=-3)
+    is_new = (after > 0) & ~is_old
+    return is_new.sum(axis=(-2, -1))
 
 
-def after_task(
-    params: WorldParams, state: WorldState, progress: Int[Array, "*B"], step: Int[Array, ""], is_running: Array
+def account_for_task(
+    params: WorldParams,
+    state: WorldState,
+    progress: Int[Array, "*B"],
+    step: Int[Array, ""],
+    is_running: Bool[Array, "*B"],
 ) -> WorldState:
-    """Account for the progress of the task in a control step, which may finish the world.
+    """Return the state with the progress of the task in a control step, which may finish the world.
 
     Args:
-        params: with the goal.
-        state: after the motion.
-        progress: of the task.
+        params: parameters of the world, with its goal.
+        state: state after the motion.
+        progress: progress of the task.
         step: number of the step, from 0.
-        is_running: (*B,) worlds that take it.
+        is_running: worlds that take it.
     """
     xp = array_module(is_running)
     reached = is_running & (state.fault.bits == 0) & (progress >= params.goal)
@@ -119,40 +165,56 @@ def after_task(
     return state._replace(is_finished=state.is_finished | reached, finished_at=finished_at, progress=progress)
 
 
-def record(
-    stepper: Stepper, params: WorldParams, state: WorldState, decision: Decision, begin: StepInputs
+def record_step(
+    stepper: Stepper,
+    params: WorldParams,
+    state: WorldState,
+    decision: Decision,
+    inputs: StepInputs,
 ) -> StepRecord:
-    """Record of a control step; a world that does not run has no links.
+    """Return the record of a control step; a world that does not run has no links.
 
     Args:
         stepper: engine and configuration.
-        params: of the world.
-        state: after the step.
-        decision: of the robots.
-        begin: how the step began.
+        params: parameters of the world.
+        state: state after the step.
+        decision: decisions of the robots.
+        inputs: bodies, light and time as the step began.
     """
-    links, received, is_running = decision.links or begin.sight.links, decision.received, begin.is_running
+    is_running = inputs.is_running
     xp = array_module(is_running)
+    links = inputs.sight.links if decision.links is None else decision.links
+    received = decision.received
     poses = stepper.engine.poses(state.bodies)
+    period = stepper.config.drive.control_period
+    command = decision.drive.command
+
+    runs_of_robots = is_running[..., None]
+    runs_of_sides = is_running[..., None, None]
     return StepRecord(
-        step=xp.broadcast_to(begin.step + 1, is_running.shape),
+        step=xp.broadcast_to(inputs.step + 1, is_running.shape),
         poses=poses,
         swarm=decision.swarm,
-        links=links._replace(valid=links.valid & is_running[..., None, None]),
+        links=links._replace(valid=links.valid & runs_of_sides),
         has_priority=decision.has_priority,
         message=received.bits[..., 0],
-        is_heard=received.is_heard & is_running[..., None, None],
+        is_heard=received.is_heard & runs_of_sides,
         measured_distance=received.distance,
-        command=Command(*(xp.where(is_running[..., None], part, 0.0) for part in decision.done.command)),
+        command=Command(
+            turn=xp.where(runs_of_robots, command.turn, 0.0),
+            forward=xp.where(runs_of_robots, command.forward, 0.0),
+        ),
         collisions=state.collisions,
-        speed=mean_step(begin.poses, poses, params.is_present) / stepper.config.drive.control_period,
+        speed=mean_distance(inputs.poses, poses, params.is_present) / period,
         is_running=is_running,
         boxes=boxes_of(stepper.engine, state.bodies),
     )
 
 
-def mean_step(before: Float[Array, "*B N 3"], after: Float[Array, "*B N 3"], is_present: Array) -> Float[Array, "*B"]:
-    """Mean distance of the robots of a world between two poses [mm]."""
+def mean_distance(
+    before: Float[Array, "*B N 3"], after: Float[Array, "*B N 3"], is_present: Bool[Array, "*B N"]
+) -> Float[Array, "*B"]:
+    """Return the mean distance that the robots of a world moved between two poses [mm]."""
     xp = array_module(after)
-    moved = xp.sqrt(((after - before)[..., :2] ** 2).sum(axis=-1))
-    return xp.where(is_present, moved, 0).sum(axis=-1) / is_present.sum(axis=-1)
+    distance = xp.sqrt(((after - before)[..., :2] ** 2).sum(axis=-1))
+    return xp.where(is_present, distance, 0).sum(axis=-1) / is_present.sum(axis=-1)

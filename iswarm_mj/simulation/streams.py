@@ -9,12 +9,17 @@ from iswarm_mj.utils.rng import split
 
 
 class StepKeys(NamedTuple):
-    """Keys of one world in one control step."""
+    """Random keys of one world in one control step.
+
+    A new use takes its key from one that is here, as `stops` does: the others then draw the same numbers as before.
+    """
 
     channel: Array
     """Errors of messages."""
     task: Array
+    """Chances in the task."""
     policy: Array
+    """Chances in the strategy."""
     actuators: Array
     """Errors of turns and walks."""
     slots: Array
@@ -22,16 +27,17 @@ class StepKeys(NamedTuple):
     turns: Array
     """Order in which robots hear, decide and speak, where updates are sequential."""
     stops: Array
-    """Which robots stop to emit, and which miss the dust or the dump that they are at; follows from `actuators`."""
+    """Robots that stop to emit, and those that miss the dust or the dump that they are at; from `actuators`."""
 
 
-def step_keys(world: Array, step: Int[Array, ""]) -> StepKeys:
+def step_keys(world_key: Array, step: Int[Array, ""]) -> StepKeys:
     """Return the keys of a control step.
 
     Args:
-        world: key of the world.
+        world_key: random key of the world.
         step: number of the control step, from 0.
     """
     n_keys = len(StepKeys._fields) - 1
-    keys = split(world, n_keys, n_keys * step)
-    return StepKeys(*keys, stops=split(keys[StepKeys._fields.index("actuators")], 1)[0])
+    keys = split(world_key, n_keys, first=n_keys * step)
+    actuators = keys[StepKeys._fields.index("actuators")]
+    return StepKeys(*keys, stops=split(actuators, 1)[0])

@@ -12,7 +12,8 @@ from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.arena import Arena, arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
-from iswarm_mj.simulation.layouts import Start, check_balls, check_poses, check_start, draw_start, with_boxes_laid
+from iswarm_mj.simulation.layout_checks import check_balls, check_poses, check_start
+from iswarm_mj.simulation.layouts import Start, draw_start, with_boxes_laid
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.shared_settings import check_shared_settings
 from iswarm_mj.strategy.genome import Genome

@@ -237,9 +237,9 @@ class Task(ABC):
     def drive_boxes(self, state: Any) -> Float[Array, "M 3"] | None:
         """Return where boxes of mass 0 are to be after a step that `advance` ends with this state; JAX.
 
-        They move there by at most `actuate.FASTEST`, and push robots and other boxes aside; a pose that is not finite
-        is a fault of the world. Boxes with a mass stay as robots and friction leave them, whatever their rows are.
-        None: the task moves no boxes.
+        They move there by at most `actuate.MAX_BOX_VELOCITY`, and push robots and other boxes aside; a pose that
+        is not finite is a fault of the world. Boxes with a mass stay as robots and friction leave them, whatever their
+        rows are. None: the task moves no boxes.
 
         Returns:
             x, y [mm] and yaw [rad] of all boxes.

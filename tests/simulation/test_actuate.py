@@ -11,7 +11,7 @@ from support.worlds import swarm_of
 
 from iswarm_mj.config.swarm import EnergyConfig
 from iswarm_mj.sensors.conditions import conditions_of
-from iswarm_mj.simulation.actuate import actuate, velocity_towards
+from iswarm_mj.simulation.actuate import DriveInputs, actuate, velocity_towards
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.units import RD
 
@@ -26,7 +26,7 @@ def carried_out(config, turn, forward, waits=False, poses=None, is_present=True,
     command = Command(*(jnp.asarray(part, jnp.float32) for part in (turn, forward)))
     poses = jnp.zeros((n, 3)) if poses is None else jnp.asarray(poses, jnp.float32)
     given = jnp.full(n, waits), poses, jnp.full(n, is_present), jnp.full(n, charges)
-    return actuate(config.static, conditions_of(config), command, swarm, *given, key)
+    return actuate(config.static, conditions_of(config), command, DriveInputs(swarm, *given), key)
 
 
 def test_commands_are_brought_within_the_limits(small):

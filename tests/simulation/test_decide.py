@@ -15,7 +15,7 @@ from iswarm_mj.engines.base import LightReading
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation import decide, perceive
-from iswarm_mj.simulation.perceive import StepInputs
+from iswarm_mj.simulation.perceive import HeldOutputs, StepInputs
 from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS, static_config
 from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy.genome import PRESETS
@@ -31,7 +31,7 @@ USERS = {
     "stops": (perceive, "draw", 0),
     "task": (Cleaning, "advance", 3),
     "strategy": (VectorStrategy, "act", 3),
-    "actuators": (decide, "actuate", 8),
+    "actuators": (decide, "actuate", 4),
 }
 """What draws random numbers in a step: where it is, its name, and which of its arguments the key is."""
 
@@ -45,8 +45,8 @@ def test_robots_that_stop_miss_dust_as_often_as_others():
     sides = jnp.zeros((n, 4), bool)
     sight = LightReading(Links(*(sides.astype(kind) for kind in kinds)), sides)
     begin, keys = StepInputs(jnp.zeros((n, 3)), sight, jnp.int32(0), jnp.array(True)), step_keys(params.key, 0)
-    seen = perceive.perceive(config.static, read_robot(), params, state, begin, keys, {}, no)
-    stops, misses = seen.observation.waits, ~seen.inputs.notices
+    seen = perceive.perceive(config.static, read_robot(), params, state, begin, HeldOutputs({}, no), keys)
+    stops, misses = seen.observation.waits, ~seen.task_inputs.notices
     assert abs(stops.mean() - 0.5) < 0.03 and abs(misses.mean() - 0.5) < 0.03
     assert abs(np.corrcoef(stops, misses)[0, 1]) < 0.06
 

@@ -121,7 +121,7 @@ def test_two_threads_work_at_a_time(small, monkeypatch):
 def test_what_fails_in_a_thread_fails_the_step(small, monkeypatch):
     run, advance = run_in(small, PlanarSettings(2), 6), WorldShard.advance
     run.advance()
-    last = run._loop._shares[-1]
+    last = run._loop._shards[-1]
 
     def fail(own, *arguments):
         if own is last:

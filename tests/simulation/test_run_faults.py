@@ -10,7 +10,8 @@ from support.runs import N, end_of, place_of, poses_of, records, run_of, scripte
 
 from iswarm_mj.engines.base import find_lost
 from iswarm_mj.geometry.walls import corners_of, half_planes, in_mm
-from iswarm_mj.simulation.state import MAX_LISTED, Fault, decode, summary
+from iswarm_mj.simulation.faults import MAX_LISTED, decode_faults, summarize_faults
+from iswarm_mj.simulation.state import Fault
 from iswarm_mj.utils.errors import FaultKind, SimulationFault
 from iswarm_mj.utils.units import RD
 
@@ -98,13 +99,13 @@ class TestFaults:
 def faults_of(bits, step=3, robot=7, first=0):
     bits = np.array(bits)
     worlds = range(first, first + len(bits))
-    each = decode(Fault(bits, np.full_like(bits, step), np.full_like(bits, robot)), worlds)
+    each = decode_faults(Fault(bits, np.full_like(bits, step), np.full_like(bits, robot)), worlds)
     assert [fault is not None for fault in each] == [bool(b) for b in bits]
     return [fault for fault in each if fault is not None]
 
 
 def test_no_fault():
-    assert faults_of([0, 0]) == [] and summary([]) == ""
+    assert faults_of([0, 0]) == [] and summarize_faults([]) == ""
 
 
 def test_who_when_where_and_what():
@@ -123,6 +124,6 @@ def test_only_faults_of_robots_name_one(kind):
 
 
 def test_of_many_worlds_the_first_five_are_listed():
-    text = summary(faults_of([FaultKind.OUTSIDE] * 12))
+    text = summarize_faults(faults_of([FaultKind.OUTSIDE] * 12))
     assert text.count("left the arena") == MAX_LISTED == 5
     assert "world 4: robot 7 left the arena" in text and text.endswith("; and 7 more worlds")

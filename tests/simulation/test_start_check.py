@@ -12,7 +12,7 @@ from iswarm_mj import make_env
 from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation.layouts import check_poses
+from iswarm_mj.simulation.layout_checks import check_poses
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World

@@ -17,7 +17,7 @@ from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.simulation.actuate import DriveOutput, drive_phases
 from iswarm_mj.simulation.layouts import Start
 from iswarm_mj.simulation.state import Fault, WorldParams, WorldState
-from iswarm_mj.simulation.step import after_motion, after_task
+from iswarm_mj.simulation.step import account_for_motion, account_for_task
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command
@@ -101,10 +101,10 @@ def test_worlds_that_are_faulty_or_do_not_run_are_not_counted():
         fault=Fault(nothing, nothing, nothing),
     )
     done = DriveOutput(None, None, robots | [True, False, False], robots, None)
-    moved = after_motion(state, Motion(None, touching, bits, nothing), done, np.int32(6), is_running)
+    moved = account_for_motion(state, Motion(None, touching, bits, nothing), done, np.int32(6), is_running)
     assert moved.collisions.tolist() == [2, 2, 0, 0, 2] and moved.fault.step.tolist() == [0, 0, 7, 0, 0]
     params = WorldParams(*[None] * len(WorldParams._fields))._replace(goal=np.full(5, 3))
-    after = after_task(params, moved, np.array([3, 2, 3, 3, 4]), np.int32(6), is_running)
+    after = account_for_task(params, moved, np.array([3, 2, 3, 3, 4]), np.int32(6), is_running)
     assert after.is_finished.tolist() == [True, False, False, True, True]
     assert after.finished_at.tolist() == [7, 0, 0, 4, 7]
 

@@ -21,7 +21,7 @@ from iswarm_mj.sensors.fields import Flag
 from iswarm_mj.sensors.links import Links, find_links
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation import decide
-from iswarm_mj.simulation.decide import draw_turns, heard_in_turn
+from iswarm_mj.simulation.decide import draw_turns, hear_in_turn
 from iswarm_mj.simulation.perceive import StepInputs
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.controller import RobotMemory
@@ -161,7 +161,7 @@ def hear_all(strategy, memory, seen, turns, links, key):
     def relay(seen):
         return transmit(strategy, links, key, listen(strategy, memory, seen, key), seen.is_loaded).message
 
-    return heard_in_turn(seen, turns, links.sender, relay)
+    return hear_in_turn(seen, turns, links.sender, relay)
 
 
 @jax.jit

@@ -9,7 +9,7 @@ from support.worlds import swarm_of
 
 from iswarm_mj.config.swarm import READINGS, DriveConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import conditions_of
-from iswarm_mj.simulation.actuate import actuate
+from iswarm_mj.simulation.actuate import DriveInputs, actuate
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.interface import Command
@@ -104,7 +104,11 @@ def test_actuators_err_as_configured():
     places = np.zeros((N, 3), np.float32), zero == 0
     exact, wrong = (
         actuate_here(
-            config.static, conditions_of(config), command, swarm, zero > 0, *places, zero, jax.random.key(0)
+            config.static,
+            conditions_of(config),
+            command,
+            DriveInputs(swarm, zero > 0, *places, zero),
+            jax.random.key(0),
         ).command
         for config in (SwarmConfig(), SwarmConfig(drive=sloppy))
     )

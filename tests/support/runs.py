@@ -55,7 +55,7 @@ def engine_of(run):
 
 def place_of(run, world):
     """The engine of a world on the host, and the world's place in it."""
-    parts, shares = run._loop._parts, run._loop._shares
+    parts, shares = run._loop._slices, run._loop._shards
     share = next(index for index, part in enumerate(parts) if part.start <= world < part.stop)
     return shares[share].engine, world - parts[share].start
 

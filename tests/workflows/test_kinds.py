@@ -18,7 +18,7 @@ from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_entities import entities
 from iswarm_mj.output.schema import ROBOTS
 from iswarm_mj.output.stage import Shot, Stage
-from iswarm_mj.simulation.layouts import check_poses
+from iswarm_mj.simulation.layout_checks import check_poses
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.base import Strategy

@@ -65,7 +65,7 @@ def observed(env, obs):
 
 def acted(env, command, said):
     """Return the action (N, A) for a command and a message."""
-    config, fields = env.core.config, dict(env.core.payload.fields)
+    config, fields = env.core.static_config, dict(env.core.payload.fields)
     parts = [command.turn / math.radians(config.drive.max_turn), command.forward / mm_from_rd(config.step_length)]
     parts.append(2.0 * said["priority"] - 1.0)
     for place in PLACES:
