@@ -27,6 +27,7 @@ from .envs.make import make_env as make_env
 from .geometry.obstacle_picture import boxes_of_picture as boxes_of_picture
 from .geometry.obstacles import poses_of_boxes as poses_of_boxes
 from .geometry.robot import Robots as Robots
+from .gripper.handling import AttemptStatistics as AttemptStatistics
 from .gripper.handling import Balls as Balls
 from .output.saved import SavedRun as SavedRun
 from .output.saved import load as load

@@ -1,4 +1,4 @@
-"""Balls and the robots' grippers in the swarm: lifting, carrying and releasing."""
+"""Balls and the robots' grippers in the swarm: picking up, carrying and releasing."""
 
 import math
 from typing import NamedTuple
@@ -8,81 +8,136 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config.static import StaticGripper
-from iswarm_mj.gripper.attempts import Attempts, Decider, by_balance
+from iswarm_mj.gripper.attempts import Attempts, Decider, Outcomes, by_balance
 from iswarm_mj.gripper.laws.detachment import scattered_work
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.sensors.floor import FloorView
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.rng import draw
 
+_MM = 1e3
+"""Millimetres per metre."""
+
+
+class AttemptStatistics(NamedTuple):
+    """Counts and times of the attempts at each of K balls, from the start of the run."""
+
+    attempts: Int[Array, "K"]
+    """Number of attempts to pick up the ball."""
+    failed_grasps: Int[Array, "K"]
+    """Number of attempts to pick up the ball that failed."""
+    failed_releases: Int[Array, "K"]
+    """Number of attempts to release the ball that failed."""
+    releases: Int[Array, "K"]
+    """Number of attempts to release the ball."""
+    broken_off: Int[Array, "K"]
+    """Number of failed attempts without a trial, since neighbours pushed the robot out of reach."""
+    postponed: Int[Array, "K"]
+    """Number of attempts that were deferred, since all slots of the bench were busy."""
+    work_time: Float[Array, "K"]
+    """Time that the attempts took on the bench [s]."""
+    lost_time: Float[Array, "K"]
+    """Time that robots lost at the ball [s]: in failed attempts, including their trials, and while
+    attempts were deferred."""
+    impact: Float[Array, "K"]
+    """Speed of the ball's last landing [m/s]."""
+    last_attempt: Float[Array, "K 4"]
+    """Last attempt with a trial at the ball; the columns are the fields of `LastAttempt`."""
+
+
+class LastAttempt(NamedTuple):
+    """Conditions of an attempt that statistics keep: numbers of one ball, or arrays (K,)."""
+
+    voltage: Float[Array, "*K"] | float
+    """Voltage of the tool [V]."""
+    work_tool_object: Float[Array, "*K"] | float
+    """Work of adhesion between tool and ball at the air's humidity [J/m^2]."""
+    work_object_substrate: Float[Array, "*K"] | float
+    """Work of adhesion between ball and floor at the air's humidity [J/m^2]."""
+    misalignment: Float[Array, "*K"] | float
+    """Lateral offset of the tool's axis from the ball's [m]."""
+
 
 class Balls(NamedTuple):
-    """K solder balls. Each is either lying, held or delivered."""
+    """K solder balls. Each lies on the floor, is held by a robot or has been delivered."""
 
     position: Float[Array, "K 2"]
-    """Where it lies or hangs [mm]."""
+    """Position at which the ball lies or hangs [mm]."""
     radius: Float[Array, "K"]
-    """[m]"""
+    """Radius [m]."""
     work_tool_object: Float[Array, "K"]
-    """Median work of adhesion between tool and ball over attempts, at the air's humidity [J/m^2]."""
+    """Median work of adhesion between tool and ball, at the air's humidity [J/m^2]."""
     work_object_substrate: Float[Array, "K"]
-    """Median work of adhesion between ball and floor over attempts, at the air's humidity [J/m^2]."""
+    """Median work of adhesion between ball and floor, at the air's humidity [J/m^2]."""
     is_held: Bool[Array, "K"]
+    """True while a robot holds the ball."""
     is_delivered: Bool[Array, "K"]
-    """Whether it was released or dropped over the dump."""
+    """True once the ball was released or dropped over the dump."""
     holder: Int[Array, "K"]
-    """The robot that holds it, or the last one that did."""
+    """Index of the robot that holds the ball, or of the last one that did."""
     was_picked: Bool[Array, "K"]
-    """Whether it was picked up at least once."""
+    """True once the ball was picked up."""
     carried_steps: Int[Array, "K"]
-    """Control steps for which it has been held."""
-    attempts: Int[Array, "K"]
-    """Attempts to lift it, so far."""
-    failed_grasps: Int[Array, "K"]
-    """Attempts to lift it that failed."""
-    failed_releases: Int[Array, "K"]
-    """Attempts to release it that failed."""
-    releases: Int[Array, "K"]
-    """Attempts to release it, so far."""
-    broken_off: Int[Array, "K"]
-    """Failed attempts without a trial, since neighbours pushed the robot out of reach."""
-    postponed: Int[Array, "K"]
-    """Attempts that were deferred, since all slots of the bench were busy."""
+    """Number of control steps for which the ball has been held."""
     wait: Int[Array, "K"]
-    """Control steps until the attempt at it ends; 0 if nobody tries."""
+    """Number of control steps until the attempt at the ball ends; 0 if nobody tries."""
     worker: Int[Array, "K"]
-    """The robot whose attempt it is."""
-    work_time: Float[Array, "K"]
-    """Time that attempts at it took on the bench [s]."""
-    lost_time: Float[Array, "K"]
-    """Time that robots lost at it: in failed attempts, their trials included, and while attempts were deferred [s]."""
-    impact: Float[Array, "K"]
-    """Speed of its last landing [m/s]."""
-    tried: Float[Array, "K 4"]
-    """Its last attempt: voltage [V], works of adhesion to tool and floor [J/m^2], and misalignment [m]."""
+    """Index of the robot that makes the attempt at the ball, or of the last one that did."""
+    statistics: AttemptStatistics
+    """Statistics of the attempts at each ball."""
 
     @property
     def is_lying(self) -> Bool[Array, "*B K"]:
-        """Whether it lies on the floor, and was not delivered."""
+        """True where the ball lies on the floor and was not delivered."""
         return ~self.is_held & ~self.is_delivered
 
 
 def loaded(balls: Balls, n_robots: int) -> Bool[Array, "N"]:
-    """Whether each robot holds a ball."""
+    """Return for each robot whether it holds a ball."""
     return jnp.zeros(n_robots, bool).at[balls.holder].max(balls.is_held)
 
 
-def carry(balls: Balls, tips: Float[Array, "N 2"]) -> Balls:
-    """Balls after those that are held have moved with the tips of their holders [mm]."""
-    return balls._replace(position=jnp.where(balls.is_held[:, None], tips[balls.holder], balls.position))
-
-
 def working(balls: Balls, n_robots: int) -> Bool[Array, "N"]:
-    """Whether each robot stays at an attempt that has not ended."""
+    """Return for each robot whether it stays at an attempt that has not ended."""
     return jnp.zeros(n_robots, bool).at[balls.worker].max(balls.wait > 0)
 
 
-def handle(
+def carry(balls: Balls, tips: Float[Array, "N 2"]) -> Balls:
+    """Move the balls that are held with the tips of their holders [mm]."""
+    position = jnp.where(balls.is_held[:, None], tips[balls.holder], balls.position)
+    return balls._replace(position=position)
+
+
+class _Attempting(NamedTuple):
+    """Attempts at K balls in this step: which begin, and who makes them."""
+
+    tries_to_lift: Bool[Array, "N"]
+    """The robot wants to pick up a ball, which a nearer robot may get."""
+    begins: Bool[Array, "K"]
+    """An attempt at the ball begins."""
+    worker: Int[Array, "K"]
+    """Index of the robot that makes the attempt at the ball."""
+    duration: Int[Array, "K"]
+    """Control steps that an attempt at the ball takes, from its begin to its trial."""
+    wait: Int[Array, "K"]
+    """Control steps until the attempt ends, unless it is deferred."""
+
+
+class _Ending(NamedTuple):
+    """Attempts at K balls that end in this step."""
+
+    ends: Bool[Array, "K"]
+    """The attempt at the ball ends."""
+    is_broken_off: Bool[Array, "K"]
+    """It ends without a trial, since the robot was pushed away meanwhile."""
+
+    @property
+    def has_trial(self) -> Bool[Array, "K"]:
+        """The attempt ends by a trial."""
+        return self.ends & ~self.is_broken_off
+
+
+def update_grasps(
     gripper: StaticGripper,
     conditions: Conditions,
     balls: Balls,
@@ -97,151 +152,321 @@ def handle(
     voltage: Float[Array, "N"] | None = None,
     releases: Bool[Array, "N"] | None = None,
 ) -> tuple[Balls, Bool[Array, "N"]]:
-    """Release, lift and drop balls, as the balance of the forces or the bench decides.
+    """Release, pick up and drop balls, as the force balance or the bench decides.
 
-    A robot tries to lift the ball that it senses if its tool reaches the ball; of several robots at one ball the
-    nearest succeeds. A loaded robot tries to release its ball on the dump, and wherever it wants to. Where attempts
-    take time, the robot and the ball are occupied until they end; then their outcome is found. If the robot was pushed
-    meanwhile, so that its tool does not reach the ball any more, or is neither over the dump nor wants to release, the
-    attempt is broken off: it fails, and a robot keeps the ball that it holds. An attempt that is deferred is made as
-    the next step begins.
+    A robot tries to pick up the ball that it senses if its tool reaches the ball; of several robots
+    at one ball the nearest succeeds. A loaded robot tries to release its ball on the dump, and
+    wherever it wants to. Where attempts take time, robot and ball are occupied until the attempt
+    ends, and its trial takes place then. The attempt is broken off if the robot was pushed away
+    meanwhile, so that its tool no longer reaches the ball, or is not over the dump although the
+    robot wants to release its ball only there: the attempt fails, and a robot keeps the ball that
+    it holds. A deferred attempt is made as the next step begins.
 
     Args:
-        gripper: reach and its error, gap of the release, times of attempts.
+        gripper: reach and its error, gap of the release, durations of attempts.
         conditions: voltages of grasp and release, spreads of the works of adhesion.
         balls: K balls; those held are at their holders' tips.
-        tips: of the probes [mm].
-        view: the floor as the N robots sense it.
+        tips: tips of the N robots' probes [mm].
+        view: the floor as the robots sense it.
         picks: robots that pick up dust.
         falls: balls that fall if they are held.
         decider: decides the outcomes of attempts.
-        control_period: of the robots [s].
-        key: draws the works of adhesion and the tool's place of each attempt.
-        voltage: that the robots' capacitors have [V]; None: as much as is asked for.
+        control_period: duration of a control step [s].
+        key: draws the works of adhesion and the tool's offset of each attempt.
+        voltage: voltage that each robot's capacitor has [V]; None: as much as is asked for.
         releases: robots that release their ball wherever they are; None: over the dump alone.
 
     Returns:
-        The balls, and whether each robot failed to lift one.
+        The balls, and for each robot whether it failed to pick one up.
     """
     n_robots = len(tips)
-    idle = ~working(balls, n_robots)
-    tries, winner = _tries(gripper, balls, tips, view, picks & idle)
-    new_lifts = winner < n_robots
-    wants = jnp.zeros(n_robots, bool) if releases is None else releases
-    may_release, over_dump = (view.on_dump & view.tip_on_dump) | wants, view.tip_on_dump[balls.holder]
-    stays = over_dump | wants[balls.holder]
-    new_releases = balls.is_held & may_release[balls.holder] & (balls.wait == 0)
-    begins = new_lifts | new_releases
-    worker = jnp.where(new_lifts, winner, jnp.where(new_releases, balls.holder, balls.worker)).astype(jnp.int32)
-    steps = [math.ceil(time / control_period - 1e-9) for time in (gripper.grasp_time, gripper.release_time)]
-    lasts = jnp.where(balls.is_held, steps[1], steps[0])
-    wait = jnp.where(begins, lasts, jnp.maximum(balls.wait - 1, 0)).astype(jnp.int32)
-    ends = (begins & (lasts == 0)) | (~begins & (balls.wait == 1))
-    away = jnp.linalg.norm(balls.position - tips[worker], axis=-1)
-    broken = ends & ~begins & jnp.where(balls.is_held, ~stays, away > gripper.tool_reach * 1e3)
-    attempts = _attempts(gripper, conditions, balls, worker, ends & ~broken, key, voltage)
-    found = decider(gripper, attempts)
-    lifts = found.lifted
-    dropped = balls.is_held & falls & ~found.released
-    is_held = (balls.is_held & ~found.released & ~dropped) | lifts
-    made = ends & ~found.postponed
-    failed = made & ~lifts & ~found.released
-    works = attempts.work_tool_object, attempts.work_object_substrate
-    numbers = jnp.stack([attempts.voltage, *works, attempts.misalignment], axis=-1)
-    not_lifted = failed & balls.is_lying
-    lost = jnp.where(failed, lasts * control_period + found.duration, found.postponed * control_period)
-    balls = balls._replace(
-        is_held=is_held,
-        is_delivered=balls.is_delivered | ((found.released | dropped) & over_dump),
-        holder=jnp.where(lifts, worker, balls.holder).astype(jnp.int32),
-        was_picked=balls.was_picked | lifts,
-        carried_steps=balls.carried_steps + is_held,
-        attempts=balls.attempts + (made & balls.is_lying),
-        failed_grasps=balls.failed_grasps + not_lifted,
-        failed_releases=balls.failed_releases + (failed & balls.is_held),
-        releases=balls.releases + (made & balls.is_held),
-        broken_off=balls.broken_off + broken,
-        postponed=balls.postponed + found.postponed,
-        wait=jnp.where(dropped, 0, jnp.where(found.postponed, 1, wait)),
-        worker=worker,
-        work_time=balls.work_time + found.duration,
-        lost_time=balls.lost_time + lost,
-        impact=jnp.where(found.impact > 0, found.impact, balls.impact),
-        tried=jnp.where((ends & ~broken)[:, None], numbers, balls.tried),
+    wants_release = jnp.zeros(n_robots, bool) if releases is None else releases
+
+    attempting = _begin_attempts(gripper, balls, tips, view, picks, wants_release, control_period)
+    ending = _end_attempts(gripper, balls, tips, view, wants_release, attempting)
+    attempts = _describe_attempts(
+        gripper,
+        conditions,
+        balls,
+        attempting.worker,
+        ending.has_trial,
+        key,
+        voltage,
     )
-    in_vain = tries & ~loaded(balls, n_robots) & ~working(balls, n_robots)
-    return balls, in_vain.at[worker].max(not_lifted)
+    outcomes = decider(gripper, attempts)
+
+    is_made = ending.ends & ~outcomes.postponed
+    has_failed = is_made & ~outcomes.lifted & ~outcomes.released
+    lift_failed = has_failed & balls.is_lying
+
+    moved = _move_balls(balls, attempting, outcomes, falls, view.tip_on_dump)
+    lost_time = jnp.where(
+        has_failed,
+        attempting.duration * control_period + outcomes.duration,
+        outcomes.postponed * control_period,
+    )
+    statistics = _count_attempts(
+        balls,
+        attempts,
+        ending,
+        outcomes,
+        is_made=is_made,
+        has_failed=has_failed,
+        lost_time=lost_time,
+    )
+
+    # The robots that lost to a nearer one fail with it, unless it is still at work.
+    is_empty_and_idle = ~loaded(moved, n_robots) & ~working(moved, n_robots)
+    fails_to_lift = attempting.tries_to_lift & is_empty_and_idle
+    fails_to_lift = fails_to_lift.at[attempting.worker].max(lift_failed)
+    return moved._replace(statistics=statistics), fails_to_lift
 
 
-def _attempts(
+def _begin_attempts(
+    gripper: StaticGripper,
+    balls: Balls,
+    tips: Float[Array, "N 2"],
+    view: FloorView,
+    picks: Bool[Array, "N"],
+    wants_release: Bool[Array, "N"],
+    control_period: float,
+) -> _Attempting:
+    """Let idle robots begin to pick up balls, and loaded ones to release theirs."""
+    n_robots = len(tips)
+
+    is_idle = ~working(balls, n_robots)
+    tries_to_lift, lifter = _find_lifters(gripper, balls, tips, view, picks & is_idle)
+    lift_begins = lifter < n_robots
+
+    may_release = (view.on_dump & view.tip_on_dump) | wants_release
+    release_begins = balls.is_held & may_release[balls.holder] & (balls.wait == 0)
+
+    begins = lift_begins | release_begins
+    worker = jnp.where(release_begins, balls.holder, balls.worker)
+    worker = jnp.where(lift_begins, lifter, worker).astype(jnp.int32)
+
+    lift_duration = _whole_steps(gripper.grasp_time, control_period)
+    release_duration = _whole_steps(gripper.release_time, control_period)
+    duration = jnp.where(balls.is_held, release_duration, lift_duration)
+    wait = jnp.where(begins, duration, jnp.maximum(balls.wait - 1, 0)).astype(jnp.int32)
+    return _Attempting(tries_to_lift, begins, worker, duration, wait)
+
+
+def _whole_steps(time: float, control_period: float) -> int:
+    """Return the number of control steps that a time takes, rounded up; both in seconds."""
+    return math.ceil(time / control_period - 1e-9)
+
+
+def _find_lifters(
+    gripper: StaticGripper,
+    balls: Balls,
+    tips: Float[Array, "N 2"],
+    view: FloorView,
+    picks: Bool[Array, "N"],
+) -> tuple[Bool[Array, "N"], Int[Array, "K"]]:
+    """Find the robots that try to pick up a ball, and for each ball the nearest of them.
+
+    Returns:
+        The robots that try; and for each ball the index of its robot, the lowest of those equally
+        near, N if there is none.
+    """
+    n_robots = len(tips)
+    n_balls = len(balls.radius)
+
+    distance = jnp.linalg.norm(balls.position[view.ball] - tips, axis=-1)
+    ball_is_free = balls.wait[view.ball] == 0
+    is_within_reach = distance <= gripper.tool_reach * _MM
+    tries = view.at_dust & picks & ball_is_free & ~loaded(balls, n_robots) & is_within_reach
+
+    least_distance = jnp.full(n_balls, jnp.inf)
+    least_distance = least_distance.at[view.ball].min(jnp.where(tries, distance, jnp.inf))
+    is_nearest = tries & (distance == least_distance[view.ball])
+    candidate = jnp.where(is_nearest, jnp.arange(n_robots), n_robots)
+    return tries, jnp.full(n_balls, n_robots).at[view.ball].min(candidate)
+
+
+def _end_attempts(
+    gripper: StaticGripper,
+    balls: Balls,
+    tips: Float[Array, "N 2"],
+    view: FloorView,
+    wants_release: Bool[Array, "N"],
+    attempting: _Attempting,
+) -> _Ending:
+    """Find the attempts that end now, and those of them whose robot was pushed away meanwhile."""
+    ends_at_once = attempting.begins & (attempting.duration == 0)
+    ends_after_waiting = ~attempting.begins & (balls.wait == 1)
+    ends = ends_at_once | ends_after_waiting
+
+    distance = jnp.linalg.norm(balls.position - tips[attempting.worker], axis=-1)
+    is_out_of_reach = distance > gripper.tool_reach * _MM
+    may_release = view.tip_on_dump[balls.holder] | wants_release[balls.holder]
+    was_pushed_away = jnp.where(balls.is_held, ~may_release, is_out_of_reach)
+    return _Ending(ends, is_broken_off=ends & ~attempting.begins & was_pushed_away)
+
+
+def _describe_attempts(
     gripper: StaticGripper,
     conditions: Conditions,
     balls: Balls,
     worker: Int[Array, "K"],
-    ends: Bool[Array, "K"],
+    has_trial: Bool[Array, "K"],
     key: Array,
     voltage: Float[Array, "N"] | None,
 ) -> Attempts:
-    """What is tried at the balls whose attempts end now, by these robots.
+    """Draw the conditions of the attempts that have their trial now.
 
-    The works of adhesion are log-normal from attempt to attempt, so that a ball at which one fails can be lifted later.
+    The works of adhesion are log-normal from attempt to attempt, so that a ball at which an attempt
+    fails can be picked up later. In attempts to lift, the tool's place errs normally along both
+    axes.
     """
-    releases = ends & balls.is_held
+    releases = has_trial & balls.is_held
+
     asked = jnp.where(balls.is_held, conditions.release_voltage, conditions.grasp_voltage)
-    works, places = draw(key, balls.radius.shape, n_normal=2).normal
-    miss = gripper.tool_error * jnp.hypot(*places)
+    available = asked if voltage is None else jnp.minimum(asked, voltage[worker])
+
+    work_normals, offset_normals = draw(key, balls.radius.shape, n_normal=2).normal
+    work_tool_object = scattered_work(
+        balls.work_tool_object,
+        conditions.spread_tool_object,
+        work_normals[0],
+    )
+    work_object_substrate = scattered_work(
+        balls.work_object_substrate, conditions.spread_object_substrate, work_normals[1]
+    )
+    misalignment = gripper.tool_error * jnp.hypot(*offset_normals)
+
     return Attempts(
-        ends & balls.is_lying,
-        releases,
-        asked if voltage is None else jnp.minimum(asked, voltage[worker]),
-        balls.radius,
-        jnp.asarray(scattered_work(balls.work_tool_object, conditions.spread_tool_object, works[0])),
-        jnp.asarray(scattered_work(balls.work_object_substrate, conditions.spread_object_substrate, works[1])),
-        jnp.where(releases, 0.0, miss),
+        lifts=has_trial & balls.is_lying,
+        releases=releases,
+        voltage=available,
+        radius=balls.radius,
+        work_tool_object=jnp.asarray(work_tool_object),
+        work_object_substrate=jnp.asarray(work_object_substrate),
+        misalignment=jnp.where(releases, 0.0, misalignment),
     )
 
 
-def _tries(
-    gripper: StaticGripper, balls: Balls, tips: Float[Array, "N 2"], view: FloorView, picks: Bool[Array, "N"]
-) -> tuple[Bool[Array, "N"], Int[Array, "K"]]:
-    """Which robots try to lift a ball, and for each ball the nearest of them, the one of lowest index; N if none."""
-    n_robots, n_balls = len(tips), len(balls.radius)
-    gap = jnp.linalg.norm(balls.position[view.ball] - tips, axis=-1)
-    free = balls.wait[view.ball] == 0
-    tries = view.at_dust & picks & free & ~loaded(balls, n_robots) & (gap <= gripper.tool_reach * 1e3)
-    nearest = jnp.full(n_balls, jnp.inf).at[view.ball].min(jnp.where(tries, gap, jnp.inf))
-    first = tries & (gap == nearest[view.ball])
-    robots = jnp.where(first, jnp.arange(n_robots), n_robots)
-    return tries, jnp.full(n_balls, n_robots).at[view.ball].min(robots)
+def _move_balls(
+    balls: Balls,
+    attempting: _Attempting,
+    outcomes: Outcomes,
+    falls: Bool[Array, "K"],
+    tip_on_dump: Bool[Array, "N"],
+) -> Balls:
+    """Give balls that were picked up to their robots, and put down those released or dropped."""
+    is_dropped = balls.is_held & falls & ~outcomes.released
+    stays_held = balls.is_held & ~outcomes.released & ~is_dropped
+    is_held = stays_held | outcomes.lifted
+    is_put_down = outcomes.released | is_dropped
+
+    # A deferred attempt ends in the next step; one at a ball that drops is over.
+    wait = jnp.where(outcomes.postponed, 1, attempting.wait)
+    wait = jnp.where(is_dropped, 0, wait)
+
+    return balls._replace(
+        is_held=is_held,
+        is_delivered=balls.is_delivered | (is_put_down & tip_on_dump[balls.holder]),
+        holder=jnp.where(outcomes.lifted, attempting.worker, balls.holder).astype(jnp.int32),
+        was_picked=balls.was_picked | outcomes.lifted,
+        carried_steps=balls.carried_steps + is_held,
+        wait=wait,
+        worker=attempting.worker,
+    )
+
+
+def _count_attempts(
+    balls: Balls,
+    attempts: Attempts,
+    ending: _Ending,
+    outcomes: Outcomes,
+    *,
+    is_made: Bool[Array, "K"],
+    has_failed: Bool[Array, "K"],
+    lost_time: Float[Array, "K"],
+) -> AttemptStatistics:
+    """Return the statistics after the attempts of this step.
+
+    Args:
+        balls: before the step.
+        attempts: what was tried.
+        ending: which attempts ended.
+        outcomes: of the trials.
+        is_made: attempts that ended and were not deferred.
+        has_failed: attempts that were made in vain.
+        lost_time: time lost at each ball in this step [s].
+    """
+    statistics = balls.statistics
+    last_attempt = LastAttempt(
+        voltage=attempts.voltage,
+        work_tool_object=attempts.work_tool_object,
+        work_object_substrate=attempts.work_object_substrate,
+        misalignment=attempts.misalignment,
+    )
+    return AttemptStatistics(
+        attempts=statistics.attempts + (is_made & balls.is_lying),
+        failed_grasps=statistics.failed_grasps + (has_failed & balls.is_lying),
+        failed_releases=statistics.failed_releases + (has_failed & balls.is_held),
+        releases=statistics.releases + (is_made & balls.is_held),
+        broken_off=statistics.broken_off + ending.is_broken_off,
+        postponed=statistics.postponed + outcomes.postponed,
+        work_time=statistics.work_time + outcomes.duration,
+        lost_time=statistics.lost_time + lost_time,
+        impact=jnp.where(outcomes.impact > 0, outcomes.impact, statistics.impact),
+        last_attempt=jnp.where(
+            ending.has_trial[:, None],
+            jnp.stack(last_attempt, axis=-1),
+            statistics.last_attempt,
+        ),
+    )
 
 
 class Tried(NamedTuple):
     """An attempt that was made, and its outcome. SI units."""
 
     ball: int
-    """Its index."""
+    """Index of the ball."""
     is_lift: bool
-    """To lift it; otherwise to release it."""
+    """True for an attempt to pick up the ball, false for one to release it."""
     succeeded: bool
-    """Lifted, or released and stayed on the floor."""
+    """True if the ball was picked up, or was released and stayed on the floor."""
     radius: float
-    """Of the ball [m]."""
+    """Radius of the ball [m]."""
     voltage: float
-    """Of the tool [V]."""
+    """Voltage of the tool [V]."""
     work_tool_object: float
-    """Of this attempt, at the air's humidity [J/m^2]."""
+    """Work of adhesion between tool and ball in this attempt, at the air's humidity [J/m^2]."""
     work_object_substrate: float
-    """[J/m^2]"""
+    """Work of adhesion between ball and floor in this attempt, at the air's humidity [J/m^2]."""
     misalignment: float
     """Lateral offset of the tool's axis from the ball's [m]."""
 
 
 def attempts_between(before: Balls, after: Balls) -> list[Tried]:
-    """Attempts of a world in a control step, by balls; those that were broken off are left out. Arrays are NumPy's."""
-    lifts, releases = after.attempts > before.attempts, after.releases > before.releases
-    failed = (after.failed_grasps > before.failed_grasps) | (after.failed_releases > before.failed_releases)
-    made = (lifts | releases) & (after.broken_off == before.broken_off)
-    return [
-        Tried(int(ball), bool(lifts[ball]), not failed[ball], float(after.radius[ball]), *map(float, after.tried[ball]))
-        for ball in np.flatnonzero(made)
-    ]
+    """Return the attempts of one world in a control step, by balls, without those broken off.
+
+    Args:
+        before: the balls before the step, as NumPy arrays.
+        after: the balls after it.
+    """
+    earlier = before.statistics
+    later = after.statistics
+    is_lift = later.attempts > earlier.attempts
+    is_release = later.releases > earlier.releases
+    grasp_failed = later.failed_grasps > earlier.failed_grasps
+    release_failed = later.failed_releases > earlier.failed_releases
+    has_trial = later.broken_off == earlier.broken_off
+
+    tried = []
+    for ball in np.flatnonzero((is_lift | is_release) & has_trial):
+        conditions = LastAttempt(*later.last_attempt[ball].tolist())
+        tried.append(
+            Tried(
+                ball=int(ball),
+                is_lift=bool(is_lift[ball]),
+                succeeded=not (grasp_failed[ball] or release_failed[ball]),
+                radius=float(after.radius[ball]),
+                **conditions._asdict(),
+            )
+        )
+    return tried

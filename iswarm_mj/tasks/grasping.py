@@ -5,7 +5,7 @@ import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.geometry.robot import Robots
-from iswarm_mj.gripper.handling import Balls, carry, handle, loaded, working
+from iswarm_mj.gripper.handling import Balls, carry, loaded, update_grasps, working
 from iswarm_mj.sensors.floor import probe_tips, sense
 from iswarm_mj.tasks.base import Sensed, TaskInputs
 from iswarm_mj.utils.arrays import Array, array_module
@@ -35,7 +35,7 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
     )
     fall_key, attempt_key = split(key, 2)
     falls = draw(fall_key, balls.is_held.shape, n_uniform=1).uniform[0][0] < conditions.drop_rate
-    balls, grasp_failed = handle(
+    balls, grasp_failed = update_grasps(
         gripper,
         conditions,
         balls,
@@ -65,7 +65,8 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
 def _voltage_squared(before: Balls, after: Balls, inputs: TaskInputs) -> Float[Array, "N"]:
     """Sum of V^2 over the attempts of each robot in a step; V is what was asked for, or all that its capacitor has."""
     most = jnp.inf if inputs.voltage is None else inputs.voltage[after.worker]
-    lifts, releases = after.attempts - before.attempts, after.releases - before.releases
+    lifts = after.statistics.attempts - before.statistics.attempts
+    releases = after.statistics.releases - before.statistics.releases
     squares = lifts * jnp.minimum(inputs.conditions.grasp_voltage, most) ** 2
     squares += releases * jnp.minimum(inputs.conditions.release_voltage, most) ** 2
     return jnp.zeros(len(inputs.poses)).at[after.worker].add(squares)

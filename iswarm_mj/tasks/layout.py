@@ -9,7 +9,7 @@ from iswarm_mj.config.swarm import ArenaConfig, GripperConfig
 from iswarm_mj.geometry.obstacles import distances, numbers
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.geometry.walls import beyond, in_mm
-from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.gripper.handling import AttemptStatistics, Balls
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.strategy.contract import zeros_of
 from iswarm_mj.utils.errors import ConfigError
@@ -123,7 +123,9 @@ def balls_on_floor(gripper: GripperConfig, position: Float[np.ndarray, "K 2"], r
         radius: radii of the balls [m].
     """
     factor = float(humidity_factor(gripper.relative_humidity))
-    return Balls(**zeros_of(Balls, K=len(radius)))._replace(
+    statistics = AttemptStatistics(**zeros_of(AttemptStatistics, K=len(radius)))
+    balls = Balls(**zeros_of(Balls, K=len(radius)), statistics=statistics)
+    return balls._replace(
         position=np.asarray(position, np.float32),
         radius=np.asarray(radius, np.float32),
         work_tool_object=np.full(len(radius), factor * gripper.work_tool_object, np.float32),

@@ -59,7 +59,8 @@ def measure(balls: Balls | None, world: int, collisions: int, finished_at: int |
     if balls is None:
         return Measures(0, 0, collisions, None, finished_at, starved=starved)
     delivered = np.asarray(balls.is_delivered[world])
-    impact = np.asarray(balls.impact[world])
+    statistics = balls.statistics
+    impact = np.asarray(statistics.impact[world])
     carried = np.asarray(balls.carried_steps[world])[delivered]
     return Measures(
         delivered=int(delivered.sum()),
@@ -67,9 +68,9 @@ def measure(balls: Balls | None, world: int, collisions: int, finished_at: int |
         collisions=collisions,
         mean_carriage_steps=float(carried.mean()) if len(carried) else None,
         finished_at=finished_at,
-        **{name: int(np.asarray(getattr(balls, name)[world]).sum()) for name in COUNTED},
-        work_time=float(np.asarray(balls.work_time[world]).sum()),
-        lost_time=float(np.asarray(balls.lost_time[world]).sum()),
+        **{name: int(np.asarray(getattr(statistics, name)[world]).sum()) for name in COUNTED},
+        work_time=float(np.asarray(statistics.work_time[world]).sum()),
+        lost_time=float(np.asarray(statistics.lost_time[world]).sum()),
         impact=float(impact[impact > 0].mean()) if (impact > 0).any() else None,
         starved=starved,
     )

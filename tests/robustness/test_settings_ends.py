@@ -65,11 +65,12 @@ def busy_start(config, rng):
     start = start_of(config, N_ROBOTS, int(rng.integers(1000)), 0)
     poses = np.column_stack([PLACES, rng.uniform(-np.pi, np.pi, N_ROBOTS)])
     tips = np.asarray(probe_tips(poses.astype(np.float32), np.asarray(read_robot().probe_tip, np.float32)))
-    balls = {name: np.array(values) for name, values in start.task._asdict().items()}
-    balls["position"][:N_ROBOTS] = tips
-    balls["holder"][ON_DUMP] = ON_DUMP
-    balls["is_held"][ON_DUMP] = balls["was_picked"][ON_DUMP] = True
-    return start._replace(poses=poses, task=start.task._replace(**balls))
+    balls = jax.tree.map(np.array, start.task)
+    balls.position[:N_ROBOTS] = tips
+    balls.holder[ON_DUMP] = ON_DUMP
+    balls.is_held[ON_DUMP] = True
+    balls.was_picked[ON_DUMP] = True
+    return start._replace(poses=poses, task=balls)
 
 
 def drawn(rng, small):

@@ -115,7 +115,7 @@ def test_robots_release_balls_where_they_want_to(release_time):
     states = [swarm.task for swarm in swarms]
     assert run.task_state.is_held[1][0]
     if release_time:  # the robot does not want to any more as the attempt ends
-        assert states[-1].is_held[0][:3].tolist() == [True, True, False] and states[-1].broken_off[0][0] == 1
+        assert states[-1].is_held[0][:3].tolist() == [True, True, False] and states[-1].statistics.broken_off[0][0] == 1
         stands = np.array([record.command.turn[0] == 0 for record in seen])
         assert [list(np.flatnonzero(robot)) for robot in stands.T] == [[], [2, 3], [], [0, 1]]
         return
@@ -142,7 +142,10 @@ def test_robots_that_wait_for_energy_release_nothing():
     last = [record.swarm for record in records(run)][-1]
     assert last.steps_without_energy[0].tolist() == [3] * 4
     assert [run.measures(world).starved for world in range(2)] == [12, 12]
-    assert last.task.is_held[0][:4].tolist() == [True, True, False, False] and not last.task.releases[0][:2].any()
+    assert (
+        last.task.is_held[0][:4].tolist() == [True, True, False, False]
+        and not last.task.statistics.releases[0][:2].any()
+    )
 
 
 def test_a_task_changes_conditions_and_lets_robots_fail():

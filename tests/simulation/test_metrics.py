@@ -1,9 +1,11 @@
 """The paper's fitness and measures, by hand."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from iswarm_mj.gripper.handling import Balls
+from iswarm_mj.gripper.handling import AttemptStatistics, Balls
 from iswarm_mj.tasks.measures import Measures, fitness, measure
 
 
@@ -37,12 +39,8 @@ def test_collisions_cost_by_their_share():
 def batch():
     """Two worlds of five balls."""
     shape = (2, 5)
-    none = dict.fromkeys(Balls._fields, np.zeros(shape, int))
-    return Balls(**none)._replace(
-        is_held=np.array([[0, 0, 1, 0, 0], [0] * 5], bool),
-        is_delivered=np.array([[1, 1, 0, 0, 0], [0] * 5], bool),
-        was_picked=np.array([[1, 1, 1, 1, 0], [0, 1, 0, 0, 0]], bool),
-        carried_steps=np.array([[10, 15, 99, 98, 0], [0, 7, 0, 0, 0]]),
+    statistics = AttemptStatistics(**dict.fromkeys(AttemptStatistics._fields, np.zeros(shape, int)))
+    statistics = statistics._replace(
         attempts=np.array([[1, 2, 3, 1, 1], [0, 4, 0, 0, 0]]),
         failed_grasps=np.array([[0, 1, 2, 0, 1], [0, 3, 0, 0, 0]]),
         failed_releases=np.array([[0, 0, 5, 0, 0], [0, 0, 0, 0, 0]]),
@@ -51,6 +49,14 @@ def batch():
         work_time=np.array([[0.5, 0.25, 0, 0, 0], [0] * 5]),
         lost_time=np.array([[0, 1.5, 2, 0, 0], [0] * 5]),
         impact=np.array([[0.1, 0.2, 0, 0, 0], [0] * 5]),
+    )
+    nothing: Any = dict.fromkeys(Balls._fields, np.zeros(shape, int))
+    return Balls(**nothing)._replace(
+        is_held=np.array([[0, 0, 1, 0, 0], [0] * 5], bool),
+        is_delivered=np.array([[1, 1, 0, 0, 0], [0] * 5], bool),
+        was_picked=np.array([[1, 1, 1, 1, 0], [0, 1, 0, 0, 0]], bool),
+        carried_steps=np.array([[10, 15, 99, 98, 0], [0, 7, 0, 0, 0]]),
+        statistics=statistics,
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from iswarm_mj.config.swarm import GripperConfig, SwarmConfig
 from iswarm_mj.gripper.attempts import Attempts, by_balance
-from iswarm_mj.gripper.handling import carry, handle
+from iswarm_mj.gripper.handling import carry, update_grasps
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import (
     VARIATION_OBJECT_SUBSTRATE,
@@ -101,4 +101,4 @@ def _step(gripper, decider, conditions, balls, poses, picks, falls, key, voltage
     balls = carry(balls, tips)
     view = sense(poses, tips, balls.position, balls.is_lying, DUMP, 0.75 * RD)
     given = {"decider": decider, "control_period": PERIOD, "voltage": voltage, "releases": releases}
-    return handle(gripper, conditions, balls, tips, view, picks, falls, key=key, **given)
+    return update_grasps(gripper, conditions, balls, tips, view, picks, falls, key=key, **given)
