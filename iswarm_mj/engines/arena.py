@@ -20,29 +20,62 @@ from iswarm_mj.engines.robot_file import (
     without_visual,
 )
 from iswarm_mj.geometry.obstacles import HEAVIEST, Box, mean_distance, numbers
-from iswarm_mj.geometry.robot import Robot, RobotFile, Robots
+from iswarm_mj.geometry.robot import RobotFile, Robots
 from iswarm_mj.geometry.walls import in_mm
 from iswarm_mj.utils.units import RD, mg_from_kg, mm_from_m, mm_from_rd
 
+_BYTES_OF_ARENA = 16 * 2**20
+_BYTES_PER_BODY = 200 * 2**10
+"""Memory of a world for contacts and constraints: of the arena, and more for each robot or box."""
+
+_BOX_COLOUR = [0.54, 0.43, 0.31, 1.0]
+
+_CONTACT_ATTRIBUTES = (
+    "contype",
+    "conaffinity",
+    "condim",
+    "group",
+    "solref",
+    "solimp",
+    "solmix",
+    "priority",
+    "margin",
+    "gap",
+)
+"""Attributes of a geom that say what it touches, and how hard its contacts are."""
+
+_LOOK_OF_MATERIAL = (
+    "rgba",
+    "specular",
+    "shininess",
+    "emission",
+    "metallic",
+    "roughness",
+    "reflectance",
+)
+
 
 class ArenaModel(NamedTuple):
-    """A compiled arena, and where its N robots, M boxes and K balls are in MuJoCo's arrays. Units: mm, mg, s."""
+    """Compiled arena with the places of its N robots, M boxes and K balls in MuJoCo's arrays.
+
+    Units: mm, mg, s.
+    """
 
     model: mujoco.MjModel
     n_robots: int
-    """N; after the robots come M boxes."""
+    """N; M boxes come after the robots."""
     hull: np.ndarray
-    """(N + M,) geom ids of their hulls."""
+    """(N + M,) geom ids of the hulls of robots and boxes."""
     body: np.ndarray
-    """(N + M,) body ids."""
+    """(N + M,) body ids of robots and boxes."""
     walls: np.ndarray
     """(W,) geom ids of the walls."""
     planes: np.ndarray
-    """(W, 3) where they are, see `utils.walls.half_planes` [mm]."""
+    """(W, 3) half planes of the walls, see `geometry.walls.half_planes` [mm]."""
     extent: float
-    """Half the edge of the square around them [mm]."""
+    """Half the edge of the square around the arena [mm]."""
     obstacles: np.ndarray
-    """(M,) geom ids of the obstacles."""
+    """(O,) geom ids of the obstacles."""
     qpos: np.ndarray
     """(N + M, 3) addresses of x, y, yaw in qpos, and in qvel."""
     mocap: np.ndarray
@@ -52,9 +85,19 @@ class ArenaModel(NamedTuple):
     robot: Robots
     """Geometry and mass of the robots of the swarm."""
     kind: np.ndarray
-    """(N,) index in `robot.kinds` of each robot here."""
+    """(N,) index of each robot's kind in `robot.kinds`."""
     refinement: int
     """Time steps of the model in a physics step of the drive's configuration."""
+
+
+class _Template(NamedTuple):
+    """Part of which the arena contains several copies."""
+
+    spec: mujoco.MjSpec
+    body: str
+    """Name of the body to copy."""
+    materials: dict[str, str]
+    """Name of the shared material of each of its geoms, see `_share_materials`."""
 
 
 def arena_spec(
@@ -65,35 +108,36 @@ def arena_spec(
     robot_file: RobotFile = None,
     refinement: int = 1,
 ) -> mujoco.MjSpec:
-    """Compose the arena.
+    """Compose the arena of robots robot0/, robot1/ ..., boxes box0/ ... and balls ball0/ ....
 
     Args:
-        config: sizes of arena, dump and dust areas; boxes, named box0/ and so on.
-        kind: of the robots, which are named robot0/ and so on: index among the files.
-        ball_radius: (K,) radii of the balls [m], named ball0/ and so on.
+        config: sizes of arena, dump and dust areas; boxes and obstacles.
+        kind: index of each robot's kind among the files.
+        ball_radius: (K,) radii of the balls [m].
         visual: keep the robots' visible parts; without them the physics is the same and faster.
         robot_file: MJCF file of a robot, by default `models/robot.xml`; or those of several kinds.
         refinement: time steps of the model in a physics step of the drive's configuration.
     """
-    directory = models_directory()
-    spec = mujoco.MjSpec.from_file(str(directory / "arena.xml"))
+    spec = mujoco.MjSpec.from_file(str(models_directory() / "arena.xml"))
     _lay_out(spec, config)
     spec.option.timestep = config.drive.timestep / refinement
     spec.copy_during_attach = True
-    spec.memory = 16 * 2**20 + (len(kind) + len(config.arena.boxes)) * 200 * 2**10
+    spec.memory = _BYTES_OF_ARENA + (len(kind) + len(config.arena.boxes)) * _BYTES_PER_BODY
     _tune_contacts(spec, spec.option.timestep)
-    kinds = [_robot_of_kind(path, spec, number, visual) for number, (path, _) in enumerate(files_of(robot_file))]
-    for i, number in enumerate(kind.tolist()):
-        robot, looks = kinds[number]
-        _attach(robot.body("robot"), spec, f"robot{i}/", looks)
-    for k, box in enumerate(config.arena.boxes):
-        _add_box(spec, f"box{k}/", box, kinds[0][0].geom("hull"))
-    ball = mujoco.MjSpec.from_file(str(directory / "ball.xml"))
-    ball.option.timestep = spec.option.timestep
-    looks = _share_materials(ball, spec, "ball/")
-    for k, radius in enumerate(mm_from_m(ball_radius)):
-        ball.geom("ball").size[0] = radius
-        _attach(ball.body("ball"), spec, f"ball{k}/", looks)
+
+    paths = [path for path, _ in files_of(robot_file)]
+    templates = [_robot_template(spec, path, number, visual) for number, path in enumerate(paths)]
+    for robot_index, kind_index in enumerate(kind.tolist()):
+        _attach(spec, f"robot{robot_index}/", templates[kind_index])
+
+    hull = templates[0].spec.geom("hull")
+    for box_index, box in enumerate(config.arena.boxes):
+        _add_box(spec, f"box{box_index}/", box, hull)
+
+    ball = _ball_template(spec)
+    for ball_index, radius in enumerate(mm_from_m(ball_radius)):
+        ball.spec.geom("ball").size[0] = radius
+        _attach(spec, f"ball{ball_index}/", ball)
     return spec
 
 
@@ -106,154 +150,326 @@ def compile_arena(
     robot_file: RobotFile = None,
     refinement: int = 1,
 ) -> ArenaModel:
-    """Compile the arena and find its robots and balls.
+    """Compile the arena and find its robots, boxes and balls.
 
-    Args: as for `arena_spec`; `n_robots` is the number of robots, None for one of each kind, and `tune` changes what it
-    made.
+    Args:
+        config: see `arena_spec`.
+        n_robots: number of robots; None for one of each kind.
+        ball_radius: see `arena_spec`.
+        visual: see `arena_spec`.
+        tune: changes the composed arena before it is compiled.
+        robot_file: see `arena_spec`.
+        refinement: see `arena_spec`.
     """
     robot = read_robots(robot_file)
     kind = np.arange(len(robot.kinds)) if n_robots is None else robot.kind_of(n_robots)
-    spec = arena_spec(config, kind, ball_radius, visual, robot_file, refinement)
+    spec = arena_spec(
+        config=config,
+        kind=kind,
+        ball_radius=ball_radius,
+        visual=visual,
+        robot_file=robot_file,
+        refinement=refinement,
+    )
     if tune is not None:
         tune(spec)
     model = spec.compile()
-    bodies = [*(f"robot{i}/" for i in range(len(kind))), *(f"box{k}/" for k in range(len(config.arena.boxes)))]
-    qpos = [[model.joint(r + j).qposadr[0] for j in ("x", "y", "yaw")] for r in bodies]
-    hull = np.array([model.geom(r + "hull").id for r in bodies])
+
+    # Robots and boxes have a hull and three joints each, whose names begin with that of the body.
+    arena = config.arena
+    prefixes = [f"robot{robot_index}/" for robot_index in range(len(kind))]
+    prefixes += [f"box{box_index}/" for box_index in range(len(arena.boxes))]
+    hull = _geom_ids(model, [prefix + "hull" for prefix in prefixes])
+    qpos = np.array([_joint_addresses(model, prefix) for prefix in prefixes])
+
+    balls = [model.body(f"ball{ball_index}/ball") for ball_index in range(len(ball_radius))]
     return ArenaModel(
         model=model,
         n_robots=len(kind),
         hull=hull,
         body=model.geom_bodyid[hull],
-        walls=np.array([model.geom(f"wall{k}").id for k in range(len(config.arena.walls))]),
-        planes=in_mm(config.arena.walls),
-        extent=mm_from_rd(config.arena.size) / 2,
-        obstacles=np.array([model.geom(f"obstacle{k}").id for k in range(len(config.arena.obstacles))], int),
-        qpos=np.array(qpos),
-        mocap=np.array([model.body(f"ball{k}/ball").mocapid[0] for k in range(len(ball_radius))], int),
-        servo_gain=model.dof_damping[np.array(qpos)],
+        walls=_geom_ids(model, [f"wall{index}" for index in range(len(arena.walls))]),
+        planes=in_mm(arena.walls),
+        extent=mm_from_rd(arena.size) / 2,
+        obstacles=_geom_ids(model, [f"obstacle{index}" for index in range(len(arena.obstacles))]),
+        qpos=qpos,
+        mocap=np.array([ball.mocapid[0] for ball in balls], int),
+        servo_gain=model.dof_damping[qpos],
         robot=robot,
         kind=kind,
         refinement=refinement,
     )
 
 
-def _robot_of_kind(
-    path: Path | None, spec: mujoco.MjSpec, number: int, visual: bool
-) -> tuple[mujoco.MjSpec, dict[str, str]]:
-    """Robot of a file, to be attached to the arena, and the materials of its geoms; arguments as for `arena_spec`."""
+def _geom_ids(model: mujoco.MjModel, names: list[str]) -> np.ndarray:
+    """Return the ids of the geoms with these names."""
+    return np.array([model.geom(name).id for name in names], int)
+
+
+def _joint_addresses(model: mujoco.MjModel, prefix: str) -> list[int]:
+    """Return the addresses of a body's x, y and yaw in qpos."""
+    return [model.joint(prefix + name).qposadr[0] for name in ("x", "y", "yaw")]
+
+
+def _robot_template(spec: mujoco.MjSpec, path: Path | None, number: int, visual: bool) -> _Template:
+    """Return the robot of a file, tuned to the arena's time step.
+
+    Args:
+        spec: the arena, which gets the robot's materials.
+        path: MJCF file, None for `models/robot.xml`.
+        number: of the kind.
+        visual: keep the visible parts.
+    """
     robot = robot_spec(path)
     if not visual:
-        for unused in without_visual(robot).sites:
-            robot.delete(unused)
-    _tune_drive(robot, read_robot(path), spec.option.timestep)
-    _tune_contacts(robot, spec.option.timestep)
-    robot.option.timestep = spec.option.timestep
-    return robot, _share_materials(robot, spec, f"kind{number}/")
+        without_visual(robot)
+        for site in robot.sites:
+            robot.delete(site)
+    timestep = spec.option.timestep
+    geometry = read_robot(path)
+    _tune_drive(robot, "", geometry.mass, geometry.yaw_inertia, timestep)
+    _tune_contacts(robot, timestep)
+    robot.option.timestep = timestep
+    return _Template(robot, "robot", _share_materials(robot, spec, f"kind{number}/"))
+
+
+def _ball_template(spec: mujoco.MjSpec) -> _Template:
+    """Return a ball for the arena, which gets its material."""
+    ball = mujoco.MjSpec.from_file(str(models_directory() / "ball.xml"))
+    ball.option.timestep = spec.option.timestep
+    return _Template(ball, "ball", _share_materials(ball, spec, "ball/"))
 
 
 def _lay_out(spec: mujoco.MjSpec, config: SwarmConfig) -> None:
-    """Give floor, walls, dump, dust areas and the cameras the configured sizes and places."""
-    arena, floor, edge = config.arena, spec.geom("floor"), mm_from_rd(config.arena.size) / 2
-    zoom, low, high = edge / floor.size[0], np.min(arena.corners, axis=0), np.max(arena.corners, axis=0)
-    floor.size[:2], floor.pos[:2] = mm_from_rd(high - low) / 2, mm_from_rd(high + low) / 2
-    spec.material("floor").texrepeat = (high - low) / 2
+    """Give floor, walls, dump, dust areas, obstacles and cameras their sizes and places."""
+    arena = config.arena
+    floor = spec.geom("floor")
+    zoom = mm_from_rd(arena.size) / 2 / floor.size[0]
+
+    # The floor lies under the rectangle around the arena, with one square of its texture a rd.
+    lowest_corner = np.min(arena.corners, axis=0)
+    highest_corner = np.max(arena.corners, axis=0)
+    floor.size[:2] = mm_from_rd(highest_corner - lowest_corner) / 2
+    floor.pos[:2] = mm_from_rd(highest_corner + lowest_corner) / 2
+    spec.material("floor").texrepeat = (highest_corner - lowest_corner) / 2
+
     _add_walls(spec, mm_from_rd(np.array(arena.corners)), in_mm(arena.walls))
+
     spec.geom("dump").size[:2] = mm_from_rd(arena.dump_size) / 2
-    for side, x in {"west": -1, "east": 1}.items():
+    for side, direction in (("west", -1), ("east", 1)):
         area = spec.geom(f"dust_{side}")
-        area.pos[0] = x * mm_from_rd(arena.dust_area_offset)
+        area.pos[0] = direction * mm_from_rd(arena.dust_area_offset)
         area.size[:2] = mm_from_rd(arena.dust_area_size) / 2
+
     _add_obstacles(spec, numbers(arena.obstacles, RD))
-    for camera in ("above", "oblique"):
-        spec.camera(camera).pos *= zoom
+
+    # Cameras look at the centre, and see as much of a larger arena from farther away.
+    for name in ("above", "oblique"):
+        spec.camera(name).pos *= zoom
 
 
 def _add_walls(spec: mujoco.MjSpec, corners: np.ndarray, planes: np.ndarray) -> None:
-    """Put walls from each corner (W, 2) to the next [mm] in place of those of the file; panels are what one sees."""
-    thick, _, height = spec.geom("panel0").size.tolist()
-    for given in [geom for geom in spec.geoms if geom.name.startswith(("wall", "panel"))]:
-        spec.delete(given)
-    ends = zip(corners, np.roll(corners, -1, axis=0), planes, strict=True)
-    for k, (corner, other, (x, y, distance)) in enumerate(ends):
-        inwards = [math.cos(math.pi / 4), y * math.sin(math.pi / 4), -x * math.sin(math.pi / 4), 0.0]
-        _add(spec, "wall", f"wall{k}", [x * distance, y * distance, 0.0], inwards)
-        middle, length = (corner + other) / 2 + [thick * x, thick * y], np.hypot(*(other - corner)) / 2 + 2 * thick
-        _add(spec, "panel", f"panel{k}", [*middle, height], _turn(y, x), size=[thick, length, height])
+    """Replace the walls of the file.
+
+    Args:
+        spec: the arena.
+        corners: (W, 2) corners, anticlockwise; each wall leads from one to the next [mm].
+        planes: (W, 3) half planes of the walls, see `geometry.walls.half_planes` [mm].
+    """
+    half_thickness, _, half_height = spec.geom("panel0").size.tolist()
+    for geom in spec.geoms:
+        if geom.name.startswith(("wall", "panel")):
+            spec.delete(geom)
+
+    next_corners = np.roll(corners, -1, axis=0)
+    for index, (start, end, plane) in enumerate(zip(corners, next_corners, planes, strict=True)):
+        outward = plane[:2]
+        distance = plane[2]
+
+        # The wall that robots touch: an endless plane whose normal points inwards.
+        foot = outward * distance
+        inward_rotation = _quaternion_of_normal(*-outward)
+        _add_geom(spec, "wall", f"wall{index}", [*foot, 0.0], inward_rotation)
+
+        # The panel that one sees: a slab outside of the wall, long enough to meet its neighbours.
+        centre = (start + end) / 2 + half_thickness * outward
+        half_length = np.hypot(*(end - start)) / 2 + 2 * half_thickness
+        _add_geom(
+            spec,
+            "panel",
+            f"panel{index}",
+            pos=[*centre, half_height],
+            quat=_quaternion_of_yaw(*outward),
+            size=[half_thickness, half_length, half_height],
+        )
 
 
 def _add_obstacles(spec: mujoco.MjSpec, boxes: np.ndarray) -> None:
-    """Add boxes as high as the walls' panels, with the walls' contacts; what one sees is another geom, as of a wall."""
-    height, box = spec.geom("panel0").size[2], mujoco.mjtGeom.mjGEOM_BOX
-    for k, (x, y, c, s, half_x, half_y) in enumerate(boxes):
-        for name, like in ((f"obstacle{k}", "wall"), (f"block{k}", "panel")):
-            _add(spec, like, name, [x, y, height], _turn(s, c), type=box, size=[half_x, half_y, height])
+    """Add boxes (O, 6), see `geometry.obstacles.numbers`, with the contacts of walls [mm].
 
-
-_BOX = [0.54, 0.43, 0.31, 1.0]
-"""Colour of boxes."""
+    They are as high as the walls' panels. As of a wall, one geom is touched and another one seen.
+    """
+    half_height = spec.geom("panel0").size[2]
+    for index, (x, y, cos, sin, half_x, half_y) in enumerate(boxes):
+        for name, default in ((f"obstacle{index}", "wall"), (f"block{index}", "panel")):
+            _add_geom(
+                spec,
+                default,
+                name,
+                pos=[x, y, half_height],
+                quat=_quaternion_of_yaw(cos, sin),
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                size=[half_x, half_y, half_height],
+            )
 
 
 def _add_box(spec: mujoco.MjSpec, prefix: str, box: Box, hull: mujoco.MjsGeom) -> None:
-    """Add a box: on the joints of robots, with the contacts and the height of their hulls.
+    """Add a box that moves on the joints of robots, with the contacts and height of their hulls.
 
-    One of mass 0 is the heaviest box with a drive as fast as a robot's, and without friction.
+    A box of mass 0 is driven: it is the heaviest box, with a drive as fast as a robot's.
 
-    The floor's friction is that of joints, and of tendons that slide along the diagonals: together they let go at the
-    weight times the coefficient along the axes and the diagonals, at up to 8 % more in between, whatever else pushes.
-    About the vertical axis it is that of a box whose weight is spread evenly. What one sees is another geom.
+    Args:
+        spec: the arena.
+        prefix: of the names of its parts.
+        box: half edges [rd], mass [kg] and friction coefficient, see `geometry.obstacles.Box`.
+        hull: of a robot.
     """
-    _, _, half_x, half_y, _, mass, friction = box
-    is_driven, mass = mass == 0, mass or HEAVIEST
-    (a, b), (slide, hinge) = mm_from_rd(np.array([half_x, half_y])), JOINTS[1:]
-    grip = friction * mg_from_kg(mass) * -spec.option.gravity[2]
-    soft = {
+    _, _, half_x, half_y, _, mass_in_kg, friction = box
+    is_driven = mass_in_kg == 0
+    mass = mg_from_kg(mass_in_kg or HEAVIEST)
+    half_edges = mm_from_rd(np.array([half_x, half_y]))
+    half_height = hull.size[2]
+    friction_force = friction * mass * -spec.option.gravity[2]
+
+    body = spec.worldbody.add_body(name=prefix + "box", pos=[0.0, 0.0, half_height])
+    _add_box_joints(spec, body, prefix, half_edges, friction_force)
+    if is_driven:
+        a, b = half_edges
+        yaw_inertia = mass * ((a * a + b * b) / 3)
+        _tune_drive(spec, prefix, mass, yaw_inertia, spec.option.timestep)
+
+    # One geom is touched, and another one is seen.
+    shape: dict[str, Any] = {
+        "type": mujoco.mjtGeom.mjGEOM_BOX,
+        "size": [*half_edges, half_height],
+    }
+    contact = {name: getattr(hull, name) for name in _CONTACT_ATTRIBUTES}
+    body.add_geom(name=prefix + "hull", mass=mass, **shape, **contact)
+    body.add_geom(
+        name=prefix + "block",
+        mass=0.0,
+        contype=0,
+        conaffinity=0,
+        group=2,
+        rgba=_BOX_COLOUR,
+        **shape,
+    )
+
+
+def _add_box_joints(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    prefix: str,
+    half_edges: np.ndarray,
+    friction_force: float,
+) -> None:
+    """Add x, y and yaw of a box, and its friction with the floor.
+
+    Joints have the friction along the axes, and tendons that along the diagonals. Together they
+    yield at `friction_force` along the axes and the diagonals, and at up to 8 % more in between,
+    whatever else pushes. About the vertical axis the friction is that of a box whose weight is
+    spread evenly.
+
+    Args:
+        spec: the arena.
+        body: the box.
+        prefix: of the names of joints and tendons.
+        half_edges: (2,) half edges of the box [mm].
+        friction_force: weight times coefficient of friction [nN].
+    """
+    # Along an axis its joint yields, and both tendons with sqrt(1/2) of theirs.
+    force_per_direction = friction_force / (1.0 + math.sqrt(2.0))
+    torque = friction_force * mean_distance(*half_edges)
+    softness = {
         "solref_friction": [2 * spec.option.timestep, 1],
         "solimp_friction": [mujoco.mjMAXIMP, mujoco.mjMAXIMP, 1.0, 0.5, 1.0],
     }
-    each = grip / (1.0 + math.sqrt(2.0))
-    body = spec.worldbody.add_body(name=prefix + "box", pos=[0.0, 0.0, hull.size[2]])
-    for name, kind, axis in (("x", slide, [1, 0, 0]), ("y", slide, [0, 1, 0]), ("yaw", hinge, [0, 0, 1])):
-        most = each if kind == slide else grip * mean_distance(a, b)
-        joint = body.add_joint(name=prefix + name, type=kind, axis=axis, frictionloss=most, **soft)
-        moved = mg_from_kg(mass) * (1.0 if kind == slide else (a * a + b * b) / 3)
-        joint.damping[0] = is_driven * moved / spec.option.timestep
-    for name, left in (("left", 1.0), ("right", -1.0)) if grip else ():
-        tendon = spec.add_tendon(name=prefix + name, frictionloss=each, **soft)
+    slide, _, hinge = JOINTS
+    for name, kind, axis, yields_at in (
+        ("x", slide, [1, 0, 0], force_per_direction),
+        ("y", slide, [0, 1, 0], force_per_direction),
+        ("yaw", hinge, [0, 0, 1], torque),
+    ):
+        body.add_joint(
+            name=prefix + name,
+            type=kind,
+            axis=axis,
+            frictionloss=yields_at,
+            **softness,
+        )
+
+    if friction_force == 0:
+        return
+    for name, direction in (("left", 1.0), ("right", -1.0)):
+        tendon = spec.add_tendon(name=prefix + name, frictionloss=force_per_direction, **softness)
         tendon.wrap_joint(prefix + "x", math.sqrt(0.5))
-        tendon.wrap_joint(prefix + "y", left * math.sqrt(0.5))
-    names = ("contype", "conaffinity", "condim", "group", "solref", "solimp", "solmix", "priority", "margin", "gap")
-    same = {name: getattr(hull, name) for name in names}
-    shape = {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": [a, b, hull.size[2]]}
-    body.add_geom(name=prefix + "hull", mass=mg_from_kg(mass), **shape, **same)
-    body.add_geom(name=prefix + "block", mass=0.0, contype=0, conaffinity=0, group=2, rgba=_BOX, **shape)
+        tendon.wrap_joint(prefix + "y", direction * math.sqrt(0.5))
 
 
-def _add(spec: mujoco.MjSpec, like: str, name: str, pos: list[float], quat: list[float], **own: Any) -> None:
-    """Add a geom of a class of the file to the world."""
-    spec.worldbody.add_geom(spec.find_default(like), name=name, pos=pos, quat=quat, **own)
+def _add_geom(
+    spec: mujoco.MjSpec,
+    default: str,
+    name: str,
+    pos: list[float],
+    quat: list[float],
+    **attributes: Any,
+) -> None:
+    """Add a geom of a default class of the file to the world."""
+    class_of_geom = spec.find_default(default)
+    spec.worldbody.add_geom(class_of_geom, name=name, pos=pos, quat=quat, **attributes)
 
 
-def _turn(sin: float, cos: float) -> list[float]:
-    """Quaternion of a turn about the vertical axis."""
+def _quaternion_of_yaw(cos: float, sin: float) -> list[float]:
+    """Return the rotation about the vertical axis by an angle with this cosine and sine."""
     yaw = math.atan2(sin, cos)
     return [math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)]
 
 
-def _tune_drive(spec: mujoco.MjSpec, robot: Robot, timestep: float) -> None:
-    """Make the servos as fast as the time step allows: a target velocity is reached in one step.
+def _quaternion_of_normal(x: float, y: float) -> list[float]:
+    """Return the rotation that turns the z axis, a plane's normal, to the horizontal (x, y)."""
+    half_angle = math.pi / 4
+    return [math.cos(half_angle), -y * math.sin(half_angle), x * math.sin(half_angle), 0.0]
 
-    The gain is m / timestep, and the yaw inertia / timestep likewise. Damping is explicit (eulerdamp is off), so
-    that MuJoCo's contact solver knows what the servo will do; the limit of stability is twice this gain.
+
+def _tune_drive(
+    spec: mujoco.MjSpec,
+    prefix: str,
+    mass: float,
+    yaw_inertia: float,
+    timestep: float,
+) -> None:
+    """Make servos as fast as the time step allows: they reach a target velocity in one step.
+
+    The gain is mass, or yaw inertia, over time step. Damping is explicit (eulerdamp is off), so
+    that MuJoCo's contact solver knows what the servo will do; the limit of stability is twice
+    this gain.
+
+    Args:
+        spec: has the joints.
+        prefix: of the joints' names.
+        mass: [mg].
+        yaw_inertia: [mg mm^2].
+        timestep: [s].
     """
-    for joint, moved in (("x", robot.mass), ("y", robot.mass), ("yaw", robot.yaw_inertia)):
-        spec.joint(joint).damping[0] = moved / timestep
+    for joint, inertia in (("x", mass), ("y", mass), ("yaw", yaw_inertia)):
+        spec.joint(prefix + joint).damping[0] = inertia / timestep
 
 
 def _tune_contacts(spec: mujoco.MjSpec, timestep: float) -> None:
-    """Make the contacts as quick as the time step allows: their time constant is two steps, the least by `refsafe`.
+    """Make contacts as quick as the time step allows: a time constant of two steps.
 
-    How deep robots overlap then depends on how far they move in a step alone.
+    MuJoCo's `refsafe` permits no less. How deep robots overlap then depends on how far they move
+    in a step alone.
     """
     for geom in spec.geoms:
         if geom.contype or geom.conaffinity:
@@ -261,23 +477,25 @@ def _tune_contacts(spec: mujoco.MjSpec, timestep: float) -> None:
 
 
 def _share_materials(child: mujoco.MjSpec, spec: mujoco.MjSpec, prefix: str) -> dict[str, str]:
-    """Move the child's materials to `spec`, once for all its copies; return the material of each of its geoms.
+    """Move the child's materials to the arena; return the material's name of each of its geoms.
 
-    Attaching would copy them with every robot, which takes minutes for a thousand.
+    Attaching would copy the materials with every robot, which takes minutes for a thousand.
     """
-    looks = {geom.name: geom.material and prefix + geom.material for geom in child.geoms}
+    materials = {geom.name: geom.material and prefix + geom.material for geom in child.geoms}
     for material in list(child.materials):
-        if prefix + material.name in looks.values():
-            traits = ("rgba", "specular", "shininess", "emission", "metallic", "roughness", "reflectance")
-            spec.add_material(name=prefix + material.name, **{trait: getattr(material, trait) for trait in traits})
+        name = prefix + material.name
+        if name in materials.values():
+            look = {attribute: getattr(material, attribute) for attribute in _LOOK_OF_MATERIAL}
+            spec.add_material(name=name, **look)
         child.delete(material)
     for geom in child.geoms:
         geom.material = ""
-    return looks
+    return materials
 
 
-def _attach(body: mujoco.MjsBody, spec: mujoco.MjSpec, prefix: str, looks: dict[str, str]) -> None:
-    """Attach a copy of `body` to the world, with the shared materials."""
+def _attach(spec: mujoco.MjSpec, prefix: str, template: _Template) -> None:
+    """Attach a copy of the template to the world, with the shared materials."""
+    body = template.spec.body(template.body)
     spec.worldbody.add_frame().attach_body(body, prefix, "")
-    for geom, material in looks.items():
+    for geom, material in template.materials.items():
         spec.geom(prefix + geom).material = material
