@@ -1,4 +1,4 @@
-"""What MuJoCo's Python bindings leave out: its shared library, its timers, and its log of warnings."""
+"""Functions of MuJoCo that its Python bindings leave out: shared library, timers, warnings."""
 
 import ctypes
 from collections.abc import Iterator
@@ -13,7 +13,11 @@ from iswarm_mj.utils.errors import UserError
 
 @cache
 def library() -> ctypes.CDLL:
-    """The MuJoCo library that the Python bindings use."""
+    """Return the MuJoCo library that the Python bindings use.
+
+    Raises:
+        UserError: it is not where a wheel has it.
+    """
     folder = Path(mujoco.__file__).parent
     for pattern in ("libmujoco*.so*", "libmujoco*.dylib", "mujoco.dll"):
         for path in sorted(folder.glob(pattern)):
@@ -22,33 +26,35 @@ def library() -> ctypes.CDLL:
 
 
 def function_address(function: str) -> int:
-    """Address of a function of the MuJoCo library."""
-    return ctypes.cast(getattr(library(), function), ctypes.c_void_p).value or 0
+    """Return the address of a function of the MuJoCo library."""
+    pointer = ctypes.cast(getattr(library(), function), ctypes.c_void_p)
+    return pointer.value or 0
 
 
 @contextmanager
 def without_timers() -> Iterator[None]:
     """Leave `MjData.timer` at zero within the block, in all threads; physics is the same.
 
-    A step of a small model is a third faster. The clock is MuJoCo's global callback `mjcb_time`, which its Python
-    bindings install and cannot put back themselves.
+    A step of a small model is a third faster. The clock is MuJoCo's global callback `mjcb_time`,
+    which its Python bindings install and cannot put back themselves.
     """
     clock = ctypes.c_void_p.in_dll(library(), "mjcb_time")
-    kept, clock.value = clock.value, None
+    callback = clock.value
+    clock.value = None
     try:
         yield
     finally:
-        clock.value = clock.value or kept
+        clock.value = clock.value or callback
 
 
 def keep_no_log() -> None:
-    """Have MuJoCo not write its warnings to MUJOCO_LOG.TXT in the working directory, unless somebody else handles them.
+    """Keep MuJoCo from writing warnings to MUJOCO_LOG.TXT, unless a handler is already set.
 
-    What they warn of is a fault here, which is reported.
+    Engines report as faults what the warnings are about.
     """
     if mujoco.get_mju_user_warning() is None:
         mujoco.set_mju_user_warning(_ignore)
 
 
 def _ignore(_: str) -> None:
-    """Do nothing about a warning."""
+    """Ignore a warning."""

@@ -4,16 +4,18 @@ The contact solver searches the accelerations a at which the gradient of its con
 
     g(a) = M a - f - J^T F(J a - a_ref) = 0.
 
-Derivatives of the search itself are worthless: its last steps divide differences by differences that are about
-zero. Those of what it finds follow from the equation (implicit function theorem): H da = -dg, where H = M + J^T D J
-over the active contacts, as in Newton's method. Without derivatives the program is MJX's own.
+Derivatives of the search itself are worthless: its last steps divide differences by differences
+that are about zero. Derivatives of its result follow from the equation (implicit function
+theorem): H da = -dg, where H = M + J^T D J over the active contacts, as in Newton's method.
+Without derivatives the program is MJX's own.
 
-So forward mode (`jax.jvp`, `jax.jacfwd`) goes through whole control steps, and reverse mode through `MjxEngine.move`
-but not through sight, whose search is a loop of unknown length. A derivative is that of the branch which the run took:
-it does not know that another contact, link, message bit or decision would come about nearby, where the outcome jumps.
-Pack and unpack of messages round, and pass nothing on. In crowds a derivative needs a solver that went to the end: in
-single precision it is some per cent off after four control steps, in double precision, where the solver's tolerance
-can be zero, it agrees with differences to 1e-5.
+Forward mode (`jax.jvp`, `jax.jacfwd`) goes through whole control steps, and reverse mode through
+`MjxEngine.move` but not through sight, whose search is a loop of unknown length. A derivative is
+that of the branch which the run took: it does not include contacts, links, message bits or
+decisions that would come about nearby, where the outcome jumps. Messages are rounded, so
+derivatives do not pass through them. In crowds a derivative needs a solver that has converged: in
+single precision it is some per cent off after four control steps; in double precision, where the
+solver's tolerance can be zero, it agrees with differences to 1e-5.
 """
 
 from collections.abc import Callable
@@ -27,7 +29,7 @@ from iswarm_mj.utils.arrays import Array
 
 
 def implicit_contacts() -> AbstractContextManager[None]:
-    """Let MJX-JAX differentiate contact forces by this module in what is traced inside the block."""
+    """Let MJX-JAX differentiate contact forces by this module in what is traced in the block."""
     search = solver.solve
 
     def solve(model: mjx.Model, data: mjx.Data) -> mjx.Data:
@@ -36,22 +38,47 @@ def implicit_contacts() -> AbstractContextManager[None]:
     return replaced(vars(solver), {"solve": solve})
 
 
-def _solve(search: Callable[[mjx.Model, mjx.Data], mjx.Data], model: mjx.Model, data: mjx.Data) -> mjx.Data:
-    """Accelerations and contact forces as `search` finds them, with the accelerations' derivatives."""
+def _solve(
+    search: Callable[[mjx.Model, mjx.Data], mjx.Data],
+    model: mjx.Model,
+    data: mjx.Data,
+) -> mjx.Data:
+    """Return the data with accelerations and contact forces, and their derivatives.
+
+    Args:
+        search: MJX's own contact solver, which finds them.
+        model: MJX's.
+        data: before the solver.
+    """
     rows = data._impl
 
     def gradient(acceleration: jax.Array) -> jax.Array:
-        beyond = rows.efc_J @ acceleration - rows.efc_aref
-        most, pull = rows.efc_frictionloss, -rows.efc_D * beyond
-        force = jnp.where(most > 0, jnp.clip(pull, -most, most), jnp.where(beyond < 0, pull, 0.0))
+        """Return g(a) [nN]: contacts push only, friction is limited."""
+        deviation = rows.efc_J @ acceleration - rows.efc_aref
+        limit = rows.efc_frictionloss
+        linear_force = -rows.efc_D * deviation
+        friction = jnp.clip(linear_force, -limit, limit)
+        push = jnp.where(deviation < 0, linear_force, 0.0)
+        force = jnp.where(limit > 0, friction, push)
         return mul_m(model, data, acceleration) - data.qfrc_smooth - rows.efc_J.T @ force
 
-    def find(_: Callable[[Array], Array], __: Array) -> tuple[Array, tuple[Array, Array]]:
-        new = search(model, data)
-        return new.qacc, (new.qfrc_constraint, new._impl.efc_force)
+    def find_root(_: Callable[[Array], Array], __: Array) -> tuple[Array, tuple[Array, Array]]:
+        solved = search(model, data)
+        return solved.qacc, (solved.qfrc_constraint, solved._impl.efc_force)
 
     def solve_linear(product: Callable[[Array], Array], right: Array) -> Array:
-        return jax.scipy.linalg.solve(jax.jacfwd(product)(right), right, assume_a="pos")
+        matrix = jax.jacfwd(product)(right)
+        return jax.scipy.linalg.solve(matrix, right, assume_a="pos")
 
-    acceleration, (force, of_rows) = jax.lax.custom_root(gradient, data.qacc_smooth, find, solve_linear, has_aux=True)
-    return data.replace(qacc=acceleration, qfrc_constraint=force, _impl=rows.replace(efc_force=of_rows))
+    acceleration, (joint_force, row_force) = jax.lax.custom_root(
+        f=gradient,
+        initial_guess=data.qacc_smooth,
+        solve=find_root,
+        tangent_solve=solve_linear,
+        has_aux=True,
+    )
+    return data.replace(
+        qacc=acceleration,
+        qfrc_constraint=joint_force,
+        _impl=rows.replace(efc_force=row_force),
+    )

@@ -9,12 +9,16 @@ from iswarm_mj.utils.constraints import Within
 if TYPE_CHECKING:
     from iswarm_mj.engines.base import CompiledEngine
 
-EXACT, FAST = 100, 20
-"""Iterations of the contact solver: within 0.02 mm of MuJoCo in C after a control step, or several times faster with
-robots in crowds up to 0.2 mm off."""
+EXACT = 100
+"""Solver iterations for robots within 0.02 mm of MuJoCo in C after a control step."""
+FAST = 20
+"""Iterations that are several times faster, with robots in crowds up to 0.2 mm off."""
+
 BATCH_CAPACITY = 4.0
-"""Least size of the contact buffers of batches. In 250 steps, the swarms of an evolution that collide most needed up to
-2.1 times the default, swarms that do not avoid each other at all up to 3.6 times."""
+"""Smallest contact buffers of batches, relative to the default.
+
+In 250 steps, the swarms of an evolution that collide most needed up to 2.1 times the default,
+swarms that do not avoid each other at all up to 3.6 times."""
 
 
 @dataclass(frozen=True)
@@ -29,9 +33,11 @@ class MjxSettings(EngineSettings):
     solver_iterations: Annotated[int, Within(1, 1000)] = EXACT
     """Maximum iterations of MJX's contact solver: 100 for MuJoCo's result, 20 for speed."""
     contact_capacity: Annotated[float, Within(0.01, 100)] = 1.0
-    """Size of MJX's contact buffers relative to the default (`engines.mjx.arena.contact_capacity`); jams need more."""
+    """Size of MJX's contact buffers relative to the default
+    (`engines.mjx.arena.contact_capacity`); jams need more."""
     chunk: Annotated[int, Within(1, 10_000)] = 25
-    """Control steps per call of the compiled program; faults and progress are reported between calls."""
+    """Control steps per call of the compiled program; faults and progress are reported between
+    calls."""
     devices: Devices = None
     """JAX devices that share the worlds; by default all that JAX sees."""
 
@@ -56,8 +62,19 @@ class MjxSettings(EngineSettings):
         from iswarm_mj.engines.robot_file import read_robots
         from iswarm_mj.utils.units import RD
 
-        config, capacity, robot_file = model.config, model.capacity, model.robot_file
-        width = max(2 * read_robots(robot_file).circumradius / RD, 1.0)  # large robots cover more of the floor
-        buffers = contact_capacity(config, capacity, self.contact_capacity * width**2)
-        arena = compile_mjx_arena(config, capacity, self.impl, n_worlds, buffers, self.solver_iterations, robot_file)
-        return MjxEngine(arena, config, model.is_masked)
+        # Large robots cover more of the floor.
+        diameter_in_rd = max(2 * read_robots(model.robot_file).circumradius / RD, 1.0)
+        arena = compile_mjx_arena(
+            config=model.config,
+            n_robots=model.capacity,
+            impl=self.impl,
+            n_worlds=n_worlds,
+            capacity=contact_capacity(
+                config=model.config,
+                n_robots=model.capacity,
+                factor=self.contact_capacity * diameter_in_rd**2,
+            ),
+            iterations=self.solver_iterations,
+            robot_file=model.robot_file,
+        )
+        return MjxEngine(arena, model.config, model.is_masked)

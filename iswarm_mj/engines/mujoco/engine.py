@@ -10,29 +10,50 @@ from mujoco.batch import Batch, SimulationError
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import ArenaModel
-from iswarm_mj.engines.base import BoxesMixin, Engine, LightReading, Motion, Phase, take_phases, with_boxes
+from iswarm_mj.engines.base import (
+    BoxesMixin,
+    Engine,
+    LightReading,
+    Motion,
+    Phase,
+    take_phases,
+    with_boxes,
+)
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco_library import without_timers
+from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
 
 JAM = 4000
-"""Contact points above which conjugate gradients solve for a world's contact forces: Newton's method, several times
-faster in ordinary swarms, takes seconds a control step where more than a thousand joints are connected by contacts."""
-_NEWTON, _GRADIENTS = int(mujoco.mjtSolver.mjSOL_NEWTON), int(mujoco.mjtSolver.mjSOL_CG)
-_MAX_ITERATIONS = 1000  # of conjugate gradients; jams of 800 robots converged after some 400
-_PARKED = -1000.0  # height of the robots that are absent [mm]
+"""Contact points above which conjugate gradients solve for a world's contact forces.
+
+Newton's method, several times faster in ordinary swarms, takes seconds a control step where
+contacts connect more than a thousand joints."""
+
+_NEWTON = int(mujoco.mjtSolver.mjSOL_NEWTON)
+_CONJUGATE_GRADIENTS = int(mujoco.mjtSolver.mjSOL_CG)
+
+_MAX_GRADIENT_ITERATIONS = 1000
+"""Limit of conjugate gradients; jams of 800 robots converged after some 400."""
+
+_PARKING_HEIGHT = -1000.0
+_PARKING_DISTANCE = 10.0
+"""Absent robots wait at this height under the floor, this far below each other [mm]."""
 
 
 class Bodies(NamedTuple):
-    """Mechanical state of B worlds."""
+    """Mechanical state of B worlds.
+
+    Arrays have places for P robots and M boxes; a model with fewer robots leaves some empty.
+    """
 
     poses: Float[np.ndarray, "B PM 3"]
-    """x, y [mm] and yaw [rad] of robots, zero for places beyond those of the model, and then of boxes."""
+    """x, y [mm] and yaw [rad]; zero in empty places."""
     is_present: Bool[np.ndarray, "B PM"]
-    """The others touch and hide nothing."""
+    """Bodies that touch others and hide them from light."""
     velocity: Float[np.ndarray, "B V"]
-    """MuJoCo's qvel."""
+    """MuJoCo's qvel [mm/s, rad/s]."""
     n_contacts: Int[np.ndarray, "B"]
     """Contact points in the last physics step, which choose the solver of the next ones."""
 
@@ -40,7 +61,14 @@ class Bodies(NamedTuple):
 class MujocoEngine(BoxesMixin, Engine):
     """`Engine` on `mujoco.batch`: B worlds at once, bit-identical at any number of threads."""
 
-    def __init__(self, config: SwarmConfig, arena: ArenaModel, n_worlds: int, n_threads: int, capacity: int):
+    def __init__(
+        self,
+        config: SwarmConfig,
+        arena: ArenaModel,
+        n_worlds: int,
+        n_threads: int,
+        capacity: int,
+    ):
         """Allocate the worlds.
 
         Args:
@@ -48,82 +76,119 @@ class MujocoEngine(BoxesMixin, Engine):
             arena: compiled; its N robots are the largest number that a world has.
             n_worlds: B.
             n_threads: threads, 0 for one a core.
-            capacity: P, number of robots of the arrays that pass in and out; at least N.
+            capacity: P, places for robots in the arrays that pass in and out; at least N.
         """
-        self._arena, self._capacity, self._n_robots = arena, capacity, arena.n_robots
-        self._there = np.r_[: arena.n_robots, capacity : capacity + self.n_boxes]  # of the places, those of bodies
+        self.robot = arena.robot
+        self._arena = arena
+        self._capacity = capacity
+        self._n_robots = arena.n_robots
+        self._places = np.r_[: arena.n_robots, capacity : capacity + self.n_boxes]
+        """(N + M,) places of the model's bodies among those of the arrays."""
+
         self._batch = Batch(arena.model, n_worlds, n_threads, persistent=True)
-        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._qpos = self._batch.bind("qpos")
+        self._qvel = self._batch.bind("qvel")
         self._force = self._batch.bind("qfrc_applied")
-        self._solver, self._iterations = (self._batch.expand(f"opt.{name}") for name in ("solver", "iterations"))
+        self._solver = self._batch.expand("opt.solver")
+        self._iterations = self._batch.expand("opt.iterations")
         self._scratch = mujoco.MjData(arena.model)
         self._scene = Scene(config, arena, self._batch)
-        self._is_present = np.ones((n_worlds, self._n_robots), bool)
-        self._height: np.ndarray | None = None  # of the bodies in each world, once some robots are absent
-        self.robot = arena.robot
 
-    def place(self, poses: Float[Array, "B PM 3"], is_present: Bool[Array, "B P"]) -> Bodies:
-        """See `Engine.place`."""
-        self._is_present = is_present[:, : self._n_robots]
-        if not self._is_present.all():
-            self._height = self._batch.expand("body_pos")[..., 2]
-        if self._height is not None:
-            depth = _PARKED - 10.0 * np.arange(self._n_robots)
-            robots = self._arena.body[: self._n_robots]
-            standing = self._arena.model.body_pos[robots, 2]
-            self._height[:, robots] = np.where(self._is_present, standing, depth)
-        self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._qpos[:, self._arena.qpos] = np.asarray(poses)[:, self._there]
-        self._batch.forward()
-        there = self._padded(np.asarray(with_boxes(self._is_present, self.n_boxes)))
-        return self._bodies(there, np.zeros(len(poses), int))
+        self._is_present = np.ones((n_worlds, self._n_robots), bool)
+        self._height: np.ndarray | None = None
+        """(B, number of bodies) height of each world's bodies, once some robots are absent [mm]."""
 
     @property
     def n_boxes(self) -> int:
         """See `BoxesMixin.n_boxes`."""
         return len(self._arena.hull) - self._n_robots
 
+    def place(self, poses: Float[Array, "B PM 3"], is_present: Bool[Array, "B P"]) -> Bodies:
+        """See `Engine.place`."""
+        self._is_present = is_present[:, : self._n_robots]
+        self._park_absent_robots()
+        self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._qpos[:, self._arena.qpos] = np.asarray(poses)[:, self._places]
+        self._batch.forward()
+        bodies_present = np.asarray(with_boxes(self._is_present, self.n_boxes))
+        return self._bodies(self._in_places(bodies_present), np.zeros(len(poses), int))
+
+    def _park_absent_robots(self) -> None:
+        """Put absent robots under the floor, and the present ones on it."""
+        if not self._is_present.all():
+            self._height = self._batch.expand("body_pos")[..., 2]
+        if self._height is None:
+            return
+        robots = self._arena.body[: self._n_robots]
+        on_floor = self._arena.model.body_pos[robots, 2]
+        parked = _PARKING_HEIGHT - _PARKING_DISTANCE * np.arange(self._n_robots)
+        self._height[:, robots] = np.where(self._is_present, on_floor, parked)
+
     def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> LightReading:
         """See `Engine.sense`."""
-        n, self._qpos[:, self._arena.qpos] = self._n_robots, np.asarray(bodies.poses)[:, self._there]
-        sight = sense(
-            self._scene,
-            bodies.poses[:, :n],
-            np.asarray(self.boxes(bodies)),
-            np.asarray(emits)[:, :n],
-            np.asarray(self._is_present & np.asarray(is_running)[:, None]),
+        self._qpos[:, self._arena.qpos] = np.asarray(bodies.poses)[:, self._places]
+        reading = sense(
+            scene=self._scene,
+            poses=bodies.poses[:, : self._n_robots],
+            boxes=np.asarray(self.boxes(bodies)),
+            emits=np.asarray(emits)[:, : self._n_robots],
+            is_present=np.asarray(self._is_present & np.asarray(is_running)[:, None]),
         )
-        if self._capacity == n:
-            return sight
-        return LightReading(type(sight.links)(*map(self._of_robots, sight.links)), self._of_robots(sight.sees_wall))
+        if self._capacity == self._n_robots:
+            return reading
+        links = Links(*(self._pad_robots(values) for values in reading.links))
+        return LightReading(links, self._pad_robots(reading.sees_wall))
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
         """See `Engine.move`."""
-        walls, n_robots = self._scene.walls, self._capacity
-        return take_phases(bodies, phases, is_running, walls, self.robot, n_robots, self._take_steps)
+        return take_phases(
+            bodies=bodies,
+            phases=phases,
+            is_running=is_running,
+            walls=self._scene.walls,
+            robot=self.robot,
+            n_robots=self._capacity,
+            step_bodies=self._take_steps,
+        )
 
     def _take_steps(
         self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[Bodies, Array, Array]:
         """See `StepBodies`."""
-        self._qpos[:, self._arena.qpos] = bodies.poses[:, self._there]
+        self._qpos[:, self._arena.qpos] = bodies.poses[:, self._places]
         self._qvel[:] = bodies.velocity
-        self._force[:, self._arena.qpos] = self._arena.servo_gain * targets[:, self._there]
-        worlds, n_contacts, fault = np.flatnonzero(runs), bodies.n_contacts.copy(), np.zeros(len(runs), np.int32)
-        fault[self._step(n_substeps, worlds, n_contacts[worlds] > JAM)] = FaultKind.SOLVER_FAILED
+        self._force[:, self._arena.qpos] = self._arena.servo_gain * targets[:, self._places]
+
+        worlds = np.flatnonzero(runs)
+        n_contacts = bodies.n_contacts.copy()
+        failed_worlds = self._step(n_substeps, worlds, n_contacts[worlds] > JAM)
+        fault = np.zeros(len(runs), np.int32)
+        fault[failed_worlds] = FaultKind.SOLVER_FAILED
+
+        partners = np.asarray(touching)
         for world in worlds.tolist():
-            self._read_contacts(world, np.asarray(touching)[world], n_contacts)
+            self._read_contacts(world, partners[world], n_contacts)
         return self._bodies(bodies.is_present, n_contacts), touching, fault
 
-    def _bodies(self, is_present: Bool[np.ndarray, "B PM"], n_contacts: Int[np.ndarray, "B"]) -> Bodies:
-        """Bodies as they are in MuJoCo."""
-        poses = self._padded(self._qpos[:, self._arena.qpos])
+    def _bodies(
+        self,
+        is_present: Bool[np.ndarray, "B PM"],
+        n_contacts: Int[np.ndarray, "B"],
+    ) -> Bodies:
+        """Return bodies at MuJoCo's poses and velocities."""
+        poses = self._in_places(self._qpos[:, self._arena.qpos])
         return Bodies(poses, is_present, self._qvel.copy(), n_contacts)
 
-    def _step(self, n_substeps: int, worlds: Int[np.ndarray, "W"], is_jam: Bool[np.ndarray, "W"]) -> list[Any]:
+    def _step(
+        self,
+        n_substeps: int,
+        worlds: Int[np.ndarray, "W"],
+        is_jam: Bool[np.ndarray, "W"],
+    ) -> list[Any]:
         """Take physics steps of some worlds; return those in which MuJoCo reported an error."""
-        self._solver[worlds] = np.where(is_jam, _GRADIENTS, _NEWTON)
-        self._iterations[worlds] = np.where(is_jam, _MAX_ITERATIONS, self._arena.model.opt.iterations)
+        newton_iterations = self._arena.model.opt.iterations
+        self._solver[worlds] = np.where(is_jam, _CONJUGATE_GRADIENTS, _NEWTON)
+        self._iterations[worlds] = np.where(is_jam, _MAX_GRADIENT_ITERATIONS, newton_iterations)
         try:
             with without_timers():
                 self._batch.step(ids=worlds, nstep=n_substeps)
@@ -131,30 +196,71 @@ class MujocoEngine(BoxesMixin, Engine):
             return list(error.ids)
         return []
 
-    def _read_contacts(self, world: int, touching: Int[np.ndarray, "K P"], n_contacts: Int[np.ndarray, "B"]) -> None:
-        """Add the pairs of robots of a world that touched in its last physics step, see `Motion.touching`."""
+    def _read_contacts(
+        self,
+        world: int,
+        partners: Int[np.ndarray, "K P"],
+        n_contacts: Int[np.ndarray, "B"],
+    ) -> None:
+        """Read the contacts of a world's last physics step.
+
+        Args:
+            world: its index.
+            partners: of each robot, see `Motion.touching`; those that touch it now are added.
+            n_contacts: number of contact points in each world; that of this world is set.
+        """
         contact = self._batch.get_data(world, self._scratch).contact
         n_contacts[world] = len(contact.geom)
-        first, second = self._scene.object_of[contact.geom].T
-        low, high = np.minimum(first, second), np.maximum(first, second)
-        now = (low * self._capacity + high)[(high < self._n_robots) & (contact.dist <= 0)]
-        rank, robot = np.nonzero(touching > 0)
-        codes = np.sort(np.concatenate([[-1], robot * self._capacity + touching[rank, robot], now]))
-        codes = codes[1:][codes[1:] != codes[:-1]][::-1]  # as np.unique, whose calls show
-        robot, partner = np.divmod(codes, self._capacity)
-        rank = np.arange(len(robot)) - np.searchsorted(-robot, -robot)
-        fits = rank < len(touching)
-        touching[rank[fits], robot[fits]] = partner[fits]
 
-    def _padded(self, values: Shaped[np.ndarray, "B NM ..."]) -> Shaped[np.ndarray, "B PM ..."]:
-        """Values of robots and boxes, with zeros, or false, for the places between them."""
+        first, second = self._scene.robot_of_geom[contact.geom].T
+        lower = np.minimum(first, second)
+        higher = np.maximum(first, second)
+        robots_touch = (higher < self._n_robots) & (contact.dist <= 0)
+        add_partners(partners, lower[robots_touch], higher[robots_touch])
+
+    def _in_places(self, values: Shaped[np.ndarray, "B NM ..."]) -> Shaped[np.ndarray, "B PM ..."]:
+        """Return values of robots and boxes in their places, with zeros in empty places."""
         if self._capacity == self._n_robots:
             return values
-        filled = np.zeros((len(values), self._capacity + self.n_boxes, *values.shape[2:]), values.dtype)
-        filled[:, self._there] = values
+        n_places = self._capacity + self.n_boxes
+        filled = np.zeros((len(values), n_places, *values.shape[2:]), values.dtype)
+        filled[:, self._places] = values
         return filled
 
-    def _of_robots(self, given: Shaped[Array, "B N ..."]) -> Shaped[np.ndarray, "B P ..."]:
-        """Values of robots, with zeros, or false, for the places beyond them."""
-        values = np.asarray(given)
-        return np.pad(values, [(0, 0), (0, self._capacity - self._n_robots), *[(0, 0)] * (values.ndim - 2)])
+    def _pad_robots(self, values: Shaped[Array, "B N ..."]) -> Shaped[np.ndarray, "B P ..."]:
+        """Return values of robots with zeros in the empty places after them."""
+        array = np.asarray(values)
+        padding = [(0, 0)] * array.ndim
+        padding[1] = (0, self._capacity - self._n_robots)
+        return np.pad(array, padding)
+
+
+def add_partners(
+    partners: Int[np.ndarray, "K P"],
+    robot: Int[np.ndarray, "C"],
+    partner: Int[np.ndarray, "C"],
+) -> None:
+    """Add pairs in contact to the partners of each robot, in place.
+
+    Args:
+        partners: robots of higher index that touch each robot, highest first, then 0; K at most.
+        robot: robot of lower index of each pair.
+        partner: robot of higher index of each pair.
+    """
+    capacity = partners.shape[1]
+
+    # One number a pair, so that sorting brings equal pairs together, and a robot's pairs.
+    known_rank, known_robot = np.nonzero(partners > 0)
+    known_pairs = known_robot * capacity + partners[known_rank, known_robot]
+    new_pairs = robot * capacity + partner
+    before_first = [-1]
+    pairs = np.sort(np.concatenate([before_first, known_pairs, new_pairs]))
+
+    # Each pair once, highest first. np.unique would take as long as all the rest.
+    is_distinct = pairs[1:] != pairs[:-1]
+    pairs = pairs[1:][is_distinct][::-1]
+    robot, partner = np.divmod(pairs, capacity)
+
+    rank = np.arange(len(robot)) - np.searchsorted(-robot, -robot)
+    fits = rank < len(partners)
+    partners[rank[fits], robot[fits]] = partner[fits]

@@ -33,6 +33,14 @@ class MujocoSettings(EngineSettings):
         from iswarm_mj.engines.arena import compile_arena
         from iswarm_mj.engines.mujoco.engine import MujocoEngine
 
-        config, capacity = model.config, model.capacity
-        arena = compile_arena(config, model.n_robots, np.zeros(0), robot_file=model.robot_file)
-        return lambda n_worlds, n_threads: MujocoEngine(config, arena, n_worlds, n_threads, capacity)
+        arena = compile_arena(
+            config=model.config,
+            n_robots=model.n_robots,
+            ball_radius=np.zeros(0),
+            robot_file=model.robot_file,
+        )
+
+        def make_engine(n_worlds: int, n_threads: int) -> MujocoEngine:
+            return MujocoEngine(model.config, arena, n_worlds, n_threads, model.capacity)
+
+        return make_engine
