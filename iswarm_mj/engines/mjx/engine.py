@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -31,7 +32,23 @@ from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
 
-_SOLVER_LIMITS = 1 << 9 | 1 << 10  # bits of Warp that report more iterations than allowed, not missing room
+_SOLVER_LIMITS = 1 << 9 | 1 << 10
+"""Bits of Warp's `overflow` for solvers at their limit of iterations, not for missing room."""
+
+_ROUNDING = 1e-3
+"""Distance by which spheres that touch may seem apart [mm]."""
+
+
+class _Progress(NamedTuple):
+    """State between two physics steps of a motion."""
+
+    data: mjx.Data
+    velocity: Float[Array, "NM 3"]
+    """Set points of the drives of the present phase [mm/s, mm/s, rad/s]."""
+    poses_of_contacts: Float[Array, "P NM 3"]
+    """Poses before the last physics step of each phase, where MJX found its contacts."""
+    fault: Int[Array, ""]
+    """Bits of `FaultKind`."""
 
 
 @jax.tree_util.register_dataclass
@@ -40,8 +57,8 @@ class MjxEngine(BoxesMixin, CompiledEngine):
     """`CompiledEngine` on MJX; acts on one world.
 
     Attributes:
-        arena: compiled.
-        config: optics.
+        arena: compiled arena.
+        config: its optics are used.
         is_masked: some worlds have fewer robots than the arena.
     """
 
@@ -49,13 +66,18 @@ class MjxEngine(BoxesMixin, CompiledEngine):
     config: SwarmConfig = field(metadata={"static": True})
     is_masked: bool = field(metadata={"static": True})
 
+    # A property, since the arena is a pytree, and its robots are static.
     @property
-    def robot(self) -> Robots:  # pyright: ignore[reportIncompatibleVariableOverride]  # of the arena, which is a pytree
+    def robot(self) -> Robots:  # pyright: ignore[reportIncompatibleVariableOverride]
         """See `Engine.robot`."""
         return self.arena.robot
 
     def mapping(self, platform: str) -> Mapping:
-        """See `CompiledEngine.mapping`: one by one is as fast on a CPU, and a world is the same bit by bit anywhere."""
+        """See `CompiledEngine.mapping`.
+
+        On a CPU one world after the other is as fast, and a world is the same bit by bit in any
+        batch.
+        """
         return "in turn" if self.arena.impl == "jax" and platform == "cpu" else "vmap"
 
     def place(self, poses: Float[Array, "NM 3"], is_present: Bool[Array, "N"]) -> FreeBodies:
@@ -73,55 +95,123 @@ class MjxEngine(BoxesMixin, CompiledEngine):
         crowd = Crowd(self.poses(bodies), bodies.is_present[: self.arena.n_robots], solid)
         with jax.default_matmul_precision("highest"):
             return LightReading(
-                find_links(self.config, self.arena, crowd, emits), find_walls(self.config, self.arena, crowd)
+                links=find_links(self.config, self.arena, crowd, emits),
+                sees_wall=find_walls(self.config, self.arena, crowd),
             )
 
-    def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, ""]) -> Motion:
+    def move(
+        self,
+        bodies: FreeBodies,
+        phases: Sequence[Phase],
+        is_running: Bool[Array, ""],
+    ) -> Motion:
         """See `Engine.move`."""
-        arena, index = self.arena, jnp.arange(self.arena.n_robots)
-        model = without_absent(arena.model, bodies.is_present) if self.is_masked else arena.model
+        with (
+            jax.default_matmul_precision("highest"),
+            planar_contacts(),
+            implicit_contacts(),
+            quick_trees(),
+        ):
+            end = self._take_phases(bodies, phases)
+        shape = bodies.poses.shape
+        moved = FreeBodies(
+            poses=end.data.qpos.reshape(shape),
+            velocity=end.data.qvel.reshape(shape),
+            is_present=bodies.is_present,
+        )
+        return finish_motion(
+            bodies=bodies,
+            moved=moved,
+            touching=self._find_partners(end.poses_of_contacts, bodies.is_present),
+            fault=end.fault,
+            is_running=is_running,
+            walls=self.arena.walls,
+        )
+
+    def _take_phases(self, bodies: FreeBodies, phases: Sequence[Phase]) -> _Progress:
+        """Take the physics steps of all phases, in one loop that XLA compiles once."""
+        arena = self.arena
+        model = arena.model
+        if self.is_masked:
+            model = without_absent(model, bodies.is_present)
         shape = bodies.poses.shape
         ends = list(itertools.accumulate(phase.n_substeps for phase in phases))
 
-        def substep(carry: tuple, k: Array) -> tuple[tuple, None]:
-            data, velocity, before, overflow = carry
+        def take_substep(progress: _Progress, index: Array) -> tuple[_Progress, None]:
+            data, velocity, poses_of_contacts, fault = progress
             poses = data.qpos.reshape(shape)
+
+            # A phase sets the drives' velocities once, from the poses at which it begins.
             for phase, end in zip(phases, ends, strict=True):
-                velocity = jnp.where(k == end - phase.n_substeps, set_points(phase, poses, arena.n_robots), velocity)
-            before = jnp.where((k == jnp.array(ends) - 1)[:, None, None], poses, before)
-            data = mjx.step(model, data.replace(qfrc_applied=(arena.servo_gain * velocity).ravel()))
-            return (data, velocity, before, overflow | _overflow(arena, data)), None
+                begins = index == end - phase.n_substeps
+                velocity = jnp.where(begins, set_points(phase, poses, arena.n_robots), velocity)
 
-        data = arena.data.replace(qpos=bodies.poses.ravel(), qvel=bodies.velocity.ravel())
-        # Poses before the last physics step of each phase, where its contacts were found.
-        start = data, jnp.zeros_like(bodies.poses), jnp.zeros((len(phases), *shape)), jnp.int32(0)
-        with jax.default_matmul_precision("highest"), planar_contacts(), implicit_contacts(), quick_trees():
-            (data, _, before, overflow), _ = jax.lax.scan(substep, start, jnp.arange(ends[-1]))
-        hulls = map(arena.hulls, before[:, : arena.n_robots])
-        touching = jnp.stack([overlap(each[:, None], each) for each in hulls]).any(axis=0)
-        there = bodies.is_present[: arena.n_robots]
-        partners = _partners(touching & there & there[:, None] & (index[:, None] < index), arena.robot.most_partners)
-        moved = FreeBodies(data.qpos.reshape(shape), data.qvel.reshape(shape), bodies.is_present)
-        return finish_motion(bodies, moved, partners, overflow, is_running, arena.walls)
+            is_last = (index == jnp.array(ends) - 1)[:, None, None]
+            poses_of_contacts = jnp.where(is_last, poses, poses_of_contacts)
+            force = (arena.servo_gain * velocity).ravel()
+            data = mjx.step(model, data.replace(qfrc_applied=force))
+            fault = fault | _find_overflow(arena, data)
+            return _Progress(data, velocity, poses_of_contacts, fault), None
+
+        start = _Progress(
+            data=arena.data.replace(qpos=bodies.poses.ravel(), qvel=bodies.velocity.ravel()),
+            velocity=jnp.zeros_like(bodies.poses),
+            poses_of_contacts=jnp.zeros((len(phases), *shape)),
+            fault=jnp.int32(0),
+        )
+        end, _ = jax.lax.scan(take_substep, start, jnp.arange(ends[-1]))
+        return end
+
+    def _find_partners(
+        self,
+        poses: Float[Array, "P NM 3"],
+        is_present: Bool[Array, "NM"],
+    ) -> Int[Array, "K N"]:
+        """Return the robots of higher index that overlap each robot, see `Motion.touching`.
+
+        Args:
+            poses: of robots and boxes, at the end of each phase.
+            is_present: robots and boxes that others touch.
+        """
+        n_robots = self.arena.n_robots
+        index = jnp.arange(n_robots, dtype=jnp.int32)
+
+        hulls_of_phases = map(self.arena.hulls, poses[:, :n_robots])
+        overlaps = jnp.stack([overlap(hulls[:, None], hulls) for hulls in hulls_of_phases])
+        touching = overlaps.any(axis=0)
+        robots_present = is_present[:n_robots]
+        is_higher = index[:, None] < index
+        touching = touching & robots_present & robots_present[:, None] & is_higher
+
+        # The highest partners first, as many as there is room for.
+        room = self.arena.robot.most_partners
+        n_partners = min(room, n_robots)
+        partners, _ = jax.lax.top_k(jnp.where(touching, index, 0), n_partners)
+        return jnp.pad(partners.T, ((0, room - n_partners), (0, 0)))
 
 
-def _partners(touching: Bool[Array, "N N"], most: int) -> Int[Array, "K N"]:
-    """See `Motion.touching`."""
-    n_robots = len(touching)
-    index, k = jnp.arange(n_robots, dtype=jnp.int32), min(most, n_robots)
-    return jnp.pad(jax.lax.top_k(jnp.where(touching, index, 0), k)[0].T, ((0, most - k), (0, 0)))
+def _find_overflow(arena: MjxArena, data: mjx.Data) -> Array:
+    """Return bits of `FaultKind` for full contact buffers.
 
-
-def _overflow(arena: MjxArena, data: mjx.Data) -> Array:
-    """Bits of `FaultKind` for full contact buffers; Warp's are shared, so that all worlds of a device report it."""
+    Warp's buffers are shared, so that all worlds of a device report it.
+    """
     if arena.impl == "warp":
         bits = data._impl.overflow.ravel()[0] & ~_SOLVER_LIMITS
         return jnp.where(bits != 0, int(FaultKind.TOO_MANY_CONTACTS), 0)
+
+    # MJX keeps the deepest contact points: if all of the buffer touch, others may be missing.
     distance = data._impl.contact.dist
-    crowded = jnp.where((distance < 0).all(), int(FaultKind.TOO_MANY_CONTACTS), 0)
-    centre, around = data.geom_xpos[arena.geoms], arena.model.geom_rbound[arena.geoms]
+    is_full = (distance < 0).all()
+    contact_fault = jnp.where(is_full, int(FaultKind.TOO_MANY_CONTACTS), 0)
+
+    # MJX compares the pairs whose spheres are nearest. The last geoms are obstacles, which do not
+    # touch each other.
+    centre = data.geom_xpos[arena.geoms]
+    sphere_radius = arena.model.geom_rbound[arena.geoms]
     n_bodies = len(centre) - len(arena.obstacles)
-    apart2 = ((centre[:n_bodies, None] - centre[None]) ** 2).sum(axis=-1)
-    farthest = around[:n_bodies, None] + around + arena.near + 1e-3  # MJX compares those whose spheres are nearest
-    is_near = (apart2 < farthest**2) & (jnp.arange(n_bodies)[:, None] < jnp.arange(len(centre)))
-    return crowded | jnp.where(is_near.sum() > arena.capacity.pairs, int(FaultKind.TOO_MANY_PAIRS), 0)
+    squared_distance = ((centre[:n_bodies, None] - centre[None]) ** 2).sum(axis=-1)
+    farthest = sphere_radius[:n_bodies, None] + sphere_radius + arena.near + _ROUNDING
+    is_pair = jnp.arange(n_bodies)[:, None] < jnp.arange(len(centre))
+    n_near = ((squared_distance < farthest**2) & is_pair).sum()
+    pair_fault = jnp.where(n_near > arena.capacity.pairs, int(FaultKind.TOO_MANY_PAIRS), 0)
+    return contact_fault | pair_fault

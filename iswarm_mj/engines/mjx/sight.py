@@ -1,8 +1,8 @@
-"""Who hears whom, and who sees a wall, in one world in MJX: the rules of `sensors.links`, compiled.
+"""Links and walls in sight of one world in MJX: the rules of `sensors.links`, compiled.
 
-Each side takes its nearest candidate, and sides whose candidate is hidden go on to the next one, until all sides have
-theirs. So no list of candidates has to be long enough, and no array is larger than the sides of all robots times all
-robots.
+Each side takes its nearest candidate, and sides whose candidate is hidden continue with the next
+one, until all sides have theirs. So no list of candidates has to be long enough, and no array is
+larger than the sides of all robots times all robots.
 """
 
 from typing import NamedTuple
@@ -28,174 +28,282 @@ from iswarm_mj.utils.units import mm_from_rd
 
 
 class Crowd(NamedTuple):
-    """A world, as light meets it."""
+    """Everything in a world that sends light or stops it."""
 
     poses: Float[Array, "N 3"]
-    """x, y [mm] and yaw [rad]."""
+    """x, y [mm] and yaw [rad] of the robots."""
     is_present: Bool[Array, "N"]
-    """The others neither send nor stand in the way."""
+    """Robots that send light and stand in its way."""
     solid: Float[Array, "M 6"]
-    """Obstacles and boxes, see `utils.obstacles.numbers` [mm]."""
+    """Obstacles and boxes, see `geometry.obstacles.numbers` [mm]."""
 
 
-def _in_frames(origin: Array, vector: Array, boxes: Array) -> tuple[tuple[Array, Array, Array], ...]:
-    """Along both edges of each box: where straight ways begin from its centre, how far they lead, and its half edge."""
-    x, y, c, s, a, b = boxes.T
-    dx, dy, vx, vy = origin[..., :1] - x, origin[..., 1:] - y, vector[..., :1], vector[..., 1:]
-    return (c * dx + s * dy, c * vx + s * vy, a), (c * dy - s * dx, c * vy - s * vx, b)
+class _Component(NamedTuple):
+    """Component of P straight paths along one edge of each of M boxes [mm]."""
+
+    start: Float[Array, "*P M"]
+    """Where a path begins, from the box's centre."""
+    length: Float[Array, "*P M"]
+    """How far the path leads, negative backwards."""
+    half_edge: Float[Array, "M"]
+    """Half the box's edge."""
 
 
-def entries(
-    origin: Float[Array, "*P 2"], vector: Float[Array, "*P 2"], boxes: Float[Array, "M 6"]
+def _in_frames(origin: Array, path: Array, boxes: Array) -> tuple[_Component, _Component]:
+    """Return the components of straight paths along both edges of each box."""
+    x, y, cos, sin, half_x, half_y = boxes.T
+    dx = origin[..., :1] - x
+    dy = origin[..., 1:] - y
+    path_x = path[..., :1]
+    path_y = path[..., 1:]
+    along_x = _Component(cos * dx + sin * dy, cos * path_x + sin * path_y, half_x)
+    along_y = _Component(cos * dy - sin * dx, cos * path_y - sin * path_x, half_y)
+    return along_x, along_y
+
+
+def share_before_entry(
+    origin: Float[Array, "*P 2"], path: Float[Array, "*P 2"], boxes: Float[Array, "M 6"]
 ) -> Float[Array, "*P M"]:
-    """Share of a straight way after which it enters each of the boxes; 0 inside, infinite if it does not enter it.
+    """Return the share of a straight path that lies before each of the boxes.
+
+    It is 0 for a path that begins inside, and infinite for one that does not enter the box.
 
     Args:
-        origin: where the way begins [mm].
-        vector: the way [mm].
-        boxes: see `utils.obstacles.numbers`.
+        origin: where the path begins [mm].
+        path: vector to its end [mm].
+        boxes: see `geometry.obstacles.numbers` [mm].
     """
-    enters, leaves = 0.0, 1.0
-    for at, step, half in _in_frames(origin, vector, boxes):
-        one, other = (-half - at) / step, (half - at) / step
-        is_still, outside = step == 0, jnp.where(jnp.abs(at) <= half, -jnp.inf, jnp.inf)
-        enters = jnp.maximum(enters, jnp.where(is_still, outside, jnp.minimum(one, other)))
-        leaves = jnp.minimum(leaves, jnp.where(is_still, -outside, jnp.maximum(one, other)))
+    # The path is in the box where it is between both pairs of parallel edges.
+    enters = 0.0
+    leaves = 1.0
+    for start, length, half_edge in _in_frames(origin, path, boxes):
+        at_low_edge = (-half_edge - start) / length
+        at_high_edge = (half_edge - start) / length
+        is_parallel = length == 0
+        parallel_entry = jnp.where(jnp.abs(start) <= half_edge, -jnp.inf, jnp.inf)
+        entry = jnp.where(is_parallel, parallel_entry, jnp.minimum(at_low_edge, at_high_edge))
+        enters = jnp.maximum(enters, entry)
+        exit_ = jnp.where(is_parallel, -parallel_entry, jnp.maximum(at_low_edge, at_high_edge))
+        leaves = jnp.minimum(leaves, exit_)
     return jnp.where(enters <= leaves, enters, jnp.inf)
 
 
-def crossed(
-    origin: Float[Array, "*P 2"], vector: Float[Array, "*P 2"], boxes: Float[Array, "M 6"]
+def crosses(
+    origin: Float[Array, "*P 2"], path: Float[Array, "*P 2"], boxes: Float[Array, "M 6"]
 ) -> Bool[Array, "*P M"]:
-    """Whether a straight way meets each of the boxes, by the separating axes of both; arguments as above."""
-    (x, vx, a), (y, vy, b) = _in_frames(origin, vector, boxes)
-    ux, uy = jnp.abs(vx) / 2, jnp.abs(vy) / 2
-    x, y = x + vx / 2, y + vy / 2
-    return (jnp.abs(x) <= a + ux) & (jnp.abs(y) <= b + uy) & (jnp.abs(x * vy - y * vx) / 2 <= a * uy + b * ux)
+    """Return whether a straight path meets each of the boxes, by the separating axes of both.
+
+    Args: as for `share_before_entry`.
+    """
+    along_x, along_y = _in_frames(origin, path, boxes)
+    half_x = along_x.half_edge
+    half_y = along_y.half_edge
+    half_length_x = jnp.abs(along_x.length) / 2
+    half_length_y = jnp.abs(along_y.length) / 2
+    middle_x = along_x.start + along_x.length / 2
+    middle_y = along_y.start + along_y.length / 2
+    meets_x = jnp.abs(middle_x) <= half_x + half_length_x
+    meets_y = jnp.abs(middle_y) <= half_y + half_length_y
+
+    # Across the path, where it has no width: both sides times its length.
+    off_path = jnp.abs(middle_x * along_y.length - middle_y * along_x.length) / 2
+    meets_across = off_path <= half_x * half_length_y + half_y * half_length_x
+    return meets_x & meets_y & meets_across
 
 
 class Search(NamedTuple):
-    """How far the sides of N robots are in looking for the nearest sender in sight."""
+    """Progress of the S sides of N robots in their search for the nearest sender in sight."""
 
     distance: Float[Array, "N S"]
-    """Of the last candidate, as `Reception.effective_distance` has it [mm]."""
+    """Effective distance of the last candidate, see `Reception.effective_distance` [mm]."""
     sender: Int[Array, "N S"]
-    """The last candidate."""
+    """Index of the last candidate."""
     is_found: Bool[Array, "N S"]
-    """It is in sight."""
+    """The last candidate is in sight."""
     is_searching: Bool[Array, "N S"]
-    """There may be a further one."""
+    """Candidates may remain."""
 
 
 def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Array) -> Links:
-    """Find the nearest senders in sight of each side; `emits` (N,) are flags or the power of the LEDs."""
+    """Return the nearest senders in sight of each side.
+
+    Args:
+        config: its optics are used.
+        arena: the robots.
+        crowd: the world.
+        emits: (N,) flags, or the power of the LEDs from 0 to 1.
+    """
     poses = crowd.poses
     index = jnp.arange(len(poses), dtype=jnp.int32)
-    everyone = _receive(config, arena, poses, index, None if emits.dtype == bool else emits)
-    possible = ((emits > 0) & crowd.is_present)[None] & crowd.is_present[:, None] & (index[:, None] != index)
-    reach = jnp.where(possible, everyone.effective_distance, jnp.inf)
-    side = everyone.side.astype(jnp.int8)
-    origin, hulls = receiver_positions(poses, arena.robot), arena.hulls(crowd.poses)
-    others = crowd.is_present & (index != index[:, None, None])
 
-    def look(search: Search) -> Search:
-        distance, candidate = _next(search, reach, side)
-        is_searching = search.is_searching & jnp.isfinite(distance)
-        clear = is_searching
+    # Effective distances of all senders whose light would arrive if nothing stood in between.
+    power = None if emits.dtype == bool else emits
+    reception = _receive(config, arena, poses, index, power)
+    sends = (emits > 0) & crowd.is_present
+    may_hear = sends[None] & crowd.is_present[:, None] & (index[:, None] != index)
+    distance = jnp.where(may_hear, reception.effective_distance, jnp.inf)
+    side = reception.side.astype(jnp.int8)
+
+    origin = receiver_positions(poses, arena.robot)
+    hulls = arena.hulls(crowd.poses)
+    stands_in_between = crowd.is_present & (index != index[:, None, None])
+
+    def try_next(search: Search) -> Search:
+        """Let each side that searches look at its next candidate."""
+        next_distance, candidate = next_candidate(search, distance, side)
+        is_searching = search.is_searching & jnp.isfinite(next_distance)
+        in_sight = is_searching
         if config.optics.line_of_sight:
-            way = _facing_leds(arena, poses, candidate) - origin
-            is_hidden = (crossed(origin, way, hulls) & others & (index != candidate[..., None])).any(axis=-1)
-            clear = is_searching & ~is_hidden & ~crossed(origin, way, crowd.solid).any(axis=-1)
+            path = _facing_leds(arena, poses, candidate) - origin
+            hides = crosses(origin, path, hulls) & stands_in_between
+            hidden_by_robot = (hides & (index != candidate[..., None])).any(axis=-1)
+            hidden_by_box = crosses(origin, path, crowd.solid).any(axis=-1)
+            in_sight = is_searching & ~hidden_by_robot & ~hidden_by_box
         return Search(
-            distance=jnp.where(is_searching, distance, search.distance),
+            distance=jnp.where(is_searching, next_distance, search.distance),
             sender=jnp.where(is_searching, candidate, search.sender),
-            is_found=search.is_found | (is_searching & clear),
-            is_searching=is_searching & ~clear,
+            is_found=search.is_found | (is_searching & in_sight),
+            is_searching=is_searching & ~in_sight,
         )
 
     shape = len(poses), len(arena.robot.sides)
-    nobody = Search(
-        jnp.full(shape, -1.0), jnp.full(shape, -1, jnp.int32), jnp.zeros(shape, bool), jnp.ones(shape, bool)
+    search = Search(
+        distance=jnp.full(shape, -1.0),
+        sender=jnp.full(shape, -1, jnp.int32),
+        is_found=jnp.zeros(shape, bool),
+        is_searching=jnp.ones(shape, bool),
     )
-    search, found = nobody, []
+    links_by_rank = []
     for _ in range(config.optics.n_senders):
-        search = jax.lax.while_loop(lambda search: search.is_searching.any(), look, search)
-        found.append(_links(config, arena, poses, search))
-        search = search._replace(is_found=jnp.zeros_like(search.is_found), is_searching=search.is_found)
-    return found[0] if len(found) == 1 else jax.tree.map(lambda *each: jnp.stack(each, axis=-1), *found)
+        search = jax.lax.while_loop(_is_any_searching, try_next, search)
+        links_by_rank.append(_links(config, arena, poses, search))
+        # Sides that found a sender continue behind it.
+        search = search._replace(
+            is_found=jnp.zeros_like(search.is_found),
+            is_searching=search.is_found,
+        )
+    if len(links_by_rank) == 1:
+        return links_by_rank[0]
+    return jax.tree.map(lambda *values: jnp.stack(values, axis=-1), *links_by_rank)
 
 
-def _next(search: Search, reach: Array, side: Array) -> tuple[Array, Array]:
-    """For each side (N, S) the next candidate after the last one, by distance and then by number.
+def _is_any_searching(search: Search) -> Array:
+    """Return whether a side still looks for its sender."""
+    return search.is_searching.any()
+
+
+def next_candidate(search: Search, distance: Array, side: Array) -> tuple[Array, Array]:
+    """Return the next candidate after the last one, by distance and then by index.
 
     Args:
         search: with the last candidates.
-        reach: (N, N) effective distance of a sender (second axis) from a receiver [mm].
+        distance: (N, N) effective distance of a sender (second axis) from a receiver [mm].
         side: (N, N) the receiver's side that faces the sender.
+
+    Returns:
+        Distance [mm], infinite where there is none, and index of each side's candidate (N, S).
     """
-    index = jnp.arange(len(reach), dtype=jnp.int32)
-    columns = []
-    for s in range(search.sender.shape[1]):
-        last, sender = search.distance[:, s, None], search.sender[:, s, None]
-        later = (reach > last) | ((reach == last) & (index > sender))
-        distance = jnp.where((side == s) & later, reach, jnp.inf)
-        columns.append((distance.min(axis=1), distance.argmin(axis=1).astype(jnp.int32)))
-    distance, sender = zip(*columns, strict=True)
-    return jnp.stack(distance, axis=1), jnp.stack(sender, axis=1)
+    index = jnp.arange(len(distance), dtype=jnp.int32)
+    next_distances = []
+    next_senders = []
+    for side_index in range(search.sender.shape[1]):
+        last_distance = search.distance[:, side_index, None]
+        last_sender = search.sender[:, side_index, None]
+        is_farther = distance > last_distance
+        is_next_of_equals = (distance == last_distance) & (index > last_sender)
+        is_later = is_farther | is_next_of_equals
+        remaining = jnp.where((side == side_index) & is_later, distance, jnp.inf)
+        next_distances.append(remaining.min(axis=1))
+        next_senders.append(remaining.argmin(axis=1).astype(jnp.int32))
+    return jnp.stack(next_distances, axis=1), jnp.stack(next_senders, axis=1)
 
 
 def _facing_leds(arena: MjxArena, poses: Array, sender: Array) -> Array:
-    """Where the LED of each sender (N, S) sits that shines towards its receiver (N, S, 2) [mm]."""
-    dx, dy = poses[:, None, 0] - poses[sender, 0], poses[:, None, 1] - poses[sender, 1]
-    led = facing_side(*into_frame(dx, dy, _heading(poses[sender])), arena.robot.sides.leds)
+    """Return the LEDs of senders (N, S) that shine towards their receivers (N, S, 2) [mm]."""
+    dx = poses[:, None, 0] - poses[sender, 0]
+    dy = poses[:, None, 1] - poses[sender, 1]
+    ahead, left = into_frame(dx, dy, _heading(poses[sender]))
+    led = facing_side(ahead, left, arena.robot.sides.leds)
     return led_positions(poses, arena.robot)[sender, led]
 
 
 def _links(config: SwarmConfig, arena: MjxArena, poses: Array, search: Search) -> Links:
-    """Links to the senders found; zero where a side found none."""
+    """Return the links to the senders that a search found, zero where a side found none."""
     valid = search.is_found
     sender = jnp.where(valid, search.sender, 0)
-    views = _receive(config, arena, poses, sender)
-    dx, dy = poses[sender, 0] - poses[:, None, 0], poses[sender, 1] - poses[:, None, 1]
+    reception = _receive(config, arena, poses, sender)
+    dx = poses[sender, 0] - poses[:, None, 0]
+    dy = poses[sender, 1] - poses[:, None, 1]
 
-    def known(values: Array, dtype: type) -> Array:
+    def where_valid(values: Array, dtype: type) -> Array:
         return jnp.where(valid, values, 0).astype(dtype)
 
     return Links(
         sender=sender,
         valid=valid,
-        led=known(views.led, jnp.int32),
-        measured_bearing=known(views.bearing, jnp.float32),
-        true_distance=known(jnp.sqrt(dx * dx + dy * dy), jnp.float32),
+        led=where_valid(reception.led, jnp.int32),
+        measured_bearing=where_valid(reception.bearing, jnp.float32),
+        true_distance=where_valid(jnp.sqrt(dx * dx + dy * dy), jnp.float32),
     )
 
 
 def _receive(
-    config: SwarmConfig, arena: MjxArena, poses: Array, sender: Array, power: Array | None = None
+    config: SwarmConfig,
+    arena: MjxArena,
+    poses: Array,
+    sender: Array,
+    power: Array | None = None,
 ) -> Reception:
-    """Reception of each robot from senders (N, M), or from the same (M,) for all, with LEDs of this power."""
-    dx, dy = poses[sender, 0] - poses[:, None, 0], poses[sender, 1] - poses[:, None, 1]
-    views, kind = (_heading(poses[:, None]), _heading(poses[sender])), jnp.asarray(arena.robot.kind_of(arena.n_robots))
-    return receive(dx, dy, *views, arena.robot, config.optics, power, (kind[:, None], kind[sender]))
+    """Return how each robot receives light from senders (N, M), or from the same (M,) for all.
+
+    Args:
+        config: its optics are used.
+        arena: the robots.
+        poses: (N, 3) [mm, mm, rad].
+        sender: indices of the senders.
+        power: (M,) of the senders' LEDs from 0 to 1; None for full power.
+    """
+    dx = poses[sender, 0] - poses[:, None, 0]
+    dy = poses[sender, 1] - poses[:, None, 1]
+    heading_of_receiver = _heading(poses[:, None])
+    heading_of_sender = _heading(poses[sender])
+    kind = jnp.asarray(arena.robot.kind_of(arena.n_robots))
+    return receive(
+        dx=dx,
+        dy=dy,
+        receiver=heading_of_receiver,
+        sender=heading_of_sender,
+        robot=arena.robot,
+        optics=config.optics,
+        power=power,
+        kinds=(kind[:, None], kind[sender]),
+    )
 
 
 def _heading(poses: Array) -> tuple[Array, Array]:
-    """Cosine and sine of the yaw."""
+    """Return cosine and sine of the yaw."""
     return jnp.cos(poses[..., 2]), jnp.sin(poses[..., 2])
 
 
 def find_walls(config: SwarmConfig, arena: MjxArena, crowd: Crowd) -> Bool[Array, "N S"]:
-    """Find out whether a wall or an obstacle is the first thing on the axis of each LED, within range.
+    """Return the LEDs that have a wall, an obstacle or a box in sight.
 
-    A LED that is in one sees it.
+    It is the first thing on the LED's axis, within range. An LED inside one sees it.
     """
     leds = led_positions(crowd.poses, arena.robot)
-    way = led_axes(crowd.poses, arena.robot) * mm_from_rd(config.optics.wall_range)
-    normals, distance = arena.walls[:, :2].T, arena.walls[:, 2]
-    gap, along = distance - leds @ normals, way @ normals
-    walls = jnp.where(gap < 0, 0.0, jnp.where(along > 0, gap / along, jnp.inf))
-    share = jnp.concatenate([walls, entries(leds, way, crowd.solid)], axis=-1).min(axis=-1)
+    path = led_axes(crowd.poses, arena.robot) * mm_from_rd(config.optics.wall_range)
+
+    # Shares of the path before walls, and before what stands in front of them.
+    normals = arena.walls[:, :2].T
+    gap = arena.walls[:, 2] - leds @ normals
+    towards_wall = path @ normals
+    before_wall = jnp.where(towards_wall > 0, gap / towards_wall, jnp.inf)
+    before_wall = jnp.where(gap < 0, 0.0, before_wall)
+    before_box = share_before_entry(leds, path, crowd.solid)
+    before_solid = jnp.concatenate([before_wall, before_box], axis=-1).min(axis=-1)
+
     index = jnp.arange(len(leds))
-    others = crowd.is_present & (index != index[:, None, None])
-    robots = jnp.where(others, entries(leds, way, arena.hulls(crowd.poses)), jnp.inf).min(axis=-1)
-    return (share <= 1.0) & (robots >= share) & crowd.is_present[:, None]
+    is_other = crowd.is_present & (index != index[:, None, None])
+    before_hull = share_before_entry(leds, path, arena.hulls(crowd.poses))
+    before_robot = jnp.where(is_other, before_hull, jnp.inf).min(axis=-1)
+    return (before_solid <= 1.0) & (before_robot >= before_solid) & crowd.is_present[:, None]

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.engines.mjx.sight import Search, _next
+from iswarm_mj.engines.mjx.sight import Search, next_candidate
 
 
 def test_of_equally_far_candidates_each_comes_once_by_number():
@@ -13,7 +13,7 @@ def test_of_equally_far_candidates_each_comes_once_by_number():
     nobody = jnp.zeros((5, 1), bool)
     search, found = Search(jnp.zeros((5, 1)), jnp.full((5, 1), -1), nobody, nobody), []
     for _ in range(5):
-        distance, sender = _next(search, reach, side)
+        distance, sender = next_candidate(search, reach, side)
         assert np.isinf(np.asarray(distance)[1:]).all()
         found.append((int(sender[0, 0]), float(distance[0, 0])))
         search = search._replace(distance=distance, sender=sender)
