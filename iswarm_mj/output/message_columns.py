@@ -10,7 +10,7 @@ from jaxtyping import Shaped, UInt32
 from iswarm_mj.output.schema import IN_FILES, Column, spoke
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.sensors.fields import Field, Vector
-from iswarm_mj.sensors.messages import PRIORITY, Payload, columns
+from iswarm_mj.sensors.messages import PRIORITY, Payload, column_names
 
 _PARTS = {"_x": "ahead, ", "_y": "left, ", "_hop": "hop count "}
 
@@ -20,7 +20,10 @@ def stored(payload: Payload) -> str:
     return json.dumps(payload.to_json())
 
 
-def said(scene: Scene, messages: UInt32[np.ndarray, "T N"]) -> Iterator[tuple[Column, Shaped[np.ndarray, "T N"]]]:
+def said(
+    scene: Scene,
+    messages: UInt32[np.ndarray, "T N"],
+) -> Iterator[tuple[Column, Shaped[np.ndarray, "T N"]]]:
     """Yield the columns of the fields of messages, vectors by their parts, and their values, masked where none is.
 
     Args:
@@ -30,11 +33,17 @@ def said(scene: Scene, messages: UInt32[np.ndarray, "T N"]) -> Iterator[tuple[Co
     payload = Payload.from_json(json.loads(scene.payload))
     values = payload.unpack(messages, int(scene.n_leds))[0].payload
     for name, field in payload.fields:
-        for part, numbers in zip(columns(name, field), _numbers(field, values[name]), strict=True):
-            yield Column(f"said_{part}", *_described(name, field, part.removeprefix(name)), spoke), numbers
+        for part, numbers in zip(column_names(name, field), _numbers(field, values[name]), strict=True):
+            yield (
+                Column(f"said_{part}", *_described(name, field, part.removeprefix(name)), spoke),
+                numbers,
+            )
 
 
-def shown_fields(scene: Scene, messages: UInt32[np.ndarray, "T N"]) -> dict[str, Shaped[np.ndarray, "T N"]]:
+def shown_fields(
+    scene: Scene,
+    messages: UInt32[np.ndarray, "T N"],
+) -> dict[str, Shaped[np.ndarray, "T N"]]:
     """Return what recordings and the page show of messages beside their bits and `priority`: all fields but vectors.
 
     Args:
@@ -59,4 +68,7 @@ def _described(name: str, field: Field, part: str) -> tuple[str, str]:
     unit = "" if part == "_hop" else IN_FILES.get(field.unit, (field.unit,))[0]
     if not part:
         return unit, "that the robot sent as the step began"
-    return unit, f"{_PARTS[part]}of the vector {name} that the robot sent as the step began, in its own frame"
+    return (
+        unit,
+        f"{_PARTS[part]}of the vector {name} that the robot sent as the step began, in its own frame",
+    )

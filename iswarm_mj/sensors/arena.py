@@ -1,4 +1,4 @@
-"""The arena of a world as arrays, which control steps read: programs are the same for all arenas."""
+"""Arena of a world as arrays, so that one compiled program serves all arenas."""
 
 from typing import Any, NamedTuple
 
@@ -12,8 +12,9 @@ from iswarm_mj.utils.arrays import Array
 class Arena(NamedTuple):
     """Arena of one world as scalars, or of B worlds as arrays (B,), in the units of `ArenaConfig`.
 
-    The dump's size is one of the `Conditions`, since a task may change it. Obstacles, walls and boxes differ in number
-    from arena to arena: a task that needs them puts them into its state in `Task.lay_out`.
+    The dump's size is one of the `Conditions`, since a task may change it. Obstacles, walls and
+    boxes differ in number from arena to arena: a task that needs them puts them into its state in
+    `Task.lay_out`.
     """
 
     size: Float[Array, "*B"]
@@ -36,9 +37,10 @@ class Arena(NamedTuple):
 
 def arena_of(config: ArenaConfig) -> Arena:
     """Return the arena that a configuration sets, as NumPy scalars and arrays of 32 bits."""
+    half_extent = np.abs(np.array(config.corners)).max(axis=0)
     values: dict[str, Any] = {
         "size": np.float32(config.size),
-        "half_extent": np.abs(np.array(config.corners)).max(axis=0).astype(np.float32),
+        "half_extent": half_extent.astype(np.float32),
         "inradius": np.float32(config.inradius),
         "dust_area_size": np.float32(config.dust_area_size),
         "dust_area_offset": np.float32(config.dust_area_offset),

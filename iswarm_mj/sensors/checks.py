@@ -1,8 +1,8 @@
 """Check bits of messages: parity, or a cyclic redundancy check by a standard polynomial.
 
-All are linear in the bits but for a constant: each check bit is the parity of some of the others. The names, the
-polynomials and the check values that the tests hold them to are those of the catalogue of CRC algorithms by G. Cook
-(reveng.sourceforge.io/crc-catalogue); all that stand here take the highest bit first.
+A check bit is the parity of some of the other bits, and a constant. The names, polynomials and
+check values that the tests compare with are those of the catalogue of CRC algorithms by G. Cook
+(reveng.sourceforge.io/crc-catalogue); all of them take the highest bit first.
 """
 
 from collections.abc import Sequence
@@ -16,20 +16,20 @@ from jaxtyping import Bool, UInt32
 from iswarm_mj.utils.arrays import Array, array_module
 
 WORD = 32
-"""Bits of a message, of which those of the check are the highest."""
+"""Bits of a message, of which the highest are the check."""
 
 
 class Polynomial(NamedTuple):
-    """A cyclic redundancy check."""
+    """Cyclic redundancy check."""
 
     width: int
-    """Of the check [bits]."""
+    """Length of the check [bits]."""
     polynomial: int
-    """Without its leading term."""
+    """Coefficients without the leading term."""
     initial: int
     """Content of the register at the start."""
     final: int
-    """What is added to it in the end."""
+    """Number that is added to the register at the end."""
 
 
 CHECKS = {
@@ -43,43 +43,65 @@ CHECKS = {
 """Checks by name. Parity, which makes the number of ones even, is the remainder modulo x + 1."""
 
 
+class _CheckBit(NamedTuple):
+    """Bit of a check as a function of the bits of a message."""
+
+    place: int
+    """Its number in the message."""
+    mask: int
+    """Bits of the message whose parity it is."""
+    constant: int
+    """Bit that is added to the parity."""
+
+
 def remainder(kind: Polynomial, bits: Sequence[int]) -> int:
-    """Check of a sequence of bits, computed bit by bit."""
-    register, top = kind.initial, 1 << (kind.width - 1)
+    """Return the check of a sequence of bits, computed bit by bit."""
+    register = kind.initial
+    top_bit = 1 << (kind.width - 1)
+    all_bits = 2 * top_bit - 1
     for bit in bits:
-        leads = bool(register & top) != bool(bit)
-        register = (register << 1) & (2 * top - 1)
-        register ^= kind.polynomial if leads else 0
+        is_subtracted = bool(register & top_bit) != bool(bit)
+        register = (register << 1) & all_bits
+        if is_subtracted:
+            register ^= kind.polynomial
     return register ^ kind.final
 
 
 @lru_cache
-def _sums(name: str) -> list[tuple[int, int, int]]:
-    """Of each bit of a check: its place, the bits of the message whose parity it is, and what is added to that."""
+def _check_bits(name: str) -> list[_CheckBit]:
+    """Return the bits of a check, each of which depends on the message's bits linearly."""
     kind = CHECKS[name]
-    n = WORD - kind.width
+    n_content = WORD - kind.width
 
-    def of(word: int) -> int:
-        return remainder(kind, [word >> bit & 1 for bit in reversed(range(n))])
+    def check_of(word: int) -> int:
+        return remainder(kind, [word >> bit & 1 for bit in reversed(range(n_content))])
 
-    each = [of(1 << bit) ^ of(0) for bit in range(n)]
-    masks = (sum(1 << bit for bit in range(n) if each[bit] >> j & 1) for j in range(kind.width))
-    return [(n + j, mask, of(0) >> j & 1) for j, mask in enumerate(masks)]
+    # How each bit of the content changes the check of a message of zeros.
+    constant = check_of(0)
+    changes = [check_of(1 << bit) ^ constant for bit in range(n_content)]
+    check_bits = []
+    for index in range(kind.width):
+        mask = sum(1 << bit for bit in range(n_content) if changes[bit] >> index & 1)
+        check_bits.append(_CheckBit(n_content + index, mask, constant >> index & 1))
+    return check_bits
 
 
 def parity(bits: UInt32[Array, "*N"]) -> UInt32[Array, "*N"]:
-    """Parity of 32 bits: 1 where the number of ones is odd."""
+    """Return the parity of 32 bits: 1 where the number of ones is odd."""
     return array_module(bits).bitwise_count(bits).astype(np.uint32) & 1
 
 
-def with_check(name: str, bits: UInt32[Array, "*N"]) -> UInt32[Array, "*N"]:
-    """Messages with their check, in bits that are still 0."""
-    for place, mask, constant in _sums(name):
-        bits = bits | (parity(bits & np.uint32(mask)) ^ constant) << place
+def add_check(name: str, bits: UInt32[Array, "*N"]) -> UInt32[Array, "*N"]:
+    """Return messages with their check, whose bits are still 0."""
+    for bit in _check_bits(name):
+        bits = bits | (parity(bits & np.uint32(bit.mask)) ^ bit.constant) << bit.place
     return bits
 
 
-def holds(name: str, bits: UInt32[Array, "*N"]) -> Bool[Array, "*N"]:
-    """Whether the check of messages is right."""
-    sums = _sums(name)
-    return reduce(and_, (parity(bits & np.uint32(mask | 1 << place)) == constant for place, mask, constant in sums))
+def passes_check(name: str, bits: UInt32[Array, "*N"]) -> Bool[Array, "*N"]:
+    """Return the messages whose check is right."""
+    bits_are_right = []
+    for bit in _check_bits(name):
+        mask_with_itself = np.uint32(bit.mask | 1 << bit.place)
+        bits_are_right.append(parity(bits & mask_with_itself) == bit.constant)
+    return reduce(and_, bits_are_right)

@@ -1,4 +1,4 @@
-"""Noise, voltages and places of a world: what may differ between worlds of one run, beside the robots' rules."""
+"""Noise, voltages and places of a world as arrays: settings in which worlds of a run may differ."""
 
 from typing import Any, NamedTuple
 
@@ -11,8 +11,8 @@ from iswarm_mj.utils.arrays import Array
 class Conditions(NamedTuple):
     """Surroundings of one world as scalars, or of B worlds as arrays (B,).
 
-    Each field is the setting of the same name, in the unit of that setting. A task may change them from step to step
-    (`Task.conditions`).
+    Each field is the setting of the same name, in the unit of that setting. A task may change them
+    from step to step (`Task.conditions`). The robots' rules are `strategy.rules.Rules`.
     """
 
     dump_size: Float[Array, "*B"]
@@ -55,7 +55,9 @@ class Conditions(NamedTuple):
 
 def conditions_of(config: SwarmConfig) -> Conditions:
     """Return the conditions that a configuration sets, as floats and Booleans."""
-    drive, optics, gripper = config.drive, config.optics, config.gripper
+    drive = config.drive
+    optics = config.optics
+    gripper = config.gripper
     scalars: dict[str, Any] = {
         "dump_size": config.arena.dump_size,
         "error_turn": drive.error_turn,

@@ -1,6 +1,7 @@
-"""Kinds of fields of a message: how values become bits, and bits values.
+"""Kinds of fields of a message: codes of values, and values of codes.
 
-A field's values and what is read back of them have the same types and shapes. Values outside a range are clipped to it.
+A field's values and those that are read back have the same types and shapes. Values outside a
+range are clipped to it. A code is a whole number below 2**bits, uint32.
 """
 
 import math
@@ -12,16 +13,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int, UInt32
 
+from iswarm_mj.sensors.bits import bits_from, low_bits
 from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.constraints import Above, Within, check, check_kind, is_whole, validate
 
 _LARGEST = float(np.finfo(np.float32).max)
+"""Largest number in single precision."""
+
 Bits = Annotated[int, Within(1, 16)]
+"""Number of bits of a part of a field."""
 
 
 class _Scalar:
-    """A field with one value."""
+    """Field with one value."""
 
     dtype: ClassVar[Any] = jnp.float32
 
@@ -29,30 +34,30 @@ class _Scalar:
         validate(self, type(self).__name__)
 
     def shapes(self, *shape: int) -> jax.ShapeDtypeStruct:
-        """Shape and type of values."""
+        """Return shape and type of values."""
         return jax.ShapeDtypeStruct(shape, self.dtype)
 
 
 @dataclass(frozen=True)
 class Flag(_Scalar):
-    """Yes or no: bool, in one bit."""
+    """Boolean in one bit."""
 
     bits: ClassVar[int] = 1
     unit: ClassVar[str] = ""
     dtype: ClassVar[Any] = jnp.bool_
 
     def encode(self, values: Bool[Array, "*N"]) -> UInt32[Array, "*N"]:
-        """Bits of values."""
+        """Return the codes of values."""
         return values.astype(jnp.uint32)
 
     def decode(self, codes: UInt32[Array, "*N"]) -> Bool[Array, "*N"]:
-        """Values of bits."""
+        """Return the values of codes."""
         return codes.astype(bool)
 
 
 @dataclass(frozen=True)
 class Integer(_Scalar):
-    """Whole numbers: int32, from `low` on as many as the bits have codes."""
+    """Whole number, int32, from `low` to `low + 2**bits - 1`."""
 
     bits: Annotated[int, Within(1, 31)]
     low: int = 0
@@ -61,41 +66,42 @@ class Integer(_Scalar):
 
     def __post_init__(self):
         super().__post_init__()
-        last = 2**31 - 2**self.bits
-        is_int32 = is_whole(self.low) and -(2**31) <= self.low <= last
-        check(
-            "Integer.low", self.low, f"a whole number between -2^31 and {last}, so that all values are int32", is_int32
-        )
+        largest_low = 2**31 - 2**self.bits
+        is_int32 = is_whole(self.low) and -(2**31) <= self.low <= largest_low
+        limits = f"a whole number between -2^31 and {largest_low}, so that all values are int32"
+        check("Integer.low", self.low, limits, is_int32)
 
     def encode(self, values: Int[Array, "*N"]) -> UInt32[Array, "*N"]:
-        """Bits of values, which are clipped to the range."""
-        clipped = jnp.clip(values, self.low, self.low + 2**self.bits - 1)
-        return clipped.astype(jnp.uint32) - np.uint32(self.low % 2**32)
+        """Return the codes of values, which are clipped to the range."""
+        high = self.low + 2**self.bits - 1
+        clipped = jnp.clip(values, self.low, high)
+        low = np.uint32(self.low % 2**32)  # unsigned differences wrap around
+        return clipped.astype(jnp.uint32) - low
 
     def decode(self, codes: UInt32[Array, "*N"]) -> Int[Array, "*N"]:
-        """Values of bits."""
+        """Return the values of codes."""
         return codes.astype(np.int32) + np.int32(self.low)
 
 
 @dataclass(frozen=True)
 class Real(_Scalar):
-    """Numbers from `low` to `high`, both included, in equal steps: float32. NaN is sent as `low`."""
+    """Number from `low` to `high`, both included, in equal steps, float32; NaN is sent as `low`."""
 
     low: Annotated[float, Within(-_LARGEST, _LARGEST)]
     high: Annotated[float, Within(-_LARGEST, _LARGEST)]
     bits: Annotated[int, Within(1, 24)]
-    """At most the 24 bits that single precision resolves."""
+    """Number of bits; single precision resolves 24."""
     unit: str = ""
-    """As tables state it; lengths in mm become m there."""
+    """Unit that tables state; lengths in mm become m there."""
 
     def __post_init__(self):
         super().__post_init__()
         check_kind("Real.unit", self.unit, str)
         check("Real.high", self.high, f"above the low, {self.low:g}", self.low < self.high)
-        least = np.spacing(np.float32(max(abs(self.low), abs(self.high))))
-        check(
-            "Real.bits", self.bits, "fewer, since single precision cannot tell the steps apart", self.quantum >= least
-        )
+        precision = np.spacing(np.float32(max(abs(self.low), abs(self.high))))
+        are_distinct = self.quantum >= precision
+        limit = "fewer, since single precision cannot tell the steps apart"
+        check("Real.bits", self.bits, limit, are_distinct)
 
     @property
     def quantum(self) -> float:
@@ -103,49 +109,56 @@ class Real(_Scalar):
         return (self.high - self.low) / (2**self.bits - 1)
 
     def encode(self, values: Float[Array, "*N"]) -> UInt32[Array, "*N"]:
-        """Bits of values, which are clipped to the range and rounded to the nearest step."""
+        """Return the codes of values, clipped to the range and rounded to the nearest step."""
         steps = jnp.round((values - self.low) / self.quantum)
-        return jnp.where(steps > 0, jnp.minimum(steps, 2**self.bits - 1), 0).astype(jnp.uint32)
+        # Comparing first makes NaN 0.
+        clipped = jnp.where(steps > 0, jnp.minimum(steps, 2**self.bits - 1), 0)
+        return clipped.astype(jnp.uint32)
 
     def decode(self, codes: UInt32[Array, "*N"]) -> Float[Array, "*N"]:
-        """Values of bits."""
+        """Return the values of codes."""
         values = codes.astype(np.float32) * np.float32(self.quantum) + np.float32(self.low)
         return array_module(codes).minimum(values, np.float32(self.high))
 
 
 @dataclass(frozen=True)
 class Bearing(_Scalar):
-    """Directions [rad], anticlockwise, in equal steps of the full circle: float32, read back from -pi to pi.
+    """Direction [rad], anticlockwise, in equal steps of the full circle, float32.
 
-    A direction that is not finite is sent as 0.
+    It is read back from -pi to pi. A direction that is not finite is sent as 0.
     """
 
     bits: Bits
     unit: ClassVar[str] = "rad"
 
     def encode(self, values: Float[Array, "*N"]) -> UInt32[Array, "*N"]:
-        """Bits of directions."""
+        """Return the codes of directions."""
+        n_directions = 2**self.bits
         turns = values * (1 / (2 * math.pi))
-        steps = jnp.round((turns - jnp.floor(turns)) * 2**self.bits)
-        return (jnp.where(jnp.isfinite(steps), steps, 0).astype(jnp.int32) % 2**self.bits).astype(jnp.uint32)
+        steps = jnp.round((turns - jnp.floor(turns)) * n_directions)
+        finite_steps = jnp.where(jnp.isfinite(steps), steps, 0).astype(jnp.int32)
+        return (finite_steps % n_directions).astype(jnp.uint32)
 
     def decode(self, codes: UInt32[Array, "*N"]) -> Float[Array, "*N"]:
-        """Directions of bits."""
-        n, codes = 2**self.bits, codes.astype(np.int32)
-        return (codes - n * (2 * codes > n)).astype(np.float32) * np.float32(2 * math.pi / n)
+        """Return the directions of codes."""
+        n_directions = 2**self.bits
+        steps = codes.astype(np.int32)
+        steps = steps - n_directions * (2 * steps > n_directions)
+        return steps.astype(np.float32) * np.float32(2 * math.pi / n_directions)
 
 
 @dataclass(frozen=True)
 class Vector:
-    """A remembered vector with its hop count, or none: a `VectorMemory`.
+    """Remembered vector with its hop count, or none: a `VectorMemory`.
 
-    The first bits are the bearing, anticlockwise from the robot's front in equal steps, then the range in equal steps
-    up to `max_range`, to which longer vectors are shortened, then the hop count. Its largest code means "no vector":
-    that is what is sent of a vector that came through as many robots, so that rumours die out, and of NaN.
+    The lowest bits are the bearing, anticlockwise from the robot's front in equal steps; then the
+    range, in equal steps up to `max_range`, to which longer vectors are shortened; then the hop
+    count. Its largest code means "no vector". This is sent for NaN, and for vectors that came
+    through that many robots, so that rumours die out.
     """
 
     max_range: Annotated[float, Above(0, _LARGEST)]
-    """[mm]"""
+    """Longest vector that is sent [mm]."""
     bearing_bits: Bits = 5
     range_bits: Bits = 5
     hop_bits: Bits = 4
@@ -162,39 +175,77 @@ class Vector:
     @property
     def max_hop(self) -> int:
         """Largest hop count that is sent."""
-        return 2**self.hop_bits - 2
+        return self._no_vector - 1
+
+    @property
+    def _no_vector(self) -> int:
+        """Code in place of the hop count that means "no vector"."""
+        return 2**self.hop_bits - 1
+
+    @property
+    def _n_bearings(self) -> int:
+        """Number of directions."""
+        return 2**self.bearing_bits
+
+    @property
+    def _n_ranges(self) -> int:
+        """Number of steps up to `max_range`."""
+        return 2**self.range_bits - 1
+
+    @property
+    def _range_offset(self) -> int:
+        """Number of the first bit of the range."""
+        return self.bearing_bits
+
+    @property
+    def _hop_offset(self) -> int:
+        """Number of the first bit of the hop count."""
+        return self.bearing_bits + self.range_bits
 
     def encode(self, values: VectorMemory) -> UInt32[Array, "*N"]:
-        """Bits of vectors."""
-        bearings, ranges = 2**self.bearing_bits, 2**self.range_bits - 1
-        x, y = values.vector[..., 0], values.vector[..., 1]
-        bearing = jnp.round(jnp.arctan2(y, x) * (bearings / (2 * jnp.pi))).astype(jnp.int32) % bearings
-        steps = jnp.round(jnp.hypot(x, y) * (ranges / self.max_range))
-        distance = jnp.clip(steps, 0, ranges).astype(jnp.int32) & ranges
-        is_sent = values.known & (values.hop >= 0) & (values.hop <= self.max_hop) & ~jnp.isnan(steps)
-        hop = jnp.where(is_sent, values.hop, self.max_hop + 1)
-        polar = bearing | (distance << self.bearing_bits)
-        return (polar | (hop << (self.bearing_bits + self.range_bits))).astype(jnp.uint32)
+        """Return the codes of vectors."""
+        x = values.vector[..., 0]
+        y = values.vector[..., 1]
+        direction = jnp.round(jnp.arctan2(y, x) * (self._n_bearings / (2 * jnp.pi)))
+        bearing = direction.astype(jnp.int32) % self._n_bearings
+
+        range_steps = jnp.round(jnp.hypot(x, y) * (self._n_ranges / self.max_range))
+        clipped = jnp.clip(range_steps, 0, self._n_ranges)
+        distance = low_bits(clipped.astype(jnp.int32), self.range_bits)
+
+        is_hop_count = (values.hop >= 0) & (values.hop <= self.max_hop)
+        is_sent = values.known & is_hop_count & ~jnp.isnan(range_steps)
+        hop = jnp.where(is_sent, values.hop, self._no_vector)
+        code = bearing | (distance << self._range_offset) | (hop << self._hop_offset)
+        return code.astype(jnp.uint32)
 
     def decode(self, codes: UInt32[Array, "*N"]) -> VectorMemory:
-        """Vectors of bits, of the sent ones within half a step."""
+        """Return the vectors of codes, within half a step of the sent ones."""
         xp = array_module(codes)
-        codes, bearings, ranges = codes.astype(np.int32), 2**self.bearing_bits, 2**self.range_bits - 1
-        steps = (codes >> self.bearing_bits) & ranges
-        distance = steps.astype(np.float32) * np.float32(self.max_range / ranges)
-        hop = (codes >> (self.bearing_bits + self.range_bits)) & (self.max_hop + 1)
-        known = hop != self.max_hop + 1
-        angle = np.arange(bearings) * (2 * math.pi / bearings)
-        directions = xp.asarray(np.column_stack([np.cos(angle), np.sin(angle)]).astype(np.float32))
-        vector = xp.where(known, distance, 0.0)[..., None] * directions[codes & (bearings - 1)]
+        codes = codes.astype(np.int32)
+        bearing = low_bits(codes, self.bearing_bits)
+        range_steps = bits_from(codes, self._range_offset, self.range_bits)
+        hop = bits_from(codes, self._hop_offset, self.hop_bits)
+        known = hop != self._no_vector
+
+        angle = np.arange(self._n_bearings) * (2 * math.pi / self._n_bearings)
+        directions = np.column_stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
+        step = np.float32(self.max_range / self._n_ranges)
+        distance = xp.where(known, range_steps.astype(np.float32) * step, 0.0)
+        vector = distance[..., None] * xp.asarray(directions)[bearing]
         return VectorMemory(vector, xp.where(known, hop, 0), known)
 
     def shapes(self, *shape: int) -> VectorMemory:
-        """Shapes and types of vectors."""
-        sizes, types = ((*shape, 2), shape, shape), (jnp.float32, jnp.int32, jnp.bool_)
-        parts: list[Any] = [jax.ShapeDtypeStruct(*part) for part in zip(sizes, types, strict=True)]
+        """Return shapes and types of vectors."""
+        # The fields' types are those of arrays, whose shapes stand here.
+        parts: list[Any] = [
+            jax.ShapeDtypeStruct((*shape, 2), jnp.float32),
+            jax.ShapeDtypeStruct(shape, jnp.int32),
+            jax.ShapeDtypeStruct(shape, jnp.bool_),
+        ]
         return VectorMemory(*parts)
 
 
 Field = Flag | Integer | Real | Bearing | Vector
 KINDS: dict[str, Any] = {kind.__name__: kind for kind in (Flag, Integer, Real, Bearing, Vector)}
+"""Kinds of fields by name."""

@@ -12,7 +12,7 @@ from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.gripper.attempts import Decider, by_balance
 from iswarm_mj.sensors.channel import Received, exchange
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understood
+from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understood_links
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import StepKeys
@@ -157,7 +157,7 @@ def _receivable(config: StaticConfig, robot: Robots, inputs: StepInputs, key: Ar
     if not optics.baud_rate:
         return sight
     first_slot = draw_first_slots(optics, key, len(inputs.poses))
-    links = understood(optics, sight.links, first_slot, robot.sides)
+    links = understood_links(optics, sight.links, first_slot, robot.sides)
     return LightReading(links, sight.sees_wall & sides_on(optics, robot.sides))
 
 

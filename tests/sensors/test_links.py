@@ -1,4 +1,4 @@
-"""Who hears whom: hand-worked worlds, and crowds against a reference that tries every pair."""
+"""Links between robots: worlds worked by hand, and crowds against a test of every pair."""
 
 from dataclasses import replace
 from functools import cache
@@ -32,8 +32,11 @@ from iswarm_mj.sensors.neighbours import find_neighbours
 from iswarm_mj.utils.units import RD
 
 OPTICS = OpticsConfig()
-ROBOT = read_robot()
 BLIND = OpticsConfig(line_of_sight=False)
+ROBOT = read_robot()
+LARGE = replace(ROBOT, half_edges=(3.0, 1.2, 0.5))
+DARK = 45
+"""Heading of a robot on the x axis that shines past those before and behind it [deg]."""
 
 
 @cache
@@ -42,7 +45,7 @@ def arena(n_robots):
 
 
 def scene_at(poses, optics=OPTICS):
-    """What rays meet in worlds with robots at (B, N, 3)."""
+    """Geoms that rays meet in worlds with robots at (B, N, 3)."""
     model = arena(poses.shape[1])
     batch = Batch(model.model, len(poses), 1)
     batch.bind("qpos")[:, model.qpos] = poses
@@ -51,57 +54,68 @@ def scene_at(poses, optics=OPTICS):
 
 
 def by_geometry(poses, optics=OPTICS):
+    """Links with exact squares in the way."""
     return find_links(poses, ROBOT, optics, squares_in_the_way(poses))
 
 
 def by_rays(poses, optics=OPTICS):
+    """Links by MuJoCo's rays."""
     everyone = np.ones(poses.shape[:2], bool)
-    return sense(scene_at(poses, optics), poses, np.zeros((len(poses), 0, 3)), everyone, everyone).links
+    no_boxes = np.zeros((len(poses), 0, 3))
+    return sense(scene_at(poses, optics), poses, no_boxes, everyone, everyone).links
 
 
 def by_numba(poses, optics=OPTICS):
-    engine = PlanarEngine(SwarmConfig(optics=optics), arena(1), 1)
-    return engine.sense(placed(engine, poses), np.ones(poses.shape[:2], bool), np.ones(len(poses), bool)).links
+    """Links of the planar engine for CPUs."""
+    return links_of(PlanarEngine(SwarmConfig(optics=optics), arena(1), 1), poses)
 
 
 def by_warp(poses, optics=OPTICS):
+    """Links of the planar engine for batches."""
     engine = read_engine(arena(1), SwarmConfig(optics=optics), jax.default_backend())
-    links = engine.sense(placed(engine, poses), np.ones(poses.shape[:2], bool), np.ones(len(poses), bool)).links
-    return Links(*map(np.asarray, links))
+    return Links(*map(np.asarray, links_of(engine, poses)))
+
+
+def links_of(engine, poses):
+    """Links that an engine finds in worlds with robots at (B, N, 3), which all emit."""
+    emits = np.ones(poses.shape[:2], bool)
+    return engine.sense(placed(engine, poses), emits, np.ones(len(poses), bool)).links
 
 
 all_sights = pytest.mark.parametrize("sight", [by_geometry, by_rays, by_numba, by_warp])
 
 
 def heard(links, world=0):
-    """{(receiver, side): (sender, LED)} of a world."""
-    receiver, side = np.nonzero(links.valid[world])
-    sender, led = (a[world, receiver, side].tolist() for a in (links.sender, links.led))
-    return dict(zip(zip(receiver.tolist(), side.tolist(), strict=True), zip(sender, led, strict=True), strict=True))
+    """Sender and LED that each side of a world hears, by receiver and side."""
+    pairs = {}
+    for receiver, side in np.argwhere(links.valid[world]).tolist():
+        sender = int(links.sender[world, receiver, side])
+        pairs[receiver, side] = sender, int(links.led[world, receiver, side])
+    return pairs
 
 
-def same(one, other):
+def assert_same(first, second):
     """Assert that two sets of links agree."""
-    for name, a, b in zip(Links._fields, one, other, strict=True):
-        np.testing.assert_array_equal(a, b, err_msg=name)
+    for name, values, expected in zip(Links._fields, first, second, strict=True):
+        np.testing.assert_array_equal(values, expected, err_msg=name)
 
 
-def facing(degrees, distance):
-    """Row of a robot at this bearing from the origin that looks back there."""
-    a = np.radians(degrees)
-    return distance * np.cos(a), distance * np.sin(a), degrees + 180
-
-
-DARK = 45  # heading of a robot on the x axis that shines past those before and behind it
+def facing_origin(degrees, distance):
+    """Row of a robot at this bearing of the origin that looks back there."""
+    angle = np.radians(degrees)
+    return distance * np.cos(angle), distance * np.sin(angle), degrees + 180
 
 
 @all_sights
 def test_nearest_of_two_on_one_photodiode(sight):
-    poses = place((0, 0, 0), facing(-16, 7.3), facing(26, 5.6))[None]
+    poses = place((0, 0, 0), facing_origin(-16, 7.3), facing_origin(26, 5.6))[None]
     links = sight(poses)
     assert heard(links)[0, 0] == (2, 0)
-    assert links.true_distance[0, 0, 0] == pytest.approx(5.6) and links.measured_bearing[0, 0, 0] == 0
-    assert heard(sight(poses[:, :2]))[0, 0] == (1, 0)
+    assert links.true_distance[0, 0, 0] == pytest.approx(5.6)
+    assert links.measured_bearing[0, 0, 0] == 0
+
+    without_nearest = poses[:, :2]
+    assert heard(sight(without_nearest))[0, 0] == (1, 0)
 
 
 @all_sights
@@ -109,45 +123,51 @@ def test_a_robot_between_two_cuts_their_link(sight):
     poses = place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None]
     assert (0, 0) not in heard(sight(poses))
     assert (1, 0) not in heard(sight(poses))
+
     poses[0, 2, 1] = -5.0
     assert heard(sight(poses))[0, 0] == (1, 0)
 
 
 @all_sights
 def test_without_line_of_sight_nobody_is_in_the_way(sight):
-    assert heard(sight(place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None], BLIND))[0, 0] == (1, 0)
+    poses = place((0, 0, 0), (8, 0, 180), (4, 0, DARK))[None]
+    assert heard(sight(poses, BLIND))[0, 0] == (1, 0)
 
 
 @all_sights
 @pytest.mark.parametrize(("heading", "cuts"), [(0, False), (45, True)])
 def test_corners_count_between_the_inner_and_the_outer_circle(sight, heading, cuts):
     """A third robot 1.2 mm beside the path: its side leaves it open, its corner does not."""
-    links = sight(place((0, 0, 0), (8, 0, 180), (4, 1.2, heading))[None], OpticsConfig(photodiode_aperture=30))
+    poses = place((0, 0, 0), (8, 0, 180), (4, 1.2, heading))[None]
+    links = sight(poses, OpticsConfig(photodiode_aperture=30))
     assert ((0, 0) in heard(links)) is not cuts
 
 
 @all_sights
 @pytest.mark.parametrize(("aside", "hears"), [(0.0, False), (0.2, True)])
 def test_a_robot_farther_away_than_the_sender_may_be_in_the_way(sight, aside, hears):
-    """It stands flush with the side of a sender that is turned away by 44 degrees, and its corner hides that LED."""
+    """It stands flush with the side of a sender that is turned away by 44 degrees.
+
+    Its corner hides that LED.
+    """
     poses = place((0, 0, 0), (2.9, 0, 136), (2.08 + aside, 2.045 + aside, 46))[None]
     reach = 2.91  # of light, farther than to the sender
     assert np.linalg.norm(poses[0, 2, :2]) > reach
-    links = sight(poses, OpticsConfig(led_beam_aperture=90, communication_radius=reach / RD, wall_range=0))
+
+    optics = OpticsConfig(led_beam_aperture=90, communication_radius=reach / RD, wall_range=0)
+    links = sight(poses, optics)
     assert (heard(links).get((0, 0)) == (1, 0)) is hears
 
 
-def test_rays_are_cast_only_where_circles_leave_it_open():
-    def reaches(*pairs):
-        assert not len(pairs[0])
+@pytest.mark.parametrize(("y", "hears"), [(0.0, False), (0.99, False), (-5.0, True)])
+def test_rays_are_cast_only_where_circles_leave_it_open(y, hears):
+    def no_rays(*rays):
+        assert not len(rays[0])
         return np.zeros(0, bool)
 
-    for y, hears in ((0.0, False), (0.99, False), (-5.0, True)):
-        links = find_links(place((0, 0, 0), (8, 0, 180), (4, y, DARK))[None], ROBOT, OPTICS, reaches)
-        assert ((0, 0) in heard(links)) is hears
-
-
-LARGE = replace(ROBOT, half_edges=(3.0, 1.2, 0.5))
+    poses = place((0, 0, 0), (8, 0, 180), (4, y, DARK))[None]
+    links = find_links(poses, ROBOT, OPTICS, no_rays)
+    assert ((0, 0) in heard(links)) is hears
 
 
 @pytest.mark.parametrize(
@@ -156,54 +176,79 @@ LARGE = replace(ROBOT, half_edges=(3.0, 1.2, 0.5))
     ids=["", "askew", "by", "to"],
 )
 def test_circles_and_the_search_decide_as_rays_would(robot):
-    """Of senders at the end of the range and a third robot, which may be large; so may the receiver."""
-    edges = robot.each("half_edges", 3)[:, :2]
-    poses = thirds_in_the_way(np.random.default_rng(3), 1500, RADIUS, np.hypot(*edges[2]))
-    asked, exact = [], squares_in_the_way(poses, edges)
+    """Senders at the end of the range and a third robot, which may be large, as the receiver."""
+    n_worlds = 1500
+    half_edges = robot.each("half_edges", 3)[:, :2]
+    size = np.hypot(*half_edges[2])
+    poses = thirds_in_the_way(np.random.default_rng(3), n_worlds, RADIUS, size)
+    exact = squares_in_the_way(poses, half_edges)
+    n_asked = []
 
-    def counted(*pairs):
-        asked.append(len(pairs[0]))
-        return exact(*pairs)
+    def counted(*rays):
+        n_asked.append(len(rays[0]))
+        return exact(*rays)
 
-    given = robot, OpticsConfig(led_beam_aperture=90), counted, np.tile([True, True, False], (1500, 1))
-    same(find_links(poses, *given), expected := links_by_rays(poses, *given))
-    assert 500 < expected.valid[:, 0].sum() < 1400 and 0 < asked[0] < asked[1] / 2
-    x, y, yaw = poses[:, 2:].T
-    boxes = np.stack([x, y, np.cos(yaw), np.sin(yaw), *np.broadcast_to(edges[2, :, None, None], (2, *x.shape))], -1)
-    hidden = find_links(
-        poses[:, :2], robot, given[1], squares_in_the_way(poses[:, :2], edges[:2]), None, boxes.swapaxes(0, 1)
-    )
-    same(hidden, [values[:, :2] for values in expected])
+    optics = OpticsConfig(led_beam_aperture=90)
+    sends = np.tile([True, True, False], (n_worlds, 1))
+    links = find_links(poses, robot, optics, counted, sends)
+    expected = links_by_rays(poses, robot, optics, counted, sends)
+    assert_same(links, expected)
+    assert 500 < expected.valid[:, 0].sum() < 1400
+    by_circles, by_all_rays = n_asked
+    assert 0 < by_circles < by_all_rays / 2
+
+    # A box in the third robot's place hides as much.
+    x, y, yaw = poses[:, 2].T
+    half_x, half_y = (np.full(n_worlds, half_edge) for half_edge in half_edges[2])
+    boxes = np.stack([x, y, np.cos(yaw), np.sin(yaw), half_x, half_y], axis=-1)[:, None]
+    pairs = poses[:, :2]
+    no_robot_in_between = squares_in_the_way(pairs, half_edges[:2])
+    hidden_by_box = find_links(pairs, robot, optics, no_robot_in_between, None, boxes)
+    assert_same(hidden_by_box, [values[:, :2] for values in expected])
 
 
 @pytest.mark.parametrize("mode", ["sector", "power"])
 def test_light_goes_from_the_leds_of_one_kind_to_the_photodiodes_of_another(mode):
     """As between robots of one kind that has these."""
-    poses, optics = thirds_in_the_way(np.random.default_rng(4), 1500, 0.6 * RADIUS, 2**0.5), OpticsConfig(mode=mode)
-    given = optics, squares_in_the_way(poses), np.tile([True, True, False], (1500, 1))
-    mixed = find_links(poses, Mixed((ROBOT, SHIFTED), (0, 1)), *given)
-    for receiver, (own, other) in enumerate([(ROBOT, SHIFTED), (SHIFTED, ROBOT)]):
-        one = find_links(poses, replace(own, leds=other.leds), *given)
-        same([values[:, receiver] for values in mixed], [values[:, receiver] for values in one])
-        assert 500 < one.valid[:, receiver].sum() < 1400
+    n_worlds = 1500
+    poses = thirds_in_the_way(np.random.default_rng(4), n_worlds, 0.6 * RADIUS, 2**0.5)
+    optics = OpticsConfig(mode=mode)
+    reaches = squares_in_the_way(poses)
+    sends = np.tile([True, True, False], (n_worlds, 1))
+    mixed = find_links(poses, Mixed((ROBOT, SHIFTED), (0, 1)), optics, reaches, sends)
+    for receiver, (kind, other_kind) in enumerate([(ROBOT, SHIFTED), (SHIFTED, ROBOT)]):
+        robot = replace(kind, leds=other_kind.leds)
+        links = find_links(poses, robot, optics, reaches, sends)
+        links_of_receiver = [values[:, receiver] for values in links]
+        assert_same([values[:, receiver] for values in mixed], links_of_receiver)
+        assert 500 < links.valid[:, receiver].sum() < 1400
 
 
 @all_sights
 def test_a_robot_alone_hears_nobody(sight):
     links = sight(np.zeros((1, 1, 3)))
     assert links.valid.shape == (1, 1, 4) and not links.valid.any()
-    assert not sight(place((0, 0, 0), (RADIUS + 0.01, 0, 180))[None]).valid.any()
-    assert sight(place((0, 0, 0), (RADIUS - 0.01, 0, 180))[None]).valid.sum() == 2
+
+
+@all_sights
+def test_the_range_ends_at_the_radius(sight):
+    beyond = place((0, 0, 0), (RADIUS + 0.01, 0, 180))[None]
+    within = place((0, 0, 0), (RADIUS - 0.01, 0, 180))[None]
+    assert not sight(beyond).valid.any()
+    assert sight(within).valid.sum() == 2
 
 
 def test_rays_end_at_the_led():
-    """In worlds in any order: to the sender's hull and short of it, past it, and through a third robot."""
-    facing_each_other = place((0, 0, 0), (8, 0, 180), (4, 5, 0), (4, 9, 0))
-    beside = place((0, 0, 0), (8, 0, 180), (4, 0, 0), (4, 9, 0))
-    world, origin = np.array([1, 0, 0, 0, 1]), np.tile([1.0, 0.0], (5, 1))
-    target = np.array([(7.0, 0.0), (7.0, 0.0), (6.9, 0.0), (9.5, 0.0), (2.9, 0.0)])
-    receiver, sender = np.zeros(5, int), np.array([1, 1, 1, 2, 1])
-    reached = scene_at(np.stack([facing_each_other, beside])).reaches(world, origin, target, receiver, sender)
+    """In worlds in any order: to the sender's hull, short of it, past it, and through a third."""
+    third_aside = place((0, 0, 0), (8, 0, 180), (4, 5, 0), (4, 9, 0))
+    third_between = place((0, 0, 0), (8, 0, 180), (4, 0, 0), (4, 9, 0))
+    reached = scene_at(np.stack([third_aside, third_between])).reaches(
+        world=np.array([1, 0, 0, 0, 1]),
+        origin=np.tile([1.0, 0.0], (5, 1)),
+        target=np.array([(7.0, 0.0), (7.0, 0.0), (6.9, 0.0), (9.5, 0.0), (2.9, 0.0)]),
+        receiver=np.zeros(5, int),
+        sender=np.array([1, 1, 1, 2, 1]),
+    )
     assert reached.tolist() == [False, True, True, False, True]
 
 
@@ -211,36 +256,42 @@ def test_rays_end_at_the_led():
 def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge):
     poses = crowd(np.random.default_rng([edge, int(10 * density)]), density, edge)[:81]
     scene = scene_at(poses[None])
+    n_asked = []
 
-    asked = []
-
-    def counted(*pairs):
-        asked.append(len(pairs[0]))
-        return scene.reaches(*pairs)
+    def counted(*rays):
+        n_asked.append(len(rays[0]))
+        return scene.reaches(*rays)
 
     links = find_links(poses[None], ROBOT, OPTICS, counted)
+    valid = links.valid[0]
     for reaches in (scene.reaches, squares_in_the_way(poses[None])):
         sender, led, passed_over = all_links(poses, reaches)
-        np.testing.assert_array_equal(np.where(links.valid[0], links.sender[0], -1), sender)
-        np.testing.assert_array_equal(np.where(links.valid[0], links.led[0], -1), led)
-    assert links.valid.sum() > 80 and passed_over > 0 and sum(asked) > 0
+        np.testing.assert_array_equal(np.where(valid, links.sender[0], -1), sender)
+        np.testing.assert_array_equal(np.where(valid, links.led[0], -1), led)
+    assert valid.sum() > 80 and passed_over > 0 and sum(n_asked) > 0
 
 
 @pytest.mark.parametrize("mode", ["sector", "power"])
 @pytest.mark.parametrize("density", [0.2, 0.5])
 def test_each_next_sender_is_the_one_that_is_heard_if_nearer_ones_are_dark(density, mode):
-    """The robot with index w looks around in world w; there, what it has heard so far is switched off."""
+    """Robot w looks around in world w, where the senders that it has heard are switched off."""
     poses = crowd(np.random.default_rng(12), density, edge=7)
-    poses = np.broadcast_to(poses, (len(poses), *poses.shape))
-    optics = OpticsConfig(mode=mode, baud_rate=2000)
-    several = find_links(poses, ROBOT, optics, squares_in_the_way(poses))
-    one, sends = np.arange(len(poses)), np.ones(poses.shape[:2], bool)
+    n_robots = len(poses)
+    poses = np.broadcast_to(poses, (n_robots, n_robots, 3))
+    reaches = squares_in_the_way(poses)
+    all_ranks = find_links(poses, ROBOT, OpticsConfig(mode=mode, baud_rate=2000), reaches)
+
+    robot = np.arange(n_robots)
+    sends = np.ones(poses.shape[:2], bool)
     for rank in range(SENDERS_IN_SIGHT):
-        nearest = find_links(poses, ROBOT, OpticsConfig(mode=mode), squares_in_the_way(poses), sends)
-        same([values[one, one, :, rank] for values in several], [values[one, one] for values in nearest])
-        world, side = np.nonzero(nearest.valid[one, one])
+        nearest = find_links(poses, ROBOT, OpticsConfig(mode=mode), reaches, sends)
+        of_rank = [values[robot, robot, :, rank] for values in all_ranks]
+        assert_same(of_rank, [values[robot, robot] for values in nearest])
+
+        world, side = np.nonzero(nearest.valid[robot, robot])
         sends[world, nearest.sender[world, world, side]] = False
-    assert (several.valid[one, one].sum(axis=(0, 1))[:3] > [60, 20, 0]).all()
+    n_heard = all_ranks.valid[robot, robot].sum(axis=(0, 1))
+    assert (n_heard[:3] > [60, 20, 0]).all()
 
 
 def test_worlds_do_not_hear_each_other():
@@ -251,41 +302,50 @@ def test_worlds_do_not_hear_each_other():
     assert together.valid.any(axis=(1, 2)).all()
     for world in range(3):
         alone = by_rays(poses[world][None], optics)
-        for name, a, b in zip(alone._fields, alone, together, strict=True):
-            np.testing.assert_array_equal(a[0], b[world], err_msg=name)
+        assert_same([values[0] for values in alone], [values[world] for values in together])
 
 
 def test_a_box_hides_robots_of_its_own_world_alone():
     poses = np.repeat(place((0, 0, 0), (8, 0, 180))[None], 2, axis=0)
-    boxes = numbers([(4.0, 5.0, 0.6, 0.6, 0.0), (4.0, 0.0, 0.6, 0.6, 0.0)])[:, None]
+    aside = (4.0, 5.0, 0.6, 0.6, 0.0)
+    between = (4.0, 0.0, 0.6, 0.6, 0.0)
+    boxes = numbers([aside, between])[:, None]
     links = find_links(poses, ROBOT, OPTICS, squares_in_the_way(poses), boxes=boxes)
     assert links.valid[:, 0, 0].tolist() == links.valid[:, 1, 0].tolist() == [True, False]
 
 
 def test_who_shines_brightest_is_heard_not_who_is_nearest():
-    poses = place((0, 0, 0), facing(20, 6.0), facing(-20, 6.2))[None]
-    poses[0, 1, 2] += np.radians(40)
     optics = OpticsConfig(mode="power")
+    poses = place((0, 0, 0), facing_origin(20, 6.0), facing_origin(-20, 6.2))[None]
+    poses[0, 1, 2] += np.radians(40)
     links = by_geometry(poses, optics)
-    assert heard(links)[0, 0] == (2, 0) and links.true_distance[0, 0, 0] == pytest.approx(6.2)
+    assert heard(links)[0, 0] == (2, 0)
+    assert links.true_distance[0, 0, 0] == pytest.approx(6.2)
+
     poses[0, 1, 2] -= np.radians(40)
     assert heard(by_geometry(poses, optics))[0, 0] == (1, 0)
 
 
 def test_neighbours_are_all_pairs_within_the_radius_by_robot():
-    rng = np.random.default_rng(11)
-    xy, radius = rng.uniform(0, 20, (2, 30, 2)), 6.0
+    n_worlds, n_robots = 2, 30
+    radius = 6.0
+    xy = np.random.default_rng(11).uniform(0, 20, (n_worlds, n_robots, 2))
     around = find_neighbours(xy, radius)
+
     offset = xy[:, None] - xy[:, :, None]
     distance = np.hypot(offset[..., 0], offset[..., 1])
-    world, i, j = np.nonzero((distance <= radius) & ~np.eye(30, dtype=bool))
-    np.testing.assert_array_equal(around.robot, world * 30 + i)
+    is_pair = (distance <= radius) & ~np.eye(n_robots, dtype=bool)
+    world, first, second = np.nonzero(is_pair)
+    np.testing.assert_array_equal(around.robot, world * n_robots + first)
+
     order = np.lexsort((around.other, around.robot))
-    np.testing.assert_array_equal(around.other[order], world * 30 + j)
-    np.testing.assert_allclose(np.stack([around.dx, around.dy], -1)[order], offset[world, i, j])
-    np.testing.assert_allclose(around.distance[order], distance[world, i, j])
+    np.testing.assert_array_equal(around.other[order], world * n_robots + second)
+    found_offset = np.stack([around.dx, around.dy], -1)[order]
+    np.testing.assert_allclose(found_offset, offset[world, first, second])
+    np.testing.assert_allclose(around.distance[order], distance[world, first, second])
+
     np.testing.assert_array_equal(around.robot[around.reverse], around.other)
     np.testing.assert_array_equal(around.other[around.reverse], around.robot)
-    counts = np.bincount(around.robot, minlength=60)
+    counts = np.bincount(around.robot, minlength=n_worlds * n_robots)
     np.testing.assert_array_equal(np.diff(around.first), counts)
     assert counts.sum() > 0

@@ -9,115 +9,144 @@ from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.optics import receive
 
 ROBOT = read_robot()
-SECTOR, POWER = OpticsConfig(mode="sector"), OpticsConfig(mode="power")
+SECTOR = OpticsConfig(mode="sector")
+POWER = OpticsConfig(mode="power")
+HALF_EDGE = 1.0
+"""Distance of LEDs and photodiodes from a robot's centre [mm]."""
+SPLAY = np.radians(30)
+"""Angle between each photodiode and the normal of its side [rad]."""
+AHEAD = np.array([1.0, 0.0])
+AT_ORIGIN = place((0, 0, 0))
+
 both_modes = pytest.mark.parametrize("optics", [SECTOR, POWER], ids=["sector", "power"])
 
 
-def light(receiver, sender, optics=SECTOR, xp=np, power=None):
+def receive_light(receiver, sender, optics=SECTOR, power=None):
     """Reception of the light from each `sender` (P, 3) at each `receiver` (P, 3)."""
-    receiver, sender = (
-        np.broadcast_to(p, np.broadcast_shapes(receiver.shape, sender.shape)) for p in (receiver, sender)
-    )
-    dx, dy = (xp.asarray(a) for a in (sender - receiver)[:, :2].T)
-    views = [(xp.asarray(np.cos(p[:, 2])), xp.asarray(np.sin(p[:, 2]))) for p in (receiver, sender)]
-    return receive(dx, dy, *views, ROBOT, optics, power)
+    receiver, sender = np.broadcast_arrays(receiver, sender)
+    dx, dy = (sender - receiver)[:, :2].T
+    heading_of_receiver = np.cos(receiver[:, 2]), np.sin(receiver[:, 2])
+    heading_of_sender = np.cos(sender[:, 2]), np.sin(sender[:, 2])
+    return receive(dx, dy, heading_of_receiver, heading_of_sender, ROBOT, optics, power)
 
 
-def seen_at(degrees, distance=5.0, off_beam=0.0):
-    """A sender at this bearing of a receiver at the origin; its front looks `off_beam` degrees past the receiver."""
-    a = np.radians(degrees)
-    return place((distance * np.cos(a), distance * np.sin(a), degrees + 180 + off_beam))
+def sender_at(degrees, distance=5.0, off_beam=0.0):
+    """A sender at this bearing of the origin, whose front looks `off_beam` degrees past there."""
+    angle = np.radians(degrees)
+    return place((distance * np.cos(angle), distance * np.sin(angle), degrees + 180 + off_beam))
 
 
-HERE = place((0, 0, 0))
+def led_of(sender):
+    """Position of a sender's front LED."""
+    return sender[0, :2] + turned(HALF_EDGE * AHEAD, sender[0, 2])
 
 
-def arrives(got):
-    return bool(np.isfinite(got.effective_distance[0]))
+def arrives(reception):
+    """Whether the light of the first pair arrives."""
+    return bool(np.isfinite(reception.effective_distance[0]))
+
+
+def random_pairs(n_pairs, seed, reach=1.3):
+    """Receivers and senders up to `reach` times the range apart."""
+    rng = np.random.default_rng(seed)
+    receiver = np.column_stack([rng.uniform(-50, 50, (n_pairs, 2)), rng.uniform(-4, 4, n_pairs)])
+    sender = np.column_stack([rng.uniform(-50, 50, (n_pairs, 2)), rng.uniform(-4, 4, n_pairs)])
+    distance = rng.uniform(2.0, reach * RADIUS, n_pairs)
+    bearing = rng.uniform(-4, 4, n_pairs)
+    sender[:, :2] = receiver[:, :2] + turned(distance[:, None] * AHEAD, bearing)
+    return receiver, sender
 
 
 @both_modes
 @pytest.mark.parametrize("power", [1.0, 0.5, 0.04])
 def test_reach_grows_with_the_root_of_the_power(optics, power):
-    """In the sector from centre to centre; by power between LED and photodiodes, each 1 mm from a centre."""
-    between = 2.0 if optics is POWER else 0.0
-    reach = between + (RADIUS - between) * np.sqrt(power)
-    for share, is_seen in ((0.999, True), (1.001, False)):
-        assert arrives(light(HERE, seen_at(0, reach * share), optics, power=np.array([power]))) == is_seen
-    assert not arrives(light(HERE, seen_at(0, 2.01), optics, power=np.zeros(1)))
-
-
-def pairs(n, seed, reach=1.3):
-    """Random receivers and senders, some out of reach."""
-    rng = np.random.default_rng(seed)
-    receiver, sender = (np.column_stack([rng.uniform(-50, 50, (n, 2)), rng.uniform(-4, 4, n)]) for _ in range(2))
-    offset = turned(np.column_stack([rng.uniform(2.0, reach * RADIUS, n), np.zeros(n)]), rng.uniform(-4, 4, n))
-    sender[:, :2] = receiver[:, :2] + offset
-    return receiver, sender
+    """In the sector from centre to centre; by power between LED and photodiodes."""
+    within_robots = 2 * HALF_EDGE if optics is POWER else 0.0
+    reach = within_robots + (RADIUS - within_robots) * np.sqrt(power)
+    for share, is_received in ((0.999, True), (1.001, False)):
+        sender = sender_at(0, reach * share)
+        reception = receive_light(AT_ORIGIN, sender, optics, power=np.array([power]))
+        assert arrives(reception) == is_received
+    assert not arrives(receive_light(AT_ORIGIN, sender_at(0, 2.01), optics, power=np.zeros(1)))
 
 
 @both_modes
 @pytest.mark.parametrize("side", range(4))
 @pytest.mark.parametrize("led", range(4))
 def test_four_headings_and_four_sides(optics, side, led):
-    sender = seen_at(90 * side, distance=6.0)
+    sender = sender_at(90 * side, distance=6.0)
     sender[:, 2] -= led * np.pi / 2
-    got = light(HERE, sender, optics)
-    assert arrives(got)
-    assert (got.side[0], got.led[0]) == (side, led)
-    assert wrapped(got.bearing[0] - side * np.pi / 2) == pytest.approx(0, abs=1e-9)
-    assert got.effective_distance[0] == pytest.approx(6.0)
+    reception = receive_light(AT_ORIGIN, sender, optics)
+    assert arrives(reception)
+    assert (reception.side[0], reception.led[0]) == (side, led)
+    assert wrapped(reception.bearing[0] - side * np.pi / 2) == pytest.approx(0, abs=1e-9)
+    assert reception.effective_distance[0] == pytest.approx(6.0)
 
 
 def test_light_goes_one_way_where_only_one_beam_is_aimed():
-    front, beside = place((0, 0, 0)), place((5, 0, 45))  # the second shines past the first
-    assert not arrives(light(front, beside))
-    assert arrives(light(beside, front))
+    aimed = place((0, 0, 0))
+    shines_past = place((5, 0, 45))
+    assert not arrives(receive_light(aimed, shines_past))
+    assert arrives(receive_light(shines_past, aimed))
 
 
 def test_range_in_a_sector_is_the_same_off_axis():
-    assert arrives(light(HERE, seen_at(40, RADIUS - 1e-6, off_beam=25)))
-    assert not arrives(light(HERE, seen_at(40, RADIUS + 1e-6, off_beam=25)))
+    within = sender_at(40, RADIUS - 1e-6, off_beam=25)
+    beyond = sender_at(40, RADIUS + 1e-6, off_beam=25)
+    assert arrives(receive_light(AT_ORIGIN, within))
+    assert not arrives(receive_light(AT_ORIGIN, beyond))
 
 
-@pytest.mark.parametrize(("degrees", "side"), [(44, 0), (46, 1), (134, 1), (136, 2), (-46, 3), (-44, 0), (-136, 2)])
+@pytest.mark.parametrize(
+    ("degrees", "side"),
+    [(44, 0), (46, 1), (134, 1), (136, 2), (-46, 3), (-44, 0), (-136, 2)],
+)
 def test_sectors_meet_at_45_degrees_and_only_the_side_is_known(degrees, side):
-    got = light(HERE, seen_at(degrees))
-    assert arrives(got) and got.side[0] == side
-    assert got.bearing[0] == pytest.approx(side * np.pi / 2)
+    reception = receive_light(AT_ORIGIN, sender_at(degrees))
+    assert arrives(reception) and reception.side[0] == side
+    assert reception.bearing[0] == pytest.approx(side * np.pi / 2)
 
 
 def test_a_narrower_sector_is_blind_beyond_its_edge():
     narrow = OpticsConfig(photodiode_aperture=60)
-    for edge in (29, -29, 119, 151):
-        assert arrives(light(HERE, seen_at(edge), narrow))
-    for edge in (31, -31, 121, 149):
-        assert not arrives(light(HERE, seen_at(edge), narrow))
+    for inside in (29, -29, 119, 151):
+        assert arrives(receive_light(AT_ORIGIN, sender_at(inside), narrow))
+    for outside in (31, -31, 121, 149):
+        assert not arrives(receive_light(AT_ORIGIN, sender_at(outside), narrow))
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("led", range(4))
 def test_a_beam_ends_30_degrees_from_its_axis(sign, led):
-    for edge, ends in ((29, False), (31, True)):
-        got = light(HERE, seen_at(10, off_beam=sign * edge - 90 * led))
-        assert arrives(got) is not ends
-        assert got.led[0] == led
+    for degrees, is_in_beam in ((29, True), (31, False)):
+        sender = sender_at(10, off_beam=sign * degrees - 90 * led)
+        reception = receive_light(AT_ORIGIN, sender)
+        assert arrives(reception) is is_in_beam
+        assert reception.led[0] == led
 
 
 @both_modes
 def test_nothing_depends_on_where_and_how_the_world_lies(optics):
-    receiver, sender = pairs(2000, seed=2)
-    angle, shift = 1.234, np.array([7.0, -3.0])
-    moved = [np.column_stack([turned(p[:, :2], angle) + shift, p[:, 2] + angle]) for p in (receiver, sender)]
-    for before, after in zip(light(receiver, sender, optics), light(*moved, optics), strict=True):
-        np.testing.assert_allclose(before, after, rtol=1e-9, atol=1e-9)
+    angle = 1.234
+    shift = np.array([7.0, -3.0])
+
+    def moved(poses):
+        return np.column_stack([turned(poses[:, :2], angle) + shift, poses[:, 2] + angle])
+
+    receiver, sender = random_pairs(2000, seed=2)
+    before = receive_light(receiver, sender, optics)
+    after = receive_light(moved(receiver), moved(sender), optics)
+    for values_before, values_after in zip(before, after, strict=True):
+        np.testing.assert_allclose(values_before, values_after, rtol=1e-9, atol=1e-9)
 
 
 @both_modes
 def test_a_mirrored_world_swaps_left_and_right(optics):
-    receiver, sender = pairs(2000, seed=3)
-    before = light(receiver, sender, optics)
-    after = light(receiver * [1, -1, -1], sender * [1, -1, -1], optics)
+    receiver, sender = random_pairs(2000, seed=3)
+    mirror = [1, -1, -1]
+    before = receive_light(receiver, sender, optics)
+    after = receive_light(receiver * mirror, sender * mirror, optics)
+
     swapped = np.array([0, 3, 2, 1])
     np.testing.assert_array_equal(after.side, swapped[before.side])
     np.testing.assert_array_equal(after.led, swapped[before.led])
@@ -125,53 +154,64 @@ def test_a_mirrored_world_swaps_left_and_right(optics):
     np.testing.assert_allclose(after.effective_distance, before.effective_distance, rtol=1e-9)
 
 
+@pytest.mark.parametrize("sign", [-1, 1])
 @pytest.mark.parametrize("aperture", [40.0, 60.0, 80.0])
-def test_half_the_power_arrives_at_half_the_aperture(aperture):
-    """The sender's LED stays on the receiver's axis, 4 mm from its side, while the sender turns about that LED."""
+def test_half_the_power_arrives_at_half_the_aperture(aperture, sign):
+    """The sender turns about its LED, which stays on the receiver's axis, 4 mm from its side."""
     optics = OpticsConfig(mode="power", led_beam_aperture=aperture)
-    for sign in (-1, 1):
-        heading = np.pi + sign * np.radians(aperture / 2)
-        xy = np.array([1.0 + 4.0, 0.0]) - np.array([np.cos(heading), np.sin(heading)])
-        got = light(HERE, np.array([[*xy, heading]]), optics)
-        assert got.effective_distance[0] == pytest.approx(4.0 * np.sqrt(2) + 2.0, rel=1e-9)
-        assert got.bearing[0] == pytest.approx(0, abs=1e-9)
+    gap = 4.0
+    heading = np.pi + sign * np.radians(aperture / 2)
+    led = (HALF_EDGE + gap) * AHEAD
+    centre = led - HALF_EDGE * np.array([np.cos(heading), np.sin(heading)])
+    reception = receive_light(AT_ORIGIN, np.array([[*centre, heading]]), optics)
+    expected = gap * np.sqrt(2) + 2 * HALF_EDGE
+    assert reception.effective_distance[0] == pytest.approx(expected, rel=1e-9)
+    assert reception.bearing[0] == pytest.approx(0, abs=1e-9)
 
 
 def test_received_power_against_its_formula():
-    """Lobe, inverse square and the mean of both photodiodes, from points and vectors in the world."""
-    receiver, sender = pairs(500, seed=4, reach=0.9)
-    got = light(receiver, sender, POWER)
-    assert 0.1 < np.isfinite(got.effective_distance).mean() < 1
+    """Lobe, inverse square, mean of both photodiodes, from points and vectors in the world."""
+    receiver, sender = random_pairs(500, seed=4, reach=0.9)
+    reception = receive_light(receiver, sender, POWER)
+    is_received = np.isfinite(reception.effective_distance)
+    assert 0.1 < is_received.mean() < 1
+
     order = np.log(0.5) / np.log(np.cos(np.radians(30)))
-    for i in np.flatnonzero(np.isfinite(got.effective_distance)):
-        normal_r = turned(np.array([1.0, 0.0]), receiver[i, 2] + got.side[i] * np.pi / 2)
-        normal_s = turned(np.array([1.0, 0.0]), sender[i, 2] + got.led[i] * np.pi / 2)
-        path = (sender[i, :2] + normal_s) - (receiver[i, :2] + normal_r)
-        gap = np.hypot(*path)
-        lobe = (-path / gap @ normal_s) ** order
-        lit = [max(path / gap @ turned(normal_r, s), 0.0) for s in np.radians([30, -30])]
-        power = lobe * sum(lit) / (2 * np.cos(np.radians(30))) / gap**2
-        assert got.effective_distance[i] == pytest.approx(power**-0.5 + 2.0, rel=1e-6)
+    for i in np.flatnonzero(is_received):
+        receiver_normal = turned(AHEAD, receiver[i, 2] + reception.side[i] * np.pi / 2)
+        sender_normal = turned(AHEAD, sender[i, 2] + reception.led[i] * np.pi / 2)
+        photodiodes = receiver[i, :2] + HALF_EDGE * receiver_normal
+        led = sender[i, :2] + HALF_EDGE * sender_normal
+        gap = np.hypot(*(led - photodiodes))
+        direction = (led - photodiodes) / gap
+
+        lobe = (-direction @ sender_normal) ** order
+        left = max(direction @ turned(receiver_normal, SPLAY), 0.0)
+        right = max(direction @ turned(receiver_normal, -SPLAY), 0.0)
+        power = lobe * (left + right) / (2 * np.cos(SPLAY)) / gap**2
+        expected = power**-0.5 + 2 * HALF_EDGE
+        assert reception.effective_distance[i] == pytest.approx(expected, rel=1e-6)
 
 
-def test_two_lit_photodiodes_tell_the_bearing_of_the_light_exactly():
-    lit = 0
+def test_two_lit_photodiodes_measure_the_bearing_of_the_light_exactly():
+    n_measured = 0
     for degrees in np.linspace(-40, 40, 17):
-        sender = seen_at(degrees, distance=4.5)
-        got = light(HERE, sender, POWER)
-        led = sender[0, :2] + turned(np.array([1.0, 0.0]), sender[0, 2])
-        bearing = np.arctan2(led[1], led[0] - 1.0)
-        if arrives(got) and abs(bearing) < np.radians(60):
-            assert got.bearing[0] == pytest.approx(bearing, abs=1e-9)
-            lit += 1
-    assert lit > 10
+        sender = sender_at(degrees, distance=4.5)
+        reception = receive_light(AT_ORIGIN, sender, POWER)
+        x, y = led_of(sender)
+        bearing = np.arctan2(y, x - HALF_EDGE)
+        if arrives(reception) and abs(bearing) < np.radians(60):
+            assert reception.bearing[0] == pytest.approx(bearing, abs=1e-9)
+            n_measured += 1
+    assert n_measured > 10
 
 
-def test_one_lit_photodiode_tells_its_limit_only():
-    """Light of a close robot from over 60 degrees off the normal misses the diode that looks 30 degrees away."""
-    sender = seen_at(44, distance=2.9)
-    led = sender[0, :2] + turned(np.array([1.0, 0.0]), sender[0, 2])
-    assert np.degrees(np.arctan2(led[1], led[0] - 1.0)) > 70
-    got = light(HERE, sender, POWER)
-    assert arrives(got) and got.side[0] == 0
-    assert got.bearing[0] == pytest.approx(np.radians(60), abs=1e-9)
+def test_one_lit_photodiode_measures_its_limit_only():
+    """Light from over 60 degrees off the normal misses the diode that looks 30 degrees away."""
+    sender = sender_at(44, distance=2.9)
+    x, y = led_of(sender)
+    assert np.degrees(np.arctan2(y, x - HALF_EDGE)) > 70
+
+    reception = receive_light(AT_ORIGIN, sender, POWER)
+    assert arrives(reception) and reception.side[0] == 0
+    assert reception.bearing[0] == pytest.approx(np.radians(60), abs=1e-9)

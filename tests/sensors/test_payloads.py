@@ -1,4 +1,4 @@
-"""Declarations of messages: one field after the other in 32 bits, and what does not fit there."""
+"""Declarations of messages: fields one after the other in 32 bits, and refused declarations."""
 
 import jax
 import numpy as np
@@ -14,54 +14,65 @@ from iswarm_mj.utils.errors import UserError
 
 HEAT = Payload({"count": Integer(bits=4), "heat": Real(0, 1, bits=8)})
 
+exchange_here = jax.jit(exchange, static_argnums=1)
+
 
 def test_fields_stand_one_after_the_other():
-    """Parity, 17 zeros, heat, count, LED; worked by hand."""
+    """Parity, zeros, heat, count, LED; worked by hand for four LEDs and for five."""
+    heat = f"{51:08b}"  # 0.2 of 255
     content = {"count": np.int32(9), "heat": np.float32(0.2)}
     bits = HEAT.pack(Message(np.int32(2), content))
-    assert f"{int(bits):032b}" == "1" + 17 * "0" + f"{51:08b}" + "1001" + "10"
-    bits = HEAT.pack(Message(np.int32(4), content | {"count": np.int32(8)}), 5)
-    assert f"{int(bits):032b}" == "0" + 16 * "0" + f"{51:08b}" + "1000" + "100"
+    assert f"{int(bits):032b}" == "1" + 17 * "0" + heat + "1001" + "10"
+
+    content = {"count": np.int32(8), "heat": np.float32(0.2)}
+    bits = HEAT.pack(Message(np.int32(4), content), 5)
+    assert f"{int(bits):032b}" == "0" + 16 * "0" + heat + "1000" + "100"
 
 
 def test_another_check_stands_in_the_highest_bits():
     payload = Payload(HEAT.fields, check="crc-16/xmodem")
-    bits = payload.pack(Message(np.int32(1), {"count": np.int32(0), "heat": np.float32(0)}))
-    assert int(bits) & 0xFFFF == 1 and int(bits) >> 16 == 0x1021  # the polynomial is the remainder of x^16
+    content = {"count": np.int32(0), "heat": np.float32(0)}
+    bits = int(payload.pack(Message(np.int32(1), content)))
+    assert bits & 0xFFFF == 1
+    assert bits >> 16 == 0x1021  # the polynomial is the remainder of x^16
 
 
-def test_without_fields_messages_tell_the_led():
-    message, is_right = Payload().unpack(Payload().pack(Message(np.arange(4), {})))
+def test_without_fields_messages_carry_the_led():
+    empty = Payload()
+    message, is_right = empty.unpack(empty.pack(Message(np.arange(4), {})))
     np.testing.assert_array_equal(message.led, range(4))
     assert message.payload == {} and is_right.all()
 
 
-exchange_here = jax.jit(exchange, static_argnums=1)
-
-
-def sent(payload, content, n_leds=4, error=0.0):
+def receive(payload, content, n_leds=4, error=0.0):
     """What each of two robots, which hear each other by all sides, receives."""
-    n = 2
-    noise = conditions_of(SwarmConfig(optics=OpticsConfig(error_in_communication=error, p_communication_break=0.0)))
-    led = np.broadcast_to(np.arange(n_leds), (n, n_leds))
-    sender = np.broadcast_to([[1], [0]], (n, n_leds))
-    distance = np.full((n, n_leds), 5.0, np.float32)
-    links = Links(sender, np.ones((n, n_leds), bool), led, distance, distance)
-    return exchange_here(noise, payload, content, links, jax.random.key(0))
+    optics = OpticsConfig(error_in_communication=error, p_communication_break=0.0)
+    shape = (2, n_leds)
+    distance = np.full(shape, 5.0, np.float32)
+    links = Links(
+        sender=np.broadcast_to([[1], [0]], shape),
+        valid=np.ones(shape, bool),
+        led=np.broadcast_to(np.arange(n_leds), shape),
+        measured_bearing=distance,
+        true_distance=distance,
+    )
+    conditions = conditions_of(SwarmConfig(optics=optics))
+    return exchange_here(conditions, payload, content, links, jax.random.key(0))
 
 
 @pytest.mark.parametrize("n_leds", [2, 4, 6])
 def test_robots_without_payload_are_heard(n_leds):
-    got = sent(Payload(), {}, n_leds)
-    assert got.is_heard.all() and got.bits.shape == (2, n_leds)
-    np.testing.assert_array_equal(got.message.led, [range(n_leds)] * 2)
+    received = receive(Payload(), {}, n_leds)
+    assert received.is_heard.all() and received.bits.shape == (2, n_leds)
+    np.testing.assert_array_equal(received.message.led, [range(n_leds)] * 2)
 
 
-def test_every_damaged_message_is_found_out():
-    for check in ("parity", "crc-8/smbus"):
-        content = {"count": np.array([3, 40]), "heat": np.float32([0.5, -1.0])}
-        assert np.mean(sent(Payload(HEAT.fields, check), content, error=0.9).is_heard) < 0.6
-        assert sent(Payload(HEAT.fields, check), content).is_heard.all()
+@pytest.mark.parametrize("check", ["parity", "crc-8/smbus"])
+def test_every_damaged_message_is_found_out(check):
+    payload = Payload(HEAT.fields, check)
+    content = {"count": np.array([3, 40]), "heat": np.float32([0.5, -1.0])}
+    assert np.mean(receive(payload, content, error=0.9).is_heard) < 0.6
+    assert receive(payload, content).is_heard.all()
 
 
 def test_declarations_survive_json():
@@ -77,26 +88,34 @@ def test_declarations_survive_json():
 
 
 @pytest.mark.parametrize(
-    "fields, check, words",
+    "fields, check, message",
     [
         (
             {"a": Integer(20), "b": Real(0, 1, bits=12)},
             "parity",
-            r"32 bits \(a 20, b 12\) with 2 for the LED's number and 1 for the check \(parity\) is longer than a "
-            "message of 32 bits; leave out or shorten fields by 3 bits",
+            r"32 bits \(a 20, b 12\) with 2 for the LED's number and 1 for the check \(parity\) "
+            r"is longer than a message of 32 bits; leave out or shorten fields by 3 bits",
         ),
-        ({"led": Flag()}, "parity", "cannot be called 'led'; give it a name as of a variable, but not led or message"),
+        (
+            {"led": Flag()},
+            "parity",
+            "cannot be called 'led'; give it a name as of a variable, but not led or message",
+        ),
         ({3: Flag()}, "parity", "cannot be called 3"),
         ({"priority": Integer(3)}, "parity", "make it a Flag, or give it another name"),
         ([("a", Flag()), ("a", Integer(3))], "parity", "share the name 'a'; rename one"),
         ({"a": Vector(9.0), "a_y": Flag()}, "parity", "share the name 'a_y'"),
-        ({"a": 4}, "parity", "field 'a' of a payload is 4; make it one of Flag, Integer, Real, Bearing, Vector"),
+        (
+            {"a": 4},
+            "parity",
+            "field 'a' of a payload is 4; make it one of Flag, Integer, Real, Bearing, Vector",
+        ),
         (Flag(), "parity", "a payload is a dictionary of names and fields"),
         ({"a": Flag()}, "crc-32", r"must be one of parity, crc-3/gsm, .* \(got 'crc-32'\)"),
     ],
 )
-def test_refused(fields, check, words):
-    with pytest.raises(UserError, match=words):
+def test_refused_declarations(fields, check, message):
+    with pytest.raises(UserError, match=message):
         Payload(fields, check)
 
 

@@ -129,7 +129,7 @@ def links_by_rays(*given):
     def all_open(_, which):
         return Circles(np.full(len(which), np.inf), np.zeros(len(which)), np.inf)
 
-    with patch.object(links, "circles", all_open):
+    with patch.object(links, "circles_around", all_open):
         return links.find_links(*given)
 
 

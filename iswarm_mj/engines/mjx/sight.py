@@ -175,7 +175,7 @@ def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Array)
     )
     links_by_rank = []
     for _ in range(config.optics.n_senders):
-        search = jax.lax.while_loop(_is_any_searching, try_next, search)
+        search = jax.lax.while_loop(lambda state: state.is_searching.any(), try_next, search)
         links_by_rank.append(_links(config, arena, poses, search))
         # Sides that found a sender continue behind it.
         search = search._replace(
@@ -185,11 +185,6 @@ def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Array)
     if len(links_by_rank) == 1:
         return links_by_rank[0]
     return jax.tree.map(lambda *values: jnp.stack(values, axis=-1), *links_by_rank)
-
-
-def _is_any_searching(search: Search) -> Array:
-    """Return whether a side still looks for its sender."""
-    return search.is_searching.any()
 
 
 def next_candidate(search: Search, distance: Array, side: Array) -> tuple[Array, Array]:

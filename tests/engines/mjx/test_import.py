@@ -1,4 +1,4 @@
-"""MJX is imported in silence, with Warp or without."""
+"""Importing MJX prints nothing, with Warp or without."""
 
 import os
 import subprocess
@@ -6,13 +6,22 @@ import sys
 
 
 def test_import_prints_nothing_on_standard_output(tmp_path):
-    """Without Warp, MJX prints on standard output that it is missing."""
-    (tmp_path / "warp").mkdir()
-    (tmp_path / "warp" / "__init__.py").write_text("raise ImportError('hidden')\n")
-    env = os.environ | {"PYTHONPATH": str(tmp_path)}
+    """Without Warp, MJX itself prints on standard output that it is missing."""
+    hidden_warp = tmp_path / "warp"
+    hidden_warp.mkdir()
+    (hidden_warp / "__init__.py").write_text("raise ImportError('hidden')\n")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
 
-    def said(code: str) -> str:
-        return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env, check=True).stdout
+    def output_of(code: str) -> str:
+        command = [sys.executable, "-c", code]
+        process = subprocess.run(
+            command,
+            capture_output=True,
+            text=True,
+            env=environment,
+            check=True,
+        )
+        return process.stdout
 
-    assert said("from mujoco import mjx")
-    assert said("import iswarm_mj.simulation.compiled_loop") == ""
+    assert output_of("from mujoco import mjx")
+    assert output_of("import iswarm_mj.simulation.compiled_loop") == ""

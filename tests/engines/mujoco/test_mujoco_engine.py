@@ -1,4 +1,4 @@
-"""The CPU engine: servos, contacts, rays, conservation laws, absent robots, faults, threads. Units: mm, mg, s."""
+"""MuJoCo in C: servos, conservation laws, contacts, walls, jams. Units: mm, mg, s."""
 
 from dataclasses import replace
 
@@ -11,107 +11,150 @@ from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco import engine as mujoco_engine
 from iswarm_mj.utils.units import RD
 
-
-class TestServo:
-    def test_robots_move_as_commanded(self, small):
-        rng = np.random.default_rng(1)
-        start = far_apart(2, rng)
-        engine = Worlds(small, start)
-        velocity = rng.uniform(-1.5, 1.5, start.shape)
-        engine.move(velocity, 7)
-        np.testing.assert_allclose(engine.poses, start + 0.7 * velocity, atol=1e-9)
-
-    def test_robots_are_placed_at_rest(self, small):
-        start = far_apart(1, np.random.default_rng(6))
-        engine = Worlds(small, start)
-        engine.move(np.full(start.shape, 1.0), 3)
-        engine.place(start)
-        np.testing.assert_array_equal(engine.poses, start)
-        assert not engine.qvel().any()
+TIME_STEP = 0.1
+NEWTON = 2
+CONJUGATE_GRADIENTS = 1
+"""Numbers of MuJoCo's solvers."""
 
 
-class TestCollisions:
-    @pytest.mark.parametrize(
-        "second", [(2.5, 0.0, 0.0), (2.6, 0.7, 0.4), (1.5, 2.2, 0.8)], ids=["head-on", "corner", "oblique"]
-    )
-    def test_momentum_is_conserved_without_drive_and_damping(self, small, second):
-        engine = Worlds(small, [[(-1.0, 0.3, 0.2), second]], free=True)
-        engine.qvel()[0, engine.qpos] = [[1.4, 0.2, 0.3], [-0.9, -0.7, -0.5]]
+def grid_of_robots(distance):
+    """Poses (25, 3) of five by five robots."""
+    places = (np.arange(5) - 2) * distance
+    xy = np.stack(np.meshgrid(places, places), -1).reshape(25, 2)
+    return np.column_stack([xy, np.zeros(25)])
 
-        def momenta():
-            x, v = engine.poses[0], engine.qvel()[0, engine.qpos]
-            spin = MASS * (x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]) + INERTIA * v[:, 2]
-            energy = MASS * (v[:, :2] ** 2).sum() + INERTIA * (v[:, 2] ** 2).sum()
-            return MASS * v[:, :2].sum(axis=0), spin.sum(), energy / 2
 
-        linear, angular, energy = momenta()
-        before = engine.qvel()[0].copy()
-        touched = False
-        for _ in range(12):
-            touched |= engine.move(np.zeros((1, 2, 3)), 1).touching.any()
-            now = momenta()
-            np.testing.assert_allclose(now[0], linear, rtol=1e-9)
-            np.testing.assert_allclose(now[1], angular, rtol=1e-9)
-        assert touched and np.abs(engine.qvel()[0] - before).max() > 0.3
-        assert now[2] < energy
+def test_robots_move_as_commanded(small):
+    rng = np.random.default_rng(1)
+    start = far_apart(2, rng)
+    worlds = Worlds(small, start)
+    velocity = rng.uniform(-1.5, 1.5, start.shape)
+    worlds.move(velocity, 7)
+    np.testing.assert_allclose(worlds.poses, start + 7 * TIME_STEP * velocity, atol=1e-9)
 
-    def test_walls_hold_robots_in(self, small):
-        angle = np.arange(8) * np.pi / 4 + 0.1
-        start = np.column_stack([5 * RD * np.cos(angle), 5 * RD * np.sin(angle), angle])[None]
-        engine = Worlds(small, start)
-        outward = np.stack([np.cos(angle), np.sin(angle), np.zeros(8)], axis=-1)[None]
-        farthest = 0.0
-        for _ in range(30):
-            engine.move(np.sqrt(2) / 0.6 * outward, 10)
-            farthest = max(farthest, *(np.abs(corners(p)).max() for p in engine.poses[0]))
-        assert EDGE - 0.05 < farthest < EDGE + 0.3
 
-    def test_contacts_are_the_touching_pairs(self, small):
-        rng = np.random.default_rng(7)
-        n = 30
-        poses = np.dstack([rng.uniform(-6, 6, (4, n, 2)), rng.uniform(-np.pi, np.pi, (4, n))])
-        touching = Worlds(small, poses).move(np.zeros(poses.shape), 1).touching
-        for world in range(4):
-            gap = {(i, j): separation(poses[world, i], poses[world, j]) for i in range(n) for j in range(i + 1, n)}
-            assert min(abs(g) for g in gap.values()) > 1e-6
-            expected = sorted(pair for pair, g in gap.items() if g < 0)
-            assert len(expected) > 20
-            assert [tuple(pair) for pair in np.argwhere(pairs_of(touching[world]))] == expected
+def test_robots_are_placed_at_rest(small):
+    start = far_apart(1, np.random.default_rng(6))
+    worlds = Worlds(small, start)
+    worlds.move(np.full(start.shape, 1.0), 3)
+    worlds.place(start)
+    np.testing.assert_array_equal(worlds.poses, start)
+    assert not worlds.qvel().any()
 
-    def test_contacts_of_all_phases_count(self, small):
-        """A robot comes, and another one goes."""
-        engine = Worlds(small, [[(0, 0, 0), (2.05, 0, 0), (-2.3, 0, 0)]])
-        come, go = np.zeros((2, 1, 3, 3))
-        come[0, 0, 0], go[0, 0, 0] = 1.0, -2.0
-        motion = engine.engine.move(engine.bodies, [Phase(2, lambda _: come), Phase(4, lambda _: go)], np.ones(1, bool))
-        assert np.argwhere(pairs_of(motion.touching[0])).tolist() == [[0, 1], [0, 2]]
+
+def momenta(poses, velocity):
+    """Linear momentum (2,), angular momentum and kinetic energy of robots."""
+    linear = MASS * velocity[:, :2].sum(axis=0)
+    orbital = poses[:, 0] * velocity[:, 1] - poses[:, 1] * velocity[:, 0]
+    angular = MASS * orbital + INERTIA * velocity[:, 2]
+    energy = MASS * (velocity[:, :2] ** 2).sum() + INERTIA * (velocity[:, 2] ** 2).sum()
+    return linear, angular.sum(), energy / 2
+
+
+@pytest.mark.parametrize(
+    "second",
+    [(2.5, 0.0, 0.0), (2.6, 0.7, 0.4), (1.5, 2.2, 0.8)],
+    ids=["head-on", "corner", "oblique"],
+)
+def test_momentum_is_conserved_without_drive_and_damping(small, second):
+    worlds = Worlds(small, [[(-1.0, 0.3, 0.2), second]], free=True)
+    worlds.qvel()[0, worlds.qpos] = [[1.4, 0.2, 0.3], [-0.9, -0.7, -0.5]]
+    start_velocity = worlds.qvel()[0].copy()
+    velocity = worlds.qvel()[0, worlds.qpos]
+    start_linear, start_angular, start_energy = momenta(worlds.poses[0], velocity)
+
+    no_targets = np.zeros((1, 2, 3))
+    energy = start_energy
+    have_touched = False
+    for _ in range(12):
+        have_touched |= worlds.move(no_targets, 1).touching.any()
+        velocity = worlds.qvel()[0, worlds.qpos]
+        linear, angular, energy = momenta(worlds.poses[0], velocity)
+        np.testing.assert_allclose(linear, start_linear, rtol=1e-9)
+        np.testing.assert_allclose(angular, start_angular, rtol=1e-9)
+
+    assert have_touched
+    assert np.abs(worlds.qvel()[0] - start_velocity).max() > 0.3
+    assert energy < start_energy
+
+
+def test_walls_hold_robots_in(small):
+    angle = np.arange(8) * np.pi / 4 + 0.1
+    outward = np.stack([np.cos(angle), np.sin(angle), np.zeros(8)], axis=-1)
+    start = 5 * RD * outward
+    start[:, 2] = angle
+    worlds = Worlds(small, start[None])
+
+    farthest = 0.0
+    for _ in range(30):
+        worlds.move(np.sqrt(2) / 0.6 * outward[None], 10)
+        for pose in worlds.poses[0]:
+            farthest = max(farthest, np.abs(corners(pose)).max())
+    assert EDGE - 0.05 < farthest < EDGE + 0.3
+
+
+def test_contacts_are_the_touching_pairs(small):
+    rng = np.random.default_rng(7)
+    n_worlds, n_robots = 4, 30
+    xy = rng.uniform(-6, 6, (n_worlds, n_robots, 2))
+    yaw = rng.uniform(-np.pi, np.pi, (n_worlds, n_robots))
+    poses = np.dstack([xy, yaw])
+    touching = Worlds(small, poses).move(np.zeros(poses.shape), 1).touching
+
+    for world in range(n_worlds):
+        expected = []
+        for i in range(n_robots):
+            for j in range(i + 1, n_robots):
+                gap = separation(poses[world, i], poses[world, j])
+                assert abs(gap) > 1e-6
+                if gap < 0:
+                    expected.append([i, j])
+        assert len(expected) > 20
+        assert np.argwhere(pairs_of(touching[world])).tolist() == expected
+
+
+def test_contacts_of_all_phases_count(small):
+    """Robot 1 comes, and robot 2 goes."""
+    worlds = Worlds(small, [[(0, 0, 0), (2.05, 0, 0), (-2.3, 0, 0)]])
+    come = np.zeros((1, 3, 3))
+    come[0, 0, 0] = 1.0
+    go = -2 * come
+    phases = [Phase(2, lambda _: come), Phase(4, lambda _: go)]
+    motion = worlds.engine.move(worlds.bodies, phases, np.ones(1, bool))
+    assert np.argwhere(pairs_of(motion.touching[0])).tolist() == [[0, 1], [0, 2]]
 
 
 @pytest.mark.parametrize("wall_range", [0.0, 1e-320, 0.05])
 def test_walls_are_seen_from_within_them_at_any_range(small, wall_range):
-    """A robot that is pressed into the east wall by 10 um sees it, one 0.3 mm away from it does not."""
+    """A robot that is pressed into the east wall by 10 um sees it, one 0.3 mm away does not."""
     config = replace(small, optics=replace(small.optics, wall_range=wall_range))
     worlds = Worlds(config, [[(EDGE - 0.99, 0, 0), (EDGE - 1.3, 4, 0), (0, 0, 0)]])
-    sees = worlds.sense().sees_wall[0]
-    assert sees[0].tolist() == [True, False, False, False] and not sees[1:].any()
+    sees_wall = worlds.sense().sees_wall[0]
+    assert sees_wall[0].tolist() == [True, False, False, False]
+    assert not sees_wall[1:].any()
 
 
 def test_the_other_solver_ends_a_jam_at_the_same_place(small, monkeypatch):
-    """A world with more contacts than `JAM` is solved by conjugate gradients, the one beside it as before."""
-    grid = np.stack(np.meshgrid(*[(np.arange(5) - 2) * 1.98] * 2), -1).reshape(1, 25, 2)
-    apart = np.stack(np.meshgrid(*[(np.arange(5) - 2) * 6.0] * 2), -1).reshape(1, 25, 2)
-    start = np.dstack([np.concatenate([grid, apart]), np.zeros((2, 25))])
+    """A world with more contacts than `JAM` is solved by conjugate gradients.
+
+    The world beside it is solved as before.
+    """
+    start = np.stack([grid_of_robots(1.98), grid_of_robots(6.0)])
     velocity = np.random.default_rng(15).uniform(-2, 2, start.shape)
-    ends = []
-    for jam in (10**6, 30):
+
+    def move_with(jam):
+        """Poses after some steps, and the solver of each world."""
         monkeypatch.setattr(mujoco_engine, "JAM", jam)
         worlds = Worlds(small, start)
         worlds.bodies = worlds.bodies._replace(n_contacts=np.array([99, 0]))
         worlds.move(velocity, 3)
         assert (worlds.bodies.n_contacts > 30).tolist() == [True, False]
-        ends.append((worlds.poses, worlds.engine._solver.tolist()))
-    (newton, usual), (gradients, mixed) = ends
-    assert usual == [2, 2] and mixed == [1, 2]
-    np.testing.assert_allclose(gradients[0], newton[0], atol=1e-4)
-    assert not np.array_equal(gradients[0], newton[0])
-    np.testing.assert_array_equal(gradients[1], newton[1])
+        return worlds.poses, worlds.engine._solver.tolist()
+
+    by_newton, solvers = move_with(jam=10**6)
+    assert solvers == [NEWTON, NEWTON]
+    by_gradients, solvers = move_with(jam=30)
+    assert solvers == [CONJUGATE_GRADIENTS, NEWTON]
+    np.testing.assert_allclose(by_gradients[0], by_newton[0], atol=1e-4)
+    assert not np.array_equal(by_gradients[0], by_newton[0])
+    np.testing.assert_array_equal(by_gradients[1], by_newton[1])
