@@ -213,8 +213,8 @@ class Vector:
         clipped = jnp.clip(range_steps, 0, self._n_ranges)
         distance = low_bits(clipped.astype(jnp.int32), self.range_bits)
 
-        is_hop_count = (values.hop >= 0) & (values.hop <= self.max_hop)
-        is_sent = values.known & is_hop_count & ~jnp.isnan(range_steps)
+        has_hop = values.known & (values.hop >= 0) & (values.hop <= self.max_hop)
+        is_sent = has_hop & ~jnp.isnan(range_steps)
         hop = jnp.where(is_sent, values.hop, self._no_vector)
         code = bearing | (distance << self._range_offset) | (hop << self._hop_offset)
         return code.astype(jnp.uint32)

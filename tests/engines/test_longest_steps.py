@@ -1,7 +1,7 @@
-"""Crowds that fill the arena and press upon each other, with the longest physics steps that are allowed and others.
+"""Crowds that press upon each other, with the longest physics steps that are allowed and others.
 
-No two robots change sides, which shows as centres that pass each other at less than half a robot, and none leaves the
-arena. Units: mm, s.
+They fill the arena. No two robots change sides, which would show as centres that pass each other
+at less than half a robot, and none leaves the arena. Units: mm, s.
 """
 
 from dataclasses import replace
@@ -22,102 +22,141 @@ from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import mm_from_rd
 
 ARENA = ArenaConfig(size=10, dump_size=1, dust_area_size=1, dust_area_offset=3, n_dust=4)
-N_ROBOTS, N_WORLDS, N_STEPS = 95, 1, 15
 EDGE = mm_from_rd(ARENA.size) / 2
-PAIRS = np.triu_indices(N_ROBOTS, 1)
+N_ROBOTS = 95
+N_STEPS = 15
+"""Control steps."""
+FIRST, SECOND = np.triu_indices(N_ROBOTS, 1)
+"""Robots of each pair."""
+HALF_ROBOT = 1.0
+WAYS = ["centre", "corner", "to and fro", "at random"]
 
 LONGEST = DriveConfig(step_length=6 * LONGEST_STEP, max_turn=4 * LARGEST_TURN)
-DRIVES = {
-    "longest": LONGEST,
-    "fewest": DriveConfig(step_length=LONGEST_STEP, walk_substeps=1, max_turn=LARGEST_TURN, turn_substeps=1),
-    "quick": replace(LONGEST, control_period=0.1),
-}
+FEWEST = DriveConfig(
+    step_length=LONGEST_STEP,
+    walk_substeps=1,
+    max_turn=LARGEST_TURN,
+    turn_substeps=1,
+)
+QUICK = replace(LONGEST, control_period=0.1)
 
 
-def crowd_moves(drive, where, engine_of, n_steps=N_STEPS):
+def crowd_moves(drive, way, make_engine, n_steps=N_STEPS):
     """Nearest pass of two centres in any physics step [mm], and all faults.
 
     Args:
         drive: all robots use its longest steps and largest turns.
-        where: the robots walk to the centre, to one corner, to and fro between random places, or turn at random.
-        engine_of: engine of a configuration.
+        way: the robots walk to the centre, to one corner, to and fro between random places, or
+            turn at random.
+        make_engine: returns the engine of a configuration.
         n_steps: control steps.
     """
-    rng, config = np.random.default_rng(0), SwarmConfig(arena=ARENA, drive=drive)
-    poses = np.stack([place_robots(ARENA, N_ROBOTS, rng) for _ in range(N_WORLDS)])
-    engine, running = engine_of(config), np.ones(N_WORLDS, bool)
-    bodies = engine.place(poses, np.ones(poses.shape[:2], bool))
-    places = {"centre": 0.0, "corner": EDGE, "to and fro": rng.uniform(-EDGE, EDGE, (*poses.shape[:2], 2))}
-    turn, nearest, faults = np.radians(drive.max_turn), np.inf, 0
+    rng = np.random.default_rng(0)
+    poses = place_robots(ARENA, N_ROBOTS, rng)[None]
+    engine = make_engine(SwarmConfig(arena=ARENA, drive=drive))
+    bodies = engine.place(poses, np.ones((1, N_ROBOTS), bool))
+    places = {
+        "centre": 0.0,
+        "corner": EDGE,
+        "to and fro": rng.uniform(-EDGE, EDGE, (1, N_ROBOTS, 2)),
+    }
+    max_turn = np.radians(drive.max_turn)
+    forward = np.full((1, N_ROBOTS), mm_from_rd(drive.step_length))
+
+    nearest = np.inf
+    faults = 0
     for step in range(n_steps):
-        if where == "at random":
-            turns = rng.choice([-turn, turn], poses.shape[:2])
+        if way == "at random":
+            turn = rng.choice([-max_turn, max_turn], (1, N_ROBOTS))
         else:
-            away = (-1) ** (step // 5) * np.asarray(places[where]) - poses[..., :2]
-            ahead = np.arctan2(away[..., 1], away[..., 0]) - poses[..., 2]
-            turns = np.clip((ahead + np.pi) % (2 * np.pi) - np.pi, -turn, turn)
-        command = Command(turns, np.full(turns.shape, mm_from_rd(drive.step_length)))
-        for phase in drive_phases(drive, command):
+            direction = (-1) ** (step // 5)
+            turn = turn_towards(poses, direction * np.asarray(places[way]), max_turn)
+        for phase in drive_phases(drive, Command(turn, forward)):
             velocity = phase.velocity(poses)
             for _ in range(phase.n_substeps):
                 before = poses
-                motion = engine.move(bodies, [Phase(1, lambda _, held=velocity: held)], running)
-                bodies, poses = motion.bodies, engine.poses(motion.bodies)
-                nearest, faults = min(nearest, nearest_pass(before, poses)), faults | int(motion.fault.max())
+                substep = Phase(1, lambda _, held=velocity: held)
+                motion = engine.move(bodies, [substep], np.ones(1, bool))
+                bodies = motion.bodies
+                poses = engine.poses(bodies)
+                nearest = min(nearest, nearest_pass(before, poses))
+                faults |= int(motion.fault.max())
     return nearest, faults
 
 
+def turn_towards(poses, place, max_turn):
+    """Turns of robots towards a place, up to the largest turn [rad]."""
+    offset = place - poses[..., :2]
+    angle = np.arctan2(offset[..., 1], offset[..., 0]) - poses[..., 2]
+    wrapped = (angle + np.pi) % (2 * np.pi) - np.pi
+    return np.clip(wrapped, -max_turn, max_turn)
+
+
 def nearest_pass(before, after):
-    """Smallest distance of two centres on straight ways between poses (B, N, 3) [mm]."""
-    first, last = (p[:, PAIRS[0], :2] - p[:, PAIRS[1], :2] for p in (before, after))
-    way = last - first
-    share = np.clip(-(first * way).sum(-1) / np.maximum((way**2).sum(-1), 1e-12), 0, 1)
-    return np.linalg.norm(first + share[..., None] * way, axis=-1).min()
+    """Smallest distance of two centres on straight paths between poses (B, N, 3) [mm]."""
+    start = before[:, FIRST, :2] - before[:, SECOND, :2]
+    end = after[:, FIRST, :2] - after[:, SECOND, :2]
+    path = end - start
+    squared_length = np.maximum((path**2).sum(-1), 1e-12)
+    share = np.clip(-(start * path).sum(-1) / squared_length, 0, 1)
+    return np.linalg.norm(start + share[..., None] * path, axis=-1).min()
 
 
-def allowed(rng):
-    """A drive anywhere in its ranges; where it moves too far in a physics step, what refuses it says what to change."""
-    step, turn = float(rng.uniform(0.01, 1.0)), float(rng.uniform(1, 180))
-    walks, turns, period = int(rng.integers(1, 30)), int(rng.integers(1, 30)), float(10 ** rng.uniform(-1, 2))
+def random_drive(rng):
+    """A drive anywhere in its ranges.
+
+    Where it moves too far in a physics step, the error states how many physics steps it needs.
+    """
+    step_length = float(rng.uniform(0.01, 1.0))
+    max_turn = float(rng.uniform(1, 180))
+    walk_substeps = int(rng.integers(1, 30))
+    turn_substeps = int(rng.integers(1, 30))
+    control_period = float(10 ** rng.uniform(-1, 2))
     try:
-        return DriveConfig(step, period, turns, walks, turn)
+        return DriveConfig(step_length, control_period, turn_substeps, walk_substeps, max_turn)
     except ConfigError as error:
-        least_walks, least_turns = int(np.ceil(step / LONGEST_STEP)), int(np.ceil(turn / LARGEST_TURN))
-        assert f"at least {least_walks} with" in str(error) or f"at least {least_turns} with" in str(error)
-        assert walks < least_walks or turns < least_turns
-        return DriveConfig(step, period, max(turns, least_turns), max(walks, least_walks), turn)
+        least_walks = int(np.ceil(step_length / LONGEST_STEP))
+        least_turns = int(np.ceil(max_turn / LARGEST_TURN))
+        remedies = (f"at least {least_walks} with", f"at least {least_turns} with")
+        assert any(remedy in str(error) for remedy in remedies)
+        assert walk_substeps < least_walks or turn_substeps < least_turns
+        walk_substeps = max(walk_substeps, least_walks)
+        turn_substeps = max(turn_substeps, least_turns)
+        return DriveConfig(step_length, control_period, turn_substeps, walk_substeps, max_turn)
 
 
-@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 60))])
-def test_robots_keep_their_sides_anywhere_in_the_ranges(seed):
-    """Drives, and ways of robots, are drawn; on the planar engine, and every third time on MuJoCo in C too."""
-    rng = np.random.default_rng(seed)
-    drive, where = allowed(rng), ["centre", "corner", "to and fro", "at random"][rng.integers(4)]
-    for engine_of in (planar, mujoco) if seed % 3 == 0 else (planar,):
-        nearest, faults = crowd_moves(drive, where, engine_of, 6)
-        assert nearest > 1.0 and faults == 0, drive
-
-
-def planar(config, refinement=1):
-    return PlanarEngine(config, compile_arena(config, 1, np.zeros(0), refinement=refinement), 1)
+def planar(config):
+    return PlanarEngine(config, compile_arena(config, 1, np.zeros(0)), 1)
 
 
 def mujoco(config):
-    return MujocoEngine(config, compile_arena(config, N_ROBOTS, np.zeros(0)), N_WORLDS, 1, N_ROBOTS)
+    return MujocoEngine(config, compile_arena(config, N_ROBOTS, np.zeros(0)), 1, 1, N_ROBOTS)
+
+
+SEEDS = [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 60))]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_robots_keep_their_sides_anywhere_in_the_ranges(seed):
+    """Drives, and ways of robots, are drawn; every third time MuJoCo in C moves them, too."""
+    rng = np.random.default_rng(seed)
+    drive = random_drive(rng)
+    way = WAYS[rng.integers(4)]
+    for make_engine in (planar, mujoco) if seed % 3 == 0 else (planar,):
+        nearest, faults = crowd_moves(drive, way, make_engine, 6)
+        assert nearest > HALF_ROBOT and faults == 0, drive
 
 
 @pytest.mark.parametrize(
-    ("drive", "where"),
-    [
-        *(("longest", where) for where in ("centre", "corner")),
-        *(("fewest", "to and fro"), ("quick", "at random")),
-    ],
+    ("drive", "way"),
+    [(LONGEST, "centre"), (LONGEST, "corner"), (FEWEST, "to and fro"), (QUICK, "at random")],
+    ids=["longest to the centre", "longest to a corner", "fewest", "quick"],
 )
-def test_planar_robots_keep_their_sides(drive, where):
-    nearest, faults = crowd_moves(DRIVES[drive], where, planar)
-    assert nearest > 1.0 and faults == 0
+def test_planar_robots_keep_their_sides(drive, way):
+    nearest, faults = crowd_moves(drive, way, planar)
+    assert nearest > HALF_ROBOT and faults == 0
 
 
 def test_robots_of_mujoco_keep_their_sides():
     nearest, faults = crowd_moves(LONGEST, "centre", mujoco, 6)
-    assert nearest > 1.0 and faults == 0
+    assert nearest > HALF_ROBOT and faults == 0

@@ -1,4 +1,4 @@
-"""The MJCF models of robot, ball and arena: names, sizes and masses, dynamics with and without the visual parts."""
+"""MJCF models of robot, ball and arena: names, sizes, masses, and dynamics without visual parts."""
 
 import subprocess
 import sys
@@ -14,15 +14,21 @@ from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.robot_file import without_visual
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
-RD = 2 * np.sqrt(2.0)  # mm
-OUTWARD = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], dtype=float)  # sides 0 to 3
+RD = 2 * np.sqrt(2.0)
+"""Robot diameter [mm]."""
+GRAVITY = 9810
+"""[mm/s^2]"""
+OUTWARD = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], dtype=float)
+"""Outward normals of the walls, 0 to 3."""
 
 
 def load(name: str) -> mujoco.MjModel:
+    """Model of a file."""
     return mujoco.MjModel.from_xml_path(str(MODELS / name))
 
 
 def forwarded(name: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    """Model of a file, with positions of its parts in the world."""
     model = load(name)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -33,11 +39,12 @@ def forwarded(name: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
 class TestEveryModel:
     def test_is_in_mm_mg_s(self, name):
         model = load(name)
-        np.testing.assert_array_equal(model.opt.gravity, [0, 0, -9810])
+        np.testing.assert_array_equal(model.opt.gravity, [0, 0, -GRAVITY])
         assert model.opt.timestep == 0.1
 
     def test_leaves_no_default_in_metres(self, name):
-        model, metric = load(name), mujoco.MjModel.from_xml_string("<mujoco/>")
+        model = load(name)
+        metric = mujoco.MjModel.from_xml_string("<mujoco/>")
         assert model.opt.sleep_tolerance != metric.opt.sleep_tolerance
         assert model.opt.ccd_tolerance != metric.opt.ccd_tolerance
         assert (model.geom_solref != [0.02, 1]).any(axis=1).all()
@@ -46,49 +53,57 @@ class TestEveryModel:
 
     def test_compiles_without_warnings(self, name, recwarn):
         load(name)
-        assert [str(w.message) for w in recwarn] == []
+        assert [str(warning.message) for warning in recwarn] == []
 
 
 class TestRobot:
-    def test_has_the_names_of_the_contract(self):
+    def test_has_the_names_that_robots_files_need(self):
         model = load("robot.xml")
-        sides = [f"{part}{i}{s}" for i in range(4) for part, s in [("led", ""), *[("photodiode", k) for k in "ab"]]]
-        seen = ["substrate", "leg0", "leg1", "leg2", "chip", "solar_cell", "probe", *sides]
+        optics = [f"led{side}" for side in range(4)]
+        optics += [f"photodiode{side}{which}" for side in range(4) for which in "ab"]
+        seen = ["substrate", "leg0", "leg1", "leg2", "chip", "solar_cell", "probe", *optics]
         for body in ["robot", "visual", *seen]:
             assert model.body(body).name == body
-        for site in ["probe_tip", *sides]:
+        for site in ["probe_tip", *optics]:
             assert model.site(site).bodyid == model.body("robot").id
         for geom in ["hull", *seen]:
             assert model.geom(geom).name == geom
-        assert [model.joint(i).name for i in range(model.njnt)] == ["x", "y", "yaw"]
+        assert [model.joint(index).name for index in range(model.njnt)] == ["x", "y", "yaw"]
 
     def test_hull_alone_collides(self):
         model = load("robot.xml")
         colliding = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
         np.testing.assert_array_equal(colliding, [model.geom("hull").id])
-        assert model.geom("hull").condim == 1 and model.geom("hull").group == 3
-        others = np.delete(np.arange(model.ngeom), colliding)
-        assert (model.geom_group[others] == 2).all()
+        assert model.geom("hull").condim == 1
+        assert model.geom("hull").group == 3
+        visual = np.delete(np.arange(model.ngeom), colliding)
+        assert (model.geom_group[visual] == 2).all()
 
     def test_drive_has_a_time_constant_of_one_time_step_on_every_axis(self):
         model = load("robot.xml")
-        np.testing.assert_allclose([10, 10, 20 / 3] / model.dof_damping, model.opt.timestep)
+        inertia = [10, 10, 20 / 3]
+        np.testing.assert_allclose(inertia / model.dof_damping, model.opt.timestep)
 
     def test_probe_is_26_um_wide_and_ends_at_its_tip(self):
         model, data = forwarded("robot.xml")
-        probe, tip = model.geom("probe"), data.site("probe_tip").xpos
-        assert probe.size[0] == pytest.approx(0.013)
-        end = data.geom("probe").xpos - [0, 0, probe.size[1]]
-        np.testing.assert_allclose(tip, end, atol=1e-12)
+        radius, half_length, _ = model.geom("probe").size
+        assert radius == pytest.approx(0.013)
+        end = data.geom("probe").xpos - [0, 0, half_length]
+        np.testing.assert_allclose(data.site("probe_tip").xpos, end, atol=1e-12)
 
     def test_leg_is_what_the_script_makes(self, tmp_path):
-        script = MODELS.parent / "tools" / "make_meshes.py"
+        script = MODELS.parent / "tools" / "make" / "make_meshes.py"
         subprocess.run([sys.executable, str(script), str(tmp_path)], check=True, timeout=60)
-        made = {path.name: path.read_text() for path in tmp_path.iterdir()}
-        assert made == {path.name: path.read_text() for path in (MODELS / "meshes").iterdir()}
+        assert texts_in(tmp_path) == texts_in(MODELS / "meshes")
 
 
-def _trajectory(model: mujoco.MjModel) -> np.ndarray:
+def texts_in(directory: Path) -> dict[str, str]:
+    """Contents of the files in a directory, by name."""
+    return {path.name: path.read_text() for path in directory.iterdir()}
+
+
+def trajectory(model: mujoco.MjModel) -> np.ndarray:
+    """Positions and velocities in ten steps under a constant force."""
     data = mujoco.MjData(model)
     data.qfrc_applied[:3] = [250.0, -80.0, 60.0]
     rows = []
@@ -99,10 +114,11 @@ def _trajectory(model: mujoco.MjModel) -> np.ndarray:
 
 
 def test_stripping_the_visual_parts_leaves_the_dynamics():
-    spec = without_visual(mujoco.MjSpec.from_file(str(MODELS / "robot.xml")))
-    full, bare = load("robot.xml"), spec.compile()
-    assert bare.ngeom == 1 and bare.nsite == full.nsite == 13
-    np.testing.assert_array_equal(_trajectory(bare), _trajectory(full))
+    full = load("robot.xml")
+    spec = mujoco.MjSpec.from_file(str(MODELS / "robot.xml"))
+    stripped = without_visual(spec).compile()
+    assert stripped.ngeom == 1 and stripped.nsite == full.nsite == 13
+    np.testing.assert_array_equal(trajectory(stripped), trajectory(full))
 
 
 class TestBall:
@@ -120,14 +136,14 @@ class TestBall:
         spec.geom("ball").size[0] = radius
         model = spec.compile()
         # 7.4 mg/mm^3 against the 7400 kg/m^3 of which the table gives three figures.
-        assert model.body("ball").mass[0] * 9810 == pytest.approx(weight, rel=0.01)
+        assert model.body("ball").mass[0] * GRAVITY == pytest.approx(weight, rel=0.01)
 
 
 class TestArena:
     def test_only_walls_collide(self):
         model = load("arena.xml")
-        names = {model.geom(i).name for i in np.flatnonzero(model.geom_contype | model.geom_conaffinity)}
-        assert names == {f"wall{k}" for k in range(4)}
+        colliding = np.flatnonzero(model.geom_contype | model.geom_conaffinity)
+        assert {model.geom(geom).name for geom in colliding} == {f"wall{k}" for k in range(4)}
 
     def test_has_cameras_light_and_a_large_framebuffer(self):
         model = load("arena.xml")
@@ -138,34 +154,69 @@ class TestArena:
 
 def test_floor_markings_balls_and_cameras_follow_the_configuration():
     """An arena four times as long as wide, off the middle; the file's is a square of 49 rd."""
-    corners = np.array([(-4.0, -4.0), (6.0, -4.0), (6.0, 36.0), (-4.0, 36.0)])
-    own = {"size": 49.0, "outline": tuple(map(tuple, corners)), "dust_area_size": 1.5, "dust_area_offset": 2.6}
-    arena = replace(SMALL.arena, **own)
-    made, file = compile_arena(replace(SMALL, arena=arena), 1, np.array([20e-6, 30e-6])), load("arena.xml")
-    model, floor = made.model, made.model.geom("floor")
-    np.testing.assert_allclose(floor.pos[:2] - floor.size[:2], RD * corners[0])
-    np.testing.assert_allclose(floor.pos[:2] + floor.size[:2], RD * corners[2])
-    np.testing.assert_allclose(model.material("floor").texrepeat, [5, 20])  # cells of 1 rd, two in a picture
+    corners = ((-4.0, -4.0), (6.0, -4.0), (6.0, 36.0), (-4.0, 36.0))
+    config = replace(
+        SMALL,
+        arena=replace(
+            SMALL.arena,
+            size=49.0,
+            outline=corners,
+            dust_area_size=1.5,
+            dust_area_offset=2.6,
+        ),
+    )
+    ball_radius = np.array([20e-6, 30e-6])
+    arena = compile_arena(config, 1, ball_radius)
+    model = arena.model
+
+    floor = model.geom("floor")
+    lowest, highest = np.array(corners[0]), np.array(corners[2])
+    np.testing.assert_allclose(floor.pos[:2] - floor.size[:2], RD * lowest)
+    np.testing.assert_allclose(floor.pos[:2] + floor.size[:2], RD * highest)
+    # Cells of 1 rd, two by two in a picture.
+    np.testing.assert_allclose(model.material("floor").texrepeat, [5, 20])
+
     np.testing.assert_allclose(model.geom("dump").size[:2], 1.5 * RD)
     for name, x in (("dust_west", -2.6), ("dust_east", 2.6)):
         area = model.geom(name)
-        np.testing.assert_allclose([area.pos[0], *area.size[:2]], RD * np.array([x, 0.75, 0.75]))
-    np.testing.assert_allclose([model.geom(f"ball{k}/ball").size[0] for k in range(2)], [0.02, 0.03])
-    assert made.mocap.tolist() == [model.body(f"ball{k}/ball").mocapid[0] for k in range(2)] == [0, 1]
+        assert area.pos[0] == pytest.approx(x * RD)
+        np.testing.assert_allclose(area.size[:2], 0.75 * RD)
+
+    balls = [model.geom(f"ball{k}/ball") for k in range(2)]
+    np.testing.assert_allclose([ball.size[0] for ball in balls], [0.02, 0.03])
+    mocap = [model.body(f"ball{k}/ball").mocapid[0] for k in range(2)]
+    assert arena.mocap.tolist() == mocap == [0, 1]
+
+    size = config.arena.size
+    file = load("arena.xml")
     for camera in ("above", "oblique"):
-        np.testing.assert_allclose(model.camera(camera).pos / arena.size, file.camera(camera).pos / 49)
+        distance_per_size = model.camera(camera).pos / size
+        np.testing.assert_allclose(distance_per_size, file.camera(camera).pos / 49)
 
 
 def test_panels_of_a_small_arena_stand_behind_its_walls():
     """Their inner faces at the walls, from corner to corner, so that a picture shows no gap."""
     model = compile_arena(SMALL, 1, np.zeros(0)).model
-    edge, thick = SMALL.arena.size / 2 * RD, 2 * min(model.geom("panel0").size[:2])
-    for k, direction in enumerate(np.asarray(OUTWARD)):
-        panel, across = model.geom(f"panel{k}"), np.abs(direction[[1, 0, 2]])
-        matrix = np.zeros(9)
-        mujoco.mju_quat2Mat(matrix, panel.quat)
-        assert model.geom(f"wall{k}").pos @ direction == pytest.approx(edge)
-        assert panel.pos @ direction - panel.size[0] == pytest.approx(edge)
-        np.testing.assert_allclose(matrix.reshape(3, 3)[:, 0], direction, atol=1e-12)
-        assert panel.size[0] == pytest.approx(thick / 2)
-        assert panel.size[1] == pytest.approx(edge + thick) and panel.pos @ across == 0
+    edge = SMALL.arena.size / 2 * RD
+    thickness = 2 * min(model.geom("panel0").size[:2])
+    for k, outward in enumerate(OUTWARD):
+        panel = model.geom(f"panel{k}")
+        half_thickness, half_length, _ = panel.size
+        along_wall = np.abs(outward[[1, 0, 2]])
+        rotation = np.zeros(9)
+        mujoco.mju_quat2Mat(rotation, panel.quat)
+        assert model.geom(f"wall{k}").pos @ outward == pytest.approx(edge)
+        assert panel.pos @ outward - half_thickness == pytest.approx(edge)
+        np.testing.assert_allclose(rotation.reshape(3, 3)[:, 0], outward, atol=1e-12)
+        assert half_thickness == pytest.approx(thickness / 2)
+        assert half_length == pytest.approx(edge + thickness)
+        assert panel.pos @ along_wall == 0
+
+
+@pytest.mark.parametrize("k", range(4))
+def test_walls_face_inwards(k):
+    """MuJoCo's planes stop what comes from the side of their normal, the z axis."""
+    wall = compile_arena(SMALL, 1, np.zeros(0)).model.geom(f"wall{k}")
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, wall.quat)
+    np.testing.assert_allclose(rotation.reshape(3, 3)[:, 2], -OUTWARD[k], atol=1e-12)
