@@ -1,4 +1,4 @@
-"""What a robot's file must contain, and where its LEDs and photodiodes look; what cannot be run is refused."""
+"""Robots' files: required parts, directions of LEDs and photodiodes, and refused files."""
 
 import os
 from dataclasses import replace
@@ -18,24 +18,33 @@ from iswarm_mj.tasks.layout import cell_of, free_cells, place_robots
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
+PAPER = (models_directory() / "robot.xml").read_text()
+"""File of the paper's robot."""
 
-def written(directory, text):
+
+def write_file(directory, text):
+    """Path of a robot's file with this text."""
     path = directory / "my_robot.xml"
     path.write_text(text)
     return path
 
 
-def test_of_a_robot_with_six_sides(tmp_path):
+def test_a_robot_with_six_sides(tmp_path):
     robot = read_robot(robot_file(tmp_path, "six"))
-    turns = np.exp(1j * np.radians(np.arange(0, 360, 60)))
-    for axes in (robot.sides.leds, robot.sides.photodiodes):
-        np.testing.assert_allclose(np.array(axes) @ [1, 1j], turns, atol=1e-12)
-    np.testing.assert_allclose(np.exp(1j * np.array(robot.sides.led_bearings)), turns, atol=1e-12)
-    corner = 0.8 / np.tan(np.radians(60))
-    np.testing.assert_allclose(robot.leds[:3], [[1.2, 0], [corner, 0.8], [-corner, 0.8]], atol=1e-9)
-    np.testing.assert_allclose(robot.photodiodes[0], [[1.2, 0.2], [1.2, -0.2]], atol=1e-9)
     assert robot.half_edges == (1.2, 0.8, 0.5) and robot.probe_tip == (1.1, 0.1)
-    assert robot.sides.front == robot.sides.front_leds == (True, False, False, False, False, False)
+
+    directions = np.exp(1j * np.radians(np.arange(0, 360, 60)))
+    for axes in (robot.sides.leds, robot.sides.photodiodes):
+        np.testing.assert_allclose(np.array(axes) @ [1, 1j], directions, atol=1e-12)
+    led_directions = np.exp(1j * np.array(robot.sides.led_bearings))
+    np.testing.assert_allclose(led_directions, directions, atol=1e-12)
+
+    x = 0.8 / np.tan(np.radians(60))  # where an axis at 60 degrees leaves the hull
+    np.testing.assert_allclose(robot.leds[:3], [[1.2, 0], [x, 0.8], [-x, 0.8]], atol=1e-9)
+    np.testing.assert_allclose(robot.photodiodes[0], [[1.2, 0.2], [1.2, -0.2]], atol=1e-9)
+
+    front_alone = (True, False, False, False, False, False)
+    assert robot.sides.front == robot.sides.front_leds == front_alone
     assert robot.sides.back_leds == (False, False, False, True, False, False)
 
 
@@ -53,10 +62,12 @@ def test_sides_of_the_papers_robot_are_exact():
 
 
 @pytest.mark.parametrize(
-    ("angles", "front"), [((45, -45, 180), [0, 1]), ((30, -30, 60, 180), [0, 1]), ((70, -60, 200), [1])]
+    ("angles", "front"),
+    [((45, -45, 180), [0, 1]), ((30, -30, 60, 180), [0, 1]), ((70, -60, 200), [1])],
 )
 def test_front_sides_look_within_45_degrees_of_ahead_or_nearest_to_it(tmp_path, angles, front):
-    sides = read_robot(written(tmp_path, robot_xml((1, 1), around((1, 1), angles, apart=0.01)))).sides
+    text = robot_xml((1, 1), around((1, 1), angles, apart=0.01))
+    sides = read_robot(write_file(tmp_path, text)).sides
     assert np.flatnonzero(sides.front).tolist() == front
 
 
@@ -68,68 +79,123 @@ def test_light_never_begins_farther_out_than_the_bound_says(tmp_path, name):
 
 
 def test_large_robots_start_on_larger_cells(tmp_path):
-    robot = read_robot(written(tmp_path, robot_xml((2.5, 1.5), around((2.5, 1.5), range(0, 360, 90)))))
-    assert cell_of(robot) == pytest.approx(np.hypot(5, 3) / RD) and cell_of(read_robot()) == 1.0
+    half_edges = (2.5, 1.5)
+    text = robot_xml(half_edges, around(half_edges, range(0, 360, 90)))
+    robot = read_robot(write_file(tmp_path, text))
+    cell = cell_of(robot)
+    assert cell == pytest.approx(np.hypot(5, 3) / RD)
+    assert cell_of(read_robot()) == 1.0
+
+    n_robots = 200
     arena = replace(SwarmConfig().arena, obstacles=((9.0, 9.0, 1.0, 2.0, 30.0),))
-    poses = place_robots(arena, 200, np.random.default_rng(0), cell_of(robot))
-    apart = np.linalg.norm(poses[:, None, :2] - poses[None, :, :2], axis=-1) + 1e9 * np.eye(200)
-    assert apart.min() >= 2 * robot.circumradius - 1e-9
-    assert np.abs(poses[:, :2]).max() + robot.circumradius <= arena.size / 2 * RD + 1e-9
-    cells = free_cells(arena, cell_of(robot))
+    centres = place_robots(arena, n_robots, np.random.default_rng(0), cell)[:, :2]
+    distance = np.linalg.norm(centres[:, None] - centres[None], axis=-1)
+    distance += 1e9 * np.eye(n_robots)
+    assert distance.min() >= 2 * robot.circumradius - 1e-9
+    assert np.abs(centres).max() + robot.circumradius <= arena.size / 2 * RD + 1e-9
+
+    cells = free_cells(arena, cell)
     assert len(cells) < len(free_cells(arena)) < 2376
-    assert distances(cells, numbers(arena.obstacles, RD)).min() >= robot.circumradius - 1e-9
+    to_obstacle = distances(cells, numbers(arena.obstacles, RD))
+    assert to_obstacle.min() >= robot.circumradius - 1e-9
 
 
 def test_a_copy_elsewhere_takes_the_meshes_from_the_package(tmp_path):
-    path = written(tmp_path, (models_directory() / "robot.xml").read_text())
+    path = write_file(tmp_path, PAPER)
     assert read_robot(path) == read_robot()
-    arena = compile_arena(SwarmConfig(), 2, np.zeros(0), visual=True, robot_file=path)
-    assert arena.model.nmesh == compile_arena(SwarmConfig(), 2, np.zeros(0), visual=True).model.nmesh > 0
+
+    config = SwarmConfig()
+    of_copy = compile_arena(config, 2, np.zeros(0), visual=True, robot_file=path).model
+    of_package = compile_arena(config, 2, np.zeros(0), visual=True).model
+    assert of_copy.nmesh == of_package.nmesh > 0
 
 
-PAPER = (models_directory() / "robot.xml").read_text()
-RING = around(HALF, range(0, 360, 40), apart=0.01)
+NINE_SIDES = around(HALF, range(0, 360, 40), apart=0.01)
 
 
 def without(kind, name):
-    """The paper's file without the element of this name."""
+    """The paper's file in which the element of this name has another one."""
     return PAPER.replace(f'<{kind} name="{name}"', f'<{kind} name="another"')
 
 
-@pytest.mark.parametrize(
-    ("text", "reason"),
-    [
-        ("<mujoco", "cannot be read as MJCF"),
-        ("<mujoco/>", "lacks body robot, body visual, joint x, .* geom hull, .* site probe_tip, site led0"),
-        (without("body", "visual"), "lacks body visual"),
-        (without("site", "photodiode2b"), "lacks site photodiode2b"),
-        (PAPER.replace('size="1 1 0.5" mass="10"', 'size="1 1 0.5" mass="0"'), "cannot be compiled"),
-        (PAPER.replace('name="x" class="drive"', 'name="x" class="drive" ref="1"'), "joints without ref"),
-        (PAPER.replace('"drive" axis="1 0 0"', '"drive" axis="0 0 1"'), "the joints x and"),
-        (PAPER.replace('class="hull" size="1 1 0.5"', 'class="hull" type="ellipsoid" size="1 1 0.5"'), "a box as hull"),
-        (PAPER.replace('class="hull" size', 'class="hull" euler="0 0 5" size'), "not turned"),
-        (PAPER.replace('name="robot" pos="0 0 0.5"', 'name="robot" pos="0 0 0.5" euler="0 0 5"'), "not turned"),
-        (PAPER.replace('type="hinge"', 'type="hinge" pos="0.1 0 0"'), "a hinge about z"),
-        (PAPER.replace('pos="0.9 0 -0.445"', 'pos="0.9 0 -0.5"'), "tip is above the floor"),
-        (PAPER.replace("<!-- The tip", '<geom name="tail" size="0.1" mass="1"/><!-- The tip'), "no geoms but `hull`"),
-        (PAPER.replace("<!-- The tip", '<body name="tail"/><!-- The tip'), "no bodies but `robot`"),
-        (PAPER.replace('"led0" class="optics" pos="1.001 0 0" xyaxes="1 0 0 0 1 0"',
-                       '"led0" class="optics" pos="1.001 0 0" xyaxes="1 0 1 0 1 0"'), "along the floor"),
-        (PAPER.replace('name="robot" pos="0 0 0.5"', 'name="robot" pos="0 0 0.6"'), "must stand on the floor"),
-        (PAPER.replace('class="hull" size', 'class="hull" pos="0.1 0 0" size'), "must stand on the floor"),
-        (robot_xml(HALF, [Side(1.2, 0.0, 0)]), "lacks site led1"),
-        (robot_xml(HALF, RING), "2 to 8 LEDs, .* three bits .* number 8"),
-        (robot_xml(HALF, [Side(1.2, 0.0, 10), Side(1.2, 0.4, 10)]), "LEDs 0 and 1 .* look the same way"),
-        (robot_xml(HALF, [Side(1.2, 0.0, 10), Side(1.2, 0.4, 40), Side(1.2, 0.2, 20, 20)]),
-         "pairs of photodiodes 1 and 2 .* look the same way"),
-        (robot_xml(HALF, [Side(1.2, 0.0, 0), Side(-1.2, 0.0, 20)]), "led1 .* look away from it"),
-        (robot_xml(HALF, [Side(1.2, 0.0, 0), Side(1.3, 1.0, -10)]), "led1 .* look away from it"),
-        (PAPER.replace('a" class="optics" pos="1.001 0.36 0" xyaxes="1 0 0 0 1 0"',
-                       'a" class="optics" pos="1.001 0.36 0" xyaxes="1 1 0 -1 1 0"'), "must look the same way"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_run_is_refused_in_a_sentence(tmp_path, text, reason):
-    path = written(tmp_path, text)
+def changed(old, new):
+    """The paper's file with a text replaced."""
+    assert old in PAPER
+    return PAPER.replace(old, new)
+
+
+BODY = 'name="robot" pos="0 0 0.5"'
+HULL = 'class="hull" size="1 1 0.5"'
+JOINT_X = 'name="x" class="drive"'
+BEFORE_TIP = "<!-- The tip"
+LED_0 = '"led0" class="optics" pos="1.001 0 0" xyaxes='
+PHOTODIODE_0A = 'a" class="optics" pos="1.001 0.36 0" xyaxes='
+
+REFUSED = {
+    "no XML": ("<mujoco", "cannot be read as MJCF"),
+    "nothing": (
+        "<mujoco/>",
+        "lacks body robot, body visual, joint x, .* geom hull, .* site probe_tip, site led0",
+    ),
+    "no visual body": (without("body", "visual"), "lacks body visual"),
+    "no photodiode": (without("site", "photodiode2b"), "lacks site photodiode2b"),
+    "no mass": (changed(HULL + ' mass="10"', HULL + ' mass="0"'), "cannot be compiled"),
+    "ref": (changed(JOINT_X, JOINT_X + ' ref="1"'), "joints without ref"),
+    "vertical axis": (changed('"drive" axis="1 0 0"', '"drive" axis="0 0 1"'), "the joints x and"),
+    "ellipsoid": (
+        changed('"hull" size="1 1', '"hull" type="ellipsoid" size="1 1'),
+        "a box as hull",
+    ),
+    "turned hull": (changed('class="hull" size', 'class="hull" euler="0 0 5" size'), "not turned"),
+    "turned body": (changed(BODY, BODY + ' euler="0 0 5"'), "not turned"),
+    "hinge aside": (changed('type="hinge"', 'type="hinge" pos="0.1 0 0"'), "a hinge about z"),
+    "low tip": (changed('"0.9 0 -0.445"', '"0.9 0 -0.5"'), "tip is above the floor"),
+    "another geom": (
+        changed(BEFORE_TIP, '<geom name="tail" size="0.1" mass="1"/>' + BEFORE_TIP),
+        "no geoms but `hull`",
+    ),
+    "another body": (
+        changed(BEFORE_TIP, '<body name="tail"/>' + BEFORE_TIP),
+        "no bodies but `robot`",
+    ),
+    "LED looks up": (
+        changed(LED_0 + '"1 0 0 0 1 0"', LED_0 + '"1 0 1 0 1 0"'),
+        "along the floor",
+    ),
+    "high body": (changed(BODY, 'name="robot" pos="0 0 0.6"'), "must stand on the floor"),
+    "hull aside": (
+        changed('class="hull" size', 'class="hull" pos="0.1 0 0" size'),
+        "must stand on the floor",
+    ),
+    "one side": (robot_xml(HALF, [Side(1.2, 0.0, 0)]), "lacks site led1"),
+    "nine sides": (robot_xml(HALF, NINE_SIDES), "2 to 8 LEDs, .* three bits .* number 8"),
+    "equal LEDs": (
+        robot_xml(HALF, [Side(1.2, 0.0, 10), Side(1.2, 0.4, 10)]),
+        "LEDs 0 and 1 .* look the same way",
+    ),
+    "equal pairs": (
+        robot_xml(HALF, [Side(1.2, 0.0, 10), Side(1.2, 0.4, 40), Side(1.2, 0.2, 20, 20)]),
+        "pairs of photodiodes 1 and 2 .* look the same way",
+    ),
+    "LED looks inwards": (
+        robot_xml(HALF, [Side(1.2, 0.0, 0), Side(-1.2, 0.0, 20)]),
+        "led1 .* look away from it",
+    ),
+    "LED looks past": (
+        robot_xml(HALF, [Side(1.2, 0.0, 0), Side(1.3, 1.0, -10)]),
+        "led1 .* look away from it",
+    ),
+    "unequal photodiodes": (
+        changed(PHOTODIODE_0A + '"1 0 0 0 1 0"', PHOTODIODE_0A + '"1 1 0 -1 1 0"'),
+        "must look the same way",
+    ),
+}
+"""Files of robots that cannot be simulated, and the reason that the error gives."""
+
+
+@pytest.mark.parametrize(("text", "reason"), REFUSED.values(), ids=REFUSED.keys())
+def test_robots_that_cannot_be_simulated_are_refused_in_a_sentence(tmp_path, text, reason):
+    path = write_file(tmp_path, text)
     with pytest.raises(UserError, match=reason) as refused:
         read_robot(path)
     assert str(path) in str(refused.value) or "2 to 8" in str(refused.value)
@@ -138,12 +204,12 @@ def test_what_cannot_be_run_is_refused_in_a_sentence(tmp_path, text, reason):
 
 def appended(section):
     """The paper's file with one more section at its end."""
-    return PAPER.replace("</mujoco>", section + "</mujoco>")
+    return changed("</mujoco>", section + "</mujoco>")
 
 
 def joint_x(attributes):
     """The paper's file with these attributes of the joint x."""
-    return PAPER.replace('name="x" class="drive"', f'name="x" class="drive" {attributes}')
+    return changed(JOINT_X, f"{JOINT_X} {attributes}")
 
 
 @pytest.mark.parametrize(
@@ -153,41 +219,61 @@ def joint_x(attributes):
         (appended('<tendon><fixed><joint joint="x" coef="1"/></fixed></tendon>'), "tendons"),
         (appended('<actuator><position joint="x" kp="1"/></actuator>'), "actuators"),
         (appended('<contact><pair geom1="hull" geom2="hull"/></contact>'), "contact pairs"),
-        (appended('<contact><exclude body1="robot" body2="world"/></contact>'), "contact exclusions"),
+        (
+            appended('<contact><exclude body1="robot" body2="world"/></contact>'),
+            "contact exclusions",
+        ),
         (joint_x('limited="true" range="-1 1"'), "joint limits"),
         (joint_x('stiffness="1e6"'), "joint stiffness"),
         (joint_x('damping="100 1"'), "damping that grows with speed"),
         (joint_x('frictionloss="1e9"'), "friction loss"),
     ],
 )
-def test_what_no_engine_simulates_is_refused_by_name(tmp_path, text, part):
-    path = written(tmp_path, text)
-    assert text != PAPER
+def test_parts_that_no_engine_simulates_are_refused_by_name(tmp_path, text, part):
+    path = write_file(tmp_path, text)
     with pytest.raises(UserError, match=f"has {part}; .* remove") as refused:
         compile_arena(SwarmConfig(), 2, np.zeros(0), robot_file=path)
     assert str(path) in str(refused.value) and "\n" not in str(refused.value)
 
 
-BODY = '<body name="robot"'
-ENDLESS = {
-    "replicate": (BODY, '<replicate count="2000000000" offset="1 0 0"><site/></replicate>' + BODY),
-    "hfield": ("<asset>", '<asset><hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/>'),
-    "include": ("<asset>", '<include file="pipe"/><asset>'),
-    "DOCTYPE": ("<mujoco ", '<!DOCTYPE a [<!ENTITY b "c">]><mujoco '),
-    "nkey": ('nkey="0"', 'nkey="2000000000"'),
-    "width": ("<asset>", '<asset><texture name="t" type="2d" builtin="flat" width="100000" height="8"/>'),
-    "height": ("<asset>", '<asset><texture name="t" type="2d" builtin="flat" width="8" height="4097"/>'),
-    **{part: (BODY, f"<{part}/>{BODY}") for part in ("composite", "flexcomp", "attach", "model")},
+def before_body(element):
+    """The paper's file with an element before the robot's body."""
+    return changed('<body name="robot"', element + '<body name="robot"')
+
+
+def in_assets(element):
+    """The paper's file with an element among its assets."""
+    return changed("<asset>", "<asset>" + element)
+
+
+def with_texture(size):
+    """The paper's file with a texture of this size."""
+    return in_assets(f'<texture name="t" type="2d" builtin="flat" {size}/>')
+
+
+HUGE = {
+    "replicate": before_body('<replicate count="2000000000" offset="1 0 0"><site/></replicate>'),
+    "hfield": in_assets('<hfield name="h" nrow="60000" ncol="60000" size="1 1 1 1"/>'),
+    "include": changed("<asset>", '<include file="pipe"/><asset>'),
+    "DOCTYPE": changed("<mujoco ", '<!DOCTYPE a [<!ENTITY b "c">]><mujoco '),
+    "nkey": changed('nkey="0"', 'nkey="2000000000"'),
+    "width": with_texture('width="100000" height="8"'),
+    "height": with_texture('width="8" height="4097"'),
+    "composite": before_body("<composite/>"),
+    "flexcomp": before_body("<flexcomp/>"),
+    "attach": before_body("<attach/>"),
+    "model": before_body("<model/>"),
 }
+"""Small files of huge robots, by what the error names."""
 
 
-@pytest.mark.parametrize(("names", "change"), ENDLESS.items(), ids=ENDLESS.keys())
-def test_small_files_of_huge_robots_are_refused_before_mujoco_parses_them(tmp_path, monkeypatch, names, change):
+@pytest.mark.parametrize(("name", "text"), HUGE.items(), ids=HUGE.keys())
+def test_small_files_of_huge_robots_are_refused_before_parsing(tmp_path, monkeypatch, name, text):
     os.mkfifo(tmp_path / "pipe")
-    path = written(tmp_path, PAPER.replace(*change))
-    assert path.read_text() != PAPER
+    path = write_file(tmp_path, text)
     monkeypatch.setattr(mujoco, "MjSpec", None)
-    with pytest.raises(UserError, match=f"{names}.* line [0-9]+[ ;].*: (write the parts out|lower it)") as refused:
+    message = f"{name}.* line [0-9]+[ ;].*: (write the parts out|lower it)"
+    with pytest.raises(UserError, match=message) as refused:
         read_robot(path)
     assert str(path) in str(refused.value) and "\n" not in str(refused.value)
 
@@ -196,37 +282,46 @@ def test_small_files_of_huge_robots_are_refused_before_mujoco_parses_them(tmp_pa
 def test_files_that_a_robot_names_must_be_files(tmp_path, asset):
     """MuJoCo would wait for a pipe's end."""
     os.mkfifo(tmp_path / "pipe")
-    path = written(tmp_path, PAPER.replace("<asset>", f'<asset><{asset} file="{tmp_path}/pipe"/>'))
+    path = write_file(tmp_path, in_assets(f'<{asset} file="{tmp_path}/pipe"/>'))
     with pytest.raises(UserError, match=r"cannot be read as MJCF \(it is a pipe or a device"):
         read_robot(path)
 
 
 def test_counts_up_to_the_limit_are_read(tmp_path):
-    path = written(tmp_path, PAPER.replace('nkey="0"', 'nkey="0" nuser_site="16" memory="1M"'))
+    counts = 'nkey="0" nuser_site="16" memory="1M"'
+    path = write_file(tmp_path, changed('nkey="0"', counts))
     assert read_robot(path) == read_robot()
 
 
 def test_a_file_that_mujoco_warns_of_leaves_no_log(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     mujoco.set_mju_user_warning(None)
-    path = written(tmp_path, PAPER.replace('size="1 1 0.5"', 'size="nan nan 0.5"'))
+    path = write_file(tmp_path, changed('size="1 1 0.5"', 'size="nan nan 0.5"'))
     with pytest.raises(UserError, match="cannot be compiled"):
         read_robot(path)
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
 
 
-@pytest.mark.parametrize(("height", "runs"), [(0.7, True), (0.69, False)])
-def test_the_planar_engine_refuses_flat_robots(tmp_path, height, runs):
-    text = robot_xml(HALF, ROBOTS["three"], height=height).replace('0 -0.445"', f'0 {0.055 - height / 2}"')
-    text = text.replace('pos="0.9 0.0 -0.445"', f'pos="0.9 0 {0.055 - height / 2}"')
-    arena = compile_arena(SwarmConfig(), 1, np.zeros(0), robot_file=written(tmp_path, text))
-    if runs:
-        assert read_kinds(arena)[0].half_y == 0.8
-    else:
-        with pytest.raises(UserError, match=r"at least 0\.7 mm high"):
-            read_plane(arena)
+def arena_of_flat_robots(directory, height):
+    """Arena of robots of this height, whose probe's tip is where it is in the paper's robot."""
+    tip = 0.055 - height / 2  # from the middle of the hull [mm]
+    text = robot_xml(HALF, ROBOTS["three"], height=height)
+    text = text.replace('pos="0.9 0.0 -0.445"', f'pos="0.9 0 {tip}"')
+    return compile_arena(SwarmConfig(), 1, np.zeros(0), robot_file=write_file(directory, text))
+
+
+def test_the_planar_engine_takes_robots_of_the_lowest_height(tmp_path):
+    arena = arena_of_flat_robots(tmp_path, 0.7)
+    assert read_kinds(arena)[0].half_y == 0.8
+
+
+def test_the_planar_engine_refuses_flat_robots(tmp_path):
+    arena = arena_of_flat_robots(tmp_path, 0.69)
+    with pytest.raises(UserError, match=r"at least 0\.7 mm high"):
+        read_plane(arena)
 
 
 def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(UserError, match=r"none.xml cannot be read as MJCF \(there is none\); give a copy of"):
+    message = r"none.xml cannot be read as MJCF \(there is none\); give a copy of"
+    with pytest.raises(UserError, match=message):
         read_robot(tmp_path / "none.xml")
