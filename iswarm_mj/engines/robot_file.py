@@ -37,7 +37,7 @@ _REQUIRED_PARTS = {
 """Names of the parts that every robot has, beside the sites of its optics."""
 
 _OPTICS_OF_SIDE = (("led", ""), ("photodiode", "a"), ("photodiode", "b"))
-"""What comes before and after a side's number in the names of its sites."""
+"""Texts before and after a side's number in the names of its sites."""
 
 _UNSUPPORTED_PARTS = {
     "joint stiffness": ("jnt_stiffness", "jnt_stiffnesspoly"),

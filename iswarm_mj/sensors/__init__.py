@@ -1,1 +1,1 @@
-"""What robots sense: light and the 32-bit messages it carries, walls, and the floor."""
+"""Senses of robots: light and the 32-bit messages it carries, walls, and the floor."""

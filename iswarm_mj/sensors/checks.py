@@ -47,7 +47,7 @@ class _CheckBit(NamedTuple):
     """Bit of a check as a function of the bits of a message."""
 
     place: int
-    """Its number in the message."""
+    """Number of the bit in the message."""
     mask: int
     """Bits of the message whose parity it is."""
     constant: int

@@ -81,7 +81,7 @@ class Candidates(NamedTuple):
     distance: Float[np.ndarray, "P"]
     """Distance between the centres [mm]."""
     reception: Reception
-    """How the receiver gets the light."""
+    """Light of the sender at the receiver."""
 
 
 def find_candidates(

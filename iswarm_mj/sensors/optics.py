@@ -40,7 +40,7 @@ yaw."""
 
 
 class Reception(NamedTuple):
-    """How receivers get light from senders, one entry a pair."""
+    """Light of senders at receivers, one entry a pair."""
 
     side: Int[Array, "*P"]
     """The receiver's side that faces the sender."""
@@ -54,7 +54,7 @@ class Reception(NamedTuple):
 
 
 class Views(NamedTuple):
-    """How the robots of each pair see each other."""
+    """Positions and sides of the robots of each pair, as they see each other."""
 
     at_receiver: Components
     """The sender's position ahead and to the left of the receiver [mm]."""

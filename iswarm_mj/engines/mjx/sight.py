@@ -42,9 +42,9 @@ class _Component(NamedTuple):
     """Component of P straight paths along one edge of each of M boxes [mm]."""
 
     start: Float[Array, "*P M"]
-    """Where a path begins, from the box's centre."""
+    """Start of a path, from the box's centre."""
     length: Float[Array, "*P M"]
-    """How far the path leads, negative backwards."""
+    """Length of a path, negative backwards."""
     half_edge: Float[Array, "M"]
     """Half the box's edge."""
 
