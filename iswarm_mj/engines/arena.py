@@ -217,7 +217,7 @@ def _robot_template(spec: mujoco.MjSpec, path: Path | None, number: int, visual:
     Args:
         spec: the arena, which gets the robot's materials.
         path: MJCF file, None for `models/robot.xml`.
-        number: of the kind.
+        number: index of the kind.
         visual: keep the visible parts.
     """
     robot = robot_spec(path)
@@ -330,9 +330,9 @@ def _add_box(spec: mujoco.MjSpec, prefix: str, box: Box, hull: mujoco.MjsGeom) -
 
     Args:
         spec: the arena.
-        prefix: of the names of its parts.
+        prefix: beginning of the names of its parts.
         box: half edges [rd], mass [kg] and friction coefficient, see `geometry.obstacles.Box`.
-        hull: of a robot.
+        hull: that of a robot.
     """
     _, _, half_x, half_y, _, mass_in_kg, friction = box
     is_driven = mass_in_kg == 0
@@ -383,7 +383,7 @@ def _add_box_joints(
     Args:
         spec: the arena.
         body: the box.
-        prefix: of the names of joints and tendons.
+        prefix: beginning of the names of joints and tendons.
         half_edges: (2,) half edges of the box [mm].
         friction_force: weight times coefficient of friction [nN].
     """
@@ -456,7 +456,7 @@ def _tune_drive(
 
     Args:
         spec: has the joints.
-        prefix: of the joints' names.
+        prefix: beginning of the joints' names.
         mass: [mg].
         yaw_inertia: [mg mm^2].
         timestep: [s].
