@@ -1,15 +1,30 @@
 """The inputs of the page: what browsers send is checked before viser keeps it."""
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import Any
 
 from iswarm_mj.player.controls import Control
 from iswarm_mj.player.widgets import widget
 from iswarm_mj.utils.errors import ConfigError, UserError, shown
 
-Act = Callable[[Any], None]
-"""What an input does with a value that it takes; called by viser's event loop, in the order of the
-messages, so that it must take no time."""
+Action = Callable[[Any], None]
+"""What an input does with a new value, or a button with the browser in which it was clicked.
+
+viser's event loop calls it, in the order of the messages, so it must take no time.
+"""
+
+
+@dataclass(frozen=True)
+class _Input:
+    """What the page knows of an input."""
+
+    control: Control
+    """Setting that the input shows, with the values that it takes."""
+    action: Action | None
+    """Called with each new value."""
+    gets_browser: bool = False
+    """The action is called with the browser, as the value says nothing."""
 
 
 class Inputs:
@@ -20,99 +35,130 @@ class Inputs:
     checked here first, by what the page itself knows of the input: its `Control`.
     """
 
-    def __init__(self, server: Any, refused: Callable[[str], None], failed: Callable[[Exception], None]):
+    def __init__(
+        self,
+        server: Any,
+        refused: Callable[[str], None],
+        failed: Callable[[Exception], None],
+    ):
         """Take the place of viser's own handler of changed inputs.
 
         Args:
-            server: of viser.
+            server: viser server of the page.
             refused: called with a sentence on a value that an input does not take.
             failed: called with what an input's action raised.
         """
         from viser._messages import GuiUpdateMessage
 
+        self._server = server
         self._gui = server.gui
         self._message = GuiUpdateMessage
         self._refused = refused
         self._failed = failed
-        self._controls: dict[str, Control] = {}
+        self._inputs: dict[str, _Input] = {}
         self._connection = self._gui._websock_interface
         self._connection.unregister_handler(GuiUpdateMessage, self._gui._handle_gui_updates)
         self._connection.register_handler(GuiUpdateMessage, self.receive)
 
-    def add(self, control: Control, act: Act | None = None) -> Any:
+    def add(self, control: Control, action: Action | None = None) -> Any:
         """Add an input for a control: a choice, a box to tick, a slider or a number.
 
         Args:
             control: setting that the input shows.
-            act: called with each new value of a browser's.
+            action: called with each new value that a browser sends.
         """
-        handle = widget(self._gui, control)
-        self._controls[handle._impl.uuid] = control
-        if act is not None:
-            handle.on_update(self._guarded(lambda event: act(event.target.value)))
+        with self._server.atomic():
+            handle = widget(self._gui, control)
+            self._register(handle, _Input(control, action))
         return handle
 
-    def add_button(self, label: str, act: Act, **look: Any) -> Any:
-        """Add a button; `act` is called with the browser in which somebody clicks on it."""
-        handle = self._gui.add_button(label, **look)
-        self._controls[handle._impl.uuid] = Control(label, "", value=True)
-        handle.on_click(self._guarded(lambda event: act(event.client)))
+    def add_button(self, label: str, action: Action, **look: Any) -> Any:
+        """Add a button; `action` is called with the browser in which somebody clicks on it."""
+        with self._server.atomic():
+            handle = self._gui.add_button(label, **look)
+            control = Control(label, "", value=True)
+            self._register(handle, _Input(control, action, gets_browser=True))
         return handle
 
-    def add_buttons(self, control: Control, act: Act) -> Any:
-        """Add a row of buttons, one for each choice; `act` is called with that of the button."""
-        handle = self._gui.add_button_group(control.label, control.choices)
-        self._controls[handle._impl.uuid] = control
-        handle.on_click(self._guarded(lambda event: act(event.target.value)))
+    def add_buttons(self, control: Control, action: Action) -> Any:
+        """Add a row of buttons, one for each choice; `action` is called with that of the button."""
+        with self._server.atomic():
+            handle = self._gui.add_button_group(control.label, control.choices)
+            self._register(handle, _Input(control, action))
         return handle
 
-    def _guarded(self, act: Act) -> Any:
-        """Return what viser calls with an event; it raises nothing."""
+    def _register(self, handle: Any, known: _Input) -> None:
+        """Take values of an input from now on.
 
-        async def acted(event: Any) -> None:
-            if event.client is None:  # the page itself has set a value
-                return
-            try:
-                act(event)
-            except UserError as error:
-                self._refused(str(error))
-            except Exception as error:
-                self._failed(error)
+        The block `atomic` around it keeps the input from browsers until then: a message that came
+        earlier would be lost.
+        """
+        self._inputs[handle._impl.uuid] = known
 
-        return acted
+    def controls(self) -> dict[str, Control]:
+        """Return the control of each input by the identifier of the input."""
+        return {uuid: known.control for uuid, known in self._inputs.items()}
 
     def offer(self, handle: Any, choices: tuple[str, ...]) -> None:
         """Let an input have other choices."""
-        if tuple(handle.options) != choices:
-            uuid = handle._impl.uuid
-            self._controls[uuid] = self._controls[uuid]._replace(choices=choices)
-            handle.options = choices
+        if tuple(handle.options) == choices:
+            return
+        uuid = handle._impl.uuid
+        known = self._inputs[uuid]
+        self._inputs[uuid] = replace(known, control=known.control._replace(choices=choices))
+        handle.options = choices
 
     def forget(self, handle: Any) -> None:
         """Take no more values of an input that is removed."""
-        self._controls.pop(handle._impl.uuid, None)
+        self._inputs.pop(handle._impl.uuid, None)
 
     async def receive(self, client_id: int, message: Any) -> None:
-        """Pass a message of a browser on to viser if its value is one that the input takes.
+        """Take the value that a browser sends, if it is one that the input takes, and act on it.
 
         Otherwise the input keeps its value, which all browsers are told.
         """
         handle = self._gui._gui_input_handle_from_uuid.get(message.uuid)
-        control = self._controls.get(message.uuid)
-        if handle is None or control is None:
+        known = self._inputs.get(message.uuid)
+        if handle is None or known is None:
             return
         try:
-            if set(message.updates) != {"value"}:
-                sent = ", ".join(map(str, message.updates))
-                raise UserError(f"a browser can change values of inputs alone (got {shown(sent)})")
-            message.updates["value"] = control.check(message.updates["value"])
+            value = _checked(message, known.control)
         except UserError as error:
-            self._refused(_sentence(error, control))
+            self._refused(_sentence(error, known.control))
             if not handle._impl.is_button:
-                update = {"value": handle.value}
-                self._connection.queue_message(self._message(message.uuid, update))
+                self._connection.queue_message(self._message(message.uuid, {"value": handle.value}))
             return
+
+        # viser keeps the value and sends it to the other browsers.
+        is_new = handle._impl.is_button or handle.value != value
+        message.updates["value"] = value
         await self._gui._handle_gui_updates(client_id, message)
+        if known.action is None or not is_new:
+            return
+        argument = self._server.get_clients().get(client_id) if known.gets_browser else value
+        if argument is not None:
+            self._act(known.action, argument)
+
+    def _act(self, action: Action, argument: Any) -> None:
+        """Call the action of an input; what it raises is shown on the page."""
+        try:
+            action(argument)
+        except UserError as error:
+            self._refused(str(error))
+        except Exception as error:
+            self._failed(error)
+
+
+def _checked(message: Any, control: Control) -> Any:
+    """Return the value of a message as a value of a control.
+
+    Raises:
+        UserError: the control does not take it, or the message changes something else.
+    """
+    if set(message.updates) != {"value"}:
+        sent = ", ".join(map(str, message.updates))
+        raise UserError(f"a browser can change values of inputs alone (got {shown(sent)})")
+    return control.check(message.updates["value"])
 
 
 def _sentence(error: UserError, control: Control) -> str:

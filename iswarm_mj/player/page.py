@@ -25,6 +25,7 @@ from iswarm_mj.simulation.scenario import Scenario, config_of, refuse_beside_sce
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.constraints import check, is_whole
+from iswarm_mj.utils.errors import UserError
 
 PORT = 8080
 """Where the page is; the first port from there on that is free."""
@@ -103,8 +104,8 @@ class Page:
         look.light(server.scene)
         look.aim(server.initial_camera, session.scene)
         self._panel = Panel(server, session)
-        self._panel.looks.on_update(lambda _: self._turn_to(self._panel.looks.value))
         self._panel.rebuild()
+        self._shown = self._panel.looks.value
         self._version, self._time, self._panel_at = session.version, time.monotonic(), -math.inf
         server.scene.on_click()(self._clicked)
         server.on_client_connect(self._connected)
@@ -172,7 +173,7 @@ class Page:
             now: time [s].
             elapsed: since the last drawing [s].
         """
-        parts = [self._begin_view, partial(self._draw_swarm, elapsed), self._show_messages]
+        parts = [self._begin_view, self._turn, partial(self._draw_swarm, elapsed), self._show_messages]
         if self._panel.bench.root.visible:
             parts.append(self._panel.bench.show)
         if now - self._panel_at > PANEL_S:
@@ -226,9 +227,13 @@ class Page:
         if texts:
             self._panel.synchronise()
 
-    def _turn_to(self, shown: str) -> None:
-        """Show the swarm or the bench, and let all browsers look at it."""
-        is_bench = shown == GRIPPER
+    def _turn(self) -> None:
+        """Show the swarm or the bench, if somebody has chosen the other, and let all browsers look at it."""
+        chosen = self._panel.looks.value
+        if chosen == self._shown:
+            return
+        self._shown = chosen
+        is_bench = chosen == GRIPPER
         self._panel.bench.turn(is_bench)
         self._panel.view.root.visible = not is_bench
         look.aim(self._server.initial_camera, self.session.scene, is_low=is_bench)
@@ -266,7 +271,10 @@ class Page:
             distance = (height / 2 - z0) / slope
             x, y = x0 + distance * way[0], y0 + distance * way[1]
         if np.isfinite([x, y]).all():
-            self._panel.clicked(float(x), float(y), 0.8 * length)
+            try:
+                self._panel.clicked(float(x), float(y), 0.8 * length)
+            except UserError as error:
+                self.session.messages.put(str(error))
 
 
 def play(

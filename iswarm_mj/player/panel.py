@@ -132,21 +132,31 @@ class Panel:
         self._inputs.add_button("Save as TOML", download, icon="download")
 
         def record(is_wanted: bool) -> None:
-            if not is_wanted:
-                session.stop_recording()
-                place.content += " Saved; open it with `rerun`."
-                return
             try:
-                place.content = f"Recording to `{session.start_recording()}`."
-            except Exception:
-                is_recorded.value = False
-                raise
+                if is_wanted:
+                    session.start_recording()
+                else:
+                    session.stop_recording()
+            finally:
+                self._show_recording()
 
-        is_recorded = self._inputs.add(
+        self._is_recorded = self._inputs.add(
             Control("record for Rerun", "", False),
-            lambda value: session.post(lambda: record(value)),
+            lambda value: session.post(lambda: record(value), control="record"),
         )
-        place = gui.add_markdown("")
+        self._recording = gui.add_markdown("")
+        self._shown_recording = (False, session.recording)
+
+    def _show_recording(self) -> None:
+        """Show whether the run is recorded, and the name of the latest file."""
+        session = self._session
+        self._shown_recording = (session.is_recording, session.recording)
+        is_recording, path = self._shown_recording
+        show(self._is_recorded, "value", is_recording)
+        if is_recording:
+            show(self._recording, "content", f"Recording to `{path}`.")
+        elif path is not None:
+            show(self._recording, "content", f"Recorded `{path}`; open it with `rerun`.")
 
     def rebuild(self) -> None:
         """Show the controls, the ways to colour and the plots of the present run."""
@@ -221,6 +231,8 @@ class Panel:
         legend = arrays.legend(session.scene, view.by, session.is_alive)
         show(self._legend, "content", spots(legend))
         self._show_command()
+        if self._shown_recording != (session.is_recording, session.recording):
+            self._show_recording()  # which a reset, or areas that move, have ended
         if view.selected is not None:
             snapshot = session.snapshots[-1]
             memory = snapshot.record.swarm.memory

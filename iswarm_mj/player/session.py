@@ -1,13 +1,14 @@
 """A run that can be played with: a plain object that one thread works on, and that others post to."""
 
 import copy
+import itertools
 import math
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from statistics import median
 from threading import Lock
 from typing import Any, NamedTuple
@@ -15,13 +16,14 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from iswarm_mj.output.frames import RecordedWorld
+from iswarm_mj.output.frames import FIXED, RecordedWorld
 from iswarm_mj.output.schema import ARRAYS, Frames
 from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import METRIC
 from iswarm_mj.player.changes import EDITS, Change, edit
 from iswarm_mj.player.controls import Control, controls, is_live, parsed
 from iswarm_mj.player.faults import Faults
+from iswarm_mj.player.inbox import Inbox
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.stated import command_line, is_same, toml
@@ -32,6 +34,8 @@ AHEAD = 2
 """Control steps that are computed ahead of what is shown, so that motion stays smooth."""
 LONGEST = 4000
 """Control steps that are plotted, the latest ones."""
+MOST_RECORDINGS = 100
+"""Recordings that a session makes at most; each is a file and takes some memory."""
 
 
 class Snapshot(NamedTuple):
@@ -72,6 +76,8 @@ class Session:
         messages: one-line errors for whoever plays.
         rate: control steps a second that could be computed; infinite until two were.
         faults: exceptions that were shown.
+        inbox: work that browsers asked for.
+        recording: latest file for Rerun; None before the first one.
         lock: held while another run takes the place of the present one, and by whoever draws.
     """
 
@@ -94,9 +100,11 @@ class Session:
         self.version, self.is_playing, self.is_busy, self.shown, self.rate = 0, False, False, math.inf, math.inf
         self.messages: SimpleQueue[str] = SimpleQueue()
         self.lock = Lock()
-        self._posted: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self.inbox = Inbox()
+        self.recording: Path | None = None
+        self._n_recordings = 0
         self._recorder: Recorder | None = None
-        self._recording = Lock()
+        self._recording_lock = Lock()
         self.faults = Faults()
         self._begin(scenario)
         for change in self.waiting:
@@ -104,10 +112,11 @@ class Session:
                 edit(self.run, change)  # which refuses what cannot be
 
     def _begin(self, scenario: PageScenario) -> None:
-        """Begin another run; where that fails, all stays as it was."""
+        """Begin another run and complete the recording; where that fails, all stays as it was."""
         run = scenario.run()
         world = RecordedWorld.of(run, 0)
         frames = world.frames([run.start])
+        self.stop_recording()
         with self.lock:
             self.start = self.now = self.wanted = scenario
             self.made: list[Change] = []
@@ -134,9 +143,20 @@ class Session:
         """Which robots are (N,), those just killed left out."""
         return self.snapshots[-1].frames.is_alive[0]
 
-    def post(self, call: Callable[[], None]) -> None:
-        """Have something done between two control steps, by the thread that works on this session."""
-        self._posted.put(call)
+    def post(self, call: Callable[[], None], control: str | None = None) -> None:
+        """Have something done between two control steps, by the thread that works on this session.
+
+        Args:
+            call: to be made.
+            control: unique name of the control that the call sets; None for a click.
+
+        Raises:
+            UserError: too many clicks wait.
+        """
+        if control is None:
+            self.inbox.put_click(call)
+        else:
+            self.inbox.put_value(control, call)
 
     def work(self) -> bool:
         """Do what was posted, then take a control step if one is due; return whether anything was.
@@ -144,11 +164,7 @@ class Session:
         What goes wrong is shown to whoever plays, and pauses the run.
         """
         worked = False
-        while True:
-            try:
-                call = self._posted.get_nowait()
-            except Empty:
-                break
+        while (call := self.inbox.take()) is not None:
             self._succeeds(call)
             worked = True
 
@@ -197,7 +213,7 @@ class Session:
             self.rate = 1 / median(self._laps)
         assert record is not None  # world 0 is recorded
         self._append(self.world.frames([record]), record)
-        with self._recording:
+        with self._recording_lock:
             if self._recorder is not None:
                 self._recorder.add(record)
         for fault in self.run.faults:
@@ -209,7 +225,6 @@ class Session:
         Raises:
             UserError: they do not fit each other; the present run goes on, with its settings.
         """
-        self.stop_recording()
         wanted, self.wanted = self.wanted, self.now
         self.rate = math.inf
         is_other_program = not is_same(replace(wanted, seed=self.now.seed), self.now)
@@ -285,15 +300,24 @@ class Session:
 
     def _change_setting(self, name: str, text: str) -> None:
         """Change a setting of the run, and of what waits if that has it, too; both or none."""
+        config_before = self.now.config
         now = self.now.set(name, parsed(self.now, name, text))
         wanted = self.wanted
         if wanted.shares(name, now):
             wanted = wanted.set(name, now.get(name))
         task = None if is_same(now.task, self.now.task) else now.task
         self.run.change(now.config, now.strategy, task)
-        if task is not None or now.config != self.now.config:  # by which areas on the floor are drawn
-            self.world = RecordedWorld.of(self.run, 0)
         self.now, self.wanted = now, wanted
+        if task is not None or now.config != config_before:
+            self._follow_areas()
+
+    def _follow_areas(self) -> None:
+        """Take in areas on the floor that settings have moved; a recording has them from its start."""
+        before = self.world.scene
+        self.world = RecordedWorld.of(self.run, 0)
+        after = self.world.scene
+        if any(not np.array_equal(getattr(before, name), getattr(after, name)) for name in FIXED):
+            self.stop_recording()
 
     def _append(self, frames: Frames, record: StepRecord) -> None:
         """Keep what the latest control step looks like."""
@@ -330,22 +354,42 @@ class Session:
         """
         return f"# iswarm {'play' if self.made else 'run'} --config FILE\n{toml(self.values())}"
 
-    def start_recording(self) -> Path:
-        """Record to a new file for Rerun, from the present state on; return its name."""
+    @property
+    def is_recording(self) -> bool:
+        """Control steps are added to a recording."""
+        return self._recorder is not None
+
+    def start_recording(self) -> None:
+        """Record to a new file for Rerun, from the present state on, unless a recording goes on.
+
+        Raises:
+            UserError: there are too many recordings, or the file cannot be written.
+        """
+        if self.is_recording:
+            return
+        if self._n_recordings >= MOST_RECORDINGS:
+            raise UserError(f"this page has made {MOST_RECORDINGS} recordings, as many as it can; start another page")
         self._out.mkdir(parents=True, exist_ok=True)
-        number = next(k for k in range(1, 10**6) if not (self._out / f"play-{k}.rrd").exists())
+        numbers = itertools.count(1)
+        path = next(path for path in map(self._recording_path, numbers) if not path.exists())
+
+        # A recording begins with the record `start` of its run.
         run = copy.copy(self.run)
         run.start = self.snapshots[-1].record
-        path = self._out / f"play-{number}.rrd"
         self._recorder = Recorder(run, path)
-        return path
+        self._n_recordings += 1
+        self.recording = path
+
+    def _recording_path(self, number: int) -> Path:
+        """Return the path of a recording by its number."""
+        return self._out / f"play-{number}.rrd"
 
     def stop_recording(self) -> None:
         """Complete the file; any thread may do so, also while a control step is computed.
 
         Where that fails, it is not tried again.
         """
-        with self._recording:
+        with self._recording_lock:
             recorder, self._recorder = self._recorder, None
             if recorder is not None:
                 recorder.save()

@@ -83,7 +83,8 @@ class SettingsTabs:
     def _move(self, control: Control, value: Any) -> None:
         """Let the session change a setting, of what runs or of what waits."""
         change = self._session.set if control.is_live else self._session.want
-        self._session.post(lambda: change(control.name, value))
+        tab = "rules" if control.is_live else "world"
+        self._session.post(lambda: change(control.name, value), control=f"{tab} {control.name}")
 
 
 def _grouped(controls: list[Control]) -> dict[tuple[bool, str], list[Control]]:

@@ -4,10 +4,11 @@ import random
 import warnings
 from contextlib import contextmanager
 from threading import Event
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support.page import SECONDS, Browser, wait
+from support.page import Browser, wait, wait_for
 
 from iswarm_mj import SwarmConfig, play
 from iswarm_mj.config.swarm import ArenaConfig
@@ -241,10 +242,20 @@ def test_a_rebuild_removes_each_input_once(still):
     assert set(browser.inputs) == set(alive)
 
 
+AFFORDABLE = {
+    "robots": (6, 9),
+    "arena.size": (20.0, 28.0),
+    "density_of_robots": (0.005, 0.03),
+}
+"""Ranges of the settings that together make the number of robots and balls: a large arena at a high
+density has thousands of robots, whose arena MuJoCo compiles for minutes."""
+
+
 def legal(control, rng):
-    """A value that a control takes, of sizes that tests can afford."""
-    if control.name == "robots":
-        return rng.randint(6, 9)
+    """Return a value that a control takes, of a size that tests can afford."""
+    if control.name in AFFORDABLE:
+        low, high = AFFORDABLE[control.name]
+        return rng.randint(low, high) if isinstance(low, int) else rng.uniform(low, high)
     if control.choices:
         return rng.choice([choice for choice in control.choices if choice != "mjx"])
     if isinstance(control.value, bool):
@@ -275,11 +286,17 @@ def settle(page, scenario):
         session.advance()
         has_begun.set()
 
+    wait_for(session, lambda: not session.inbox)
     session.post(begin)
-    assert has_begun.wait(SECONDS)
+    wait_for(session, has_begun.is_set)
     assert session.step == 1 and session.now == scenario
     wait(lambda: "**step 1**" in page._panel._status.content)
     assert page._error is None and all(thread.is_alive() for thread in page._threads)
+
+
+def ray_onto(x, y):
+    """Return a click on the arena from above, at a place [mm]."""
+    return SimpleNamespace(ray_origin=(x, y, 90.0), ray_direction=(0.0, 0.0, -1.0))
 
 
 def play_monkey(page, browser, rng, n_events, n_resets, is_hostile, file):
@@ -290,7 +307,7 @@ def play_monkey(page, browser, rng, n_events, n_resets, is_hostile, file):
         if event in resets:
             browser.set("run", "Reset")
             browser.set("run", "Step")
-            wait(session._posted.empty)
+            wait_for(session, lambda: not session.inbox)
         uuid, control = rng.choice([*browser.inputs.items()])
         if control.label in ("run", "Lift and release the ball"):
             continue
@@ -299,7 +316,7 @@ def play_monkey(page, browser, rng, n_events, n_resets, is_hostile, file):
         else:
             browser.send(uuid, {"value": legal(control, rng)})
         if rng.random() < 0.1:
-            page._panel.clicked(rng.uniform(-30, 30), rng.uniform(-30, 30), 1.6)
+            page._clicked(ray_onto(rng.uniform(-30, 30), rng.uniform(-30, 30)))
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from viser._messages import GuiUpdateMessage
 
 SECONDS = 240
-"""After which a test that waits has failed."""
+"""After which a test that waits has failed, unless the session goes on."""
 BROWSER = 0
 """Number of the browser."""
 
@@ -17,6 +17,17 @@ def wait(holds):
     end = time.monotonic() + SECONDS
     while not holds():
         assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def wait_for(session, holds):
+    """Wait until something holds, for as long as the session works on what was posted."""
+    progress, end = None, 0.0
+    while not holds():
+        latest = (session.version, session.step, len(session.inbox))
+        if latest != progress:
+            progress, end = latest, time.monotonic() + SECONDS
+        assert time.monotonic() < end, f"the session stands still at {progress}"
         time.sleep(0.05)
 
 
@@ -47,7 +58,7 @@ class Browser:
     @property
     def inputs(self):
         """Controls of the page by the identifiers of the inputs."""
-        return self.page._panel._inputs._controls
+        return self.page._panel._inputs.controls()
 
     def find(self, label):
         """Return the identifier of an input; of several the last one."""
