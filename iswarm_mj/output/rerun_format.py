@@ -7,11 +7,13 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
+from weakref import WeakSet
 
 import numpy as np
 import pyarrow as pa
 import rerun as rr
 import rerun.blueprint as rrb
+import rerun_bindings
 from jaxtyping import Float, Int
 
 from iswarm_mj.utils.errors import UserError
@@ -25,6 +27,9 @@ ROOM = 2**20
 """Least room for more of a recording [bytes]."""
 Point = tuple[float, float, float]
 
+_unfinished: WeakSet[rr.RecordingStream] = WeakSet()
+"""Streams whose file is not complete."""
+
 
 def check_recordings(stream: rr.RecordingStream | None = None) -> None:
     """Check that Rerun is enabled, for instance before anything is computed or removed.
@@ -37,6 +42,45 @@ def check_recordings(stream: rr.RecordingStream | None = None) -> None:
             f"Recordings are disabled by the environment variable RERUN={os.environ.get('RERUN', '')}; "
             "unset it, set it to 1, or run without a recording."
         )
+
+
+def free_finished_streams() -> None:
+    """Free the threads and the memory of recordings that are complete.
+
+    Rerun keeps each stream for ever (rerun-io/rerun#2116): four threads and some megabytes for each
+    recording. `rerun.init` calls the same function for this reason. It first flushes all streams,
+    which never ends for one whose disk is full. So nothing is freed while the file of a stream is
+    open, and nothing ever again once a stream has failed.
+    """
+    if _unfinished:
+        return
+    global_stream = rr.get_global_data_recording()
+    rerun_bindings.flush_and_cleanup_orphaned_recordings()
+    if global_stream is not None:  # of the user's, which that function forgets
+        rr.set_global_data_recording(global_stream)
+
+
+class _Layout(rrb.Blueprint):
+    """A layout of the viewer that knows the stream by which it is written.
+
+    That stream refers to itself by the memory that it writes to, so that Rerun never frees it
+    unless it is disconnected; `RecordingStream.save` does not.
+    """
+
+    def __init__(self, layout: rrb.Blueprint):
+        """Take the views and panels of a layout."""
+        vars(self).update(vars(layout))
+        self._stream: rr.RecordingStream | None = None
+
+    def _log_to_stream(self, stream: rr.RecordingStream) -> None:
+        self._stream = stream
+        super()._log_to_stream(stream)
+
+    def free(self) -> None:
+        """Let Rerun free the stream, once the layout is written."""
+        if self._stream is not None:
+            self._stream.disconnect()
+            self._stream = None
 
 
 class RrdFile:
@@ -61,7 +105,10 @@ class RrdFile:
             UserError: the environment disables recordings, the name does not end in .rrd, or
                 somebody else writes the file.
         """
-        self._path, self._given, self.stream = path, str(given or path), rr.RecordingStream(application)
+        free_finished_streams()
+        self._path = path
+        self._given = str(given or path)
+        self.stream = rr.RecordingStream(application)
         check_recordings(self.stream)
         check_name(self._given, ".rrd", setting="path")
         with ExitStack() as lock:
@@ -70,7 +117,10 @@ class RrdFile:
                 lock.enter_context(only_writer(path, setting="file"))
                 path.open("wb").close()
                 check_room(path)
-                self.stream.save(path, default_blueprint=layout)
+                _unfinished.add(self.stream)
+                own_layout = _Layout(layout)
+                self.stream.save(path, default_blueprint=own_layout)
+                own_layout.free()
             self._lock = lock.pop_all()
         self.stream.set_log_time_enabled(False)
         self.stream.set_log_tick_enabled(False)
@@ -115,6 +165,7 @@ class RrdFile:
                     file.seek(-min(len(_END) + 4, self._path.stat().st_size), os.SEEK_END)
                     if not file.read().startswith(_END):
                         raise RuntimeError("No space left for its end, or another fault of the disk")
+            _unfinished.discard(self.stream)
 
 
 def check_room(path: Path) -> None:
