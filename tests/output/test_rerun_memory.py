@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from rerun.chunk import RrdReader
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="needs /proc and limits of Linux")
 TESTS = Path(__file__).parents[1]
@@ -57,6 +58,17 @@ def run(script, folder):
     assert done.returncode == 0, done.stderr
 
 
+def texts(path, entity):
+    """Return the documents of an entity, read back from a complete recording."""
+    assert b"RRF2FOOT" in path.read_bytes()[-16:]
+    found = []
+    for chunk in RrdReader(path).stream().to_chunks():
+        if chunk.entity_path == f"/{entity}":
+            for row in chunk.to_record_batch()["TextDocument:text"].to_pylist():
+                found += row
+    return found
+
+
 def test_threads_and_memory_stay_over_many_recordings(tmp_path):
     script = """
 for number in range(3):
@@ -90,8 +102,7 @@ assert count_threads() == n_threads
 """
     run(script, tmp_path)
     for number in range(5):
-        content = (tmp_path / f"{number}.rrd").read_bytes()
-        assert f"text {number}".encode() in content and b"RRF2FOOT" in content[-16:]
+        assert texts(tmp_path / f"{number}.rrd", "text") == [f"text {number}"]
 
 
 def test_the_users_own_recording_goes_on(tmp_path):
@@ -104,7 +115,7 @@ rr.log("own", rr.TextDocument("of the user"))
 rr.disconnect()
 """
     run(script, tmp_path)
-    assert b"of the user" in (tmp_path / "own.rrd").read_bytes()
+    assert texts(tmp_path / "own.rrd", "own") == ["of the user"]
 
 
 def test_after_a_recording_on_a_full_disk_others_do_not_wait_for_it(tmp_path):
@@ -122,4 +133,4 @@ record("second.rrd")
 """
     run(script, tmp_path)
     for name in ("first.rrd", "second.rrd"):
-        assert b"RRF2FOOT" in (tmp_path / name).read_bytes()[-16:]
+        assert texts(tmp_path / name, "text") == [1000 * "x"]

@@ -9,12 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from support.page import Browser, wait, wait_for
+from support.rrd import read
 
 from iswarm_mj import SwarmConfig, play
 from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player.controls import Control
+from iswarm_mj.player.inbox import MOST_CLICKS
+from iswarm_mj.player.panel import DROP
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
@@ -64,6 +67,11 @@ def work(page):
     page.session.work()
     page._panel_at = -np.inf
     page._draw(0.0, 0.04)
+
+
+def ray_onto(x, y):
+    """Return a click on the arena from above, at a place [mm]."""
+    return SimpleNamespace(ray_origin=(x, y, 90.0), ray_direction=(0.0, 0.0, -1.0))
 
 
 FLOAT = Control("width", "", 0.5, low=0.0, high=2.0, unit="rd")
@@ -242,6 +250,92 @@ def test_a_rebuild_removes_each_input_once(still):
     assert set(browser.inputs) == set(alive)
 
 
+def test_an_action_gets_the_value_that_was_checked(still):
+    """JavaScript sends 30 for 30.0, and perhaps 7.0 for 7."""
+    page, browser = still
+    values = []
+    panel = page._panel
+    panel._inputs.add(Control("width", "", 0.5, low=0.0, high=60.0), values.append)
+    panel._inputs.add(Control("count", "", 3, low=1, high=9), values.append)
+    browser.set("width", 30)
+    browser.set("count", 7.0)
+    browser.set("count", 7)  # which it has
+    browser.set("count", 10)
+    assert values == [30.0, 7]
+    assert [type(value) for value in values] == [float, int]
+
+
+def test_a_value_is_taken_though_its_browser_has_left(still):
+    """Otherwise the page would show a value that the session does not have."""
+    page, browser = still
+    identifier = browser.find("p vector forget")
+    browser.close()
+    browser.send(identifier, {"value": 0.75})
+    page._server._connected_clients[0] = browser
+    work(page)
+    assert page.session.now.genome.p_vector_forget == 0.75
+
+
+def test_browsers_see_an_input_once_its_values_are_taken(still, monkeypatch):
+    page, _ = still
+    inputs, buffer = page._panel._inputs, page._server._websock_server.get_message_buffer()
+    held_back = []
+    register = inputs._register
+
+    def note_and_register(*arguments):
+        held_back.append(buffer.atomic_counter > 0)
+        register(*arguments)
+
+    monkeypatch.setattr(inputs, "_register", note_and_register)
+    inputs.add(WORD)
+    inputs.add_button("button", print)
+    inputs.add_buttons(WORD, print)
+    assert held_back == [True, True, True] and buffer.atomic_counter == 0
+
+
+def test_a_flood_of_values_and_clicks_leaves_little_to_do(still):
+    page, browser = still
+    for k in range(2000):
+        browser.set("p vector forget", k % 2 / 4)
+        browser.set("seed", 5 + k % 2)
+    assert len(page.session.inbox) == 2
+    for _ in range(200):
+        browser.set("Play", True)
+        page._panel.click = DROP
+        page._clicked(ray_onto(5.0, 5.0))
+    assert len(page.session.inbox) == 2 + MOST_CLICKS
+    page._draw(0.0, 0.04)
+    assert browser.notifications == [
+        "30 clicks wait already, as something takes long; click again when the page has done them"
+    ]
+    work(page)
+    assert not page.session.inbox and page.session.wanted.seed == 6
+
+
+def test_fast_ticks_of_the_recording_leave_no_file_behind(still, tmp_path):
+    page, browser = still
+    page.session._out = tmp_path / "recordings"
+    for _ in range(20):
+        browser.set("record for Rerun", True)
+        browser.set("record for Rerun", False)
+    work(page)
+    assert not page.session.is_recording and not page.session._out.exists()
+
+
+def test_the_tick_shows_that_a_reset_has_completed_the_recording(still, tmp_path):
+    page, browser = still
+    page.session._out = tmp_path
+    browser.set("record for Rerun", True)
+    work(page)
+    assert browser.value("record for Rerun") is True
+    assert "Recording to" in page._panel._recording.content
+    browser.set("run", "Reset")
+    work(page)
+    assert browser.value("record for Rerun") is False
+    assert "Recorded" in page._panel._recording.content
+    assert read(tmp_path / "play-1.rrd")["/world/robots/body"]["step"] == [1]
+
+
 AFFORDABLE = {
     "robots": (6, 9),
     "arena.size": (20.0, 28.0),
@@ -292,11 +386,6 @@ def settle(page, scenario):
     assert session.step == 1 and session.now == scenario
     wait(lambda: "**step 1**" in page._panel._status.content)
     assert page._error is None and all(thread.is_alive() for thread in page._threads)
-
-
-def ray_onto(x, y):
-    """Return a click on the arena from above, at a place [mm]."""
-    return SimpleNamespace(ray_origin=(x, y, 90.0), ray_direction=(0.0, 0.0, -1.0))
 
 
 def play_monkey(page, browser, rng, n_events, n_resets, is_hostile, file):

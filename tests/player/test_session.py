@@ -10,6 +10,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from support.rrd import read
 
 from iswarm_mj.commands.main import parse
 from iswarm_mj.config.swarm import ArenaConfig, OpticsConfig, SwarmConfig
@@ -222,6 +223,50 @@ def test_a_recording_that_cannot_be_completed_is_let_go(capsys, tmp_path):
         session.work()
         assert session.version == version
     assert session.messages.get_nowait().startswith("OSError: No space left on device")
+
+
+def test_a_recording_is_complete_where_the_areas_on_the_floor_move(tmp_path):
+    """It has them from its start, so that what follows would be drawn on the old floor."""
+    session = steps(Session(SCENARIO, out=tmp_path), 1)
+    session.start_recording()
+    steps(session, 1)
+    session.set("optics.error_in_communication", 0.5)  # moves no area
+    assert session.is_recording
+    session.set("arena.dump_size", 6.0)
+    assert not session.is_recording
+    assert read(tmp_path / "play-1.rrd")["/world/robots/body"]["step"] == [1, 2]
+
+    session.start_recording()
+    session.want("arena.size", 26.0)
+    session.reset()
+    assert not session.is_recording
+    assert read(tmp_path / "play-2.rrd")["/world/robots/body"]["step"] == [2]
+
+
+def test_a_refused_reset_leaves_the_recording_alone(tmp_path, monkeypatch):
+    session = steps(Session(SCENARIO, out=tmp_path), 1)
+    session.start_recording()
+
+    def refuse(_):
+        raise UserError("the settings do not fit each other")
+
+    with monkeypatch.context() as patch, pytest.raises(UserError, match="do not fit"):
+        patch.setattr(PageScenario, "run", refuse)
+        session.reset()
+    assert session.is_recording and session.version == 1
+    session.stop_recording()
+
+
+def test_a_page_makes_so_many_recordings(tmp_path, monkeypatch):
+    monkeypatch.setattr("iswarm_mj.player.session.MOST_RECORDINGS", 2)
+    session = steps(Session(SCENARIO, out=tmp_path), 1)
+    for _ in range(2):
+        session.start_recording()
+        session.start_recording()  # which goes on
+        session.stop_recording()
+    with pytest.raises(UserError, match="this page has made 2 recordings, as many as it can"):
+        session.start_recording()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["play-1.rrd", "play-2.rrd"]
 
 
 def test_a_fault_names_the_line_of_a_users_file(tmp_path):
