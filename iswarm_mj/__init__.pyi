@@ -33,10 +33,10 @@ from .output.saved import SavedRun as SavedRun
 from .output.saved import load as load
 from .player.page import Page as Page
 from .player.page import play as play
+from .search.best import Best as Best
 from .search.methods import Operators as Operators
-from .search.pool import Execution as Execution
-from .search.search import run_search as run_search
-from .search.settings import Search as Search
+from .search.search import evolve as evolve
+from .search.settings import SearchPlan as SearchPlan
 from .search.training import Training as Training
 from .search.training import train as train
 from .sensors.conditions import Conditions as Conditions
@@ -54,7 +54,6 @@ from .simulation.checks import check_strategy as check_strategy
 from .simulation.checks import check_task as check_task
 from .simulation.run import Run as Run
 from .simulation.scenario import Scenario as Scenario
-from .simulation.settings import RunSettings as RunSettings
 from .simulation.state import StepRecord as StepRecord
 from .simulation.worlds import World as World
 from .strategy.base import Strategy as Strategy

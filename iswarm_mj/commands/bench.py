@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
-from iswarm_mj.commands.swarm import Swarm
+from iswarm_mj.commands.swarm import Swarm, run_of
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.errors import UserError
 
@@ -28,14 +28,11 @@ class Bench(Swarm):
 
     def run(self) -> None:
         """Run the command."""
-        n_robots = self.checked()
-        from iswarm_mj.simulation.settings import RunSettings
-
         engine = self.engine_settings
         chunk = 1 if engine.on_host else min(engine.chunk, self.steps)
         warm_up, steps = (-(-count // chunk) * chunk for count in (self.warm_up, self.steps))
-        settings = RunSettings(n_robots, warm_up + steps, self.seed, self.worlds, record_worlds=())
-        bench(replace(self, physics=engine.in_chunks(chunk)).run_of(settings), warm_up)
+        in_chunks = replace(self, physics=engine.in_chunks(chunk))
+        bench(run_of(in_chunks.scenario(steps=warm_up + steps)), warm_up)
 
 
 def bench(run: Any, warm_up: int) -> dict[str, Any]:

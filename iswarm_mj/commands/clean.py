@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
-from iswarm_mj.commands.swarm import Swarm, WithTask
+from iswarm_mj.commands.swarm import Swarm, WithTask, run_of
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.constraints import Needs, Within, check, constraint_of
 from iswarm_mj.utils.directory_lock import locked
@@ -48,21 +48,18 @@ class Clean(Swarm):
 
     def run(self) -> None:
         """Run the command."""
-        planned = self.planned(self.record_worlds if self.record else ())
+        scenario = self.scenario()
+        recorded = self.record_worlds if self.record else ()
+        scenario.settings(recorded)  # which checks them
         from iswarm_mj.workflows.clean import run_swarm
 
         with locked(self.out):  # refused before anything is compiled
             pass
-        run_swarm(self.run_of(planned), self.out, self.record_grasps)
+        run_swarm(run_of(scenario, recorded), self.out, self.record_grasps)
 
-    def planned(self, recorded: tuple[int, ...]) -> RunSettings:
-        """Return the settings of the run, in which these worlds are recorded.
-
-        Raises:
-            UserError: see `checked`.
-        """
-        n_robots = self.checked()
-        return RunSettings(n_robots, self.steps, self.seed, self.worlds, self.goal, record_worlds=recorded)
+    def scenario(self, **fields: Any) -> Any:
+        """See `Swarm.scenario`."""
+        return super().scenario(steps=self.steps, goal=self.goal, **fields)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import ClassVar
 from iswarm_mj.commands.flags import refuse
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.search.methods import Operators
-from iswarm_mj.search.settings import Search, SearchPlan
+from iswarm_mj.search.settings import SearchPlan, Steps
 
 
 @dataclass(frozen=True)
@@ -19,6 +19,8 @@ class Evolve(SearchPlan, ManyRunsOptions):
         *("seed", "engine", "workers", "out", "again"),
     )
 
+    steps: Steps = 800
+    """Maximum control steps of a run."""
     out: Path = Path("runs/evolve")
     """Directory for the results. A search in it goes on."""
     again: bool = False
@@ -26,10 +28,20 @@ class Evolve(SearchPlan, ManyRunsOptions):
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.search.search import run_search
+        from iswarm_mj.search.search import evolve
+        from iswarm_mj.simulation.scenario import Scenario
 
         if self.method != "paper":
             rates = [f"operators.{f.name}" for f in fields(Operators) if not f.name.startswith("density")]
             refuse(self, rates, f"with `method` {self.method}")
-        plan = {f.name: getattr(self, f.name) for f in fields(SearchPlan)}
-        run_search(Search(**plan, config=self.config), self.out, self.execution, self.again)
+        execution = self.execution
+        scenario = Scenario(self.config, engine=execution.engine, seed=self.seed, steps=self.steps)
+        plan = SearchPlan(**{f.name: getattr(self, f.name) for f in fields(SearchPlan)})
+        evolve(
+            scenario,
+            self.out,
+            plan,
+            workers=execution.workers,
+            backend=execution.backend,
+            again=self.again,
+        )

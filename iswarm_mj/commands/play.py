@@ -1,6 +1,5 @@
 """`iswarm play`."""
 
-import shlex
 import webbrowser
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -36,23 +35,13 @@ class Play(WithTask):
 
     def session(self) -> Any:
         """Return the run at its start, as a `Session`."""
-        n_robots = self.checked()
+        described = self.scenario()
         refuse(self, ["chunk"], "on the page, which shows every step")
         from iswarm_mj.player.changes import Change
         from iswarm_mj.player.scenario import PageScenario
         from iswarm_mj.player.session import Session
 
-        scenario = PageScenario(
-            self.config,
-            strategy=self.rules,
-            task=self.task,
-            robots=self.robots if self.density is None else n_robots,
-            robot_file=self.robot_file,
-            engine=self.engine_settings,
-            seed=self.seed,
-            strategy_name=shlex.join(self.controller) if self.controller[1:] else "".join(self.controller),
-            task_name=self.task_name,
-        )
+        scenario = PageScenario.of(described)
         with waiting("placing the robots"):
             return Session(scenario, [Change.parse(text) for text in self.changes], self.out)
 

@@ -1,6 +1,7 @@
 """Flags that the commands on a swarm share."""
 
 import re
+import shlex
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -110,25 +111,47 @@ class Swarm(ConfigOptions, RobotOptions):
         check_robots(arena, n_robots, cell_of(read_robots(file)))
         return n_robots
 
-    def run_of(self, settings: RunSettings) -> Any:
-        """Return the `Run` with these settings at its start."""
-        from iswarm_mj.simulation.run import Run
+    def scenario(self, **fields: Any) -> Any:
+        """Return the `Scenario` that the flags describe.
 
-        n_worlds = settings.n_worlds
-        with waiting(f"placing {settings.n_robots} robots in {n_worlds} world{'s' * (n_worlds > 1)}"):
-            return Run(
-                self.config,
-                settings=settings,
-                engine=self.engine_settings,
-                strategy=self.rules,
-                task=getattr(self, "own_task", None),
-                robot_file=self.robot_file,
-            )
+        Args:
+            fields: further fields of the scenario, of flags that only some commands have.
+
+        Raises:
+            UserError: see `checked`.
+        """
+        n_robots = self.checked()
+        from iswarm_mj.simulation.scenario import Scenario
+
+        return Scenario(
+            self.config,
+            strategy=self.rules,
+            robots=self.robots if self.density is None else n_robots,
+            robot_file=self.robot_file,
+            engine=self.engine_settings,
+            seed=self.seed,
+            worlds=self.worlds,
+            strategy_name=shlex.join(self.controller) if self.controller[1:] else "".join(self.controller),
+            **fields,
+        )
+
+
+def run_of(scenario: Any, record_worlds: tuple[int, ...] = ()) -> Any:
+    """Return the `Run` of a scenario at its start, and say that robots are placed if that takes long."""
+    from iswarm_mj.simulation.run import Run
+
+    n_worlds = scenario.n_worlds
+    with waiting(f"placing {scenario.n_robots} robots in {n_worlds} world{'s' * (n_worlds > 1)}"):
+        return Run(scenario, record_worlds=record_worlds)
 
 
 @dataclass(frozen=True)
 class WithTask(TaskOptions, Swarm):
     """Settings of commands on a swarm with any task."""
+
+    def scenario(self, **fields: Any) -> Any:
+        """See `Swarm.scenario`."""
+        return super().scenario(task=self.task, task_name=self.task_name, **fields)
 
     def checked(self) -> int:
         """See `Swarm.checked`."""

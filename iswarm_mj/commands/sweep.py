@@ -14,6 +14,7 @@ import tyro
 from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.flags import changed, flag, idle, in_flags, refuse, settings, switch, without_effect
 from iswarm_mj.commands.parser import parse
+from iswarm_mj.commands.swarm import run_of
 from iswarm_mj.strategy.library import sources
 from iswarm_mj.utils.constraints import check, spaced, validate
 from iswarm_mj.utils.errors import SimulationFault, UserError
@@ -83,7 +84,7 @@ class Sweep:
             given = [(name, str(value), _content(value)) for name, value, *_ in settings(command) if name != "out"]
             try:
                 refuse(command, _UNUSED, "on the runs of a sweep, which are not recorded")
-                make = partial(command.run_of, command.planned(()))  # refuses settings before any run
+                make = partial(run_of, command.scenario())  # refuses settings before any run
             except UserError as error:
                 raise _in_its_flags(error, command) from None
             own_idle = idle(command)

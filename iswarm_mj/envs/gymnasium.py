@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,10 @@ import numpy as np
 
 from iswarm_mj.envs.core import State
 from iswarm_mj.envs.env import Env
-from iswarm_mj.envs.make import prepare_env
+from iswarm_mj.envs.make import prepare_env, scenario_of
 from iswarm_mj.envs.tables import Row, bounds, checked
 from iswarm_mj.envs.watch import EnvRecording, Pictures
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.constraints import check, is_whole
 from iswarm_mj.utils.errors import UserError
 
@@ -46,6 +48,23 @@ def box_of(table: list[Row], *n_robots: int) -> Box:
     return Box(low, high, dtype=np.float32)
 
 
+def _with_worlds(scenario: Scenario, num_envs: Any) -> Scenario:
+    """Return a scenario with `num_envs` worlds, its own number for None.
+
+    Raises:
+        UserError: it is no number of worlds, or the scenario has another one.
+    """
+    if num_envs is None:
+        return scenario
+    is_number = is_whole(num_envs) and num_envs >= 1
+    check("num_envs", num_envs, "a whole number, at least 1", is_number)
+    if scenario.worlds not in (1, num_envs):
+        raise UserError(
+            f"`num_envs` is {num_envs}, but the scenario has {scenario.n_worlds} worlds; leave out one of them"
+        )
+    return replace(scenario, worlds=int(num_envs))
+
+
 class SwarmVectorEnv(VectorEnv):
     """B worlds: observations (B, N, D), actions (B, N, A), the rewards of a world's robots summed (B,).
 
@@ -56,35 +75,44 @@ class SwarmVectorEnv(VectorEnv):
 
     def __init__(
         self,
-        task: Any = "cleaning",
-        n_robots: int = 20,
-        num_envs: int = 1,
+        scenario: Scenario | None = None,
+        num_envs: int | None = None,
         render_mode: str | None = None,
         record: Path | str | None = None,
-        **settings: Any,
+        payload: Any = None,
+        n_starts: int = 64,
+        **fields: Any,
     ):
         """Make the worlds.
 
         Args:
-            task: see `make_env`.
-            n_robots: N.
-            num_envs: B.
+            scenario: see `make_env`.
+            num_envs: B, by default the number of worlds of the scenario.
             render_mode: `rgb_array`: `render` returns pictures.
             record: file for Rerun, `*.rrd`, to which world 0 is recorded; copies of the environment record nothing.
-            settings: of `make_env`.
+            payload: see `make_env`.
+            n_starts: see `make_env`.
+            fields: fields of the scenario, in its place.
 
         Raises:
-            UserError: `num_envs` is no number of worlds, or there is no such mode; or see `make_env`.
+            UserError: `num_envs` is no number of worlds, or another than the scenario's; there is no such mode; or see
+                `make_env`.
         """
-        check("num_envs", num_envs, "a whole number, at least 1", is_whole(num_envs) and num_envs >= 1)
         check("render_mode", render_mode, "rgb_array, or None", render_mode in ("rgb_array", None))
-        self._given = {"task": task, "n_robots": n_robots, "num_envs": num_envs, "render_mode": render_mode, **settings}
-        self.prepared = prepared = prepare_env(task, n_robots, n_worlds=num_envs, **settings)
-        self.num_envs, self.render_mode = int(num_envs), render_mode
+        scenario = _with_worlds(scenario_of(scenario, fields), num_envs)
+        self._arguments = {
+            "scenario": scenario,
+            "render_mode": render_mode,
+            "payload": payload,
+            "n_starts": n_starts,
+        }
+        self.prepared = prepared = prepare_env(scenario, payload=payload, n_starts=n_starts)
+        self.num_envs = scenario.n_worlds
+        self.render_mode = render_mode
         self.single_observation_space = box_of(prepared.observations, prepared.n_robots)
         self.single_action_space = box_of(prepared.actions, prepared.n_robots)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._state: State | None = None
         self._pictures: Pictures | None = None
         self._recording = None if record is None else EnvRecording(self.env, record)
@@ -106,7 +134,7 @@ class SwarmVectorEnv(VectorEnv):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return what makes another one."""
-        return partial(type(self), **self._given), ()
+        return partial(type(self), **self._arguments), ()
 
     def reset(self, *, seed: Any = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
         """Begin all episodes, which the seed determines; None draws one.
@@ -190,9 +218,9 @@ class SwarmEnv(gymnasium.Env):
 
     metadata = RENDERING
 
-    def __init__(self, task: Any = "cleaning", n_robots: int = 20, **settings: Any):
+    def __init__(self, scenario: Scenario | None = None, **settings: Any):
         """Make the world, see `SwarmVectorEnv`."""
-        self._one = SwarmVectorEnv(task, n_robots, 1, **settings)
+        self._one = SwarmVectorEnv(scenario, num_envs=1, **settings)
         self.render_mode = self._one.render_mode
         self.observation_space, self.action_space = self._one.single_observation_space, self._one.single_action_space
 
@@ -220,11 +248,11 @@ class SwarmEnv(gymnasium.Env):
 
 
 single_env = SwarmEnv
-"""The environment of one world: `single_env(n_robots=20)`."""
+"""The environment of one world: `single_env(scenario)`."""
 vector_env = SwarmVectorEnv
-"""The environment of many worlds: `vector_env(num_envs=64, n_robots=20)`."""
+"""The environment of many worlds: `vector_env(scenario, num_envs=64)`."""
 
-# As `gymnasium.make("iswarm/Cleaning-v0", n_robots=20)`, once this module is imported.
+# As `gymnasium.make("iswarm/Cleaning-v0", robots=20)`, once this module is imported.
 gymnasium.register(
     "iswarm/Cleaning-v0", entry_point=f"{__name__}:SwarmEnv", vector_entry_point=f"{__name__}:SwarmVectorEnv"
 )

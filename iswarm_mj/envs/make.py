@@ -1,132 +1,73 @@
 """How environments are made."""
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.checked import make_compiled_engine
-from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.core import Core, Speaker
 from iswarm_mj.envs.env import Env
 from iswarm_mj.envs.tables import Row
-from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.sensors.fields import Flag
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.build import initial_state, world_params
 from iswarm_mj.simulation.memory_limits import devices_of
-from iswarm_mj.simulation.scenario import Scenario, refuse_beside_scenario
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.setup import Setup, set_up
-from iswarm_mj.simulation.stated import STEPS
 from iswarm_mj.simulation.worlds import World, random_keys
-from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.strategy.library import TASKS, find
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.base import Quantity
-from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.tasks.signatures import usable_task
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import UserError, closest, shown
 
 MOST_BITS = 29
 """Flags that fit into a message beside two bits of LED number and the parity."""
 
 
-def make_env(
-    scenario: Scenario | Any = None,
-    n_robots: int | None = None,
-    *,
-    task: Any = None,
-    config: SwarmConfig | None = None,
-    engine: EngineSettings | None = None,
-    payload: Any = None,
-    steps: int | None = None,
-    stop_at: int | None = None,
-    n_worlds: int | None = None,
-    n_starts: int = 64,
-    seed: int | None = None,
-    robot_file: RobotFile = None,
-) -> Env:
+def make_env(scenario: Scenario | None = None, *, payload: Any = None, n_starts: int = 64, **fields: Any) -> Env:
     """Return an environment in which each robot of a swarm has actions, observations and a reward.
 
-    `make_env(scenario)` takes all of a scenario but its strategy, in whose place robots are told what to do; the parts
-    of a scenario can be given one by one in its place.
+    It takes all of a scenario but its strategy, in whose place robots are told what to do. With
+    `MjxSettings()`, `reset` and `step` are of one world, for `jax.vmap`; with other engines they are
+    of all worlds of the scenario at once.
 
     Args:
-        scenario: what is simulated; or a task, as `task`.
-        n_robots: N, 20 by default.
-        task: `"cleaning"`, the default, FILE.py:CLASS, the name of an installed task, or a `tasks.base.Task`.
-        config: of the swarm; defaults if None.
-        engine: settings, by default `PlanarSettings()`. With `MjxSettings()`, `reset` and `step` are of one world, for
-            `jax.vmap`; otherwise of `n_worlds` at once.
+        scenario: what is simulated; `steps` are those of an episode at most, and `goal` ends one.
         payload: message fields by name, a `Payload` (`sensors.messages`), or a number of bits, one flag each. Without
             it, actions are motion only.
-        steps: maximum control steps of an episode, 800 by default.
-        stop_at: progress that ends an episode; the task's goal by default.
-        n_worlds: B, 1 by default; with MJX only the size of Warp's buffers.
-        n_starts: number of initial layouts, drawn from `seed`; the keys of `reset` pick one.
-        seed: of the layouts, 0 by default.
-        robot_file: MJCF file of the robots, or of each kind (`RobotFile`); None for `models/robot.xml`.
+        n_starts: number of initial layouts, drawn from the seed; the keys of `reset` pick one.
+        fields: fields of the scenario, in its place: `make_env(robots=20)` is `make_env(Scenario(robots=20))`.
 
     Raises:
-        UserError: unknown task, settings that do not fit, or more worlds than fit into memory; or parts beside a
-            scenario.
+        UserError: parts that do not fit each other, more worlds than fit into memory, or fields beside a scenario.
     """
-    if not isinstance(scenario, Scenario):
-        if scenario is not None and task is not None:
-            raise UserError("the task is given twice, first and as `task`; leave out one of them")
-        task = task if scenario is None else scenario
-        return prepare_env(
-            "cleaning" if task is None else task,
-            20 if n_robots is None else n_robots,
-            config=config,
-            engine=engine,
-            payload=payload,
-            steps=STEPS if steps is None else steps,
-            stop_at=stop_at,
-            n_worlds=n_worlds,
-            n_starts=n_starts,
-            seed=0 if seed is None else seed,
-            robot_file=robot_file,
-        ).make()
+    return prepare_env(scenario_of(scenario, fields), payload=payload, n_starts=n_starts).make()
 
-    refuse_beside_scenario(
-        task=task,
-        n_robots=n_robots,
-        config=config,
-        engine=engine,
-        steps=steps,
-        stop_at=stop_at,
-        n_worlds=n_worlds,
-        seed=seed,
-        robot_file=robot_file,
-    )
-    if not isinstance(scenario.worlds, int):
-        raise UserError(
-            "an environment begins in `n_starts` layouts of a seed; give a scenario with a number of worlds"
-        )
-    return prepare_env(
-        scenario.task,
-        scenario.n_robots,
-        config=scenario.config,
-        engine=scenario.engine,
-        payload=payload,
-        steps=scenario.steps,
-        stop_at=scenario.goal,
-        n_worlds=scenario.n_worlds,
-        n_starts=n_starts,
-        seed=scenario.seed,
-        robot_file=scenario.robot_file,
-    ).make()
+
+def scenario_of(scenario: Any, fields: Mapping[str, Any]) -> Scenario:
+    """Return the scenario of a call that takes its fields by name in its place.
+
+    Raises:
+        UserError: both are given, or there is no such field.
+    """
+    if scenario is not None:
+        check_kind("scenario", scenario, Scenario)
+        if fields:
+            raise UserError(f"`{next(iter(fields))}` is given beside a scenario, which has it; set it in the scenario")
+        return scenario
+    known = Scenario.__dataclass_fields__
+    for name in fields:
+        if name not in known:
+            similar = closest(name, known)
+            hint = f"perhaps you meant {similar}" if similar else f"it has {', '.join(known)}"
+            raise UserError(f"a scenario has no field {shown(name)}; {hint}")
+    return Scenario(**fields)
 
 
 @dataclass(frozen=True)
@@ -185,31 +126,18 @@ class PreparedEnv:
         return Env(core, self.engine, self.n_worlds, on_host=self.setup.engine.on_host)
 
 
-def prepare_env(
-    task: Any,
-    n_robots: int,
-    *,
-    config: SwarmConfig | None = None,
-    engine: EngineSettings | None = None,
-    payload: Any = None,
-    steps: int = 800,
-    stop_at: int | None = None,
-    n_worlds: int | None = None,
-    n_starts: int = 64,
-    seed: int = 0,
-    robot_file: RobotFile = None,
-) -> PreparedEnv:
+def prepare_env(scenario: Scenario, *, payload: Any = None, n_starts: int = 64) -> PreparedEnv:
     """Check the settings of an environment, see `make_env`, and return what makes it."""
-    config = SwarmConfig() if config is None else config
-    engine = PlanarSettings() if engine is None else engine
-    check_kind("config", config, SwarmConfig)
-    if config.strategy.update_order != "synchronous":
+    if not isinstance(scenario.worlds, int):
+        raise UserError(
+            "an environment begins in `n_starts` layouts of a seed; give a scenario with a number of worlds"
+        )
+    if scenario.config.strategy.update_order != "synchronous":
         raise UserError("strategy.update_order is sequential, but robots of an environment act at once; leave it out")
     check("n_starts", n_starts, "a whole number from 1 to 100000", is_whole(n_starts) and 1 <= n_starts <= 100_000)
 
-    settings = RunSettings(n_robots, steps, seed, n_worlds=1 if n_worlds is None else n_worlds, stop_at=stop_at)
-    layouts = [World(PRESETS["type1"], int(n_robots), int(seed), index) for index in range(n_starts)]
-    setup = set_up(config, settings, engine, task_of(task), layouts, robot_file)
+    layouts = replace(scenario, worlds=int(n_starts)).list_worlds()
+    setup = set_up(scenario, scenario.settings(), layouts)
 
     messages = as_payload(payload)
     messages.check_room(len(setup.robot.sides))
@@ -219,7 +147,7 @@ def prepare_env(
     )
 
     made, n_batch = _engine_of(setup)
-    return PreparedEnv(setup, made, layouts, steps, messages, senses, n_batch)
+    return PreparedEnv(setup, made, layouts, scenario.steps, messages, senses, n_batch)
 
 
 def _engine_of(setup: Setup) -> tuple[Engine | CompiledEngine, int | None]:
@@ -231,20 +159,6 @@ def _engine_of(setup: Setup) -> tuple[Engine | CompiledEngine, int | None]:
     platform = devices_of(settings)[0].platform
     engine = make_compiled_engine(settings, setup.model, setup.robot, n_worlds, platform)
     return engine, n_worlds if engine.mapping(platform) == "batch" else None
-
-
-def task_of(given: Any) -> Any:
-    """Return a task by its name, or as it was given.
-
-    Raises:
-        UserError: it is none.
-    """
-    if isinstance(given, str):
-        given = CLEANING if given == "cleaning" else find(TASKS, given)
-        if isinstance(given, type):
-            with user_code(given.__name__):
-                given = given()
-    return usable_task(given)
 
 
 def as_payload(given: Any) -> Payload:

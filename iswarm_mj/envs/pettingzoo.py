@@ -7,6 +7,7 @@ import numpy as np
 
 from iswarm_mj.envs.gymnasium import RENDERING, SwarmVectorEnv, box_of, installed
 from iswarm_mj.envs.tables import checked
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -20,9 +21,9 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     metadata = {**RENDERING, "name": "iswarm_v0", "is_parallelizable": True}  # noqa: RUF012
 
-    def __init__(self, task: Any = "cleaning", n_robots: int = 20, **settings: Any):
+    def __init__(self, scenario: Scenario | None = None, **settings: Any):
         """Make the world, see `SwarmVectorEnv`."""
-        self._one = SwarmVectorEnv(task, n_robots, 1, **settings)
+        self._one = SwarmVectorEnv(scenario, num_envs=1, **settings)
         self.render_mode = self._one.render_mode
         prepared = self._one.prepared
         self.possible_agents = [f"robot_{robot}" for robot in range(prepared.n_robots)]
@@ -92,4 +93,4 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
 
 parallel_env = SwarmParallelEnv
-"""The environment of one world, by the name that PettingZoo gives it: `parallel_env(n_robots=20)`."""
+"""The environment of one world, by the name that PettingZoo gives it: `parallel_env(scenario)`."""

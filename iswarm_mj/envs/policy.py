@@ -10,11 +10,13 @@ from jaxtyping import Bool
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.envs import tables
-from iswarm_mj.envs.make import as_payload, task_of
+from iswarm_mj.envs.make import as_payload
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.base import Strategy, StrategyFactory
 from iswarm_mj.strategy.interface import Command, Observation
+from iswarm_mj.tasks.cleaning import CLEANING
+from iswarm_mj.tasks.signatures import usable_task
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 
@@ -30,7 +32,7 @@ class PolicyStrategy(StrategyFactory):
         apply: Callable[..., Any],
         params: Any,
         payload: Any = None,
-        task: Any = "cleaning",
+        task: Any = CLEANING,
         memory: Callable[[int], Any] | None = None,
     ):
         """Keep the policy.
@@ -47,7 +49,7 @@ class PolicyStrategy(StrategyFactory):
             UserError: the task or the payload is none.
         """
         self.apply, self.params, self.memory = apply, params, memory
-        self.payload, self.task = as_payload(payload), task_of(task)
+        self.payload, self.task = as_payload(payload), usable_task(task)
 
     def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "Policy":
         """Return the policy of robots in this configuration."""

@@ -10,10 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.config.swarm import SwarmConfig
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.output import shapes
 from iswarm_mj.player import view as look
 from iswarm_mj.player.guard import Guard
@@ -21,10 +17,8 @@ from iswarm_mj.player.panel import GRIPPER, THEME, Panel
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.view import SwarmView
-from iswarm_mj.simulation.scenario import Scenario, config_of, refuse_beside_scenario
-from iswarm_mj.strategy.genome import TYPE1
-from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.utils.constraints import check, is_whole
+from iswarm_mj.simulation.scenario import Scenario
+from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
 
 PORT = 8080
@@ -277,56 +271,17 @@ class Page:
                 self.session.messages.put(str(error))
 
 
-def play(
-    scenario: Scenario | SwarmConfig | None = None,
-    *,
-    config: SwarmConfig | None = None,
-    strategy: Any = None,
-    task: Any = None,
-    robots: int | None = None,
-    seed: int | None = None,
-    engine: EngineSettings | None = None,
-    robot_file: RobotFile = None,
-    port: int = PORT,
-) -> Page:
+def play(scenario: Scenario, *, port: int = PORT) -> Page:
     """Show a swarm in the browser while it runs, and change it there; see docs/play.md.
 
     In a notebook the returned object shows the page; a script calls its `wait`.
 
     Args:
-        scenario: what is simulated, in one world; its parts can be given one by one in its place.
-        config: of the run, in place of a scenario.
-        strategy: a genome, or see `strategy.base.Strategy`; by default the paper's of type 1.
-        task: see `tasks.base.Task`; cleaning by default.
-        robots: their number; by default that of the genome.
-        seed: of all random numbers, 0 by default.
-        engine: `MujocoSettings()` by default.
-        robot_file: MJCF file of the robots, or of each kind (`RobotFile`), by default `models/robot.xml`.
+        scenario: what is simulated, in one world.
         port: where the page is, on this machine alone; the first one from there on that is free.
 
     Raises:
-        UserError: settings that do not fit each other; or parts beside a scenario.
+        UserError: settings that do not fit each other, or that the page does not use.
     """
-    if isinstance(scenario, Scenario):
-        refuse_beside_scenario(
-            config=config,
-            strategy=strategy,
-            task=task,
-            robots=robots,
-            seed=seed,
-            engine=engine,
-            robot_file=robot_file,
-        )
-        return Page(Session(PageScenario.of(scenario)), port)
-
-    is_usual = scenario is None and config is None
-    made = PageScenario(
-        SwarmConfig() if is_usual else config_of(scenario, config),
-        strategy=TYPE1 if strategy is None else strategy,
-        task=CLEANING if task is None else task,
-        robots=robots,
-        seed=0 if seed is None else seed,
-        engine=MujocoSettings() if engine is None else engine,
-        robot_file=robot_file,
-    )
-    return Page(Session(made), port)
+    check_kind("scenario", scenario, Scenario)
+    return Page(Session(PageScenario.of(scenario)), port)

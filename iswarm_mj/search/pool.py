@@ -13,7 +13,7 @@ from iswarm_mj.search.journal import Journal, Key
 from iswarm_mj.search.settings import Workers
 from iswarm_mj.simulation.memory_limits import max_worlds
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.shared_settings import shared_settings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
@@ -37,7 +37,7 @@ class Job:
     n_robots: int
     """Used instead of the genome's density."""
     seed: int
-    """Of all random numbers, as in `RunSettings`."""
+    """Of all random numbers, as in `Scenario`."""
     steps: int = 800
     """Largest number of control steps."""
     stop_at: int | None = None
@@ -138,14 +138,12 @@ def outcomes(jobs: Sequence[Job], engine: EngineSettings) -> list[Outcome]:
         capacity = -(-largest // CAPACITY_STEP) * CAPACITY_STEP
     if not engine.on_host:
         capacity = min(capacity, len(free_cells(job.config.arena)))
-    settings = RunSettings(
-        largest, job.steps, n_worlds=len(jobs), stop_at=job.stop_at, capacity=capacity, record_worlds=()
-    )
     worlds = [
         World(one.genome, one.n_robots, one.seed, failed_fraction=one.failed_fraction, config=one.config)
         for one in jobs
     ]
-    run = Run(job.config, job.genome, settings, engine, worlds=worlds)
+    scenario = Scenario(job.config, worlds=worlds, steps=job.steps, goal=job.stop_at, engine=engine)
+    run = Run(scenario, record_worlds=(), capacity=capacity)
     while not run.is_over:
         run.advance()
     found = []

@@ -3,12 +3,13 @@
 import json
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.search.best import LAST, Best, best_of, by_replicate
 from iswarm_mj.search.journal import Journal, Key, journal
 from iswarm_mj.search.methods import METHODS, Individual
@@ -16,15 +17,70 @@ from iswarm_mj.search.plots import draw_fitness
 from iswarm_mj.search.pool import Execution, Job, Outcome, progress, run_missing
 from iswarm_mj.search.rows import Rows, by
 from iswarm_mj.search.seeds import run_seed
-from iswarm_mj.search.settings import Search
+from iswarm_mj.search.settings import SearchPlan
+from iswarm_mj.simulation.scenario import Scenario
+from iswarm_mj.simulation.stated import is_same
 from iswarm_mj.tasks.layout import robots_for
+from iswarm_mj.utils.constraints import check_kind
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, remove_parts
+from iswarm_mj.utils.pool import Backend
 from iswarm_mj.utils.tables import write_table
 
 AT_ONCE = 4096
 """Runs of a set of jobs at most, where several generations of random search are a batch."""
 Asked = dict[Key, tuple[Individual, Job]]
 CHECKPOINT, TABLE, BEST, FIGURE = "checkpoint.sqlite", "evolution.parquet", "best.json", "fitness"
+
+
+@dataclass(frozen=True)
+class Search(SearchPlan):
+    """A search, and the scenario of its runs.
+
+    Replicate 0 is the search with one; the others are those with the seeds of `search.replicate_seed`. In batches this
+    is so up to rounding, see `pool.run_batches`.
+    """
+
+    scenario: Scenario = field(default_factory=Scenario)
+    """Configuration, engine, seed and control steps of the runs; genomes and numbers of robots are searched for."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        unused = _unused_fields(self.scenario)
+        if unused:
+            raise UserError(
+                "a search finds genomes, and with them numbers of robots, that clean one world with the paper's "
+                f"robots; it does not use {' and '.join(unused)} of its scenario: leave them out"
+            )
+
+    @property
+    def config(self) -> SwarmConfig:
+        """Configuration of all runs."""
+        return self.scenario.config
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Settings that determine the outcome, apart from the engine, as files state them."""
+        plan = {f.name: getattr(self, f.name) for f in fields(SearchPlan)}
+        operators = asdict(plan.pop("operators"))
+        run = {"steps": self.scenario.steps, "seed": self.scenario.seed, "config": asdict(self.config)}
+        return {**plan, "operators": operators, **run}
+
+    @property
+    def n_runs(self) -> int:
+        """Runs of a generation, in all replicates."""
+        return self.replicates * self.population * self.evaluations
+
+
+def _unused_fields(scenario: Scenario) -> list[str]:
+    """Return the names of the fields of a scenario that are set and that a search does not use."""
+    used = {"config", "engine", "seed", "steps"}
+    usual = Scenario()
+    return [
+        f.name
+        for f in fields(Scenario)
+        if f.compare and f.name not in used and not is_same(getattr(scenario, f.name), getattr(usual, f.name))
+    ]
 
 
 def replicate_seed(seed: int, replicate: int) -> int:
@@ -35,7 +91,36 @@ def replicate_seed(seed: int, replicate: int) -> int:
 
 def settings_of(search: Search, execution: Execution) -> dict[str, Any]:
     """Settings that determine the outcome, as files contain them."""
-    return {**asdict(search), **execution.identity}
+    return {**search.settings, **execution.identity}
+
+
+def evolve(
+    scenario: Scenario,
+    out: Path,
+    plan: SearchPlan | None = None,
+    *,
+    workers: int = 0,
+    backend: Backend = "processes",
+    again: bool = False,
+) -> Best:
+    """Search for fit genomes in a scenario, as `iswarm evolve`; write results into `out` and return the best.
+
+    Args:
+        scenario: configuration, engine, seed and control steps of the runs; robots follow from each genome.
+        out: directory of the results, see `run_search`; a search in it goes on.
+        plan: how genomes are searched for; by default the paper's evolution.
+        workers: processes, 0 for one per core; the results do not depend on it.
+        backend: workers on this machine, or on a Ray cluster.
+        again: discard the search in `out`, which otherwise goes on.
+
+    Raises:
+        UserError: the scenario has fields that a search does not use, or the directory holds another search.
+    """
+    check_kind("scenario", scenario, Scenario)
+    plan = plan or SearchPlan()
+    chosen = {f.name: getattr(plan, f.name) for f in fields(SearchPlan)}
+    search = Search(**chosen, scenario=scenario)
+    return run_search(search, Path(out), Execution(scenario.engine, workers, backend), again)
 
 
 def run_search(search: Search, out: Path, execution: Execution | None = None, again: bool = False) -> Best:
@@ -81,7 +166,7 @@ def _rows(
 ) -> list[dict[str, Any]]:
     """Rows of all runs, of which those are carried out that are not in the journal; `save` is called after each set."""
     rows: list[dict[str, Any]] = []
-    seeds = [replicate_seed(search.seed, replicate) for replicate in range(search.replicates)]
+    seeds = [replicate_seed(search.scenario.seed, replicate) for replicate in range(search.replicates)]
     methods = [METHODS[search.method](search.operators, search.population, seed) for seed in seeds]
     fitness: list[Any] = [None] * search.replicates
     is_large = execution.in_batches and search.method == "random"  # the time of batches hardly grows with their worlds
@@ -116,7 +201,7 @@ def _jobs(search: Search, generation: int, replicate: int, seed: int, individual
     for index, individual in enumerate(individuals):
         n_robots = robots_for(search.config.arena, individual.genome.density_of_robots, "density_of_robots")
         for place in ((generation, index, evaluation) for evaluation in range(search.evaluations)):
-            job = Job(search.config, individual.genome, n_robots, run_seed(seed, *place), search.steps)
+            job = Job(search.config, individual.genome, n_robots, run_seed(seed, *place), search.scenario.steps)
             jobs[(*place, replicate)] = individual, job
     return jobs
 
@@ -143,7 +228,7 @@ def summary(search: Search, rows: Rows, best: Best, out: Path) -> str:
     last = [row["fitness"] for row in rows if row["generation"] >= search.generations - LAST]
     lines = {
         "search": f"{search.method}, {search.replicates} replicate(s) of {search.generations} generations of "
-        f"{search.population}, seed {search.seed}",
+        f"{search.population}, seed {search.scenario.seed}",
         "runs": f"{len(rows)}, of which {sum(row['delivered'] == n_dust for row in rows)} delivered all {n_dust} balls",
         "fitness": f"{np.mean(last):z.0f} on average over the last {LAST} generations",
         "best": f"{best.fitness:z.0f} on average over its {best.n_runs} run(s)",

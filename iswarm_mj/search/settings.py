@@ -1,10 +1,9 @@
-"""What determines searches and trainings, apart from the engine: settings, and flags of their commands."""
+"""Settings of searches and trainings, which are flags of their commands."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from iswarm_mj.config.arena import ArenaConfig
-from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.search.methods import Operators
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.constraints import Above, Within, check, constraint_of, validate
@@ -20,44 +19,24 @@ Method = Literal["paper", "cmaes", "random"]
 
 @dataclass(frozen=True)
 class SearchPlan:
-    """How many runs of which length, and how genomes are searched for."""
+    """How genomes are searched for, and in how many runs."""
 
     generations: Generations = 120
     """Generations, including the first, random one."""
     population: Population = 10
     """Swarms in a generation."""
-    steps: Steps = 800
-    """Maximum control steps of a run."""
     evaluations: Repeats = 1
     """Runs of each swarm in each generation; its fitness is their mean."""
     replicates: Repeats = 1
     """Independent repetitions of the search, each with its own seed; a generation of all is one set of runs."""
     method: Method = "paper"
     """The paper's evolution, CMA-ES with margin, or random search."""
-    seed: Seed = 0
-    """Seed of all random numbers."""
     operators: Operators = field(default_factory=Operators)
 
     def __post_init__(self):
         validate(self)
         elite = self.operators.elite
         check("operators.elite", elite, "below `population`", elite < self.population or self.method != "paper")
-
-
-@dataclass(frozen=True)
-class Search(SearchPlan):
-    """A search in a configuration.
-
-    Replicate 0 is the search with one; the others are those with the seeds of `search.replicate_seed`. In batches this
-    is so up to rounding, see `pool.run_batches`.
-    """
-
-    config: SwarmConfig = field(default_factory=SwarmConfig)
-
-    @property
-    def n_runs(self) -> int:
-        """Runs of a generation, in all replicates."""
-        return self.replicates * self.population * self.evaluations
 
 
 @dataclass(frozen=True)

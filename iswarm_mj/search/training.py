@@ -22,7 +22,10 @@ from iswarm_mj.search.journal import journal
 from iswarm_mj.search.plots import draw_learning
 from iswarm_mj.search.settings import TrainingPlan
 from iswarm_mj.simulation.given import to_json
+from iswarm_mj.simulation.scenario import Scenario
+from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import overrides
+from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.network import MAX_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.user_code import user_code
@@ -216,16 +219,12 @@ def _tried(
     found = []
     for config, numbers in training.scenes:
         robots = [numbers[world % len(numbers)] for world in range(n_worlds)] * n_candidates
-        got = rollout(
-            config,
-            own,
-            jnp.tile(keys, n_candidates),
-            n_robots=robots,
-            steps=training.steps,
-            strategy_per_world=True,
-            every=EVERY,
-            **given,
-        )
+        worlds = [
+            World(TYPE1, n_robots, index=index, key=key)
+            for index, (n_robots, key) in enumerate(zip(robots, jnp.tile(keys, n_candidates), strict=True))
+        ]
+        scenario = Scenario(config, strategy=own, strategy_per_world=True, worlds=worlds, steps=training.steps, **given)
+        got = rollout(scenario, every=EVERY)
         faulty = {fault.world for fault in got.faults}
         faults = [world in faulty for world in range(len(robots))]
         fitness = points(got, given["task"], config, robots, training.steps)

@@ -3,25 +3,23 @@
 Strategies and tasks are checked as every run does before it begins; engines are tried, too.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import jax
 import numpy as np
 
-from iswarm_mj.config.swarm import SwarmConfig
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.simulation.given import of_all_worlds
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.setup import Setup, set_up
-from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.signatures import check_strategies
-from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
 
+USUAL = Scenario(robots=8)
+"""Scenario in which something is checked unless another one is given."""
 N_WORLDS = 2
 """Worlds in which an engine is tried."""
 STILL_MM = 0.05
@@ -30,72 +28,51 @@ STILL_RAD = 0.05
 """Angle by which contacts may turn them [rad]."""
 
 
-def check_strategy(
-    strategy: Any,
-    *,
-    task: Any = None,
-    config: SwarmConfig | None = None,
-    n_robots: int = 8,
-    robot_file: RobotFile = None,
-) -> None:
+def check_strategy(strategy: Any, scenario: Scenario = USUAL) -> None:
     """Check a strategy as a run would: its methods, and the shapes and types of what they return.
 
     Args:
         strategy: derives from `Strategy` or `StrategyFactory`.
-        task: whose quantities its robots sense; cleaning by default.
-        config: of the run.
-        n_robots: N.
-        robot_file: MJCF file of the robots, or of each kind (`RobotFile`).
+        scenario: all else of the run, such as the task whose quantities robots sense.
 
     Raises:
         UserError: what is wrong, in one sentence with file, line and cure.
     """
-    setup = _set_up(MujocoSettings(), task, config, n_robots, robot_file)
-    strategies = of_all_worlds(strategy, setup.config, setup.robot, setup.worlds)
+    scenario = replace(scenario, strategy=strategy, steps=1)
+    setup = set_up(scenario, scenario.settings())
+    strategies = of_all_worlds(
+        strategy, setup.config, setup.robot, setup.worlds, is_per_world=scenario.strategy_per_world
+    )
     check_strategies(strategies, setup.capacity, len(setup.robot.sides), setup.sensed)
 
 
-def check_task(
-    task: Any,
-    *,
-    config: SwarmConfig | None = None,
-    n_robots: int = 8,
-    robot_file: RobotFile = None,
-) -> None:
+def check_task(task: Any, scenario: Scenario = USUAL) -> None:
     """Check a task as a run would: its methods, how a world begins, and what its methods return.
 
     Args:
         task: derives from `Task`.
-        config: of the run.
-        n_robots: N.
-        robot_file: MJCF file of the robots, or of each kind (`RobotFile`).
+        scenario: all else of the run.
 
     Raises:
         UserError: what is wrong, in one sentence with file, line and cure.
     """
-    _set_up(MujocoSettings(), task, config, n_robots, robot_file)
+    scenario = replace(scenario, task=task, steps=1)
+    set_up(scenario, scenario.settings())
 
 
-def check_engine(
-    engine: EngineSettings,
-    *,
-    config: SwarmConfig | None = None,
-    n_robots: int = 8,
-    robot_file: RobotFile = None,
-) -> None:
+def check_engine(engine: EngineSettings, scenario: Scenario = USUAL) -> None:
     """Check an engine: place robots in two worlds, let them sense, and move them by a command of zero.
 
     Args:
         engine: settings of the engine.
-        config: of the run.
-        n_robots: N.
-        robot_file: MJCF file of the robots, or of each kind (`RobotFile`).
+        scenario: all else of the run, but for its number of worlds.
 
     Raises:
         UserError: what is wrong, in one sentence: a method's shapes, types or exception, or robots that do not stand
             where they were placed, or that move without a command.
     """
-    setup = _set_up(engine, None, config, n_robots, robot_file, n_worlds=N_WORLDS)
+    scenario = replace(scenario, engine=engine, worlds=N_WORLDS, steps=1)
+    setup = set_up(scenario, scenario.settings())
     poses = np.stack([start.poses for start in setup.starts])
     is_present = np.ones(poses.shape[:2], bool)
     is_running = np.ones(N_WORLDS, bool)
@@ -118,20 +95,6 @@ def check_engine(
     name = getattr(made, "name", type(made).__name__)  # engines of users are wrapped
     _check_still(f"{name}.place must put robots where it is told", first - poses)
     _check_still(f"{name}.move must leave robots that have no command where they are", last - first)
-
-
-def _set_up(
-    engine: EngineSettings,
-    task: Any,
-    config: SwarmConfig | None,
-    n_robots: int,
-    robot_file: RobotFile,
-    n_worlds: int = 1,
-) -> Setup:
-    settings = RunSettings(n_robots, 1, n_worlds=n_worlds, record_worlds=())
-    config = SwarmConfig() if config is None else config
-    task = CLEANING if task is None else task
-    return set_up(config, settings, engine, task, TYPE1, robot_file)
 
 
 def _try(

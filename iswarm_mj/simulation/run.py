@@ -9,21 +9,16 @@ import numpy as np
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.checked import check_links
-from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.engines.settings import EngineSettings
-from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.simulation.build import build_loop
 from iswarm_mj.simulation.faults import decode_faults, summarize_faults
 from iswarm_mj.simulation.given import metrics_of, of_all_worlds, of_worlds, to_json
 from iswarm_mj.simulation.layouts import with_boxes_laid
 from iswarm_mj.simulation.memory_limits import check_memory
-from iswarm_mj.simulation.scenario import Scenario, check_genome, config_of, refuse_beside_scenario
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.shared_settings import check_shared_settings
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
-from iswarm_mj.simulation.stated import STEPS
-from iswarm_mj.simulation.worlds import World, arenas_of_worlds, conditions_of_worlds, vector_strategies
+from iswarm_mj.simulation.worlds import arenas_of_worlds, conditions_of_worlds, vector_strategies
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import TYPE1, Genome
@@ -31,12 +26,10 @@ from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.strategy.teams import team_sizes
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.base import Task
-from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.tasks.measures import Measures, measure
 from iswarm_mj.tasks.signatures import as_task
-from iswarm_mj.utils.constraints import check, is_whole, validate
-from iswarm_mj.utils.errors import SimulationFault, UserError, shown
+from iswarm_mj.utils.constraints import check_kind, is_whole, validate
+from iswarm_mj.utils.errors import SimulationFault, shown
 from iswarm_mj.utils.jax_setup import check_jax
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.units import mm_from_rd
@@ -49,6 +42,7 @@ class Run:
     the device, which share it.
 
     Attributes:
+        scenario: what is simulated, as given.
         config: configuration that all worlds share.
         genome: parameters of the paper's strategy.
         settings: of the run.
@@ -67,100 +61,68 @@ class Run:
         watch: times of the stages.
     """
 
-    def __init__(
-        self,
-        scenario: Scenario | SwarmConfig | None = None,
-        strategy: Strategy | Genome | Any = None,
-        settings: RunSettings | None = None,
-        engine: EngineSettings | None = None,
-        *,
-        config: SwarmConfig | None = None,
-        worlds: Sequence[World] | None = None,
-        strategy_per_world: bool = False,
-        task: Task | Any = None,
-        robot_file: RobotFile = None,
-        record_worlds: Sequence[int] | None = None,
-    ):
+    def __init__(self, scenario: Scenario, *, record_worlds: Sequence[int] = (0,), capacity: int | None = None):
         """Prepare the worlds.
 
-        `Run(scenario)` needs nothing else; the parts of a scenario can be given one by one in its place.
-
         Args:
-            scenario: what is simulated; or what all worlds share, as `config`.
-            strategy: a genome of the paper's strategy, by default type 1; or another strategy, see `strategy.base`.
-                With a method `for_world(config, robot, n_robots)`, what that returns for each world.
-            settings: of the run; by default the genome's number of robots and 800 steps.
-            engine: settings of the engine, by default `MujocoSettings()`.
-            config: what all worlds share.
-            worlds: `settings.n_worlds` worlds that may differ; by default those of the seed, with the run's genome.
-            strategy_per_world: the arrays of the strategy have a first axis of worlds.
-            task: what the robots are to do, see `tasks.base`; cleaning by default.
-            robot_file: MJCF file of the robots, by default `models/robot.xml`; or files of several kinds, as
-                `["a.xml:200", "b.xml:80"]` with the number of robots of each.
-            record_worlds: worlds of a scenario whose steps `advance` returns, world 0 by default.
+            scenario: what is simulated.
+            record_worlds: numbers of the worlds whose steps `advance` returns.
+            capacity: robots for which compiled programs have room: runs of the same capacity share them. None for the
+                robots of the largest world.
 
         Raises:
-            UserError: robots, worlds or settings that do not fit; or parts beside a scenario.
+            UserError: robots, worlds or settings that do not fit.
         """
-        if isinstance(scenario, Scenario):
-            refuse_beside_scenario(
-                config=config,
-                strategy=strategy,
-                settings=settings,
-                engine=engine,
-                worlds=worlds,
-                task=task,
-                robot_file=robot_file,
-            )
-            config = scenario.config
-            strategy = scenario.strategy
-            settings = scenario.settings((0,) if record_worlds is None else record_worlds)
-            engine = scenario.engine
-            worlds = None if isinstance(scenario.worlds, int) else scenario.worlds
-            task = scenario.task
-            robot_file = scenario.robot_file
-        elif record_worlds is not None:
-            raise UserError("`record_worlds` is given without a scenario; set it in `settings`")
-        else:
-            config = config_of(scenario, config)
-        genome = strategy if isinstance(strategy, Genome) else TYPE1
-        if isinstance(strategy, Genome):
-            check_genome(strategy, worlds)
-            strategy = None
-        if settings is None:
-            density = genome.density_of_robots
-            settings = RunSettings(robots_for(config.arena, density, "density_of_robots"), STEPS)
-        engine, task = MujocoSettings() if engine is None else engine, CLEANING if task is None else task
-        setup = set_up(config, settings, engine, task, genome if worlds is None else worlds, robot_file)
-        self._configured_boxes = config.arena.boxes
-        n_worlds = len(setup.worlds)
-        check("worlds", n_worlds, f"as many as n_worlds, {settings.n_worlds}", n_worlds == settings.n_worlds)
-        self.config, self.genome, self.settings, self.engine = setup.config, genome, settings, setup.engine
-        self.worlds, self.starts, self.task, self.goal = list(setup.worlds), setup.starts, setup.task, setup.goal
-        self.robot, self.robot_file, self._tasks = setup.robot, setup.robot_file, setup.tasks
-        self.strategy, self._is_per_world, n_leds = strategy, strategy_per_world, len(setup.robot.sides)
-        own = self._strategies()
-        if strategy is None:
+        check_kind("scenario", scenario, Scenario)
+        settings = scenario.settings(record_worlds, capacity)
+        setup = set_up(scenario, settings)
+        self.scenario = scenario
+        self.settings = settings
+        self.config = setup.config
+        self._configured_boxes = scenario.config.arena.boxes
+
+        self.genome = scenario.genome or TYPE1
+        self.strategy = None if scenario.genome else scenario.strategy
+        self.engine = scenario.engine
+        self.task = scenario.task
+        self.goal = setup.goal
+        self.worlds = list(setup.worlds)
+        self.starts = setup.starts
+        self.robot = setup.robot
+        self.robot_file = scenario.robot_file
+        self._tasks = setup.tasks
+
+        strategies = self._strategies()
+        n_leds = len(setup.robot.sides)
+        if self.strategy is None:
             self.recorded = recorded_of(VectorStrategy)
-            self.payload = payload_for(mm_from_rd(config.strategy.message_range), n_leds)
+            message_range = mm_from_rd(self.config.strategy.message_range)
+            self.payload = payload_for(message_range, n_leds)
         else:
-            memory = check_strategies(own, setup.capacity, n_leds, setup.sensed)
-            check_memory(setup.engine, n_worlds, setup.capacity, memory)
-            self.recorded, self.payload = recorded_of(own), payload_of(own)
-        self.teams = team_sizes(own, setup.capacity)
+            memory = check_strategies(strategies, setup.capacity, n_leds, setup.sensed)
+            check_memory(setup.engine, len(self.worlds), setup.capacity, memory)
+            self.recorded = recorded_of(strategies)
+            self.payload = payload_of(strategies)
+        self.teams = team_sizes(strategies, setup.capacity)
         self.watch = Stopwatch()
         with jax.default_device(setup.device):
-            self._loop, self.start = build_loop(setup, own, self.watch)
+            self._loop, self.start = build_loop(setup, strategies, self.watch)
         self._taken = 0
         self.first_call_s, self._first_steps = 0.0, 0
-        self._has_ended = np.zeros(n_worlds, bool)
+        self._has_ended = np.zeros(len(self.worlds), bool)
         self._snapshot: WorldState | None = None
 
     def _strategies(self) -> Any:
         """The strategy with a first axis of B worlds."""
         if self.strategy is None:
             return vector_strategies(self.config, self.robot, self.worlds)
-        return of_all_worlds(self.strategy, self.config, self.robot, self.worlds, is_per_world=self._is_per_world)
+        return of_all_worlds(
+            self.strategy,
+            self.config,
+            self.robot,
+            self.worlds,
+            is_per_world=self.scenario.strategy_per_world,
+        )
 
     @property
     def step(self) -> int:

@@ -1,9 +1,12 @@
-"""What is simulated, said once for runs, rollouts, environments and the page."""
+"""What is simulated, stated once for runs, rollouts, environments, searches and the page."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Self
+
+import jax
+import jax.numpy as jnp
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
@@ -17,13 +20,13 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import TYPE1, Genome
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
-from iswarm_mj.utils.constraints import check, check_kind, constraint_of, is_whole, validate
+from iswarm_mj.utils.constraints import check, constraint_of, is_whole, validate
 from iswarm_mj.utils.errors import UserError
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """What is simulated: the one description that `Run`, `rollout`, `make_env` and `play` take.
+    """What is simulated: the one description that `Run`, `rollout`, `make_env`, `evolve` and `play` take.
 
     All fields but the first are keywords, so their order does not matter. `dataclasses.replace` makes variants.
     """
@@ -44,14 +47,18 @@ class Scenario:
     """The engine, with its settings."""
     seed: Annotated[int, constraint_of(RunSettings, "seed")] = 0
     """Seed of all random numbers."""
-    worlds: int | Sequence[World] = 1
-    """Number of worlds of the seed; or a sequence with a `World` for each.
+    worlds: int | Sequence[World] | Any = 1
+    """Number of worlds of the seed; or a sequence with a `World` for each; or a random key for each, as
+    `jax.random.split(jax.random.key(0), 8)`: different strategies meet the same worlds with the same keys.
 
     Worlds of a sequence may differ in what a `World` has: genome (where the strategy is a genome), number of robots,
     seed and number, share of dead robots, start, key, and `World.config`. Their configurations may differ in noise,
     voltages, adhesion, places and readings; the edge of the arena, optics and whatever else programs are compiled for
-    are those of `config`. Task and engine are the same in all worlds, and so is a strategy, but for its `for_world`.
+    are those of `config`. Task and engine are the same in all worlds, and so is a strategy, but for its `for_world`
+    and for `strategy_per_world`.
     """
+    strategy_per_world: bool = False
+    """The arrays of the strategy have a first axis of worlds: each world has a strategy of its own."""
     steps: Annotated[int, constraint_of(RunSettings, "steps")] = STEPS
     """Control steps at most, in an environment of an episode; the page goes on for as long as it is watched."""
     goal: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
@@ -80,7 +87,7 @@ class Scenario:
         """Number of robots, in the largest world."""
         if self.robots is not None:
             return self.robots
-        if not isinstance(self.worlds, int):
+        if isinstance(self.worlds, tuple):
             return max(world.n_robots for world in self.worlds)
         of_kinds = sum(number for _, number in files_of(self.robot_file))
         density = (self.genome or TYPE1).density_of_robots
@@ -91,16 +98,33 @@ class Scenario:
         """Number of worlds."""
         return self.worlds if isinstance(self.worlds, int) else len(self.worlds)
 
-    def settings(self, record_worlds: Sequence[int] = (0,)) -> RunSettings:
-        """Return the settings of a run, in which these worlds are recorded."""
+    def settings(self, record_worlds: Sequence[int] = (), capacity: int | None = None) -> RunSettings:
+        """Return the settings of a run.
+
+        Args:
+            record_worlds: numbers of the worlds that are recorded.
+            capacity: robots for which compiled programs have room; None for those of the largest world.
+        """
+        worlds = self.worlds if isinstance(self.worlds, tuple) else ()
+        failed_fractions = {world.failed_fraction for world in worlds}
         return RunSettings(
             n_robots=self.n_robots,
             steps=self.steps,
             seed=self.seed,
             n_worlds=self.n_worlds,
             stop_at=self.goal,
+            failed_fraction=failed_fractions.pop() if len(failed_fractions) == 1 else 0.0,
+            capacity=capacity,
             record_worlds=tuple(record_worlds),
         )
+
+    def list_worlds(self) -> list[World]:
+        """Return all worlds, those of the seed or of the keys, too."""
+        if isinstance(self.worlds, tuple):
+            return list(self.worlds)
+        keys: Any = [None] * self.worlds if isinstance(self.worlds, int) else self.worlds
+        genome, n_robots, seed = self.genome or TYPE1, self.n_robots, self.seed
+        return [World(genome, n_robots, seed, index, key=key) for index, key in enumerate(keys)]
 
     def values(self) -> dict[str, Any]:
         """Return the settings that differ from the defaults of `iswarm run`, by the names of its flags.
@@ -150,56 +174,32 @@ class Scenario:
         return cls(**fields_of_result(result, strategy, task, engine))
 
 
-def refuse_beside_scenario(**given: Any) -> None:
-    """Refuse settings, by their names, that are given beside a scenario, which has them.
-
-    Raises:
-        UserError: one is not None.
-    """
-    for name, value in given.items():
-        if value is not None:
-            raise UserError(f"`{name}` is given beside a scenario, which says it already; set it in the scenario alone")
-
-
 def check_genome(genome: Genome, worlds: Any) -> None:
     """Refuse the genome of a run whose worlds have other ones; type 1 is the default.
 
     Raises:
         UserError: no world has it.
     """
-    if genome == TYPE1 or not isinstance(worlds, Sequence):
+    if genome == TYPE1 or not isinstance(worlds, tuple):
         return
-    if all(isinstance(world, World) and world.genome != genome for world in worlds):
+    if all(world.genome != genome for world in worlds):
         raise UserError("strategy is a genome, but worlds have their own; leave out one of them")
 
 
-def _checked_worlds(worlds: Any) -> int | tuple[World, ...]:
-    """Return the number of worlds, or the worlds that are given.
+def _checked_worlds(worlds: Any) -> Any:
+    """Return the number of worlds, their random keys, or a tuple of the worlds.
 
     Raises:
         ConfigError: it is something else.
     """
-    allowed = "a number above 0, or a World for each"
+    allowed = "a number above 0, a World for each, or a random key for each"
     if is_whole(worlds):
         check("worlds", worlds, allowed, worlds > 0)
         return int(worlds)
+    if isinstance(worlds, jax.Array):
+        are_keys = jnp.issubdtype(worlds.dtype, jax.dtypes.prng_key) and worlds.ndim == 1
+        check("worlds", f"{worlds.dtype}{list(worlds.shape)}", allowed, are_keys and len(worlds) > 0)
+        return worlds
     are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
     check("worlds", worlds, allowed, are_worlds and len(worlds) > 0)
     return tuple(worlds)
-
-
-def config_of(first: Any, config: Any) -> SwarmConfig:
-    """Return the configuration of a call without a scenario.
-
-    Args:
-        first: what is given in place of the scenario.
-        config: what is given as `config`.
-
-    Raises:
-        UserError: both are given, or it is none.
-    """
-    if first is not None and config is not None:
-        raise UserError("the configuration is given twice, first and as `config`; leave out one of them")
-    given: Any = first if config is None else config
-    check_kind("config", given, SwarmConfig)
-    return given

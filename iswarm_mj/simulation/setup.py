@@ -11,16 +11,16 @@ from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.checked import make_compiled_engine, make_host_engine
 from iswarm_mj.engines.registry import ENGINES, check_settings
-from iswarm_mj.engines.robot_file import as_robot_file, check_total, read_robots
+from iswarm_mj.engines.robot_file import check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.geometry.robot import RobotFile, Robots
 from iswarm_mj.simulation.given import goal_of, of_worlds
 from iswarm_mj.simulation.layouts import Start, check_boxes, with_boxes_laid
 from iswarm_mj.simulation.memory_limits import check_memory, devices_of
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.shared_settings import static_config
-from iswarm_mj.simulation.worlds import World, starts_of, worlds_of_seed
-from iswarm_mj.strategy.genome import Genome
+from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.layout import cell_of, check_robots
 from iswarm_mj.tasks.signatures import as_task, check_task, usable_task
@@ -29,28 +29,41 @@ from iswarm_mj.utils.jax_setup import check_devices, configure_jax
 
 
 class Setup(NamedTuple):
-    """What a run or an environment is made of, but for what its robots do."""
+    """A scenario that is checked, and how its worlds begin."""
 
+    scenario: Scenario
+    """What is simulated."""
     config: SwarmConfig
-    """Of the run."""
+    """Configuration of the run, with the boxes that its task lays."""
     static: StaticConfig
     """What control steps are compiled for."""
     settings: RunSettings
-    engine: EngineSettings
     robot: Robots
-    robot_file: RobotFile
-    """As an absolute path, or several; None for `models/robot.xml`."""
-    task: Task
-    """As given."""
+    """Geometry of the robots."""
     tasks: Any
-    """The task, with a first axis of `worlds`."""
+    """The task, with a first axis of B worlds."""
     sensed: dict[str, Any]
     """Shapes and types of what robots sense of it beside balls and dump."""
     goal: int | None
     """Progress of the task that finishes a world; None if it never is."""
     worlds: Sequence[World]
     starts: Sequence[Start]
-    """How each of them begins."""
+    """How each world begins."""
+
+    @property
+    def engine(self) -> EngineSettings:
+        """Settings of the engine."""
+        return self.scenario.engine
+
+    @property
+    def task(self) -> Task:
+        """The task as given."""
+        return self.scenario.task
+
+    @property
+    def robot_file(self) -> RobotFile:
+        """MJCF file of the robots as an absolute path, or several; None for `models/robot.xml`."""
+        return self.scenario.robot_file
 
     @property
     def capacity(self) -> int:
@@ -80,59 +93,61 @@ class Setup(NamedTuple):
         return make_compiled_engine(self.engine, self.model, self.robot, n_rows, platform), devices
 
 
-def set_up(
-    config: SwarmConfig,
-    settings: RunSettings,
-    engine: EngineSettings,
-    task: Any,
-    worlds: Sequence[World] | Genome,
-    robot_file: RobotFile = None,
-) -> Setup:
-    """Check what the user gives, and draw how worlds begin.
+def set_up(scenario: Scenario, settings: RunSettings, layouts: Sequence[World] | None = None) -> Setup:
+    """Check what is simulated, and draw how worlds begin.
 
     Args:
-        config: of all worlds.
+        scenario: what is simulated.
         settings: of the run.
-        engine: that carries it out.
-        task: what the robots are to do.
-        worlds: whose beginnings are drawn; or the genome of those of the settings' seed.
-        robot_file: MJCF file of the robots, or of each kind with their number; None for `models/robot.xml`.
+        layouts: worlds whose starts are drawn, by default all of the scenario.
 
     Raises:
         UserError: robots, worlds, a task or settings that do not fit, or too little memory.
     """
     configure_jax()
-    check_kind("config", config, SwarmConfig)
-    check_kind("settings", settings, RunSettings)
+    check_kind("scenario", scenario, Scenario)
+    config, engine, task = scenario.config, scenario.engine, scenario.task
     known = ", ".join(f"{settings.__name__}()" for settings in ENGINES.values())
     check("engine", engine, f"settings of an engine, as {known}", isinstance(engine, EngineSettings))
     check_settings(engine)
-    file = as_robot_file(robot_file)
-    check_total(file, settings.n_robots)
-    robot = read_robots(file)
+
+    check_total(scenario.robot_file, settings.n_robots)
+    robot = read_robots(scenario.robot_file)
     capacity = settings.capacity or settings.n_robots
     check_memory(engine, settings.n_worlds, capacity)
-    worlds = worlds_of_seed(worlds, settings) if isinstance(worlds, Genome) else worlds
-    are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
-    found = f"a {type(worlds).__name__}" if not are_worlds else "none"
-    check("worlds", found, "a list of at least one World", are_worlds and len(worlds) > 0)
+
+    worlds = scenario.list_worlds() if layouts is None else layouts
     largest = max(world.n_robots for world in worlds)
-    check("n_robots", settings.n_robots, f"that of the largest world, {largest}", settings.n_robots == largest)
+    allowed = f"that of the largest world, {largest}"
+    check("robots", settings.n_robots, allowed, settings.n_robots == largest)
     usable_task(task)
     goal = goal_of(task, config, settings)
     check_robots(config.arena, largest, cell_of(robot))
     slots, n_leds = config.optics.slots, len(robot.sides)
     is_long = not config.optics.baud_rate or slots >= n_leds
     check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
+
     starts = starts_of(config, task, robot, worlds)
     check_boxes(task, starts)
     if (boxes := starts[0].boxes) != config.arena.boxes:
         config = with_boxes_laid(config, boxes, "start")
         worlds = [replace(w, config=w.config and with_boxes_laid(w.config, boxes, "start")) for w in worlds]
-    known = config.arena.boxes == () or engine.has_boxes
-    check("arena.boxes", config.arena.boxes, f"left out with the engine {engine.name}, which has none", known)
+    can_have_boxes = config.arena.boxes == () or engine.has_boxes
+    allowed = f"left out with the engine {engine.name}, which has none"
+    check("arena.boxes", config.arena.boxes, allowed, can_have_boxes)
+
     static = static_config(config, engine.on_host)
     arrays = as_task(task)
     sensed = check_task(arrays, config, static, robot, starts[0].task, capacity)
-    tasks = of_worlds(arrays, len(starts))
-    return Setup(config, static, settings, engine, robot, file, task, tasks, sensed, goal, worlds, starts)
+    return Setup(
+        scenario=scenario,
+        config=config,
+        static=static,
+        settings=settings,
+        robot=robot,
+        tasks=of_worlds(arrays, len(starts)),
+        sensed=sensed,
+        goal=goal,
+        worlds=worlds,
+        starts=starts,
+    )

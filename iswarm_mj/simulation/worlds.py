@@ -1,8 +1,8 @@
 """Worlds of a run: what each of them is, and the arrays that they begin with."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
 import jax
 import jax.numpy as jnp
@@ -13,8 +13,7 @@ from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.arena import Arena, arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.simulation.layout_checks import check_balls, check_poses, check_start
-from iswarm_mj.simulation.layouts import Start, draw_start, with_boxes_laid
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.layouts import Start, draw_start, draw_start_with, with_boxes_laid
 from iswarm_mj.simulation.shared_settings import check_shared_settings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.rules import rules_of_worlds
@@ -46,9 +45,9 @@ class World:
     """Settings of this world, which may differ from the run's in `shared_settings.PER_WORLD_FIELDS`: noise, voltages,
     adhesion, places, the readings."""
     start: Start | None = None
-    """How the world begins; drawn from its seed if not given."""
+    """How the world begins; drawn from its key, or from its seed, if not given."""
     key: Array | None = None
-    """Random key of what happens then; from seed and index if not given."""
+    """Random key of the world, in place of seed and index."""
 
     def __post_init__(self):
         validate(self)
@@ -62,12 +61,6 @@ class World:
         return jax.random.fold_in(jax.random.key(self.seed), self.index) if self.key is None else self.key
 
 
-def worlds_of_seed(genome: Genome, settings: RunSettings) -> list[World]:
-    """Return the worlds of a run's seed, numbered from 0."""
-    s = settings
-    return [World(genome, s.n_robots, s.seed, index, s.failed_fraction) for index in range(s.n_worlds)]
-
-
 def starts_of(config: SwarmConfig, task: Task, robot: Robots, worlds: Sequence[World]) -> list[Start]:
     """Return how each world of a task begins.
 
@@ -76,8 +69,21 @@ def starts_of(config: SwarmConfig, task: Task, robot: Robots, worlds: Sequence[W
     """
     for own in {world.config for world in worlds if world.config is not None}:
         check_shared_settings(config, own)
-    usual: dict[int, Start] = {}  # by the number of robots, on which the shapes of a task's state may depend
-    return [_start(config, task, robot, world, usual) for world in worlds]
+    # The shapes of a task's state may depend on the number of robots.
+    first_of_size: dict[int, Start] = {}
+    first_of_key: dict[Any, Start] = {}
+    starts = []
+    for world in worlds:
+        if world.start is None:
+            start = _draw_start(config, task, robot, world, first_of_key)
+            first_of_size.setdefault(world.n_robots, start)
+        else:
+            if world.n_robots not in first_of_size:
+                like_it = replace(world, start=None, key=None)
+                first_of_size[world.n_robots] = _draw_start(config, task, robot, like_it, {})
+            start = _checked_start(config, task, robot, world, first_of_size[world.n_robots])
+        starts.append(start)
+    return starts
 
 
 def random_keys(worlds: Sequence[World]) -> Array:
@@ -118,20 +124,52 @@ def _key_data(seed: Array, index: Array) -> Array:
     return jax.random.key_data(jax.random.fold_in(jax.random.key(seed), index))
 
 
-def _start(config: SwarmConfig, task: Task, robot: Robots, world: World, usual: dict[int, Start]) -> Start:
-    own, given, n_robots = world.config or config, world.start, world.n_robots
-    if given is None or n_robots not in usual:
-        drawn = draw_start(own, task, robot, n_robots, world.seed, world.index, world.failed_fraction)
-        usual.setdefault(n_robots, drawn)
-        if given is None:
-            return drawn
-    check_kind("start", given, Start)
-    given = given._replace(boxes=own.arena.boxes) if given.boxes is None else given
-    own = with_boxes_laid(own, given.boxes, "start")
-    check_start(given, usual[n_robots])
-    check_poses("start.poses", np.asarray(given.poses), robot, own.arena)
+def _draw_start(config: SwarmConfig, task: Task, robot: Robots, world: World, first_of_key: dict[Any, Start]) -> Start:
+    """Draw how a world begins.
+
+    Args:
+        config: of the run.
+        task: lays out robots and all else.
+        robot: geometry.
+        world: to be drawn.
+        first_of_key: starts that were drawn from keys, which worlds of equal keys share.
+    """
+    config = world.config or config
+    if world.key is None:
+        return draw_start(config, task, robot, world.n_robots, world.seed, world.index, world.failed_fraction)
+    key_data = np.asarray(jax.random.key_data(world.key))
+    identity = (key_data.tobytes(), world.n_robots, world.failed_fraction, config)
+    if identity not in first_of_key:
+        rng = np.random.default_rng(key_data)
+        first_of_key[identity] = draw_start_with(
+            config, task, robot, world.n_robots, rng, shared=rng, failed_fraction=world.failed_fraction
+        )
+    return first_of_key[identity]
+
+
+def _checked_start(config: SwarmConfig, task: Task, robot: Robots, world: World, drawn: Start) -> Start:
+    """Return the start that is given for a world.
+
+    Args:
+        config: of the run.
+        task: of the run.
+        robot: geometry.
+        world: with a start.
+        drawn: a start of the same number of robots, whose state has the right shapes.
+
+    Raises:
+        UserError: the world cannot begin so.
+    """
+    config = world.config or config
+    check_kind("start", world.start, Start)
+    start: Any = world.start
+    if start.boxes is None:
+        start = start._replace(boxes=config.arena.boxes)
+    config = with_boxes_laid(config, start.boxes, "start")
+    check_start(start, drawn)
+    check_poses("start.poses", np.asarray(start.poses), robot, config.arena)
     if has_balls(task):
         with user_code(f"{type(task).__name__}.balls"):
-            balls = task.balls(given.task)
-        check_balls(balls, n_robots, own.arena)
-    return given
+            balls = task.balls(start.task)
+        check_balls(balls, world.n_robots, config.arena)
+    return start

@@ -18,7 +18,7 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.geometry.obstacles import poses_of_boxes
 from iswarm_mj.simulation.build import build_loop
 from iswarm_mj.simulation.decide import decide
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.step import Stepper, control_step, drive_phases
 from iswarm_mj.simulation.worlds import World
@@ -27,7 +27,6 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
-from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.units import RD
 
@@ -187,8 +186,8 @@ def test_through_whole_control_steps():
     start = start_of(SMALL, n_robots, 0, 0)._replace(poses=np.array(APART))
     world = World(PRESETS["type1"], n_robots, start=start)
     many = jax.tree.map(lambda a: jnp.asarray(a)[None], strategy)
-    settings = RunSettings(n_robots, 3, record_worlds=())
-    setup = set_up(SMALL, settings, MjxSettings(chunk=1), CLEANING, [world])
+    scenario = Scenario(SMALL, engine=MjxSettings(chunk=1), worlds=[world], steps=3)
+    setup = set_up(scenario, scenario.settings())
     loop, _ = build_loop(setup, many, Stopwatch())
     params, state, engine = loop.on_first_device()
     params, state = jax.tree.map(lambda a: a[0], (params, state))

@@ -11,7 +11,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.geometry.walls import beyond, in_mm
 from iswarm_mj.output.saved import load
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.units import RD
 from iswarm_mj.workflows.clean import run_swarm
 
@@ -23,7 +23,7 @@ def arena_with(*boxes, n_dust=2):
 def test_recordings_show_walls_and_obstacles(tmp_path):
     outline, boxes = ((-7.0, -5.0), (1.0, -8.0), (8.0, -3.0), (6.0, 6.0), (-6.0, 6.0)), ((2.0, 3.0, 1.5, 0.3, 25.0),)
     config = SwarmConfig(replace(arena_with(*boxes), size=49.0, outline=outline, dust_area_offset=4, dust_area_size=1))
-    run_swarm(Run(config, None, RunSettings(12, 2), PlanarSettings(1)), tmp_path)
+    run_swarm(Run(Scenario(config, robots=12, engine=PlanarSettings(1), steps=2)), tmp_path)
     saved, shown = load(tmp_path), read(tmp_path / "clean.rrd")
     assert saved.config == config
     np.testing.assert_allclose(saved.scene.corners, 1e-3 * RD * np.array(outline))

@@ -18,7 +18,7 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar import batch_engine
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
 
 pytestmark = pytest.mark.slow
@@ -50,8 +50,16 @@ def crowds(n_robots):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(MujocoEngine, "move", watched)
-        settings = RunSettings(n_robots, max(AT_STEPS), seed=11, n_worlds=N_WORLDS, record_worlds=())
-        run = Run(CONFIG, GENOME, settings, MujocoSettings(1))
+        scenario = Scenario(
+            CONFIG,
+            strategy=GENOME,
+            robots=n_robots,
+            engine=MujocoSettings(1),
+            seed=11,
+            worlds=N_WORLDS,
+            steps=max(AT_STEPS),
+        )
+        run = Run(scenario, record_worlds=())
         while not run.is_over:
             run.advance()
     assert sum(len(crowd[0]) for crowd in found) == len(AT_STEPS) * N_WORLDS

@@ -14,7 +14,7 @@ from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for
 
@@ -33,8 +33,18 @@ def outcomes(engine, preset, seed):
     """Samples of N_WORLDS runs until GOAL deliveries."""
     config, genome = SwarmConfig(), PRESETS[preset]
     n_robots = robots_for(config.arena, genome.density_of_robots)
-    settings = RunSettings(n_robots, STEPS, seed, N_WORLDS, stop_at=GOAL, record_worlds=())
-    run, early = Run(config, genome, settings, ENGINES[engine]), None
+    scenario = Scenario(
+        config,
+        strategy=genome,
+        robots=n_robots,
+        engine=ENGINES[engine],
+        seed=seed,
+        worlds=N_WORLDS,
+        steps=STEPS,
+        goal=GOAL,
+    )
+    run = Run(scenario, record_worlds=())
+    early = None
     while not run.is_over:
         run.advance()
         if early is None and run.step >= EARLY:

@@ -13,16 +13,15 @@ from iswarm_mj.commands.main import parse
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.simulation.scenario import Scenario
 
 N_ROBOTS, N_WORLDS, WARM_UP, STEPS = 30, 3, 2, 5
 
 
 @pytest.mark.parametrize("engine", [MujocoSettings(1), PlanarSettings(1, refinement=3)], ids=["mujoco", "planar"])
 def test_counts_and_keys(small, engine, capfd):
-    settings = RunSettings(N_ROBOTS, WARM_UP + STEPS, 0, N_WORLDS, record_worlds=())
-    content = bench(Run(small, PRESETS["type1"], settings, engine), WARM_UP)
+    scenario = Scenario(small, robots=N_ROBOTS, engine=engine, worlds=N_WORLDS, steps=WARM_UP + STEPS)
+    content = bench(Run(scenario, record_worlds=()), WARM_UP)
     out = capfd.readouterr().out
     assert out.count("\n") == 1 and json.loads(out) == json.loads(json.dumps(content))
     counted = {name: content[name] for name in (*engine.identity, "n_robots", "n_worlds", "steps")}
@@ -48,8 +47,8 @@ class Short(Eastward):
 def test_a_run_that_ends_early_has_fewer_steps(small, monkeypatch):
     """Of calls that take 0.1, 0.2 and 0.6 s."""
     monkeypatch.setattr(command, "_time", lambda *given: (_time(*given)[0], [0.1, 0.2, 0.6]))
-    settings = RunSettings(N_ROBOTS, 20, record_worlds=())
-    content = bench(Run(small, PRESETS["type1"], settings, PlanarSettings(1), task=Short()), WARM_UP)
+    scenario = Scenario(small, task=Short(), robots=N_ROBOTS, engine=PlanarSettings(1), steps=20)
+    content = bench(Run(scenario, record_worlds=()), WARM_UP)
     assert content["steps"] == 5 - WARM_UP and content["delivered_mean"] == 5
     assert (content["ms_per_step"], content["ms_per_step_mean"]) == (200, 300)
 

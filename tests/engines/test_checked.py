@@ -10,7 +10,7 @@ import pytest
 from iswarm_mj import make_env
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.errors import UserError
 
 N, STEPS = 5, 2
@@ -75,7 +75,7 @@ def engine(tmp_path):
 
 
 def run(config, engine):
-    made = Run(config, settings=RunSettings(N, STEPS), engine=engine)
+    made = Run(Scenario(config, robots=N, engine=engine, steps=STEPS))
     while not made.is_over:
         made.advance()
     return made
@@ -117,5 +117,5 @@ def test_later_mistakes(small, engine):
 )
 def test_environments_check_too(small, engine, name, old, new, message):
     with pytest.raises(UserError, match=re.escape(message)):
-        env = make_env(n_robots=N, config=small, engine=engine(name, old, new), n_starts=2)
+        env = make_env(config=small, robots=N, engine=engine(name, old, new), n_starts=2)
         env.step(env.reset(jax.random.split(jax.random.key(0), 1)), np.zeros((1, N, 2), np.float32))

@@ -20,7 +20,7 @@ from iswarm_mj.envs import parallel_env, single_env, vector_env
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
-FEW = {"n_robots": 5, "config": SMALL, "engine": PlanarSettings(1), "payload": FIELDS, "steps": 20, "n_starts": 4}
+FEW = {"robots": 5, "config": SMALL, "engine": PlanarSettings(1), "payload": FIELDS, "steps": 20, "n_starts": 4}
 
 
 def pickled(env):
@@ -172,9 +172,9 @@ class TestMistakes:
         with pytest.raises(UserError, match="call reset first"):
             vector_env(num_envs=2, **FEW).step(np.zeros((2, 5, 3)))
 
-    @pytest.mark.parametrize("name", ["n_robot", "n_worlds"])
+    @pytest.mark.parametrize("name", ["n_robots", "n_worlds"])
     def test_unknown_settings(self, name):
-        with pytest.raises(TypeError, match=name):
+        with pytest.raises(UserError, match=f"a scenario has no field {name}; perhaps you meant {name[2:]}"):
             single_env(**{name: 3})
 
     @pytest.mark.parametrize("number", [0, True, "2"])

@@ -78,7 +78,7 @@ def test_worlds_of_a_batch_are_worlds_alone():
 
 def test_worlds_of_the_host_do_not_depend_on_their_neighbours():
     env, step, state = made(PlanarSettings(1), KEYS)
-    one = make_env(n_robots=6, config=SMALL, payload=FIELDS, steps=6, n_worlds=1, engine=PlanarSettings(1))
+    one = make_env(config=SMALL, robots=6, engine=PlanarSettings(1), worlds=1, steps=6, payload=FIELDS)
     alone = one.reset(KEYS[1:2])
     for seed in range(8):  # past the end of an episode
         action = act(env, seed)
@@ -88,10 +88,10 @@ def test_worlds_of_the_host_do_not_depend_on_their_neighbours():
 
 def test_other_environments_of_a_configuration_use_its_programs():
     """Whatever their layouts; those of another configuration do what is theirs."""
-    settings = {"n_robots": 6, "config": SMALL, "payload": FIELDS, "steps": 6, "n_worlds": 3}
+    settings = {"robots": 6, "config": SMALL, "payload": FIELDS, "steps": 6, "worlds": 3}
     env, step, state = made(PlanarSettings(1), KEYS)
     step(state, act(env, 0))
-    other = make_env(seed=1, engine=PlanarSettings(1), **settings)
+    other = make_env(engine=PlanarSettings(1), seed=1, **settings)
     with compilations() as names:
         theirs = other.step(other.reset(KEYS), act(env, 0))
     assert names == [] and not np.array_equal(theirs.obs, step(state, act(env, 0)).obs)
@@ -117,7 +117,7 @@ def test_steps_are_pure(engine):
 
 @pytest.fixture(scope="module")
 def eastward():
-    return make_env(Eastward(), n_robots=8, config=SMALL, n_worlds=2, engine=PlanarSettings(1), steps=2, n_starts=4)
+    return make_env(config=SMALL, task=Eastward(), robots=8, engine=PlanarSettings(1), worlds=2, steps=2, n_starts=4)
 
 
 @pytest.mark.parametrize("last", [1, 2])
@@ -141,7 +141,7 @@ def test_a_fault_brings_no_reward_and_is_not_the_end_of_the_time(eastward, last)
 
 def test_rewards_are_of_the_task_whose_goal_ends_an_episode():
     """Robots that stand on dust pick it up, and one delivers its ball: 20 points for either."""
-    env = make_env(n_robots=60, config=SMALL, n_worlds=1, engine=PlanarSettings(1), steps=400, stop_at=1)
+    env = make_env(config=SMALL, robots=60, engine=PlanarSettings(1), worlds=1, steps=400, goal=1)
     state, total, rng = env.reset(KEYS[:1]), 0.0, np.random.default_rng(2)
     first = np.asarray(state.metrics["picked"])
     while not state.done[0]:

@@ -11,6 +11,7 @@ from support.envs import SMALL
 from iswarm_mj import make_env
 from iswarm_mj.config.swarm import StrategyConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
+from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.utils.errors import UserError
 
@@ -25,24 +26,26 @@ def env():
 
 
 class TestMistakes:
-    ENV = staticmethod(lambda **more: make_env(**({"n_robots": 3, "config": SMALL, "n_starts": 2} | more)))
+    ENV = staticmethod(
+        lambda **more: make_env(**{"robots": 3, "config": SMALL, "engine": PlanarSettings(), "n_starts": 2} | more)
+    )
 
     @pytest.mark.parametrize(
         "settings, words",
         [
-            ({"task": "cleanin"}, "cleanin"),
+            ({"task": "cleaning"}, "str is not a task, since it does not derive from Task"),
             ({"task": 3}, "int is not a task, since it does not derive from Task"),
-            ({"n_robots": 0}, "n_robots must be at least 1|n_robots must be a whole number"),
-            ({"n_robots": 5000}, "n_robots must be between 1 and"),
+            ({"robots": 0}, "robots must be a whole number at least 1"),
+            ({"robots": 5000}, "n_robots must be between 1 and"),
             ({"steps": 0}, "steps must be"),
             *(({"n_starts": n}, "n_starts must be a whole number from 1 to 100000") for n in (True, 100_001)),
-            ({"stop_at": 2.5}, r"stop_at must be a whole number at least 1 \(got"),
-            *(({"n_worlds": n}, r"n_worlds must be at most \d+ with 3 robots .* free, for it needs") for n in HUGE),
-            ({"engine": "planar"}, r"engine must be settings of an engine, as MujocoSettings\(\), "),
+            ({"goal": 2.5}, r"goal must be a whole number at least 1 \(got"),
+            *(({"worlds": n}, r"n_worlds must be at most \d+ with 3 robots .* free, for it needs") for n in HUGE),
+            ({"engine": "planar"}, "engine must be a EngineSettings|engine must be an EngineSettings"),
             ({"payload": 30}, "payload must be fields, or a number of bits from 0 to 29"),
             ({"payload": {"a": Integer(30)}}, "leave out or shorten fields by 1 bits"),
             ({"payload": "words"}, "a payload is a dictionary"),
-            ({"stop_at": 99}, "stop_at must be between 1 and"),
+            ({"goal": 99}, "stop_at must be between 1 and"),
             ({"config": replace(SMALL, strategy=StrategyConfig(update_order="sequential"))}, "robots .* act at once"),
         ],
     )
@@ -81,7 +84,7 @@ class TestMistakes:
         with pytest.raises(UserError, match=r"obs must be an array \(\.\.\., \d+\) .*; give the `obs` of a state"):
             env.named(obs)
 
-    def test_a_task_that_cannot_be_made(self, tmp_path):
-        (tmp_path / "tasks_of_mine.py").write_text("class Mine:\n    def __init__(self):\n        raise KeyError(3)\n")
-        with pytest.raises(UserError, match=r"Mine.* raised KeyError: 3 .*line 3"):
-            self.ENV(task=f"{tmp_path}/tasks_of_mine.py:Mine")
+    @pytest.mark.parametrize("name", ["n_robots", "robot"])
+    def test_fields_that_no_scenario_has(self, name):
+        with pytest.raises(UserError, match=f"a scenario has no field {name}; perhaps you meant robots"):
+            self.ENV(**{name: 3})

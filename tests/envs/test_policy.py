@@ -17,7 +17,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs import PolicyStrategy
 from iswarm_mj.sensors.fields import Integer, Vector
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -50,7 +50,7 @@ def run_like(strategy, engine, task=CLEANING, config=SMALL):
     start = starts_of(config, task, read_robot(), [World(PRESETS["type1"], N, SEED, index)])[0]
     start = start._replace(poses=start.poses.astype(np.float32).astype(float))
     world = World(PRESETS["type1"], N, start=start, key=key)
-    return Run(config, strategy=strategy, settings=RunSettings(N, STEPS), engine=engine, worlds=[world], task=task)
+    return Run(Scenario(config, strategy=strategy, task=task, robots=N, engine=engine, worlds=[world], steps=STEPS))
 
 
 def params_of(env):
@@ -66,8 +66,8 @@ def params_of(env):
 )
 def test_runs_do_what_the_environment_did(engine, config, memory):
     """The same start, noise, messages and errors of the drive: poses, balls, and what robots observe to act on."""
-    task, given = Weather() if memory is None else CLEANING, {"n_worlds": 1, "n_starts": 4, "seed": SEED}
-    env = make_env(task, n_robots=N, config=config, engine=engine, payload=FIELDS, **given)
+    task, given = Weather() if memory is None else CLEANING, {"worlds": 1, "n_starts": 4, "seed": SEED}
+    env = make_env(config=config, task=task, robots=N, engine=engine, payload=FIELDS, **given)
     params, apply = params_of(env), linear if memory is None else counting
     run = run_like(PolicyStrategy(apply, params, FIELDS, memory=memory), engine, task, config)
     state, own, heard, waited = env.reset(KEYS), None if memory is None else memory(N), 0, 0
@@ -87,7 +87,7 @@ def test_runs_do_what_the_environment_did(engine, config, memory):
 
 def test_what_a_task_lets_robots_sense_is_observed():
     task, engine = Eastward(), PlanarSettings(1)
-    env = make_env(task, n_robots=N, config=SMALL, engine=engine, n_worlds=1, n_starts=4, seed=SEED)
+    env = make_env(config=SMALL, task=task, robots=N, engine=engine, seed=SEED, worlds=1, n_starts=4)
     params = params_of(env)
     run = run_like(PolicyStrategy(linear, params, task=task), engine, task)
     state = env.reset(KEYS)

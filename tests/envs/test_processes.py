@@ -21,9 +21,9 @@ import iswarm_mj.envs.gymnasium
 if __name__ == "__main__":
     context, is_used = sys.argv[1], sys.argv[2] == "used"
     if is_used:
-        gymnasium.make("iswarm/Cleaning-v0", n_robots=3).reset(seed=0)
+        gymnasium.make("iswarm/Cleaning-v0", robots=3).reset(seed=0)
     settings = {} if context == "default" else {"vector_kwargs": {"context": context}}
-    envs = gymnasium.make_vec("iswarm/Cleaning-v0", num_envs=2, vectorization_mode="async", n_robots=3, **settings)
+    envs = gymnasium.make_vec("iswarm/Cleaning-v0", num_envs=2, vectorization_mode="async", robots=3, **settings)
     seen = [envs.reset(seed=1)[0]]
     for _ in range(2):
         seen.append(envs.step(np.ones(envs.action_space.shape, np.float32))[0])
@@ -48,7 +48,7 @@ def test_asynchronous_environments_do_what_one_does(tmp_path, context, use):
     done, out = run(tmp_path, context, use)
     assert done.returncode == 0, done.stderr
     for world, seen in enumerate(np.load(out).swapaxes(0, 1)):
-        env = gymnasium.make("iswarm/Cleaning-v0", n_robots=3)
+        env = gymnasium.make("iswarm/Cleaning-v0", robots=3)
         expected = [env.reset(seed=1 + world)[0]]
         for _ in range(2):
             expected.append(env.step(np.ones(env.action_space.shape, np.float32))[0])

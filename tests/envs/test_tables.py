@@ -130,7 +130,7 @@ def test_silence_is_sent():
 
 def test_tasks_add_what_they_let_robots_sense():
     """A line to the east: robots sense how far away it is, and are rewarded beyond it."""
-    env = make_env(Eastward(3.0), n_robots=8, config=SMALL, n_starts=3, engine=PlanarSettings(1), n_worlds=2)
+    env = make_env(config=SMALL, task=Eastward(3.0), robots=8, engine=PlanarSettings(1), worlds=2, n_starts=3)
     assert env.observations[-1].name == "gap" and env.observations[-1].unit == "mm"
     state = env.reset(jax.random.split(jax.random.key(0), 2))
     for seed in range(3):
@@ -141,9 +141,3 @@ def test_tasks_add_what_they_let_robots_sense():
         state = env.step(state, np.random.default_rng(seed).uniform(-1, 1, (2, 8, 2)))
         after = np.asarray(state.data.world.bodies.poses)[..., 0]
         np.testing.assert_array_equal(state.reward, after > 3)
-
-
-def test_tasks_have_names(tmp_path):
-    path = tmp_path / "east.py"
-    path.write_text("from support.tasks import Eastward as East\n\nclass Eastward(East):\n    line = 1.0\n")
-    assert make_env(f"{path}:Eastward", n_robots=3, config=SMALL, n_starts=1).observations[-1].name == "gap"

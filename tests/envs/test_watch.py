@@ -37,7 +37,7 @@ def centres_of(pixels):
 
 @needs_opengl
 def test_pictures_show_robots_where_they_are():
-    env = make_env(n_robots=5, config=SMALL, n_worlds=N_WORLDS, n_starts=8)
+    env = make_env(config=SMALL, robots=5, engine=PlanarSettings(), worlds=N_WORLDS, n_starts=8)
     state = env.reset(jax.random.split(jax.random.key(1), N_WORLDS))
     pictures = Pictures(env, state, Shot("above", (SIZE, SIZE), fine=True))
     for step in range(2):
@@ -156,7 +156,7 @@ def test_all_names_come_at_once():
 @pytest.mark.slow
 def test_one_world_without_an_axis(tmp_path):
     """As `reset` and `step` of MJX return it; a recording that is used again begins anew."""
-    env = make_env(n_robots=5, config=SMALL, engine=MjxSettings(), n_starts=2)
+    env = make_env(config=SMALL, robots=5, engine=MjxSettings(), n_starts=2)
     state = env.reset(jax.random.key(0))
     both, once = [], EnvRecording(env, tmp_path / "one.rrd")
     for given in (state, jax.tree.map(lambda a: a[None], state)):

@@ -11,7 +11,7 @@ from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.geometry.obstacles import distances, mean_distance, numbers, overlap
 from iswarm_mj.geometry.walls import area_of, beyond, half_planes
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.tasks.layout import free_cells
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import RD
@@ -144,7 +144,7 @@ def test_an_engine_without_boxes_refuses_them():
     engine = find_engine(f"{Path(__file__).parents[1]}/data/teleport.py:TeleportSettings")()
     config = SwarmConfig(ArenaConfig(boxes=((8, 8, 1, 1, 0, 1e-5, 0.1),)))
     with pytest.raises(UserError, match=r"arena.boxes must be left out with the engine teleport, which has none"):
-        Run(config, settings=RunSettings(3, 5), engine=engine)
+        Run(Scenario(config, robots=3, engine=engine, steps=5))
 
 
 def test_no_room_is_left():
@@ -164,4 +164,4 @@ def test_no_obstacle_where_balls_lie():
     with pytest.raises(
         UserError, match=r"arena.obstacles must be outside the dust areas, .* \(12, 0\) .*\(got '16 0 3 3 0'\)"
     ):
-        Run(config, settings=RunSettings(3, 5), engine=PlanarSettings())
+        Run(Scenario(config, robots=3, engine=PlanarSettings(), steps=5))

@@ -18,7 +18,7 @@ from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.tasks.base import Quantity
@@ -104,8 +104,8 @@ def check_gates(before, after, steps):
 def test_worlds_of_a_run_see_their_own_arenas_and_their_gates_open(engine):
     others = [replace(CONFIG, arena=replace(CONFIG.arena, dust_area_offset=offset)) for offset in (8.0, 9.0, 10.0)]
     worlds = [World(TYPE1, N, index=k, config=config) for k, config in enumerate(others)]
-    settings = RunSettings(N, 3, n_worlds=3, record_worlds=(0, 1, 2))
-    run = Run(CONFIG, None, settings, engine, worlds=worlds, task=Gated())
+    scenario = Scenario(CONFIG, task=Gated(), engine=engine, worlds=worlds, steps=3)
+    run = Run(scenario, record_worlds=(0, 1, 2))
     record = ran(run)
     metrics = run.metrics()
     assert metrics["edge"].tolist() == [30.0] * 3 and metrics["offset"].tolist() == [8.0, 9.0, 10.0]
@@ -114,7 +114,7 @@ def test_worlds_of_a_run_see_their_own_arenas_and_their_gates_open(engine):
 
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.name)
 def test_environments_see_their_own_arena_and_their_gates_open(engine):
-    env = make_env(Gated(), N, config=CONFIG, engine=engine, n_worlds=2)
+    env = make_env(config=CONFIG, task=Gated(), robots=N, engine=engine, worlds=2)
     state = env.reset(jax.random.split(jax.random.key(0), 2))
     before = env.boxes(state)
     for _ in range(3):

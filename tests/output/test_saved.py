@@ -5,12 +5,12 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from support.mjx import ENGINES, TINY, N, poses, settings
+from support.mjx import ENGINES, N, poses, tiny_run
 from support.recorded import of_world
 from support.worlds import centres
 
 import iswarm_mj
-from iswarm_mj import PRESETS, PlanarSettings, Run
+from iswarm_mj import PlanarSettings
 from iswarm_mj.workflows.clean import run_swarm
 
 
@@ -37,7 +37,7 @@ def done(request, tmp_path_factory):
     """A run of three worlds of which 2 and 0 are recorded, its records, and what was read back."""
     out = tmp_path_factory.mktemp("run")
     engine = ENGINES.get(request.param, PlanarSettings(1))
-    run = Run(TINY, PRESETS["type1"], settings(steps=25), engine)
+    run = tiny_run(engine, steps=25)
     records = cleaned(run, out)
     return run, records, iswarm_mj.load(out), out
 

@@ -35,7 +35,7 @@ class Attempts(list):
 def small_run(small, tmp_path_factory):
     """Directory of a run of 30 robots, a fifth of them dead, that ends before a second recorded world."""
     out = tmp_path_factory.mktemp("small")
-    run = run_of(small, n_worlds=3, steps=60, seed=6, stop_at=1, failed_fraction=0.2, record_worlds=(1, 0))
+    run = run_of(small, worlds=3, steps=60, seed=6, goal=1, failed_fraction=0.2, record_worlds=(1, 0))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("iswarm_mj.output.rerun_attempts.AttemptView", Attempts)
         run_swarm(run, out, grasps=9)

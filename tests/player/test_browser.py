@@ -33,7 +33,7 @@ from iswarm_mj.player.film import Film
 from iswarm_mj.player.page import close_server, open_server
 from iswarm_mj.player.replay import write_replay
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.workflows.clean import run_swarm
 
 sync_api = pytest.importorskip("playwright.sync_api")
@@ -63,7 +63,7 @@ def browser():
 
 @pytest.fixture(scope="module")
 def played():
-    played = play(CONFIG, robots=20, seed=3, engine=PlanarSettings(), port=8320)
+    played = play(Scenario(CONFIG, robots=20, engine=PlanarSettings(), seed=3), port=8320)
     yield played
     played.close()
 
@@ -154,7 +154,7 @@ def test_the_command_ends_with_ctrl_c(browser):
 
 
 def test_a_replay_has_the_same_light_in_every_loop(browser, tmp_path):
-    run_swarm(Run(CONFIG, settings=RunSettings(20, 8, 3), engine=PlanarSettings()), tmp_path)
+    run_swarm(Run(Scenario(CONFIG, robots=20, engine=PlanarSettings(), seed=3, steps=8)), tmp_path)
     write_replay(load(tmp_path), Film(speed=8.0), tmp_path / "page.html")
     page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT})
     page.goto(f"file://{tmp_path}/page.html")

@@ -9,6 +9,7 @@ from iswarm_mj import SwarmConfig, play
 from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player import page as player_page
+from iswarm_mj.simulation.scenario import Scenario
 
 SECONDS = 120
 CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
@@ -16,7 +17,7 @@ CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
 
 @pytest.fixture
 def played():
-    played = play(CONFIG, robots=20, seed=3, engine=PlanarSettings(), port=8360)
+    played = play(Scenario(CONFIG, robots=20, engine=PlanarSettings(), seed=3), port=8360)
     yield played
     played.close()
 

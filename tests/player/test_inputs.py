@@ -18,6 +18,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player.controls import Control
 from iswarm_mj.player.inbox import MOST_CLICKS
 from iswarm_mj.player.panel import DROP
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
@@ -41,7 +42,7 @@ SCENARIOS = {
 @contextmanager
 def shown(threads=True, **scenario):
     """A page and a browser that shows it; without threads a test does their work."""
-    page = play(CONFIG, robots=10, seed=3, port=8330, **scenario)
+    page = play(Scenario(CONFIG, robots=10, seed=3, **scenario), port=8330)
     if not threads:
         page._stop.set()
         for thread in page._threads:

@@ -36,7 +36,7 @@ from iswarm_mj.player.page import close_server, open_server
 from iswarm_mj.player.panel import BUILD, DROP, LIFE, REMOVE
 from iswarm_mj.player.replay import swarm_film, write_replay
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.clean import run_swarm
 
@@ -53,7 +53,7 @@ def wait(holds):
 
 @pytest.fixture
 def played():
-    played = play(CONFIG, robots=20, seed=3, engine=PlanarSettings(), port=8310)
+    played = play(Scenario(CONFIG, robots=20, engine=PlanarSettings(), seed=3), port=8310)
     yield played
     played.close()
 
@@ -151,8 +151,7 @@ def test_the_bench_draws_the_curve_of_its_sliders_and_a_trial(played):
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     out = tmp_path_factory.mktemp("run")
-    settings = RunSettings(20, 12, 3)
-    run_swarm(Run(CONFIG, settings=settings, engine=PlanarSettings()), out)
+    run_swarm(Run(Scenario(CONFIG, robots=20, engine=PlanarSettings(), seed=3, steps=12)), out)
     return load(out)
 
 

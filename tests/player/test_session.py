@@ -23,7 +23,7 @@ from iswarm_mj.player.session import Session
 from iswarm_mj.simulation.compiled_loop import _advance
 from iswarm_mj.simulation.decide import decide_packed
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.stated import toml
 from iswarm_mj.strategy.genome import PRESETS, TYPE1
 from iswarm_mj.strategy.teams import Teams
@@ -61,7 +61,7 @@ def assert_copies_repeat(session: Session, path: Path) -> None:
 
 
 def test_a_session_is_a_run():
-    run = Run(CONFIG, settings=RunSettings(20, 1000, 3), engine=PlanarSettings())
+    run = Run(Scenario(CONFIG, robots=20, engine=PlanarSettings(), seed=3, steps=1000))
     for _ in range(6):
         run.advance()
     assert_same(steps(Session(SCENARIO), 6).run, run)

@@ -28,7 +28,7 @@ from iswarm_mj.paper.studies import experiment
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.search import pool, search
 from iswarm_mj.search.pool import outcome_of
-from iswarm_mj.search.settings import Search
+from iswarm_mj.search.search import Search
 from iswarm_mj.strategy.genome import load_genome
 from iswarm_mj.strategy.library import find_strategy
 from iswarm_mj.strategy.network import load_weights, save_weights

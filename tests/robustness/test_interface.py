@@ -16,7 +16,7 @@ from iswarm_mj import (
     MujocoSettings,
     PlanarSettings,
     Run,
-    RunSettings,
+    Scenario,
     SwarmConfig,
     load,
     make_env,
@@ -28,7 +28,7 @@ from iswarm_mj.utils.errors import UserError
 
 CLASSES = [
     SwarmConfig, ArenaConfig, DriveConfig, OpticsConfig, GripperConfig, StrategyConfig, Genome, MjxSettings,
-    MujocoSettings, PlanarSettings, RunSettings,
+    MujocoSettings, PlanarSettings, Scenario,
 ]  # fmt: skip
 ODD = [
     *ODD_VALUES, b"bytes", object(), int, np.nan, np.inf, np.float32(1), np.int64(3), np.zeros(3), np.zeros((1, 3)),
@@ -51,22 +51,33 @@ def odd(rng):
 
 def odd_settings(rng, cls):
     """An object of this class with one or two odd values."""
-    usual = RunSettings(N, 2) if cls is RunSettings else cls()
+    usual = cls()
     names = [f.name for f in fields(cls)]
     return replace(usual, **{pick(rng, names): odd(rng) for _ in range(rng.integers(1, 3))})
+
+
+def with_scenario(entry):
+    """Return a call of an entry that takes the fields of its scenario by name."""
+
+    def call(**given):
+        fields_ = {name: given.pop(name) for name in [*given] if name in Scenario.__dataclass_fields__}
+        return entry(Scenario(**fields_), **given)
+
+    call.__name__ = entry.__name__
+    return call
 
 
 def misuse(rng, small):
     """What is tried, and a call that does it."""
     name, value, kind = "", odd(rng), rng.integers(6)
-    run = {"config": small, "strategy": PRESETS["type1"], "settings": RunSettings(N, 2), "engine": MujocoSettings(1)}
-    rolled = {"config": small, "strategy": PRESETS["type1"], "keys": jax.random.split(jax.random.key(0), 2)}
-    rolled |= {"n_robots": N, "steps": 2, "engine": MujocoSettings(1)}
-    made = {"config": small, "n_robots": N, "n_starts": 2, "n_worlds": 2, "engine": PlanarSettings(1)}
+    run = {"config": small, "strategy": PRESETS["type1"], "robots": N, "steps": 2, "engine": MujocoSettings(1)}
+    rolled = run | {"worlds": jax.random.split(jax.random.key(0), 2)}
+    made = {"config": small, "robots": N, "n_starts": 2, "worlds": 2, "engine": PlanarSettings(1)}
+    more = ["task", "seed", "goal", "strategy_per_world", "robot_file"]
     calls = {
-        2: (Run, run, ["scenario", "worlds", "strategy_per_world", "robot_file"]),
-        3: (rollout, rolled, ["strategy_per_world", "stop_at", "every", "poses_of", "record"]),
-        4: (make_env, made, ["task", "seed", "payload", "steps", "stop_at", "robot_file"]),
+        2: (with_scenario(Run), run, [*more, "worlds", "record_worlds", "capacity"]),
+        3: (with_scenario(rollout), rolled, [*more, "every", "poses_of", "record"]),
+        4: (make_env, made, [*more, "scenario", "payload", "steps"]),
         5: (load, {}, ["path"]),
     }
     if kind in calls:

@@ -14,9 +14,10 @@ from hypothesis import event
 from support.attacks import attack, pick
 from support.worlds import start_of
 
-from iswarm_mj import MujocoSettings, PlanarSettings, Run, RunSettings, SwarmConfig
+from iswarm_mj import MujocoSettings, PlanarSettings, Run, SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.sensors.floor import probe_tips
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS, check_shared_settings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import Genome
@@ -83,8 +84,8 @@ def drawn(rng, small):
         check_shared_settings(config, own)
         worlds.append(World(genome, N_ROBOTS, config=own, start=busy_start(own, rng)))
     engine = PlanarSettings(1) if rng.random() < 0.8 else MujocoSettings(1)
-    settings = RunSettings(N_ROBOTS, N_STEPS, n_worlds=N_WORLDS, record_worlds=tuple(range(N_WORLDS)))
-    return Run(config, settings=settings, engine=engine, worlds=worlds)
+    scenario = Scenario(config, engine=engine, worlds=worlds, steps=N_STEPS)
+    return Run(scenario, record_worlds=range(N_WORLDS))
 
 
 def check(record, faults):
@@ -103,7 +104,7 @@ def check(record, faults):
 def compiled(small):
     """Programs of the engines that are compiled once for all settings, which takes longer than a case may."""
     for engine in (PlanarSettings(1), MujocoSettings(1)):
-        Run(small, settings=RunSettings(N_ROBOTS, 1), engine=engine).advance()
+        Run(Scenario(small, robots=N_ROBOTS, engine=engine, steps=1)).advance()
 
 
 @pytest.mark.slow

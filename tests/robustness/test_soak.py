@@ -12,7 +12,7 @@ from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.floor import probe_tips
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import mm_from_m, mm_from_rd
@@ -36,7 +36,7 @@ def swarm(n_robots, steps):
     works[0] = 10.0
     start = start._replace(task=start.task._replace(work_object_substrate=works))
     worlds = [World(genome, n_robots, start=start)]
-    return Run(config, genome, RunSettings(n_robots, steps), PlanarSettings(1), worlds=worlds)
+    return Run(Scenario(config, strategy=genome, robots=n_robots, engine=PlanarSettings(1), worlds=worlds, steps=steps))
 
 
 def check(run, before, record):

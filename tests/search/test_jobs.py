@@ -12,7 +12,8 @@ from iswarm_mj.search import pool
 from iswarm_mj.search.pool import Execution, Job, outcomes, run_jobs
 from iswarm_mj.simulation import memory_limits
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
+from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault
@@ -34,7 +35,8 @@ def outcomes_of(jobs, execution):
 
 def test_a_job_is_the_run_by_hand(small):
     found = run_job(Job(small, GENOME, n_robots=30, seed=5, steps=25, failed_fraction=0.2))
-    run = Run(small, GENOME, RunSettings(30, 25, seed=5, failed_fraction=0.2))
+    world = World(GENOME, 30, seed=5, failed_fraction=0.2)
+    run = Run(Scenario(small, strategy=GENOME, worlds=[world], steps=25))
     for _ in range(25):
         run.advance()
     assert found.items() >= run.measures(0)._asdict().items() and found["steps"] == 25
@@ -136,9 +138,9 @@ def test_jobs_of_batches_end_as_alone(small, monkeypatch):
     jobs = [Job(small, Genome(), 12, seed, steps=steps, failed_fraction=dead) for seed, steps, dead in given]
     begun = []
 
-    def run(*arguments, **parts):
-        begun.append(len(parts["worlds"]))
-        return Run(*arguments, **parts)
+    def run(scenario, **options):
+        begun.append(scenario.n_worlds)
+        return Run(scenario, **options)
 
     monkeypatch.setattr(pool, "Run", run)
     batched = [outcome for _, outcome in pool.run_batches(jobs, PlanarSettings(1))]

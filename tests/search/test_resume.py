@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from support.search import SEARCH, contents, pretend
+from support.search import SEARCH, contents, pretend, seeded
 
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.search.methods import Operators
@@ -13,6 +13,7 @@ from iswarm_mj.search.search import (
     TABLE,
     run_search,
 )
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import read_table
 
@@ -60,12 +61,12 @@ class TestResume:
         before, begun = contents(tmp_path), pretend(monkeypatch)
         run_search(SEARCH, tmp_path)
         for change, message in (
-            ({"seed": 4}, r"different settings \(seed: 3 there, 4 now\)"),
+            ({"scenario": Scenario(seed=4)}, r"different settings \(seed: 3 there, 4 now\)"),
             ({"replicates": 3}, r"\(replicates: 1 there, 3 now\)"),
             ({"operators": Operators(span=0.1)}, r"\(operators\.span: 0\.05 there, 0\.1 now\)"),
         ):
             with pytest.raises(UserError, match=message):
                 run_search(replace(SEARCH, **change), tmp_path)
         assert contents(tmp_path) == before and begun == []
-        run_search(replace(SEARCH, seed=4), tmp_path, again=True)
+        run_search(seeded(SEARCH, 4), tmp_path, again=True)
         assert len(begun) == 60 and contents(tmp_path) != before

@@ -5,7 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from support.search import SEARCH, contents, genome_of, pretend, worth
+from support.search import SEARCH, contents, genome_of, pretend, seeded, worth
 
 from iswarm_mj.commands import main as cli
 from iswarm_mj.engines.registry import find_engine
@@ -77,7 +77,7 @@ class TestReplicates:
         assert len(begun) == 180 and sets == [30] * 6 and replicate_seed(3, 0) == 3
         for number, rows in enumerate(together):
             out = tmp_path / str(number)
-            run_search(replace(search, seed=replicate_seed(3, number), replicates=1), out)
+            run_search(seeded(search, replicate_seed(3, number), replicates=1), out)
             assert [row | {"replicate": 0} for row in rows] == read_table(out / TABLE)[0]
             assert load_genome(str(tmp_path / "three" / f"best-{number}.json")) == best_of(rows).genome
         whole = [row for rows in together for row in rows]

@@ -38,13 +38,14 @@ def out(tmp_path):
 
 @pytest.fixture
 def watched(monkeypatch):
-    """What rollouts, which are pretended, were asked: weights, data of the keys and options; each may be changed."""
+    """Scenarios, weights and data of the keys of rollouts, which are pretended; results may be changed."""
     pretend(monkeypatch)
     pretended, seen = training.rollout, []
 
-    def rollout(config, strategy, keys, **options):
-        seen.append((config, np.asarray(strategy.weights), np.array(jax.random.key_data(keys)), options))
-        return rollout.change(pretended(config, strategy, keys, **options), len(keys))
+    def rollout(scenario, **options):
+        keys = np.array([jax.random.key_data(world.key) for world in scenario.worlds])
+        seen.append((scenario, np.asarray(scenario.strategy.weights), keys))
+        return rollout.change(pretended(scenario, **options), len(keys))
 
     rollout.change = lambda found, n_worlds: found
     monkeypatch.setattr(training, "rollout", rollout)
@@ -58,12 +59,12 @@ def curve(out):
 def test_tasks_without_a_fitness_are_trained_by_their_rewards(monkeypatch, out):
     """The search comes near the goal."""
 
-    def rollout(config, strategy, keys, *, task, **_):
-        assert isinstance(task, Aggregation) and REWARD in task.measured
-        earned = 10 - np.abs(np.asarray(strategy.weights) - GOAL).sum(axis=1)
-        none = np.zeros(len(keys))
+    def rollout(scenario, **_):
+        assert isinstance(scenario.task, Aggregation) and REWARD in scenario.task.measured
+        earned = 10 - np.abs(np.asarray(scenario.strategy.weights) - GOAL).sum(axis=1)
+        none = np.zeros(scenario.n_worlds)
         return Rollout(
-            none, none, none, none, none > 1, none, none, np.zeros((len(keys), 1)), None, [], {REWARD: earned}
+            none, none, none, none, none > 1, none, none, np.zeros((len(none), 1)), None, [], {REWARD: earned}
         )
 
     monkeypatch.setattr(training, "rollout", rollout)
@@ -77,7 +78,7 @@ def test_candidates_of_a_generation_meet_the_same_worlds_and_those_of_others_do_
     for seed in (3, 4):
         watched[0].clear()
         trained(tmp_path / str(seed), replace(TRAINING, seed=seed))
-        data = np.array([keys for _, _, keys, _ in watched[0]]).reshape(5, 4, 2, 2)
+        data = np.array([keys for _, _, keys in watched[0]]).reshape(5, 4, 2, 2)
         assert (data == data[:, :1]).all()
         weights = np.array([weights for _, weights, *_ in watched[0]]).reshape(5, 4, 2, 3)
         assert (weights == weights[:, :, :1]).all() and len(np.unique(weights.reshape(-1, 3), axis=0)) == 20
@@ -126,9 +127,10 @@ def test_worlds_of_a_candidate_have_the_numbers_of_robots_and_the_arenas_in_turn
     watched[1].change = lambda found, n_worlds: found._replace(finished_at=np.tile([0, 7], 4))
     wanted = replace(TRAINING, robots=(4, 9), sizes=(15.0, 30.0), steps=60, generations=1)
     train(wanted, Three(jnp.zeros(3)), out, PLANAR, task=Judging())
-    (one, _, keys, few), (other, _, same, many) = watched[0]
-    assert (one.arena.size, other.arena.size) == (15, 30) and (keys == same).all()
-    assert few["n_robots"] == 4 * [4, 9] and many["n_robots"] == 4 * [16, 36]
+    (one, _, keys), (other, _, same) = watched[0]
+    assert (one.config.arena.size, other.config.arena.size) == (15, 30) and (keys == same).all()
+    assert [world.n_robots for world in one.worlds] == 4 * [4, 9]
+    assert [world.n_robots for world in other.worlds] == 4 * [16, 36]
     assert judged == 4 * [(15, 4, 60, None), (15, 9, 60, 7)] + 4 * [(30, 16, 60, None), (30, 36, 60, 7)]
 
 
@@ -137,9 +139,9 @@ def test_the_curve_by_hand(monkeypatch, out):
     delivered and 40 for the mean progress; the last world of the second arena is at fault."""
     asked = []
 
-    def rollout(config, strategy, keys, **_):
-        asked.append(np.asarray(strategy.weights)[::2])
-        first, none = config.arena.size == 15, np.zeros(8)
+    def rollout(scenario, **_):
+        asked.append(np.asarray(scenario.strategy.weights)[::2])
+        first, none = scenario.config.arena.size == 15, np.zeros(8)
         picked = np.array([1, 4, 6, 0, 2, 2, 5, 3]) + (0 if first else 4)
         delivered, collisions = picked // 2, np.arange(8) * (1 if first else 3)
         progress, faults = np.stack([0 * delivered, delivered], axis=1), [] if first else [SimulationFault(world=7)]
@@ -165,7 +167,7 @@ def test_the_robot_is_that_of_the_file_or_files(watched, tmp_path, out):
     """In the worlds, in the strategy, and as a setting that a training is resumed with."""
     path, kinds = robot_file(tmp_path, "five"), two_kinds(tmp_path, 4)
     trained(out, robot_file=path)
-    assert [options["robot_file"] for *_, options in watched[0]] == 5 * [path]
+    assert [scenario.robot_file for scenario, *_ in watched[0]] == 5 * [path]
     assert policy(Neural(), SMALL, 4, path).robot == read_robot(path)
     assert policy(Neural(), SMALL, 4, kinds).robot == read_robots(kinds)
     with pytest.raises(UserError, match=r"different settings \(.*robot"):
@@ -198,9 +200,11 @@ def test_a_tree_of_weights(monkeypatch, out):
     pretend(monkeypatch)
     pretended = training.rollout
 
-    def rollout(config, strategy, keys, **options):
-        flat = jnp.concatenate([strategy.weights["a"], strategy.weights["b"][:, 0]], axis=1)
-        return pretended(config, replace(strategy, weights=flat), keys, **options)
+    def rollout(scenario, **options):
+        weights = scenario.strategy.weights
+        flat = jnp.concatenate([weights["a"], weights["b"][:, 0]], axis=1)
+        strategy = replace(scenario.strategy, weights=flat)
+        return pretended(replace(scenario, strategy=strategy), **options)
 
     monkeypatch.setattr(training, "rollout", rollout)
     begins = {"a": jnp.zeros(1), "b": jnp.zeros((1, 2))}

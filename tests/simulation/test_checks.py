@@ -11,6 +11,7 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.simulation.checks import check_engine, check_strategy, check_task
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.aggregation import Beeclust
 from iswarm_mj.utils.errors import UserError
@@ -29,24 +30,24 @@ class Nowhere(Eastward):
 
 
 def test_shipped_ones_pass():
-    check_strategy(Still(), config=SMALL)
-    check_task(Eastward(2.0), config=SMALL)
+    check_strategy(Still(), Scenario(SMALL, robots=8))
+    check_task(Eastward(2.0), Scenario(SMALL, robots=8))
     for engine in (MujocoSettings(1), PlanarSettings(1)):
-        check_engine(engine, config=SMALL)
+        check_engine(engine, Scenario(SMALL, robots=8))
 
 
 def test_engines_of_users_pass_on_the_host_and_in_programs():
     for name in ("teleport.py:TeleportSettings", "glide.py:GlideSettings"):
-        check_engine(find_engine(str(DATA / name))(), config=SMALL, n_robots=5)
+        check_engine(find_engine(str(DATA / name))(), Scenario(SMALL, robots=5))
 
 
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: check_strategy(Short(), config=SMALL), r"Short.act must return float32\[8\]"),
-        (lambda: check_strategy(Beeclust(), config=SMALL), "follows the light of the task aggregation"),
-        (lambda: check_task(Nowhere(2.0), config=SMALL), r"Nowhere.progress must return int32"),
-        (lambda: check_task(Still(), config=SMALL), "Still is not a task"),
+        (lambda: check_strategy(Short(), Scenario(SMALL, robots=8)), r"Short.act must return float32\[8\]"),
+        (lambda: check_strategy(Beeclust(), Scenario(SMALL, robots=8)), "follows the light of the task aggregation"),
+        (lambda: check_task(Nowhere(2.0), Scenario(SMALL, robots=8)), r"Nowhere.progress must return int32"),
+        (lambda: check_task(Still(), Scenario(SMALL, robots=8)), "Still is not a task"),
     ],
 )
 def test_mistakes_are_one_sentence(call, sentence):
@@ -68,4 +69,4 @@ def test_an_engine_that_moves_robots_by_itself_is_refused(tmp_path, old, new, se
     assert old in text
     (tmp_path / "moves.py").write_text(text.replace(old, new))
     with pytest.raises(UserError, match=sentence):
-        check_engine(find_engine(f"{tmp_path}/moves.py:TeleportSettings")(), config=SMALL, n_robots=5)
+        check_engine(find_engine(f"{tmp_path}/moves.py:TeleportSettings")(), Scenario(SMALL, robots=5))

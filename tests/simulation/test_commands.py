@@ -15,7 +15,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs.make import make_env
 from iswarm_mj.simulation.layouts import Start
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.interface import Command
@@ -45,7 +45,7 @@ def placed(*places):
 def test_light_reaches_as_far_as_its_power_allows():
     """Robots in a row, 6 mm apart: light of a quarter of the power reaches half of 9.9 mm."""
     teams, worlds = Teams({"dim": (2, Dim()), "still": (1, Still())}), placed((-6.0, 8.0), (0.0, 8.0), (6.0, 8.0))
-    for record in records(Run(CALM, teams, RunSettings(3, 2), ENGINE, worlds=worlds)):
+    for record in records(Run(Scenario(CALM, strategy=teams, robots=3, engine=ENGINE, worlds=worlds, steps=2))):
         links = record.links
         heard = {(i, int(links.sender[0, i, s])) for i, s in zip(*np.nonzero(links.valid[0]), strict=True)}
         assert heard == {(1, 2)}  # 0 is dark, 1 too weak, 2 is heard by 1; 1 hides it from 0
@@ -63,7 +63,7 @@ class Fading(Still):
 
 
 def test_power_is_that_of_the_memory_after_the_step():
-    run = Run(CALM, Fading(), RunSettings(2, 3), ENGINE)
+    run = Run(Scenario(CALM, strategy=Fading(), robots=2, engine=ENGINE, steps=3))
     power = [record.swarm.led_power[0] for record in records(run)]
     np.testing.assert_allclose(power, [[1 / 2, 1 / 3], [1 / 3, 1 / 4], [1 / 4, 1 / 5]])
 
@@ -109,7 +109,9 @@ def test_robots_release_balls_where_they_want_to(release_time):
     gripper = type(SMALL.gripper)(release_time=release_time)
     energy = EnergyConfig(model="capacitor", largest_voltage=50.0, light_power=40e-6, tool_capacitance=1e-7)
     config = SwarmConfig(SMALL.arena, gripper=gripper, energy=energy)
-    run = Run(config, Drop(release_time / 200), RunSettings(4, 6, n_worlds=2), ENGINE, worlds=[world, dead])
+    run = Run(
+        Scenario(config, strategy=Drop(release_time / 200), robots=4, engine=ENGINE, worlds=[world, dead], steps=6)
+    )
     seen = list(records(run))
     swarms = [record.swarm for record in seen]
     states = [swarm.task for swarm in swarms]
@@ -136,7 +138,14 @@ def test_robots_that_wait_for_energy_release_nothing():
     """One step takes half of what their capacitors hold, and light puts nothing in."""
     energy = EnergyConfig(model="capacitor", light_power=0.0, message_energy=0.9e-3)
     run = Run(
-        SwarmConfig(SMALL.arena, energy=energy), Drop(), RunSettings(4, 4, n_worlds=2), ENGINE, worlds=carrying() * 2
+        Scenario(
+            SwarmConfig(SMALL.arena, energy=energy),
+            strategy=Drop(),
+            robots=4,
+            engine=ENGINE,
+            worlds=carrying() * 2,
+            steps=4,
+        )
     )
     assert run.start.swarm.is_loaded[0, 0].tolist() == [False, True, True, True]
     last = [record.swarm for record in records(run)][-1]
@@ -149,7 +158,7 @@ def test_robots_that_wait_for_energy_release_nothing():
 
 
 def test_a_task_changes_conditions_and_lets_robots_fail():
-    run = Run(SMALL, TYPE1, RunSettings(12, 6), ENGINE, task=Weather())
+    run = Run(Scenario(SMALL, strategy=TYPE1, task=Weather(), robots=12, engine=ENGINE, steps=6))
     for step, record in enumerate(records(run)):
         if step < 2:
             assert record.is_heard[0].sum() == record.links.valid[0].sum() > 0
@@ -162,7 +171,7 @@ def test_a_task_changes_conditions_and_lets_robots_fail():
 
 
 def test_rewards_see_commands_and_messages():
-    env = make_env(config=SMALL, n_robots=12, engine=ENGINE, task=Weather(), payload=COUNT)
+    env = make_env(config=SMALL, task=Weather(), robots=12, engine=ENGINE, payload=COUNT)
     state = env.reset(jax.random.split(jax.random.key(0), 1))
     action = np.zeros((1, 12, env.action_size), np.float32)
     action[0, :, 1], action[0, :, 2] = np.linspace(-1, 1, 12), np.linspace(1, -1, 12)
@@ -202,4 +211,4 @@ class BadFailures(Weather):
 )
 def test_mistakes_are_refused(strategy, task, match):
     with pytest.raises(UserError, match=match):
-        Run(SMALL, strategy or TYPE1, RunSettings(12, 2), task=task)
+        Run(Scenario(SMALL, strategy=strategy or TYPE1, task=task, robots=12, steps=2))

@@ -5,19 +5,20 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import jax
 import numpy as np
 import pytest
-from support.mjx import ENGINES, RECORDED, SEED, TINY, WORLDS, N, compilations, mjx, poses, ran, settings, warp
+from support.mjx import ENGINES, RECORDED, SEED, TINY, WORLDS, N, compilations, mjx, poses, ran, tiny_run, warp
 from support.worlds import begin_with, centres, start_of
 
 from iswarm_mj.engines.mjx.arena import contact_capacity
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -30,7 +31,9 @@ ON_THE_HOST = {"mjx": MujocoSettings(1), "warp": PlanarSettings(1)}
 
 def run_in(engine, worlds=None, genome=TYPE1, **own):
     """Three worlds to their end, and their records."""
-    run = Run(TINY, genome, settings(**own), engine, worlds=worlds)
+    if worlds is not None:
+        own["worlds"] = worlds
+    run = tiny_run(engine, strategy=genome, **own)
     return run, ran(run)
 
 
@@ -134,7 +137,7 @@ def test_a_world_stands_still_once_it_is_finished():
         assert (record.poses[ends[world] :, row] == record.poses[ends[world] - 1, row]).all()
         assert record.is_running[:, row].tolist() == [step < ends[world] for step in range(len(record.poses))]
         assert (np.diff(record.poses[: ends[world], row], axis=0) != 0).any(axis=(1, 2)).all()
-    run = Run(TINY, TYPE1, settings(stop_at=2, steps=30), warp())
+    run = tiny_run(warp(), goal=2, steps=30)
     run.advance(), run.advance()
     run.change(TINY, PRESETS["type2"])
     run.edit(lambda swarm: swarm._replace(is_alive=~swarm.is_alive))
@@ -169,7 +172,7 @@ def test_stages_are_timed_on_worlds_of_the_run_alone(batch):
         (warp, {"impl": "jax"}, r"impl must be numba or warp.*\(got 'jax'\)"),
         (warp, {"chunk": 0}, r"chunk must be .*\(got 0\)"),
         (warp, {"devices": ()}, r"devices must be a tuple of JAX devices, or None \(got \(\)\)"),
-        (settings, {"record_worlds": (3,)}, r"record_worlds must be .*worlds from 0 to 2 \(got \(3,\)\)"),
+        (partial(tiny_run, warp()), {"record_worlds": (3,)}, r"record_worlds must be .* 0 to 2 \(got \(3,\)\)"),
     ],
 )
 def test_settings_that_do_not_fit_are_refused(make, own, says):
@@ -179,7 +182,7 @@ def test_settings_that_do_not_fit_are_refused(make, own, says):
 
 def test_genomes_need_no_other_program(batch):
     with compilations() as names:
-        Run(TINY, Genome(p_vector_forget=0.9), settings(), ENGINES[batch.name]).advance()
+        tiny_run(ENGINES[batch.name], strategy=Genome(p_vector_forget=0.9)).advance()
     assert names == []
 
 
@@ -188,10 +191,9 @@ import json
 import sys; sys.path.insert(0, "tests")
 import conftest  # keeps what is compiled
 from dataclasses import replace
-from support.mjx import ENGINES, TINY, poses, ran, settings
-from iswarm_mj.simulation.run import Run
-from iswarm_mj.strategy.genome import PRESETS
-run = Run(TINY, PRESETS["type1"], settings(), replace(ENGINES[sys.argv[1]], devices=None, chunk=5))
+from functools import partial
+from support.mjx import ENGINES, poses, ran, tiny_run
+run = tiny_run(replace(ENGINES[sys.argv[1]], devices=None, chunk=5))
 record = ran(run)
 sums = [record.poses[-1].astype(float).sum((1, 2)).tolist(), poses(run).astype(float).sum((1, 2)).tolist()]
 print(json.dumps([len(run.devices), [run.measures(w) for w in range(3)], sums]))
@@ -229,7 +231,9 @@ def test_whole_runs_are_distributed_as_on_the_cpu_engine(impl):
     pytest.importorskip("warp") if impl == "warp" else None
     steps = 100
     ours, theirs = (
-        Run(TINY, TYPE1, RunSettings(N, steps, seed, n_worlds=24, record_worlds=()), engine)
+        Run(
+            Scenario(TINY, strategy=TYPE1, robots=N, engine=engine, seed=seed, worlds=24, steps=steps), record_worlds=()
+        )
         for seed, engine in ((SEED, mjx(impl=impl, solver_iterations=20)), (99, MujocoSettings()))
     )
     ran(ours), ran(theirs)

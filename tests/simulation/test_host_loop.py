@@ -13,13 +13,12 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation import host_loop
 from iswarm_mj.simulation.host_loop import MAX_WORLDS, WorldShard, shard_worlds
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.simulation.scenario import Scenario
 
 
 def run_in(config, engine, n_worlds=9, steps=20, record_worlds=(), n_robots=N):
-    settings = RunSettings(n_robots, steps, n_worlds=n_worlds, record_worlds=record_worlds)
-    return Run(config, PRESETS["type1"], settings, engine)
+    scenario = Scenario(config, robots=n_robots, engine=engine, worlds=n_worlds, steps=steps)
+    return Run(scenario, record_worlds=record_worlds)
 
 
 class TestShares:

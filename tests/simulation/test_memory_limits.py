@@ -1,5 +1,6 @@
 """Runs that do not fit into memory are refused before it is taken, with both numbers."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import jax.numpy as jnp
@@ -12,7 +13,7 @@ from iswarm_mj.envs import PolicyStrategy
 from iswarm_mj.simulation import memory_limits
 from iswarm_mj.simulation.memory_limits import check_memory, max_worlds, needed_memory
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.utils.errors import ConfigError
 
@@ -37,7 +38,7 @@ def test_a_run_is_refused_before_anything_is_taken(four_gigabytes, small, monkey
     monkeypatch.setattr(World, "__post_init__", lambda world: pytest.fail("a world was made"))
     """All places for robots count."""
     with pytest.raises(ConfigError, match=r"needs 10 GB \(got 1000000\); use fewer worlds or robots"):
-        Run(small, settings=RunSettings(1, 3, n_worlds=1_000_000, capacity=10, record_worlds=()))
+        Run(Scenario(small, robots=1, worlds=1_000_000, steps=3), capacity=10, record_worlds=())
 
 
 def test_what_robots_remember_counts(four_gigabytes, small):
@@ -47,10 +48,10 @@ def test_what_robots_remember_counts(four_gigabytes, small):
 
         return PolicyStrategy(apply, (), memory=lambda n_robots: jnp.zeros((n_robots, n_numbers)))
 
-    settings = RunSettings(10, 3, n_worlds=100)
-    Run(small, settings=settings, engine=PlanarSettings(), strategy=policy(10))
+    scenario = Scenario(small, strategy=policy(10), robots=10, engine=PlanarSettings(), worlds=100, steps=3)
+    Run(scenario)
     with pytest.raises(ConfigError, match=r"n_worlds must be at most 99 .*; use fewer .*, or let robots remember less"):
-        Run(small, settings=settings, engine=PlanarSettings(), strategy=policy(1_000_000))
+        Run(replace(scenario, strategy=policy(1_000_000)))
 
 
 @pytest.mark.parametrize(("impl", "times"), [("jax", 25), ("warp", 4)])

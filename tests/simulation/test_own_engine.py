@@ -11,7 +11,7 @@ from support.mjx import ran
 from iswarm_mj import make_env
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 
 N, STEPS = 30, 3
 NAME = f"{Path(__file__).parents[1]}/data/teleport.py:TeleportSettings"
@@ -26,8 +26,9 @@ def after(poses, turn, forward):
 
 
 def test_a_run_takes_it(small):
-    settings = RunSettings(N, STEPS, seed=1, n_worlds=2, record_worlds=(0, 1))
-    run = Run(small, settings=settings, engine=TeleportSettings(0.1))  # so that nobody leaves the arena
+    engine = TeleportSettings(0.1)  # so that nobody leaves the arena
+    scenario = Scenario(small, robots=N, engine=engine, seed=1, worlds=2, steps=STEPS)
+    run = Run(scenario, record_worlds=(0, 1))
     record = ran(run)
     before = np.concatenate([run.start.poses, record.poses[:-1]])
     np.testing.assert_allclose(record.poses, after(before, *(0.1 * part for part in record.command)), atol=1e-5)
@@ -37,14 +38,14 @@ def test_a_run_takes_it(small):
 
 def test_its_faults_end_worlds(small):
     """Robots that go 100 times as far leave the arena."""
-    run = Run(small, settings=RunSettings(N, STEPS, n_worlds=2), engine=TeleportSettings(100.0))
+    run = Run(Scenario(small, robots=N, engine=TeleportSettings(100.0), worlds=2, steps=STEPS))
     ran(run)
     assert [(fault.world, fault.step) for fault in run.faults] == [(0, 1), (1, 1)]
     np.testing.assert_array_equal(run.arrays()[1].bodies.poses, [start.poses for start in run.starts])
 
 
 def test_an_environment_takes_it(small):
-    env = make_env(n_robots=N, config=small, engine=TeleportSettings(), n_worlds=2, n_starts=3)
+    env = make_env(config=small, robots=N, engine=TeleportSettings(), worlds=2, n_starts=3)
     state = env.reset(jax.random.split(jax.random.key(0), 2))
     before = np.asarray(state.data.world.bodies.poses)
     state = env.step(state, np.full((2, N, 2), 0.5, np.float32))

@@ -14,7 +14,7 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.gripper.attempts import Outcomes
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.utils.errors import ConfigError
@@ -95,7 +95,7 @@ def test_a_capacitor_too_small_for_a_control_step_is_refused(values, least):
 
 def records_of(config, steps=12, edit=None):
     """Records (T, N, ...) of a run, and where robots began; the state of the swarm may be edited after 12 steps."""
-    run, found = Run(config, settings=RunSettings(30, steps, seed=3), engine=PlanarSettings(threads=1)), []
+    run, found = Run(Scenario(config, robots=30, engine=PlanarSettings(threads=1), seed=3, steps=steps)), []
     while not run.is_over:
         if run.step == 12:
             run.edit(edit)

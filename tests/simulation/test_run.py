@@ -15,6 +15,7 @@ from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
@@ -77,7 +78,7 @@ class TestMeasures:
         assert [int(record.collisions[0]) for record in records(run)] == [1, 2, 2, 3, 3, 5]
 
     def test_a_run_stops_at_its_goal(self, small):
-        run = run_of(small, stop_at=7)
+        run = run_of(small, goal=7)
         delivered = [run.measures(0).delivered for _ in records(run)]
         assert delivered[-1] >= 7 > delivered[-2]
         assert run.measures(0).finished_at == run.step == len(delivered) < 200
@@ -91,7 +92,7 @@ class TestMeasures:
         run.watch.laps["advance"] = [1.0, 4.0]
         assert run.step_s == 2.5
 
-    @pytest.mark.parametrize("settings", [{"steps": 2}, {"stop_at": 1}])
+    @pytest.mark.parametrize("settings", [{"steps": 2}, {"goal": 1}])
     def test_a_run_that_is_over_does_not_go_on(self, small, settings):
         run = run_of(small, **settings)
         poses, measures = end_of(run)
@@ -165,9 +166,9 @@ def test_a_share_of_failed_robots_beyond_one_is_refused():
 def test_a_change_is_of_rules_and_conditions_of_all_worlds(small):
     """As of a run that begins with them."""
     drive, rules = replace(small.drive, error_turn=5.0), READINGS["initial"].strategy
-    other, run = replace(small, drive=drive, strategy=rules), run_of(small, n_worlds=2)
+    other, run = replace(small, drive=drive, strategy=rules), run_of(small, worlds=2)
     run.change(other, PRESETS["type2"])
-    begun = run_of(other, PRESETS["type2"], n_worlds=2)
+    begun = run_of(other, PRESETS["type2"], worlds=2)
     for mine, its in zip(jax.tree.leaves(run.arrays()[0]), jax.tree.leaves(begun.arrays()[0]), strict=True):
         np.testing.assert_array_equal(mine, its)
 
@@ -190,7 +191,7 @@ class TestSeedsAndWorlds:
 
     def test_empty_places_do_not_matter(self, small):
         """Not in the last bit; only the mean of all robots' speeds is a sum in another order."""
-        exact, roomy = (run_of(small, n_worlds=2, steps=30, failed_fraction=0.1, capacity=c) for c in (None, ROOMY))
+        exact, roomy = (run_of(small, worlds=2, steps=30, failed_fraction=0.1, capacity=c) for c in (None, ROOMY))
 
         def are_equal(values, roomy):
             np.testing.assert_array_equal(values, roomy[:, :N] if roomy.shape[1:2] == (ROOMY,) else roomy)
@@ -207,4 +208,4 @@ class TestSeedsAndWorlds:
 
     def test_as_many_worlds_as_settings_say(self, small):
         with pytest.raises(UserError, match=r"worlds must be as many as n_worlds, 2 \(got 1\)"):
-            Run(small, TYPE1, RunSettings(N, 5, n_worlds=2), worlds=[World(TYPE1, N)])
+            Run(Scenario(small, strategy=TYPE1, robots=N, worlds=[World(TYPE1, N)], steps=5))

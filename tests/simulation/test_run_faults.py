@@ -26,7 +26,7 @@ def elsewhere(tmp_path, monkeypatch):
 @cache
 def usual_end(config, steps):
     """Poses and measures of two worlds in which nothing goes wrong."""
-    return end_of(run_of(config, n_worlds=2, steps=steps, stop_at=GOAL))
+    return end_of(run_of(config, worlds=2, steps=steps, goal=GOAL))
 
 
 @pytest.mark.usefixtures("elsewhere")
@@ -42,7 +42,7 @@ class TestFaults:
     )
     def test_of_poses_end_their_world_alone(self, small, value, column, kind):
         """Robots 4 and 7 of world 1 are spoilt after two steps; the third does not count there."""
-        run = run_of(small, n_worlds=2, steps=5, stop_at=GOAL)
+        run = run_of(small, worlds=2, steps=5, goal=GOAL)
         run.advance()
         run.advance()
         before, measures, (engine, place) = poses_of(run)[1].copy(), run.measures(1), place_of(run, 1)
@@ -55,7 +55,7 @@ class TestFaults:
 
     def test_of_commands_end_their_world_alone(self, small):
         """From then on nobody hears anything or moves there, and nothing changes."""
-        given = {"n_worlds": 2, "steps": 200, "stop_at": GOAL}
+        given = {"worlds": 2, "steps": 200, "goal": GOAL}
         strategy = scripted(run_of(small, **given), step=[999, 9], robot=5, turn=np.nan, forward=0.0)
         run, seen, last = run_of(small, strategy=strategy, **given), [], None
         for record in records(run):

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from support.robots import two_kinds
 
-from iswarm_mj import PRESETS, Run, RunSettings, Scenario, Teams, World, make_env, play, rollout
+from iswarm_mj import PRESETS, Run, Scenario, Teams, World, make_env, play, rollout
 from iswarm_mj.commands.main import parse
 from iswarm_mj.config.swarm import READINGS, ArenaConfig, EnergyConfig, SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.registry import find_engine
-from iswarm_mj.envs import PolicyStrategy
+from iswarm_mj.envs import PolicyStrategy, parallel_env, single_env, vector_env
 from iswarm_mj.output.results import about
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
@@ -71,24 +71,23 @@ class TestEntries:
         state = env.step(state, np.full((1, N, 2), [0.3, 0.8], np.float32))
         np.testing.assert_allclose(env.poses(state)[0], poses, atol=1e-5)
 
-    def test_a_run_is_that_of_its_parts_and_of_the_command(self, tmp_path):
+    def test_a_run_is_that_of_the_command(self, tmp_path):
         scenario = replace(PAPERS, strategy=TYPE2, steps=3, worlds=2)
-        parts = Run(CONFIG, TYPE2, RunSettings(N, 3, 3, 2), HERE)
         file = tmp_path / "scenario.toml"
         file.write_text(scenario.to_toml())
         command = parse(["run", "--config", str(file)])
-        runs = Run(scenario), parts, command.run_of(command.planned((0,)))
-        poses, theirs, of_command = (np.concatenate([run.advance().poses for _ in range(3)]) for run in runs)
-        np.testing.assert_array_equal(poses, theirs)
+        runs = Run(scenario), Run(command.scenario())
+        poses, of_command = (np.concatenate([run.advance().poses for _ in range(3)]) for run in runs)
         np.testing.assert_array_equal(poses, of_command)
         assert about(runs[0]) == about(runs[1])
 
-    def test_a_rollout_of_keys_is_that_of_its_parts(self):
-        scenario = replace(PAPERS, steps=3, goal=4)
+    def test_worlds_of_keys_are_those_keys(self):
         keys = jax.random.split(jax.random.key(1), 2)
-        one = rollout(scenario, keys=keys, poses_of=(0, 1))
-        other = rollout(CONFIG, TYPE1, keys, n_robots=N, steps=3, engine=HERE, stop_at=4, poses_of=(0, 1))
-        np.testing.assert_array_equal(one.poses, other.poses)
+        scenario = replace(PAPERS, worlds=keys, steps=3)
+        together = rollout(scenario, poses_of=(0, 1))
+        alone = rollout(replace(scenario, worlds=[World(TYPE1, N, key=keys[1])] * 2), poses_of=(0, 1))
+        np.testing.assert_array_equal(alone.poses, together.poses[[1, 1]])
+        assert np.abs(together.poses[0, 0] - together.poses[1, 0]).max() > 1
 
     def test_worlds_of_a_scenario_differ(self):
         noisy = replace(CONFIG, optics=replace(CONFIG.optics, error_in_communication=0.5))
@@ -109,38 +108,26 @@ class TestMistakes:
         given = {"strategy": TYPE2, "seed": 3, "engine": HERE, "config": CONFIG, "steps": 9}
         assert Scenario(**given) == Scenario(**dict(reversed(given.items())))
 
-    @pytest.mark.parametrize("call", [Scenario, Run, rollout, play])
-    def test_a_genome_is_no_configuration(self, call):
+    def test_a_genome_is_no_configuration(self):
         with pytest.raises(UserError, match="config must be a SwarmConfig"):
-            call(TYPE2, strategy=CONFIG)
+            Scenario(TYPE2, strategy=CONFIG)
 
-    @pytest.mark.parametrize(
-        ("call", "parts"),
-        [
-            (Run, {"config": CONFIG}),
-            (Run, {"strategy": TYPE2}),
-            (Run, {"settings": RunSettings(N, 3)}),
-            (Run, {"worlds": [World(TYPE2, N)]}),
-            (rollout, {"n_robots": 3}),
-            (rollout, {"stop_at": 3}),
-            (make_env, {"config": CONFIG}),
-            (make_env, {"task": "cleaning"}),
-            (make_env, {"seed": 0}),
-            (play, {"strategy": TYPE2}),
-            (play, {"seed": 0}),
-        ],
-        ids=lambda part: part.__name__ if callable(part) else next(iter(part)),
-    )
-    def test_parts_beside_a_scenario_are_refused(self, call, parts):
-        with pytest.raises(UserError, match=f"`{next(iter(parts))}` is given beside a scenario"):
-            call(PAPERS, **parts)
+    @pytest.mark.parametrize("call", [Run, rollout, make_env, play])
+    def test_a_configuration_is_no_scenario(self, call):
+        with pytest.raises(UserError, match="scenario must be a Scenario"):
+            call(CONFIG)
+
+    @pytest.mark.parametrize("make", [make_env, parallel_env, single_env, vector_env])
+    def test_fields_beside_a_scenario_are_refused(self, make):
+        with pytest.raises(UserError, match="`seed` is given beside a scenario"):
+            make(PAPERS, seed=0)
 
     @pytest.mark.parametrize(
         ("given", "words"),
         [
-            ({"worlds": 0}, "worlds must be a number above 0, or a World for each"),
-            ({"worlds": []}, "worlds must be a number above 0, or a World for each"),
-            ({"worlds": [TYPE2]}, "worlds must be a number above 0, or a World for each"),
+            ({"worlds": 0}, "worlds must be a number above 0, a World for each, or a random key for each"),
+            ({"worlds": []}, "worlds must be a number above 0, a World for each, or a random key for each"),
+            ({"worlds": [TYPE2]}, "worlds must be a number above 0, a World for each, or a random key for each"),
             ({"worlds": [World(PRESETS["evolved"], N)], "strategy": TYPE2}, "worlds have their own"),
             ({"steps": 0}, "steps must be"),
             ({"goal": 0}, "goal must be"),
@@ -159,10 +146,9 @@ class TestMistakes:
             (lambda: play(worlds), "shows one world"),
             (lambda: play(replace(PAPERS, goal=3)), "without goal"),
             (lambda: make_env(worlds), "a number of worlds"),
-            (lambda: rollout(worlds, keys=keys), "worlds of its own"),
-            (lambda: Run(CONFIG, record_worlds=(0,)), "without a scenario"),
-            (lambda: Run(CONFIG, config=CONFIG), "given twice"),
-            (lambda: make_env("cleaning", task="cleaning"), "given twice"),
+            (lambda: make_env(replace(PAPERS, worlds=keys)), "a number of worlds"),
+            (lambda: play(replace(PAPERS, worlds=keys)), "shows one world"),
+            (lambda: vector_env(replace(PAPERS, worlds=3), num_envs=2), "the scenario has 3 worlds"),
         ):
             with pytest.raises(UserError, match=words):
                 call()
@@ -245,7 +231,9 @@ class TestFiles:
         assert read_back(replace(PAPERS, engine=MjxSettings()), tmp_path / "scenario.toml").engine.name == "mjx"
 
     def test_dead_robots_of_a_result(self):
-        run = Run(CONFIG, TYPE2, RunSettings(N, 3, 3, 2, failed_fraction=0.5, record_worlds=(0, 1)), HERE)
+        worlds = [World(TYPE2, N, seed=3, index=index, failed_fraction=0.5) for index in range(2)]
+        scenario = replace(PAPERS, strategy=TYPE2, worlds=worlds, steps=3)
+        run = Run(scenario, record_worlds=(0, 1))
         again = Run(Scenario.from_result(about(run)), record_worlds=(0, 1))
         np.testing.assert_array_equal(again.start.swarm.is_alive, run.start.swarm.is_alive)
         np.testing.assert_array_equal(again.start.poses, run.start.poses)

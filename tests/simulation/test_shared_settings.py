@@ -19,7 +19,7 @@ from iswarm_mj.config.swarm import (
 )
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS, shared_settings, static_config
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
@@ -94,10 +94,14 @@ def test_one_program_serves_all_settings_in_which_worlds_may_differ(mixed):
     for part, its in OTHERS.items():
         usual = vars(getattr(mixed[0], part))
         assert {name for name, value in vars(its).items() if value != usual[name]} == PER_WORLD_FIELDS[part]
-    settings, engine = RunSettings(N, 2, capacity=N, record_worlds=()), PlanarSettings(1, 1)
-    Run(mixed[0], TYPE1, settings, engine).advance()
+
+    def run_with(config):
+        scenario = Scenario(config, robots=N, engine=PlanarSettings(1, 1), steps=2)
+        return Run(scenario, capacity=N, record_worlds=())
+
+    run_with(mixed[0]).advance()
     for config in mixed[1:]:
-        run = Run(config, TYPE1, settings, engine)
+        run = run_with(config)
         with compilations() as names:
             run.advance()
         assert names == []

@@ -14,7 +14,7 @@ from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.layout_checks import check_poses
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.cleaning import Cleaning
@@ -66,13 +66,13 @@ REFUSED = {
 @pytest.mark.parametrize(("config", "last", "words"), REFUSED.values(), ids=REFUSED)
 def test_is_refused_of_users_and_of_tasks(config, last, words):
     start = start_of(config, 4, 0, 0)._replace(poses=place(*FREE, last))
-    settings, engine = RunSettings(4, 3), PlanarSettings(1)
+    scenario = Scenario(config, robots=4, engine=PlanarSettings(1), steps=3)
     with pytest.raises(ConfigError, match=f"^start.poses must be such that {words}[^\n]*$"):
-        Run(config, settings=settings, engine=engine, worlds=[World(PRESETS["type1"], 4, start=start)])
+        Run(replace(scenario, worlds=[World(PRESETS["type1"], 4, start=start)]))
     with pytest.raises(ConfigError, match=f"^poses of Placed.lay_out must be such that {words}[^\n]*$"):
-        Run(config, settings=settings, engine=engine, task=Placed(last))
+        Run(replace(scenario, task=Placed(last)))
     with pytest.raises(ConfigError, match=f"^poses of Placed.lay_out must be such that {words}[^\n]*$"):
-        make_env(Placed(last), n_robots=4, config=config, engine=engine, n_starts=1)
+        make_env(replace(scenario, task=Placed(last)), n_starts=1)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.simulation.given import to_json
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import PRESETS
@@ -69,8 +69,8 @@ class TestRuns:
         """By its robots, and by its configuration if it has one."""
         slow = replace(small, drive=replace(small.drive, loaded_speed=0.5))
         worlds = [World(PRESETS["type1"], 2), World(PRESETS["type1"], 5), World(PRESETS["type1"], 5, config=slow)]
-        settings = RunSettings(5, 2, n_worlds=3, record_worlds=(0, 1, 2))
-        moved = moved_by(Run(small, strategy=Ahead(), settings=settings, engine=HERE, worlds=worlds))
+        scenario = Scenario(small, strategy=Ahead(), engine=HERE, worlds=worlds, steps=2)
+        moved = moved_by(Run(scenario, record_worlds=(0, 1, 2)))
         for world, (n_robots, way) in enumerate(((2, 0.2), (5, 0.5), (5, 0.25))):
             np.testing.assert_allclose(moved[world, :n_robots], way, atol=0.02)
 
@@ -80,27 +80,27 @@ class TestRuns:
                 return {"home": jax.random.uniform(key, (n_robots, 2))}
 
         worlds = [World(PRESETS["type1"], 2, seed=seed) for seed in (3, 4)]
-        settings = RunSettings(2, 1, n_worlds=2, record_worlds=(0, 1))
-        home = Run(small, strategy=Drawn(), settings=settings, engine=HERE, worlds=worlds).start.swarm.memory["home"]
+        scenario = Scenario(small, strategy=Drawn(), engine=HERE, worlds=worlds, steps=1)
+        home = Run(scenario, record_worlds=(0, 1)).start.swarm.memory["home"]
         for world, mine in zip(worlds, home[0], strict=True):
             np.testing.assert_allclose(mine, jax.random.uniform(world.random_key, (2, 2)))
 
     def test_is_given_in_place_of_a_genome(self, small):
-        run = Run(small, Ahead(0.3), RunSettings(4, 2), HERE)
+        run = Run(Scenario(small, strategy=Ahead(0.3), robots=4, engine=HERE, steps=2))
         stated = {"class": "Ahead", "stride": 0.3, "steps": 1, "per_robot": 0.0}
         assert run.rules == {"strategy": stated, "task": {"class": "Cleaning"}}
-        one = Run(small, strategy=PRESETS["type2"], settings=RunSettings(4, 2), engine=HERE)
+        one = Run(Scenario(small, strategy=PRESETS["type2"], robots=4, engine=HERE, steps=2))
         assert one.genome == PRESETS["type2"] and one.strategy is None
         with pytest.raises(UserError, match="worlds have their own"):
-            Run(small, PRESETS["evolved"], RunSettings(4, 2), worlds=one.worlds)
+            Run(Scenario(small, strategy=PRESETS["evolved"], robots=4, worlds=one.worlds, steps=2))
 
     def test_large_arrays_are_stated_by_their_shapes(self):
         stated = to_json(Ahead(2.0, np.arange(64), np.zeros((5, 13), np.float32)))
         assert stated == {"class": "Ahead", "stride": 2.0, "steps": list(range(64)), "per_robot": "float32[5, 13]"}
 
     def test_defaults_are_those_of_the_command(self, small):
-        run = Run(small, strategy=Still(), engine=HERE)
-        assert (run.settings.steps, run.settings.n_robots) == (800, Run(small, engine=HERE).settings.n_robots)
+        run = Run(Scenario(small, strategy=Still(), engine=HERE))
+        assert (run.settings.steps, run.settings.n_robots) == (800, Run(Scenario(small, engine=HERE)).settings.n_robots)
 
     def test_classes_with_the_same_fields_have_programs_of_their_own(self, small):
         """JAX takes the structures of such dataclasses for equal, although their methods differ."""
@@ -117,9 +117,8 @@ class TestRuns:
 
             return Walks(jnp.float32(0.1))
 
-        settings = RunSettings(4, 2)
         for share in (1, 3):
-            moved = moved_by(Run(small, strategy=walks(share), settings=settings, engine=HERE))
+            moved = moved_by(Run(Scenario(small, strategy=walks(share), robots=4, engine=HERE, steps=2)))
             np.testing.assert_allclose(moved[0], 0.1 * share, atol=0.02)
 
     def test_what_is_no_number_is_compiled_in(self):
@@ -144,4 +143,4 @@ class TestRuns:
             (3.0, "float is not a strategy, since it does not derive from Strategy"),
         ):
             with pytest.raises(UserError, match=words):
-                Run(small, strategy=strategy, settings=RunSettings(2, 1), engine=HERE)
+                Run(Scenario(small, strategy=strategy, robots=2, engine=HERE, steps=1))

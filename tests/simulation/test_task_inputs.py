@@ -10,7 +10,7 @@ from support.mjx import ran
 from iswarm_mj.config.swarm import ArenaConfig, DriveConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.tasks.base import Quantity, Task, without_balls
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.units import RD
@@ -68,7 +68,7 @@ ENGINE = PlanarSettings(1)
 
 
 def test_a_task_counts_in_the_arena_of_its_run():
-    run = Run(CONFIG, settings=RunSettings(N, STEPS, seed=2), engine=ENGINE, task=Coverage())
+    run = Run(Scenario(CONFIG, task=Coverage(), robots=N, engine=ENGINE, seed=2, steps=STEPS))
     record = ran(run)
     poses = np.concatenate([run.start.poses, record.poses[:-1]])[..., :2]
     visited = {tuple(cell) for cell in np.floor((poses.reshape(-1, 2) / (14 * RD) + 0.5) * CELLS).astype(int)}

@@ -16,7 +16,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.build import world_params
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.setup import set_up
 from iswarm_mj.simulation.worlds import World, random_keys, starts_of, vector_strategies
 from iswarm_mj.strategy.genome import PRESETS
@@ -81,15 +81,17 @@ class TestManyWorlds:
             worlds = [World(TYPE1, 5, index=k) for k in range(n_worlds)]
             with compilations() as names:
                 strategies = vector_strategies(small, read_robot(), worlds)
-                setup = set_up(small, RunSettings(5, 1, n_worlds=n_worlds), PlanarSettings(), CLEANING, worlds)
+                scenario = Scenario(small, engine=PlanarSettings(), worlds=worlds, steps=1)
+                setup = set_up(scenario, scenario.settings())
                 world_params(setup, random_keys(worlds), strategies)
             assert is_first or names == []
 
 
 @pytest.mark.parametrize(("sizes", "capacity", "empty"), [((5,), None, False), ((5,), 7, True), ((3, 5), None, True)])
 def test_engines_are_told_whether_places_are_empty(small, sizes, capacity, empty):
-    worlds, settings = [World(TYPE1, n) for n in sizes], RunSettings(5, 1, n_worlds=len(sizes), capacity=capacity)
-    assert set_up(small, settings, PlanarSettings(), CLEANING, worlds).model.is_masked == empty
+    worlds = [World(TYPE1, n) for n in sizes]
+    scenario = Scenario(small, engine=PlanarSettings(), worlds=worlds, steps=1)
+    assert set_up(scenario, scenario.settings(capacity=capacity)).model.is_masked == empty
 
 
 class TestWorldsOfDifferentSize:
@@ -169,32 +171,32 @@ class TestWhatDoesNotFit:
     @pytest.mark.parametrize(("worlds", "found"), [([], "none"), ("", "none"), ([3], "a list"), (3, "a int")])
     def test_no_worlds(self, small, worlds, found):
         with pytest.raises(ConfigError, match=rf"worlds must be a list of at least one World \(got '{found}'\)"):
-            Run(small, TYPE1, RunSettings(5, 3), worlds=worlds)
+            Run(Scenario(small, strategy=TYPE1, robots=5, worlds=worlds, steps=3))
 
     def test_a_run_of_more_robots_than_its_worlds(self, small):
         with pytest.raises(ConfigError, match=r"n_robots must be that of the largest world, 5 \(got 6\)"):
-            Run(small, TYPE1, RunSettings(6, 3), worlds=[World(TYPE1, 5)])
+            Run(Scenario(small, strategy=TYPE1, robots=6, worlds=[World(TYPE1, 5)], steps=3))
 
     @pytest.mark.parametrize("engine", ["mjx", 3, MujocoSettings], ids=str)
     def test_engines(self, small, engine):
         with pytest.raises(ConfigError, match=r"engine must be settings of an engine, as MujocoSettings"):
-            Run(small, TYPE1, RunSettings(5, 3), engine)
+            Run(Scenario(small, strategy=TYPE1, robots=5, engine=engine, steps=3))
 
     def test_more_deliveries_than_balls(self, small):
         with pytest.raises(ConfigError, match=r"stop_at must be between 1 and the goal of Cleaning, 24 \(got 25\)"):
-            Run(small, TYPE1, RunSettings(5, 3, stop_at=25))
-        assert Run(small, TYPE1, RunSettings(5, 3, stop_at=24)).goal == 24
+            Run(Scenario(small, strategy=TYPE1, robots=5, steps=3, goal=25))
+        assert Run(Scenario(small, strategy=TYPE1, robots=5, steps=3, goal=24)).goal == 24
 
     def test_strategies_without_an_axis_of_worlds(self, small):
         strategy = vector_strategies(small, read_robot(), [World(TYPE1, 5)] * 2)
         with pytest.raises(UserError, match=r"array of shape \(2,\); .* that of the 1 worlds"):
-            Run(small, strategy, RunSettings(5, 3), strategy_per_world=True)
+            Run(Scenario(small, strategy=strategy, robots=5, steps=3, strategy_per_world=True))
 
 
 def test_the_number_of_scouts_is_rounded(small):
     """In each world by its genome and its robots."""
     worlds = [World(replace(TYPE1, fraction_scouts=share), n) for share, n in ((0.27, 10), (0.23, 10), (0.5, 7))]
-    run = Run(small, TYPE1, RunSettings(10, 1, n_worlds=3, record_worlds=(0, 1, 2)), worlds=worlds)
+    run = Run(Scenario(small, strategy=TYPE1, robots=10, worlds=worlds, steps=1), record_worlds=(0, 1, 2))
     assert run.start.swarm.memory.is_scout[0].sum(axis=1).tolist() == [3, 2, 4]
 
 

@@ -14,7 +14,7 @@ from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.beliefs import Belief
 from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.genome import TYPE1
@@ -182,7 +182,7 @@ def test_the_shipped_weights_are_small_and_used():
     ids=lambda engine: f"{type(engine).__name__}-{getattr(engine, 'impl', '')}",
 )
 def test_runs_on_every_engine(engine):
-    run = Run(CONFIG, settings=RunSettings(6, 10), engine=engine, strategy=Neural())
+    run = Run(Scenario(CONFIG, strategy=Neural(), robots=6, engine=engine, steps=10))
     while not run.is_over:
         last = run.advance()
     run.raise_faults()

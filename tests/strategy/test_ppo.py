@@ -16,7 +16,7 @@ from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.network import forward
@@ -59,7 +59,7 @@ def test_without_noise_robots_do_what_they_do_in_a_run():
     start = start._replace(poses=start.poses.astype(np.float32).astype(float))
     world = World(PRESETS["type1"], N, start=start, key=own)
     strategy = replace(learner.strategy, weights=weights)
-    run = Run(SMALL, strategy, RunSettings(N, STEPS), PlanarSettings(1), worlds=[world])
+    run = Run(Scenario(SMALL, strategy=strategy, robots=N, engine=PlanarSettings(1), worlds=[world], steps=STEPS))
     for _ in range(STEPS):
         state, memory, _ = learner.step(weights, state, memory, jnp.zeros((1, N, 4)))
         record = run.advance()

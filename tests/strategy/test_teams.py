@@ -16,7 +16,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.sensors.fields import Flag, Integer, Real
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import TYPE1, TYPE2
 from iswarm_mj.strategy.interface import Command
@@ -182,7 +182,7 @@ def test_sizes(shares, n_robots, sizes):
 
 
 def test_a_swarm_of_two_teams_is_recorded_by_team(tmp_path):
-    run = Run(SMALL, TEAMS, RunSettings(10, 12), PlanarSettings(1))
+    run = Run(Scenario(SMALL, strategy=TEAMS, robots=10, engine=PlanarSettings(1), steps=12))
     from iswarm_mj.workflows.clean import run_swarm
 
     run_swarm(run, tmp_path)
@@ -201,7 +201,7 @@ def test_worlds_of_other_sizes_are_refused():
 
     worlds = [World(TYPE1, 10), World(TYPE1, 8)]
     with pytest.raises(UserError, match="differ in the values of their arrays alone"):
-        Run(SMALL, settings=RunSettings(10, 2, n_worlds=2), strategy=TEAMS, worlds=worlds)
+        Run(Scenario(SMALL, strategy=TEAMS, robots=10, worlds=worlds, steps=2))
 
 
 @pytest.mark.parametrize(
@@ -237,7 +237,7 @@ def test_mistakes_are_refused(teams, match):
 )
 def test_sizes_that_do_not_fit_are_refused(teams, match):
     with pytest.raises(UserError, match=match):
-        Run(SMALL, Teams(teams), RunSettings(10, 2))
+        Run(Scenario(SMALL, strategy=Teams(teams), robots=10, steps=2))
 
 
 def test_errors_name_the_method_of_the_team():
@@ -246,4 +246,4 @@ def test_errors_name_the_method_of_the_team():
             return memory
 
     with pytest.raises(UserError, match=r"Silent\.act must return"):
-        Run(SMALL, Teams({"a": (0.5, Silent()), "b": (0.5, Loud())}), RunSettings(10, 2))
+        Run(Scenario(SMALL, strategy=Teams({"a": (0.5, Silent()), "b": (0.5, Loud())}), robots=10, steps=2))

@@ -5,10 +5,9 @@ import pytest
 from support.runs import engine_of
 from support.touching import pairs_of
 
-from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
 
 pytestmark = pytest.mark.slow
@@ -16,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 def contacts(seed):
     """Depths in all physics steps of a run [mm], its collisions, those that two readings find, and those counted."""
-    run = Run(SwarmConfig(), PRESETS["type1"], RunSettings(280, 160, seed=seed), MujocoSettings(threads=1))
+    run = Run(Scenario(strategy=PRESETS["type1"], robots=280, engine=MujocoSettings(threads=1), seed=seed, steps=160))
     engine = engine_of(run)
     step, depths, every, found = engine._step, [], 0, 0
     lists = np.zeros((2, 12, engine._capacity), np.int32)  # partners in all physics steps, and in those that are read

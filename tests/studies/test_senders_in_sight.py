@@ -11,7 +11,7 @@ from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
 
 pytestmark = pytest.mark.slow
@@ -22,7 +22,16 @@ EVERY, STEPS, MANY = 10, 150, 20
 @pytest.mark.parametrize("mode", ["sector", "power"])
 def test_hardly_any_side_has_more_senders_than_count(mode, n_robots, n_worlds):
     config = replace(SwarmConfig(), optics=OpticsConfig(mode=mode, baud_rate=30000.0))
-    run = Run(config, PRESETS["type1"], RunSettings(n_robots, STEPS, n_worlds=n_worlds), PlanarSettings(refinement=1))
+    run = Run(
+        Scenario(
+            config,
+            strategy=PRESETS["type1"],
+            robots=n_robots,
+            engine=PlanarSettings(refinement=1),
+            worlds=n_worlds,
+            steps=STEPS,
+        )
+    )
     engine = PlanarEngine(config, compile_arena(config, 1, np.zeros(0)))
     engine._light = engine._light._replace(n_senders=MANY)
     everyone, running = np.ones((n_worlds, n_robots), bool), np.ones(n_worlds, bool)

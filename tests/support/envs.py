@@ -20,7 +20,7 @@ ENGINES = (PlanarSettings(1), MujocoSettings(1), pytest.param(MjxSettings(), mar
 @cache
 def _env(engine, n_worlds):
     mapped = isinstance(engine, MjxSettings)
-    env = make_env(n_robots=6, config=SMALL, payload=FIELDS, steps=6, n_worlds=n_worlds, engine=engine)
+    env = make_env(config=SMALL, robots=6, engine=engine, worlds=n_worlds, steps=6, payload=FIELDS)
     return (env, jax.jit(jax.vmap(env.reset)), jax.jit(jax.vmap(env.step))) if mapped else (env, env.reset, env.step)
 
 

@@ -1,12 +1,12 @@
 """Tables of made-up results, for findings and reports."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 
 import numpy as np
 
 from iswarm_mj.paper.analysis.evolution import evolutions
 from iswarm_mj.paper.analysis.evolution_statements import STATEMENTS
-from iswarm_mj.search.settings import Search
+from iswarm_mj.search.search import Search
 from iswarm_mj.strategy.genome import Genome
 
 
@@ -97,7 +97,7 @@ GRASP_SETTINGS = {
 
 
 def settings_of(method="paper", **changes):
-    return asdict(replace(Search(method=method), **changes))
+    return Search(method=method).settings | changes
 
 
 class Found(dict):

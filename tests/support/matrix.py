@@ -20,8 +20,9 @@ from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import METRIC, Scene
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
+from iswarm_mj.simulation.layouts import draw_start
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import TYPE1
@@ -133,13 +134,18 @@ def run_of(cell: Cell, worlds: list[World], config: SwarmConfig) -> Run:
     """Return a run whose worlds are recorded in the opposite order."""
     recorded = tuple(range(len(worlds)))[::-1]
     return Run(
-        config,
-        settings=RunSettings(N, STEPS, SEED, len(worlds), record_worlds=recorded),
-        engine=ENGINES[cell.engine],
-        worlds=worlds,
-        strategy=Drill(),
-        task=TASKS[cell.task],
-        robot_file=robots_of(cell.arena),
+        Scenario(
+            config,
+            strategy=Drill(),
+            task=TASKS[cell.task],
+            robots=N,
+            robot_file=robots_of(cell.arena),
+            engine=ENGINES[cell.engine],
+            seed=SEED,
+            worlds=worlds,
+            steps=STEPS,
+        ),
+        record_worlds=recorded,
     )
 
 
@@ -181,8 +187,8 @@ def play_environment(cell: Cell, n_worlds: int) -> Story:
     Robots of an environment have perceived when a step ends, so that its tasks are a step ahead of its poses.
     """
     config, task, engine = config_of(cell.arena, 0), TASKS[cell.task], ENGINES[cell.engine]
-    given = {"n_worlds": n_worlds, "n_starts": 1, "seed": SEED, "robot_file": robots_of(cell.arena)}
-    env = make_env(task, N, config=config, engine=engine, **given)
+    given = {"worlds": n_worlds, "n_starts": 1, "seed": SEED, "robot_file": robots_of(cell.arena)}
+    env = make_env(config=config, task=task, robots=N, engine=engine, **given)
     state = env.reset(jax.random.split(jax.random.key(SEED), n_worlds))
     keys = list(state.data.key)
     action = np.zeros((n_worlds, N, env.action_size), np.float32)
@@ -211,7 +217,8 @@ def play_environment(cell: Cell, n_worlds: int) -> Story:
         metrics={name: np.stack([one[name] for one in metrics]) for name in task.measured},
         reward=np.stack(rewards[1:]),
     )
-    run = run_of(cell, [World(TYPE1, N, SEED, 0, key=key, config=config) for key in keys], config)
+    start = draw_start(config, task, env.core.robot, N, SEED, 0)
+    run = run_of(cell, [World(TYPE1, N, key=key, start=start, config=config) for key in keys], config)
     assert_alike(story, story_of(run, ran(run), story.configs))
     return story
 

@@ -13,16 +13,18 @@ import numpy as np
 from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.run import Run
+from iswarm_mj.simulation.scenario import Scenario
 
 TINY = SwarmConfig(arena=ArenaConfig(size=12, dump_size=3, dust_area_size=2, dust_area_offset=4, n_dust=12))
 N, WORLDS, RECORDED, SEED = 24, 3, (2, 0), 5
 
 
-def settings(**own):
-    return RunSettings(
-        **{"n_robots": N, "steps": 20, "seed": SEED, "n_worlds": WORLDS, "record_worlds": RECORDED, **own}
-    )
+def tiny_run(engine, record_worlds=RECORDED, capacity=None, **fields):
+    """Return a run of three tiny worlds, with other fields of their scenario."""
+    usual = {"robots": N, "steps": 20, "seed": SEED, "worlds": WORLDS}
+    scenario = Scenario(TINY, engine=engine, **usual | fields)
+    return Run(scenario, record_worlds=record_worlds, capacity=capacity)
 
 
 def mjx(**own):

@@ -12,7 +12,8 @@ import numpy as np
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
+from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS
@@ -26,15 +27,25 @@ N = 30
 
 
 def run_of(config, genome=PRESETS["type1"], n_robots=N, steps=200, *, threads=1, **settings):
-    """Run of small swarms; `worlds`, `strategy` (of all) and `robot_file` go to `Run`, the rest to `RunSettings`."""
-    parts = {name: settings.pop(name) for name in ("worlds", "robot_file") if name in settings}
-    parts["strategy_per_world"] = "strategy" in settings
-    strategy = settings.pop("strategy", genome)
-    if "worlds" in parts:
-        settings["n_worlds"] = len(parts["worlds"])
-    everything = tuple(range(settings.get("n_worlds", 1)))
-    settings = RunSettings(n_robots, steps, **{"record_worlds": everything, **settings})
-    return Run(config, strategy, settings, MujocoSettings(threads), **parts)
+    """Run of small swarms, of which all worlds are recorded.
+
+    Args:
+        config: of all worlds.
+        genome: of all worlds, unless `strategy` has a first axis of worlds.
+        n_robots: N.
+        steps: control steps at most.
+        threads: of MuJoCo.
+        settings: further fields of the scenario; `record_worlds` and `capacity` go to `Run`, and
+            `failed_fraction` to each world.
+    """
+    if failed_fraction := settings.pop("failed_fraction", 0.0):
+        seed, n_worlds = settings.pop("seed", 0), settings.pop("worlds", 1)
+        settings["worlds"] = [World(genome, n_robots, seed, k, failed_fraction) for k in range(n_worlds)]
+    options = {name: settings.pop(name) for name in ("record_worlds", "capacity") if name in settings}
+    settings.setdefault("strategy_per_world", "strategy" in settings)
+    settings.setdefault("strategy", genome)
+    scenario = Scenario(config, robots=n_robots, steps=steps, engine=MujocoSettings(threads), **settings)
+    return Run(scenario, **{"record_worlds": range(scenario.n_worlds), **options})
 
 
 def records(run):

@@ -1,19 +1,25 @@
 """A search whose runs are pretended: their fitness is how near a genome is to a goal."""
 
 import sqlite3
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
 from iswarm_mj.search import pool
 from iswarm_mj.search.methods import to_vector
 from iswarm_mj.search.pool import outcome_of
-from iswarm_mj.search.settings import Search
+from iswarm_mj.search.search import Search
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.measures import Measures
 
 GOAL = to_vector(PRESETS["type2"])
-SEARCH = Search(generations=6, population=5, seed=3, evaluations=2)
+SEARCH = Search(generations=6, population=5, evaluations=2, scenario=Scenario(seed=3))
+
+
+def seeded(search, seed, **changes):
+    """Return a search with another seed and other changes."""
+    return replace(search, scenario=replace(search.scenario, seed=seed), **changes)
 
 
 def worth(genome):

@@ -39,15 +39,15 @@ def pretend(monkeypatch, breaks_after=None):
     """Rollouts without physics: the nearer weights are to a goal, the more balls; returns the weights of each call."""
     asked = []
 
-    def rollout(config, strategy, keys, *, strategy_per_world, every, steps, **_):
+    def rollout(scenario, *, every):
         if breaks_after is not None and len(asked) >= breaks_after:
             raise KeyboardInterrupt
-        weights = np.asarray(strategy.weights)
-        assert strategy_per_world and len(keys) == len(weights)
+        weights = np.asarray(scenario.strategy.weights)
+        assert scenario.strategy_per_world and scenario.n_worlds == len(weights)
         asked.append(weights)
         worth = np.round(1000 - 100 * np.abs(weights - GOAL).sum(axis=1))
-        columns = np.tile(worth[:, None] // 2, (1, -(-steps // every)))
-        none = np.zeros(len(keys))
+        columns = np.tile(worth[:, None] // 2, (1, -(-scenario.steps // every)))
+        none = np.zeros(len(weights))
         return Rollout(worth, worth, none, none, none > 1, none, columns[0], columns, None, [], {})
 
     monkeypatch.setattr(training, "rollout", rollout)

@@ -12,6 +12,7 @@ from support.worlds import start_of, task_inputs
 from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust, Spots
 from iswarm_mj.tasks.signatures import as_task, check_task
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -102,7 +103,7 @@ class TestBeeclust:
     def test_without_light_the_task_that_has_it_is_named(self):
         keys = jax.random.split(jax.random.key(0), 1)
         with pytest.raises(UserError, match="--task aggregation"):
-            rollout(CONFIG, Beeclust(), keys, n_robots=4, steps=1, engine=PlanarSettings(1))
+            rollout(Scenario(CONFIG, strategy=Beeclust(), robots=4, engine=PlanarSettings(1), worlds=keys, steps=1))
 
     def test_waits_as_long_as_it_is_bright(self):
         """Of robots that meet, one in the dark turns away, one in the light waits 300 l^2 / (l^2 + 0.25) steps, and one
@@ -143,11 +144,16 @@ class TestBeeclust:
     @pytest.mark.slow
     def test_gathers_on_the_brighter_spot(self):
         """Three worlds of 150 robots; a random walk of the same robots gathers nowhere."""
-        keys, parts = jax.random.split(jax.random.key(0), 3), {"n_robots": 150, "steps": 2000, "every": 500}
-        engine = PlanarSettings(refinement=4)
-        bees, walk = (
-            rollout(CONFIG, strategy, keys, engine=engine, task=Aggregation(), **parts).metrics
-            for strategy in (Beeclust(), Beeclust(longest_wait=0.0))
+        scenario = Scenario(
+            CONFIG,
+            strategy=Beeclust(),
+            task=Aggregation(),
+            robots=150,
+            engine=PlanarSettings(refinement=4),
+            worlds=jax.random.split(jax.random.key(0), 3),
+            steps=2000,
         )
+        bees = rollout(scenario, every=500).metrics
+        walk = rollout(replace(scenario, strategy=Beeclust(longest_wait=0.0)), every=500).metrics
         assert (bees["bright"] > 0.35).all() and bees["bright"].mean() > 1.5 * bees["dim"].mean()
         assert (walk["bright"] < 0.25).all()

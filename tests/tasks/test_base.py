@@ -15,7 +15,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.saved import load
 from iswarm_mj.paper.report.inspection import inspection
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.base import Quantity
@@ -45,7 +45,9 @@ class Homing(Strategy):
 
 
 def run_of(small, engine, task=None, **settings):
-    return Run(small, Homing(), RunSettings(N, 12, n_worlds=2, **settings), engine, task=task or Eastward(2.0))
+    options = {name: settings.pop(name) for name in ("record_worlds", "capacity") if name in settings}
+    fields = {"strategy": Homing(), "task": task or Eastward(2.0), "robots": N, "steps": 12, "worlds": 2}
+    return Run(Scenario(small, engine=engine, **fields | settings), **options)
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=["planar", "warp"])
@@ -67,7 +69,7 @@ def test_runs_on_every_engine(small, engine):
 def test_ends_at_its_goal(small):
     """All robots are east of the western wall from the first step on, and of three of them that is enough here."""
     for stop_at in (None, 3):
-        run = run_of(small, MujocoSettings(1), Eastward(-20.0), stop_at=stop_at)
+        run = run_of(small, MujocoSettings(1), Eastward(-20.0), goal=stop_at)
         ran(run)
         assert run.goal == (stop_at or N)
         assert [run.measures(world).finished_at for world in range(2)] == [1, 1]
@@ -162,7 +164,7 @@ def test_wrong_tasks_are_refused(small, task, sentence):
 def test_what_no_task_offers(small):
     """Cleaning has no gap to sense."""
     with pytest.raises(UserError, match=r"Homing.act raised KeyError: 'gap'"):
-        Run(small, Homing(), RunSettings(N, 12), MujocoSettings(1))
+        Run(Scenario(small, strategy=Homing(), robots=N, engine=MujocoSettings(1), steps=12))
 
 
 class TestFiles:

@@ -36,7 +36,7 @@ def test_what_robots_do_not_notice_they_neither_sense_nor_use():
 
 def test_rewards_are_the_balls_part_of_the_fitness(small):
     """20 points for each ball picked up, 20 more when it is delivered, to the robot that did it."""
-    run = run_of(small, stop_at=3)
+    run = run_of(small, goal=3)
     there = jnp.ones(N, bool)
     before, total = first_step(run.start), np.zeros(N)
     for after in records(run):

@@ -20,7 +20,7 @@ from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.geometry.obstacles import numbers, overlap, poses_of_boxes
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Beeclust
 from iswarm_mj.tasks.base import Quantity, Task, without_balls
@@ -29,7 +29,8 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
 N, STEPS, WORLDS = 12, 6, 2
-CONFIG, SETTINGS = SwarmConfig(ARENA), RunSettings(N, STEPS, seed=3, n_worlds=WORLDS, record_worlds=(0, 1))
+CONFIG = SwarmConfig(ARENA)
+SCENARIO = Scenario(CONFIG, strategy=Beeclust(), robots=N, seed=3, worlds=WORLDS, steps=STEPS)
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,8 @@ def test_a_driven_box_pushes_and_is_not_pushed(name):
 def test_a_run():
     """Boxes lie elsewhere in each world, robots in teams beside them; the driven one goes as fast as it may."""
     teams = Teams({"few": (0.25, Beeclust()), "many": (0.75, Beeclust(2.0))})
-    run = Run(CONFIG, teams, SETTINGS, PlanarSettings(1), task=Lift())
+    scenario = replace(SCENARIO, strategy=teams, task=Lift(), engine=PlanarSettings(1))
+    run = Run(scenario, record_worlds=(0, 1))
     record = ran(run)
     start = run.start.boxes[0]
     assert not run.faults and np.abs(start[0] - start[1])[:, 1].min() > 0.1 and len(run.config.arena.boxes) == 2
@@ -132,7 +134,7 @@ WRONG = {
 @pytest.mark.parametrize("task, sentence", WRONG.values(), ids=WRONG)
 def test_boxes_that_cannot_be(task, sentence):
     with pytest.raises(UserError, match=sentence):
-        Run(CONFIG, Beeclust(), SETTINGS, task=task)
+        Run(replace(SCENARIO, task=task))
 
 
 class Still(Lift):
@@ -166,4 +168,4 @@ METHODS = {
 @pytest.mark.parametrize("task, sentence", METHODS.items(), ids=lambda given: getattr(given, "__name__", ""))
 def test_methods_that_cannot_be(task, sentence):
     with pytest.raises(UserError, match=sentence):
-        Run(CONFIG, Beeclust(), SETTINGS, task=task())
+        Run(replace(SCENARIO, task=task()))

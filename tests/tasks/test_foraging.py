@@ -13,7 +13,7 @@ from iswarm_mj.config.swarm import ArenaConfig, DriveConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.tasks.foraging import Forager, Foraging, _between
 from iswarm_mj.tasks.signatures import as_task, check_task
 from iswarm_mj.utils.errors import ConfigError
@@ -57,8 +57,7 @@ def test_sources_that_cannot_be_are_refused(task, message):
 
 def test_a_source_moves_when_its_last_item_is_home():
     """Counted from the balls themselves; what is home stays home until then, and items lie at their new source."""
-    settings = RunSettings(10, 500, stop_at=6)
-    run = Run(SMALL, Forager(), settings, PlanarSettings(2, 2), task=TASK)
+    run = Run(Scenario(SMALL, strategy=Forager(), task=TASK, robots=10, engine=PlanarSettings(2, 2), steps=500, goal=6))
     before, items, moved, there = jax.tree.map(lambda a: a[0], run.start), 0, 0, np.ones(10, bool)
     inputs = task_inputs(SMALL, there, run.robot)
     for after in records(run):

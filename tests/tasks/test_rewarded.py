@@ -1,6 +1,6 @@
 """Tasks that add up their rewards."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
 import jax
@@ -11,8 +11,8 @@ import pytest
 from iswarm_mj.config.arena import ArenaConfig
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.base import overrides
-from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.base import Quantity, Task, without_balls
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.tasks.rewarded import REWARD, Earned, rewarded
@@ -59,8 +59,8 @@ class Eastwards(Task):
 def both():
     keys = jax.random.split(jax.random.key(3), 2)
     config = SwarmConfig(ArenaConfig(size=14, dust_area_offset=4, dust_area_size=3, n_dust=4))
-    given = {"n_robots": N, "steps": STEPS, "engine": PlanarSettings(1), "poses_of": (0, 1)}
-    return [rollout(config, PRESETS["type1"], keys, task=task, **given) for task in tasks()]
+    scenario = Scenario(config, robots=N, engine=PlanarSettings(1), worlds=keys, steps=STEPS)
+    return [rollout(replace(scenario, task=task), poses_of=(0, 1)) for task in tasks()]
 
 
 def tasks():

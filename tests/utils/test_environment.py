@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 from support.small import SMALL
 
-from iswarm_mj import PlanarSettings, Run, RunSettings, make_env
+from iswarm_mj import PlanarSettings, Run, make_env
 from iswarm_mj.output.saved import load
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils import environment, jax_setup
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.jax_setup import check_devices, check_jax
@@ -147,16 +148,17 @@ def test_settings_in_python_are_refused_by_name(name, value):
 @pytest.mark.usefixtures("restored")
 def test_runs_and_environments_refuse_64_bit_floats():
     """Those that begin, and those that go on."""
-    engine, settings = PlanarSettings(threads=1), RunSettings(3, 5)
-    begun, env = Run(SMALL, settings=settings, engine=engine), make_env(n_robots=3, config=SMALL, engine=engine)
+    engine = PlanarSettings(threads=1)
+    scenario = Scenario(SMALL, robots=3, engine=engine, steps=5)
+    begun, env = Run(scenario), make_env(scenario)
     state = env.reset(jax.random.split(jax.random.key(0), 1))
     jax.config.update("jax_enable_x64", True)
     for act in (
         begun.advance,
         lambda: env.reset(jax.random.split(jax.random.key(0), 1)),
         lambda: env.step(state, np.zeros((1, 3, env.action_size), np.float32)),
-        lambda: Run(SMALL, settings=settings, engine=engine),
-        lambda: make_env(n_robots=3, config=SMALL, engine=engine),
+        lambda: Run(scenario),
+        lambda: make_env(scenario),
     ):
         with pytest.raises(UserError, match="JAX_ENABLE_X64 must be False"):
             act()
@@ -176,7 +178,7 @@ def test_platforms_without_the_cpu_are_refused(monkeypatch):
 
 def _say_what_is_raised(pipe):
     try:
-        Run(SMALL, settings=RunSettings(3, 5), engine=PlanarSettings(threads=1))
+        Run(Scenario(SMALL, robots=3, engine=PlanarSettings(threads=1), steps=5))
     except UserError as error:
         pipe.send(str(error))
 

@@ -27,7 +27,7 @@ OF_A_RUN = ("version", "engine", "settings", "task", "genome", "config", "robot"
 
 def run_to(config, record=True, steps=STEPS, **settings):
     """A run that stops when all balls are delivered; of several worlds the first is recorded."""
-    return run_of(config, steps=steps, record_worlds=(0,) if record else (), **{"seed": 3, "stop_at": 24, **settings})
+    return run_of(config, steps=steps, record_worlds=(0,) if record else (), **{"seed": 3, "goal": 24, **settings})
 
 
 def run_clean(config, out, **settings):
@@ -52,7 +52,7 @@ def timeless(content):
 
 def test_result_has_all_that_was_promised(done, small):
     out, content, _, recorded = done
-    given = {"seed": 3, "engine": "mujoco", "n_robots": 30, "n_dust": 24, "max_steps": STEPS, "stop_at": 24}
+    given = {"seed": 3, "engine": "mujoco", "n_robots": 30, "n_dust": 24, "max_steps": STEPS, "goal": 24}
     assert content.items() >= given.items()
     assert content["config"] == json.loads(json.dumps(asdict(small)))
     assert content["genome"] == asdict(PRESETS["type1"])
@@ -155,7 +155,7 @@ def test_a_further_world_has_its_directory_for_itself(small, tmp_path, monkeypat
         advance(*given)
 
     monkeypatch.setattr(workflow, "_advance", other_run)
-    run_swarm(run_of(small, steps=1, n_worlds=2, record_worlds=(0, 1)), out)
+    run_swarm(run_of(small, steps=1, worlds=2, record_worlds=(0, 1)), out)
     assert refused == [True]
     assert sorted(path.name for path in (out / "world-1").iterdir()) == ["clean.rrd", "trajectory.npz"]
 

@@ -20,7 +20,7 @@ from iswarm_mj.output.schema import ROBOTS
 from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.simulation.layout_checks import check_poses
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.teams import Teams
@@ -133,7 +133,17 @@ class Counts(Aggregation):
 
 
 def test_tasks_are_told_the_kind_of_each_robot(files):
-    run = Run(SMALL, Still(), RunSettings(N, 1), PlanarSettings(1), task=Counts(4.0, 3.0), robot_file=files)
+    run = Run(
+        Scenario(
+            SMALL,
+            strategy=Still(),
+            task=Counts(4.0, 3.0),
+            robots=N,
+            robot_file=files,
+            engine=PlanarSettings(1),
+            steps=1,
+        )
+    )
     run.advance()
     assert run.metrics()["bright"] == pytest.approx(0.6) and run.metrics()["dim"] == 1
 

@@ -15,7 +15,7 @@ from iswarm_mj.engines.robot_file import models_directory, read_robot
 from iswarm_mj.geometry.robot import SIDES, Sides
 from iswarm_mj.sensors.messages import Message
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.avoidance import is_avoided, listening_sides
 from iswarm_mj.strategy.controller import approach_ball, avoidance_push
 from iswarm_mj.strategy.genome import PRESETS
@@ -47,7 +47,7 @@ def test_six_sided_robots_clean_and_their_files_name_them(tmp_path):
 def test_windows_have_a_slot_for_each_led():
     config = SwarmConfig(arena=ARENA, optics=OpticsConfig(baud_rate=2000, slots=5))
     with pytest.raises(ConfigError, match="at least 6, one for each LED"):
-        Run(config, PRESETS["type1"], RunSettings(2, 1), PlanarSettings(1), robot_file=SIX)
+        Run(Scenario(config, strategy=PRESETS["type1"], robots=2, robot_file=SIX, engine=PlanarSettings(1), steps=1))
 
 
 @pytest.mark.parametrize("n_leds", [2, 4, 5, 8])

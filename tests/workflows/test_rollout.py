@@ -11,8 +11,8 @@ from support.tasks import Eastward
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import draw_radii, place_robots
 from iswarm_mj.utils.errors import FaultKind, UserError
@@ -54,8 +54,16 @@ def straight(stride=(0.0, 0.2, -0.4), turn=0.0, breaks_at=NEVER):
 
 def walk(strategy, engine=None, steps=7):
     """Poses of worlds 2, 0, 1."""
-    how = {"every": 5, "strategy_per_world": True, "poses_of": (2, 0, 1), "engine": engine or warp()}
-    return rollout(TINY, strategy, KEYS, n_robots=N_FEW, steps=steps, **how)
+    scenario = Scenario(
+        TINY,
+        strategy=strategy,
+        strategy_per_world=True,
+        robots=N_FEW,
+        engine=engine or warp(),
+        worlds=KEYS,
+        steps=steps,
+    )
+    return rollout(scenario, every=5, poses_of=(2, 0, 1))
 
 
 @pytest.fixture(scope="module")
@@ -113,9 +121,9 @@ def test_a_command_that_is_no_number_ends_its_world_alone(straight_on):
     assert (found.poses[2, 5:] == sound.poses[2, 5]).all()
 
 
-def papers(keys, **own):
-    settings = {"n_robots": N, "steps": 60, "every": 25, "stop_at": 6, "poses_of": (2, 0), "engine": PlanarSettings(1)}
-    return rollout(TINY, PRESETS["type1"], keys, **settings | own)
+def papers(keys, poses_of=(2, 0), **own):
+    fields = {"robots": N, "engine": PlanarSettings(1), "worlds": keys, "steps": 60, "goal": 6}
+    return rollout(Scenario(TINY, **fields | own), every=25, poses_of=poses_of)
 
 
 @pytest.fixture(scope="module")
@@ -166,24 +174,33 @@ class Counting(Eastward):
 
 
 def test_progress_is_counted_after_the_step():
-    how = {"n_robots": N_FEW, "steps": 7, "every": 3, "task": Counting(), "engine": PlanarSettings(1)}
-    found = rollout(TINY, Straight(jnp.float32(0.0)), KEYS, **how)
+    scenario = Scenario(
+        TINY,
+        strategy=Straight(jnp.float32(0.0)),
+        task=Counting(),
+        robots=N_FEW,
+        engine=PlanarSettings(1),
+        worlds=KEYS,
+        steps=7,
+    )
+    found = rollout(scenario, every=3)
     assert found.steps.tolist() == [3, 6, 7] and found.delivered_after.tolist() == [[3, 6, 7]] * 3
 
 
 @pytest.mark.parametrize(
     "given, words",
     [
-        ({"keys": KEYS.reshape(3, 1)}, r"was key<fry>\[3, 1\]"),
-        ({"keys": [1, 2]}, "was a list"),
+        ({"worlds": KEYS.reshape(3, 1)}, r"worlds must be .* \(got .key<fry>\[3, 1\].\)"),
+        ({"worlds": [1, 2]}, r"worlds must be a number above 0, a World for each, or a random key for each"),
         ({"every": 0}, r"every must be .* \(got 0\)"),
         ({"poses_of": (3,)}, r"poses_of must be .* \(got "),
         ({"record": "notes.txt"}, r"record must be a name ending in \.rrd \(got 'notes\.txt'\)"),
-        ({"engine": "planar"}, r"engine must be settings of an engine, .*got 'planar'"),
+        ({"engine": "planar"}, "engine must be .*got 'planar'"),
         ({"strategy": Straight(lambda: 0.1)}, "holds a function where JAX expects an array"),
     ],
 )
 def test_what_does_not_fit(given, words):
-    settings = {"strategy": Straight(jnp.float32(0.1)), "keys": KEYS, "n_robots": 2, "steps": 1} | given
+    fields = {"strategy": Straight(jnp.float32(0.1)), "worlds": KEYS, "robots": 2, "steps": 1} | given
+    options = {name: fields.pop(name) for name in ("every", "poses_of", "record") if name in fields}
     with pytest.raises(UserError, match=words):
-        rollout(TINY, **settings)
+        rollout(Scenario(TINY, engine=fields.pop("engine", PlanarSettings(1)), **fields), **options)

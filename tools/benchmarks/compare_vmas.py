@@ -45,7 +45,7 @@ def env_stepper(n_agents, n_worlds, chunk):
 
     from iswarm_mj import make_env
 
-    env = make_env("cleaning", n_agents, engine=engine_for(chunk), payload=4, n_worlds=n_worlds)
+    env = make_env(robots=n_agents, engine=engine_for(chunk), worlds=n_worlds, payload=4)
     state, rng = [env.reset(jax.random.split(jax.random.key(0), n_worlds))], np.random.default_rng(0)
     shape = (n_worlds, n_agents, env.action_size)
     if chunk:
@@ -91,9 +91,8 @@ def run_stepper(n_agents, n_worlds, chunk):
     import jax
     import jax.numpy as jnp
 
-    from iswarm_mj import Run, SwarmConfig
+    from iswarm_mj import Run, Scenario
     from iswarm_mj.sensors.fields import Flag
-    from iswarm_mj.simulation.settings import RunSettings
     from iswarm_mj.strategy.interface import Command
     from iswarm_mj.utils.units import mm_from_rd
 
@@ -113,8 +112,8 @@ def run_stepper(n_agents, n_worlds, chunk):
             drawn = jax.random.uniform(key, (6, len(memory)), minval=-1.0)
             return drawn[2:].T > 0, Command(drawn[0] * jnp.pi / 2, drawn[1] * mm_from_rd(0.5))
 
-    settings = RunSettings(n_agents, 1_000_000, n_worlds=n_worlds, record_worlds=())
-    return Run(SwarmConfig(), settings=settings, engine=engine_for(chunk), strategy=Random()).advance
+    scenario = Scenario(strategy=Random(), robots=n_agents, engine=engine_for(chunk), worlds=n_worlds, steps=1_000_000)
+    return Run(scenario, record_worlds=()).advance
 
 
 STEPPERS = {"VMAS": vmas_stepper, "environment": env_stepper, "run": run_stepper}

@@ -18,7 +18,7 @@ from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.plot_style import STYLE, blank
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 
 SIZES = 1000, 10_000, 100_000
 OUT = Path(__file__).parents[2] / "docs" / "large-worlds.svg"
@@ -30,8 +30,9 @@ def one(n_robots: int) -> dict[str, float]:
     """Return the cost of a world's control step in this process."""
     config = SwarmConfig(arena=ArenaConfig(size=92 * (n_robots / 1000) ** 0.5))
     n_steps = max(2, ROBOT_STEPS // n_robots)
-    settings = RunSettings(n_robots, WARM_UP + BLOCKS * n_steps, record_worlds=())
-    run, times = Run(config, None, settings, PlanarSettings(threads=1)), []
+    scenario = Scenario(config, robots=n_robots, engine=PlanarSettings(threads=1), steps=WARM_UP + BLOCKS * n_steps)
+    run = Run(scenario, record_worlds=())
+    times = []
     for _ in range(WARM_UP):
         run.advance()
     for _ in range(BLOCKS):

@@ -25,7 +25,7 @@ from iswarm_mj.gripper.bench.batch_trials import by_batch
 from iswarm_mj.gripper.bench.swarm_trials import outcomes
 from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for
 
@@ -41,8 +41,16 @@ def one(engine, resolution, seed):
     """Processor time of a control step [ms], and attempts of a run."""
     config, genome = SwarmConfig(gripper=GripperConfig(resolution=resolution)), PRESETS["type1"]
     n_robots = robots_for(config.arena, genome.density_of_robots)
-    settings = RunSettings(n_robots, LIMIT, seed, stop_at=GOAL, record_worlds=())
-    run = Run(config, genome, settings, ENGINES[engine])
+    scenario = Scenario(
+        config,
+        strategy=genome,
+        robots=n_robots,
+        engine=ENGINES[engine],
+        seed=seed,
+        steps=LIMIT,
+        goal=GOAL,
+    )
+    run = Run(scenario, record_worlds=())
     run.advance()  # which compiles
     started = time.process_time()
     while not run.is_over:

@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib import pyplot as plt
 
-from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.beliefs import MAX_DOUBT
 from iswarm_mj.strategy.neural import Neural
 from iswarm_mj.utils.units import RD
@@ -25,7 +24,7 @@ OUT = Path(__file__).parents[2] / "docs" / "beliefs.png"
 
 def main():
     """Draw a row for each step."""
-    run = Run(SwarmConfig(), settings=RunSettings(280, max(STEPS), 5), engine=PlanarSettings(), strategy=Neural())
+    run = Run(Scenario(strategy=Neural(), robots=280, engine=PlanarSettings(), seed=5, steps=max(STEPS)))
     figure, axes = plt.subplots(3, 3, figsize=(7.2, 7.6), layout="constrained", sharex=True, sharey=True)
     arena = run.config.arena
     while not run.is_over:

@@ -23,9 +23,11 @@ from iswarm_mj.config.swarm import DriveConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.paper.analysis.statistics import interval
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
+from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.neural import Neural, untrained
+from iswarm_mj.tasks.cleaning import CLEANING
 
 FRESH = 2**31 + 1
 """Seed of the worlds; trainings have others, unless they are given such."""
@@ -75,20 +77,22 @@ def main():
     offset, edge, balls = args.dust
     arena = ArenaConfig(size=args.size, dust_area_offset=offset, dust_area_size=edge, n_dust=int(balls))
     config = SwarmConfig(arena, DriveConfig(error_turn=args.turn_error), light)
-    settings = RunSettings(
-        args.robots, args.steps, FRESH, n_worlds=args.worlds, failed_fraction=args.failed, record_worlds=()
-    )
     print("| | clean worlds | steps until clean | collisions | delivered |\n|---|---|---|---|---|")
     for name in args.only:
         genome, strategy = OTHERS[name] if name in OTHERS else (None, NETWORKS[name](args.weights))
-        run = Run(
+        worlds = [
+            World(genome or PRESETS["type1"], args.robots, FRESH, index, args.failed) for index in range(args.worlds)
+        ]
+        scenario = Scenario(
             config,
-            genome if strategy is None else strategy,
-            settings,
-            PlanarSettings(args.threads),
-            task=without.Told() if name == "knows-all" else None,
+            strategy=genome if strategy is None else strategy,
+            task=without.Told() if name == "knows-all" else CLEANING,
             robot_file=args.robot,
+            engine=PlanarSettings(args.threads),
+            worlds=worlds,
+            steps=args.steps,
         )
+        run = Run(scenario, record_worlds=())
         while not run.is_over:
             run.advance()
         found = [run.measures(world) for world in range(args.worlds)]

@@ -12,7 +12,7 @@ from statistics import fmean
 from iswarm_mj.config.swarm import EnergyConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for
 
@@ -32,8 +32,17 @@ def row(name, light, args):
     """What worlds of one type come to under one light."""
     config, genome = SwarmConfig(energy=LIGHTS[light]), PRESETS[name]
     n_robots = robots_for(config.arena, genome.density_of_robots)
-    settings = RunSettings(n_robots, args.steps, args.seed, args.worlds, GOAL, record_worlds=())
-    run = Run(config, genome, settings, PlanarSettings(refinement=1))
+    scenario = Scenario(
+        config,
+        strategy=genome,
+        robots=n_robots,
+        engine=PlanarSettings(refinement=1),
+        seed=args.seed,
+        worlds=args.worlds,
+        steps=args.steps,
+        goal=GOAL,
+    )
+    run = Run(scenario, record_worlds=())
     while not run.is_over:
         run.advance()
     found = [run.measures(world) for world in range(args.worlds)]

@@ -109,7 +109,7 @@ class Learner:
 
     def __init__(self, config, n_robots, steps, n_worlds, seed):
         given = {"payload": payload_for(mm_from_rd(config.strategy.message_range)), "engine": PlanarSettings(1)}
-        self.env = make_env(n_robots=n_robots, config=config, steps=steps, n_worlds=n_worlds, seed=seed, **given)
+        self.env = make_env(config=config, robots=n_robots, seed=seed, worlds=n_worlds, steps=steps, **given)
         self.n_worlds, self.strategy = n_worlds, untrained(config, self.env.core.robot)
         rng = np.random.default_rng(seed)
         weights, critic = first_weights(), rng.normal(0, 0.1, CRITIC.n_weights).astype(np.float32)

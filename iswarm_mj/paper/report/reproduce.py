@@ -20,9 +20,9 @@ from iswarm_mj.paper.studies.experiment import FINDINGS, Plan, run_experiment, s
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.search.methods import METHODS, Operators
 from iswarm_mj.search.pool import Execution
-from iswarm_mj.search.search import run_search
+from iswarm_mj.search.search import Search, run_search
 from iswarm_mj.search.search import settings_of as settings_of_search
-from iswarm_mj.search.settings import Search
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.errors import UserError
@@ -82,9 +82,12 @@ def parts_of(plan: Plan, execution: Execution, replicates: int, repeats: int, on
     Searches have densities up to 0.5, since a batch waits for its densest world. Quick searches and trials are just
     enough for each step to be taken. `replicates` are of each search, `repeats` grasps at each radius and humidity.
     """
-    search = Search(config=plan.config, seed=plan.seed, replicates=replicates, operators=Operators(density_max=0.5))
+    scenario = Scenario(plan.config, engine=execution.engine, seed=plan.seed)
+    search = Search(replicates=replicates, operators=Operators(density_max=0.5), scenario=scenario)
     if plan.quick:
-        search, repeats = replace(search, generations=3, population=4, steps=60, replicates=2), 1
+        quick = replace(scenario, steps=60)
+        search = replace(search, generations=3, population=4, replicates=2, scenario=quick)
+        repeats = 1
     trials = GraspSettings(
         ("15e-6:25e-6:6",),
         (5.0, 10.0, 30.0, 50.0),

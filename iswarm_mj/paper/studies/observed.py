@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.plot_swarm import draw_swarm
 from iswarm_mj.output.saved import load
@@ -17,7 +18,7 @@ from iswarm_mj.paper.analysis.statements import NEAR, drive_of
 from iswarm_mj.paper.studies.experiment import Plan
 from iswarm_mj.search.rows import by
 from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.settings import RunSettings
+from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows.clean import run_swarm
@@ -41,6 +42,18 @@ def aggregation(frames: Mapping[str, np.ndarray]) -> float:
     return float(np.mean(is_there.sum(axis=1) / np.maximum(1, is_empty.sum(axis=1))))
 
 
+def _scenario_of(row: Mapping[str, Any], config: SwarmConfig, goal: int | None) -> Scenario:
+    """Return the scenario of a row of runs."""
+    return Scenario(
+        config,
+        strategy=PRESETS[row["type"]],
+        robots=row["n_robots"],
+        steps=row["max_steps"],
+        seed=row["seed"],
+        goal=goal,
+    )
+
+
 def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
     """Record the first runs of each type; add their aggregation to the rows; draw the first when half is delivered."""
     for row in rows:
@@ -48,9 +61,9 @@ def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
         if row["repeat"] >= (1 if plan.quick else OBSERVED):
             continue
         directory = out / f"{row['type']}-{row['repeat']}"
-        settings = RunSettings(row["n_robots"], row["max_steps"], row["seed"], stop_at=plan.goal)
+        scenario = _scenario_of(row, plan.config, plan.goal)
         with redirect_stdout(io.StringIO()):
-            run_swarm(Run(plan.config, PRESETS[row["type"]], settings), directory)
+            run_swarm(Run(scenario), directory)
         frames = load(directory).arrays
         row["aggregation"] = aggregation(frames)
         if row["repeat"] == 0:
@@ -71,11 +84,10 @@ def observe(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
     for mine in by(observed, "type", "repeat").values():
         going = []
         for row in mine:
-            settings = RunSettings(
-                row["n_robots"], row["max_steps"], row["seed"], stop_at=row["goal"], record_worlds=()
-            )
             config = replace(plan.config, drive=drive_of(plan.config.drive, row["rate"]))
-            run = Run(config, PRESETS[row["type"]], settings, PlanarSettings(threads=1, refinement=1))
+            scenario = _scenario_of(row, config, row["goal"])
+            engine = PlanarSettings(threads=1, refinement=1)
+            run = Run(replace(scenario, engine=engine), record_worlds=())
             going.append((row, run, [], []))
         while any(not run.is_over for _, run, *_ in going):
             for _, run, seconds, overlaps in going:
