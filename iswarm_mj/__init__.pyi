@@ -29,8 +29,8 @@ from .geometry.obstacles import poses_of_boxes as poses_of_boxes
 from .geometry.robot import Robots as Robots
 from .gripper.handling import AttemptStatistics as AttemptStatistics
 from .gripper.handling import Balls as Balls
-from .output.saved import SavedRun as SavedRun
-from .output.saved import load as load
+from .output.loading import SavedRun as SavedRun
+from .output.loading import load as load
 from .player.page import Page as Page
 from .player.page import play as play
 from .search.best import Best as Best

@@ -54,7 +54,7 @@ class Picture(RenderOptions):
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.output.stage import Shot, render
+        from iswarm_mj.output.offscreen import Shot, render
 
         shot = Shot(self.camera, (self.width, self.height))
         step = render(self.directory, self.step, shot, self.out)
@@ -88,7 +88,7 @@ class Video(RenderOptions):
     def run(self) -> None:
         """Run the command."""
         from iswarm_mj.output import video
-        from iswarm_mj.output.stage import Shot
+        from iswarm_mj.output.offscreen import Shot
 
         shot = Shot(self.camera, (self.width, self.height), fine=False)
         video.write_video(self.directory, self.out, shot, self.frames_per_step, self.steps, self.title)
@@ -110,10 +110,10 @@ class Replay(Film):
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.output.stage import recorded
+        from iswarm_mj.output.offscreen import load_recorded
         from iswarm_mj.player.replay import write_replay
 
-        run = recorded(self.directory)
+        run = load_recorded(self.directory)
         last, end = write_replay(run, self, self.out), int(run.arrays["step"][-1])
         more = f"; --last {end} shows all" if self.last is None and last < end else ""
         print(f"steps {self.first} to {last} of {self.directory}: {self.out}{more}")

@@ -15,9 +15,9 @@ from jaxtyping import UInt8
 from iswarm_mj._version import __version__
 from iswarm_mj.envs.core import State
 from iswarm_mj.envs.env import Env
-from iswarm_mj.output.frames import BLOCK, RecordedWorld
+from iswarm_mj.output.frames import BLOCK_FRAMES, RecordedWorld
+from iswarm_mj.output.offscreen import ArenaRenderer, Shot
 from iswarm_mj.output.rerun_swarm import Recording
-from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.simulation.build import start_record
 from iswarm_mj.simulation.given import to_json
 from iswarm_mj.simulation.state import StepRecord
@@ -62,7 +62,7 @@ class Pictures:
         self._env, first = env, _record(env, state, 0)
         recorded = _recorded(env, first, 0)
         arrays = {**recorded.scene.arrays(), **recorded.frames([first]).arrays()}
-        self._stage = Stage(env.core.config, arrays, shot, env.core.robot_file)
+        self._stage = ArenaRenderer(env.core.config, arrays, shot, env.core.robot_file)
 
     def show(self, state: State, world: int = 0) -> UInt8[np.ndarray, "height width 3"]:
         """Return the pixels of a world in a state."""
@@ -118,7 +118,7 @@ class EnvRecording:
             record = record._replace(step=np.array([[self._step]], np.int32), speed=moved[None] / env.dt)
         self._before = record
         self._left.append(record)
-        if len(self._left) == BLOCK:
+        if len(self._left) == BLOCK_FRAMES:
             self._write(self._file)
 
     def _write(self, file: Recording) -> None:

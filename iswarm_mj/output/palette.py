@@ -1,17 +1,39 @@
-"""The palette of figures, pictures and recordings, which the colour-blind can tell apart (Okabe and Ito 2008)."""
+"""The palette of figures, pictures and recordings, which the colour-blind can tell apart.
 
-BLUE, ORANGE, GREEN, YELLOW, PURPLE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#aa4499"
-SKY, PINK, PALE_GREEN, PALE_ORANGE = "#56b4e9", "#cc79a7", "#88ccbb", "#e8b0a0"
-RED, DARK, GREY, PALE = "#cc0000", "#333333", "#9aa0a8", "#cdd2da"
-EMPTY, LOADED, SCOUT = ORANGE, BLUE, GREEN
-"""Robots by their states."""
-FLOOR, WALL, DUMP, DUST, BOX = "#e2e2de", "#787c82", "#facd32", "#cdc3af", "#8a6d4f"
-"""The arena and what lies in it."""
+The colours are those of Okabe and Ito (2008), and shades of them.
+"""
+
+BLUE = "#0072b2"
+ORANGE = "#d55e00"
+GREEN = "#009e73"
+YELLOW = "#e69f00"
+PURPLE = "#aa4499"
+SKY = "#56b4e9"
+PINK = "#cc79a7"
+PALE_GREEN = "#88ccbb"
+PALE_ORANGE = "#e8b0a0"
+RED = "#cc0000"
+DARK = "#333333"
+GREY = "#9aa0a8"
+PALE = "#cdd2da"
+
+# Robots by their states.
+EMPTY = ORANGE
+LOADED = BLUE
+SCOUT = GREEN
+
+# The arena and what lies in it.
+FLOOR = "#e2e2de"
+WALL = "#787c82"
+DUMP = "#facd32"
+DUST = "#cdc3af"
+BOX = "#8a6d4f"
 
 Rgb = tuple[int, int, int]
+"""Red, green and blue, 0 to 255."""
 
 
 def rgb(colour: str) -> Rgb:
-    """Return red, green and blue, 0 to 255."""
+    """Return red, green and blue of a colour "#rrggbb"."""
     red, green, blue = bytes.fromhex(colour[1:])
     return red, green, blue

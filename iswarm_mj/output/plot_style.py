@@ -25,33 +25,42 @@ STYLE: Any = {
     "svg.hashsalt": "iswarm_mj",
     "text.parse_math": False,
 }
+_METADATA: dict[str, Any] = {".png": {"Software": None}, ".svg": {"Date": None}}
+"""Metadata of files by their suffixes, without what would differ between two runs."""
 
 
 @contextmanager
 def figure(
-    path: Path, rows: int = 1, columns: int = 1, size: tuple[float, float] = (4.5, 3.2), caption: str = ""
+    path: Path,
+    rows: int = 1,
+    columns: int = 1,
+    size: tuple[float, float] = (4.5, 3.2),
+    caption: str = "",
 ) -> Iterator[list[Axes]]:
-    """Axes to draw on, row by row; on exit the figure is written as PNG and SVG, each completely or not at all.
+    """Yield axes to draw on, row by row, and write the figure on exit.
+
+    It is written as PNG and as SVG, each completely or not at all.
 
     Args:
-        path: of the files, without suffix.
-        rows: of axes.
-        columns: of axes.
-        size: of one of the axes, width and height [inch].
-        caption: what is drawn, of how many runs, and by which test; below the axes.
+        path: path of the files, without suffix.
+        rows: number of rows of axes.
+        columns: number of columns of axes.
+        size: width and height of one of the axes [inch].
+        caption: text below the axes: what is drawn, of how many runs, and by which test.
     """
     with matplotlib.rc_context(STYLE):
         drawing, axes = blank(rows, columns, size)
         if caption:
             drawing.supxlabel(caption, x=0.01, ha="left", fontsize=7, color=DARK)
         yield axes
-        for suffix, metadata in ((".png", {"Software": None}), (".svg", {"Date": None})):
+        for suffix, metadata in _METADATA.items():
             with atomic_write(path.with_name(path.name + suffix)) as part:
                 drawing.savefig(part, format=suffix[1:], metadata=metadata)
 
 
 def blank(rows: int = 1, columns: int = 1, size: tuple[float, float] = (4.5, 3.2)) -> tuple[Figure, list[Axes]]:
-    """A figure and its empty axes; arguments as for `figure`."""
-    drawing = Figure(figsize=(size[0] * columns, size[1] * rows), layout="constrained")
+    """Return a figure and its empty axes, see `figure` for the arguments."""
+    width, height = size
+    drawing = Figure(figsize=(width * columns, height * rows), layout="constrained")
     FigureCanvasAgg(drawing)
     return drawing, list(drawing.subplots(rows, columns, squeeze=False).flat)

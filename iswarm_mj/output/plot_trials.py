@@ -1,7 +1,7 @@
-"""Figures of the gripper's experiments: the voltages that lift balls and let them go (the paper's Figs. 8, 9 and 11).
+"""Figures of the gripper's experiments: voltages that pick up balls and release them.
 
-Bands are the paper's; dashed lines follow from the force laws without dynamics, at the medians of the works of
-adhesion.
+They follow the paper's Figs. 8, 9 and 11. Bands are the paper's; dashed lines follow from the force
+laws without dynamics, at the medians of the works of adhesion.
 """
 
 from collections import Counter
@@ -15,202 +15,381 @@ from matplotlib.axes import Axes
 from iswarm_mj.gripper.laws import detachment
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.detachment import RELEASE_GAP, grasp_voltage, release_voltage
-from iswarm_mj.gripper.reference import PAPER_GRASP, PAPER_HUMIDITY, PAPER_NO_CONTACT, PAPER_RELEASE
+from iswarm_mj.gripper.reference import (
+    PAPER_GRASP,
+    PAPER_HUMIDITY,
+    PAPER_NO_CONTACT,
+    PAPER_RELEASE,
+)
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PURPLE, RED
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.output.trial_shapes import UM
 from iswarm_mj.utils.arrays import Quantity
 
 Rows = Sequence[Mapping[str, Any]]
+"""Rows of a table, as values by the names of columns."""
 
-HUES = (BLUE, ORANGE, GREEN, PURPLE)
-_MARKS = ("o", "s", "^", "D")
+COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
+_MARKERS = ("o", "s", "^", "D")
 _SIZE = (5.2, 4.2)
 _MS = 1e3
-_MANY = 2000
+"""Milliseconds per second."""
+_MAX_VECTOR_POINTS = 2000
 """Number of points above which they are rasterized in the SVG file."""
+_FITTED_GRASP = """\
+Fitted: W_TO to the paper's release band, W_OS to its grasp band at 10 % RH given D_eff,
+their spreads to the widths of the bands."""
+_FITTED_RELEASE = """\
+Fitted: W_TO and its spread, to the paper's release band at 10 % RH.
+Not fitted: that a landed ball stays."""
+_FITTED_GAP = f"Fitted: D_eff, such that no ball is lifted below {PAPER_NO_CONTACT:g} V"
 _FITTED = {
-    "grasp": (
-        "Fitted: W_TO to the paper's release band, W_OS to its grasp band at 10 % RH given D_eff,\n"
-        "their spreads to the widths of the bands."
-    ),
-    "release": (
-        "Fitted: W_TO and its spread, to the paper's release band at 10 % RH.\nNot fitted: that a landed ball stays."
-    ),
-    "no_contact": (
-        f"Fitted: D_eff, such that no ball is lifted below {PAPER_NO_CONTACT:g} V from gaps of 1 µm and more."
-    ),
+    "grasp": _FITTED_GRASP,
+    "release": _FITTED_RELEASE,
+    "no_contact": f"{_FITTED_GAP} from gaps of 1 µm and more.",
 }
+"""What the constants behind the figure of each experiment are fitted to."""
 
 
 class Laws:
-    """Least voltages without dynamics, at the medians of the works of adhesion. SI."""
+    """Least voltages without dynamics, at the medians of the works of adhesion. SI units."""
 
     def __init__(self, settings: Mapping[str, Any]):
-        """Take the constants of the `calibration` in a run's settings; those of `detachment` where it has none."""
-        names = ("WORK_TOOL_OBJECT", "WORK_OBJECT_SUBSTRATE", "CONTACT_GAP", "PROBE_RADIUS")
-        own = settings.get("calibration", {})
-        self._tool, self._plate, self._gap, self._probe = (own.get(n, getattr(detachment, n)) for n in names)
+        """Take the constants from a run's settings.
 
-    def grasp(self, radius: Quantity, percent: float, gap: Quantity = 0.0) -> Quantity:
-        """Least voltage that lifts a ball at a humidity [%]; across a gap the tool's adhesion does not help."""
-        factor = humidity_factor(percent)
-        adhesion = np.where(np.asarray(gap) <= 0, self._tool * factor, 0.0)
-        return grasp_voltage(radius, adhesion, self._plate * factor, np.maximum(gap, self._gap), self._probe)
+        Args:
+            settings: settings of a run; `calibration` has constants of `detachment` by name, which
+                replace those of the module.
+        """
+        calibration = settings.get("calibration", {})
 
-    def release(self, radius: Quantity, percent: float, gap: Quantity = RELEASE_GAP) -> Quantity:
-        """Least voltage that drops a held ball at a humidity [%]."""
-        return release_voltage(radius, self._tool * humidity_factor(percent), gap, self._probe)
+        def constant(name: str) -> float:
+            return calibration.get(name, getattr(detachment, name))
+
+        self._work_tool = constant("WORK_TOOL_OBJECT")
+        self._work_plate = constant("WORK_OBJECT_SUBSTRATE")
+        self._contact_gap = constant("CONTACT_GAP")
+        self._probe_radius = constant("PROBE_RADIUS")
+
+    def grasp(self, radius: Quantity, humidity: float, gap: Quantity = 0.0) -> Quantity:
+        """Return the least voltage that picks up a ball.
+
+        Args:
+            radius: radius of the ball [m].
+            humidity: relative humidity [%].
+            gap: gap between tool and ball [m], across which the tool's adhesion does not help.
+        """
+        factor = humidity_factor(humidity)
+        is_touching = np.asarray(gap) <= 0
+        work_tool = np.where(is_touching, self._work_tool * factor, 0.0)
+        work_plate = self._work_plate * factor
+        effective_gap = np.maximum(gap, self._contact_gap)
+        return grasp_voltage(radius, work_tool, work_plate, effective_gap, self._probe_radius)
+
+    def release(self, radius: Quantity, humidity: float, gap: Quantity = RELEASE_GAP) -> Quantity:
+        """Return the least voltage that makes the tool drop a ball.
+
+        Args:
+            radius: radius of the ball [m].
+            humidity: relative humidity [%].
+            gap: gap between ball and plate [m].
+        """
+        work_tool = self._work_tool * humidity_factor(humidity)
+        return release_voltage(radius, work_tool, gap, self._probe_radius)
 
 
 def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> None:
-    """Draw what the rows have, as PNG and SVG: grasp voltages, release voltages, attempts without contact.
+    """Draw grasp voltages, release voltages and attempts without contact, as far as there are rows.
 
     Args:
-        rows: of the table of trials, SI. Those that are faulty are left out, and the figure says how many.
-        settings: of the run; its `calibration`, constants of `detachment` by their names, is behind the lines of the
-            force laws. Absent ones are those of `detachment` itself.
-        out: directory.
+        rows: rows of the table of trials, SI units. Faulty ones are left out, and the figure says
+            how many.
+        settings: settings of the run; its `calibration` is behind the lines of the force laws, see
+            `Laws`.
+        out: directory of the PNG and SVG files.
     """
     laws = Laws(settings)
-    grasp, release, attempts = (
-        [row for row in rows if row["experiment"] == name] for name in ("grasp", "release", "no_contact")
-    )
-    at_10 = [row for row in grasp if row["relative_humidity"] == PAPER_HUMIDITY]
-    groups = {"grasp_voltage": at_10, "grasp_voltage_humidity": grasp if len(grasp) > len(at_10) else []}
-    for gap in sorted({row["gap"] for row in release}):
-        name = "release_voltage" if gap == RELEASE_GAP else f"release_voltage_{gap * UM:g}um"
-        groups[name] = [row for row in release if row["gap"] == gap]
-    for name, group in groups.items():
-        if group:
-            _draw_voltages(out / name, group, laws)
+    grasps = _of_experiment(rows, "grasp")
+    releases = _of_experiment(rows, "release")
+    attempts = _of_experiment(rows, "no_contact")
+
+    # One figure for the paper's humidity, one for all, and one for each gap of a release.
+    paper_grasps = [row for row in grasps if row["relative_humidity"] == PAPER_HUMIDITY]
+    rows_of_figure: dict[str, Rows] = {"grasp_voltage": paper_grasps}
+    if len(grasps) > len(paper_grasps):
+        rows_of_figure["grasp_voltage_humidity"] = grasps
+    for gap in sorted({row["gap"] for row in releases}):
+        suffix = "" if gap == RELEASE_GAP else f"_{gap * UM:g}um"
+        rows_of_gap = [row for row in releases if row["gap"] == gap]
+        rows_of_figure[f"release_voltage{suffix}"] = rows_of_gap
+
+    for name, rows_to_draw in rows_of_figure.items():
+        if rows_to_draw:
+            _draw_voltages(out / name, rows_to_draw, laws)
     if attempts:
         _draw_attempts(out / "no_contact", attempts, laws)
 
 
+def _of_experiment(rows: Rows, experiment: str) -> Rows:
+    return [row for row in rows if row["experiment"] == experiment]
+
+
 def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> None:
-    """Draw the least voltages of grasp or of release trials against the radius, a colour for each humidity.
+    """Draw the least voltages of grasps or of releases against the radius of the ball.
+
+    Each humidity has a colour.
 
     Args:
-        path: of the files, without suffix.
-        rows: at least one, of one experiment and gap.
-        laws: for the lines.
+        path: path of the files, without suffix.
+        rows: at least one row, all of one experiment and gap.
+        laws: force laws for the lines.
     """
-    name, gap = rows[0]["experiment"], rows[0]["gap"]
-    law, band = (laws.grasp, PAPER_GRASP) if name == "grasp" else (laws.release, PAPER_RELEASE)
+    experiment = rows[0]["experiment"]
+    law = laws.grasp if experiment == "grasp" else laws.release
     humidities = sorted({row["relative_humidity"] for row in rows})
+    valid = _without_faulty(rows)
+
     with figure(path, size=_SIZE) as (axes,):
-        if PAPER_HUMIDITY in humidities and (name == "grasp" or gap == RELEASE_GAP):
-            label = f"paper, {PAPER_HUMIDITY:g} % RH: {band[0]:g} to {band[1]:g} V"
-            axes.axhspan(*band, color="0.5", alpha=0.18, lw=0, label=label)
-        for i, percent in enumerate(humidities):
-            group = [row for row in _sound(rows) if row["relative_humidity"] == percent]
-            if group:
-                _draw_group(axes, group, law, HUES[i % len(HUES)], _MARKS[i % len(_MARKS)])
-        axes.set(xlabel="radius of the ball [µm]", ylabel=f"{name} voltage [V]")
+        if PAPER_HUMIDITY in humidities:
+            _draw_paper_band(axes, experiment, rows[0]["gap"])
+        for number, humidity in enumerate(humidities):
+            rows_at_humidity = [row for row in valid if row["relative_humidity"] == humidity]
+            if rows_at_humidity:
+                colour = COLOURS[number % len(COLOURS)]
+                marker = _MARKERS[number % len(_MARKERS)]
+                _draw_humidity(axes, rows_at_humidity, law, colour, marker)
+        axes.set(xlabel="radius of the ball [µm]", ylabel=f"{experiment} voltage [V]")
+
+        # Room above and below, but no negative voltages.
         low, high = axes.get_ylim()
-        axes.set_ylim(max(0.0, low - 0.15 * (high - low)), high + 0.15 * (high - low))
-        title = f"{name.capitalize()} voltage at {', '.join(f'{percent:g}' for percent in humidities)} % RH"
-        title += f", gap {gap * UM:g} µm" if name == "release" else ""
-        caption = _FITTED[name] + ("\nHumidity: the empirical factor on both works." if len(humidities) > 1 else "")
-        counts = Counter((row["radius"], row["relative_humidity"]) for row in _sound(rows))
-        caption += " Not fitted: that the radius does not matter." * (len({radius for radius, _ in counts}) > 1)
-        least, most = min(counts.values(), default=0), max(counts.values(), default=0)
-        span = " to ".join(map(str, sorted({least, most})))
-        caption += f"\nn = {span} trials at each radius and humidity; test statistics: findings.csv."
-        _finish(axes, title, rows, caption + (_landings(rows) if name == "release" else ""))
+        margin = 0.15 * (high - low)
+        axes.set_ylim(max(0.0, low - margin), high + margin)
+
+        _finish(axes, _title(rows, humidities), rows, _caption(rows, humidities))
 
 
-def _draw_group(axes: Axes, rows: Rows, law: Callable[..., Quantity], hue: str, mark: str) -> None:
-    """Draw the repeats, their mean where each has a voltage, and the law, for one humidity."""
-    percent, by_radius = rows[0]["relative_humidity"], {}
+def _draw_paper_band(axes: Axes, experiment: str, gap: float) -> None:
+    """Draw the paper's band of voltages, if it measured the experiment at this gap [m]."""
+    if experiment == "grasp":
+        low, high = PAPER_GRASP
+    elif gap == RELEASE_GAP:
+        low, high = PAPER_RELEASE
+    else:
+        return
+    label = f"paper, {PAPER_HUMIDITY:g} % RH: {low:g} to {high:g} V"
+    axes.axhspan(low, high, color="0.5", alpha=0.18, lw=0, label=label)
+
+
+def _title(rows: Rows, humidities: Sequence[float]) -> str:
+    """Return the title of a figure of voltages."""
+    experiment = rows[0]["experiment"]
+    listed = ", ".join(f"{humidity:g}" for humidity in humidities)
+    title = f"{experiment.capitalize()} voltage at {listed} % RH"
+    if experiment == "release":
+        title += f", gap {rows[0]['gap'] * UM:g} µm"
+    return title
+
+
+def _caption(rows: Rows, humidities: Sequence[float]) -> str:
+    """Return the caption of a figure of voltages: what is fitted, and the number of trials."""
+    experiment = rows[0]["experiment"]
+    caption = _FITTED[experiment]
+    if len(humidities) > 1:
+        caption += "\nHumidity: the empirical factor on both works."
+
+    n_trials = Counter((row["radius"], row["relative_humidity"]) for row in _without_faulty(rows))
+    n_radii = len({radius for radius, _ in n_trials})
+    if n_radii > 1:
+        caption += " Not fitted: that the radius does not matter."
+    fewest = min(n_trials.values(), default=0)
+    most = max(n_trials.values(), default=0)
+    span = f"{fewest}" if fewest == most else f"{fewest} to {most}"
+    caption += f"\nn = {span} trials at each radius and humidity; test statistics: findings.csv."
+    if experiment == "release":
+        caption += _landings(rows)
+    return caption
+
+
+def _draw_humidity(axes: Axes, rows: Rows, law: Callable[..., Quantity], colour: str, marker: str) -> None:
+    """Draw the trials at one humidity, their means where all have a voltage, and the law.
+
+    Args:
+        axes: axes to draw on.
+        rows: at least one row, all of one humidity and gap.
+        law: law of the experiment, a method of `Laws`.
+        colour: colour of the humidity.
+        marker: marker of the humidity.
+    """
+    humidity = rows[0]["relative_humidity"]
+    gap = rows[0]["gap"]
+    with_voltage, without_voltage = _split_by_voltage(rows)
+    melted = [row for row in with_voltage if row["melted"]]
+
+    # Each trial.
+    _draw_points(
+        axes,
+        with_voltage,
+        x="radius",
+        y="voltage",
+        marker=marker,
+        mec=colour,
+        alpha=0.6,
+        ms=4,
+        label="each trial",
+    )
+    _draw_points(
+        axes,
+        without_voltage,
+        x="radius",
+        y="limit_voltage",
+        marker="$↑$",
+        mec=colour,
+        ms=8,
+        label="not up to this voltage",
+    )
+    _draw_points(axes, melted, x="radius", y="voltage", marker="x", mec=RED, ms=7, label="melted")
+
+    # Their means.
+    voltages_by_radius: dict[float, list[Any]] = {}
     for row in sorted(rows, key=lambda row: row["radius"]):
-        by_radius.setdefault(row["radius"], []).append(row["voltage"])
-    done, undone = _split(rows)
-    melted = [row for row in done if row["melted"]]
-    _points(axes, done, "radius", "voltage", marker=mark, mec=hue, alpha=0.6, ms=4, label="each trial")
-    _points(axes, undone, "radius", "limit_voltage", marker="$↑$", mec=hue, ms=8, label="not up to this voltage")
-    _points(axes, melted, "radius", "voltage", marker="x", mec=RED, ms=7, label="melted")
-    means = [(radius * UM, np.mean(values)) for radius, values in by_radius.items() if None not in values]
+        voltages_by_radius.setdefault(row["radius"], []).append(row["voltage"])
+    means = [
+        (radius * UM, np.mean(voltages)) for radius, voltages in voltages_by_radius.items() if None not in voltages
+    ]
     if means:
-        axes.plot(*zip(*means, strict=True), "-" + mark, color=hue, ms=6, lw=1.3, label=f"{percent:g} % RH, mean")
-    radii = list(by_radius)
-    x = np.linspace(radii[0], radii[-1], 61) if len(radii) > 1 else radii[0] * np.array([0.98, 1.02])
-    axes.plot(x * UM, law(x, percent, rows[0]["gap"]), "--", color=hue, lw=1, label="force laws, no dynamics")
+        x, y = zip(*means, strict=True)
+        label = f"{humidity:g} % RH, mean"
+        axes.plot(x, y, "-" + marker, color=colour, ms=6, lw=1.3, label=label)
+
+    # The law.
+    radii = list(voltages_by_radius)
+    law_radii = radii[0] * np.array([0.98, 1.02])  # a short line for a single radius
+    if len(radii) > 1:
+        law_radii = np.linspace(radii[0], radii[-1], 61)
+    law_voltages = law(law_radii, humidity, gap)
+    label = "force laws, no dynamics"
+    axes.plot(law_radii * UM, law_voltages, "--", color=colour, lw=1, label=label)
 
 
-def _points(axes: Axes, rows: Rows, x: str, y: str, **style: Any) -> None:
-    """Draw a hollow mark for each row, if there are any."""
+def _draw_points(axes: Axes, rows: Rows, x: str, y: str, **style: Any) -> None:
+    """Draw a hollow mark for each row, if there are any.
+
+    Args:
+        axes: axes to draw on.
+        rows: rows of the table of trials.
+        x: column along the abscissa [m].
+        y: column along the ordinate.
+        style: further arguments of `Axes.plot`.
+    """
     if rows:
-        many = len(rows) > _MANY
-        axes.plot(column(rows, x) * UM, column(rows, y), ls="none", mfc="none", rasterized=many, **style)
+        axes.plot(
+            column_array(rows, x) * UM,
+            column_array(rows, y),
+            ls="none",
+            mfc="none",
+            rasterized=len(rows) > _MAX_VECTOR_POINTS,
+            **style,
+        )
 
 
 def _draw_attempts(path: Path, rows: Rows, laws: Laws) -> None:
-    """Draw attempts to lift a ball across a gap: where it was lifted, or up to which voltage it was not.
+    """Draw attempts to pick up a ball across a gap: the voltage that did, or up to which none did.
 
     Args:
-        path: of the files, without suffix.
-        rows: at least one.
-        laws: for the lines, each the least over the radii.
+        path: path of the files, without suffix.
+        rows: at least one row.
+        laws: force laws for the lines, which are each the least over the radii.
     """
+    lifted, left = _split_by_voltage(_without_faulty(rows))
     with figure(path, size=_SIZE) as (axes,):
         label = f"paper: no lift below {PAPER_NO_CONTACT:g} V"
         axes.axhspan(0, PAPER_NO_CONTACT, color="0.5", alpha=0.18, lw=0, label=label)
-        lifted, left = _split(_sound(rows))
-        label = f"not lifted up to here ({len(left)})"
-        _points(axes, left, "gap", "limit_voltage", marker="^", mec=HUES[0], label=label)
-        _points(axes, lifted, "gap", "voltage", marker="o", mec=HUES[1], label=f"lifted ({len(lifted)})")
-        gaps, radii = column(rows, "gap"), column(rows, "radius")
-        x, radius = np.linspace(0.5 * gaps.min(), 1.2 * gaps.max(), 101), np.linspace(radii.min(), radii.max(), 11)
-        for i, percent in enumerate(sorted({row["relative_humidity"] for row in rows})):
-            least = laws.grasp(radius[:, None], percent, x).min(axis=0)
-            axes.plot(x * UM, least, "--", color=HUES[i % len(HUES)], lw=1, label=f"force laws, {percent:g} % RH")
+        _draw_points(
+            axes,
+            left,
+            x="gap",
+            y="limit_voltage",
+            marker="^",
+            mec=COLOURS[0],
+            label=f"not lifted up to here ({len(left)})",
+        )
+        _draw_points(
+            axes,
+            lifted,
+            x="gap",
+            y="voltage",
+            marker="o",
+            mec=COLOURS[1],
+            label=f"lifted ({len(lifted)})",
+        )
+        _draw_least_voltages(axes, rows, laws)
         axes.set(xlabel="gap between tool and ball at the start [µm]", ylabel="voltage [V]")
-        axes.set_ylim(0, 2 * max(PAPER_NO_CONTACT, *column(rows, "limit_voltage")))
+        axes.set_ylim(0, 2 * max(PAPER_NO_CONTACT, *column_array(rows, "limit_voltage")))
         _finish(axes, "Attempts without contact", rows, _FITTED["no_contact"])
 
 
-def column(rows: Rows, name: str) -> np.ndarray:
-    """Numbers of one column (n,)."""
+def _draw_least_voltages(axes: Axes, rows: Rows, laws: Laws) -> None:
+    """Draw for each humidity the least voltage over the radii of the rows, against the gap."""
+    gaps = column_array(rows, "gap")
+    radii = column_array(rows, "radius")
+    law_gaps = np.linspace(0.5 * gaps.min(), 1.2 * gaps.max(), 101)
+    law_radii = np.linspace(radii.min(), radii.max(), 11)
+    for number, humidity in enumerate(sorted({row["relative_humidity"] for row in rows})):
+        voltages = laws.grasp(law_radii[:, None], humidity, law_gaps)
+        colour = COLOURS[number % len(COLOURS)]
+        label = f"force laws, {humidity:g} % RH"
+        axes.plot(law_gaps * UM, voltages.min(axis=0), "--", color=colour, lw=1, label=label)
+
+
+def column_array(rows: Rows, name: str) -> np.ndarray:
+    """Return the numbers of one column (n,)."""
     return np.array([row[name] for row in rows], float)
 
 
-def _sound(rows: Rows) -> Rows:
+def _without_faulty(rows: Rows) -> Rows:
     return [row for row in rows if not row["faulty"]]
 
 
-def _split(rows: Rows) -> tuple[Rows, Rows]:
-    """Rows with a voltage, and those without."""
-    return [row for row in rows if row["voltage"] is not None], [row for row in rows if row["voltage"] is None]
+def _split_by_voltage(rows: Rows) -> tuple[Rows, Rows]:
+    """Return the rows with a voltage, and those without."""
+    with_voltage = [row for row in rows if row["voltage"] is not None]
+    without_voltage = [row for row in rows if row["voltage"] is None]
+    return with_voltage, without_voltage
 
 
 def _landings(rows: Rows) -> str:
     """Describe flight and landing of the released balls; empty if none was released."""
-    let_go, _ = _split(_sound(rows))
-    landed = [row for row in let_go if row["landed"]]
-    if not let_go:
+    released, _ = _split_by_voltage(_without_faulty(rows))
+    if not released:
         return ""
-    text = f"\n{len(landed)} of {len(let_go)} released balls landed"
+    landed = [row for row in released if row["landed"]]
+    text = f"\n{len(landed)} of {len(released)} released balls landed"
     if landed:
-        time, speed = np.median(column(landed, "flight_time")), np.median(column(landed, "landing_speed"))
-        text += f"; medians: flight {time * _MS:.2f} ms, landing at {speed:.2f} m/s"
+        flight_time = np.median(column_array(landed, "flight_time"))
+        speed = np.median(column_array(landed, "landing_speed"))
+        text += f"; medians: flight {flight_time * _MS:.2f} ms, landing at {speed:.2f} m/s"
     return text + "."
 
 
 def _finish(axes: Axes, title: str, rows: Rows, caption: str) -> None:
     """Add the title and, below the axes, the caption and the legend."""
-    faulty = len(rows) - len(_sound(rows))
+    n_faulty = len(rows) - len(_without_faulty(rows))
+    if n_faulty:
+        caption += f"\n{n_faulty} faulty trials are left out."
     axes.set_title(title)
-    handles, labels = axes.get_legend_handles_labels()
+
+    # Each label once, with the first of its handles.
+    handle_of: dict[str, Any] = {}
+    for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+        handle_of.setdefault(label, handle)
     axes.legend(
-        [handles[labels.index(label)] for label in dict.fromkeys(labels)],
-        [*dict.fromkeys(labels)],
+        list(handle_of.values()),
+        list(handle_of),
         loc="upper left",
         bbox_to_anchor=(-0.12, -0.16),
         ncols=3,
         columnspacing=1.2,
-        title=caption + (f"\n{faulty} faulty trials are left out." if faulty else ""),
+        title=caption,
         alignment="left",
         fontsize=7,
         title_fontsize=7,

@@ -1,7 +1,8 @@
-"""What a swarm's recording shows: each entity once, with its look and what moves. docs/files.md lists them.
+"""Entities of a swarm's recording, each with its look and the function that makes what moves.
 
-SI in, millimetres out, since the viewer's camera moves well at this scale. What moves is made for a block of frames at
-once, never with a call per robot or per frame.
+Input is in SI units, output in millimetres, since the viewer's camera moves well at this scale.
+What moves is made for a block of frames at once, never with a call per robot or per frame.
+docs/files.md lists the entities.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -18,41 +19,96 @@ from jaxtyping import Float, Int, Real, Shaped
 from iswarm_mj.output import palette
 from iswarm_mj.output import shapes as geometry
 from iswarm_mj.output import swarm_classes as classes
-from iswarm_mj.output.memory import UNKNOWN, Vector, hop_colours, hop_counts, is_known, numbers, vectors
+from iswarm_mj.output.memory_vectors import (
+    UNKNOWN,
+    RecordedVector,
+    hop_colours,
+    hop_counts,
+    is_known,
+    names_without_vectors,
+    recorded_vectors,
+)
 from iswarm_mj.output.message_columns import shown_fields
 from iswarm_mj.output.palette import rgb
-from iswarm_mj.output.schema import ARRAYS, BALLS, LINKS, ROBOTS, Column, Frames, columns_of
-from iswarm_mj.output.schema import numbers as numbers_of
+from iswarm_mj.output.schema import (
+    ARRAYS,
+    BALLS,
+    LINKS,
+    ROBOTS,
+    Column,
+    Frames,
+    column_values,
+    columns_of,
+)
 from iswarm_mj.output.shapes import FRONT_RADIUS, MILLIMETRES, SHEET
 from iswarm_mj.output.trajectory import AREA, METRIC, Scene
 
-FRONTS, BALL_MARKERS, TRAILS, COUNTS = "world/robots/front", "world/balls/marker", "world/trails", "series/states"
-ARROWS, AREAS, MEMORY, SHARES, METRICS = "world/memory", "world/arena", "memory", "series/known", "series/task"
+# Entities in space.
+FRONTS = "world/robots/front"
+BALL_MARKERS = "world/balls/marker"
 BOXES = "world/boxes"
-UNITS = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", float(np.rad2deg(np.float32(1))))}
-"""SI units, what they become in recordings, and the factor."""
+TRAILS = "world/trails"
+ARROWS = "world/memory"
+AREAS = "world/arena"
+
+# Time series.
+SERIES_ROOT = "series/"
+COUNTS = "series/states"
+SHARES = "series/known"
+METRICS = "series/task"
+MEMORY = "memory"
+
+UNITS = {
+    "m": ("mm", 1e3),
+    "m/s": ("mm/s", 1e3),
+    "rad": ("deg", float(np.rad2deg(np.float32(1)))),
+}
+"""Unit in recordings, and the factor to it, for each SI unit that recordings do not use."""
 VALUE = "Scalars:scalars"
 """Component of a time series."""
-_HUES = (palette.SKY, palette.YELLOW, palette.GREEN, palette.PINK)
-"""Colours of time series and of what robots remember, in turn."""
+_COLOURS = (palette.SKY, palette.YELLOW, palette.GREEN, palette.PINK)
+"""Colours of time series and of what robots remember; they repeat."""
+
+
+def shown_unit(unit: str) -> str:
+    """Return the unit that recordings use for an SI unit."""
+    return UNITS.get(unit, (unit, 1.0))[0]
+
+
+class ShownColumn(NamedTuple):
+    """A column of tables that recordings show."""
+
+    component: str
+    """Component of the recording."""
+    quantity: str
+    """Field of `Frames`."""
+    place: int
+    """Place of the column along the last axis of the quantity."""
+    column: Column
 
 
 def _component(column: Column) -> str:
-    """Component that shows a column of tables, with its unit there if that is another one."""
-    unit = UNITS.get(column.unit, (column.unit,))[0]
-    own = column.name if unit == column.unit else f"{column.name}_{unit.replace('/', '_per_')}"
-    return VALUE if column.shown.startswith("series/") else own
+    """Return the component that shows a column; its name has the unit if the table has another."""
+    if column.shown.startswith(SERIES_ROOT):
+        return VALUE
+    unit = shown_unit(column.unit)
+    if unit == column.unit:
+        return column.name
+    return f"{column.name}_{unit.replace('/', '_per_')}"
 
 
-SHOWN = [
-    (_component(column), quantity, place, column)
-    for quantity in ARRAYS
-    for place, column in enumerate(columns_of(quantity))
-    if column.shown
-]
-"""Quantities that recordings show: component there, array, place along its last axis, and column of tables."""
-SERIES = {column.shown: column for component, *_, column in SHOWN if component == VALUE}
-"""Time series of quantities of a step."""
+def _shown_columns() -> Iterator[ShownColumn]:
+    """Yield the columns that recordings show, in the order of the schema."""
+    for name in ARRAYS:
+        for place, column in enumerate(columns_of(name)):
+            if column.shown:
+                yield ShownColumn(_component(column), name, place, column)
+
+
+SHOWN = list(_shown_columns())
+"""Columns of tables that recordings show."""
+SERIES = {shown.column.shown: shown.column for shown in SHOWN if shown.component == VALUE}
+"""Columns that are time series, by their entities."""
 
 
 class Block(NamedTuple):
@@ -60,7 +116,7 @@ class Block(NamedTuple):
 
     frames: Frames
     history: Float[np.ndarray, "_ N 3"]
-    """Centres of the robots in up to `TRAIL_FRAMES` frames before them, and in these."""
+    """Centres of the robots in these frames, and in up to `TRAIL_FRAMES` frames before them."""
 
     @property
     def centres(self) -> Float[np.ndarray, "T N 3"]:
@@ -69,14 +125,14 @@ class Block(NamedTuple):
 
 
 class Shape(NamedTuple):
-    """What an entity shows in T frames."""
+    """The content of an entity in T frames."""
 
     shown: rr.AsComponents
     """The instances of all frames, one frame after the other."""
     lengths: Int[np.ndarray, "T"] | int = 1
-    """Instances of each frame; one number if they are as many in each."""
+    """Number of instances of each frame; a number if it is the same in all frames."""
     values: Mapping[str, Shaped[np.ndarray, "..."]] = MappingProxyType({})
-    """What the viewer shows where an instance is selected."""
+    """Values that the viewer shows where an instance is selected."""
 
 
 class Entity(NamedTuple):
@@ -84,205 +140,347 @@ class Entity(NamedTuple):
 
     name: str
     look: rr.AsComponents | None
-    """What does not change."""
+    """The components that do not change."""
     moving: Callable[[Block], Shape] | None = None
+    """Function that makes the components that change."""
 
 
 def entities(scene: Scene) -> list[Entity]:
     """Return all entities but the lanes of states."""
-    size, points = np.atleast_2d(scene.robot_size) * MILLIMETRES, rr.Radius.ui_points
-    robots, balls = ([str(number) for number in range(len(of))] for of in (scene.is_scout, scene.ball_radius))
-    corners, triangles = geometry.floor(scene)
-    mesh = rr.Mesh3D(vertex_positions=corners, triangle_indices=triangles, albedo_factor=rgb(palette.FLOOR))
-    hulls = rr.Boxes3D.from_fields(half_sizes=size / 2, fill_mode="solid", show_labels=False, labels=robots)
-    radii = np.asarray(scene.ball_radius) * MILLIMETRES
-    known = [*classes.shown_classes(scene), *classes.BALL_CLASSES, *classes.LINK_CLASSES]
-    dots = rr.Points3D.from_fields(colors=(255, 255, 255), radii=FRONT_RADIUS * size[:, 0])
-    found = [
-        Entity("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP),
-        Entity("world", rr.AnnotationContext(known)),
-        Entity(f"{AREAS}/floor", mesh),
-        *(Entity(f"{AREAS}/{boxes.name}", _standing(boxes)) for boxes in geometry.arena_boxes(scene)),
-        Entity(ROBOTS, hulls, partial(_robots, scene)),
-        Entity(FRONTS, dots, partial(_fronts, scene)),
-        Entity(BALLS, rr.Points3D.from_fields(radii=radii, show_labels=False, labels=balls), partial(_balls, scene, 0)),
-        Entity(BALL_MARKERS, rr.Points3D.from_fields(radii=points(4.0), show_labels=False), partial(_balls, scene, 1)),
-        Entity(LINKS, rr.LineStrips3D.from_fields(radii=points(0.6), show_labels=False), _links),
-        Entity(TRAILS, rr.LineStrips3D.from_fields(colors=rgb(palette.SKY), radii=points(1.2)), _trails),
+    return [
+        *_arena_entities(scene),
+        *_body_entities(scene),
+        *_task_areas(scene),
+        *_memory_entities(scene),
+        _state_counts(scene),
+        *_series(scene),
     ]
+
+
+def _arena_entities(scene: Scene) -> Iterator[Entity]:
+    """Yield axes, classes, floor, walls, painted areas and obstacles, which do not change."""
+    yield Entity("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    known_classes = [
+        *classes.shown_classes(scene),
+        *classes.BALL_CLASSES,
+        *classes.LINK_CLASSES,
+    ]
+    yield Entity("world", rr.AnnotationContext(known_classes))
+
+    vertices, triangles = geometry.floor(scene)
+    colour = rgb(palette.FLOOR)
+    mesh = rr.Mesh3D(vertex_positions=vertices, triangle_indices=triangles, albedo_factor=colour)
+    yield Entity(f"{AREAS}/floor", mesh)
+    for boxes in geometry.arena_boxes(scene):
+        yield Entity(f"{AREAS}/{boxes.name}", _fixed_boxes(boxes))
+
+
+def _body_entities(scene: Scene) -> Iterator[Entity]:
+    """Yield robots, balls, links, trails and boxes that robots push."""
+    points = rr.Radius.ui_points
+    size = np.atleast_2d(scene.robot_size) * MILLIMETRES
+    bodies = rr.Boxes3D.from_fields(
+        half_sizes=size / 2,
+        fill_mode="solid",
+        show_labels=False,
+        labels=_number_labels(len(scene.is_scout)),
+    )
+    yield Entity(ROBOTS, bodies, partial(_robots, scene))
+
+    white = (255, 255, 255)
+    front_dots = rr.Points3D.from_fields(colors=white, radii=FRONT_RADIUS * size[:, 0])
+    yield Entity(FRONTS, front_dots, partial(_fronts, scene))
+
+    balls = rr.Points3D.from_fields(
+        radii=np.asarray(scene.ball_radius) * MILLIMETRES,
+        show_labels=False,
+        labels=_number_labels(len(scene.ball_radius)),
+    )
+    yield Entity(BALLS, balls, partial(_balls, scene))
+    markers = rr.Points3D.from_fields(radii=points(4.0), show_labels=False)
+    yield Entity(BALL_MARKERS, markers, partial(_ball_markers, scene))
+
+    link_lines = rr.LineStrips3D.from_fields(radii=points(0.6), show_labels=False)
+    yield Entity(LINKS, link_lines, _links)
+    trail_lines = rr.LineStrips3D.from_fields(colors=rgb(palette.SKY), radii=points(1.2))
+    yield Entity(TRAILS, trail_lines, _trails)
+
     if len(scene.boxes):
-        look = rr.Boxes3D.from_fields(colors=rgb(palette.BOX), fill_mode="solid")
-        found.append(Entity(BOXES, look, partial(_boxes, scene)))
+        boxes = rr.Boxes3D.from_fields(colors=rgb(palette.BOX), fill_mode="solid")
+        yield Entity(BOXES, boxes, partial(_pushed_boxes, scene))
+
+
+def _number_labels(n: int) -> list[str]:
+    return [str(number) for number in range(n)]
+
+
+def _task_areas(scene: Scene) -> Iterator[Entity]:
+    """Yield the areas that the task adds."""
     for name, colour, shape in zip(scene.area_names, scene.area_colours, scene.area_shapes, strict=True):
-        kind = rr.Cylinders3D if shape == "disc" else rr.Boxes3D
-        look = kind.from_fields(colors=colour, fill_mode="solid")
-        found.append(Entity(f"{AREAS}/{name}", look, partial(_areas, AREA + name, shape)))
-    for vector, colour in zip(vectors(scene.memory), cycle(_HUES)):
-        look = rr.Arrows3D.from_fields(colors=rgb(colour), radii=0.06 * scene.length * MILLIMETRES)
-        found.append(Entity(f"{ARROWS}/{vector.stem}", look, partial(_arrows, scene, vector)))
-    found += [Entity(f"{MEMORY}/{name}", None, partial(_remembered, name)) for name in numbers(scene)]
-    names, colours = zip(*((state.name, state.colour) for state in classes.states(scene)), strict=True)
-    look = rr.SeriesLines(names=names, colors=colours, widths=[1.5] * len(names))
-    found.append(Entity(COUNTS, look, partial(_counts, scene)))
-    return [*found, *_series(scene)]
+        if shape == "disc":
+            look = rr.Cylinders3D.from_fields(colors=colour, fill_mode="solid")
+            moving = partial(_discs, AREA + name)
+        else:
+            look = rr.Boxes3D.from_fields(colors=colour, fill_mode="solid")
+            moving = partial(_squares, AREA + name)
+        yield Entity(f"{AREAS}/{name}", look, moving)
+
+
+def _memory_entities(scene: Scene) -> Iterator[Entity]:
+    """Yield the recorded parts of the robots' memory: vectors as arrows, others as time series."""
+    radius = 0.06 * scene.length * MILLIMETRES
+    for vector, colour in zip(recorded_vectors(scene.memory), cycle(_COLOURS)):
+        arrows = rr.Arrows3D.from_fields(colors=rgb(colour), radii=radius)
+        yield Entity(f"{ARROWS}/{vector.stem}", arrows, partial(_arrows, scene, vector))
+    for name in names_without_vectors(scene):
+        yield Entity(f"{MEMORY}/{name}", None, partial(_remembered, name))
+
+
+def _state_counts(scene: Scene) -> Entity:
+    """Return the time series of the number of robots in each state."""
+    states = classes.possible_states(scene)
+    lines = rr.SeriesLines(
+        names=[state.name for state in states],
+        colors=[state.colour for state in states],
+        widths=[1.5] * len(states),
+    )
+    return Entity(COUNTS, lines, partial(_counts, scene))
 
 
 def label(column: Column) -> str:
     """Return the name of a time series in legends, with its unit."""
-    return _with_unit(column.name.replace("_", " "), UNITS.get(column.unit, (column.unit,))[0])
+    return _with_unit(column.name.replace("_", " "), shown_unit(column.unit))
 
 
 def _with_unit(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
+class _Series(NamedTuple):
+    """A time series of one number."""
+
+    entity: str
+    label: str
+    values: Callable[[Frames], Any]
+    """Function that returns its values (T,)."""
+
+
 def _series(scene: Scene) -> Iterator[Entity]:
-    """Time series of one number, each group in colours of its own."""
-    known, metrics = vectors(scene.memory), zip(scene.metric_names, scene.metric_units, strict=True)
-    groups: list[list[tuple[str, str, Callable[[Frames], Any]]]] = [
-        [
-            (name, label(one), lambda frames, name=name: shown_values(name, frames)[VALUE])
-            for name, one in SERIES.items()
-        ],
-        [(f"{SHARES}/{v.stem}", v.stem, lambda frames, v=v: is_known(frames, v).mean(axis=1)) for v in known],
-        [(f"{METRICS}/{n}", _with_unit(n, u), lambda frames, n=n: frames.task[METRIC + n]) for n, u in metrics],
-    ]
-    for group in groups:
-        for (entity, name, values), hue in zip(group, cycle(_HUES)):
-            look = rr.SeriesLines(names=name, colors=rgb(hue), widths=1.5)
-            yield Entity(entity, look, lambda block, values=values: _scalars(values(block.frames)[:, None]))
+    """Yield the time series of one number; each group begins with the first colour."""
+    quantities = []
+    for entity, column in SERIES.items():
+        quantities.append(_Series(entity, label(column), partial(_quantity_values, entity)))
+    shares = []
+    for vector in recorded_vectors(scene.memory):
+        values = partial(_share_that_knows, vector)
+        shares.append(_Series(f"{SHARES}/{vector.stem}", vector.stem, values))
+    metrics = []
+    for name, unit in zip(scene.metric_names, scene.metric_units, strict=True):
+        values = partial(_metric_values, name)
+        metrics.append(_Series(f"{METRICS}/{name}", _with_unit(name, unit), values))
+
+    for group in (quantities, shares, metrics):
+        for series, colour in zip(group, cycle(_COLOURS)):
+            line = rr.SeriesLines(names=series.label, colors=rgb(colour), widths=1.5)
+            yield Entity(series.entity, line, partial(_single_scalar, series.values))
+
+
+def _quantity_values(entity: str, frames: Frames) -> Any:
+    return shown_values(entity, frames)[VALUE]
+
+
+def _share_that_knows(vector: RecordedVector, frames: Frames) -> Any:
+    return is_known(frames, vector).mean(axis=1)
+
+
+def _metric_values(name: str, frames: Frames) -> Any:
+    return frames.task[METRIC + name]
+
+
+def _single_scalar(values: Callable[[Frames], Any], block: Block) -> Shape:
+    return _scalars(values(block.frames)[:, None])
 
 
 def shown_values(entity: str, frames: Frames) -> dict[str, np.ndarray]:
-    """Return what an entity shows of each step, robot, ball or side of a robot: (T,), (T, N), (T, K) or (T, N, S)."""
-    arrays, values = frames.arrays(), {}
+    """Return the values that an entity shows, by component.
+
+    They are of each step (T,), robot (T, N), ball (T, K), or side of a robot (T, N, S).
+    """
+    arrays = frames.arrays()
+    values_of = {}
     for component, quantity, place, column in SHOWN:
-        if column.shown == entity:
-            each = numbers_of(arrays, quantity, place)
-            if column.unit in UNITS:
-                each = each * np.float32(UNITS[column.unit][1])
-            if column.known is not None and each.dtype.kind == "i":
-                each = np.where(column.known(arrays), each, UNKNOWN).astype(each.dtype)
-            values[component] = each
-    return values
+        if column.shown != entity:
+            continue
+        values = column_values(arrays, quantity, place)
+        if column.unit in UNITS:
+            _, factor = UNITS[column.unit]
+            values = values * np.float32(factor)
+        if column.known is not None and values.dtype.kind == "i":
+            values = np.where(column.known(arrays), values, UNKNOWN).astype(values.dtype)
+        values_of[component] = values
+    return values_of
 
 
-def _turns(yaw: Float[np.ndarray, "*T"]) -> Float[np.ndarray, "_ 4"]:
-    """Quaternions x, y, z, w of turns about the vertical axis."""
+def _quaternions_of_yaw(yaw: Float[np.ndarray, "*T"]) -> Float[np.ndarray, "_ 4"]:
+    """Return quaternions x, y, z, w of turns about the vertical axis."""
     zero = np.zeros_like(yaw)
-    return np.stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], axis=-1).reshape(-1, 4)
+    quaternions = np.stack([zero, zero, np.sin(yaw / 2), np.cos(yaw / 2)], axis=-1)
+    return quaternions.reshape(-1, 4)
 
 
-def _standing(boxes: geometry.Boxes) -> rr.Boxes3D:
-    places = boxes.places
-    middle, half = (np.full(len(places), (boxes.high + sign * boxes.low) / 2) for sign in (1, -1))
+def _fixed_boxes(boxes: geometry.Boxes) -> rr.Boxes3D:
+    """Return boxes that stand still."""
+    x, y, half_x, half_y, yaw = boxes.places.T
+    centre_height = np.full(len(x), (boxes.high + boxes.low) / 2)
+    half_height = np.full(len(x), (boxes.high - boxes.low) / 2)
     return rr.Boxes3D(
-        centers=np.column_stack([places[:, :2], middle]),
-        half_sizes=np.column_stack([places[:, 2:4], half]),
-        quaternions=_turns(places[:, 4]) if places[:, 4].any() else None,
+        centers=np.column_stack([x, y, centre_height]),
+        half_sizes=np.column_stack([half_x, half_y, half_height]),
+        quaternions=_quaternions_of_yaw(yaw) if yaw.any() else None,
         colors=rgb(boxes.colour),
         fill_mode="solid",
     )
 
 
 def _robots(scene: Scene, block: Block) -> Shape:
-    """Boxes coloured by state."""
+    """Return boxes coloured by state, with what the viewer shows of a selected robot."""
     frames = block.frames
-    counted = [vector for vector in vectors(scene.memory) if vector.hop in scene.memory_names]
-    hops = {vector.hop: hop_counts(frames, vector) for vector in counted}
+    class_ids = classes.robot_classes(scene, frames.is_loaded, frames.has_priority)
     boxes = rr.Boxes3D.from_fields(
         centers=block.centres.reshape(-1, 3),
-        quaternions=_turns(frames.pose[..., 2]),
-        class_ids=classes.robot_classes(scene, frames.is_loaded, frames.has_priority).reshape(-1),
+        quaternions=_quaternions_of_yaw(frames.pose[..., 2]),
+        class_ids=class_ids.reshape(-1),
     )
+
     values = shown_values(ROBOTS, frames) | shown_fields(scene, frames.message)
-    values |= hops | {f"{name}_colour": hop_colours(of) for name, of in hops.items()}
+    hops = {
+        vector.hop: hop_counts(frames, vector)
+        for vector in recorded_vectors(scene.memory)
+        if vector.hop in scene.memory_names
+    }
+    values |= hops
+    values |= {f"{name}_colour": hop_colours(counts) for name, counts in hops.items()}
     return Shape(boxes, frames.pose.shape[1], values)
 
 
 def _fronts(scene: Scene, block: Block) -> Shape:
-    fronts = geometry.fronts(scene, block.centres, block.frames.pose[..., 2])
-    return Shape(rr.Points3D.from_fields(positions=fronts.reshape(-1, 3)), fronts.shape[1])
+    """Return the dots at the robots' fronts."""
+    points = geometry.fronts(scene, block.centres, block.frames.pose[..., 2])
+    return Shape(rr.Points3D.from_fields(positions=points.reshape(-1, 3)), points.shape[1])
 
 
-def _balls(scene: Scene, which: int, block: Block) -> Shape:
-    """Points of true size; or markers above the robots, which stay visible with the whole arena in view."""
-    frames = block.frames
-    places = geometry.ball_centres(scene, frames)[which].reshape(-1, 3)
-    kinds = (frames.ball_state.reshape(-1) + classes.BALL_CLASS_OFFSET).astype(np.uint16)
-    shown = rr.Points3D.from_fields(positions=places, class_ids=kinds)
-    return Shape(shown, frames.ball_state.shape[1], {} if which else shown_values(BALLS, frames))
+def _balls(scene: Scene, block: Block) -> Shape:
+    """Return points of the balls' true size."""
+    centres, _ = geometry.ball_centres(scene, block.frames)
+    return _ball_points(centres, block.frames, shown_values(BALLS, block.frames))
 
 
-def _boxes(scene: Scene, block: Block) -> Shape:
-    """Boxes that robots push."""
-    x, y, half_x, half_y, yaw = geometry.boxes(scene, block.frames).reshape(-1, 5).T
-    high = np.full(len(x), scene.height * MILLIMETRES / 2)
-    shown = rr.Boxes3D.from_fields(
-        centers=np.column_stack([x, y, high]),
-        half_sizes=np.column_stack([half_x, half_y, high]),
-        quaternions=_turns(yaw),
+def _ball_markers(scene: Scene, block: Block) -> Shape:
+    """Return markers above the robots, which stay visible with the whole arena in view."""
+    _, markers = geometry.ball_centres(scene, block.frames)
+    return _ball_points(markers, block.frames, {})
+
+
+def _ball_points(positions: Float[np.ndarray, "T K 3"], frames: Frames, values: Mapping[str, np.ndarray]) -> Shape:
+    """Return points in the colours of the balls' states."""
+    states = frames.ball_state
+    class_ids = (states.reshape(-1) + classes.BALL_CLASS_OFFSET).astype(np.uint16)
+    points = rr.Points3D.from_fields(positions=positions.reshape(-1, 3), class_ids=class_ids)
+    return Shape(points, states.shape[1], values)
+
+
+def _pushed_boxes(scene: Scene, block: Block) -> Shape:
+    """Return the boxes that robots push."""
+    places = geometry.pushed_boxes(scene, block.frames)
+    x, y, half_x, half_y, yaw = places.reshape(-1, 5).T
+    half_height = np.full(len(x), scene.height * MILLIMETRES / 2)
+    boxes = rr.Boxes3D.from_fields(
+        centers=np.column_stack([x, y, half_height]),
+        half_sizes=np.column_stack([half_x, half_y, half_height]),
+        quaternions=_quaternions_of_yaw(yaw),
     )
-    return Shape(shown, len(scene.boxes))
+    return Shape(boxes, len(scene.boxes))
 
 
 def _links(block: Block) -> Shape:
-    """Lines from receivers to senders."""
+    """Return lines from receivers to senders."""
     frames = block.frames
     is_link = frames.link_valid
     frame, receiver, side = np.nonzero(is_link)
     values = {"receiver": receiver.astype(np.int32), "side": side.astype(np.uint8)}
-    values |= {name: each[is_link] for name, each in shown_values(LINKS, frames).items()}
+    for component, shown in shown_values(LINKS, frames).items():
+        values[component] = shown[is_link]
+
     ends = geometry.link_ends(frames, block.centres)
-    lines, kinds = _strips(ends.reshape(-1, 3), np.full(len(frame), 2)), values["is_heard"] + classes.LINK_CLASS_OFFSET
-    shown = rr.LineStrips3D.from_fields(strips=lines, class_ids=kinds.astype(np.uint16))
-    return Shape(shown, np.bincount(frame, minlength=len(frames)), values)
+    strips = _line_strips(ends.reshape(-1, 3), np.full(len(frame), 2))
+    class_ids = (values["is_heard"] + classes.LINK_CLASS_OFFSET).astype(np.uint16)
+    lines = rr.LineStrips3D.from_fields(strips=strips, class_ids=class_ids)
+    return Shape(lines, np.bincount(frame, minlength=len(frames)), values)
 
 
 def _trails(block: Block) -> Shape:
-    """Where loaded robots came from, oldest point first; shorter where there are fewer frames before."""
+    """Return the trails of loaded robots, oldest point first."""
     is_loaded = block.frames.is_loaded
-    points, lengths = geometry.trails(is_loaded, block.history, len(block.history) - len(is_loaded))
-    shown, robot = rr.LineStrips3D.from_fields(strips=_strips(points, lengths)), np.nonzero(is_loaded)[1]
-    return Shape(shown, np.count_nonzero(is_loaded, axis=1), {"robot": robot.astype(np.int32)})
+    n_before = len(block.history) - len(is_loaded)
+    points, lengths = geometry.trails(is_loaded, block.history, n_before)
+    lines = rr.LineStrips3D.from_fields(strips=_line_strips(points, lengths))
+    _, robot = np.nonzero(is_loaded)
+    return Shape(lines, np.count_nonzero(is_loaded, axis=1), {"robot": robot.astype(np.int32)})
 
 
-def _strips(points: Float[np.ndarray, "P 3"], lengths: Int[np.ndarray, "M"]) -> pa.Array:
-    """Line strips of the given lengths from consecutive points; without a loop over them."""
-    vectors = rr.encodings.Vec3DBatch(np.ascontiguousarray(points, np.float32)).as_arrow_array()
+def _line_strips(points: Float[np.ndarray, "P 3"], lengths: Int[np.ndarray, "M"]) -> pa.Array:
+    """Return line strips of the given lengths from consecutive points; without a loop over them."""
+    vertices = np.ascontiguousarray(points, np.float32)
+    arrow_vertices = rr.encodings.Vec3DBatch(vertices).as_arrow_array()
     offsets = np.append(0, np.cumsum(lengths)).astype(np.int32)
-    return pa.ListArray.from_arrays(offsets, vectors, type=rr.components.LineStrip3DBatch._ARROW_DATATYPE)
+    strip_type = rr.components.LineStrip3DBatch._ARROW_DATATYPE
+    return pa.ListArray.from_arrays(offsets, arrow_vertices, type=strip_type)
 
 
-def _areas(array: str, shape: str, block: Block) -> Shape:
-    """Flat squares or discs of a task."""
+def _squares(array: str, block: Block) -> Shape:
+    """Return flat squares of a task."""
+    centres, half, n_areas = _area_places(array, block)
+    half_height = np.full(len(half), SHEET / 2)
+    half_sizes = np.column_stack([half, half, half_height])
+    return Shape(rr.Boxes3D.from_fields(centers=centres, half_sizes=half_sizes), n_areas)
+
+
+def _discs(array: str, block: Block) -> Shape:
+    """Return flat discs of a task."""
+    centres, radius, n_areas = _area_places(array, block)
+    height = np.full(len(radius), SHEET)
+    discs = rr.Cylinders3D.from_fields(centers=centres, radii=radius, lengths=height)
+    return Shape(discs, n_areas)
+
+
+def _area_places(array: str, block: Block) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P"], int]:
+    """Return centres and half widths of areas in all frames, and the number of areas of a frame."""
     places = block.frames.task[array].astype(np.float64) * MILLIMETRES
     x, y, half = places.reshape(-1, 3).T
-    centres, thick = np.column_stack([x, y, np.full(len(x), 1.5 * SHEET)]), np.full(len(x), SHEET)
-    if shape == "disc":
-        return Shape(rr.Cylinders3D.from_fields(centers=centres, radii=half, lengths=thick), places.shape[1])
-    sizes = np.column_stack([half, half, thick / 2])
-    return Shape(rr.Boxes3D.from_fields(centers=centres, half_sizes=sizes), places.shape[1])
+    centres = np.column_stack([x, y, np.full(len(x), 1.5 * SHEET)])
+    return centres, half, places.shape[1]
 
 
-def _arrows(scene: Scene, vector: Vector, block: Block) -> Shape:
-    """From the robots that know a vector, turned to the world."""
-    origins, ends, known = geometry.arrows(scene, block.frames, vector, block.centres)
-    arrows, robot = rr.Arrows3D.from_fields(origins=origins, vectors=ends), np.nonzero(known)[1]
+def _arrows(scene: Scene, vector: RecordedVector, block: Block) -> Shape:
+    """Return arrows from the robots that know a vector, turned to the arena."""
+    origins, directions, known = geometry.arrows(scene, block.frames, vector, block.centres)
+    arrows = rr.Arrows3D.from_fields(origins=origins, vectors=directions)
+    _, robot = np.nonzero(known)
     return Shape(arrows, np.count_nonzero(known, axis=1), {"robot": robot.astype(np.int32)})
 
 
 def _counts(scene: Scene, block: Block) -> Shape:
-    """How many robots are in each state."""
-    found = classes.states_of(scene, block.frames)
-    places = np.arange(len(classes.states(scene)))
-    return _scalars(np.count_nonzero(found[..., None] == places, axis=1))
+    """Return the number of robots in each state."""
+    state_of_robot = classes.states_of(scene, block.frames)
+    states = np.arange(len(classes.possible_states(scene)))
+    return _scalars(np.count_nonzero(state_of_robot[..., None] == states, axis=1))
 
 
 def _remembered(name: str, block: Block) -> Shape:
+    """Return the numbers of a part of the memory, one time series for each robot and number."""
     return _scalars(block.frames.memory[name].reshape(len(block.frames), -1))
 
 
 def _scalars(values: Real[np.ndarray, "T L"]) -> Shape:
-    """L time series."""
+    """Return L time series."""
     return Shape(rr.Scalars(values.reshape(-1).astype(np.float64)), values.shape[1])

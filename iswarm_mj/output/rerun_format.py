@@ -19,12 +19,14 @@ from jaxtyping import Float, Int
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_name, flat, only_writer
 
-_END = b"RRF2FOOT"
-"""Mark of the index of a complete file, before its last four bytes."""
+_END_MARK = b"RRF2FOOT"
+"""Mark of the index of a complete file, which is followed by four more bytes."""
 FLUSH_SECONDS = 30.0
-"""Time limit of a flush; without one Rerun waits for ever when the disk is full."""
+"""Time limit of a flush; without one Rerun waits for ever when the disk is full [s]."""
 ROOM = 2**20
-"""Least room for more of a recording [bytes]."""
+"""Free space that a recording needs before more is written [bytes]."""
+_BACKGROUND = (24, 26, 30)
+"""Colour of the ground of spatial views."""
 Point = tuple[float, float, float]
 
 _unfinished: WeakSet[rr.RecordingStream] = WeakSet()
@@ -39,7 +41,8 @@ def check_recordings(stream: rr.RecordingStream | None = None) -> None:
     """
     if not rr.is_enabled(stream or rr.RecordingStream("iswarm_mj")):
         raise UserError(
-            f"Recordings are disabled by the environment variable RERUN={os.environ.get('RERUN', '')}; "
+            "Recordings are disabled by the environment variable "
+            f"RERUN={os.environ.get('RERUN', '')}; "
             "unset it, set it to 1, or run without a recording."
         )
 
@@ -86,34 +89,35 @@ class _Layout(rrb.Blueprint):
 class RrdFile:
     """A Rerun recording in a file; what was flushed is readable, whatever happens to the process.
 
-    All methods raise a UserError if the disk refuses.
+    All methods raise a UserError if the file cannot be written.
 
     Attributes:
-        stream: where entities go.
+        stream: stream of the recording, to which entities are sent.
     """
 
-    def __init__(self, application: str, path: Path, layout: rrb.Blueprint, given: str | Path = ""):
+    def __init__(self, application: str, path: Path, layout: rrb.Blueprint, name_in_errors: str | Path = ""):
         """Open the file.
 
         Args:
-            application: whose recordings share the viewer's layout.
+            application: name of the application, whose recordings share the viewer's layout.
             path: the file to write; an existing one is replaced.
-            layout: of the viewer.
-            given: the name in errors, if it is another one.
+            layout: layout of the viewer.
+            name_in_errors: name of the file in errors; by default `path`.
 
         Raises:
             UserError: the environment disables recordings, the name does not end in .rrd, or
-                somebody else writes the file.
+                another process writes the file.
         """
         free_finished_streams()
         self._path = path
-        self._given = str(given or path)
+        self._name = str(name_in_errors or path)
         self.stream = rr.RecordingStream(application)
         check_recordings(self.stream)
-        check_name(self._given, ".rrd", setting="path")
+        check_name(self._name, ".rrd", setting="path")
         with ExitStack() as lock:
-            with self._told():
-                path.open("ab").close()  # changes nothing, and says what is wrong with the name
+            with self._explaining_errors():
+                # Opening to append changes nothing; an error explains what is wrong with the name.
+                path.open("ab").close()
                 lock.enter_context(only_writer(path, setting="file"))
                 path.open("wb").close()
                 check_room(path)
@@ -126,26 +130,31 @@ class RrdFile:
         self.stream.set_log_tick_enabled(False)
 
     @contextmanager
-    def _told(self) -> Iterator[None]:
+    def _explaining_errors(self) -> Iterator[None]:
         """Raise a UserError if the block fails, and keep a stream that failed for ever.
 
-        Rerun's thread of it may have given up, and Rerun waits for that thread without end when Python forgets the
-        stream, and at the process's end.
+        Rerun's thread of the stream may have given up, and Rerun waits for that thread without end
+        when Python frees the stream, and at the end of the process.
         """
         try:
             yield
-        except (OSError, RuntimeError, ValueError) as error:  # a name with a null byte is the last
+        except (OSError, RuntimeError, ValueError) as error:  # ValueError: a null byte in the name
             ctypes.pythonapi.Py_IncRef(ctypes.py_object(self.stream))
             rr.unregister_shutdown()
-            cause = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else error
+            cause = str(error)
+            if isinstance(error, OSError) and error.errno:
+                cause = os.strerror(error.errno)
             raise UserError(
-                f"The recording {self._given!r} cannot be written ({cause}): make room, or give a file name in an "
-                "existing folder that you may write to."
+                f"The recording {self._name!r} cannot be written ({cause}): make room, or give a "
+                "file name in an existing folder that you may write to."
             ) from error
 
     def flush(self) -> None:
-        """Write everything to the file; where there is no room, Rerun itself logs that and waits."""
-        with self._told():
+        """Write everything to the file.
+
+        Where there is no room, Rerun itself only logs that and waits, hence the short timeouts.
+        """
+        with self._explaining_errors():
             for _ in range(round(FLUSH_SECONDS)):
                 try:
                     self.stream.flush(timeout_sec=1.0)
@@ -157,19 +166,28 @@ class RrdFile:
 
     def close(self) -> None:
         """Complete the file."""
-        with self._lock, self._told():
+        with self._lock, self._explaining_errors():
             check_room(self._path)
             self.stream.disconnect()
             if self._path.is_file():
-                with self._path.open("rb") as file:
-                    file.seek(-min(len(_END) + 4, self._path.stat().st_size), os.SEEK_END)
-                    if not file.read().startswith(_END):
-                        raise RuntimeError("No space left for its end, or another fault of the disk")
+                self._check_end()
             _unfinished.discard(self.stream)
+
+    def _check_end(self) -> None:
+        """Raise a RuntimeError if the file does not end with an index."""
+        n_bytes = len(_END_MARK) + 4
+        with self._path.open("rb") as file:
+            file.seek(-min(n_bytes, self._path.stat().st_size), os.SEEK_END)
+            if not file.read().startswith(_END_MARK):
+                raise RuntimeError("No space left for its end, or another fault of the disk")
 
 
 def check_room(path: Path) -> None:
-    """Raise an OSError if the disk, or the limit of the size of files, has no room for more of a file."""
+    """Raise an OSError if the disk, or the limit of the size of files, has no room for more.
+
+    Args:
+        path: the file that is to grow; a special file, such as a pipe, is not checked.
+    """
     if not path.is_file():
         return
     probe = path.parent / f".{os.getpid()}-{path.name}"
@@ -184,16 +202,20 @@ def check_room(path: Path) -> None:
 
 
 def flatten(values: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield (dotted name, bool, number or text) of nested mappings and dataclasses."""
-    plain = {key: asdict(v) if is_dataclass(v) and not isinstance(v, type) else v for key, v in values.items()}
-    for name, value in flat(plain):
-        value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
-        yield name, value if isinstance(value, bool | int | float | str) else str(value)
+    """Yield dotted names and values (bool, number or text) of nested mappings and dataclasses."""
+    mappings = {}
+    for key, value in values.items():
+        if is_dataclass(value) and not isinstance(value, type):
+            value = asdict(value)
+        mappings[key] = value
+    for name, value in flat(mappings):
+        plain = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
+        yield name, plain if isinstance(plain, bool | int | float | str) else str(plain)
 
 
 def send_properties(stream: rr.RecordingStream, name: str, values: Mapping[str, Any]) -> None:
     """Send nested settings as a property of the recording, if there are any."""
-    # As arrow arrays: Rerun otherwise casts a value to the type that its name first had.
+    # As Arrow arrays: Rerun otherwise casts a value to the type that its name first had.
     arrays = {key: pa.array([value]) for key, value in flatten(values)}
     if arrays:
         stream.send_property(name, rr.AnyValues(**arrays))
@@ -201,17 +223,26 @@ def send_properties(stream: rr.RecordingStream, name: str, values: Mapping[str, 
 
 def durations(seconds: Float[np.ndarray, "T"]) -> rr.TimeColumn:
     """Return times [s] as a column of the timeline `sim_time`."""
-    return rr.TimeColumn("sim_time", duration=np.rint(seconds * 1e9).astype("timedelta64[ns]"))
+    nanoseconds = np.rint(seconds * 1e9).astype("timedelta64[ns]")
+    return rr.TimeColumn("sim_time", duration=nanoseconds)
 
 
 def index(step: Int[np.ndarray, "T"], period: float) -> list[rr.TimeColumn]:
-    """Return the columns of time of some control steps, which take `period` seconds each."""
+    """Return the columns of time of control steps.
+
+    Args:
+        step: numbers of the steps.
+        period: duration of a step [s].
+    """
     steps = np.asarray(step, np.int64)
     return [rr.TimeColumn("step", sequence=steps), durations(steps * float(period))]
 
 
 def columns_of(
-    shown: rr.AsComponents, values: Mapping[str, np.ndarray], n_rows: int, lengths: Int[np.ndarray, "T"] | int
+    shown: rr.AsComponents,
+    values: Mapping[str, np.ndarray],
+    n_rows: int,
+    lengths: Int[np.ndarray, "T"] | int,
 ) -> list[rr.ComponentColumn]:
     """Return components as columns of time.
 
@@ -219,40 +250,71 @@ def columns_of(
 
     Args:
         shown: an archetype with the instances of all rows.
-        values: more components by their names, one for each instance.
+        values: further components by name, one value for each instance.
         n_rows: number of rows.
-        lengths: instances of each row; one number if they are as many in each.
+        lengths: number of instances of each row; a number if it is the same in all rows.
     """
-    ends = lengths * np.arange(n_rows + 1) if isinstance(lengths, int) else np.append(0, np.cumsum(lengths))
-    offsets = ends.astype(np.int32)
-    parts = {part.component_descriptor(): part for part in shown.as_component_batches()}
-    # As arrow arrays: of an empty one Rerun otherwise does not know the type.
-    more = {name: rr.AnyBatchValue(name, pa.array(value.ravel())) for name, value in values.items()}
-    return [rr.ComponentColumn(name, part, offsets=offsets) for name, part in [*parts.items(), *more.items()]]
+    row_lengths = np.full(n_rows, lengths) if isinstance(lengths, int) else lengths
+    offsets = np.append(0, np.cumsum(row_lengths)).astype(np.int32)
+
+    batches: dict[Any, Any] = {}
+    for part in shown.as_component_batches():
+        batches[part.component_descriptor()] = part
+    for name, value in values.items():
+        # As Arrow arrays: of an empty one Rerun otherwise does not know the type.
+        batches[name] = rr.AnyBatchValue(name, pa.array(value.ravel()))
+    return [rr.ComponentColumn(name, batch, offsets=offsets) for name, batch in batches.items()]
+
+
+WHOLE_TIME = (rr.TimeRangeBoundary.infinite(), rr.TimeRangeBoundary.infinite())
+"""Range of a plot that shows all times."""
 
 
 def time_series(
     origin: str,
     name: str,
     corner: str | None = "LeftTop",
-    span: tuple[rr.TimeRangeBoundary, ...] = (rr.TimeRangeBoundary.infinite(),) * 2,
+    span: tuple[rr.TimeRangeBoundary, ...] = WHOLE_TIME,
     **more: Any,
 ) -> rrb.TimeSeriesView:
-    """Return a plot of the series below `origin`, by default over the whole time; without a corner it has no legend."""
+    """Return a plot of the series below an entity.
+
+    Args:
+        origin: the entity.
+        name: title of the plot.
+        corner: corner of the legend, a name in `rrb.Corner2D`; None for no legend.
+        span: range of times.
+        more: further settings of the view.
+    """
+    start, end = span
+    legend = rrb.PlotLegend(corner=getattr(rrb.Corner2D, corner or "LeftTop"), visible=corner is not None)
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,
-        plot_legend=rrb.PlotLegend(corner=getattr(rrb.Corner2D, corner or "LeftTop"), visible=corner is not None),
-        axis_x=rrb.archetypes.TimeAxis(view_range=rr.TimeRange(start=span[0], end=span[1])),
+        plot_legend=legend,
+        axis_x=rrb.archetypes.TimeAxis(view_range=rr.TimeRange(start=start, end=end)),
         **more,
     )
 
 
 def space(origin: str, name: str, eye: Point, target: Point, **more: Any) -> rrb.Spatial3DView:
-    """Return a view on a dark ground, from the place `eye` to `target`, with z upwards."""
+    """Return a spatial view on a dark ground, with z upwards.
+
+    Args:
+        origin: entity whose children are shown.
+        name: title of the view.
+        eye: position of the camera.
+        target: point that the camera looks at.
+        more: further settings of the view.
+    """
     controls = rrb.EyeControls3D(position=eye, look_target=target, eye_up=(0, 0, 1))
     return rrb.Spatial3DView(
-        origin=origin, name=name, eye_controls=controls, line_grid=False, background=(24, 26, 30), **more
+        origin=origin,
+        name=name,
+        eye_controls=controls,
+        line_grid=False,
+        background=_BACKGROUND,
+        **more,
     )
 
 
@@ -261,7 +323,7 @@ def blueprint(content: rrb.Container, **time: Any) -> rrb.Blueprint:
 
     Args:
         content: the views.
-        time: more settings of the panel of time.
+        time: further settings of the panel of time.
     """
     return rrb.Blueprint(
         content,

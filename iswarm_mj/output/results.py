@@ -1,4 +1,4 @@
-"""What becomes of a run in result.json, and how the files of earlier runs make way."""
+"""Writes result.json, and removes the files of earlier runs."""
 
 import json
 from contextlib import ExitStack, suppress
@@ -17,9 +17,12 @@ from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.files import atomic_write, remove, remove_parts
 
+FILES = (RESULT, TRAJECTORY, RECORDING, OTHER_RECORDING)
+"""Names of all files that a run writes into a directory."""
+
 
 def clear(out: Path) -> None:
-    """Remove the results of an earlier run, its further worlds and what it left half written.
+    """Remove the results of an earlier run, its further worlds and its incomplete files.
 
     Args:
         out: directory of the results, which this process has locked.
@@ -28,29 +31,29 @@ def clear(out: Path) -> None:
         UserError: a file cannot be removed; or another process writes into the directory of a
             further world, and nothing is removed.
     """
-    further = [*filter(Path.is_dir, out.glob("world-*"))]
+    further_worlds = [*filter(Path.is_dir, out.glob("world-*"))]
     with ExitStack() as locks:
-        for place in further:
-            locks.enter_context(locked(place))
-        for place, name in product((out, *further), (RESULT, TRAJECTORY, RECORDING, OTHER_RECORDING)):
-            remove(place / name)
-            remove_parts(place, name)
-    for place in further:
-        with suppress(OSError):
-            place.rmdir()  # it holds something else
+        for directory in further_worlds:
+            locks.enter_context(locked(directory))
+        for directory, name in product((out, *further_worlds), FILES):
+            remove(directory / name)
+            remove_parts(directory, name)
+    for directory in further_worlds:
+        with suppress(OSError):  # a directory with other files stays
+            directory.rmdir()
 
 
 def about(run: Run) -> dict[str, Any]:
-    """Return what a run was, as JSON has it: version, settings, engine, genome, configuration and robot.
+    """Return the description of a run: version, settings, engine, genome, configuration, robot.
 
-    It does not depend on which worlds are recorded.
+    It has only values of JSON, and does not depend on which worlds are recorded.
     """
-    own = asdict(run.settings)
-    del own["record_worlds"]
+    settings = asdict(run.settings)
+    del settings["record_worlds"]
     values = {
         "version": __version__,
         **run.identity,
-        "settings": own,
+        "settings": settings,
         **run.rules,
         "config": asdict(run.config),
         "robot": {"file": run.robot_file, **asdict(cast(Any, run.robot))},
@@ -59,25 +62,17 @@ def about(run: Run) -> dict[str, Any]:
 
 
 def result(run: Run, wall_s: float) -> dict[str, Any]:
-    """Return the content of result.json: settings, measures, configuration. With several worlds, measures are lists.
+    """Return the content of result.json: settings, measures, configuration.
+
+    With several worlds, measures are lists.
 
     Args:
-        run: up to where it is.
-        wall_s: how long it took.
+        run: a run, at any step.
+        wall_s: duration of the run [s].
     """
-    settings, metrics = run.settings, run.metrics()
-    measures = [run.measures(world) for world in range(settings.n_worlds)]
-    measured = run.task.measured
-    units = {name: quantity.unit for name, quantity in measured.items() if quantity.unit}
-
-    def each(values: list[Any]) -> Any:
-        return values[0] if settings.n_worlds == 1 else values
-
-    task, counts, scored = run.task, ("collisions", "finished_at"), {}
-    if is_scored(task):
-        scores = [task.fitness(m, run.config, settings.n_robots, settings.steps) for m in measures]
-        counts, scored = Measures._fields, {"n_dust": run.config.arena.n_dust, "fitness": each(scores)}
-
+    settings = run.settings
+    quantities = run.task.measured.items()
+    units = {name: quantity.unit for name, quantity in quantities if quantity.unit}
     return {
         "seed": settings.seed,
         "n_worlds": settings.n_worlds,
@@ -85,24 +80,54 @@ def result(run: Run, wall_s: float) -> dict[str, Any]:
         "max_steps": settings.steps,
         "stop_at": run.goal,
         "steps": run.step,
-        **{name: each([getattr(m, name) for m in measures]) for name in counts},
-        **scored,
-        "metrics": {name: each([_number(value) for value in values]) for name, values in metrics.items()},
+        **_measures(run),
+        "metrics": _metrics(run),
         **({"units": units} if units else {}),
         "wall_s": round(wall_s, 3),
-        "seconds": {
-            "first_call": round(run.first_call_s, 3),  # which compiles, and is part of none of the others
-            "control_step": None if run.step_s is None else round(run.step_s, 6),
-        }
-        | {stage: round(sum(laps), 3) for stage, laps in run.watch.laps.items()},
+        "seconds": _seconds(run),
         **about(run),
         "devices": run.devices,
         "faults": [str(fault) for fault in run.faults],
     }
 
 
-def _number(value: Any) -> Any:
-    """A metric in JSON; null for what is no number, such as the mean of nothing."""
+def _listed(run: Run, values: list[Any]) -> Any:
+    """Return a list of values of all worlds, or the value of a single world."""
+    return values[0] if run.settings.n_worlds == 1 else values
+
+
+def _measures(run: Run) -> dict[str, Any]:
+    """Return what is counted in every task and, for tasks with a score, everything of balls."""
+    settings = run.settings
+    measures = [run.measures(world) for world in range(settings.n_worlds)]
+    task = run.task
+    names = Measures._fields if is_scored(task) else ("collisions", "finished_at")
+    content = {name: _listed(run, [getattr(of_world, name) for of_world in measures]) for name in names}
+    if is_scored(task):
+        scores = [task.fitness(of_world, run.config, settings.n_robots, settings.steps) for of_world in measures]
+        content["n_dust"] = run.config.arena.n_dust
+        content["fitness"] = _listed(run, scores)
+    return content
+
+
+def _metrics(run: Run) -> dict[str, Any]:
+    """Return the metrics of the task."""
+    return {name: _listed(run, [_finite_or_none(value) for value in values]) for name, values in run.metrics().items()}
+
+
+def _seconds(run: Run) -> dict[str, float | None]:
+    """Return the durations of the first call, which compiles, a later step, and its stages."""
+    durations: dict[str, float | None] = {
+        "first_call": round(run.first_call_s, 3),  # not contained in the others
+        "control_step": None if run.step_s is None else round(run.step_s, 6),
+    }
+    for stage, laps in run.watch.laps.items():
+        durations[stage] = round(sum(laps), 3)
+    return durations
+
+
+def _finite_or_none(value: Any) -> Any:
+    """Return a metric as JSON holds it; None for NaN, such as the mean of nothing."""
     plain = np.asarray(value).item()
     return plain if np.isfinite(plain) else None
 

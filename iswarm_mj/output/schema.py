@@ -1,7 +1,7 @@
-"""The schema of a recorded world: each quantity once, with its type, unit and meaning, and how a step record gives it.
+"""The schema of a recorded world: each quantity once, with its type, unit, meaning and source.
 
-Trajectories, the tables of `iswarm_mj.load`, the numbers in recordings and docs/files.md follow from it: a field of
-`Frames` is all that a new quantity needs.
+Trajectories, the tables of `iswarm_mj.load`, the numbers in recordings and docs/files.md follow
+from it: a field of `Frames` is all that a new quantity needs.
 """
 
 from collections.abc import Callable
@@ -20,23 +20,30 @@ if TYPE_CHECKING:
     from iswarm_mj.gripper.handling import Balls
     from iswarm_mj.simulation.state import StepRecord
 
-LYING, HELD, DELIVERED = 0, 1, 2
-"""States of a ball."""
+# States of a ball.
+LYING = 0
+HELD = 1
+DELIVERED = 2
+BALL_STATES = ("lying", "held", "delivered")
+"""Names of the states of a ball, in the order of their numbers."""
 
-ROBOTS, BALLS, LINKS = "world/robots/body", "world/balls/true_size", "world/links"
-"""Entities of recordings that show quantities of single robots, balls and links."""
-IN_FILES = {"mm": ("m", MM), "mm/s": ("m/s", MM)}
-"""Units of the model, what they become in files, and the factor."""
+# Entities of recordings that show quantities of single robots, balls and links.
+ROBOTS = "world/robots/body"
+BALLS = "world/balls/true_size"
+LINKS = "world/links"
+
+FILE_UNITS = {"mm": ("m", MM), "mm/s": ("m/s", MM)}
+"""Unit in files, and the factor to it, for each unit of the model that files do not use."""
 
 
 class Observed(NamedTuple):
-    """What the getters of `Frames` see: T steps of one world with K balls."""
+    """T steps of one world with K balls, from which the getters of `Frames` take quantities."""
 
     record: "StepRecord"
     balls: "Balls"
-    """(T, K); no balls where the task has none."""
+    """The balls (T, K); no balls where the task has none."""
     ball_centres: Float[np.ndarray, "T K 3"]
-    """After each step [mm]."""
+    """Centres of the balls after each step [mm]."""
 
 
 class Column(NamedTuple):
@@ -44,213 +51,303 @@ class Column(NamedTuple):
 
     name: str
     unit: str = ""
-    """Empty for numbers without one, and for what is no number."""
+    """Unit of the values; empty for numbers without one, and for values that are no numbers."""
     description: str = ""
     known: Callable[[Arrays], Bool[np.ndarray, "..."]] | None = None
-    """Where the trajectory has a value, an array that broadcasts; by default everywhere."""
+    """Mask of the values that exist, which broadcasts to them; None if all do."""
     words: tuple[str, ...] = ()
     """Names of the values 0, 1, ... of an enumeration."""
     shown: str = ""
-    """Entity of recordings that shows it: a time series, or `ROBOTS`, `BALLS` or `LINKS` where one is selected."""
+    """Entity of recordings that shows the column.
+
+    It is a time series, or `ROBOTS`, `BALLS` or `LINKS`, which show it where one is selected.
+    """
 
 
 def took_step(arrays: Arrays) -> Bool[np.ndarray, "T"]:
-    """Which frames are after a step of the world: not the start, nor those after its end."""
+    """Return which frames are after a step of the world: not the start, nor those after its end."""
     return (arrays["step"] > 0) & arrays["is_running"]
 
 
 def acted(arrays: Arrays) -> Bool[np.ndarray, "T 1"]:
-    """`took_step` for all robots."""
+    """Return `took_step` as a mask of all robots."""
     return took_step(arrays)[:, None]
 
 
 def spoke(arrays: Arrays) -> Bool[np.ndarray, "T N"]:
-    """Which robots sent messages; the dead keep silent."""
+    """Return which robots sent messages; dead robots are silent."""
     return acted(arrays) & arrays["is_alive"]
 
 
 SCENE_COLUMNS = {
-    "is_scout": Column("is_scout", "", "it scouts"),
-    "ball_radius": Column("radius", "m", "of the ball"),
+    "is_scout": Column("is_scout", description="the robot is a scout"),
+    "ball_radius": Column("radius", "m", "radius of the ball"),
 }
-"""Constants of robots and balls that tables repeat in each step."""
+"""Columns with constants of robots and balls, which tables repeat in each step."""
 
 
-_PLACE = "of the centre after the step"
+_CENTRE = "position of the centre after the step"
+_YAW = "heading after the step, anticlockwise from the x axis, not wrapped"
 
 
 def quantity(get: str | Callable[[Observed], Shaped[Array, "..."]], *columns: Column) -> Any:
-    """Return a field of `Frames`, whose annotation has its type and its axes.
+    """Return a field of `Frames`, whose annotation states its type and axes.
 
     Args:
-        get: its values in arena units, where lengths are in mm; the name of a part of `Observed`, or a function.
-        columns: of the tables; of arrays with a last axis of numbers, one for each.
+        get: the values in arena units, where lengths are in mm: path of an attribute of `Observed`,
+            or a function.
+        columns: columns of the tables, one for each number along a last axis of numbers.
     """
-    return field(metadata={"get": attrgetter(get) if isinstance(get, str) else get, "columns": columns})
+    getter = attrgetter(get) if isinstance(get, str) else get
+    return field(metadata={"get": getter, "columns": columns})
 
 
-def _ball_state(seen: Observed) -> Int[np.ndarray, "T K"]:
-    return np.where(seen.balls.is_held, HELD, np.where(seen.balls.is_delivered, DELIVERED, LYING))
+def _ball_state(observed: Observed) -> Int[np.ndarray, "T K"]:
+    """Return the state of each ball."""
+    on_floor = np.where(observed.balls.is_delivered, DELIVERED, LYING)
+    return np.where(observed.balls.is_held, HELD, on_floor)
+
+
+def _box_pose(observed: Observed) -> Any:
+    """Return the poses of the boxes, (T, 0, 3) without boxes."""
+    boxes = observed.record.boxes
+    if boxes is None:
+        return np.zeros((len(observed.record.poses), 0, 3))
+    return boxes
 
 
 @dataclass(frozen=True)
 class Frames:
-    """T consecutive frames of one world with N robots, of S photodiode sectors, K balls and M boxes. SI units
-    throughout.
+    """T consecutive frames of one world with N robots, S photodiode sectors, K balls and M boxes.
 
-    Frame 0 is the start; frame t is the state after control step t. The axes of a quantity decide its table: T `steps`,
-    T N `robots`, T K `balls`, T M `boxes`, T N S `links`.
+    All quantities are in SI units. Frame 0 is the start; frame t is the state after control step t.
+    The axes of a quantity decide its table: T `steps`, T N `robots`, T K `balls`, T M `boxes`,
+    T N S `links`.
     """
 
     step: Int[np.ndarray, "T"] = quantity("record.step")
     is_running: Bool[np.ndarray, "T"] = quantity(
-        "record.is_running", Column("is_running", "", "the world took this step")
+        "record.is_running",
+        Column("is_running", description="the world took this step"),
     )
     pose: Float[np.ndarray, "T N 3"] = quantity(
-        lambda seen: seen.record.poses.astype(np.float32),
-        Column("x", "m", f"{_PLACE}; the arena is centred on the origin"),
-        Column("y", "m", _PLACE),
-        Column("yaw", "rad", "after the step, anticlockwise from the x axis, not wrapped"),
+        lambda observed: observed.record.poses.astype(np.float32),
+        Column("x", "m", f"{_CENTRE}; the arena is centred on the origin"),
+        Column("y", "m", _CENTRE),
+        Column("yaw", "rad", _YAW),
     )
     is_alive: Bool[np.ndarray, "T N"] = quantity(
-        "record.swarm.is_alive", Column("is_alive", "", "it moves; a dead robot only stands in the way")
+        "record.swarm.is_alive",
+        Column("is_alive", description="the robot works; a dead robot is only an obstacle"),
     )
-    is_loaded: Bool[np.ndarray, "T N"] = quantity("record.swarm.is_loaded", Column("is_loaded", "", "it holds a ball"))
+    is_loaded: Bool[np.ndarray, "T N"] = quantity(
+        "record.swarm.is_loaded",
+        Column("is_loaded", description="the robot holds a ball"),
+    )
     has_priority: Bool[np.ndarray, "T N"] = quantity("record.has_priority")
-    """Whether the robot sends the flag `priority`; nobody does where messages have none."""
+    """The robot sends the flag `priority`; nobody does where messages have none."""
     message: UInt32[np.ndarray, "T N"] = quantity(
-        "record.message", Column("message", "", "the 32 bits that its first LED sent", spoke, shown=ROBOTS)
+        "record.message",
+        Column(
+            "message",
+            description="the 32 bits that the robot's first LED sent",
+            known=spoke,
+            shown=ROBOTS,
+        ),
     )
-    """As the step began; those of its other LEDs differ in number and check."""
+    """Message sent as the step began; those of the other LEDs differ in number and check."""
     command: Float[np.ndarray, "T N 2"] = quantity(
-        lambda seen: np.stack([*seen.record.command], axis=-1),
-        Column("turn", "rad", "carried out in the step, anticlockwise", acted, shown=ROBOTS),
-        Column("forward", "m", "walked in the step if nothing is in the way", acted, shown=ROBOTS),
+        lambda observed: np.stack([*observed.record.command], axis=-1),
+        Column(
+            "turn",
+            "rad",
+            "turn carried out in the step, anticlockwise",
+            known=acted,
+            shown=ROBOTS,
+        ),
+        Column(
+            "forward",
+            "m",
+            "distance walked in the step if nothing is in the way",
+            known=acted,
+            shown=ROBOTS,
+        ),
     )
-    """What the drive carried out, within its limits and with its errors."""
+    """Turn and walk that the drive carried out, within its limits and with its errors."""
     ball_position: Float[np.ndarray, "T K 3"] = quantity(
-        lambda seen: seen.ball_centres.astype(np.float32),
-        Column("x", "m", _PLACE),
-        Column("y", "m", _PLACE),
-        Column("z", "m", f"{_PLACE}, above the floor"),
+        lambda observed: observed.ball_centres.astype(np.float32),
+        Column("x", "m", _CENTRE),
+        Column("y", "m", _CENTRE),
+        Column("z", "m", f"{_CENTRE}, above the floor"),
     )
     ball_state: UInt8[np.ndarray, "T K"] = quantity(
-        _ball_state, Column("state", "", "lying, held or delivered", words=("lying", "held", "delivered"))
+        _ball_state,
+        Column("state", description="lying, held or delivered", words=BALL_STATES),
     )
     ball_holder: Int32[np.ndarray, "T K"] = quantity(
         "balls.holder",
-        Column("holder", "", "the robot that holds it", lambda arrays: arrays["ball_state"] == HELD, shown=BALLS),
+        Column(
+            "holder",
+            description="number of the robot that holds the ball",
+            known=lambda arrays: arrays["ball_state"] == HELD,
+            shown=BALLS,
+        ),
     )
-    """Where no robot holds the ball, the last one that did."""
+    """Number of the robot that holds the ball or, where no robot does, of the last one that did."""
     box_pose: Float[np.ndarray, "T M 3"] = quantity(
-        lambda seen: np.zeros((len(seen.record.poses), 0, 3)) if seen.record.boxes is None else seen.record.boxes,
-        Column("x", "m", _PLACE),
-        Column("y", "m", _PLACE),
-        Column("yaw", "rad", "after the step, anticlockwise from the x axis, not wrapped"),
+        _box_pose,
+        Column("x", "m", _CENTRE),
+        Column("y", "m", _CENTRE),
+        Column("yaw", "rad", _YAW),
     )
     link_sender: Int32[np.ndarray, "T N S"] = quantity(
-        "record.links.sender", Column("sender", "", "number of the robot that sends", shown=LINKS)
+        "record.links.sender",
+        Column("sender", description="number of the robot that sends", shown=LINKS),
     )
-    """Like all of links undefined where not `link_valid`."""
+    """Number of the sender; like all quantities of links undefined where not `link_valid`."""
     link_valid: Bool[np.ndarray, "T N S"] = quantity("record.links.valid")
-    """Photodiode sector s receives a robot; rows of the table are these alone."""
+    """Photodiode sector s receives a robot; only these links are rows of the table."""
     link_led: UInt8[np.ndarray, "T N S"] = quantity(
-        "record.links.led", Column("led", "", "LED that sends, counted as the sides", shown=LINKS)
+        "record.links.led",
+        Column("led", description="LED that sends, numbered like the sides", shown=LINKS),
     )
     link_bearing: Float[np.ndarray, "T N S"] = quantity(
         "record.links.measured_bearing",
-        Column("bearing", "rad", "direction of the sender in the receiver's frame, as measured"),
+        Column("bearing", "rad", "measured direction of the sender in the receiver's frame"),
     )
     link_distance: Float[np.ndarray, "T N S"] = quantity(
-        "record.measured_distance", Column("measured_distance", "m", "as the receiver measured it")
+        "record.measured_distance",
+        Column("measured_distance", "m", "distance of the sender as the receiver measured it"),
     )
     link_heard: Bool[np.ndarray, "T N S"] = quantity(
-        "record.is_heard", Column("is_heard", "", "the message arrived undamaged", shown=LINKS)
+        "record.is_heard",
+        Column("is_heard", description="the message arrived undamaged", shown=LINKS),
     )
-    """Its check is right, if that is looked at."""
+    """The check of the message is right, or receivers ignore it."""
     delivered: Int[np.ndarray, "T"] = quantity(
-        lambda seen: seen.balls.is_delivered.sum(axis=1),
-        Column("delivered", "", "balls delivered so far", shown="series/balls/delivered"),
+        lambda observed: observed.balls.is_delivered.sum(axis=1),
+        Column(
+            "delivered",
+            description="balls delivered so far",
+            shown="series/balls/delivered",
+        ),
     )
     picked: Int[np.ndarray, "T"] = quantity(
-        lambda seen: seen.balls.was_picked.sum(axis=1),
-        Column("picked", "", "balls picked up so far", shown="series/balls/picked"),
+        lambda observed: observed.balls.was_picked.sum(axis=1),
+        Column(
+            "picked",
+            description="balls picked up so far",
+            shown="series/balls/picked",
+        ),
     )
     collisions: Int[np.ndarray, "T"] = quantity(
-        "record.collisions", Column("collisions", "", "so far", shown="series/collisions")
+        "record.collisions",
+        Column("collisions", description="collisions so far", shown="series/collisions"),
     )
     mean_speed: Float[np.ndarray, "T"] = quantity(
-        "record.speed", Column("mean_speed", "m/s", "of the robots in the step", shown="series/mean_speed")
+        "record.speed",
+        Column("mean_speed", "m/s", "mean speed of the robots", shown="series/mean_speed"),
     )
     """Distance moved in the control step over its duration, averaged over the robots."""
     memory: Arrays = field(default_factory=dict)
-    """Arrays (T, N, ...) of what the strategy wants recorded of its memory (`strategy.declared`), lengths in m.
+    """Recorded arrays (T, N, ...) of the robots' memory (`strategy.declared`), lengths in m.
 
-    Those of the paper's strategy are `dust_vector`, the remembered vector to the dust in the robot's own frame (x
-    ahead, y left), `dust_known`, whether there is one, and `dust_hop`, its hop count; also for the dump.
+    Those of the paper's strategy are `dust_vector`, the remembered vector to the dust in the
+    robot's own frame (x ahead, y left), `dust_known`, the flag of robots that have one, and
+    `dust_hop`, its hop count; also for the dump.
     """
     task: Arrays = field(default_factory=dict)
-    """What the task adds: `area_NAME` (T, M, 3), x, y and half the width, or the radius, of M areas [m], and
-    `metric_NAME` (T,). Cleaning adds nothing: its metrics are `delivered` and `picked`."""
+    """Arrays that the task adds: `area_NAME` and `metric_NAME`.
+
+    `area_NAME` (T, M, 3) holds x, y and half the width, or the radius, of M areas [m];
+    `metric_NAME` is (T,). Cleaning adds nothing: its metrics are `delivered` and `picked`.
+    """
 
     def __len__(self) -> int:
         """Return the number of frames."""
         return len(self.step)
 
     @staticmethod
-    def of(arrays: Arrays) -> "Frames":
-        """Frames of these arrays; those with names of their own are the memory's, or with a prefix the task's."""
-        task = {name: array for name, array in arrays.items() if name.startswith((AREA, METRIC))}
-        memory = {name: array for name, array in arrays.items() if name not in ARRAYS and name not in task}
+    def from_arrays(arrays: Arrays) -> "Frames":
+        """Return the frames that these arrays hold.
+
+        Arrays that are no fields belong to the task if they have one of its prefixes, else to the
+        memory.
+        """
+        memory = {}
+        task = {}
+        for name, array in arrays.items():
+            if name.startswith((AREA, METRIC)):
+                task[name] = array
+            elif name not in ARRAYS:
+                memory[name] = array
         return Frames(**{name: arrays[name] for name in ARRAYS}, memory=memory, task=task)
 
     @staticmethod
-    def observed(seen: Observed, memory: Arrays, task: Arrays) -> "Frames":
+    def from_record(observed: Observed, memory: Arrays, task: Arrays) -> "Frames":
         """Return the frames of a record, in SI.
 
         Args:
-            seen: steps of one world, in arena units.
+            observed: steps of one world, in arena units.
             memory: arrays of the robots' memory, in SI.
             task: arrays of the task, in SI.
         """
-        return Frames(**{name: _stored(name, seen) for name in ARRAYS}, memory=memory, task=task)
+        arrays = {name: _stored(name, observed) for name in ARRAYS}
+        return Frames(**arrays, memory=memory, task=task)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Return all arrays by their names, those of memory and task included."""
-        return {name: getattr(self, name) for name in ARRAYS} | dict(self.memory) | dict(self.task)
+        own_arrays = {name: getattr(self, name) for name in ARRAYS}
+        return own_arrays | dict(self.memory) | dict(self.task)
 
     def __getitem__(self, steps: slice) -> "Frames":
         """Return some of the frames."""
-        return Frames.of({name: array[steps] for name, array in self.arrays().items()})
+        return Frames.from_arrays({name: array[steps] for name, array in self.arrays().items()})
 
 
 ARRAYS = {f.name: f for f in fields(Frames) if "get" in f.metadata}
-"""Quantities of trajectories, by their names."""
+"""Fields of `Frames` that are quantities, by name."""
 
 
-def _stored(name: str, seen: Observed) -> np.ndarray:
-    """Values of a quantity in SI."""
-    values, factors = np.asarray(ARRAYS[name].metadata["get"](seen)), dict(IN_FILES.values())
-    scale = [factors.get(column.unit, 1.0) for column in columns_of(name)]
-    return (values if set(scale) <= {1.0} else values * np.array(scale, values.dtype)).astype(dtype_of(name))
+def _stored(name: str, observed: Observed) -> np.ndarray:
+    """Return the values of a quantity in SI and in the type in which it is stored."""
+    values = np.asarray(ARRAYS[name].metadata["get"](observed))
+    si_factors = dict(FILE_UNITS.values())
+    factors = [si_factors.get(column.unit, 1.0) for column in columns_of(name)]
+    if any(factor != 1.0 for factor in factors):
+        values = values * np.array(factors, values.dtype)
+    return values.astype(dtype_of(name))
 
 
 def columns_of(name: str) -> tuple[Column, ...]:
-    """Columns of a quantity."""
+    """Return the columns of a quantity."""
     return ARRAYS[name].metadata["columns"]
 
 
-def numbers(arrays: Arrays, name: str, place: int) -> Shaped[np.ndarray, "T *axes"]:
-    """Values of a column of a quantity, by its place among those of the quantity."""
-    return arrays[name] if len(axes_of(name)) == arrays[name].ndim else arrays[name][..., place]
+def column_values(arrays: Arrays, name: str, place: int) -> Shaped[np.ndarray, "T *axes"]:
+    """Return the values of a column.
+
+    Args:
+        arrays: arrays of a trajectory.
+        name: the quantity that the column belongs to.
+        place: place of the column among those of the quantity.
+    """
+    has_axis_of_columns = arrays[name].ndim > len(axes_of(name))
+    return arrays[name][..., place] if has_axis_of_columns else arrays[name]
 
 
 def dtype_of(name: str) -> np.dtype:
-    """Type in which a quantity is stored; numbers without one in their annotation have 32 bits."""
-    found = ARRAYS[name].type.dtypes
-    return np.dtype(next(kind for kind in ("float32", "int32", *found) if kind in found))
+    """Return the type in which a quantity is stored.
+
+    It has 32 bits where the annotation does not state a size.
+    """
+    allowed = ARRAYS[name].type.dtypes
+    for preferred in ("float32", "int32"):
+        if preferred in allowed:
+            return np.dtype(preferred)
+    return np.dtype(allowed[0])
 
 
 def axes_of(name: str) -> tuple[str, ...]:
-    """Axes of a quantity, as ("T", "N"), without a last one of numbers."""
+    """Return the axes of a quantity, such as ("T", "N"), without a last axis of numbers."""
     return tuple(axis for axis in ARRAYS[name].type.dim_str.split() if not axis.isdigit())

@@ -1,4 +1,7 @@
-"""Shapes of a swarm as arrays, for recordings and for the page: SI in, millimetres out. Nothing here draws."""
+"""Shapes of a swarm as arrays, for recordings and for the page: SI in, millimetres out.
+
+Nothing here draws.
+"""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -8,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.geometry.directions import rotate
 from iswarm_mj.output import palette
-from iswarm_mj.output.memory import Vector, is_known
+from iswarm_mj.output.memory_vectors import RecordedVector, is_known
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 
@@ -17,9 +20,15 @@ MILLIMETRES = 1e3
 TRAIL_FRAMES = 20
 """Length of a trail [frames]."""
 FRONT_RADIUS = 0.1
-"""Radius of the dot at a robot's front, in lengths of a robot."""
+"""Radius of the dot at a robot's front, in lengths of the robot."""
+FRONT_DISTANCE = 0.34
+"""Distance of that dot from the robot's centre, in lengths of the robot."""
 SHEET = 0.02
 """Thickness of the areas that are painted on the floor [mm]."""
+MARKER_HEIGHT = 1.5
+"""Height of the marker of a ball above the ball, in heights of a robot."""
+ARROW_HEIGHT = 0.6
+"""Height of the arrow of a robot above the robot's centre, in heights of a robot."""
 
 
 class Boxes(NamedTuple):
@@ -27,108 +36,158 @@ class Boxes(NamedTuple):
 
     name: str
     places: Float[np.ndarray, "O 5"]
-    """x, y, half edges [mm], yaw [rad]."""
+    """x, y, half edges [mm], yaw [rad] of each box."""
     low: float
+    """Height of their bottoms [mm]."""
     high: float
-    """Heights of floor and top [mm]."""
+    """Height of their tops [mm]."""
     colour: str
 
 
 def outline(scene: Scene) -> Float[np.ndarray, "W 2"]:
     """Return the corners of the arena, anticlockwise."""
-    half, corners = scene.arena_size / 2, np.asarray(scene.corners)
-    return MILLIMETRES * (corners if len(corners) else half * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)]))
+    corners = np.asarray(scene.corners)
+    if not len(corners):
+        corners = scene.arena_size / 2 * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)])
+    return MILLIMETRES * corners
 
 
 def floor(scene: Scene) -> tuple[Float[np.ndarray, "W 3"], Int[np.ndarray, "_ 3"]]:
     """Return vertices and triangles of the floor, which is convex."""
     corners = outline(scene)
+    vertices = np.column_stack([corners, np.zeros(len(corners))])
+
+    # A fan of triangles around the first corner.
     second = np.arange(1, len(corners) - 1)
-    return np.column_stack([corners, np.zeros(len(corners))]), np.column_stack([0 * second, second, second + 1])
+    triangles = np.column_stack([np.zeros_like(second), second, second + 1])
+    return vertices, triangles
 
 
 def arena_boxes(scene: Scene) -> Iterator[Boxes]:
-    """Yield the walls around the floor, dump, dust areas and obstacles, as far as the scene has them."""
-    corners, height = outline(scene), scene.height * MILLIMETRES
-    along, thick = np.roll(corners, -1, axis=0) - corners, height / 4
-    length, yaw = np.hypot(*along.T), np.arctan2(-along[:, 0], along[:, 1])  # the normals' direction
-    middle = corners + along / 2 + thick * np.column_stack([np.cos(yaw), np.sin(yaw)])
-    walls = np.column_stack([middle, np.full(len(yaw), thick), length / 2 + 2 * thick, yaw])
-    dump = np.reshape(scene.dump, (-1, 4))[: int(scene.dump[2] > scene.dump[0])]
-    painted = {}
-    for name, rectangles in (("dump", dump), ("dust_areas", np.reshape(scene.dust_areas, (-1, 4)))):
-        low, high = np.split(rectangles * MILLIMETRES, 2, axis=1)
-        painted[name] = np.hstack([(low + high) / 2, (high - low) / 2, 0 * low[:, :1]])
-    obstacles = np.reshape(scene.obstacles, (-1, 5)) * [*[MILLIMETRES] * 4, 1]
+    """Yield walls, dump, dust areas and obstacles, as far as the scene has them."""
+    height = scene.height * MILLIMETRES
+    has_dump = scene.dump[2] > scene.dump[0]
+    dump = np.reshape(scene.dump, (-1, 4))[: int(has_dump)]
+    dust_areas = np.reshape(scene.dust_areas, (-1, 4))
+    obstacle_units = [MILLIMETRES, MILLIMETRES, MILLIMETRES, MILLIMETRES, 1]
+    obstacles = np.reshape(scene.obstacles, (-1, 5)) * obstacle_units
     for boxes in (
-        Boxes("walls", walls, 0.0, height, palette.WALL),
-        Boxes("dump", painted["dump"], SHEET, 2 * SHEET, palette.DUMP),
-        Boxes("dust_areas", painted["dust_areas"], SHEET, 2 * SHEET, palette.DUST),
+        Boxes("walls", _walls(scene), 0.0, height, palette.WALL),
+        Boxes("dump", _painted(dump), SHEET, 2 * SHEET, palette.DUMP),
+        Boxes("dust_areas", _painted(dust_areas), SHEET, 2 * SHEET, palette.DUST),
         Boxes("obstacles", obstacles, 0.0, height, palette.WALL),
     ):
         if len(boxes.places):
             yield boxes
 
 
-def boxes(scene: Scene, frames: Frames) -> Float[np.ndarray, "T M 5"]:
+def _walls(scene: Scene) -> Float[np.ndarray, "W 5"]:
+    """Return the walls as places of `Boxes`: slabs around the arena that meet at its corners."""
+    half_thickness = scene.height * MILLIMETRES / 4
+    corners = outline(scene)
+    along = np.roll(corners, -1, axis=0) - corners
+    length = np.hypot(along[:, 0], along[:, 1])
+    yaw = np.arctan2(-along[:, 0], along[:, 1])  # direction of the outward normal
+    outward = np.column_stack([np.cos(yaw), np.sin(yaw)])
+    centre = corners + along / 2 + half_thickness * outward
+    half_length = length / 2 + 2 * half_thickness
+    return np.column_stack([centre, np.full(len(yaw), half_thickness), half_length, yaw])
+
+
+def _painted(rectangles: Float[np.ndarray, "A 4"]) -> Float[np.ndarray, "A 5"]:
+    """Return rectangles x_min, y_min, x_max, y_max [m] as places of `Boxes`."""
+    low, high = np.split(rectangles * MILLIMETRES, 2, axis=1)
+    yaw = np.zeros((len(rectangles), 1))
+    return np.hstack([(low + high) / 2, (high - low) / 2, yaw])
+
+
+def pushed_boxes(scene: Scene, frames: Frames) -> Float[np.ndarray, "T M 5"]:
     """Return x, y, half edges [mm] and yaw [rad] of the boxes that robots push."""
-    pose, half = frames.box_pose, np.asarray(scene.boxes)[:, :2] * MILLIMETRES
-    half = np.broadcast_to(half, (*pose.shape[:2], 2))
-    return np.concatenate([pose[..., :2] * MILLIMETRES, half, pose[..., 2:]], axis=-1)
+    pose = frames.box_pose
+    half_edges = np.asarray(scene.boxes)[:, :2] * MILLIMETRES
+    half_edges = np.broadcast_to(half_edges, (*pose.shape[:2], 2))
+    return np.concatenate([pose[..., :2] * MILLIMETRES, half_edges, pose[..., 2:]], axis=-1)
 
 
 def centres(scene: Scene, pose: Float[np.ndarray, "T N 3"]) -> Float[np.ndarray, "T N 3"]:
     """Return the centres of the robots."""
-    found = np.full(pose.shape, scene.height * MILLIMETRES / 2, np.float32)
-    found[..., :2] = pose[..., :2] * np.float32(MILLIMETRES)
-    return found
+    points = np.full(pose.shape, scene.height * MILLIMETRES / 2, np.float32)
+    points[..., :2] = pose[..., :2] * np.float32(MILLIMETRES)
+    return points
 
 
 def fronts(
     scene: Scene, centre: Float[np.ndarray, "T N 3"], yaw: Float[np.ndarray, "T N"]
 ) -> Float[np.ndarray, "T N 3"]:
-    """Return where the dots at the robots' fronts are."""
-    length, _, height = (np.asarray(scene.robot_size, np.float32) * np.float32(MILLIMETRES)).T
-    found = centre + 0.34 * length[..., None] * np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
-    found[..., 2] = height + FRONT_RADIUS * length
-    return found
+    """Return the centres of the dots at the robots' fronts.
+
+    Args:
+        scene: constants of the world.
+        centre: centres of the robots [mm].
+        yaw: headings of the robots [rad].
+    """
+    size = np.asarray(scene.robot_size, np.float32) * np.float32(MILLIMETRES)
+    length, _, height = size.T
+    ahead = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
+    points = centre + FRONT_DISTANCE * length[..., None] * ahead
+    points[..., 2] = height + FRONT_RADIUS * length
+    return points
 
 
 def ball_centres(scene: Scene, frames: Frames) -> tuple[Float[np.ndarray, "T K 3"], Float[np.ndarray, "T K 3"]]:
-    """Return where balls are, and where their markers, which lie above the robots."""
-    found = frames.ball_position * np.float32(MILLIMETRES)
-    return found, found + np.array([0, 0, 1.5 * scene.height * MILLIMETRES])
+    """Return the centres of the balls, and those of their markers, which lie above the robots."""
+    balls = frames.ball_position * np.float32(MILLIMETRES)
+    markers = balls + np.array([0, 0, MARKER_HEIGHT * scene.height * MILLIMETRES])
+    return balls, markers
 
 
 def link_ends(frames: Frames, centre: Float[np.ndarray, "T N 3"]) -> Float[np.ndarray, "L 2 3"]:
-    """Return the receiver and the sender of each valid link."""
+    """Return the centres of receiver and sender of each valid link."""
     frame, receiver, _ = np.nonzero(frames.link_valid)
-    return np.stack([centre[frame, receiver], centre[frame, frames.link_sender[frames.link_valid]]], axis=1)
+    sender = frames.link_sender[frames.link_valid]
+    return np.stack([centre[frame, receiver], centre[frame, sender]], axis=1)
 
 
 def trails(
     is_loaded: Bool[np.ndarray, "T N"], history: Float[np.ndarray, "_ N 3"], n_before: int
 ) -> tuple[Float[np.ndarray, "P 3"], Int[np.ndarray, "M"]]:
-    """Return where loaded robots came from, oldest point first, and how many points each trail has.
+    """Return the trails of loaded robots, oldest point first, and the number of points of each.
 
     Args:
-        is_loaded: in T frames.
+        is_loaded: robots that hold a ball in T frames.
         history: centres in those frames, and in some before them.
-        n_before: how many those are; a trail is shorter where there are fewer than `TRAIL_FRAMES`.
+        n_before: number of frames before; trails are shorter where they are less than
+            `TRAIL_FRAMES`.
     """
     frame, robot = np.nonzero(is_loaded)
-    times = frame[:, None] + n_before - np.arange(TRAIL_FRAMES, -1, -1)
-    exists = times >= 0
-    points = history[times[exists], np.broadcast_to(robot[:, None], times.shape)[exists]]
+    ages = np.arange(TRAIL_FRAMES, -1, -1)
+    frames_of_trail = frame[:, None] + n_before - ages
+    exists = frames_of_trail >= 0
+    robots_of_trail = np.broadcast_to(robot[:, None], frames_of_trail.shape)
+    points = history[frames_of_trail[exists], robots_of_trail[exists]]
     return points, np.count_nonzero(exists, axis=1)
 
 
 def arrows(
-    scene: Scene, frames: Frames, vector: Vector, centre: Float[np.ndarray, "T N 3"]
+    scene: Scene, frames: Frames, vector: RecordedVector, centre: Float[np.ndarray, "T N 3"]
 ) -> tuple[Float[np.ndarray, "M 3"], Float[np.ndarray, "M 3"], Bool[np.ndarray, "T N"]]:
-    """Return origins and directions of arrows from the robots that know a vector, in the arena; and which know it."""
+    """Return arrows of a remembered vector from the robots that know it.
+
+    Args:
+        scene: constants of the world.
+        frames: T frames.
+        vector: names of the vector.
+        centre: centres of the robots [mm].
+
+    Returns:
+        Origins of M arrows, their directions in the arena, and which robots know the vector.
+    """
     known = is_known(frames, vector)
-    above = centre[known] + np.array([0, 0, 0.6 * scene.height * MILLIMETRES], np.float32)
-    ways = np.zeros((len(above), 3), np.float32)
-    ways[:, :2] = rotate(frames.memory[vector.name][known], frames.pose[..., 2][known]) * np.float32(MILLIMETRES)
-    return above, ways, known
+    height = ARROW_HEIGHT * scene.height * MILLIMETRES
+    origins = centre[known] + np.array([0, 0, height], np.float32)
+
+    in_own_frame = frames.memory[vector.name][known]
+    yaw = frames.pose[..., 2][known]
+    directions = np.zeros((len(origins), 3), np.float32)
+    directions[:, :2] = rotate(in_own_frame, yaw) * np.float32(MILLIMETRES)
+    return origins, directions, known

@@ -1,4 +1,7 @@
-"""Classes of robots, balls and links, states of robots, and their colours, in recordings and on the page."""
+"""Classes of robots, balls and links, states of robots, and their colours.
+
+Recordings and the page share them.
+"""
 
 from itertools import cycle
 from typing import NamedTuple
@@ -6,11 +9,25 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Int, UInt8, UInt16
 
-from iswarm_mj.output.memory import is_known, vectors
-from iswarm_mj.output.palette import EMPTY, LOADED, PINK, PURPLE, SCOUT, SKY, YELLOW, Rgb, rgb
+from iswarm_mj.output.memory_vectors import is_known, recorded_vectors
+from iswarm_mj.output.palette import (
+    EMPTY,
+    LOADED,
+    PINK,
+    PURPLE,
+    SCOUT,
+    SKY,
+    YELLOW,
+    Rgb,
+    rgb,
+)
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 
+# Classes of a robot; a robot that sends priority has the next number.
+WORKER_CLASS = 0
+SCOUT_CLASS = 2
+LOADED_CLASS = 4
 ROBOT_CLASSES = (
     (0, "empty", rgb(EMPTY)),
     (1, "empty, sends priority", (135, 55, 0)),
@@ -19,53 +36,80 @@ ROBOT_CLASSES = (
     (4, "loaded", rgb(LOADED)),
     (5, "loaded, sends priority", (0, 60, 105)),
 )
-"""Class, label and colour: load goes before scout, scout before worker; priority is the darker shade.
+"""Class, label and colour of robots without teams and kinds.
 
-None is that of the floor or an area on it.
+A loaded scout counts as loaded; priority is a darker shade. No colour is that of the floor or of an
+area on it.
 """
-BALL_CLASS_OFFSET, LINK_CLASS_OFFSET = 10, 20
-"""A ball's class is the first plus its state; a link's the second, plus one if its message was heard."""
+BALL_CLASS_OFFSET = 10
+"""Class of a ball in state 0 (`schema.BALL_STATES`); those of other states follow."""
 BALL_CLASSES = (
     (10, "on the floor", (25, 25, 25)),
     (11, "held", (255, 240, 60)),
     (12, "delivered", rgb(PURPLE)),
 )
+LINK_CLASS_OFFSET = 20
+"""Class of a link with a damaged message; that of a link that was heard follows."""
 LINK_CLASSES = ((20, "damaged message", rgb(PINK)), (21, "heard", (95, 95, 105)))
 TEAM_CLASS_OFFSET = 30
-"""Class of the first team's robots; that of its loaded ones follows, then those of the other teams."""
+"""Class of the first team's robots; that of its loaded robots follows, then the other teams'."""
 TEAM_COLOURS = tuple(map(rgb, (EMPTY, LOADED, SCOUT, PINK, YELLOW, SKY)))
-"""In turn."""
+"""Colours of teams, which repeat where there are more teams."""
 
 
-def groups(scene: Scene) -> tuple[Int[np.ndarray, "N"], tuple[str, ...]]:
-    """Return to which team each robot belongs, or else to which kind, and their names; none if all are alike."""
+def robot_groups(scene: Scene) -> tuple[Int[np.ndarray, "N"], tuple[str, ...]]:
+    """Return the number of each robot's group, and the names of the groups.
+
+    Groups are teams or, without teams, kinds of robots; there are no names if all robots are alike.
+    """
     if scene.team_names:
         return scene.team, scene.team_names
-    kinds = int(np.max(scene.kind, initial=0)) + 1
-    return scene.kind, tuple(f"kind {number}" for number in range(kinds)) if kinds > 1 else ()
+    n_kinds = int(np.max(scene.kind, initial=0)) + 1
+    if n_kinds == 1:
+        return scene.kind, ()
+    return scene.kind, tuple(f"kind {number}" for number in range(n_kinds))
 
 
 def robot_classes(
     scene: Scene, is_loaded: Bool[np.ndarray, "*T N"], has_priority: Bool[np.ndarray, "*T N"]
 ) -> UInt16[np.ndarray, "*T N"]:
-    """Return classes of `ROBOT_CLASSES`: load before scout before worker, twice that, plus priority; or of teams."""
-    number, names = groups(scene)
+    """Return the class of each robot: one of `ROBOT_CLASSES`, or that of its group."""
+    group, names = robot_groups(scene)
     if names:
-        return (TEAM_CLASS_OFFSET + 2 * number + is_loaded).astype(np.uint16)
-    return (np.where(is_loaded, 4, np.where(scene.is_scout, 2, 0)) + has_priority).astype(np.uint16)
+        return (TEAM_CLASS_OFFSET + 2 * group + is_loaded).astype(np.uint16)
+    empty_class = np.where(scene.is_scout, SCOUT_CLASS, WORKER_CLASS)
+    without_priority = np.where(is_loaded, LOADED_CLASS, empty_class)
+    return (without_priority + has_priority).astype(np.uint16)
 
 
 def shown_classes(scene: Scene) -> list[tuple[int, str, Rgb]]:
-    """Return class, label and colour of the robots that a scene can show; loaded ones of a team are darker."""
-    has_balls, names = len(scene.ball_radius) > 0, groups(scene)[1]
-    if not names:
-        there = {0, 1, *((2, 3) if np.any(scene.is_scout) else ()), *((4, 5) if has_balls else ())}
-        return [one for one in ROBOT_CLASSES if one[0] in there]
-    found = []
-    for number, (name, colour) in enumerate(zip(names, cycle(TEAM_COLOURS))):
-        place, dark = TEAM_CLASS_OFFSET + 2 * number, (colour[0] * 3 // 5, colour[1] * 3 // 5, colour[2] * 3 // 5)
-        found += [(place, name, colour), (place + 1, f"{name}, loaded", dark)][: 1 + has_balls]
-    return found
+    """Return class, label and colour of the robots that a scene can show.
+
+    Loaded robots of a group are a darker shade.
+    """
+    has_balls = len(scene.ball_radius) > 0
+    _, group_names = robot_groups(scene)
+    if not group_names:
+        classes = [WORKER_CLASS]
+        if np.any(scene.is_scout):
+            classes.append(SCOUT_CLASS)
+        if has_balls:
+            classes.append(LOADED_CLASS)
+        return [
+            (number, label, colour)
+            for number, label, colour in ROBOT_CLASSES
+            if number in classes or number - 1 in classes  # the latter with priority
+        ]
+
+    shown = []
+    for group, (name, colour) in enumerate(zip(group_names, cycle(TEAM_COLOURS))):
+        empty_class = TEAM_CLASS_OFFSET + 2 * group
+        shown.append((empty_class, name, colour))
+        if has_balls:
+            red, green, blue = colour
+            darker = (red * 3 // 5, green * 3 // 5, blue * 3 // 5)
+            shown.append((empty_class + 1, f"{name}, loaded", darker))
+    return shown
 
 
 class State(NamedTuple):
@@ -74,11 +118,11 @@ class State(NamedTuple):
     name: str
     colour: Rgb
     is_loaded: bool = False
-    """Whether the robot holds a ball."""
+    """The robot holds a ball."""
     vector: str = ""
-    """The recorded vector that the robot knows; empty if that does not matter."""
+    """Name of the recorded vector that the robot knows; empty if that does not matter."""
     stands: bool = False
-    """The drive carried out neither a turn nor a way."""
+    """The drive carried out neither a turn nor a walk."""
 
 
 DEAD = State("dead", (70, 70, 70))
@@ -86,28 +130,38 @@ STATES = (
     State("empty", rgb(EMPTY)),
     State("empty, knows dust", (240, 165, 95), vector="dust_vector"),
     State("empty, stands", (150, 120, 100), stands=True),
-    State("loaded", rgb(LOADED), True),
-    State("loaded, knows dump", rgb(SKY), True, "dump_vector"),
-    State("loaded, stands", (100, 120, 150), True, stands=True),
+    State("loaded", rgb(LOADED), is_loaded=True),
+    State("loaded, knows dump", rgb(SKY), is_loaded=True, vector="dump_vector"),
+    State("loaded, stands", (100, 120, 150), is_loaded=True, stands=True),
     DEAD,
 )
-"""Colours are those of the robots, lighter with a vector, greyer at rest."""
+"""States of a robot; colours are those of the robots, lighter with a vector, greyer at rest."""
 
 
-def states(scene: Scene) -> list[State]:
+def possible_states(scene: Scene) -> list[State]:
     """Return the states that robots of this scene can have."""
-    recorded = {"", *(vector.name for vector in vectors(scene.memory))}
-    return [
-        state for state in STATES if state.vector in recorded and (not state.is_loaded or len(scene.ball_radius) > 0)
-    ]
+    has_balls = len(scene.ball_radius) > 0
+    recorded = {"", *(vector.name for vector in recorded_vectors(scene.memory))}
+    return [state for state in STATES if state.vector in recorded and (has_balls or not state.is_loaded)]
 
 
 def states_of(scene: Scene, frames: Frames) -> UInt8[np.ndarray, "T N"]:
-    """Return the state of each robot, its place in `states`; at the start, before the first step, none stands."""
-    stands = ~frames.command.any(axis=-1) & (frames.step > 0)[:, None]
-    known = {vector.name: is_known(frames, vector) for vector in vectors(scene.memory)}
-    found = np.zeros(frames.is_loaded.shape, np.uint8)
-    for place, state in enumerate(states(scene)):
-        is_in = (frames.is_loaded == state.is_loaded) & known.get(state.vector, True) & (stands | (not state.stands))
-        found[is_in if state != DEAD else ~frames.is_alive] = place
-    return found
+    """Return the state of each robot as its place in `possible_states`.
+
+    At the start, before the first step, no robot counts as standing.
+    """
+    is_after_start = (frames.step > 0)[:, None]
+    stands = ~frames.command.any(axis=-1) & is_after_start
+    known = {vector.name: is_known(frames, vector) for vector in recorded_vectors(scene.memory)}
+
+    places = np.zeros(frames.is_loaded.shape, np.uint8)
+    for place, state in enumerate(possible_states(scene)):
+        if state == DEAD:
+            is_in_state = ~frames.is_alive
+        else:
+            is_in_state = frames.is_loaded == state.is_loaded
+            is_in_state = is_in_state & known.get(state.vector, True)
+            if state.stands:
+                is_in_state = is_in_state & stands
+        places[is_in_state] = place
+    return places

@@ -6,17 +6,27 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-RESULT, TRAJECTORY, RECORDING = "result.json", "trajectory.npz", "clean.rrd"
-"""Names of the files of a run."""
+# Names of the files of a run.
+RESULT = "result.json"
+TRAJECTORY = "trajectory.npz"
+RECORDING = "clean.rrd"
+"""Name of the recording of a task that counts deliveries, such as cleaning."""
 OTHER_RECORDING = "run.rrd"
-"""Name of the recording of another task than cleaning."""
+"""Name of the recording of any other task."""
+
 ABOUT = "about"
-"""Of a trajectory's arrays, the one that holds version, settings, genome and configuration as JSON."""
-AREA, METRIC, SCENE = "area_", "metric_", "scene_"
-"""Prefixes of the arrays that a task adds, its areas on the floor and its metrics, and of those of `Scene`."""
+"""Array of a trajectory that holds version, settings, genome and configuration as JSON."""
+
+# Prefixes of arrays of a trajectory.
+AREA = "area_"
+"""Prefix of the areas on the floor that a task adds."""
+METRIC = "metric_"
+"""Prefix of the metrics that a task adds."""
+SCENE = "scene_"
+"""Prefix of the fields of `Scene`."""
 
 Arrays = Mapping[str, np.ndarray]
-"""Arrays of a trajectory by their names: `Frames`, and with the prefix scene_ `Scene`."""
+"""Arrays of a trajectory by name: fields of `Frames`, and fields of `Scene` with their prefix."""
 
 
 class Scene(NamedTuple):
@@ -29,61 +39,62 @@ class Scene(NamedTuple):
     """Length, width and height of each robot [m]."""
     is_scout: Bool[np.ndarray, "N"]
     ball_radius: Float[np.ndarray, "K"]
-    """[m]"""
+    """Radius of each ball [m]."""
     arena_size: float
-    """Edge of the arena, which is centred on the origin, or of the square around its `corners` [m]."""
+    """Edge of the arena, or of the square around its `corners`, centred on the origin [m]."""
     dump: Float[np.ndarray, "4"]
-    """Rectangle [m]; of no size where the task has no dump."""
+    """Rectangle of the dump [m]; of no size where the task has no dump."""
     dust_areas: Float[np.ndarray, "A 4"]
-    """Rectangles [m]."""
+    """Rectangles of the dust areas [m]."""
     control_period: float
     """Time between two frames [s]."""
     is_alive: Bool[np.ndarray, "N"]
-    """At the start; the others are dead, they only stand in the way."""
+    """Robots that work at the start; a dead robot is only an obstacle."""
     payload: str
-    """What messages carry, in JSON; with it and `n_leds`, `message_columns` decodes the frames' messages."""
+    """Fields of messages in JSON; with it and `n_leds`, `message_columns` decodes messages."""
     world: int
     """Number of the world in its run."""
     n_leds: int
-    """LEDs of a robot, which decide the layout of messages."""
+    """Number of LEDs of a robot, which decides the layout of messages."""
     kind: Int[np.ndarray, "N"]
     """Index of each robot's kind in `Robots.kinds`."""
     memory_names: tuple[str, ...] = ()
-    """What is recorded of the robots' memory, see `Frames.memory`."""
+    """Names of the recorded parts of the robots' memory, see `Frames.memory`."""
     memory_units: tuple[str, ...] = ()
-    """Unit of each; empty where the strategy states none."""
+    """Unit of each part; empty where the strategy states none."""
     memory_sizes: tuple[int, ...] = ()
-    """How many numbers each has for a robot."""
+    """Number of values that each part has for a robot."""
     area_names: tuple[str, ...] = ()
-    """Areas on the floor beside dump and dust, see `Frames.task`."""
+    """Names of the areas that the task adds, see `Frames.task`."""
     area_colours: tuple[tuple[int, int, int], ...] = ()
-    """Red, green and blue of each."""
+    """Red, green and blue of each of these areas."""
     area_shapes: tuple[str, ...] = ()
-    """Whether each is of squares or of discs."""
+    """Shape of each of these areas, "square" or "disc"."""
     metric_names: tuple[str, ...] = ()
-    """Metrics of the task, see `Frames.task`."""
+    """Names of the metrics that the task adds, see `Frames.task`."""
     metric_units: tuple[str, ...] = ()
-    """Unit of each; empty for numbers without one."""
+    """Unit of each metric; empty for numbers without one."""
     metric_descriptions: tuple[str, ...] = ()
+    """Description of each metric."""
     obstacles: Float[np.ndarray, "O 5"] = np.zeros((0, 5))
-    """Boxes in the arena: x, y, half edges [m], yaw [rad]."""
+    """Fixed boxes in the arena: x, y, half edges [m], yaw [rad]."""
     boxes: Float[np.ndarray, "M 4"] = np.zeros((0, 4))
     """Half edges [m], mass [kg] and friction of the boxes that robots push."""
     corners: Float[np.ndarray, "C 2"] = np.zeros((0, 2))
-    """Of the arena, anticlockwise [m]; none: of the square."""
+    """Corners of the arena, anticlockwise [m]; none for a square arena."""
     team_names: tuple[str, ...] = ()
-    """Teams of the robots, see `strategy.teams`; none where they are one."""
+    """Names of the robots' teams, see `strategy.teams`; none without teams."""
     team_sizes: tuple[int, ...] = ()
-    """Number of robots of each."""
+    """Number of robots of each team."""
 
     @property
     def length(self) -> float:
-        """Of the longest robots [m]."""
+        """Length of the longest robots [m]."""
         return float(np.max(self.robot_size[..., 0]))
 
     @property
     def height(self) -> float:
-        """Of all robots [m]."""
+        """Height of the robots, which all kinds share [m]."""
         return float(np.max(self.robot_size[..., 2]))
 
     @property
@@ -93,10 +104,10 @@ class Scene(NamedTuple):
         return np.repeat(np.arange(len(sizes)), sizes)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return its values as arrays by their names in a trajectory."""
+        """Return the fields as arrays by their names in a trajectory."""
         return {SCENE + name: np.asarray(value) for name, value in self._asdict().items()}
 
     @property
     def memory(self) -> list[tuple[str, str, int]]:
-        """Name, unit and number of numbers of what is recorded of the robots' memory."""
+        """Name, unit and size (numbers a robot) of each recorded part of the robots' memory."""
         return list(zip(self.memory_names, self.memory_units, self.memory_sizes, strict=True))

@@ -1,4 +1,7 @@
-"""What figures, recordings and the page show of a trial on the bench: lines over time, and shapes. V, um and nN."""
+"""Lines over time and shapes of a trial on the bench, for figures, recordings and the page.
+
+Units are V, um and nN.
+"""
 
 from typing import NamedTuple
 
@@ -7,27 +10,41 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from iswarm_mj.gripper.bench.tracing import Trace
-from iswarm_mj.output.palette import GREEN, GREY, ORANGE, PALE_GREEN, PALE_ORANGE, SKY, YELLOW
+from iswarm_mj.output.palette import (
+    GREEN,
+    GREY,
+    ORANGE,
+    PALE_GREEN,
+    PALE_ORANGE,
+    SKY,
+    YELLOW,
+)
 
-UM, NN = 1e6, 1e9
-"""Micrometres per metre, nanonewtons per newton."""
+UM = 1e6
+"""Micrometres per metre."""
+NN = 1e9
+"""Nanonewtons per newton."""
 PROBE_LENGTH = 100.0
 """Length of the probe in the view [um]."""
 ARROW_FORCE = 1e-6
 """Force whose arrow is one radius long; lengths go with the square root [N]."""
+ARROW_POSITIONS = ((1.3, 0, 0), (1.55, 0, 0), (1.8, 0, 0))
+"""Origins of the arrows relative to the ball's centre, in radii of the ball."""
+MARK_DIRECTION = (0.3, -0.8, 0.52)
+"""Direction from the ball's centre to the dot on it, in the ball's own frame; of about length 1."""
 
 
 class Line(NamedTuple):
-    """A quantity of a trace."""
+    """A quantity of a trace that is drawn over time."""
 
     name: str
-    """Of its plot and of itself, as the end of its entity."""
+    """Name of its plot and name of the line, which end the name of its entity."""
     field: str
-    """Of the trace."""
+    """Field of the trace."""
     factor: float
-    """From SI to its unit."""
+    """Factor from SI to its unit."""
     label: str
-    """In the legend."""
+    """Label in the legend."""
     colour: str
 
 
@@ -35,7 +52,13 @@ LINES = (
     Line("voltage/voltage", "voltage", 1.0, "voltage", SKY),
     Line("gaps/tool", "gap_tool", UM, "tool to ball", GREEN),
     Line("gaps/plate", "gap_plate", UM, "ball to plate", ORANGE),
-    Line("attraction/electrostatic", "electrostatic", NN, "electrostatic, positive to the tool", YELLOW),
+    Line(
+        "attraction/electrostatic",
+        "electrostatic",
+        NN,
+        "electrostatic, positive to the tool",
+        YELLOW,
+    ),
     Line("attraction/tool", "adhesion_tool", NN, "adhesion to the tool", GREEN),
     Line("attraction/plate", "adhesion_plate", NN, "adhesion to the plate", ORANGE),
     Line("attraction/weight", "weight", NN, "weight", GREY),
@@ -45,24 +68,36 @@ LINES = (
 
 
 class TrialShapes(NamedTuple):
-    """Where everything is in T samples."""
+    """Positions of ball, probe and arrows in T samples [um]."""
 
     ball: Float[np.ndarray, "T 3"]
+    """Centre of the ball."""
     mark: Float[np.ndarray, "T 3"]
     """Dot on the ball, which turns with it."""
     probe: Float[np.ndarray, "T 3"]
     """Centre of the probe, whose face is half its length below."""
     origins: Float[np.ndarray, "T 3 3"]
-    """Of the arrows beside the ball: electrostatic force, adhesion to the tool, adhesion to the plate."""
+    """Origins of the arrows: electrostatic force, adhesion to the tool, adhesion to the plate."""
     arrows: Float[np.ndarray, "T 3 3"]
+    """Arrows of these forces."""
 
 
 def trial_shapes(trace: Trace) -> TrialShapes:
     """Return the shapes of a trial."""
-    ball, radius = trace.ball * UM, trace.radius * UM
-    mark = ball + radius * Rotation.from_quat(trace.ball_quaternion, scalar_first=True).apply([0.3, -0.8, 0.52])
+    ball = trace.ball * UM
+    radius = trace.radius * UM
+    rotation = Rotation.from_quat(trace.ball_quaternion, scalar_first=True)
+    probe_face = trace.probe * UM
+
+    # Arrows are vertical; upwards is towards the tool.
     forces = np.stack([trace.electrostatic, trace.adhesion_tool, -trace.adhesion_plate], axis=1)
     arrows = np.zeros((*forces.shape, 3))
     arrows[..., 2] = np.sign(forces) * np.sqrt(np.abs(forces) / ARROW_FORCE) * radius
-    origins = ball[:, None] + np.array([[1.3, 0, 0], [1.55, 0, 0], [1.8, 0, 0]]) * radius
-    return TrialShapes(ball, mark, trace.probe * UM + np.array([0, 0, PROBE_LENGTH / 2]), origins, arrows)
+
+    return TrialShapes(
+        ball=ball,
+        mark=ball + radius * rotation.apply(MARK_DIRECTION),
+        probe=probe_face + np.array([0, 0, PROBE_LENGTH / 2]),
+        origins=ball[:, None] + np.array(ARROW_POSITIONS) * radius,
+        arrows=arrows,
+    )

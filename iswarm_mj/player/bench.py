@@ -20,7 +20,7 @@ from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.view import linear
 from iswarm_mj.player.widgets import AXIS, show, spots
 from iswarm_mj.utils.constraints import Within, validate
-from iswarm_mj.workflows.grasp_settings import GraspSettings, Used
+from iswarm_mj.workflows.grasp_settings import EffectiveProperties, GraspSettings
 
 _ROOT = "/bench"
 FORCES = (("electrostatic", YELLOW), ("adhesion to the tool", GREEN), ("adhesion to the plate", ORANGE))
@@ -62,9 +62,9 @@ class BenchSettings:
         validate(self)
 
     @property
-    def used(self) -> Used:
-        """Numbers of the materials, see `GraspSettings.used`."""
-        return GraspSettings(**{name: getattr(self, name) for name in _MATERIALS}).used
+    def used(self) -> EffectiveProperties:
+        """Numbers of the materials, see `GraspSettings.effective`."""
+        return GraspSettings(**{name: getattr(self, name) for name in _MATERIALS}).effective
 
     def changed(self, name: str, value: Any) -> "BenchSettings":
         """Return settings with another value; another material changes the works of adhesion, too."""

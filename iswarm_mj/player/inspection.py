@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.output.message_columns import said
+from iswarm_mj.output.message_columns import message_columns
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.strategy.declared import parts_of
@@ -51,7 +51,7 @@ def described(scene: Scene, frames: Frames, memory: Any, robot: int) -> str:
 
 
 def _said(scene: Scene, frames: Frames, robot: int) -> list[tuple[str, str]]:
-    found = [(column, np.ma.asarray(values)[0, robot]) for column, values in said(scene, frames.message)]
+    found = [(column, np.ma.asarray(values)[0, robot]) for column, values in message_columns(scene, frames.message)]
     return [
         (column.name.removeprefix("said_"), f"{_text(value)} {column.unit}".strip())
         for column, value in found

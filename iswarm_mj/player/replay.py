@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.output.memory import vectors
+from iswarm_mj.output.loading import SavedRun
+from iswarm_mj.output.memory_vectors import recorded_vectors
 from iswarm_mj.output.palette import Rgb
-from iswarm_mj.output.saved import SavedRun
 from iswarm_mj.output.schema import ARRAYS, Frames
 from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import AREA, METRIC
@@ -38,13 +38,13 @@ def swarm_film(run: SavedRun, film: Film) -> tuple[Draw, list[tuple[str, Rgb]], 
         ConfigError: the run has no such steps, no such colours, or nothing of that name to draw.
     """
     scene, known = run.scene, {*ARRAYS, *run.scene.memory_names}
-    frames = Frames.of({k: v for k, v in run.arrays.items() if k in known or k.startswith((AREA, METRIC))})
+    frames = Frames.from_arrays({k: v for k, v in run.arrays.items() if k in known or k.startswith((AREA, METRIC))})
     end = int(frames.step[-1])
     last = min(end, film.first + MOST_STEPS) if film.last is None else film.last
     check("last", last, f"a control step after the first one, up to {end}", film.first < last <= end)
     ways = arrays.ways_to_colour(scene, frames[:1])
     check("colour_by", film.colour_by, f"one of {', '.join(ways)}", film.colour_by in ways)
-    drawn = ("links", "trails", *(vector.stem for vector in vectors(scene.memory)))
+    drawn = ("links", "trails", *(vector.stem for vector in recorded_vectors(scene.memory)))
     for name in film.draw:
         check("draw", name, f"some of {', '.join(drawn)}", name in drawn)
 

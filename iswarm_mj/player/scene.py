@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from iswarm_mj.output import shapes
-from iswarm_mj.output.memory import hop_colours, hop_counts, numbers, vectors
+from iswarm_mj.output.memory_vectors import hop_colours, hop_counts, names_without_vectors, recorded_vectors
 from iswarm_mj.output.message_columns import shown_fields
 from iswarm_mj.output.palette import Rgb
 from iswarm_mj.output.schema import Frames
@@ -46,7 +46,7 @@ def moment(scene: Scene, before: Frames, after: Frames, share: float) -> Moment:
     ball[held, 2] += 1.2 * scene.height * shapes.MILLIMETRES
     colours = np.array([colour for *_, colour in BALL_CLASSES], np.uint8)
     areas = {name: after.task[AREA + name][0] * shapes.MILLIMETRES for name in scene.area_names}
-    first, then = (shapes.boxes(scene, frames)[0] for frames in (before, after))
+    first, then = (shapes.pushed_boxes(scene, frames)[0] for frames in (before, after))
     return Moment(
         centre,
         pose[0, :, 2],
@@ -60,7 +60,7 @@ def moment(scene: Scene, before: Frames, after: Frames, share: float) -> Moment:
 def arrows(scene: Scene, frames: Frames, centre: Float[np.ndarray, "N 3"]) -> dict[str, Float[np.ndarray, "M 2 3"]]:
     """Return the ends of the arrows of what robots remember, by the names of the vectors."""
     found = {}
-    for vector in vectors(scene.memory):
+    for vector in recorded_vectors(scene.memory):
         origins, ways, _ = shapes.arrows(scene, frames, vector, centre[None])
         found[vector.stem] = np.stack([origins, origins + ways], axis=1)
     return found
@@ -84,9 +84,13 @@ def numbers_of(scene: Scene, frames: Frames, energy: np.ndarray | None) -> dict[
         frames: one frame.
         energy: in the capacitors (N,) [J]; None where there are none.
     """
-    hops = {f"hops to {v.stem}": hop_counts(frames, v)[0] for v in vectors(scene.memory) if v.hop in scene.memory_names}
+    hops = {
+        f"hops to {v.stem}": hop_counts(frames, v)[0]
+        for v in recorded_vectors(scene.memory)
+        if v.hop in scene.memory_names
+    }
     said = {f"says {name.removeprefix('said_')}": v[0] for name, v in shown_fields(scene, frames.message).items()}
-    remembered = {f"remembers {name}": frames.memory[name][0] for name in numbers(scene)}
+    remembered = {f"remembers {name}": frames.memory[name][0] for name in names_without_vectors(scene)}
     known = {ENERGY: energy} if energy is not None else {}
     return hops | {way: _scaled(values) for way, values in (said | remembered | known).items()}
 

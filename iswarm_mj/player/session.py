@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from iswarm_mj.output.frames import FIXED, RecordedWorld
+from iswarm_mj.output.frames import FIXED_AREAS, RecordedWorld
 from iswarm_mj.output.schema import ARRAYS, Frames
 from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import METRIC
@@ -114,7 +114,7 @@ class Session:
     def _begin(self, scenario: PageScenario) -> None:
         """Begin another run and complete the recording; where that fails, all stays as it was."""
         run = scenario.run()
-        world = RecordedWorld.of(run, 0)
+        world = RecordedWorld.of_run(run, 0)
         frames = world.frames([run.start])
         self.stop_recording()
         with self.lock:
@@ -314,9 +314,9 @@ class Session:
     def _follow_areas(self) -> None:
         """Take in areas on the floor that settings have moved; a recording has them from its start."""
         before = self.world.scene
-        self.world = RecordedWorld.of(self.run, 0)
+        self.world = RecordedWorld.of_run(self.run, 0)
         after = self.world.scene
-        if any(not np.array_equal(getattr(before, name), getattr(after, name)) for name in FIXED):
+        if any(not np.array_equal(getattr(before, name), getattr(after, name)) for name in FIXED_AREAS):
             self.stop_recording()
 
     def _append(self, frames: Frames, record: StepRecord) -> None:

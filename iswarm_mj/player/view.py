@@ -9,8 +9,8 @@ from jaxtyping import Float
 
 from iswarm_mj.geometry.obstacles import Obstacle
 from iswarm_mj.output import shapes
-from iswarm_mj.output.frames import FIXED
-from iswarm_mj.output.memory import vectors
+from iswarm_mj.output.frames import FIXED_AREAS
+from iswarm_mj.output.memory_vectors import recorded_vectors
 from iswarm_mj.output.palette import BOX, FLOOR, GREEN, PINK, SKY, WALL, YELLOW, rgb
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
@@ -85,7 +85,7 @@ class SwarmView:
                 head_radius=0.12 * length,
                 head_length=0.25 * length,
             )
-            for k, vector in enumerate(vectors(scene.memory))
+            for k, vector in enumerate(recorded_vectors(scene.memory))
         }
         self._wished = self._batch("wished", trimesh.creation.box((2, 2, height)), 0, rgb(WALL), opacity=0.4)
         ring = trimesh.creation.annulus(0.85 * length, 1.0 * length, 0.1)
@@ -102,7 +102,7 @@ class SwarmView:
         if scene is self.scene:
             return
         before, self.scene = self.scene, scene
-        is_moved = [not np.array_equal(getattr(before, name), getattr(scene, name)) for name in FIXED]
+        is_moved = [not np.array_equal(getattr(before, name), getattr(scene, name)) for name in FIXED_AREAS]
         if any(is_moved):
             self._draw_standing()
 

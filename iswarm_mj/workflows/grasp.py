@@ -1,4 +1,4 @@
-"""The gripper's experiments: trials or force-distance curves, their tables, figures and recordings."""
+"""The gripper's experiments: trials or force-distance curves, their tables, figures, recordings."""
 
 import re
 import time
@@ -30,33 +30,51 @@ from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_table
-from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, cases, of_settings
+from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, adapted, cases
 
 if TYPE_CHECKING:
-    # The parts of the bench that compile are imported where they run, since `iswarm inspect` reads tables only.
+    # The parts of the bench that compile are imported where they run, since `iswarm inspect` reads
+    # tables only.
     from iswarm_mj.gripper.bench.run_trials import Outcomes
 
 TABLE = "trials.parquet"
 CURVES = "force_curve.parquet"
 
-_FIGURES = ("grasp_voltage", "grasp_voltage_humidity", "release_voltage", "release_voltage_*um", "no_contact")
-_RESULTS = (TABLE, "trials.csv", RESULT, "trial-[0-9][0-9][0-9][0-9]*.rrd", *(f"{name}.[ps][nv]g" for name in _FIGURES))
-"""Patterns of the names of all that `run_grasp` writes."""
+_FIGURES = (
+    "grasp_voltage",
+    "grasp_voltage_humidity",
+    "release_voltage",
+    "release_voltage_*um",
+    "no_contact",
+)
+_RESULTS = (
+    TABLE,
+    "trials.csv",
+    RESULT,
+    "trial-[0-9][0-9][0-9][0-9]*.rrd",
+    *(f"{name}.png" for name in _FIGURES),
+    *(f"{name}.svg" for name in _FIGURES),
+)
+"""Patterns of the names of all files that `run_grasp` writes."""
+_EXPERIMENT_NAMES = {"grasp": "grasp", "release": "release", "no_contact": "no contact"}
+"""Experiments of the table, and their names in the summary."""
+_UM = 1e6
+"""Micrometres per metre."""
 
 
 class TrialRow(NamedTuple):
     """One experiment on one ball. SI units."""
 
     radius: float
-    """Of the ball [m]."""
+    """Radius of the ball [m]."""
     relative_humidity: float
-    """Of the setting [%]."""
+    """Relative humidity of the setting [%]."""
     trial_humidity: float
-    """Of the trial, within the spread [%]."""
+    """Relative humidity of the trial, within the spread [%]."""
     repeat: int
     """Number of the trial at this radius and humidity."""
     seed: int
-    """Of the run."""
+    """Seed of the run."""
     work_tool_object: float
     """W_TO at the trial's humidity [J/m^2]."""
     work_object_substrate: float
@@ -64,139 +82,234 @@ class TrialRow(NamedTuple):
     experiment: str
     """"grasp", "release" or "no_contact"."""
     gap: float
-    """To the plate in a release, to the tool without contact [m]."""
+    """Gap to the plate in a release, to the tool without contact [m]."""
     voltage: float | None
-    """At which it happened; None: not up to `limit_voltage` [V]."""
+    """Voltage at which the ball was lifted or released; None if it was not up to `limit_voltage`
+    [V]."""
     limit_voltage: float
     """Highest voltage of the attempt [V]."""
     step_voltage: float
     """Resolution of `voltage` [V]."""
     melted: bool
-    """Whether a current through tool, ball and plate melted it, see `melts`; none flows without contact, or once a ball
-    hangs, so that only a grasp melts."""
+    """The current through tool, ball and plate melted the ball, see `melts`; only in a grasp, since
+    no current flows without contact, or once a ball hangs."""
     quasi_static_voltage: float
-    """What the force laws give without dynamics [V]."""
+    """Voltage by the force laws without dynamics [V]."""
     flight_time: float | None = None
-    """Only of a release [s]."""
+    """Time from release to landing; only of a release [s]."""
     landing_speed: float | None = None
-    """Only of a release [m/s]."""
+    """Speed at landing; only of a release [m/s]."""
     landed: bool | None = None
-    """Only of a release: the ball came to rest on the plate and stayed."""
+    """The ball came to rest on the plate and stayed; only of a release."""
     transport: float | None = None
-    """Only of a release: distance of the target aside, to which the ball was carried [m]."""
+    """Distance of the target, to which the ball was carried sideways; only of a release [m]."""
     off_target: float | None = None
-    """Only of a release: distance of the ball from the target, the place below the tool's axis, in the end [m]."""
+    """Final distance of the ball from the target below the tool's axis; only of a release [m]."""
     faulty: bool = False
     """The state became infinite or nan."""
 
 
-def trial_rows(settings: GraspSettings, cases: Sequence[Case], outcomes: "Outcomes") -> list[TrialRow]:
-    """Rows of the table, case by case; a ball that was not lifted, or fell before the ramp, has no release."""
-    return [row for i, case in enumerate(cases) for row in _rows_of(settings, case, outcomes, i)]
+def trial_rows(settings: GraspSettings, all_cases: Sequence[Case], outcomes: "Outcomes") -> list[TrialRow]:
+    """Return the rows of the table, case by case.
+
+    A ball that was not picked up, or fell before the ramp, has no release.
+    """
+    rows = []
+    for index, case in enumerate(all_cases):
+        rows += _rows_of_case(settings, case, outcomes, index)
+    return rows
 
 
-def _rows_of(settings: GraspSettings, case: Case, outcomes: "Outcomes", i: int) -> Iterator[TrialRow]:
-    protocol, trial = settings.protocol, case.trial
-    tool, substrate = (
-        float(work * humidity_factor(trial.relative_humidity))
-        for work in (trial.work_tool_object, trial.work_object_substrate)
-    )
+def _rows_of_case(settings: GraspSettings, case: Case, outcomes: "Outcomes", index: int) -> Iterator[TrialRow]:
+    """Yield the rows of a case: attempts without contact, the grasp, releases.
+
+    Args:
+        settings: settings of the run.
+        case: the case.
+        outcomes: outcomes of all cases.
+        index: place of the case among them.
+    """
+    protocol = settings.protocol
+    trial = case.trial
+    factor = humidity_factor(trial.relative_humidity)
+    work_tool = float(trial.work_tool_object * factor)
+    work_plate = float(trial.work_object_substrate * factor)
     ramp_step = protocol.ramp_rate * outcomes.timestep
 
-    def row(experiment: str, gap: float, found: Any, limit: float, step: float, law: Any, **more: Any) -> TrialRow:
-        """A row from an outcome, up to a voltage, and from the law."""
+    def row(experiment: str, gap: float, outcome: Any, **fields: Any) -> TrialRow:
+        """Return a row, with what all experiments of the case share."""
         return TrialRow(
-            *(trial.radius, case.humidity, trial.relative_humidity, case.repeat, settings.seed, tool, substrate),
-            *(experiment, gap, _number(found.voltage[i]), limit, step),
-            quasi_static_voltage=float(law),
-            faulty=bool(found.faulty[i]),
-            **({"melted": False} | more),
+            radius=trial.radius,
+            relative_humidity=case.humidity,
+            trial_humidity=trial.relative_humidity,
+            repeat=case.repeat,
+            seed=settings.seed,
+            work_tool_object=work_tool,
+            work_object_substrate=work_plate,
+            experiment=experiment,
+            gap=gap,
+            voltage=_number_or_none(outcome.voltage[index]),
+            faulty=bool(outcome.faulty[index]),
+            **fields,
         )
 
     for gap, attempt in outcomes.no_contact.items():
-        law = grasp_voltage(trial.radius, 0.0, substrate, gap, trial.probe_radius)
-        yield row("no_contact", gap, attempt, protocol.no_contact_limit, ramp_step, law)
-    grasp, limit = outcomes.grasp, protocol.highest_rung * protocol.step_voltage
-    law = grasp_voltage(trial.radius, tool, substrate, trial.contact_gap, trial.probe_radius)
-    highest, contacts = limit if np.isnan(grasp.voltage[i]) else grasp.voltage[i], settings.used.contacts
-    melted = bool(melts(highest, trial.radius, contacts.breaks_at, contacts.supply, protocol.contact_time))
-    yield row("grasp", 0.0, grasp, limit, protocol.step_voltage, law, melted=melted)
+        law = grasp_voltage(trial.radius, 0.0, work_plate, gap, trial.probe_radius)
+        yield row(
+            "no_contact",
+            gap,
+            attempt,
+            limit_voltage=protocol.no_contact_limit,
+            step_voltage=ramp_step,
+            melted=False,
+            quasi_static_voltage=float(law),
+        )
+
+    grasp = outcomes.grasp
+    limit = protocol.highest_rung * protocol.step_voltage
+    is_lifted = not np.isnan(grasp.voltage[index])
+    highest_voltage = grasp.voltage[index] if is_lifted else limit
+    law = grasp_voltage(trial.radius, work_tool, work_plate, trial.contact_gap, trial.probe_radius)
+    yield row(
+        "grasp",
+        0.0,
+        grasp,
+        limit_voltage=limit,
+        step_voltage=protocol.step_voltage,
+        melted=_melts(settings, trial, highest_voltage),
+        quasi_static_voltage=float(law),
+    )
+
     for gap, release in outcomes.release.items():
-        if release.hung[i]:
-            law = release_voltage(trial.radius, tool, gap, trial.probe_radius)
-            more = {name: _number(getattr(release, name)[i]) for name in ("flight_time", "landing_speed", "off_target")}
-            more |= {"landed": bool(release.landed[i]), "transport": protocol.transport}
-            yield row("release", gap, release, protocol.release_limit, ramp_step, law, **more)
+        if release.hung[index]:
+            law = release_voltage(trial.radius, work_tool, gap, trial.probe_radius)
+            yield row(
+                "release",
+                gap,
+                release,
+                limit_voltage=protocol.release_limit,
+                step_voltage=ramp_step,
+                melted=False,
+                quasi_static_voltage=float(law),
+                flight_time=_number_or_none(release.flight_time[index]),
+                landing_speed=_number_or_none(release.landing_speed[index]),
+                landed=bool(release.landed[index]),
+                transport=protocol.transport,
+                off_target=_number_or_none(release.off_target[index]),
+            )
 
 
-def _number(value: float) -> float | None:
+def _melts(settings: GraspSettings, trial: Trial, highest_voltage: float) -> bool:
+    """Return whether the ball of a trial melts in contact at its highest voltage [V]."""
+    contacts = settings.effective.contacts
+    contact_time = settings.protocol.contact_time
+    return bool(melts(highest_voltage, trial.radius, contacts.breaks_at, contacts.supply, contact_time))
+
+
+def _number_or_none(value: float) -> float | None:
     return None if np.isnan(value) else float(value)
 
 
 def units() -> dict[str, str]:
-    """Return the unit of each column that has one."""
-    found = {name: re.search(r"\[(.*)\]", text) for name, text in field_docs(TrialRow).items()}
-    return {name: match[1] for name, match in found.items() if match}
+    """Return the unit of each column of the table that has one."""
+    units_of_columns = {}
+    for name, text in field_docs(TrialRow).items():
+        unit = re.search(r"\[(.*)\]", text)
+        if unit:
+            units_of_columns[name] = unit[1]
+    return units_of_columns
 
 
 def measures(rows: Sequence[TrialRow]) -> list[dict[str, Any]]:
-    """Return for each experiment, gap [m] and humidity [%] trials, those with a voltage, its mean and range [V]."""
+    """Return the voltages of each experiment, gap and humidity.
+
+    Each entry has the number of trials, the number of those with a voltage, and mean, least and
+    greatest voltage [V].
+    """
     groups: dict[tuple[str, float, float], list[float | None]] = {}
     for row in rows:
         groups.setdefault((row.experiment, row.gap, row.relative_humidity), []).append(row.voltage)
-    found = []
-    for key, every in groups.items():
-        voltages = [voltage for voltage in every if voltage is not None]
-        shown = {"mean": np.mean(voltages).item(), "least": min(voltages), "most": max(voltages)} if voltages else None
-        about = dict(zip(("experiment", "gap", "relative_humidity"), key, strict=True))
-        found.append({**about, "trials": len(every), "with_voltage": len(voltages), "voltage": shown})
-    return found
+
+    entries = []
+    for (experiment, gap, humidity), voltages in groups.items():
+        known = [voltage for voltage in voltages if voltage is not None]
+        statistics = None
+        if known:
+            statistics = {"mean": np.mean(known).item(), "least": min(known), "most": max(known)}
+        entry = {
+            "experiment": experiment,
+            "gap": gap,
+            "relative_humidity": humidity,
+            "trials": len(voltages),
+            "with_voltage": len(known),
+            "voltage": statistics,
+        }
+        entries.append(entry)
+    return entries
 
 
 def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
-    """Names and texts of the lines of a readable summary."""
-    lines = [("trials", f"{settings.n_trials}, seed {settings.seed}"), *outcomes(rows)]
-    lifted = sum(row.experiment == "grasp" and row.voltage is not None for row in rows)
-    fell = lifted * len(settings.gaps.release) - sum(row.experiment == "release" for row in rows)
-    lines += [("fell", f"{fell} lifted balls before a release")] if fell else []
-    lines += [("no contact", "not computed for a rounded tip")] if settings.tip_curvature else []
-    beyond = ", ".join(settings.beyond_the_fit)
-    lines += [("warning", f"beyond the fit, so that voltages are predictions: {beyond}")] if beyond else []
-    faulty = sum(row.faulty for row in rows)
-    return [*lines, ("faulty", f"{faulty} rows, whose state was not finite")] if faulty else lines
+    """Return names and texts of the lines of a readable summary."""
+    lines = [("trials", f"{settings.n_trials}, seed {settings.seed}"), *outcome_lines(rows)]
 
-
-def outcomes(rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
-    """What became of the balls: name and text of a line for each experiment, humidity and gap."""
-    names, lines = {"grasp": "grasp", "release": "release", "no_contact": "no contact"}, []
-    for (experiment, name), rh in product(names.items(), dict.fromkeys(row.relative_humidity for row in rows)):
-        found = [row for row in rows if row.experiment == experiment and row.relative_humidity == rh]
-        for gap in dict.fromkeys(row.gap for row in found):
-            here = [row for row in found if row.gap == gap]
-            where = "" if experiment == "grasp" else f" at {gap * 1e6:g} um"
-            lines.append((name, f"{rh:g} % RH{where}: {_voltage_text(here)}"))
+    n_lifted = sum(row.experiment == "grasp" and row.voltage is not None for row in rows)
+    n_released = sum(row.experiment == "release" for row in rows)
+    n_fallen = n_lifted * len(settings.gaps.release) - n_released
+    if n_fallen:
+        lines.append(("fell", f"{n_fallen} lifted balls before a release"))
+    if settings.tip_curvature:
+        lines.append(("no contact", "not computed for a rounded tip"))
+    if settings.beyond_the_fit:
+        beyond = ", ".join(settings.beyond_the_fit)
+        text = f"beyond the fit, so that voltages are predictions: {beyond}"
+        lines.append(("warning", text))
+    n_faulty = sum(row.faulty for row in rows)
+    if n_faulty:
+        lines.append(("faulty", f"{n_faulty} rows, whose state was not finite"))
     return lines
 
 
-def _voltage_text(rows: Sequence[TrialRow]) -> str:
-    """Mean and range of the voltages; how many balls were lifted or landed, had none, melted."""
-    found = [row.voltage for row in rows if row.voltage is not None]
-    landed, melted = [row.landed for row in rows if row.landed is not None], sum(row.melted for row in rows)
-    parts = [f"{np.mean(found):.1f} V ({min(found):.1f}-{max(found):.1f})"] if found else []
-    parts += [f"{len(found)} of {len(rows)} lifted"] if found and not landed else []
-    parts += [f"{len(rows) - len(found)} of {len(rows)} not up to {rows[0].limit_voltage:g} V"] * (
-        len(found) < len(rows)
-    )
-    parts += [f"{sum(landed)} of {len(landed)} landed and stayed"] if landed else []
-    return ", ".join([*parts, f"{melted} melted"] if melted else parts)
+def outcome_lines(rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
+    """Return name and text of a line for each experiment, humidity and gap."""
+    lines = []
+    humidities = dict.fromkeys(row.relative_humidity for row in rows)
+    for (experiment, name), humidity in product(_EXPERIMENT_NAMES.items(), humidities):
+        rows_at_humidity = [row for row in rows if row.experiment == experiment and row.relative_humidity == humidity]
+        for gap in dict.fromkeys(row.gap for row in rows_at_humidity):
+            rows_at_gap = [row for row in rows_at_humidity if row.gap == gap]
+            place = "" if experiment == "grasp" else f" at {gap * _UM:g} um"
+            lines.append((name, f"{humidity:g} % RH{place}: {_outcome_text(rows_at_gap)}"))
+    return lines
+
+
+def _outcome_text(rows: Sequence[TrialRow]) -> str:
+    """Return mean and range of voltages, and how many balls were lifted, landed or melted."""
+    voltages = [row.voltage for row in rows if row.voltage is not None]
+    landings = [row.landed for row in rows if row.landed is not None]
+    n_melted = sum(row.melted for row in rows)
+    n_without_voltage = len(rows) - len(voltages)
+
+    parts = []
+    if voltages:
+        parts.append(f"{np.mean(voltages):.1f} V ({min(voltages):.1f}-{max(voltages):.1f})")
+    if voltages and not landings:
+        parts.append(f"{len(voltages)} of {len(rows)} lifted")
+    if n_without_voltage:
+        limit = rows[0].limit_voltage
+        parts.append(f"{n_without_voltage} of {len(rows)} not up to {limit:g} V")
+    if landings:
+        parts.append(f"{sum(landings)} of {len(landings)} landed and stayed")
+    if n_melted:
+        parts.append(f"{n_melted} melted")
+    return ", ".join(parts)
 
 
 def run_grasp(settings: GraspSettings, out: Path | None = None, record: Sequence[int] = ()) -> list[TrialRow]:
-    """Run the trials; into a directory write table, figures, recordings and result.json, and print a summary.
+    """Run the trials; write table, figures, recordings and result.json, and print a summary.
 
     Args:
-        settings: of the trials.
-        out: directory; None: nothing is written or printed.
+        settings: settings of the trials.
+        out: directory of the files; None to write and print nothing.
         record: indices of the trials to record, in the order of `cases`.
 
     Returns:
@@ -210,83 +323,124 @@ def run_grasp(settings: GraspSettings, out: Path | None = None, record: Sequence
 
         check_recordings()
     if out is None:
-        return _rows(settings)[0]
+        rows, _ = _compute_rows(settings)
+        return rows
     from iswarm_mj.output.plot_trials import draw_figures
 
     with locked(out):
         started = time.perf_counter()
-        rows, voltages = _rows(settings)
+        rows, voltages = _compute_rows(settings)
         seconds = time.perf_counter() - started
+
+        _remove_results(out)
         mappings = [row._asdict() for row in rows]
-        for path in (path for pattern in _RESULTS for path in out.glob(pattern)):
-            remove(path)
         write_table(out / TABLE, mappings, settings.metadata(), csv=True, units=units())
         draw_figures(mappings, settings.metadata(), out)
         for number in record:
-            _record(settings, cases(settings)[number], voltages[number], out / f"trial-{number:04d}.rrd")
+            case = cases(settings)[number]
+            _record(settings, case, voltages[number], out / f"trial-{number:04d}.rrd")
         _write_result(settings, measures(rows), out)
     lines = [*summary(settings, rows), ("time", f"{seconds:.1f} s"), ("results", str(out))]
     print("\n".join(f"{name:>12}  {text}" for name, text in lines))
     return rows
 
 
-def _rows(settings: GraspSettings) -> tuple[list[TrialRow], Float[np.ndarray, "N"]]:
-    """Rows of the trials, and the grasp voltage of each."""
-    listed = cases(settings)
-    with Progress(len(listed), "trial", waiting="compiling the bench and its forces") as bar:
+def _remove_results(out: Path) -> None:
+    """Remove the files of an earlier run."""
+    for pattern in _RESULTS:
+        for path in out.glob(pattern):
+            remove(path)
+
+
+def _compute_rows(settings: GraspSettings) -> tuple[list[TrialRow], Float[np.ndarray, "N"]]:
+    """Run the trials; return the rows of the table, and the grasp voltage of each trial."""
+    cases_to_run = cases(settings)
+    trials = [case.trial for case in cases_to_run]
+    with Progress(len(trials), "trial", waiting="compiling the bench and its forces") as bar:
         from iswarm_mj.gripper.bench.run_trials import run_trials
 
-        trials = [case.trial for case in listed]
         outcomes = run_trials(trials, settings.protocol, settings.gaps, settings.threads, bar.update)
-    return trial_rows(settings, listed, outcomes), outcomes.grasp.voltage
+    return trial_rows(settings, cases_to_run, outcomes), outcomes.grasp.voltage
 
 
-def _write_result(settings: GraspSettings, found: Sequence[Mapping[str, Any]], out: Path) -> None:
-    """Write result.json: the settings as flags take them, what was measured, and what is not as in the fit."""
+def _write_result(settings: GraspSettings, measured: Sequence[Mapping[str, Any]], out: Path) -> None:
+    """Write result.json: settings as flags take them, measures, and what exceeds the fit."""
     flags = {name: value for name, value in asdict(settings).items() if name != "out"}
-    flags |= {name: getattr(settings, name)._asdict() for name in ("contacts", "tool", "plate")}
-    content = {"version": __version__, "grasp": flags, "beyond_the_fit": settings.beyond_the_fit, "measures": found}
+    for name in ("contacts", "tool", "plate"):  # named tuples, which `asdict` keeps
+        flags[name] = getattr(settings, name)._asdict()
+    content = {
+        "version": __version__,
+        "grasp": flags,
+        "beyond_the_fit": settings.beyond_the_fit,
+        "measures": measured,
+    }
     write_result(out, content)
 
 
 def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Path) -> list[dict[str, Any]]:
-    """Write table and figure of force-distance curves with the medians of the works of adhesion; return the rows.
+    """Write table and figure of force-distance curves at the medians of the works of adhesion.
 
     Args:
-        settings: radii, the first humidity, materials, tip, surfaces, contacts and protocol count.
-        voltages: one curve each [V].
-        out: directory.
+        settings: settings, of which radii, first humidity, materials, tip, surfaces, contacts and
+            protocol are used.
+        voltages: voltage of each curve [V].
+        out: directory of the files.
+
+    Returns:
+        The rows of the table.
     """
     from iswarm_mj.gripper.bench.force_curve import UNITS, force_curve
     from iswarm_mj.output.plot_force_curve import draw_force_curve
 
     humidity = settings.humidities[0]
-    curves, pull_offs = [], []
     metadata = {**settings.metadata(), "relative_humidity": humidity}
+    curves = []
+    pull_offs = []
     with locked(out):
         for radius, voltage in product(settings.radii, voltages):
-            trial = of_settings(settings, Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity))
-            curves.append(force_curve(trial, settings.protocol, voltage))
-            least = min((row for row in curves[-1] if row["direction"] == "retract"), key=itemgetter("total"))
-            about = {"pull_off": least["total"], "gap": least["gap"]}
-            pull_offs.append({"radius": radius, "voltage": voltage, **about})
+            median = Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity)
+            curve = force_curve(adapted(settings, median), settings.protocol, voltage)
+            curves.append(curve)
+            retract = [row for row in curve if row["direction"] == "retract"]
+            pull_off = min(retract, key=itemgetter("total"))
+            pull_offs.append(
+                {
+                    "radius": radius,
+                    "voltage": voltage,
+                    "pull_off": pull_off["total"],
+                    "gap": pull_off["gap"],
+                }
+            )
         rows = [row for curve in curves for row in curve]
         write_table(out / CURVES, rows, metadata, csv=True, units=UNITS)
         draw_force_curve(curves, metadata, out)
         _write_result(settings, pull_offs, out)
-    print(f"{len(settings.radii) * len(voltages)} force-distance curves at {humidity:g} % RH: {out / CURVES}")
+    print(f"{len(curves)} force-distance curves at {humidity:g} % RH: {out / CURVES}")
     if settings.beyond_the_fit:
-        print(f"     warning  beyond the fit, so that forces are predictions: {', '.join(settings.beyond_the_fit)}")
+        beyond = ", ".join(settings.beyond_the_fit)
+        print(f"     warning  beyond the fit, so that forces are predictions: {beyond}")
     return rows
 
 
 def _record(settings: GraspSettings, case: Case, voltage: float, path: Path) -> None:
-    """Repeat a trial at its grasp voltage, nan if it has none, in the C engine, and record it."""
+    """Repeat a trial in MuJoCo's C engine, and record it.
+
+    Args:
+        settings: settings of the run.
+        case: the trial.
+        voltage: its grasp voltage, nan if it has none [V].
+        path: file of the recording.
+    """
     from iswarm_mj.gripper.bench.tracing import trace_trial
     from iswarm_mj.output.rerun_trial import record_trace
 
-    lifts = None if np.isnan(voltage) else float(voltage)
+    grasp_voltage = _number_or_none(voltage)
     gap = next(iter(settings.gap), RELEASE_GAP)
-    trace = trace_trial(case.trial, settings.protocol, lifts, gap)
-    metadata = {**settings.metadata(), "trial": case.trial._asdict(), "repeat": case.repeat, "grasp_voltage": lifts}
+    trace = trace_trial(case.trial, settings.protocol, grasp_voltage, gap)
+    metadata = {
+        **settings.metadata(),
+        "trial": case.trial._asdict(),
+        "repeat": case.repeat,
+        "grasp_voltage": grasp_voltage,
+    }
     record_trace(path, trace, metadata)

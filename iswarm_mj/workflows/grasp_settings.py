@@ -1,4 +1,4 @@
-"""Settings of the gripper's experiments."""
+"""Settings of the gripper's experiments, and the trials that follow from them."""
 
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -23,30 +23,45 @@ CALIBRATION = (
     "MELTING_VOLTAGE",
     "BALL_DENSITY",
 )
-"""Constants of `detachment` that tables record, four of them settings by the same names."""
-_USUAL = (materials.BALL, materials.TOOL, materials.PLATE)
-FITTED = dict(zip(("ball_material", "tool_material", "plate_material"), _USUAL, strict=True)) | {
+"""Constants of `detachment` that tables record; four of them are also settings."""
+FITTED: dict[str, Any] = {
+    "ball_material": materials.BALL,
+    "tool_material": materials.TOOL,
+    "plate_material": materials.PLATE,
     "work_tool_object": None,
     "work_object_substrate": None,
     "probe_radius": detachment.PROBE_RADIUS,
     "tip_curvature": None,
 }
-"""Settings of the paper's experiments, to which the works of adhesion and their spreads are fitted."""
+"""Settings of the paper's experiments, to which works of adhesion and spreads are fitted."""
+FITTED_RADII = (15e-6, 25e-6)
+"""Least and greatest radius of the paper's balls [m]."""
+VALID_HUMIDITIES = (5.0, 90.0)
+"""Range in which the factor of `laws.adhesion` is valid [%]."""
+MAX_TRIALS = 1_000_000
+"""Maximum number of trials of a run."""
 _GAP = Within(0.5e-6, 50e-6, "m")
+_PERCENT = 1.0
 
 
-class Used(NamedTuple):
-    """Numbers of trials that follow from materials, unless they are given. SI units."""
+class EffectiveProperties(NamedTuple):
+    """Properties of trials that follow from the materials, where they are not set. SI units."""
 
     work_tool_object: float
+    """Median work of adhesion between tool and ball at 10 % RH [J/m^2]."""
     work_object_substrate: float
+    """Median work of adhesion between ball and plate at 10 % RH [J/m^2]."""
     ball_density: float
+    """Density of the balls [kg/m^3]."""
     contacts: Contacts
 
 
 @dataclass(frozen=True)
 class GraspSettings:
-    """The trials; also flags of their command. SI units. A ConfigError says which values are out of range."""
+    """The trials; also flags of their command. SI units.
+
+    A ConfigError says which values are out of range.
+    """
 
     radius: tuple[str, ...] = ("15e-6:25e-6:5",)
     """Radii of the balls, a list or start:stop:count [m]."""
@@ -57,19 +72,21 @@ class GraspSettings:
     seed: Annotated[int, Within(0, 2**32 - 1)] = 0
     """Seed of the works of adhesion and humidities."""
     rh_spread: Annotated[float, Within(0, 10, "%")] = 3.0
-    """Largest deviation of a trial's humidity from `rh`; by default the accuracy of the paper's chamber [%]."""
+    """Largest deviation of a trial's humidity from `rh`; by default the accuracy of the paper's
+    chamber [%]."""
     ball_material: str = materials.BALL
-    """Material of the balls, by name or by its surface energy; a wrong name lists the others [J/m^2]."""
+    """Material of the balls, by name or by its surface energy; a wrong name lists the others
+    [J/m^2]."""
     tool_material: str = materials.TOOL
     """Material of the tool."""
     plate_material: str = materials.PLATE
     """Material of the plate."""
     work_tool_object: Annotated[float | None, Within(1e-6, 10.0, "J/m^2")] = None
-    """Median work of adhesion between tool and ball at 10 % RH; by default the fitted 1.41e-3, scaled to the materials
-    [J/m^2]."""
+    """Median work of adhesion between tool and ball at 10 % RH; by default the fitted 1.41e-3,
+    scaled to the materials [J/m^2]."""
     work_object_substrate: Annotated[float | None, Within(1e-6, 10.0, "J/m^2")] = None
-    """Median work of adhesion between ball and plate at 10 % RH; by default the fitted 14.7e-3, scaled to the materials
-    [J/m^2]."""
+    """Median work of adhesion between ball and plate at 10 % RH; by default the fitted 14.7e-3,
+    scaled to the materials [J/m^2]."""
     probe_radius: Annotated[float, Within(2e-6, 80e-6, "m")] = detachment.PROBE_RADIUS
     """Radius of the tool, a wire [m]."""
     tip_curvature: Annotated[float | None, Within(5e-6, 1e-3, "m")] = None
@@ -92,62 +109,92 @@ class GraspSettings:
 
     def __post_init__(self):
         validate(self)
-        check("rh", self.rh, "one or more relative humidities from 0 to 100 %", len(self.rh) > 0)
+        rule = "one or more relative humidities from 0 to 100 %"
+        check("rh", self.rh, rule, len(self.rh) > 0)
         if self.tip_curvature and self.no_contact_gap != type(self).no_contact_gap:
             raise ConfigError("no_contact_gap", self.no_contact_gap, "left out with a `tip_curvature`")
         for name, gaps in (("gap", self.gap), ("no_contact_gap", self.no_contact_gap)):
             for gap in gaps:
-                check(name, gap, "at most 4 times the least radius", gap <= 4 * min(self.radii))
-        assert self.used  # which refuses unknown materials
-        check("repeats", self.repeats, "such that there are at most 1000000 trials", self.n_trials <= 1_000_000)
+                fits = gap <= 4 * min(self.radii)
+                check(name, gap, "at most 4 times the least radius", fits)
+        assert self.effective  # raises a ConfigError for unknown materials
+        rule = f"such that there are at most {MAX_TRIALS} trials"
+        check("repeats", self.repeats, rule, self.n_trials <= MAX_TRIALS)
 
     @cached_property
-    def used(self) -> Used:
-        """What the materials and what is given make of a trial; contacts that differ from the defaults stay."""
-        ball, tool, plate = (
-            materials.material(f"{part}_material", getattr(self, f"{part}_material"), usual)
-            for part, usual in zip(("ball", "tool", "plate"), _USUAL, strict=True)
+    def effective(self) -> EffectiveProperties:
+        """Properties of the trials, from the materials or as set."""
+        ball = materials.material("ball_material", self.ball_material, materials.BALL)
+        tool = materials.material("tool_material", self.tool_material, materials.TOOL)
+        plate = materials.material("plate_material", self.plate_material, materials.PLATE)
+
+        work_tool = self.work_tool_object
+        if work_tool is None:
+            ratio = materials.work_ratio(ball, tool, materials.BALL, materials.TOOL)
+            work_tool = detachment.WORK_TOOL_OBJECT * ratio
+        work_plate = self.work_object_substrate
+        if work_plate is None:
+            ratio = materials.work_ratio(ball, plate, materials.BALL, materials.PLATE)
+            work_plate = detachment.WORK_OBJECT_SUBSTRATE * ratio
+        density = ball.density if self.ball_density is None else self.ball_density
+        return EffectiveProperties(
+            work_tool_object=work_tool,
+            work_object_substrate=work_plate,
+            ball_density=density,
+            contacts=self._effective_contacts(ball, tool, plate),
         )
-        to_tool = materials.work_ratio(ball, tool, materials.BALL, materials.TOOL)
-        to_plate = materials.work_ratio(ball, plate, materials.BALL, materials.PLATE)
-        usual = [materials.MATERIALS[name] for name in _USUAL]
-        own = {
-            "yield_pressure": ball.yield_pressure if ball != usual[0] else None,
-            "probe_modulus": materials.reduced_modulus(ball, tool) if [ball, tool] != usual[:2] else None,
-            "plate_modulus": materials.reduced_modulus(ball, plate) if [ball, plate] != usual[::2] else None,
-            "breakdown": tool.breakdown,
+
+    def _effective_contacts(self, ball: Any, tool: Any, plate: Any) -> Contacts:
+        """Return the contacts of these materials; values that differ from the defaults stay.
+
+        Values of the paper's materials are the defaults of `Contacts`, not computed.
+        """
+        paper_ball = materials.MATERIALS[materials.BALL]
+        paper_tool = materials.MATERIALS[materials.TOOL]
+        paper_plate = materials.MATERIALS[materials.PLATE]
+        of_materials = {"breakdown": tool.breakdown}
+        if ball != paper_ball:
+            of_materials["yield_pressure"] = ball.yield_pressure
+        if ball != paper_ball or tool != paper_tool:
+            of_materials["probe_modulus"] = materials.reduced_modulus(ball, tool)
+        if ball != paper_ball or plate != paper_plate:
+            of_materials["plate_modulus"] = materials.reduced_modulus(ball, plate)
+
+        default = Contacts()
+        replaced = {
+            name: value
+            for name, value in of_materials.items()
+            if value and getattr(self.contacts, name) == getattr(default, name)
         }
-        own = {name: v for name, v in own.items() if v and getattr(self.contacts, name) == getattr(Contacts(), name)}
-        given = self.work_tool_object, self.work_object_substrate, self.ball_density
-        fitted = detachment.WORK_TOOL_OBJECT * to_tool, detachment.WORK_OBJECT_SUBSTRATE * to_plate, ball.density
-        tool, plate, density = (there if mine is None else mine for mine, there in zip(given, fitted, strict=True))
-        return Used(tool, plate, density, self.contacts._replace(**own))
+        return self.contacts._replace(**replaced)
 
     @property
     def beyond_the_fit(self) -> list[str]:
-        """What is not as in the experiments to which works, gap and spreads are fitted."""
-        spans = (
-            ("radius", self.radii, (15e-6, 25e-6), UM, "um"),  # of the paper's balls
-            ("rh", self.humidities, (5.0, 90.0), 1.0, "%"),  # for which the factor of `laws.adhesion` is valid
-        )
-        found = [
-            f"{name} {min(values) / unit:g} to {max(values) / unit:g} {text}, not {low / unit:g} to {high / unit:g}"
-            for name, values, (low, high), unit, text in spans
-            if min(values) < low * (1 - 1e-9) or max(values) > high * (1 + 1e-9)
+        """Settings outside of the experiments to which works, gap and spreads are fitted."""
+        texts = [
+            *_beyond("radius", self.radii, FITTED_RADII, UM, "um"),
+            *_beyond("rh", self.humidities, VALID_HUMIDITIES, _PERCENT, "%"),
         ]
-        return found + [f"{name} {getattr(self, name)}" for name in FITTED if getattr(self, name) != FITTED[name]]
+        for name, fitted in FITTED.items():
+            value = getattr(self, name)
+            if value != fitted:
+                texts.append(f"{name} {value}")
+        return texts
 
     @cached_property
     def radii(self) -> tuple[float, ...]:
         """Radii, each once [m]."""
         try:
-            texts = [word for text in self.radius for word in (spaced(text) if ":" in text else [text])]
-            radii = dict.fromkeys(map(float, texts))
+            texts = []
+            for text in self.radius:
+                texts += spaced(text) if ":" in text else [text]
+            radii = tuple(dict.fromkeys(float(text) for text in texts))
         except ValueError:
-            radii = {}
+            radii = ()
         rule = "radii from 10e-6 to 50e-6 m, numbers or start:stop:count, with a count from 1 to 10000"
-        check("radius", " ".join(self.radius), rule, bool(radii) and all(10e-6 <= r <= 50e-6 for r in radii))
-        return tuple(radii)
+        are_valid = len(radii) > 0 and all(10e-6 <= radius <= 50e-6 for radius in radii)
+        check("radius", " ".join(self.radius), rule, are_valid)
+        return radii
 
     @property
     def humidities(self) -> tuple[float, ...]:
@@ -161,13 +208,16 @@ class GraspSettings:
 
     @property
     def gaps(self) -> Gaps:
-        """Gaps of releases and of attempts without contact, each once; with a rounded tip none of the latter."""
-        without = () if self.tip_curvature else tuple(dict.fromkeys(self.no_contact_gap))
-        return Gaps(tuple(dict.fromkeys(self.gap)), without)
+        """Gaps of releases and of attempts without contact, each once.
+
+        There are no attempts without contact with a rounded tip.
+        """
+        no_contact = () if self.tip_curvature else tuple(dict.fromkeys(self.no_contact_gap))
+        return Gaps(tuple(dict.fromkeys(self.gap)), no_contact)
 
     def metadata(self) -> dict[str, Any]:
-        """Everything that determines the rows of a table, for its metadata."""
-        return {
+        """Return everything that determines the rows of a table, for its metadata."""
+        content = {
             "radii": self.radii,
             "humidities": self.humidities,
             "humidity_spread": self.rh_spread,
@@ -176,14 +226,43 @@ class GraspSettings:
             "release_gaps": self.gap,
             "no_contact_gaps": self.no_contact_gap,
             "protocol": asdict(self.protocol),
-            "contacts": self.used.contacts._asdict(),
+            "contacts": self.effective.contacts._asdict(),
             "tool": self.tool._asdict(),
             "plate": self.plate._asdict(),
-            **({"tip_curvature": self.tip_curvature} if self.tip_curvature else {}),
-            "calibration": {name: getattr(detachment, name) for name in CALIBRATION}
-            | {name.upper(): value for name, value in self.used._asdict().items() if name != "contacts"}
-            | {"PROBE_RADIUS": self.probe_radius},
         }
+        if self.tip_curvature:
+            content["tip_curvature"] = self.tip_curvature
+
+        calibration = {name: getattr(detachment, name) for name in CALIBRATION}
+        for name in ("work_tool_object", "work_object_substrate", "ball_density"):
+            calibration[name.upper()] = getattr(self.effective, name)
+        calibration["PROBE_RADIUS"] = self.probe_radius
+        content["calibration"] = calibration
+        return content
+
+
+def _beyond(
+    name: str,
+    values: tuple[float, ...],
+    limits: tuple[float, float],
+    unit: float,
+    unit_name: str,
+) -> list[str]:
+    """Return a sentence if values exceed the range of the fit, in a list.
+
+    Args:
+        name: name of the setting.
+        values: its values in SI.
+        limits: least and greatest value of the fit in SI.
+        unit: unit of the sentence in SI.
+        unit_name: name of that unit.
+    """
+    low, high = limits
+    tolerance = 1e-9
+    if min(values) >= low * (1 - tolerance) and max(values) <= high * (1 + tolerance):
+        return []
+    span = f"{min(values) / unit:g} to {max(values) / unit:g} {unit_name}"
+    return [f"{name} {span}, not {low / unit:g} to {high / unit:g}"]
 
 
 class Case(NamedTuple):
@@ -191,35 +270,43 @@ class Case(NamedTuple):
 
     trial: Trial
     humidity: float
-    """Of the setting, from which the trial's deviates [%]."""
+    """Relative humidity of the setting, from which the trial's deviates [%]."""
     repeat: int
+    """Number of the trial at its radius and humidity."""
 
 
 def cases(settings: GraspSettings) -> list[Case]:
-    """All trials, by radius, then humidity, then repeat."""
-    return [
-        Case(of_settings(settings, draw(settings.seed, radius, rh, repeat, settings.rh_spread)), rh, repeat)
-        for radius, rh, repeat in product(settings.radii, settings.humidities, range(settings.repeats))
-    ]
+    """Return all trials, by radius, then humidity, then repeat."""
+    all_cases = []
+    for radius, humidity, repeat in product(settings.radii, settings.humidities, range(settings.repeats)):
+        trial = draw(settings.seed, radius, humidity, repeat, settings.rh_spread)
+        all_cases.append(Case(adapted(settings, trial), humidity, repeat))
+    return all_cases
 
 
-def of_settings(settings: GraspSettings, trial: Trial) -> Trial:
-    """A trial of the default materials with those of the settings: works of adhesion, surfaces, contacts, tip.
+def adapted(settings: GraspSettings, trial: Trial) -> Trial:
+    """Return a trial of the paper's materials adapted to the settings.
 
-    A rounded tip of curvature R_c touches like a plane whose work is 1 / (1 + R / R_c) as large, and attracts like one
-    that is (1 + R / R_c) as far, for gaps far below both radii (Derjaguin 1934).
+    A rounded tip of curvature R_c touches like a plane whose work is 1 / (1 + R / R_c) as large,
+    and attracts like one that is (1 + R / R_c) as far, for gaps far below both radii (Derjaguin
+    1934).
     """
-    used = settings.used
-    tool = trial.work_tool_object * (used.work_tool_object / detachment.WORK_TOOL_OBJECT)
-    plate = trial.work_object_substrate * (used.work_object_substrate / detachment.WORK_OBJECT_SUBSTRATE)
-    farther = 1 + trial.radius / settings.tip_curvature if settings.tip_curvature else 1.0
+    effective = settings.effective
+    ratio_tool = effective.work_tool_object / detachment.WORK_TOOL_OBJECT
+    ratio_plate = effective.work_object_substrate / detachment.WORK_OBJECT_SUBSTRATE
+    work_tool = trial.work_tool_object * ratio_tool
+    work_plate = trial.work_object_substrate * ratio_plate
+    curvature_factor = 1.0
+    if settings.tip_curvature:
+        curvature_factor = 1 + trial.radius / settings.tip_curvature
+    rough_work_tool = float(effective_work(work_tool, trial.radius, settings.tool))
     return Trial(
         trial.radius,
-        float(effective_work(tool, trial.radius, settings.tool)) / farther,
-        float(effective_work(plate, trial.radius, settings.plate)),
+        rough_work_tool / curvature_factor,
+        float(effective_work(work_plate, trial.radius, settings.plate)),
         trial.relative_humidity,
-        contact_gap=trial.contact_gap * farther,
+        contact_gap=trial.contact_gap * curvature_factor,
         probe_radius=settings.probe_radius,
-        density=used.ball_density,
-        contacts=used.contacts,
+        density=effective.ball_density,
+        contacts=effective.contacts,
     )

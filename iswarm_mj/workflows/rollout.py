@@ -8,6 +8,7 @@ from types import NoneType
 from typing import Any, NamedTuple
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
@@ -15,22 +16,29 @@ from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import SimulationFault
 from iswarm_mj.utils.files import check_name
 from iswarm_mj.utils.signals import saved
-from iswarm_mj.workflows.recorder import Recorder, advanced
+from iswarm_mj.workflows.recorder import Recorder, advance_and_record
+
+MAX_EVERY = 10_000
+"""Maximum number of control steps between counts of progress."""
 
 
 class Rollout(NamedTuple):
-    """Results of B worlds, as NumPy arrays with the worlds first; see `tasks.measures.Measures`."""
+    """Results of B worlds as NumPy arrays, see `tasks.measures.Measures`."""
 
     delivered: np.ndarray
-    """(B,) balls at the dump at the end; undefined, like `picked` and carriage, for tasks without a dump."""
+    """(B,) balls at the dump at the end; undefined for tasks without a dump, like `picked` and
+    `mean_carriage_steps`."""
     picked: np.ndarray
     """(B,) balls picked up at least once."""
     collisions: np.ndarray
-    """(B,) pairs of robots in contact that were not in contact one control step earlier, summed over the steps."""
+    """(B,) pairs of robots in contact that were not in contact one control step earlier, summed
+    over the steps."""
     mean_carriage_steps: np.ndarray
-    """(B,) mean control steps for which a delivered ball was carried; NaN where none was delivered."""
+    """(B,) mean control steps for which a delivered ball was carried; NaN where none was
+    delivered."""
     is_finished: np.ndarray
-    """(B,) bool, the goal was reached, in cleaning all balls delivered; the world stands still from then on."""
+    """(B,) bool, the goal was reached, in cleaning all balls delivered; the world stands still
+    from then on."""
     finished_at: np.ndarray
     """(B,) control step after which the goal was reached; 0 where it was not."""
     steps: np.ndarray
@@ -38,7 +46,8 @@ class Rollout(NamedTuple):
     delivered_after: np.ndarray
     """(B, C) progress of the task after these steps, in cleaning balls at the dump."""
     poses: np.ndarray | None
-    """(W, 1 + steps, N, 3) x, y [mm] and yaw [rad] of the worlds in `poses_of`, from the start on; None without any."""
+    """(W, 1 + steps, N, 3) x, y [mm] and yaw [rad] of the worlds in `poses_of`, from the start on;
+    None without any."""
     faults: list[SimulationFault]
     """Faults of worlds; their measures count up to the fault."""
     metrics: dict[str, np.ndarray]
@@ -52,17 +61,18 @@ def rollout(
     poses_of: Sequence[int] = (),
     record: str | Path | None = None,
 ) -> Rollout:
-    """Simulate all worlds of a scenario to their ends, and return what became of each as arrays.
+    """Simulate all worlds of a scenario to their ends, and return their results as arrays.
 
-    Programs are compiled for each configuration, class of strategy, number of robots and `every`, but not for values of
-    the strategy's arrays.
+    Programs are compiled for each configuration, class of strategy, number of robots and `every`,
+    but not for values of the strategy's arrays.
 
     Args:
-        scenario: what is simulated. On a CPU `PlanarSettings()` and `MujocoSettings()` are much faster than
-            `MjxSettings()`, which is for GPUs.
+        scenario: scenario that is simulated. On a CPU `PlanarSettings()` and `MujocoSettings()`
+            are much faster than `MjxSettings()`, which is for GPUs.
         every: control steps between counts of progress; the last step is always counted.
         poses_of: numbers of the W worlds whose poses are kept.
-        record: file, `*.rrd`, for a recording of the first of these worlds, or of world 0; open it with `rerun`.
+        record: file, `*.rrd`, for a recording of the first of these worlds, or of world 0; open it
+            with `rerun`.
 
     Raises:
         UserError: parts of the scenario do not fit each other, or the recording cannot be written.
@@ -71,9 +81,11 @@ def rollout(
     check_kind("record", record, (str, Path, NoneType))
     if record is not None:
         check_name(record, ".rrd", setting="record")
-    check("every", every, "a whole number between 1 and 10000", is_whole(every) and 1 <= every <= 10_000)
+    rule = f"a whole number between 1 and {MAX_EVERY}"
+    check("every", every, rule, is_whole(every) and 1 <= every <= MAX_EVERY)
     _check_poses_of(poses_of, scenario.n_worlds)
 
+    # Compiled engines take `every` steps with one program.
     every = int(every)
     recorded = tuple(poses_of)
     if record is not None and not recorded:
@@ -81,31 +93,15 @@ def rollout(
     in_chunks = replace(scenario, engine=scenario.engine.in_chunks(every))
     run = Run(in_chunks, record_worlds=recorded)
 
-    steps = run.settings.steps
-    counted = np.minimum(np.arange(every, steps + every, every), steps)
-    delivered = np.tile(run.progress()[:, None].astype(int), len(counted))
+    recorder = None if record is None else Recorder(run, Path(record))
+    progress = _Progress(run, every)
     poses = [np.asarray(run.start.poses)]
-    recorders = [] if record is None else [Recorder(run, Path(record))]
-    with saved(recorders[0].save) if recorders else nullcontext():
-        for taken in advanced(run, recorders):
-            if taken is not None:
-                poses.append(np.asarray(taken.poses))
-            delivered[:, counted >= run.step] = run.progress()[:, None]
-
-    measures = [run.measures(world) for world in range(len(run.worlds))]
-    return Rollout(
-        delivered=np.array([m.delivered for m in measures]),
-        picked=np.array([m.picked for m in measures]),
-        collisions=np.array([m.collisions for m in measures]),
-        mean_carriage_steps=np.array([m.mean_carriage_steps for m in measures], float),  # NaN for None
-        is_finished=np.array([m.finished_at is not None for m in measures]),
-        finished_at=np.array([m.finished_at or 0 for m in measures]),
-        steps=counted,
-        delivered_after=delivered,
-        poses=_all_poses(poses, steps) if poses_of else None,
-        faults=run.faults,
-        metrics=run.metrics(),
-    )
+    with nullcontext() if recorder is None else saved(recorder.save):
+        for step_record in advance_and_record(run, [] if recorder is None else [recorder]):
+            if step_record is not None:
+                poses.append(np.asarray(step_record.poses))
+            progress.count(run)
+    return _results(run, progress, _all_poses(poses, run.settings.steps) if poses_of else None)
 
 
 def _check_poses_of(worlds: Any, n_worlds: int) -> None:
@@ -116,11 +112,53 @@ def _check_poses_of(worlds: Any, n_worlds: int) -> None:
     check("poses_of", tuple(worlds), f"distinct worlds from 0 to {n_worlds - 1}", are_distinct)
 
 
-def _all_poses(blocks: Sequence[np.ndarray], steps: int) -> np.ndarray:
-    """Return the poses of W worlds (W, 1 + steps, N, 3) from those of blocks of steps (T, W, N, 3).
+class _Progress:
+    """Progress of the worlds of a run after every few control steps."""
 
-    After the last block the robots rest.
+    steps: Int[np.ndarray, "C"]
+    """Control steps after which it is counted."""
+    values: Int[np.ndarray, "B C"]
+    """Progress after these steps; after steps still to come, the progress so far."""
+
+    def __init__(self, run: Run, every: int):
+        """Begin with the progress at the start."""
+        n_steps = run.settings.steps
+        self.steps = np.minimum(np.arange(every, n_steps + every, every), n_steps)
+        self.values = np.tile(run.progress()[:, None].astype(int), len(self.steps))
+
+    def count(self, run: Run) -> None:
+        """Take in the progress after the steps so far."""
+        self.values[:, self.steps >= run.step] = run.progress()[:, None]
+
+
+def _all_poses(blocks: Sequence[np.ndarray], n_steps: int) -> Float[np.ndarray, "W T N 3"]:
+    """Return the poses of the start and of all steps.
+
+    Args:
+        blocks: poses of consecutive steps (T, W, N, 3); after the last block the robots rest.
+        n_steps: number of steps.
     """
     poses = np.concatenate(blocks).swapaxes(0, 1).astype(np.float32)
-    rest = np.repeat(poses[:, -1:], 1 + steps - poses.shape[1], axis=1)
-    return np.concatenate([poses, rest], axis=1)
+    n_missing = 1 + n_steps - poses.shape[1]
+    at_rest = np.repeat(poses[:, -1:], n_missing, axis=1)
+    return np.concatenate([poses, at_rest], axis=1)
+
+
+def _results(run: Run, progress: _Progress, poses: np.ndarray | None) -> Rollout:
+    """Return the results of a run at its end."""
+    measures = [run.measures(world) for world in range(len(run.worlds))]
+    carriage = [of_world.mean_carriage_steps for of_world in measures]
+    finished_at = [of_world.finished_at for of_world in measures]
+    return Rollout(
+        delivered=np.array([of_world.delivered for of_world in measures]),
+        picked=np.array([of_world.picked for of_world in measures]),
+        collisions=np.array([of_world.collisions for of_world in measures]),
+        mean_carriage_steps=np.array(carriage, float),  # NaN for None
+        is_finished=np.array([step is not None for step in finished_at]),
+        finished_at=np.array([step or 0 for step in finished_at]),
+        steps=progress.steps,
+        delivered_after=progress.values,
+        poses=poses,
+        faults=run.faults,
+        metrics=run.metrics(),
+    )

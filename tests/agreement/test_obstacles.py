@@ -9,7 +9,7 @@ from support.small import SMALL
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.geometry.walls import beyond, in_mm
-from iswarm_mj.output.saved import load
+from iswarm_mj.output.loading import load
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.units import RD

@@ -17,8 +17,8 @@ from iswarm_mj import make_env
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs import EnvRecording, Pictures, parallel_env, single_env, vector_env, watch
+from iswarm_mj.output.offscreen import Shot
 from iswarm_mj.output.palette import EMPTY
-from iswarm_mj.output.stage import Shot
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import mm_from_rd
 

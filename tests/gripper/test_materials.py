@@ -14,7 +14,7 @@ from iswarm_mj.gripper.laws import detachment, materials
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 from iswarm_mj.gripper.laws.roughness import Surface, effective_work
 from iswarm_mj.utils.errors import ConfigError
-from iswarm_mj.workflows.grasp_settings import GraspSettings, Used, cases
+from iswarm_mj.workflows.grasp_settings import EffectiveProperties, GraspSettings, cases
 
 SMALL = {"radius": ("20e-6",), "rh": (10.0,), "repeats": 2, "rh_spread": 0.0}
 
@@ -24,9 +24,9 @@ def test_each_name_is_a_material():
 
 
 def test_the_default_materials_are_the_fitted_ones():
-    used = GraspSettings().used
+    used = GraspSettings().effective
     fitted = detachment.WORK_TOOL_OBJECT, detachment.WORK_OBJECT_SUBSTRATE, detachment.BALL_DENSITY
-    assert used == Used(*fitted, Contacts()) and GraspSettings().beyond_the_fit == []
+    assert used == EffectiveProperties(*fitted, Contacts()) and GraspSettings().beyond_the_fit == []
     solder, aluminium, steel = (materials.MATERIALS[name] for name in (materials.BALL, materials.TOOL, materials.PLATE))
     assert materials.reduced_modulus(solder, steel) == pytest.approx(Contacts().plate_modulus, rel=5e-3)
     assert materials.reduced_modulus(solder, aluminium) == pytest.approx(Contacts().probe_modulus, rel=5e-3)
@@ -35,7 +35,7 @@ def test_the_default_materials_are_the_fitted_ones():
 
 def test_works_go_with_the_geometric_mean_of_the_surface_energies():
     """Tin has 0.71 J/m^2, copper 1.79; a plate with 2.42 / 4 instead of those of steel holds half as well."""
-    used = GraspSettings(ball_material="copper", plate_material="0.605", **SMALL).used
+    used = GraspSettings(ball_material="copper", plate_material="0.605", **SMALL).effective
     ratio = np.sqrt(1.79 / 0.71)
     assert used.work_tool_object == pytest.approx(1.41e-3 * ratio)
     assert used.work_object_substrate == pytest.approx(14.7e-3 * ratio / 2)
@@ -46,7 +46,7 @@ def test_works_go_with_the_geometric_mean_of_the_surface_energies():
 
 def test_numbers_that_are_given_win():
     given = {"work_tool_object": 2e-3, "ball_density": 5000.0, "contacts": Contacts(yield_pressure=9e6, breakdown=2e9)}
-    used = GraspSettings(ball_material="copper", tool_material="silicon", **given, **SMALL).used
+    used = GraspSettings(ball_material="copper", tool_material="silicon", **given, **SMALL).effective
     assert (used.work_tool_object, used.ball_density) == (2e-3, 5000.0)
     assert (used.contacts.yield_pressure, used.contacts.breakdown) == (9e6, 2e9)
     assert used.work_object_substrate == pytest.approx(14.7e-3 * np.sqrt(1.79 / 0.71))

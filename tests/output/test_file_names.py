@@ -9,8 +9,8 @@ import rerun.blueprint as rrb
 from support.recorded import write_run
 
 from iswarm_mj import load
+from iswarm_mj.output.offscreen import Shot, render
 from iswarm_mj.output.rerun_format import RrdFile
-from iswarm_mj.output.stage import Shot, render
 from iswarm_mj.output.video import write_video
 from iswarm_mj.paper.report.results import report
 from iswarm_mj.player.film import Film

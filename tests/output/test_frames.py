@@ -25,7 +25,7 @@ def run(small):
 
 
 def test_each_world_has_its_own_scene(run):
-    scenes = [RecordedWorld.of(run, index).scene for index in (0, 1)]
+    scenes = [RecordedWorld.of_run(run, index).scene for index in (0, 1)]
     assert [(scene.is_scout.sum(), scene.world) for scene in scenes] == [(2, 3), (8, 4)]
     for scene, start in zip(scenes, run.starts, strict=True):
         np.testing.assert_array_equal(scene.ball_radius, start.task.radius)
@@ -37,7 +37,7 @@ def test_obstacles_and_boxes_are_in_metres_radians_and_kilograms(run):
     run = copy(run)
     own = {"obstacles": ((4.0, -4.0, 0.8, 0.5, 30.0),), "boxes": ((-4.0, 4.0, 0.7, 0.4, 20.0, 2e-5, 0.3),)}
     run.config = replace(run.config, arena=replace(run.config.arena, **own))
-    scene = RecordedWorld.of(run, 0).scene
+    scene = RecordedWorld.of_run(run, 0).scene
     np.testing.assert_allclose(scene.obstacles, [[4 * RD, -4 * RD, 0.8 * RD, 0.5 * RD, np.pi / 6]])
     np.testing.assert_allclose(scene.boxes, [[0.7 * RD, 0.4 * RD, 2e-5, 0.3]])
 
@@ -48,7 +48,7 @@ def test_walls_are_drawn_around_the_floor_and_obstacles_where_they_stand(run):
     corners = ((-7.0, -5.0), (1.0, -8.0), (8.0, -3.0), (6.0, 6.0), (-6.0, 6.0))
     outlined = replace(arena, size=49.0, outline=corners, dust_area_offset=4, dust_area_size=1)
     run.config = replace(run.config, arena=replace(outlined, obstacles=((2.0, 3.0, 1.5, 0.3, 30.0),)))
-    scene = RecordedWorld.of(run, 0).scene
+    scene = RecordedWorld.of_run(run, 0).scene
     np.testing.assert_allclose(shapes.outline(scene), 1e3 * RD * np.array(corners))
     boxes = {boxes.name: boxes.places for boxes in shapes.arena_boxes(scene)}
     walls = boxes["walls"]
@@ -59,14 +59,14 @@ def test_walls_are_drawn_around_the_floor_and_obstacles_where_they_stand(run):
     np.testing.assert_allclose(middle, 1e3 * RD * np.array(corners) + along / 2)
     rd = 1e3 * RD
     np.testing.assert_allclose(boxes["obstacles"], [[2 * rd, 3 * rd, 1.5 * rd, 0.3 * rd, np.pi / 6]])
-    square = shapes.outline(RecordedWorld.of(copy(run), 1).scene._replace(corners=()))
+    square = shapes.outline(RecordedWorld.of_run(copy(run), 1).scene._replace(corners=()))
     assert square.max() == pytest.approx(arena.size / 2 * rd) == pytest.approx(-square.min())
 
 
 def test_areas_and_metrics_of_many_steps_are_read_in_blocks(small, monkeypatch):
-    monkeypatch.setattr(frames, "BLOCK", 5)
+    monkeypatch.setattr(frames, "BLOCK_FRAMES", 5)
     is_east = np.random.default_rng(0).random((13, 4)) < 0.5
-    found = frames._watch(Eastward(2.0), small)({"is_east": is_east, "steps": np.arange(13)})
+    found = frames.task_reader(Eastward(2.0), small)({"is_east": is_east, "steps": np.arange(13)})
     assert found["metric_steps"].tolist() == list(range(13))
     np.testing.assert_allclose(found["metric_share"], is_east.mean(axis=1))
     np.testing.assert_allclose(found["area_east"], [[[7e-3, 0, 5e-3]]] * 13)

@@ -16,10 +16,10 @@ from support.recorded import write_run
 from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.geometry.walls import area_of
 from iswarm_mj.output import video
+from iswarm_mj.output.loading import load
+from iswarm_mj.output.offscreen import ArenaRenderer, Shot, render
 from iswarm_mj.output.palette import DUMP, DUST, EMPTY, LOADED, SCOUT, rgb
-from iswarm_mj.output.saved import load
 from iswarm_mj.output.shapes import floor
-from iswarm_mj.output.stage import Shot, Stage, render
 from iswarm_mj.output.video import RATE, write_video
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER, mm_from_rd
@@ -139,9 +139,9 @@ def test_a_stage_shows_robots_balls_and_areas_between_two_steps(tmp_path, monkey
     more |= {"is_loaded": np.arange(12).reshape(3, 4) == 6, "scene_is_scout": np.arange(4) > 2}
     more |= {"scene_dust_areas": np.zeros((0, 4)), "ball_position": rng.uniform(0, 9e-3, (3, 2, 3)).astype(np.float32)}
     run = load(write_run(tmp_path, **more))
-    with Stage(run.config, run.arrays, Shot(size=(64, 64))) as stage:
+    with ArenaRenderer(run.config, run.arrays, Shot(size=(64, 64))) as stage:
         stage.show(run.arrays, 1, 0.25)
-        model, data, drawn = stage._arena.model, stage._data, stage._renderer.scene
+        model, data, drawn = stage.arena.model, stage.data, stage.visual_scene
     pose, balls = (
         1e3 * (0.75 * run.arrays[name][1] + 0.25 * run.arrays[name][2]) for name in ("pose", "ball_position")
     )
@@ -149,7 +149,7 @@ def test_a_stage_shows_robots_balls_and_areas_between_two_steps(tmp_path, monkey
     np.testing.assert_allclose([data.geom(name).xpos[:2] for name in hulls], pose[:, :2], atol=1e-5)
     colours = [rgb(colour) for colour in (EMPTY, EMPTY, LOADED, SCOUT)]
     np.testing.assert_allclose([255 * model.geom(name).rgba[:3] for name in hulls], colours, atol=1e-3)
-    np.testing.assert_allclose(data.mocap_pos[stage._arena.mocap], balls, atol=1e-5)
+    np.testing.assert_allclose(data.mocap_pos[stage.arena.mocap], balls, atol=1e-5)
     assert model.geom("ball1/ball").size[0] == pytest.approx(15 * 2e-2)
     for material, colour in (("dump", DUMP), ("dust", DUST)):  # above all, dust is not blue as loaded robots are
         np.testing.assert_allclose(255 * model.material(material).rgba[:3], rgb(colour), atol=1e-3)
@@ -174,8 +174,8 @@ def test_the_floor_ends_at_the_walls(corners, tmp_path, monkeypatch):
     first, second, third = vertices[triangles].swapaxes(0, 1)
     area = np.cross(second - first, third - first)[:, 2] / 2
     assert area.min() > 0 and area.sum() == pytest.approx(area_of(mm_from_rd(np.array(arena.corners))))
-    with Stage(run.config, run.arrays, Shot(size=(64, 64))) as stage:
-        model = stage._arena.model
+    with ArenaRenderer(run.config, run.arrays, Shot(size=(64, 64))) as stage:
+        model = stage.arena.model
         geom = model.geom("floor")
         turned = np.zeros(9)
         mujoco.mju_quat2Mat(turned, geom.quat)
@@ -209,7 +209,7 @@ def test_arrays_that_do_not_fit_are_not_drawn(tmp_path, is_video):
 
 
 def test_a_run_that_ended_early_is_shown_at_its_end(directory, tmp_path, monkeypatch):
-    monkeypatch.setattr("iswarm_mj.output.stage.Stage", Blank)
+    monkeypatch.setattr("iswarm_mj.output.offscreen.ArenaRenderer", Blank)
     assert render(directory, None, Shot(size=(64, 64)), tmp_path / "a.png") == 0
 
 
@@ -245,7 +245,7 @@ def test_a_video_that_fails_leaves_the_old_one(tmp_path_factory, tmp_path, monke
     monkeypatch.setattr(video, "_captioned", lambda pixels, lines: (said.append(lines), captioned(pixels, lines))[1])
     out.write_bytes(b"old")
 
-    monkeypatch.setattr("iswarm_mj.output.video.Stage", Blank)
+    monkeypatch.setattr("iswarm_mj.output.video.ArenaRenderer", Blank)
     film = Shot(size=(320, 240)), 24
     with pytest.raises(UserError, match=r"^ffmpeg could not write"), full_disk(20_000):
         write_video(run, out, *film)

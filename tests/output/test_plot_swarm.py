@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from iswarm_mj.output.palette import EMPTY, LOADED, SCOUT
-from iswarm_mj.output.plot_swarm import draw_swarm, links, outlines, vectors
+from iswarm_mj.output.plot_swarm import draw_swarm, links, outlines, vector_lines
 
 QUARTER = np.pi / 2
 
@@ -21,7 +21,7 @@ def test_hulls_turn_with_their_robots():
 def test_vectors_start_at_their_robots_in_their_own_frames():
     """Ahead of a robot that looks along y is up; to its left is to the west."""
     pose = np.array([[0.0, 0.0, QUARTER], [5.0, 5.0, QUARTER]])
-    found = vectors(pose, np.array([[3.0, 0.0], [0.0, 2.0]]))
+    found = vector_lines(pose, np.array([[3.0, 0.0], [0.0, 2.0]]))
     assert found == pytest.approx(np.array([[[0, 0], [0, 3]], [[5, 5], [3, 5]]]))
 
 
@@ -69,8 +69,8 @@ def test_a_step_is_drawn_in_millimetres(tmp_path, monkeypatch):
     np.testing.assert_allclose(bodies.get_facecolors(), to_rgba_array([EMPTY, LOADED, SCOUT, LOADED]))
     wanted = [
         [pose[[0, 2], :2], pose[[1, 3], :2]],
-        vectors(pose[:1], np.array([[-3.0, 5.0]])),
-        vectors(pose[1:2], np.array([[2.0, -4.0]])),
+        vector_lines(pose[:1], np.array([[-3.0, 5.0]])),
+        vector_lines(pose[1:2], np.array([[2.0, -4.0]])),
     ]
     for drawn, segments in zip(lines, wanted, strict=True):
         np.testing.assert_allclose(drawn.get_segments(), segments)

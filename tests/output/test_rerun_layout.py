@@ -6,7 +6,7 @@ import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 from support.swarm_recording import make_frames, make_scene, write
 
-from iswarm_mj.output.rerun_swarm import content, shown_lanes
+from iswarm_mj.output.rerun_swarm import shown_lanes, swarm_views
 
 
 def test_lanes_by_default_are_of_living_robots_from_the_first_to_the_last():
@@ -18,7 +18,7 @@ def test_lanes_by_default_are_of_living_robots_from_the_first_to_the_last():
 
 
 def test_views_hide_what_others_show():
-    views = content(make_scene()).contents[0].contents
+    views = swarm_views(make_scene()).contents[0].contents
     hidden = {
         view.name: {n for n, own in view.visualizer_overrides.items() if isinstance(own, rrb.EntityBehavior)}
         for view in views

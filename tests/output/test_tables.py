@@ -5,8 +5,8 @@ import pytest
 from support.recorded import arrays, scene
 from support.sensing import remember
 
-from iswarm_mj.output.message_columns import stored
-from iswarm_mj.output.tables import table_of
+from iswarm_mj.output.message_columns import payload_json
+from iswarm_mj.output.tables import make_table
 from iswarm_mj.output.trajectory import METRIC
 from iswarm_mj.sensors.fields import Flag, Integer, Real, Vector
 from iswarm_mj.sensors.messages import Message, Payload
@@ -20,7 +20,7 @@ def test_what_a_strategy_records_as_a_column_is_called_gets_another_name():
         each = [values + 100 * number + 50 * place for place in range(size)]
         made[name] = each[0] if size == 1 else np.stack(each, axis=-1)
     about = scene()._replace(memory_names=names, memory_units=["", "", "m", "", ""], memory_sizes=sizes, world=7)
-    table = table_of("robots", made, about)
+    table = make_table("robots", made, about)
     assert len(set(table.column_names)) == len(table.column_names)
     np.testing.assert_array_equal(table["x"].to_numpy(), made["pose"][..., 0].ravel())
     assert set(table["world"].to_pylist()) == {7}
@@ -34,8 +34,8 @@ def test_what_a_strategy_records_and_says_under_one_name():
     payload = Payload({"count": Integer(bits=4)})
     word = np.asarray(payload.pack(Message(np.int32(0), {"count": np.int32(3)}), 4))
     made = arrays() | {"message": np.full((3, 4), word, np.uint32), "said_count": np.full((3, 4), 9)}
-    own = {"memory_names": ["said_count"], "memory_units": [""], "memory_sizes": [1], "payload": stored(payload)}
-    table = table_of("robots", made, scene()._replace(**own))
+    own = {"memory_names": ["said_count"], "memory_units": [""], "memory_sizes": [1], "payload": payload_json(payload)}
+    table = make_table("robots", made, scene()._replace(**own))
     assert table["said_count"].to_pylist() == [None] * 4 + [3] * 8
     assert table["memory_said_count"].to_pylist() == [9] * 12
 
@@ -46,7 +46,7 @@ def test_lengths_that_robots_say_are_in_metres():
     said = {"home": remember([0.0, 20.0], hop=3), "depth": np.float32(5)}
     word = np.asarray(payload.pack(Message(np.int32(0), said), 4))
     made = arrays() | {"message": np.full((3, 4), word, np.uint32)}
-    table = table_of("robots", made, scene()._replace(payload=stored(payload)))
+    table = make_table("robots", made, scene()._replace(payload=payload_json(payload)))
     x, y, hop = (table[f"said_home_{part}"].to_pylist()[4:] for part in ("x", "y", "hop"))
     assert x == pytest.approx([0.0] * 8, abs=1e-8) and y == pytest.approx([0.02] * 8) and hop == [3] * 8
     assert table["said_depth"].to_pylist()[4:] == pytest.approx([5e-3] * 8)
@@ -57,7 +57,7 @@ def test_lengths_that_robots_say_are_in_metres():
 def test_dead_robots_say_nothing_and_have_no_priority():
     payload, made = Payload({"priority": Flag(), "count": Integer(bits=4)}), arrays()
     made["is_alive"][:, 2] = False
-    table = table_of("robots", made, scene()._replace(payload=stored(payload)))
+    table = make_table("robots", made, scene()._replace(payload=payload_json(payload)))
     assert table["said_priority"].to_pylist() == [None] * 4 + [False] * 8
     assert table["said_count"].to_pylist() == [None] * 4 + [0, 0, None, 0] * 2
 
@@ -65,6 +65,6 @@ def test_dead_robots_say_nothing_and_have_no_priority():
 def test_a_metric_as_a_column_is_called():
     made = arrays() | {METRIC + "delivered": np.array([5, 6, 7])}
     about = {"names": ["delivered"], "units": ["1/s"], "descriptions": ["own"]}
-    table = table_of("steps", made, scene()._replace(**{f"metric_{part}": each for part, each in about.items()}))
+    table = make_table("steps", made, scene()._replace(**{f"metric_{part}": each for part, each in about.items()}))
     assert table["metric_delivered"].to_pylist() == [5, 6, 7] and table["delivered"].to_pylist() == [0, 0, 0]
     assert table.schema.field("metric_delivered").metadata[b"unit"] == b"1/s"

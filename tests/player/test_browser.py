@@ -28,7 +28,7 @@ from iswarm_mj.commands.main import parse
 from iswarm_mj.commands.play import redirect_file
 from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.output.saved import load
+from iswarm_mj.output.loading import load
 from iswarm_mj.player.film import Film
 from iswarm_mj.player.page import close_server, open_server
 from iswarm_mj.player.replay import write_replay

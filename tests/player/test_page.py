@@ -26,8 +26,8 @@ from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
 from iswarm_mj.gripper.laws.detachment import WORK_TOOL_OBJECT, release_voltage
 from iswarm_mj.gripper.laws.materials import MATERIALS
 from iswarm_mj.output.frames import RecordedWorld
+from iswarm_mj.output.loading import load, scene_of
 from iswarm_mj.output.palette import GREEN, ORANGE, rgb
-from iswarm_mj.output.saved import load, scene_of
 from iswarm_mj.output.trial_shapes import trial_shapes
 from iswarm_mj.player import replay
 from iswarm_mj.player.bench import BenchSettings, outcome

@@ -12,7 +12,7 @@ from support.swarm_recording import make_frames, make_scene
 from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output import shapes
-from iswarm_mj.output.message_columns import stored
+from iswarm_mj.output.message_columns import payload_json
 from iswarm_mj.output.palette import LOADED, rgb
 from iswarm_mj.output.shapes import TRAIL_FRAMES, link_ends
 from iswarm_mj.output.swarm_classes import BALL_CLASSES
@@ -104,7 +104,7 @@ def test_a_camera_sees_all_of_the_arena_and_little_more(aspect):
 
 def test_what_a_robot_knows_hears_and_says():
     payload = Payload({"count": Integer(bits=4)})
-    scene = make_scene(4, 2)._replace(is_scout=np.arange(4) == 2, payload=stored(payload))
+    scene = make_scene(4, 2)._replace(is_scout=np.arange(4) == 2, payload=payload_json(payload))
     own = {"message": np.asarray(payload.pack(Message(np.zeros(4, int), {"count": np.array([3, 5, 7, 9])}), 4))}
     own |= {
         "pose": np.array([[0, 0, 0]] * 2 + [[1e-3, -2e-3, -np.pi / 2]] + [[0, 0, 0]]),

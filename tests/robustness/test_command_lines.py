@@ -27,8 +27,8 @@ STARTS = [
     "iswarm_mj.search.pool.run_jobs",
     "iswarm_mj.gripper.bench.run_trials.run_trials",
     "iswarm_mj.gripper.bench.force_curve.force_curve",
-    "iswarm_mj.output.stage.Stage",
-    "iswarm_mj.output.video.Stage",
+    "iswarm_mj.output.offscreen.ArenaRenderer",
+    "iswarm_mj.output.video.ArenaRenderer",
 ]
 """Where physics, pictures or workers would start."""
 REFUSAL = re.compile(r"(iswarm: (placing|preparing) [^\n]+\n)*iswarm: [^\n]+\n")

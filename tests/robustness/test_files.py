@@ -20,7 +20,7 @@ from support.recorded import write_run
 from iswarm_mj import load
 from iswarm_mj.commands.main import parse
 from iswarm_mj.engines.robot_file import models_directory, read_robot
-from iswarm_mj.output.stage import recorded
+from iswarm_mj.output.offscreen import load_recorded
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.paper.report.inspection import inspection
 from iswarm_mj.paper.report.results import report
@@ -191,7 +191,7 @@ def read_everything(out):
 
     for read in (
         tables,
-        lambda: recorded(out),
+        lambda: load_recorded(out),
         lambda: inspection(out),
         lambda: configured(out / RESULT),
     ):

@@ -161,7 +161,7 @@ def story_of(run: Run, record: StepRecord, configs: list[list[SwarmConfig]]) -> 
     """Return what came of a run."""
     assert not run.faults
     rows = list(run.settings.record_worlds)
-    recorded = [RecordedWorld.of(run, rows.index(world)) for world in range(len(rows))]
+    recorded = [RecordedWorld.of_run(run, rows.index(world)) for world in range(len(rows))]
     frames = [world.frames([record]) for world in recorded]
     in_order = [rows.index(world) for world in range(len(rows))]
     start = jax.tree.map(lambda a: np.asarray(a)[:, in_order], run.start)

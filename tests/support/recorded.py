@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.compute as pc
 
 from iswarm_mj.config.swarm import SwarmConfig
-from iswarm_mj.output.message_columns import stored
+from iswarm_mj.output.message_columns import payload_json
 from iswarm_mj.output.schema import ARRAYS, dtype_of
 from iswarm_mj.output.trajectory import RESULT, SCENE, TRAJECTORY, Scene
 from iswarm_mj.sensors.messages import Payload
@@ -25,7 +25,7 @@ def scene(n_robots=4, n_balls=2):
         dust_areas=np.array([[-0.05, -0.01, -0.03, 0.01]]),
         control_period=1.0,
         is_alive=np.ones(n_robots, bool),
-        payload=stored(Payload()),
+        payload=payload_json(Payload()),
         world=0,
         n_leds=4,
         kind=np.zeros(n_robots, int),

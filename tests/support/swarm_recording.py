@@ -4,10 +4,10 @@ from contextlib import closing
 
 import numpy as np
 
-from iswarm_mj.output.message_columns import stored
+from iswarm_mj.output.message_columns import payload_json
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.output.schema import Frames, dtype_of
-from iswarm_mj.output.swarm_classes import states
+from iswarm_mj.output.swarm_classes import possible_states
 from iswarm_mj.strategy.vector_strategy import payload_for
 from support.recorded import scene, zeros
 
@@ -16,7 +16,7 @@ PERIOD = 0.4
 
 def names(scene):
     """Of the states of its robots."""
-    return [state.name for state in states(scene)]
+    return [state.name for state in possible_states(scene)]
 
 
 def make_scene(n_robots=40, n_balls=12):
@@ -29,7 +29,7 @@ def make_scene(n_robots=40, n_balls=12):
         dump=np.array([-7e-3, -7e-3, 7e-3, 7e-3]),
         dust_areas=np.array([[-45e-3, 20e-3, -20e-3, 45e-3], [22e-3, -45e-3, 45e-3, -22e-3]]),
         control_period=PERIOD,
-        payload=stored(payload_for(140.0)),
+        payload=payload_json(payload_for(140.0)),
         memory_names=("dust_vector", "dust_known", "dump_vector", "dump_known", "dust_hop", "dump_hop"),
         memory_units=("m", "", "m", "", "", ""),
         memory_sizes=(2, 1, 2, 1, 1, 1),
@@ -84,7 +84,7 @@ def make_frames(scene, n_frames=50, seed=0):
 def joined(blocks):
     """Blocks of frames as one."""
     each = [block.arrays() for block in blocks]
-    return Frames.of({name: np.concatenate([arrays[name] for arrays in each]) for name in each[0]})
+    return Frames.from_arrays({name: np.concatenate([arrays[name] for arrays in each]) for name in each[0]})
 
 
 def cut(frames, start, stop):

@@ -12,7 +12,7 @@ from support.tasks import Eastward
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.output.saved import load
+from iswarm_mj.output.loading import load
 from iswarm_mj.paper.report.inspection import inspection
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario

@@ -12,7 +12,7 @@ import pytest
 from support.small import SMALL
 
 from iswarm_mj import PlanarSettings, Run, make_env
-from iswarm_mj.output.saved import load
+from iswarm_mj.output.loading import load
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils import environment, jax_setup
 from iswarm_mj.utils.errors import UserError

@@ -9,7 +9,7 @@ import pytest
 from support.rrd import read
 from support.runs import first_step, records, run_of, spoil
 
-from iswarm_mj.output.frames import BLOCK
+from iswarm_mj.output.frames import BLOCK_FRAMES
 from iswarm_mj.output.schema import ARRAYS
 from iswarm_mj.output.trajectory import ABOUT, Scene
 from iswarm_mj.strategy.genome import PRESETS, Genome
@@ -20,7 +20,7 @@ from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows import clean as workflow
 from iswarm_mj.workflows.clean import _save, run_swarm, summary
 
-STEPS = BLOCK + 6
+STEPS = BLOCK_FRAMES + 6
 
 OF_A_RUN = ("version", "engine", "settings", "task", "genome", "config", "robot")
 
@@ -176,7 +176,7 @@ def test_of_a_run_that_ends_within_a_program_no_measures_are_kept(small, tmp_pat
 class TestFaults:
     """Robot 5 is far outside in step 66, after one block of frames was written and before the second is full."""
 
-    STEP = BLOCK + 2
+    STEP = BLOCK_FRAMES + 2
 
     @pytest.fixture(autouse=True)
     def elsewhere(self, tmp_path, monkeypatch):

@@ -14,10 +14,10 @@ from support.small import FLAGS, SMALL
 import iswarm_mj
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import as_robot_file, files_of, models_directory, read_robots
+from iswarm_mj.output.offscreen import ArenaRenderer, Shot
 from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_entities import entities
 from iswarm_mj.output.schema import ROBOTS
-from iswarm_mj.output.stage import Shot, Stage
 from iswarm_mj.simulation.layout_checks import check_poses
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
@@ -69,11 +69,11 @@ def test_recordings_and_pictures_show_both_hulls(files, out, monkeypatch):
     np.testing.assert_allclose([sizes[7], sizes[8]], [[1, 1, 0.5], [1.2, 0.8, 0.5]])
     corners = outlines(np.zeros((N, 3)), run.scene.robot_size[:, :2])
     np.testing.assert_allclose(np.ptp(corners, axis=1)[[7, 8]], [[2e-3, 2e-3], [2.4e-3, 1.6e-3]])
-    with Stage(run.config, run.arrays, Shot(size=(64, 64)), run.robot_file) as stage:
+    with ArenaRenderer(run.config, run.arrays, Shot(size=(64, 64)), run.robot_file) as stage:
         for robot, size in ((7, [1, 1]), (8, HALF)):
-            np.testing.assert_allclose(stage._arena.model.geom(f"robot{robot}/substrate").size[:2], size)
+            np.testing.assert_allclose(stage.arena.model.geom(f"robot{robot}/substrate").size[:2], size)
     with pytest.raises(UserError, match="must be as large as those of the run"):
-        Stage(run.config, run.arrays, Shot(size=(64, 64)), files[::-1])
+        ArenaRenderer(run.config, run.arrays, Shot(size=(64, 64)), files[::-1])
 
 
 def test_a_run_continues_from_its_results(out, tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from support.rrd import read
 from support.runs import run_of
 
 from iswarm_mj import load
-from iswarm_mj.output.frames import BLOCK, RecordedWorld
+from iswarm_mj.output.frames import BLOCK_FRAMES, RecordedWorld
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows import recorder
@@ -25,9 +25,15 @@ def test_blocks_grow_with_the_run_up_to_some_frames_and_bytes(
     small, tmp_path, monkeypatch, frames, frames_of_bytes, largest
 ):
     run = run_of(small, SCOUTS, steps=STEPS)
-    start = RecordedWorld.of(run, 0).frames([run.start])
+    start = RecordedWorld.of_run(run, 0).frames([run.start])
     each = sum(array.nbytes for array in start.arrays().values())
-    limits, given_back = {"BLOCK": 2, "LONG": frames, "LONG_BYTES": frames_of_bytes * each, "LARGE_BYTES": 4 * each}, []
+    given_back = []
+    limits = {
+        "BLOCK_FRAMES": 2,
+        "MAX_BLOCK_FRAMES": frames,
+        "MAX_BLOCK_BYTES": frames_of_bytes * each,
+        "LARGE_BLOCK_BYTES": 4 * each,
+    }
     for name, value in limits.items():
         monkeypatch.setattr(recorder, name, value)
     monkeypatch.setattr(recorder, "give_back", lambda: given_back.append(1))
@@ -44,7 +50,7 @@ def test_a_run_ends_while_the_disk_has_room_to_complete_its_files(small, tmp_pat
     monkeypatch.setattr(shutil, "disk_usage", lambda path: SimpleNamespace(free=left.pop(0)))
     said = r"clean\.rrd cannot be written \(No space left on device\); make room"
     with pytest.raises(UserError, match=said):
-        run_swarm(run_of(small, SCOUTS, steps=STEPS * BLOCK), tmp_path)
+        run_swarm(run_of(small, SCOUTS, steps=STEPS * BLOCK_FRAMES), tmp_path)
     content, steps = json.loads((tmp_path / "result.json").read_text()), load(tmp_path).arrays["step"]
-    assert content["interrupted"] and content["steps"] == steps[-1] == 2 * BLOCK - 1
+    assert content["interrupted"] and content["steps"] == steps[-1] == 2 * BLOCK_FRAMES - 1
     assert read(tmp_path / "clean.rrd")["/world/robots/body"]["step"] == steps.tolist()

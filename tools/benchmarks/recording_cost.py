@@ -13,11 +13,11 @@ from contextlib import closing
 from pathlib import Path
 
 from iswarm_mj import load
+from iswarm_mj.output.loading import read_trajectory
 from iswarm_mj.output.rerun_swarm import Recording
-from iswarm_mj.output.saved import read_trajectory
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import ABOUT, SCENE, TRAJECTORY
-from iswarm_mj.workflows.recorder import BLOCK
+from iswarm_mj.workflows.recorder import BLOCK_FRAMES
 
 REPEATS = 7
 
@@ -25,14 +25,14 @@ REPEATS = 7
 def cost(directory: Path) -> tuple[int, float, float]:
     """Return the number of steps, bytes a step and milliseconds a step."""
     scene, arrays, times = load(directory / TRAJECTORY).scene, read_trajectory(directory / TRAJECTORY), []
-    frames = Frames.of({name: a for name, a in arrays.items() if name != ABOUT and not name.startswith(SCENE)})
+    frames = Frames.from_arrays({name: a for name, a in arrays.items() if name != ABOUT and not name.startswith(SCENE)})
     with tempfile.TemporaryDirectory() as place:
         path = Path(place) / "run.rrd"
         for _ in range(REPEATS):
             with closing(Recording(path, scene, {}, {})) as recording:
                 started = time.process_time()
-                for start in range(0, len(frames), BLOCK):
-                    recording.append(frames[start : start + BLOCK])
+                for start in range(0, len(frames), BLOCK_FRAMES):
+                    recording.append(frames[start : start + BLOCK_FRAMES])
                 times.append(time.process_time() - started)
         return len(frames), path.stat().st_size / len(frames), 1e3 * statistics.median(times) / len(frames)
 

@@ -19,7 +19,7 @@ from PIL import Image
 from playwright.sync_api import sync_playwright
 
 from iswarm_mj.commands.main import main as iswarm
-from iswarm_mj.output.saved import load
+from iswarm_mj.output.loading import load
 from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.film import Film
 from iswarm_mj.player.inputs import Inputs

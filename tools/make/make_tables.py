@@ -11,7 +11,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from iswarm_mj.commands.options import ConfigOptions
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.output import rerun_entities as names
-from iswarm_mj.output.memory import UNKNOWN
+from iswarm_mj.output.memory_vectors import UNKNOWN
 from iswarm_mj.output.schema import BALLS, LINKS, ROBOTS
 from iswarm_mj.output.tables import TABLES, memory_columns
 from iswarm_mj.strategy.declared import array_name
@@ -53,56 +53,62 @@ def columns(name: str) -> str:
 
 
 def shown(entity: str) -> list[tuple[str, str, str, str]]:
-    """Return entity, component, unit and meaning of the quantities that an entity of recordings shows."""
-    return [
-        (
-            column.shown,
-            component,
-            names.UNITS.get(column.unit, (column.unit,))[0],
-            column.description + (f", {UNKNOWN} if none does" if column.name == "holder" else ""),
-        )
-        for component, *_, column in names.SHOWN
-        if column.shown.startswith(entity)
-    ]
+    """Return entity, component, unit and meaning of the quantities that an entity shows."""
+    rows = []
+    for component, _, _, column in names.SHOWN:
+        if column.shown.startswith(entity):
+            meaning = column.description
+            if column.name == "holder":
+                meaning += f", {UNKNOWN} if none does"
+            rows.append((column.shown, component, names.shown_unit(column.unit), meaning))
+    return rows
 
 
+_ARROWS = f"{names.ARROWS}/NAME"
+_AREAS = f"{names.AREAS}/NAME"
+_ROBOT_CLASSES = "0 empty, 2 scout, 4 loaded; plus 1 if the robot sends priority"
+_FIELD = "field of the message that is no vector, units as declared, lengths in m"
+_SIDE = "side that receives: 0 front, 1 left, 2 back, 3 right"
 NAMES = (
-    (ROBOTS, "Boxes3D:centers", "mm", "one a robot, by its number; the arena is centred on the origin"),
+    (ROBOTS, "Boxes3D:centers", "mm", "centre of each robot; the arena is centred on the origin"),
     (ROBOTS, "Boxes3D:quaternions", "", "x, y, z, w; the robot looks along its x axis"),
-    (ROBOTS, "Boxes3D:class_ids", "", "0 empty, 2 scout, 4 loaded; plus 1 if it sends priority"),
+    (ROBOTS, "Boxes3D:class_ids", "", _ROBOT_CLASSES),
     *shown(ROBOTS),
-    (ROBOTS, "said_NAME", "", "a field of the message that is no vector, units as declared, lengths in m"),
+    (ROBOTS, "said_NAME", "", _FIELD),
     (ROBOTS, "NAME_hop", "", f"hop count of the remembered vector, {UNKNOWN} without one"),
-    (ROBOTS, "NAME_hop_colour", "", "its colour, 0xRRGGBBAA"),
-    (names.FRONTS, "Points3D:positions", "mm", "of the dot at each robot's front"),
-    (BALLS, "Points3D:positions", "mm", "one a ball, by its number"),
+    (ROBOTS, "NAME_hop_colour", "", "colour of the hop count, 0xRRGGBBAA"),
+    (names.FRONTS, "Points3D:positions", "mm", "dot at each robot's front"),
+    (BALLS, "Points3D:positions", "mm", "centre of each ball"),
     (BALLS, "Points3D:class_ids", "", "10 on the floor, 11 held, 12 delivered"),
     *shown(BALLS),
-    (names.BALL_MARKERS, "Points3D:positions", "mm", "above the ball and the robots"),
-    (names.BALL_MARKERS, "Points3D:class_ids", "", "as of the ball"),
-    (names.BOXES, "Boxes3D:centers", "mm", "one a box that robots push, by its number"),
-    (names.BOXES, "Boxes3D:half_sizes", "mm", "of the box"),
+    (names.BALL_MARKERS, "Points3D:positions", "mm", "marker above the ball and the robots"),
+    (names.BALL_MARKERS, "Points3D:class_ids", "", "class of the ball"),
+    (names.BOXES, "Boxes3D:centers", "mm", "centre of each box that robots push"),
+    (names.BOXES, "Boxes3D:half_sizes", "mm", "half edges of the box"),
     (names.BOXES, "Boxes3D:quaternions", "", "x, y, z, w"),
-    (LINKS, "LineStrips3D:strips", "mm", "from receiver to sender, one a link"),
+    (LINKS, "LineStrips3D:strips", "mm", "line from receiver to sender of each link"),
     (LINKS, "LineStrips3D:class_ids", "", "21 heard, 20 damaged message"),
     (LINKS, "receiver", "", "number of the robot that receives"),
-    (LINKS, "side", "", "that receives: 0 front, 1 left, 2 back, 3 right"),
+    (LINKS, "side", "", _SIDE),
     *shown(LINKS),
-    (names.TRAILS, "LineStrips3D:strips", "mm", "where loaded robots were in the last 20 steps"),
+    (names.TRAILS, "LineStrips3D:strips", "mm", "paths of loaded robots in the last 20 steps"),
     (names.TRAILS, "robot", "", "number of the robot of each trail"),
-    (f"{names.ARROWS}/NAME", "Arrows3D:origins", "mm", "above the robots that know the vector"),
-    (f"{names.ARROWS}/NAME", "Arrows3D:vectors", "mm", "the vector, turned to the arena"),
-    (f"{names.ARROWS}/NAME", "robot", "", "number of the robot of each arrow"),
-    (f"{names.AREAS}/NAME", "Boxes3D:centers", "mm", "areas of the task; of discs Cylinders3D"),
-    (f"{names.AREAS}/NAME", "Boxes3D:half_sizes", "mm", "areas of the task"),
-    (f"{names.MEMORY}/NAME", names.VALUE, "", "what else of the memory is recorded, one series a robot"),
-    ("states/robot_N", "StateChange:state", "", "from this step on; only of the robots that have a lane"),
+    (_ARROWS, "Arrows3D:origins", "mm", "points above the robots that know the vector"),
+    (_ARROWS, "Arrows3D:vectors", "mm", "the vector, turned to the arena"),
+    (_ARROWS, "robot", "", "number of the robot of each arrow"),
+    (_AREAS, "Boxes3D:centers", "mm", "centres of areas of the task; of discs in Cylinders3D"),
+    (_AREAS, "Boxes3D:half_sizes", "mm", "half edges of areas of the task"),
+    (f"{names.MEMORY}/NAME", names.VALUE, "", "other recorded memory, one series a robot"),
+    ("states/robot_N", "StateChange:state", "", "state from this step on; only of robots with a lane"),
     (names.COUNTS, names.VALUE, "", "robots in each state, in the order of `SeriesLines:names`"),
     (f"{names.SHARES}/NAME", names.VALUE, "", "share of the robots that know the vector"),
     *shown("series/"),
     (f"{names.METRICS}/NAME", names.VALUE, "", "a metric of the task, in its unit"),
 )
-"""All that change in time; what does not, as sizes and colours, are components of the same entities without time."""
+"""Entity, component, unit and meaning of everything that changes in time.
+
+What does not, such as sizes and colours, are components of the same entities without time.
+"""
 
 
 def recording() -> str:

@@ -10,7 +10,7 @@ from zipfile import is_zipfile
 
 from tqdm import tqdm
 
-from iswarm_mj.output.saved import read_result
+from iswarm_mj.output.loading import read_result
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.paper.report import results
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
@@ -145,7 +145,7 @@ def _table(path: Path) -> list[str]:
         case results.TRIALS:
             trials = [grasp.TrialRow(*map(row.__getitem__, grasp.TrialRow._fields)) for row in rows]
             n_trials = len({(row.radius, row.relative_humidity, row.repeat) for row in trials})
-            lines = (f"{name:>12}  {text}" for name, text in grasp.outcomes(trials))
+            lines = (f"{name:>12}  {text}" for name, text in grasp.outcome_lines(trials))
             return [f"{path.stem}: {n_trials} trials in {len(rows)} rows, {about}", *lines]
         case grasp.CURVES:
             return [f"{path.stem}: {len(rows)} rows, {about}"]

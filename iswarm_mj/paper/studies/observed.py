@@ -12,8 +12,8 @@ import numpy as np
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.output.loading import load
 from iswarm_mj.output.plot_swarm import draw_swarm
-from iswarm_mj.output.saved import load
 from iswarm_mj.paper.analysis.statements import NEAR, drive_of
 from iswarm_mj.paper.studies.experiment import Plan
 from iswarm_mj.search.rows import by

@@ -12,7 +12,7 @@ from support.runs import run_of
 
 import iswarm_mj
 from iswarm_mj.config.swarm import READINGS, OpticsConfig, SwarmConfig
-from iswarm_mj.output.stage import recorded
+from iswarm_mj.output.offscreen import load_recorded
 from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import restored
@@ -174,7 +174,7 @@ def test_files_that_are_no_run(copy):
 def test_a_run_without_a_trajectory(tmp_path):
     (write_run(tmp_path) / TRAJECTORY).unlink()
     with pytest.raises(UserError, match=r"without trajectory\.npz, .*; wait for the end, or repeat the run"):
-        recorded(tmp_path)
+        load_recorded(tmp_path)
 
 
 @pytest.mark.parametrize(
