@@ -1,4 +1,4 @@
-"""Worlds of the engine in C, and where their robots are put."""
+"""Worlds of MuJoCo in C, and places for their robots."""
 
 import numpy as np
 
@@ -7,14 +7,26 @@ from iswarm_mj.engines.base import Phase
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.utils.units import RD
 
-EDGE = 7.5 * RD  # of the small arena, from its middle
-MASS, INERTIA = 10.0, 10.0 * (2**2 + 2**2) / 12
+EDGE = 7.5 * RD
+"""Distance of the small arena's walls from its centre [mm]."""
+MASS = 10.0
+"""Mass of a robot [mg]."""
+INERTIA = MASS * (2**2 + 2**2) / 12
+"""Yaw inertia of a robot [mg mm^2]."""
 
 
 class Worlds:
-    """Worlds with robots at rest at (B, N, 3); `free` takes drive and damping off."""
+    """Worlds with robots at rest."""
 
     def __init__(self, config, poses, free=False, present=None):
+        """Place the robots.
+
+        Args:
+            config: arena and optics.
+            poses: (B, N, 3) of the robots.
+            free: robots have neither drive nor damping.
+            present: (B, N) which robots are present, by default all.
+        """
         poses = np.asarray(poses, float)
         self.n_worlds, n_robots = poses.shape[:2]
         arena = compile_arena(config, n_robots, np.zeros(0))
@@ -31,19 +43,22 @@ class Worlds:
 
     def move(self, velocity, n_substeps, worlds=None):
         """Move some worlds, all by default."""
-        running = np.isin(np.arange(self.n_worlds), range(self.n_worlds) if worlds is None else worlds)
+        worlds = range(self.n_worlds) if worlds is None else worlds
+        is_running = np.isin(np.arange(self.n_worlds), worlds)
         velocity = np.asarray(velocity, float)
-        motion = self.engine.move(self.bodies, [Phase(n_substeps, lambda _: velocity)], running)
+        phase = Phase(n_substeps, lambda _: velocity)
+        motion = self.engine.move(self.bodies, [phase], is_running)
         self.bodies = motion.bodies
         return motion
 
     def sense(self, emits=None):
-        """Light in all worlds."""
+        """Light in all worlds; all robots emit by default."""
         emits = np.ones(self.bodies.poses.shape[:2], bool) if emits is None else emits
         return self.engine.sense(self.bodies, emits, np.ones(self.n_worlds, bool))
 
     @property
     def poses(self):
+        """Poses (B, N, 3)."""
         return self.engine.poses(self.bodies)
 
     def qvel(self):
@@ -52,12 +67,12 @@ class Worlds:
 
 
 def spoil(engine, world, robots, value, column=0):
-    """Put robots of a world at x, y or yaw `value` in the next physics steps."""
+    """Set x, y or yaw (`column`) of robots of a world after the next physics steps."""
     step = engine._step
 
-    def step_and_spoil(*given):
+    def step_and_spoil(*arguments):
         engine._step = step
-        failed = step(*given)
+        failed = step(*arguments)
         engine._qpos[world, engine._arena.qpos[robots, column]] = value
         return failed
 
@@ -66,19 +81,31 @@ def spoil(engine, world, robots, value, column=0):
 
 def far_apart(n_worlds, rng):
     """Nine robots that cannot meet: on a grid of 9 mm, at random headings."""
-    grid = np.stack(np.meshgrid(*[[-9.0, 0.0, 9.0]] * 2), -1).reshape(-1, 2)
-    return np.dstack([np.tile(grid, (n_worlds, 1, 1)), rng.uniform(-3, 3, (n_worlds, 9))])
+    places = [-9.0, 0.0, 9.0]
+    grid = np.stack(np.meshgrid(places, places), -1).reshape(-1, 2)
+    yaw = rng.uniform(-3, 3, (n_worlds, 9))
+    return np.dstack([np.tile(grid, (n_worlds, 1, 1)), yaw])
 
 
 def corners(pose):
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    return pose[:2] + np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) @ [[c, s], [-s, c]]
+    """Corners (4, 2) of the square of a robot."""
+    x_axis, y_axis = axes_of(pose[2])
+    signs = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    return pose[:2] + signs @ [x_axis, y_axis]
 
 
-def separation(a, b):
-    """Largest gap between two squares along the normals of their sides; negative if they overlap."""
+def axes_of(yaw):
+    """Unit vectors ahead and to the left."""
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return [cos, sin], [-sin, cos]
+
+
+def separation(first, second):
+    """Largest gap of two squares along the normals of their sides; negative if they overlap."""
     gaps = []
-    for yaw in (a[2], a[2] + np.pi / 2, b[2], b[2] + np.pi / 2):
-        p, q = corners(a) @ [np.cos(yaw), np.sin(yaw)], corners(b) @ [np.cos(yaw), np.sin(yaw)]
-        gaps.append(max(p.min() - q.max(), q.min() - p.max()))
+    for axis in (*axes_of(first[2]), *axes_of(second[2])):
+        extent_of_first = corners(first) @ axis
+        extent_of_second = corners(second) @ axis
+        gaps.append(extent_of_second.min() - extent_of_first.max())
+        gaps.append(extent_of_first.min() - extent_of_second.max())
     return max(gaps)

@@ -1,4 +1,4 @@
-"""Small worlds for the tests of light, memory and floor, and a slow but plain reference for the links."""
+"""Small worlds for tests of light, memory and floor, and a slow but plain reference for links."""
 
 import dataclasses
 from unittest.mock import patch
@@ -29,7 +29,7 @@ SHIFTED = dataclasses.replace(
         ((0.0, -1.0), (0.2, -1.0)),
     ),
 )
-"""A robot whose optics sit beside the middle of its sides, elsewhere on each."""
+"""A robot whose optics are beside the middle of its sides, elsewhere on each."""
 
 
 def place(*rows):
@@ -58,130 +58,206 @@ def remember(vector, hop=0, known=True):
 
 def senses_nothing(n, sides=4):
     """Observation of N robots that neither hear nor feel anything; use `_replace`."""
-    no, never = np.zeros(n, bool), np.zeros((n, sides), bool)
-    silence = remember(np.zeros((n, sides, 2)), known=False)
-    bearing = np.broadcast_to(np.float32(np.arange(sides) * (np.pi / 2)), (n, sides))
+    no_robot = np.zeros(n, bool)
+    no_side = np.zeros((n, sides), bool)
+    no_vector = remember(np.zeros((n, sides, 2)), known=False)
+    directions = np.float32(np.arange(sides) * (np.pi / 2))
     return Observation(
-        is_heard=never,
-        bearing=bearing,
+        is_heard=no_side,
+        bearing=np.broadcast_to(directions, (n, sides)),
         distance=np.full((n, sides), 5.0, np.float32),
         led=np.zeros((n, sides), np.int32),
-        payload={"priority": never, "dust": silence, "dump": silence},
-        sees_wall=never,
-        at_dust=no,
+        payload={"priority": no_side, "dust": no_vector, "dump": no_vector},
+        sees_wall=no_side,
+        at_dust=no_robot,
         ball_vector=np.zeros((n, 2), np.float32),
-        on_dump=no,
-        is_loaded=no,
-        grasp_failed=no,
+        on_dump=no_robot,
+        is_loaded=no_robot,
+        grasp_failed=no_robot,
         sensed={},
-        waits=no,
+        waits=no_robot,
     )
 
 
 def lay(*positions, holders=None):
-    """Balls of the median strength at `positions`; `holders` lists who holds each, None for nobody."""
-    k = len(positions)
-    holders = holders or [None] * k
-    balls = balls_on_floor(GripperConfig(), np.array(positions, float), np.full(k, 20e-6))
-    held = np.array([h is not None for h in holders])
-    holder = np.array([h or 0 for h in holders], np.int32)
-    balls = balls._replace(is_held=held, holder=holder, was_picked=held)
+    """Balls of the median strength.
+
+    Args:
+        positions: x and y of each ball [mm].
+        holders: robot that holds each ball, None for nobody.
+    """
+    n_balls = len(positions)
+    holders = holders or [None] * n_balls
+    is_held = np.array([holder is not None for holder in holders])
+    holder = np.array([holder or 0 for holder in holders], np.int32)
+    radius = np.full(n_balls, 20e-6)
+    balls = balls_on_floor(GripperConfig(), np.array(positions, float), radius)
+    balls = balls._replace(is_held=is_held, holder=holder, was_picked=is_held)
     return jax.tree.map(jnp.asarray, balls)
 
 
 def crowd(rng, density, edge=9):
-    """Poses of edge^2 robots that cover a share `density` of the floor and do not overlap: like bricks in a wall."""
+    """Poses of edge^2 robots that do not overlap, like bricks in a wall.
+
+    Args:
+        rng: random generator.
+        density: share of the floor that the robots cover.
+        edge: number of rows, and of robots in each.
+    """
     cell = 2 / np.sqrt(density)
     yaw = []
-    while len(yaw) < edge**2:  # a square at this angle is 2 (|cos| + |sin|) wide
+    while len(yaw) < edge**2:
         angle = rng.uniform(-np.pi, np.pi)
-        if abs(np.cos(angle)) + abs(np.sin(angle)) <= cell / 2:
+        half_width = abs(np.cos(angle)) + abs(np.sin(angle))  # of a square of 2 x 2 mm
+        if half_width <= cell / 2:
             yaw.append(angle)
     yaw = np.array(yaw)
+
+    # Rows of cells that are shifted against each other, with a robot anywhere in each cell.
+    places = np.arange(edge) - edge / 2
+    centres = np.stack(np.meshgrid(places, places), -1).reshape(-1, 2) * cell
+    centres[:, 0] += np.repeat(rng.uniform(0, cell, edge), edge)
     slack = cell / 2 - abs(np.cos(yaw)) - abs(np.sin(yaw))
-    grid = np.stack(np.meshgrid(*[np.arange(edge) - edge / 2] * 2), -1).reshape(-1, 2) * cell
-    grid[:, 0] += np.repeat(rng.uniform(0, cell, edge), edge)
-    xy = grid + rng.uniform(-1, 1, grid.shape) * slack[:, None]
-    whole = rng.uniform(-np.pi, np.pi)
-    return np.column_stack([turned(xy, whole), yaw + whole])[rng.permutation(edge**2)]
+    xy = centres + rng.uniform(-1, 1, centres.shape) * slack[:, None]
+
+    rotation = rng.uniform(-np.pi, np.pi)
+    poses = np.column_stack([turned(xy, rotation), yaw + rotation])
+    return poses[rng.permutation(edge**2)]
 
 
 def thirds_in_the_way(rng, n, reach, size):
-    """Worlds (n, 3, 3) of a receiver, a sender at the end of its `reach` [mm], and a robot of about `size` [mm].
+    """Worlds (n, 3, 3) of a receiver, a sender at the end of its reach, and a third robot.
 
-    It stands near the sender, on any side of it, or beside the path of the light.
+    The third robot is near the sender, on any side of it, or beside the path of the light.
+
+    Args:
+        rng: random generator.
+        n: number of worlds.
+        reach: range of the light [mm].
+        size: size of the third robot [mm].
     """
-    way, far = rng.uniform(-np.pi, np.pi, n), reach * rng.uniform(0.96, 1.0, n)
+    direction = rng.uniform(-np.pi, np.pi, n)
+    distance = reach * rng.uniform(0.96, 1.0, n)
     poses = np.zeros((n, 3, 3))
     poses[..., 2] = rng.uniform(-np.pi, np.pi, (n, 3))
-    poses[:, 1, 2] = way + rng.uniform(-0.5, 0.5, n) + rng.integers(0, 4, n) * np.pi / 2
-    poses[:, 1, 0] = poses[:, 2, 0] = far
-    near = turned(np.column_stack([rng.uniform(0, 1.5 * size, n), np.zeros(n)]), rng.uniform(-1.6, 1.6, n))
-    beside = np.column_stack([rng.uniform(-far, 0), rng.uniform(-size, size, n)])
-    poses[:, 2, :2] += np.where(np.arange(n)[:, None] % 2, near, beside)
-    poses[..., :2] = turned(poses[..., :2], way[:, None])
+    off_beam = rng.uniform(-0.5, 0.5, n)
+    side = rng.integers(0, 4, n)
+    poses[:, 1, 2] = direction + off_beam + side * np.pi / 2
+    poses[:, 1, 0] = distance
+    poses[:, 2, 0] = distance
+
+    gap = np.column_stack([rng.uniform(0, 1.5 * size, n), np.zeros(n)])
+    near_sender = turned(gap, rng.uniform(-1.6, 1.6, n))
+    beside_path = np.column_stack([rng.uniform(-distance, 0), rng.uniform(-size, size, n)])
+    is_near_sender = np.arange(n)[:, None] % 2
+    poses[:, 2, :2] += np.where(is_near_sender, near_sender, beside_path)
+    poses[..., :2] = turned(poses[..., :2], direction[:, None])
     return poses
 
 
-def links_by_rays(*given):
-    """What `find_links` returns if it asks `reaches` about all pairs, whatever stands in between."""
+def links_by_rays(*arguments):
+    """Result of `find_links` that asks `reaches` about all pairs, whatever stands in between."""
 
-    def all_open(_, which):
-        return Circles(np.full(len(which), np.inf), np.zeros(len(which)), np.inf)
+    def undecided_circles(_, which):
+        n_robots = len(which)
+        return Circles(outer=np.full(n_robots, np.inf), inner=np.zeros(n_robots), behind=np.inf)
 
-    with patch.object(links, "circles_around", all_open):
-        return links.find_links(*given)
+    with patch.object(links, "circles_around", undecided_circles):
+        return links.find_links(*arguments)
 
 
 def squares_in_the_way(poses, half_edges=(1.0, 1.0)):
-    """Exact `reaches` for worlds (B, N, 3): no third robot's rectangle, 2 x 2 mm by default, meets the segment."""
-    halves = np.broadcast_to(half_edges, (poses.shape[1], 2))
+    """Exact `reaches` for worlds (B, N, 3): no third robot's rectangle meets the ray.
 
-    def one(world, origin, target, receiver, sender):
-        third, half = (np.delete(a, [receiver, sender], axis=0) for a in (poses[world], halves))
-        a, b = (turned(end - third[:, :2], -third[:, 2]) for end in (origin, target))
+    Args:
+        poses: of the robots.
+        half_edges: of all robots, or (N, 2) of each [mm].
+    """
+    half_edges = np.broadcast_to(half_edges, (poses.shape[1], 2))
+
+    def is_clear(world, origin, target, receiver, sender):
+        thirds = np.delete(poses[world], [receiver, sender], axis=0)
+        if not len(thirds):
+            return True
+
+        # The ray in the frame of each third robot, as shares of its length at the four edges.
+        half = np.delete(half_edges, [receiver, sender], axis=0)
+        start = turned(origin - thirds[:, :2], -thirds[:, 2])
+        end = turned(target - thirds[:, :2], -thirds[:, 2])
         with np.errstate(divide="ignore", invalid="ignore"):
-            cuts = np.stack([(-half - a) / (b - a), (half - a) / (b - a)])
-        enters = np.maximum(cuts.min(axis=0).max(axis=1), 0) if len(third) else np.zeros(0)
-        leaves = np.minimum(cuts.max(axis=0).min(axis=1), 1) if len(third) else np.zeros(0)
+            at_edges = np.stack([(-half - start) / (end - start), (half - start) / (end - start)])
+        enters = np.maximum(at_edges.min(axis=0).max(axis=1), 0)
+        leaves = np.minimum(at_edges.max(axis=0).min(axis=1), 1)
         return not (enters < leaves).any()
 
-    def reaches(*pairs):
-        return np.array([one(*pair) for pair in zip(*pairs, strict=True)], bool)
+    def reaches(*rays):
+        return np.array([is_clear(*ray) for ray in zip(*rays, strict=True)], bool)
 
     return reaches
 
 
 def all_links(poses, reaches, sector=90.0, beam=60.0, robot=None):
-    """Links of one world (N, 3) by trying every pair, in sector mode: sender and LED (N, S), -1 for none.
+    """Links of one world by trying every pair, in sector mode.
 
-    Also the number of sides whose nearest sender is hidden while another one is heard. Angles and points are complex
-    numbers, by default those of four LEDs and photodiodes in the middle of the sides of a square.
+    Points and axes are complex numbers, by default those of four LEDs and photodiodes in the middle
+    of the sides of a square.
+
+    Args:
+        poses: (N, 3) of the robots.
+        reaches: casts rays.
+        sector: full width of the photodiodes' sector [deg].
+        beam: full width of the LEDs' beam [deg].
+        robot: optics, by default those of the paper's robot.
+
+    Returns:
+        Sender and LED (N, S), -1 for none; and the number of sides whose nearest sender is hidden
+        while another one is heard.
     """
     quarters = np.exp(1j * np.arange(4) * np.pi / 2)
     leds = receivers = led_axes = axes = quarters
     if robot is not None:
-        leds, receivers, led_axes, axes = (
-            np.array(points) @ [1, 1j]
-            for points in (robot.leds, robot.receivers, robot.sides.leds, robot.sides.photodiodes)
-        )
-    n, n_sides = len(poses), len(axes)
-    at, heading = poses[:, 0] + 1j * poses[:, 1], np.exp(1j * poses[:, 2])
-    sender, led, passed_over = np.full((n, n_sides), -1), np.full((n, n_sides), -1), 0
-    for i in range(n):
-        heard_at, hidden_at = np.full(n_sides, np.inf), np.full(n_sides, np.inf)
-        for j in np.flatnonzero((abs(at - at[i]) < RADIUS) & (np.arange(n) != i)):
-            distance = abs(at[j] - at[i])
-            off_axis = abs(np.degrees(np.angle((at[j] - at[i]) / heading[i] / axes)))
-            off_beam = abs(np.degrees(np.angle((at[i] - at[j]) / heading[j] / led_axes)))
-            side, shines = off_axis.argmin(), off_beam.argmin()
-            if off_axis[side] > sector / 2 or off_beam[shines] > beam / 2:
+        leds = np.array(robot.leds) @ [1, 1j]
+        receivers = np.array(robot.receivers) @ [1, 1j]
+        led_axes = np.array(robot.sides.leds) @ [1, 1j]
+        axes = np.array(robot.sides.photodiodes) @ [1, 1j]
+
+    n_robots = len(poses)
+    n_sides = len(axes)
+    centre = poses[:, 0] + 1j * poses[:, 1]
+    heading = np.exp(1j * poses[:, 2])
+    sender = np.full((n_robots, n_sides), -1)
+    led = np.full((n_robots, n_sides), -1)
+    passed_over = 0
+    for i in range(n_robots):
+        nearest_heard = np.full(n_sides, np.inf)
+        nearest_hidden = np.full(n_sides, np.inf)
+        is_in_range = (abs(centre - centre[i]) < RADIUS) & (np.arange(n_robots) != i)
+        for j in np.flatnonzero(is_in_range):
+            # The side of i and the LED of j that look nearest at the other robot.
+            offset = centre[j] - centre[i]
+            off_axis = abs(np.degrees(np.angle(offset / heading[i] / axes)))
+            off_beam = abs(np.degrees(np.angle(-offset / heading[j] / led_axes)))
+            side = off_axis.argmin()
+            facing_led = off_beam.argmin()
+            if off_axis[side] > sector / 2 or off_beam[facing_led] > beam / 2:
                 continue
-            ends = at[i] + heading[i] * receivers[side], at[j] + heading[j] * leds[shines]
-            ends = [np.array([[end.real, end.imag]]) for end in ends]
-            if not reaches(np.array([0]), *ends, np.array([i]), np.array([j]))[0]:
-                hidden_at[side] = min(hidden_at[side], distance)
-            elif distance < heard_at[side]:
-                heard_at[side], sender[i, side], led[i, side] = distance, j, shines
-        passed_over += int((hidden_at < heard_at)[np.isfinite(heard_at)].sum())
+
+            origin = centre[i] + heading[i] * receivers[side]
+            target = centre[j] + heading[j] * leds[facing_led]
+            is_clear = reaches(
+                np.array([0]),
+                np.array([[origin.real, origin.imag]]),
+                np.array([[target.real, target.imag]]),
+                np.array([i]),
+                np.array([j]),
+            )
+            distance = abs(offset)
+            if not is_clear[0]:
+                nearest_hidden[side] = min(nearest_hidden[side], distance)
+            elif distance < nearest_heard[side]:
+                nearest_heard[side] = distance
+                sender[i, side] = j
+                led[i, side] = facing_led
+        hears = np.isfinite(nearest_heard)
+        passed_over += int((nearest_hidden < nearest_heard)[hears].sum())
     return sender, led, passed_over

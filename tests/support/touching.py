@@ -4,7 +4,8 @@ import numpy as np
 
 
 def pairs_of(touching):
-    """Which pairs touch (*B, N, N) bool, upper triangle."""
+    """Pairs that touch (*B, N, N) bool, in the upper triangle."""
     touching = np.asarray(touching)
     index = np.arange(touching.shape[-1])
-    return (touching[..., None] == index).any(axis=-3) & (index[:, None] < index)
+    is_partner = (touching[..., None] == index).any(axis=-3)
+    return is_partner & (index[:, None] < index)
