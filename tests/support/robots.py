@@ -1,4 +1,4 @@
-"""Files of robots other than the paper's: copies of `models/robot.xml` with another hull, probe and other optics."""
+"""Files of robots other than the paper's: copies of `models/robot.xml` with changed parts."""
 
 import math
 import re
@@ -6,56 +6,108 @@ from typing import NamedTuple
 
 from iswarm_mj.engines.robot_file import models_directory
 
+OFF_THE_HULL = 0.4
+"""Distance of photodiodes from their LED, outward, so that axes lead back to the hull [mm]."""
+
 
 class Side(NamedTuple):
-    """An LED at (x, y) [mm] that looks along `angle` [deg], between photodiodes that look `askew` from there [deg]."""
+    """An LED and the photodiodes beside it."""
 
     x: float
+    """Position of the LED ahead of the robot's centre [mm]."""
     y: float
+    """Position of the LED to the left of the robot's centre [mm]."""
     angle: float
+    """Direction of the LED, from ahead to the left [deg]."""
     askew: float = 0.0
+    """Direction of the photodiodes, from that of the LED [deg]."""
     apart: float = 0.2
+    """Distance of each photodiode from the line between them and the LED [mm]."""
+
+
+def direction(angle):
+    """Cosine and sine of an angle [deg]."""
+    return math.cos(math.radians(angle)), math.sin(math.radians(angle))
 
 
 def site(name, x, y, angle):
-    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-    return f'<site name="{name}" class="optics" pos="{x!r} {y!r} 0" xyaxes="{c!r} {s!r} 0 {-s!r} {c!r} 0"/>'
+    """Element of an LED or a photodiode at (x, y) [mm] that looks along `angle` [deg]."""
+    cos, sin = direction(angle)
+    axes = f"{cos!r} {sin!r} 0 {-sin!r} {cos!r} 0"
+    return f'<site name="{name}" class="optics" pos="{x!r} {y!r} 0" xyaxes="{axes}"/>'
+
+
+def sites_of(number, side):
+    """Elements of an LED and two photodiodes."""
+    angle = side.angle + side.askew
+    cos, sin = direction(angle)
+    sites = [site(f"led{number}", side.x, side.y, side.angle)]
+    for which, left in (("a", side.apart), ("b", -side.apart)):
+        x = side.x + OFF_THE_HULL * cos - left * sin
+        y = side.y + OFF_THE_HULL * sin + left * cos
+        sites.append(site(f"photodiode{number}{which}", x, y, angle))
+    return sites
 
 
 def robot_xml(half_edges, sides, probe=(0.9, 0.0), height=1.0, mass=10):
-    """Text of a robot's file; what is only seen keeps its place."""
-    a, b = half_edges
+    """Text of a robot's file, whose visible parts keep their places.
+
+    Args:
+        half_edges: half the hull's length and width [mm].
+        sides: LEDs and photodiodes.
+        probe: tip of the probe, ahead and to the left of the centre [mm].
+        height: of the hull [mm].
+        mass: of the hull [mg].
+    """
+    half_x, half_y = half_edges
+    half_height = height / 2
+    tip_x, tip_y = probe
     text = (models_directory() / "robot.xml").read_text()
-    text = text.replace('class="hull" size="1 1 0.5"', f'class="hull" size="{a} {b} {height / 2}"')
-    text = text.replace('mass="10"/>', f'mass="{mass}"/>')
-    text = text.replace('name="robot" pos="0 0 0.5"', f'name="robot" pos="0 0 {height / 2}"')
-    text = text.replace('pos="0 0 0.35" size="1 1 0.05"', f'pos="0 0 0.35" size="{a} {b} 0.05"')
-    text = text.replace('site name="probe_tip" pos="0.9 0', f'site name="probe_tip" pos="{probe[0]} {probe[1]}')
+    for paper, changed in (
+        ('class="hull" size="1 1 0.5"', f'class="hull" size="{half_x} {half_y} {half_height}"'),
+        ('mass="10"/>', f'mass="{mass}"/>'),
+        ('name="robot" pos="0 0 0.5"', f'name="robot" pos="0 0 {half_height}"'),
+        ('0 0.35" size="1 1 0.05"', f'0 0.35" size="{half_x} {half_y} 0.05"'),
+        ('name="probe_tip" pos="0.9 0', f'name="probe_tip" pos="{tip_x} {tip_y}'),
+    ):
+        text = text.replace(paper, changed)
+
     text = re.sub(r'\s*<site name="(led|photodiode).*/>', "", text)
-    sites = []
-    for k, side in enumerate(sides):
-        looks = side.angle + side.askew
-        c, s = math.cos(math.radians(looks)), math.sin(math.radians(looks))
-        sites.append(site(f"led{k}", side.x, side.y, side.angle))
-        for which, left in (("a", side.apart), ("b", -side.apart)):  # off the hull, where optical axes lead back to
-            sites.append(site(f"photodiode{k}{which}", side.x + 0.4 * c - left * s, side.y + 0.4 * s + left * c, looks))
-    return text.replace('<site name="probe_tip"', "\n".join(sites) + '\n<site name="probe_tip"')
+    sites = [element for number, side in enumerate(sides) for element in sites_of(number, side)]
+    probe_tip = '<site name="probe_tip"'
+    return text.replace(probe_tip, "\n".join([*sites, probe_tip]))
 
 
-def around(half_edges, angles, **how):
-    """Sides where rays from the centre at these angles [deg] leave the hull, looking outward along them."""
+def around(half_edges, angles, **optics):
+    """Sides where rays from the centre at these angles [deg] leave the hull, looking along them.
+
+    Args:
+        half_edges: half the hull's length and width [mm].
+        angles: of the rays [deg].
+        optics: other fields of all sides.
+    """
     sides = []
     for angle in angles:
-        c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-        far = min(h / abs(part) for h, part in zip(half_edges, (c, s), strict=True) if abs(part) > 1e-9) + 1e-3
-        sides.append(Side(far * c, far * s, angle, **how))
+        cos, sin = direction(angle)
+        distances = []
+        for half_edge, part in zip(half_edges, (cos, sin), strict=True):
+            if abs(part) > 1e-9:
+                distances.append(half_edge / abs(part))
+        distance = min(distances) + 1e-3
+        sides.append(Side(distance * cos, distance * sin, angle, **optics))
     return sides
 
 
 HALF = (1.2, 0.8)
-"""Of the robots below [mm]."""
+"""Half edges of the robots below [mm]."""
+
 ROBOTS = {
-    "four askew": [Side(1.2, 0.5, 20), Side(0.9, 0.8, 95, -15), Side(-1.2, -0.2, 190), Side(0.1, -0.8, -70, 10)],
+    "four askew": [
+        Side(1.2, 0.5, 20),
+        Side(0.9, 0.8, 95, -15),
+        Side(-1.2, -0.2, 190),
+        Side(0.1, -0.8, -70, 10),
+    ],
     "two": around(HALF, (30, 200)),
     "three": around(HALF, (0, 120, 240)),
     "five": around(HALF, (10, 80, 155, 230, 300), askew=12, apart=0.05),
@@ -64,11 +116,14 @@ ROBOTS = {
 }
 """Sides of robots of 2.4 x 1.6 mm."""
 
+PROBE = (1.1, 0.1)
+"""Tip of their probe [mm]."""
+
 
 def robot_file(directory, name):
     """Path of the file of one of `ROBOTS`."""
     path = directory / f"{name.replace(' ', '_')}.xml"
-    path.write_text(robot_xml(HALF, ROBOTS[name], probe=(1.1, 0.1)))
+    path.write_text(robot_xml(HALF, ROBOTS[name], probe=PROBE))
     return path
 
 
@@ -79,10 +134,12 @@ FOUR = [Side(1.2, 0.4, 0), Side(-0.5, 0.8, 90), Side(-1.2, -0.3, 180), Side(0.6,
 def two_kinds(directory, n_robots):
     """Files of the paper's robots, two fifths of all, and of robots of 2.4 x 1.6 mm and 30 mg."""
     path = directory / "heavy.xml"
-    path.write_text(robot_xml(HALF, FOUR, probe=(1.1, 0.1), mass=30))
-    return numbered((models_directory() / "robot.xml", path), 2 * n_robots // 5, n_robots - 2 * n_robots // 5)
+    path.write_text(robot_xml(HALF, FOUR, probe=PROBE, mass=30))
+    n_light = 2 * n_robots // 5
+    paths = models_directory() / "robot.xml", path
+    return numbered(paths, n_light, n_robots - n_light)
 
 
 def numbered(paths, *numbers):
     """Files with the numbers of their robots."""
-    return tuple(f"{path}:{n}" for path, n in zip(paths, numbers, strict=True))
+    return tuple(f"{path}:{number}" for path, number in zip(paths, numbers, strict=True))
