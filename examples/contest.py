@@ -1,4 +1,4 @@
-"""Two teams compete for the balls of one arena; each ball that a robot delivers is a point for its team.
+"""Two teams compete for the balls of one arena: each ball delivered is a point for its team.
 
 iswarm run --task examples/contest.py:Contest --strategy forager=0.5 type1=0.5 --robots 120
 """
@@ -13,10 +13,11 @@ from iswarm_mj import Balls, Cleaning, Quantity, update_balls
 
 
 class Match(NamedTuple):
-    """State of the task: the balls, and the points of both teams."""
+    """State of the task."""
 
     balls: Balls
     points: np.ndarray
+    """Points of the first and of the second team."""
 
 
 @dataclass(frozen=True)
@@ -30,12 +31,15 @@ class Contest(Cleaning):
 
     def lay_out(self, config, n_robots, rng, shared, cell):
         poses, balls = super().lay_out(config, n_robots, rng, shared, cell)
-        return poses, Match(balls, np.zeros(2, np.int32))
+        return poses, Match(balls, points=np.zeros(2, np.int32))
 
     def advance(self, state, inputs, key):
         balls, sensed = update_balls(state.balls, inputs, key)
+
+        # Add a point for each ball delivered in this step to the team of the robot that held it.
         is_new = balls.is_delivered & ~state.balls.is_delivered
-        points = state.points.at[inputs.team[balls.holder]].add(is_new.astype(jnp.int32))
+        team = inputs.team[balls.holder]
+        points = state.points.at[team].add(is_new.astype(jnp.int32))
         return Match(balls, points), sensed
 
     def balls(self, state):
@@ -45,8 +49,10 @@ class Contest(Cleaning):
         return state.points.sum(dtype=jnp.int32)
 
     def reward(self, before, after, inputs):
+        # Zero-sum for teams of equal size.
         gained = (after.points - before.points).astype(jnp.float32)
-        return gained[inputs.team] - gained[1 - inputs.team]  # zero-sum for teams of equal size
+        other_team = 1 - inputs.team
+        return gained[inputs.team] - gained[other_team]
 
     def metrics(self, state):
         return {"first": state.points[0], "second": state.points[1]}

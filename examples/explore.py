@@ -24,31 +24,45 @@ from iswarm_mj import (
     without_balls,
 )
 
+CELL = 1.0
+"""Width of the cells that are counted [rd]."""
+
 
 class Floor(NamedTuple):
-    """State of the task: centres of the cells in which a robot finds room [mm], and which have been visited."""
+    """State of the task."""
 
     cells: np.ndarray
+    """Centres of the cells that have room for a robot [mm]."""
     visited: np.ndarray
+    """Cells that a robot has visited."""
 
 
 @dataclass(frozen=True)
 class Coverage(Task):
-    measured: ClassVar = {"covered": Quantity("share of the cells that have been visited", high=1.0)}
-    drawn: ClassVar = {"visited": Look((185, 215, 185), "square")}
+    """Visit every cell of the floor."""
+
+    measured: ClassVar = {
+        "covered": Quantity("share of the cells that have been visited", high=1.0),
+    }
+    drawn: ClassVar = {"visited": Look(colour=(185, 215, 185), shape="square")}
     unused: ClassVar = ("gripper", "arena.n_dust")
 
     def lay_out(self, config, n_robots, rng, shared, cell):
         cells = free_cells(config.arena, cell).astype(np.float32)
-        return place_robots(config.arena, n_robots, rng, cell), Floor(cells, np.zeros(len(cells), bool))
+        poses = place_robots(config.arena, n_robots, rng, cell)
+        return poses, Floor(cells, visited=np.zeros(len(cells), bool))
 
     def goal(self, config, n_robots):
         return 100
 
     def advance(self, state, inputs, key):
-        apart = jnp.abs(inputs.poses[:, None, :2] - state.cells).max(axis=-1)  # cells are 1 rd wide
-        seen = ((apart < 1.5) & inputs.is_present[:, None]).any(axis=0)
-        return state._replace(visited=state.visited | seen), without_balls(len(inputs.poses))
+        # A robot visits the cells whose centres are less than 1.5 mm away along x and along y.
+        to_cells = state.cells - inputs.poses[:, None, :2]
+        is_visited = jnp.abs(to_cells).max(axis=-1) < 1.5
+        is_visited &= inputs.is_present[:, None]
+
+        visited = state.visited | is_visited.any(axis=0)
+        return state._replace(visited=visited), without_balls(n_robots=len(inputs.poses))
 
     def progress(self, state):
         return jnp.floor(100 * state.visited.mean()).astype(jnp.int32)
@@ -61,12 +75,14 @@ class Coverage(Task):
         return {"covered": state.visited.mean()}
 
     def areas(self, config, state):
-        return {"visited": jnp.column_stack([state.cells, mm_from_rd(0.5) * state.visited])}
+        # Cells that have not been visited have no width, and are not seen.
+        half_width = mm_from_rd(CELL / 2) * state.visited
+        return {"visited": jnp.column_stack([state.cells, half_width])}
 
 
 @dataclass(frozen=True)
 class Explore(Strategy):
-    """Robots walk straight on, and turn to a side at random before walls and others."""
+    """Robots walk straight on, and turn to a random side before walls and others."""
 
     wander: Annotated[float, Within(0, 90, "deg")] = 10.0
     """Largest turn where nothing is ahead [deg]."""
@@ -75,10 +91,15 @@ class Explore(Strategy):
         return jnp.zeros(n_robots)
 
     def picks(self, memory):
-        return memory < 0
+        return jnp.zeros(len(memory), bool)
 
-    def act(self, memory, seen, key):
-        chance, aside = jax.random.uniform(key, (2, len(memory)), minval=-1)
-        blocked = seen.sees_wall[:, 0] | (seen.is_heard[:, 0] & (seen.distance[:, 0] < 4.0))
-        turn = jnp.where(blocked, jnp.sign(aside) * jnp.pi / 2, jnp.deg2rad(self.wander) * chance)
-        return memory, Command(turn, jnp.where(blocked, 0.0, 1.4))
+    def act(self, memory, observation, key):
+        wander, side = jax.random.uniform(key, (2, len(memory)), minval=-1)
+
+        robot_ahead = observation.is_heard[:, 0] & (observation.distance[:, 0] < 4.0)
+        is_blocked = observation.sees_wall[:, 0] | robot_ahead
+
+        turn_aside = jnp.sign(side) * jnp.pi / 2
+        turn = jnp.where(is_blocked, turn_aside, jnp.deg2rad(self.wander) * wander)
+        forward = jnp.where(is_blocked, 0.0, 1.4)
+        return memory, Command(turn, forward)

@@ -1,4 +1,4 @@
-"""Cleaning by a swarm of which a tenth fails: robots stop one after the other, and stand in the way.
+"""Cleaning by a swarm of which a tenth fails: robots stop one by one, and stand in the way.
 
 iswarm run --task examples/failures.py:Failures --robots 200
 """
@@ -13,29 +13,34 @@ from iswarm_mj import Above, Balls, Cleaning, Quantity, Within, update_balls
 
 
 class Wear(NamedTuple):
-    """State of the task: the balls, the control step, and that in which each robot fails."""
+    """State of the task."""
 
     balls: Balls
     step: np.ndarray
+    """Control steps since the start."""
     fails_at: np.ndarray
-    """Beyond the end for robots that do not fail."""
+    """Control step in which each robot fails; infinite for robots that never do."""
 
 
 @dataclass(frozen=True)
 class Failures(Cleaning):
+    """Clean while some of the robots fail at random times."""
+
     share: Annotated[float, Within(0, 1)] = 0.1
     """Share of the robots that fail."""
     until: Annotated[float, Above(0, 1e6)] = 400.0
-    """Control step at which the last one of them has failed; the times are random."""
+    """Control step at which the last one of them has failed."""
 
     measured: ClassVar = {**Cleaning.measured, "failed": Quantity("robots that have failed")}
 
     def lay_out(self, config, n_robots, rng, shared, cell):
         poses, balls = super().lay_out(config, n_robots, rng, shared, cell)
+
+        n_failing = round(self.share * n_robots)
+        failing = rng.permutation(n_robots)[:n_failing]
         fails_at = np.full(n_robots, np.inf, np.float32)
-        chosen = rng.permutation(n_robots)[: round(self.share * n_robots)]
-        fails_at[chosen] = rng.uniform(1, self.until, len(chosen))
-        return poses, Wear(balls, np.zeros((), np.int32), fails_at)
+        fails_at[failing] = rng.uniform(1, self.until, n_failing)
+        return poses, Wear(balls, step=np.zeros((), np.int32), fails_at=fails_at)
 
     def advance(self, state, inputs, key):
         balls, sensed = update_balls(state.balls, inputs, key)
@@ -54,8 +59,9 @@ class Failures(Cleaning):
         return super().reward(before.balls, after.balls, inputs)
 
     def metrics(self, state):
-        failed = (state.step >= state.fails_at).sum(dtype=jnp.int32)
-        return super().metrics(state.balls) | {"failed": failed}
+        has_failed = state.step >= state.fails_at
+        n_failed = has_failed.sum(dtype=jnp.int32)
+        return super().metrics(state.balls) | {"failed": n_failed}
 
     def areas(self, config, state):
         return super().areas(config, state.balls)

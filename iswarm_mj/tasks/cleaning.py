@@ -14,7 +14,7 @@ from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.layout import balls_on_floor, draw_radii, place_balls, place_robots
-from iswarm_mj.tasks.measures import BROUGHT_HOME, PICKED, Measures, fitness
+from iswarm_mj.tasks.measures import DELIVERED, PICKED, Measures, fitness
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
 
@@ -22,7 +22,7 @@ from iswarm_mj.utils.units import mm_from_rd
 @jax.tree_util.register_static
 @dataclass(frozen=True)
 class Cleaning(Task):
-    """Balls on two dust areas are to be carried to the dump; the configuration's `arena` says where these are."""
+    """Carry the balls of two dust areas to the dump; `ArenaConfig` says where these are."""
 
     batch_invariant: ClassVar[bool] = True
     measured: ClassVar[Mapping[str, Quantity]] = {
@@ -35,59 +35,68 @@ class Cleaning(Task):
     }
 
     def lay_out(
-        self, config: SwarmConfig, n_robots: int, rng: np.random.Generator, shared: np.random.Generator, cell: float
+        self,
+        config: SwarmConfig,
+        n_robots: int,
+        rng: np.random.Generator,
+        shared: np.random.Generator,
+        cell: float,
     ) -> tuple[Float[np.ndarray, "N 3"], Balls]:
-        """See `Task.lay_out`; all worlds of a seed have balls of the same radii."""
+        """Return poses and balls; all worlds of a seed have balls of the same radii."""
         radii = draw_radii(config.arena, shared)
         poses = place_robots(config.arena, n_robots, rng, cell)
         position = place_balls(config.arena, rng)
         return poses, balls_on_floor(config.gripper, position, radii)
 
     def goal(self, config: SwarmConfig, n_robots: int) -> int:
-        """All balls."""
+        """Return the number of balls."""
         return config.arena.n_dust
 
     def advance(self, state: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, Sensed]:
-        """Carry, release and pick up balls."""
+        """Carry, release and pick up balls, see `update_balls`."""
         return update_balls(state, inputs, key)
 
     def balls(self, state: Balls) -> Balls:
-        """All there is."""
+        """Return the state, which is the balls."""
         return state
 
     def progress(self, state: Balls) -> Int[Array, ""]:
-        """Balls at the dump."""
+        """Return the number of balls at the dump."""
         return state.is_delivered.sum(dtype=jnp.int32)
 
     def reward(self, before: Balls, after: Balls, inputs: TaskInputs) -> Float[Array, "N"]:
-        """Points for the robot that picks up a ball for the first time, and for the one that delivers it.
+        """Return points for robots that pick up a ball for the first time, or deliver one.
 
-        Summed over robots and steps these are the paper's fitness without collisions and what is left of the time.
+        Summed over robots and steps they are the paper's fitness without the parts for collisions
+        and for the time that is left.
         """
-        picked, delivered = after.was_picked & ~before.was_picked, after.is_delivered & ~before.is_delivered
-        points = PICKED * picked.astype(jnp.float32) + BROUGHT_HOME * delivered
+        is_picked = after.was_picked & ~before.was_picked
+        is_delivered = after.is_delivered & ~before.is_delivered
+        points = PICKED * is_picked.astype(jnp.float32) + DELIVERED * is_delivered
         return jnp.zeros(len(inputs.poses)).at[after.holder].add(points)
 
     def metrics(self, state: Balls) -> dict[str, Array]:
-        """Balls delivered and picked up."""
+        """Return the numbers of balls delivered and picked up."""
         return {
             "delivered": state.is_delivered.sum(dtype=jnp.int32),
             "picked": state.was_picked.sum(dtype=jnp.int32),
         }
 
     def fitness(self, measures: Measures, config: SwarmConfig, n_robots: int, steps: int) -> float:
-        """The paper's, see `tasks.measures.fitness`."""
+        """Return the paper's fitness, see `tasks.measures.fitness`."""
         return fitness(measures, n_robots, config.arena.n_dust, steps)
 
     def areas(self, config: SwarmConfig, state: Balls) -> dict[str, Float[Array, "M 3"]]:
-        """The dump and the dust areas."""
+        """Return the dump and the dust areas."""
         arena = config.arena
-        dust = [[side * arena.dust_area_offset, 0.0, arena.dust_area_size / 2] for side in (-1, 1)]
+        dump = [0.0, 0.0, arena.dump_size / 2]
+        west = [-arena.dust_area_offset, 0.0, arena.dust_area_size / 2]
+        east = [arena.dust_area_offset, 0.0, arena.dust_area_size / 2]
         return {
-            "dump": mm_from_rd(np.array([[0.0, 0.0, arena.dump_size / 2]])),
-            "dust_areas": mm_from_rd(np.array(dust)),
+            "dump": mm_from_rd(np.array([dump])),
+            "dust_areas": mm_from_rd(np.array([west, east])),
         }
 
 
 CLEANING = Cleaning()
-"""What robots do where no other task is given."""
+"""Default task of a swarm."""

@@ -1,4 +1,4 @@
-"""Foraging from sources that run dry and come back elsewhere, and a strategy of robots that each do it alone."""
+"""Foraging from sources that run dry and reappear elsewhere, and a strategy of lone foragers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -29,25 +29,26 @@ class Sources(NamedTuple):
     """State of the task: S sources with K items."""
 
     items: Balls
+    """Items, of which every S-th belongs to the same source."""
     centres: Float[Array, "S 2"]
-    """[mm]"""
+    """Centres of the sources [mm]."""
     limits: Float[Array, "2"]
-    """Least and greatest distance of a source from the arena's centre [mm]."""
+    """Smallest and largest distance of a source from the arena's centre [mm]."""
     is_home: Bool[Array, "K"]
     """Items that were brought home in the last step."""
     n_home: Int[Array, ""]
-    """Items brought home so far."""
+    """Number of items brought home so far."""
     moves: Int[Array, ""]
-    """Sources that came back elsewhere, so far."""
+    """Number of times that a source reappeared elsewhere so far."""
     time: Float[Array, ""]
-    """[s]"""
+    """Time since the start [s]."""
 
 
 @dataclass(frozen=True)
 class Foraging(Task):
-    """Items are to be carried home, to the dump; a source whose items are all there comes back elsewhere.
+    """Carry items home to the dump; a source whose items are all there reappears elsewhere.
 
-    Items are `arena.n_dust` balls, which stick alike; tools lift and release them as in cleaning.
+    Items are `arena.n_dust` balls that all stick alike; tools lift and release them as in cleaning.
     """
 
     sources: Annotated[int, Within(1, 100)] = 6
@@ -60,53 +61,100 @@ class Foraging(Task):
         "rate": Quantity("items brought home per time", "1/min"),
         "moves": Quantity("sources that ran dry and came back elsewhere"),
     }
-    drawn: ClassVar[Mapping[str, Look]] = {"dump": Look((250, 205, 50), "square"), "sources": Look((120, 190, 110))}
+    drawn: ClassVar[Mapping[str, Look]] = {
+        "dump": Look(colour=(250, 205, 50), shape="square"),
+        "sources": Look(colour=(120, 190, 110)),
+    }
 
     def lay_out(
-        self, config: SwarmConfig, n_robots: int, rng: np.random.Generator, shared: np.random.Generator, cell: float
+        self,
+        config: SwarmConfig,
+        n_robots: int,
+        rng: np.random.Generator,
+        shared: np.random.Generator,
+        cell: float,
     ) -> tuple[Float[np.ndarray, "N 3"], Sources]:
-        """See `Task.lay_out`.
+        """Return poses and sources.
 
         Raises:
-            ConfigError: a source would lie beyond the walls or have no items, or a setting is out of range.
+            ConfigError: a source would lie beyond the walls or have no items, or a setting is out
+                of range.
         """
-        validate(self)
-        arena, poses = config.arena, place_robots(config.arena, n_robots, rng, cell)
-        if self.source_radius > arena.inradius:
-            most, remedy = f"at most {arena.inradius:g} rd, half of `arena.size`", "make it smaller, or that larger"
-            raise ConfigError("source_radius", self.source_radius, most, remedy)
-        if self.sources > arena.n_dust:
-            most = f"at most {arena.n_dust}, the items of all sources (`arena.n_dust`)"
-            raise ConfigError("sources", self.sources, most, "take fewer, or more items")
-        nearest, farthest = 0.75 * arena.dump_size + self.source_radius, arena.inradius - self.source_radius
-        limits = np.array(mm_from_rd(np.array([min(nearest, farthest), farthest])), np.float32)
-        centres, spread = self._places(limits, arena.n_dust, jax.random.key(rng.integers(2**32)))
-        position = np.asarray(centres[np.arange(arena.n_dust) % self.sources] + spread)
-        items = balls_on_floor(config.gripper, position, draw_radii(arena, shared))
-        none, zero = np.zeros(arena.n_dust, bool), np.zeros((), np.int32)
-        return poses, Sources(items, np.asarray(centres), limits, none, zero, zero, zero.astype(np.float32))
+        self._check_sources(config)
+        arena = config.arena
+        poses = place_robots(arena, n_robots, rng, cell)
 
-    def _places(self, limits: Array, n_items: int, key: Array) -> tuple[Float[Array, "S 2"], Float[Array, "K 2"]]:
-        """New places of all sources, and of items relative to them [mm]."""
-        near, spread = jax.random.split(key)
-        return _between(limits, self.sources, near), _between((0.0, mm_from_rd(self.source_radius)), n_items, spread)
+        # Sources lie between the dump and the walls.
+        farthest = arena.inradius - self.source_radius
+        nearest = min(0.75 * arena.dump_size + self.source_radius, farthest)
+        limits = np.array(mm_from_rd(np.array([nearest, farthest])), np.float32)
+        key = jax.random.key(rng.integers(2**32))
+        centres, offsets = self._draw_places(limits, arena.n_dust, key)
+
+        position = np.asarray(centres[self._source_of_items(arena.n_dust)] + offsets)
+        items = balls_on_floor(config.gripper, position, draw_radii(arena, shared))
+        state = Sources(
+            items=items,
+            centres=np.asarray(centres),
+            limits=limits,
+            is_home=np.zeros(arena.n_dust, bool),
+            n_home=np.zeros((), np.int32),
+            moves=np.zeros((), np.int32),
+            time=np.zeros((), np.float32),
+        )
+        return poses, state
+
+    def _check_sources(self, config: SwarmConfig) -> None:
+        """Raise a ConfigError unless sources have room in the arena, and at least an item each."""
+        validate(self)
+        arena = config.arena
+        if self.source_radius > arena.inradius:
+            constraint = f"at most {arena.inradius:g} rd, half of `arena.size`"
+            remedy = "make it smaller, or that larger"
+            raise ConfigError("source_radius", self.source_radius, constraint, remedy)
+        if self.sources > arena.n_dust:
+            constraint = f"at most {arena.n_dust}, the items of all sources (`arena.n_dust`)"
+            raise ConfigError("sources", self.sources, constraint, "take fewer, or more items")
+
+    def _source_of_items(self, n_items: int) -> Int[np.ndarray, "K"]:
+        """Return the source of each item."""
+        return np.arange(n_items) % self.sources
+
+    def _draw_places(
+        self,
+        limits: Array,
+        n_items: int,
+        key: Array,
+    ) -> tuple[Float[Array, "S 2"], Float[Array, "K 2"]]:
+        """Draw centres of all sources, and offsets of all items from the centre of theirs [mm]."""
+        centre_key, offset_key = jax.random.split(key)
+        centres = _draw_in_ring(limits, self.sources, centre_key)
+        offsets = _draw_in_ring((0.0, mm_from_rd(self.source_radius)), n_items, offset_key)
+        return centres, offsets
 
     def goal(self, config: SwarmConfig, n_robots: int) -> None:
-        """Sources always come back."""
+        """Return None: sources always reappear."""
 
     def advance(self, state: Sources, inputs: TaskInputs, key: Array) -> tuple[Sources, Sensed]:
-        """Carry, release and pick up items; sources of which nothing is left move."""
+        """Carry, release and pick up items, and move the sources that ran dry."""
         grip_key, place_key = jax.random.split(key)
-        old = state.items
-        items, sensed = update_balls(old, inputs, grip_key)
-        source = np.arange(len(old.radius)) % self.sources
-        moves = ~jnp.zeros(self.sources, bool).at[source].max(~items.is_delivered)
-        places, spread = self._places(state.limits, len(source), place_key)
-        centres, returns = jnp.where(moves[:, None], places, state.centres), moves[source]
-        position = jnp.where(returns[:, None], centres[source] + spread, items.position)
-        is_home = items.is_delivered & ~old.is_delivered
-        new = Sources(
-            items=items._replace(position=position, is_delivered=items.is_delivered & ~returns),
+        items, sensed = update_balls(state.items, inputs, grip_key)
+        is_home = items.is_delivered & ~state.items.is_delivered
+
+        # A source has run dry when none of its items is left outside of the dump.
+        source = self._source_of_items(len(items.radius))
+        has_items = jnp.zeros(self.sources, bool).at[source].max(~items.is_delivered)
+        moves = ~has_items
+
+        # Move it to a new place, and its items with it.
+        new_centres, offsets = self._draw_places(state.limits, len(source), place_key)
+        centres = jnp.where(moves[:, None], new_centres, state.centres)
+        returns = moves[source]
+        position = jnp.where(returns[:, None], centres[source] + offsets, items.position)
+        items = items._replace(position=position, is_delivered=items.is_delivered & ~returns)
+
+        state = Sources(
+            items=items,
             centres=centres,
             limits=state.limits,
             is_home=is_home,
@@ -114,79 +162,119 @@ class Foraging(Task):
             moves=state.moves + moves.sum(dtype=jnp.int32),
             time=state.time + jnp.float32(inputs.config.drive.control_period),
         )
-        return new, sensed
+        return state, sensed
 
     def balls(self, state: Sources) -> Balls:
-        """The items."""
+        """Return the items."""
         return state.items
 
     def progress(self, state: Sources) -> Int[Array, ""]:
-        """Items brought home."""
+        """Return the number of items brought home."""
         return state.n_home
 
     def reward(self, before: Sources, after: Sources, inputs: TaskInputs) -> Float[Array, "N"]:
-        """1 for a robot that brings an item home."""
-        return jnp.zeros(len(inputs.poses)).at[after.items.holder].add(after.is_home.astype(jnp.float32))
+        """Return 1 for each item that a robot brings home."""
+        nothing = jnp.zeros(len(inputs.poses))
+        return nothing.at[after.items.holder].add(after.is_home.astype(jnp.float32))
 
     def metrics(self, state: Sources) -> dict[str, Array]:
-        """Items brought home, also per minute, and how often sources moved."""
+        """Return the items brought home, in total and per minute, and the moves of sources."""
         rate = 60.0 * state.n_home / jnp.maximum(state.time, 1e-3)
         return {"items": state.n_home, "rate": rate, "moves": state.moves}
 
     def areas(self, config: SwarmConfig, state: Sources) -> dict[str, Float[Array, "M 3"]]:
-        """Home and the sources."""
+        """Return the dump and the sources."""
         radius = jnp.full((self.sources, 1), mm_from_rd(self.source_radius), jnp.float32)
         dump = jnp.array([[0.0, 0.0, mm_from_rd(config.arena.dump_size / 2)]])
         return {"dump": dump, "sources": jnp.hstack([state.centres, radius])}
 
 
-def _between(limits: Any, n: int, key: Array) -> Float[Array, "n 2"]:
-    """Points spread evenly over a ring around the origin [mm]."""
-    angle, share = jax.random.uniform(key, (2, n))
-    away = jnp.sqrt(limits[0] ** 2 + share * (limits[1] ** 2 - limits[0] ** 2))
-    return away[:, None] * jnp.stack([jnp.cos(2 * jnp.pi * angle), jnp.sin(2 * jnp.pi * angle)], axis=-1)
+def _draw_in_ring(limits: Any, n: int, key: Array) -> Float[Array, "n 2"]:
+    """Draw points that are spread evenly over a ring around the origin.
+
+    Args:
+        limits: inner and outer radius [mm].
+        n: number of points.
+        key: random key.
+    """
+    inner, outer = limits
+    turn, share = jax.random.uniform(key, (2, n))
+    distance = jnp.sqrt(inner**2 + share * (outer**2 - inner**2))
+    angle = 2 * jnp.pi * turn
+    return distance[:, None] * jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
 
 
 @dataclass(frozen=True)
 class Forager(Strategy):
-    """Robots search at random; where home and the last item lay they know by their own steps, and go back there."""
+    """Robots search at random, and return home and to their last item by their own odometry."""
 
     random_turn: Annotated[float, Within(0, 180, "deg")] = 25.0
     """Largest turn of a random step, to either side [deg]."""
     reach: Annotated[float | None, Within(0, 100, "mm")] = None
-    """Distance of the tool ahead of a robot's centre [mm]; by default as in its file."""
+    """Distance of the tool ahead of the robot's centre [mm]; None for that of its file."""
 
-    recorded: ClassVar = {"home.vector": "mm", "home.known": "", "food.vector": "mm", "food.known": ""}
+    recorded: ClassVar = {
+        "home.vector": "mm",
+        "home.known": "",
+        "food.vector": "mm",
+        "food.known": "",
+    }
 
     def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "Forager":
-        """Return the strategy of robots with this tool."""
+        """Return the strategy of robots with this tool.
+
+        Raises:
+            UserError: kinds of robots have tools of different lengths, and `reach` is not set.
+        """
+        if self.reach is not None:
+            return self
         reaches = {kind.probe_tip[0] for kind in robot.kinds}
-        if self.reach is None and len(reaches) > 1:
-            raise UserError("tools of foragers must have one length; make each kind of robots a team, or set `reach`.")
-        return replace(self, reach=reaches.pop()) if self.reach is None else self
+        if len(reaches) > 1:
+            remedy = "make each kind of robots a team, or set `reach`."
+            raise UserError(f"tools of foragers must have one length; {remedy}")
+        return replace(self, reach=reaches.pop())
 
     def init(self, n_robots: int, key: Array) -> dict[str, VectorMemory]:
-        """Nobody knows anything."""
+        """Return the memories of robots that know neither home nor food."""
         return {"home": VectorMemory.empty(n_robots), "food": VectorMemory.empty(n_robots)}
 
     def picks(self, memory: Any) -> Array:
-        """All robots pick items up."""
+        """Return True for all robots: all pick up items."""
         return jnp.ones(len(memory["home"].known), bool)
 
     def act(self, memory: Any, observation: Observation, key: Array) -> tuple[Any, Command]:
-        """Go to the item beside, home with an item, back to where the last one lay, or anywhere."""
-        seen, step = observation, mm_from_rd(0.5)
-        chance, aside = jax.random.uniform(key, (2, len(seen.at_dust)), minval=-1.0)
-        takes = seen.at_dust & ~seen.is_loaded & ~seen.grasp_failed
-        home = learn_place(memory["home"], seen.on_dump, jnp.zeros_like(seen.ball_vector), step)
-        food = learn_place(memory["food"].where(~seen.grasp_failed), takes, seen.ball_vector, step)
-        known = jnp.where(seen.is_loaded, home.known & ~seen.on_dump, food.known)
+        """Go to an item beside the robot, home with an item, back to the last item, or anywhere."""
+        seen = observation
+        step = mm_from_rd(0.5)
+        n_robots = len(seen.at_dust)
+        picks_up = seen.at_dust & ~seen.is_loaded & ~seen.grasp_failed
+
+        # Remember home where the dump is, and food where an item is or was.
+        here = jnp.zeros_like(seen.ball_vector)
+        home = learn_place(memory["home"], seen.on_dump, here, step)
+        food = memory["food"].where(~seen.grasp_failed)
+        food = learn_place(food, picks_up, seen.ball_vector, step)
+
+        # Head for home when loaded, for food when empty, anywhere when the way is unknown.
+        knows_way = jnp.where(seen.is_loaded, home.known & ~seen.on_dump, food.known)
         goal = jnp.where(seen.is_loaded[:, None], home.vector, food.vector)
-        angle = jnp.where(known, jnp.arctan2(goal[:, 1], goal[:, 0]), jnp.deg2rad(self.random_turn) * chance)
-        near = (seen.is_heard & (seen.distance < mm_from_rd(1.4)))[:, 0] & ~takes
-        angle = jnp.where(near | (seen.sees_wall[:, 0] & ~known), jnp.sign(aside) * jnp.pi / 2, angle)
-        turn = jnp.clip(angle, -jnp.pi / 2, jnp.pi / 2)
-        ahead = jnp.where(takes, jnp.hypot(*seen.ball_vector.T) - jnp.asarray(self.reach), step)
-        forward = jnp.where(turn == angle, jnp.clip(ahead, -step, step), 0.0)
-        own = {name: after_motion(known, turn, forward) for name, known in (("home", home), ("food", food))}
-        return own, Command(turn, forward)
+        wander, side = jax.random.uniform(key, (2, n_robots), minval=-1.0)
+        random_heading = jnp.deg2rad(self.random_turn) * wander
+        heading = jnp.where(knows_way, jnp.arctan2(goal[:, 1], goal[:, 0]), random_heading)
+
+        # Turn aside for a robot ahead and, when wandering, for a wall.
+        robot_ahead = seen.is_heard[:, 0] & (seen.distance[:, 0] < mm_from_rd(1.4)) & ~picks_up
+        wall_ahead = seen.sees_wall[:, 0] & ~knows_way
+        heading = jnp.where(robot_ahead | wall_ahead, jnp.sign(side) * jnp.pi / 2, heading)
+
+        # Turn by at most a quarter, and walk only once the turn is complete.
+        turn = jnp.clip(heading, -jnp.pi / 2, jnp.pi / 2)
+        distance_to_ball = jnp.hypot(seen.ball_vector[:, 0], seen.ball_vector[:, 1])
+        distance = jnp.where(picks_up, distance_to_ball - jnp.asarray(self.reach), step)
+        forward = jnp.where(turn == heading, jnp.clip(distance, -step, step), 0.0)
+
+        memory = {
+            "home": after_motion(home, turn, forward),
+            "food": after_motion(food, turn, forward),
+        }
+        return memory, Command(turn, forward)

@@ -1,4 +1,4 @@
-"""Balls of a task in the grippers of robots: carried, released and picked up, and where their centres are."""
+"""Balls in the grippers of robots: how tasks carry, release and pick them up."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,31 +14,49 @@ from iswarm_mj.utils.units import mm_from_rd
 
 
 def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, Sensed]:
-    """Carry, release and pick up balls as the forces of the grippers decide; return what robots sense, too.
+    """Carry, release and pick up balls as the forces of the grippers decide.
 
     Args:
-        balls: from the step before.
+        balls: balls after the previous step.
         inputs: the world as the step begins.
-        key: decides which held balls fall, and how strongly balls stick in each attempt.
+        key: random key; decides which held balls fall, and how strongly balls stick.
+
+    Returns:
+        The balls, and what the robots sense.
     """
-    conditions, gripper, n_robots = inputs.conditions, inputs.config.gripper, len(inputs.poses)
-    tips = probe_tips(inputs.poses, jnp.asarray(inputs.robot.each("probe_tip", n_robots)))
-    before = balls
-    balls = carry(balls, tips)
-    dump_size, reach = mm_from_rd(conditions.dump_size), mm_from_rd(conditions.dust_range)
-    floor = sense(inputs.poses, tips, balls.position, balls.is_lying, dump_size, reach)
-    floor = floor._replace(
-        on_dump=floor.on_dump & inputs.notices,
-        tip_on_dump=floor.tip_on_dump & inputs.notices,
-        at_dust=floor.at_dust & inputs.notices,
-        ball_vector=jnp.where(jnp.asarray(inputs.notices)[..., None], floor.ball_vector, 0.0),
-    )
+    n_robots = len(inputs.poses)
+    conditions = inputs.conditions
     fall_key, attempt_key = split(key, 2)
-    falls = draw(fall_key, balls.is_held.shape, n_uniform=1).uniform[0][0] < conditions.drop_rate
-    balls, grasp_failed = update_grasps(
-        gripper,
+
+    # Move held balls with their robots.
+    tip_in_robot = jnp.asarray(inputs.robot.each("probe_tip", n_robots))
+    tips = probe_tips(inputs.poses, tip_in_robot)
+    carried = carry(balls, tips)
+
+    # Sense what lies under the robots; those that notice nothing are none the wiser.
+    floor = sense(
+        inputs.poses,
+        tips,
+        carried.position,
+        carried.is_lying,
+        mm_from_rd(conditions.dump_size),
+        mm_from_rd(conditions.dust_range),
+    )
+    notices = inputs.notices
+    floor = floor._replace(
+        on_dump=floor.on_dump & notices,
+        tip_on_dump=floor.tip_on_dump & notices,
+        at_dust=floor.at_dust & notices,
+        ball_vector=jnp.where(jnp.asarray(notices)[..., None], floor.ball_vector, 0.0),
+    )
+
+    # Begin and end attempts to pick up and to release balls.
+    chance = draw(fall_key, carried.is_held.shape, n_uniform=1).uniform[0][0]
+    falls = chance < conditions.drop_rate
+    handled, grasp_failed = update_grasps(
+        inputs.config.gripper,
         conditions,
-        balls,
+        carried,
         tips,
         floor,
         inputs.picks,
@@ -49,39 +67,70 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
         voltage=inputs.voltage,
         releases=inputs.releases,
     )
+
     sensed = Sensed(
         at_dust=floor.at_dust,
         ball_vector=floor.ball_vector,
         on_dump=floor.on_dump,
-        is_loaded=loaded(balls, n_robots),
+        is_loaded=loaded(handled, n_robots),
         grasp_failed=grasp_failed,
-        is_busy=working(balls, n_robots),
-        tool_voltage_squared=_voltage_squared(before, balls, inputs),
+        is_busy=working(handled, n_robots),
+        tool_voltage_squared=_tool_voltage_squared(balls, handled, inputs),
         own={},
     )
-    return balls, sensed
+    return handled, sensed
 
 
-def _voltage_squared(before: Balls, after: Balls, inputs: TaskInputs) -> Float[Array, "N"]:
-    """Sum of V^2 over the attempts of each robot in a step; V is what was asked for, or all that its capacitor has."""
-    most = jnp.inf if inputs.voltage is None else inputs.voltage[after.worker]
-    lifts = after.statistics.attempts - before.statistics.attempts
-    releases = after.statistics.releases - before.statistics.releases
-    squares = lifts * jnp.minimum(inputs.conditions.grasp_voltage, most) ** 2
-    squares += releases * jnp.minimum(inputs.conditions.release_voltage, most) ** 2
-    return jnp.zeros(len(inputs.poses)).at[after.worker].add(squares)
+def _tool_voltage_squared(before: Balls, after: Balls, inputs: TaskInputs) -> Float[Array, "N"]:
+    """Return the sum of V^2 over the attempts of each robot in a step [V^2].
+
+    V is the voltage that the gripper asks for, or less if the robot's capacitor has less.
+    """
+    available = jnp.inf if inputs.voltage is None else inputs.voltage[after.worker]
+    grasp_voltage = jnp.minimum(inputs.conditions.grasp_voltage, available)
+    release_voltage = jnp.minimum(inputs.conditions.release_voltage, available)
+
+    new_attempts = after.statistics.attempts - before.statistics.attempts
+    new_releases = after.statistics.releases - before.statistics.releases
+    of_balls = new_attempts * grasp_voltage**2
+    of_balls += new_releases * release_voltage**2
+    return jnp.zeros(len(inputs.poses)).at[after.worker].add(of_balls)
 
 
-def ball_centres(balls: Balls, poses: Float[Array, "*B N 3"], robot: Robots) -> Float[Array, "*B K 3"]:
-    """Positions of the balls' centres after the robots moved to `poses` [mm]."""
-    xp, numbers = array_module(poses), np.arange(poses.shape[-2])
-    radius, held, holder, position = (
-        xp.asarray(a) for a in (balls.radius, balls.is_held, balls.holder, balls.position)
-    )
-    at = xp.take_along_axis(poses, holder[..., None], axis=-2)
-    c, s = xp.cos(at[..., 2]), xp.sin(at[..., 2])
-    x, y = (xp.asarray(values)[holder] for values in robot.each("probe_tip", numbers).T)
-    tip = xp.stack([at[..., 0] + c * x - s * y, at[..., 1] + s * x + c * y], axis=-1)
-    xy = xp.where(held[..., None], tip, position)
-    height = xp.where(held, xp.asarray(robot.each("tip_height", numbers))[holder] - 1e3 * radius, 1e3 * radius)
-    return xp.concatenate([xy, height[..., None]], axis=-1)
+def ball_centres(
+    balls: Balls,
+    poses: Float[Array, "*B N 3"],
+    robot: Robots,
+) -> Float[Array, "*B K 3"]:
+    """Return the positions of the balls' centres; NumPy or JAX.
+
+    Args:
+        balls: balls, of which held ones hang at the tips of their robots' probes.
+        poses: poses of the robots after they moved, x and y in mm.
+        robot: geometry of the robots.
+
+    Returns:
+        x, y and z [mm].
+    """
+    xp = array_module(poses)
+    radius = 1e3 * xp.asarray(balls.radius)
+    is_held = xp.asarray(balls.is_held)
+    holder = xp.asarray(balls.holder)
+    position = xp.asarray(balls.position)
+
+    # Where the tip of each ball's holder is.
+    robot_numbers = np.arange(poses.shape[-2])
+    pose = xp.take_along_axis(poses, holder[..., None], axis=-2)
+    cos = xp.cos(pose[..., 2])
+    sin = xp.sin(pose[..., 2])
+    tip_ahead, tip_left = robot.each("probe_tip", robot_numbers).T
+    ahead = xp.asarray(tip_ahead)[holder]
+    left = xp.asarray(tip_left)[holder]
+    tip_x = pose[..., 0] + cos * ahead - sin * left
+    tip_y = pose[..., 1] + sin * ahead + cos * left
+    tip = xp.stack([tip_x, tip_y], axis=-1)
+    tip_height = xp.asarray(robot.each("tip_height", robot_numbers))[holder]
+
+    xy = xp.where(is_held[..., None], tip, position)
+    z = xp.where(is_held, tip_height - radius, radius)
+    return xp.concatenate([xy, z[..., None]], axis=-1)

@@ -1,6 +1,8 @@
-"""Where robots and balls are when a world begins: cells of the arena, dust areas, balls."""
+"""Initial places of robots and balls: free cells of the arena, dust areas, balls."""
 
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import NoReturn
 
 import numpy as np
 from jaxtyping import Float
@@ -18,45 +20,70 @@ from iswarm_mj.utils.units import RD
 
 @lru_cache(maxsize=16)
 def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
-    """Return the centres (C, 2) of the cells of this width [rd] outside the dump [mm], read-only.
+    """Return the centres (C, 2) of the cells on which robots can start [mm], read-only.
 
-    The paper's arena has 2376. A robot in a cell touches neither a wall nor an obstacle or a box at any heading.
+    A robot in such a cell is not on the dump, and touches neither a wall nor an obstacle or a box
+    at any heading. The paper's arena has 2376 of them.
+
+    Args:
+        arena: walls, dump, obstacles and boxes.
+        cell: width of a cell [rd].
 
     Raises:
         ConfigError: obstacles and boxes leave no cell.
     """
-    low, high = np.min(arena.corners, axis=0), np.max(arena.corners, axis=0)
-    counts, middle = ((high - low) / cell).astype(int), (low + high) / 2 * RD
-    centres = ((np.arange(n) - (n - 1) / 2) * (cell * RD) + at for n, at in zip(counts, middle, strict=True))
-    x, y = (a.ravel() for a in np.meshgrid(*centres, indexing="ij"))
-    cells = np.column_stack([x, y])[np.maximum(abs(x), abs(y)) > arena.dump_size / 2 * RD]
+    width = cell * RD
+    cells = _grid(arena, cell)
+
+    distance_to_centre = np.maximum(abs(cells[:, 0]), abs(cells[:, 1]))
+    cells = cells[distance_to_centre > arena.dump_size / 2 * RD]
     if arena.outline:
-        cells = cells[beyond(cells, in_mm(arena.walls)) <= -cell * RD / 2 + 1e-9]
+        cells = cells[beyond(cells, in_mm(arena.walls)) <= -width / 2 + 1e-9]
     if arena.standing:
-        cells = cells[distances(cells, numbers(arena.standing, RD)) >= cell * RD / 2]
+        cells = cells[distances(cells, numbers(arena.standing, RD)) >= width / 2]
         if not len(cells):
-            raise ConfigError(
-                "arena.boxes" if arena.boxes else "arena.obstacles",
-                arena.standing,
-                "such that a cell is left on which a robot can start",
-            )
-    cells.flags.writeable = False  # all callers share it
+            name = "arena.boxes" if arena.boxes else "arena.obstacles"
+            constraint = "such that a cell is left on which a robot can start"
+            raise ConfigError(name, arena.standing, constraint)
+
+    cells.flags.writeable = False  # all callers share the cached array
     return cells
 
 
+def _grid(arena: ArenaConfig, cell: float) -> np.ndarray:
+    """Return the centres (C, 2) of all cells in the bounding box of the arena [mm]."""
+    low = np.min(arena.corners, axis=0)
+    high = np.max(arena.corners, axis=0)
+    n_x, n_y = ((high - low) / cell).astype(int)
+    middle_x, middle_y = (low + high) / 2 * RD
+
+    x = (np.arange(n_x) - (n_x - 1) / 2) * (cell * RD) + middle_x
+    y = (np.arange(n_y) - (n_y - 1) / 2) * (cell * RD) + middle_y
+    x, y = np.meshgrid(x, y, indexing="ij")
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
 def cell_of(robot: Robots) -> float:
-    """Width of the cells on which robots start, so that none touches another [rd]: 1, or more for large robots."""
+    """Return the width of the cells on which robots start without touching each other [rd].
+
+    It is 1, or more for large robots.
+    """
     diameter = 2 * robot.circumradius / RD
     return diameter if diameter > 1 + 1e-9 else 1.0
 
 
 def robots_for(arena: ArenaConfig, density: float, name: str = "density") -> int:
-    """Return the number of robots that covers a share `density` of the free cells: 280 for 0.118, 314 for 0.132.
+    """Return the number of robots that covers a share of the free cells.
+
+    In the paper's arena that is 280 for a density of 0.118, and 314 for 0.132.
 
     Args:
         arena: sizes of the arena and of the dump.
         density: share of the cells, above 0 and at most 1.
-        name: what an error message calls the density.
+        name: name of the density in error messages.
+
+    Raises:
+        ConfigError: the density is out of range.
     """
     if not 0.0 < density <= 1.0:
         raise ConfigError(name, density, "above 0 and at most 1")
@@ -64,7 +91,7 @@ def robots_for(arena: ArenaConfig, density: float, name: str = "density") -> int
 
 
 def check_robots(arena: ArenaConfig, n_robots: int, cell: float = 1.0) -> None:
-    """Raise a ConfigError unless the arena has room for `n_robots` on cells of this width [rd]."""
+    """Raise a ConfigError unless the arena has room for N robots on cells of this width [rd]."""
     room = len(free_cells(arena, cell))
     if not 1 <= n_robots <= room:
         width, height = np.ptp(arena.corners, axis=0)
@@ -73,13 +100,18 @@ def check_robots(arena: ArenaConfig, n_robots: int, cell: float = 1.0) -> None:
         raise ConfigError("n_robots", n_robots, constraint, remedy)
 
 
-def place_robots(arena: ArenaConfig, n_robots: int, rng: np.random.Generator, cell: float = 1.0) -> np.ndarray:
-    """Return poses (N, 3) at which robots start, each on a free cell of its own and at a random heading.
+def place_robots(
+    arena: ArenaConfig,
+    n_robots: int,
+    rng: np.random.Generator,
+    cell: float = 1.0,
+) -> np.ndarray:
+    """Return random poses (N, 3) of robots, each on a free cell of its own.
 
     Args:
         arena: walls, dump, obstacles and boxes, which the robots do not touch.
         n_robots: N.
-        rng: draws cells and headings.
+        rng: generator that draws cells and headings.
         cell: width of a cell, the argument `cell` of `Task.lay_out` [rd].
 
     Returns:
@@ -91,48 +123,67 @@ def place_robots(arena: ArenaConfig, n_robots: int, rng: np.random.Generator, ce
     check_robots(arena, n_robots, cell)
     cells = free_cells(arena, cell)
     xy = cells[rng.choice(len(cells), n_robots, replace=False)]
-    return np.column_stack([xy, rng.uniform(-np.pi, np.pi, n_robots)])
+    yaw = rng.uniform(-np.pi, np.pi, n_robots)
+    return np.column_stack([xy, yaw])
 
 
 def place_balls(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
-    """Positions (K, 2) [mm], spread evenly at random over the two dust areas, half in each."""
-    k = arena.n_dust
-    offset = rng.uniform(-0.5, 0.5, (k, 2)) * arena.dust_area_size
-    offset[:, 0] += np.where(np.arange(k) < k // 2, -1, 1) * arena.dust_area_offset
-    if hit := [box for box in arena.standing if (distances(offset, numbers([box])) == 0).any()]:
-        size, far = arena.dust_area_size, arena.dust_area_offset
-        where = f"squares of {size:g} rd about ({far:g}, 0) and ({-far:g}, 0) rd, where balls lie"
-        given = " ".join(f"{value:g}" for value in hit[0])
-        raise ConfigError(
-            "arena.obstacles" if hit[0] in arena.obstacles else "arena.boxes", given, f"outside the dust areas, {where}"
-        )
-    return offset * RD
+    """Return random positions (K, 2) of balls [mm], half of them in each dust area.
+
+    Raises:
+        ConfigError: a ball would lie in an obstacle or a box.
+    """
+    n_balls = arena.n_dust
+    position = rng.uniform(-0.5, 0.5, (n_balls, 2)) * arena.dust_area_size
+    side = np.where(np.arange(n_balls) < n_balls // 2, -1, 1)
+    position[:, 0] += side * arena.dust_area_offset
+
+    for box in arena.standing:
+        if (distances(position, numbers([box])) == 0).any():
+            _refuse_box(arena, box)
+    return position * RD
+
+
+def _refuse_box(arena: ArenaConfig, box: Sequence[float]) -> NoReturn:
+    """Raise a ConfigError about an obstacle or a box in a dust area."""
+    name = "arena.obstacles" if box in arena.obstacles else "arena.boxes"
+    values = " ".join(f"{value:g}" for value in box)
+    size = arena.dust_area_size
+    offset = arena.dust_area_offset
+    where = f"squares of {size:g} rd about ({offset:g}, 0) and ({-offset:g}, 0) rd"
+    raise ConfigError(name, values, f"outside the dust areas, {where}, where balls lie")
 
 
 def draw_radii(arena: ArenaConfig, rng: np.random.Generator) -> np.ndarray:
-    """Return radii (K,) of the balls, drawn uniformly between the limits of the arena's settings [m]."""
+    """Return random radii (K,) of balls, uniform between the limits of the arena's settings [m]."""
     return rng.uniform(arena.ball_radius_min, arena.ball_radius_max, arena.n_dust)
 
 
-def balls_on_floor(gripper: GripperConfig, position: Float[np.ndarray, "K 2"], radius: Float[np.ndarray, "K"]) -> Balls:
-    """Return balls that lie on the floor and all stick alike; each attempt draws how strongly.
+def balls_on_floor(
+    gripper: GripperConfig,
+    position: Float[np.ndarray, "K 2"],
+    radius: Float[np.ndarray, "K"],
+) -> Balls:
+    """Return balls that lie on the floor and all stick alike.
 
     Args:
-        gripper: median works of adhesion at 10 % RH, and the humidity.
-        position: where the balls lie [mm].
+        gripper: median works of adhesion at 10 % relative humidity, and the humidity. How strongly
+            a ball sticks in an attempt is drawn around them.
+        position: positions of the balls [mm].
         radius: radii of the balls [m].
     """
+    n_balls = len(radius)
     factor = float(humidity_factor(gripper.relative_humidity))
-    statistics = AttemptStatistics(**zeros_of(AttemptStatistics, K=len(radius)))
-    balls = Balls(**zeros_of(Balls, K=len(radius)), statistics=statistics)
+    statistics = AttemptStatistics(**zeros_of(AttemptStatistics, K=n_balls))
+    balls = Balls(**zeros_of(Balls, K=n_balls), statistics=statistics)
     return balls._replace(
         position=np.asarray(position, np.float32),
         radius=np.asarray(radius, np.float32),
-        work_tool_object=np.full(len(radius), factor * gripper.work_tool_object, np.float32),
-        work_object_substrate=np.full(len(radius), factor * gripper.work_object_substrate, np.float32),
+        work_tool_object=np.full(n_balls, factor * gripper.work_tool_object, np.float32),
+        work_object_substrate=np.full(n_balls, factor * gripper.work_object_substrate, np.float32),
     )
 
 
 def no_balls() -> Balls:
-    """No balls at all, for tasks without."""
+    """Return zero balls, for tasks without any."""
     return balls_on_floor(GripperConfig(), np.zeros((0, 2)), np.zeros(0))
