@@ -128,8 +128,8 @@ class Foraging(Task):
     ) -> tuple[Float[Array, "S 2"], Float[Array, "K 2"]]:
         """Draw centres of all sources, and offsets of all items from the centre of theirs [mm]."""
         centre_key, offset_key = jax.random.split(key)
-        centres = _draw_in_ring(limits, self.sources, centre_key)
-        offsets = _draw_in_ring((0.0, mm_from_rd(self.source_radius)), n_items, offset_key)
+        centres = draw_in_ring(limits, self.sources, centre_key)
+        offsets = draw_in_ring((0.0, mm_from_rd(self.source_radius)), n_items, offset_key)
         return centres, offsets
 
     def goal(self, config: SwarmConfig, n_robots: int) -> None:
@@ -189,7 +189,7 @@ class Foraging(Task):
         return {"dump": dump, "sources": jnp.hstack([state.centres, radius])}
 
 
-def _draw_in_ring(limits: Any, n: int, key: Array) -> Float[Array, "n 2"]:
+def draw_in_ring(limits: Any, n: int, key: Array) -> Float[Array, "n 2"]:
     """Draw points that are spread evenly over a ring around the origin.
 
     Args:

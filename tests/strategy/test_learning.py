@@ -1,4 +1,4 @@
-"""What robots remember: learning, forgetting, disappointment, and random draws."""
+"""Memories of robots in a step: forgetting, listening, sensing the floor, and random draws."""
 
 import math
 from dataclasses import replace
@@ -7,7 +7,18 @@ import jax
 import numpy as np
 import pytest
 from scipy import stats
-from support.controller import CONFIG, MANY, PROBE, ROBOT, RULES, STEP, act_here, draws, genes_read, memories
+from support.controller import (
+    CONFIG,
+    MANY,
+    PROBE,
+    ROBOT,
+    RULES,
+    STEP,
+    act_here,
+    draws,
+    genes_read,
+    memories,
+)
 from support.sensing import remember, senses_nothing, turned
 
 from iswarm_mj.geometry.robot import SIDES, Sides
@@ -21,77 +32,128 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 
 @pytest.mark.parametrize("quarters", [0, 1])
 def test_robots_forget_then_listen_then_feel_where_they_are(quarters):
-    """Robots 0 and 1 hear the same, and 0 forgets first; of the others, who hear nothing, 3 forgets and 4 is at dust.
+    """A step by hand, for five robots that know a vector to dust and one to the dump.
 
-    To dust, sides 1 and 3 offer the least hops, to the dump 2 and 3, of which draws take 3 and 2; what side 0 hears has
-    no vectors. The LEDs look so many quarter turns to the left of the sides.
+    Robots 0 and 1 hear the same, and 0 forgets first. The others hear nothing; 3 forgets, and 4 is
+    at dust. Side 0 hears no vectors. To dust, sides 1 and 3 offer the fewest hops, of which the
+    draws take 3; to the dump, sides 2 and 3 do, of which the draws take 2.
+
+    The LEDs look `quarters` quarter turns to the left of the sides.
     """
-    angle, distance, led = np.arange(4) * np.pi / 2 + 0.2, np.arange(4) + 3.0, np.array([3, 0, 1, 2])
-    vectors, n = np.array([[9.0, 9], [3, -4], [5, 6], [-7, 8]]), 5
+    n_robots = 5
 
-    def each(values):
-        return np.stack([values] * n)
+    def for_each(values):
+        """Return the same values for all robots."""
+        return np.stack([values] * n_robots)
 
-    seen = senses_nothing(n)._replace(
-        is_heard=np.arange(4 * n).reshape(n, 4) < 8,
-        at_dust=np.arange(n) == 4,
-        **{name: each(values) for name, values in (("bearing", angle), ("distance", distance), ("led", led))},
+    # What each side hears.
+    bearing = np.arange(4) * np.pi / 2 + 0.2
+    distance = np.arange(4) + 3.0
+    led = np.array([3, 0, 1, 2])
+    sends_vector = np.array([False, True, True, True])
+    to_dust = np.array([[9.0, 9], [3, -4], [5, 6], [-7, 8]])
+    to_dump = -to_dust
+    dust_hops = np.array([0, 2, 4, 2])
+    dump_hops = np.array([0, 5, 1, 1])
+
+    robots = np.arange(n_robots)
+    observation = senses_nothing(n_robots)
+    observation = observation._replace(
+        is_heard=np.tile(robots[:, None] < 2, 4),
+        bearing=for_each(bearing),
+        distance=for_each(distance),
+        led=for_each(led),
+        at_dust=robots == 4,
+        payload=observation.payload
+        | {
+            "dust": remember(for_each(to_dust), dust_hops, sends_vector),
+            "dump": remember(for_each(to_dump), dump_hops, sends_vector),
+        },
     )
-    dust, dump = (
-        remember(each(sent), np.array(hop), np.arange(4) > 0)
-        for sent, hop in ((vectors, [0, 2, 4, 2]), (-vectors, [0, 5, 1, 1]))
+    numbers = draws(n_robots, forget=[0.0, 1.0, 1.0, 0.0, 1.0])._replace(
+        dust_tie=for_each([0, 0.6, 0.7, 0.5]),
+        dump_tie=for_each([0, 0.2, 0.3, 0.4]),
     )
-    seen = seen._replace(payload=seen.payload | {"dust": dust, "dump": dump})
-    own = memories(n, dust=[1.0, 1.0], dump=[2.0, -3.0])  # with no hop: what is heard is older
-    ties = {"dust_tie": each([0, 0.6, 0.7, 0.5]), "dump_tie": each([0, 0.2, 0.3, 0.4])}
-    numbers = draws(n, forget=[0.0, 1.0, 1.0, 0.0, 1.0])._replace(**ties)
-    robot = replace(ROBOT, sides=Sides(SIDES[quarters:] + SIDES[:quarters], SIDES))
-    memory = jax.jit(VectorStrategy(RULES, 0, CONFIG, robot).update_vectors)(own, seen, numbers)
-    for found, vector, side, hop, kept in (
-        (memory.dust, vectors[3], 3, 3, [[1, 1]] * 2 + [[0, 0]] * 2),
-        (memory.dump, -vectors[2], 2, 2, [[2, -3]] * 2 + [[0, 0], [2, -3]]),
-    ):
-        to_sender = turned(np.array([distance[side], 0.0]), angle[side])
-        heard = to_sender + turned(vector, angle[side] + np.pi - (led[side] + quarters) * np.pi / 2)
-        np.testing.assert_allclose(found.vector, [heard, *kept], atol=1e-5)
-        assert found.hop.tolist() == [hop, 0, 0, 0, 0] and found.known.tolist() == [True, True, True, False, True]
+    # Their own vectors have no hops, fewer than those that robot 1 hears.
+    known = memories(n_robots, dust=[1.0, 1.0], dump=[2.0, -3.0])
+
+    leds = SIDES[quarters:] + SIDES[:quarters]
+    robot = replace(ROBOT, sides=Sides(leds, SIDES))
+    update_vectors = jax.jit(VectorStrategy(RULES, 0, CONFIG, robot).update_vectors)
+    memory = update_vectors(known, observation, numbers)
+
+    def heard(vector, side):
+        """Return the vector that a side heard, in the receiver's frame."""
+        to_sender = turned(np.array([distance[side], 0.0]), bearing[side])
+        psi = bearing[side] + np.pi - (led[side] + quarters) * np.pi / 2
+        return to_sender + turned(vector, psi)
+
+    dust = [heard(to_dust[3], side=3), [1, 1], [1, 1], [0, 0], [0, 0]]
+    np.testing.assert_allclose(memory.dust.vector, dust, atol=1e-5)
+    assert memory.dust.hop.tolist() == [3, 0, 0, 0, 0]
+    assert memory.dust.known.tolist() == [True, True, True, False, True]
+
+    dump = [heard(to_dump[2], side=2), [2, -3], [2, -3], [0, 0], [2, -3]]
+    np.testing.assert_allclose(memory.dump.vector, dump, atol=1e-5)
+    assert memory.dump.hop.tolist() == [2, 0, 0, 0, 0]
+    assert memory.dump.known.tolist() == [True, True, True, False, True]
 
 
 def test_the_draws_of_a_step_are_independent():
-    """What decides on dust says nothing on the dump, nor on where a robot wanders; each is uniform from 0 to 1."""
-    numbers = np.concatenate([np.asarray(d).reshape(MANY, -1) for d in draw(MANY, 4, jax.random.key(6))], axis=1)
-    assert numbers.shape == (MANY, 14)
-    assert abs(np.corrcoef(numbers.T) - np.eye(14)).max() < 0.04
+    """Each is uniform from 0 to 1, or standard normal, and says nothing about the others."""
+    step_draws = draw(MANY, 4, jax.random.key(6))
+    numbers = np.concatenate([np.asarray(part).reshape(MANY, -1) for part in step_draws], axis=1)
+    n_draws = 14
+    assert numbers.shape == (MANY, n_draws)
+    assert abs(np.corrcoef(numbers.T) - np.eye(n_draws)).max() < 0.04
+
     numbers[:, 12:] = stats.norm.cdf(numbers[:, 12:])  # the errors of odometry are normal
-    np.testing.assert_allclose(np.quantile(numbers, [0.25, 0.5, 0.75], axis=0).T, [[0.25, 0.5, 0.75]] * 14, atol=0.02)
+    quartiles = np.quantile(numbers, [0.25, 0.5, 0.75], axis=0).T
+    np.testing.assert_allclose(quartiles, [[0.25, 0.5, 0.75]] * n_draws, atol=0.02)
 
 
 def test_robots_forget_both_vectors_at_the_evolved_rate():
-    n = MANY
-    memory, _ = act_here(
-        CONFIG, PROBE, RULES, memories(n, dust=[60, 0], dump=[0, 60]), senses_nothing(n), jax.random.key(1)
-    )
+    known = memories(MANY, dust=[60, 0], dump=[0, 60])
+    key = jax.random.key(1)
+    memory, _ = act_here(CONFIG, PROBE, RULES, known, senses_nothing(MANY), key)
+
     np.testing.assert_array_equal(memory.dust.known, memory.dump.known)
-    share = 1 - np.asarray(memory.dust.known).mean()
-    assert abs(share - 0.29) < 4.5 * math.sqrt(0.29 * 0.71 / n)
+    rate = 0.29
+    forgotten = 1 - np.asarray(memory.dust.known).mean()
+    assert abs(forgotten - rate) < 4.5 * math.sqrt(rate * (1 - rate) / MANY)
 
 
-def remembers(rules, vector, **senses):
-    """Whether robots still know their ways to dust and to the dump after a step."""
-    seen = senses_nothing(MANY)._replace(**{name: np.full(MANY, value) for name, value in senses.items()})
-    memory, _ = act_here(CONFIG, PROBE, rules, memories(MANY, dust=vector, dump=vector), seen, jax.random.key(1))
-    for part in (memory.dust, memory.dump):
-        assert not np.asarray(part.vector)[~np.asarray(part.known)].any()
-    dust, dump = (set(np.asarray(memory.known).tolist()) for memory in (memory.dust, memory.dump))
-    return dust, dump
+def known_after_step(rules, vector, **senses):
+    """Return which robots still know their ways to dust and to the dump after a step.
+
+    Args:
+        rules: genome and interpretations.
+        vector: vector to dust, and to the dump, before the step [mm].
+        senses: what all robots sense, by names of `Observation`.
+    """
+    observation = senses_nothing(MANY)
+    for name, value in senses.items():
+        observation = observation._replace(**{name: np.full(MANY, value)})
+    known = memories(MANY, dust=vector, dump=vector)
+    memory, _ = act_here(CONFIG, PROBE, rules, known, observation, jax.random.key(1))
+
+    for place in (memory.dust, memory.dump):
+        is_unknown = ~np.asarray(place.known)
+        assert not np.asarray(place.vector)[is_unknown].any()
+    return set(memory.dust.known.tolist()), set(memory.dump.known.tolist())
 
 
 def test_a_vector_that_led_to_nothing_is_forgotten():
-    never = Genome(p_vector_forget=0.0)
-    usual, patient = rules_of(never), genes_read(never, forget_on_arrival=False)
-    near, far, yes, no = [0.4 * STEP, 0.0], [0.6 * STEP, 0.0], {True}, {False}
-    assert remembers(usual, near) == (no, no)
-    assert remembers(usual, far) == (yes, yes)
-    assert remembers(patient, near) == (yes, yes)
-    assert remembers(usual, near, at_dust=True) == (yes, no)
-    assert remembers(usual, near, on_dump=True) == (no, yes)
+    never_at_random = Genome(p_vector_forget=0.0)
+    forgets_on_arrival = rules_of(never_at_random)
+    patient = genes_read(never_at_random, forget_on_arrival=False)
+    near = [0.4 * STEP, 0.0]
+    far = [0.6 * STEP, 0.0]
+    all_know = {True}
+    none_knows = {False}
+
+    assert known_after_step(forgets_on_arrival, near) == (none_knows, none_knows)
+    assert known_after_step(forgets_on_arrival, far) == (all_know, all_know)
+    assert known_after_step(patient, near) == (all_know, all_know)
+    assert known_after_step(forgets_on_arrival, near, at_dust=True) == (all_know, none_knows)
+    assert known_after_step(forgets_on_arrival, near, on_dump=True) == (none_knows, all_know)

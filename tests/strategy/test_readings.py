@@ -1,4 +1,4 @@
-"""Readings of the rules beside avoidance: at dust, with errors of odometry."""
+"""Interpretations of the rules besides avoidance: robots at dust, and errors of odometry."""
 
 import jax
 import numpy as np
@@ -18,111 +18,173 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.strategy.vectors import estimate_motion
 from iswarm_mj.utils.units import RD
 
-N, PROBE = 5000, (0.9, 0.0)
-actuate_here, motion_here = jax.jit(actuate, static_argnums=0), jax.jit(estimate_motion)
-NOTHING = RobotMemory(*[remember(np.zeros((N, 2)), known=False)] * 2, np.zeros(N, bool))
+N_ROBOTS = 5000
+PROBE = (0.9, 0.0)
+STEP = 0.5 * RD
+REACH = 3.5 * RD
+"""Range of light [mm]."""
+actuate_jit = jax.jit(actuate, static_argnums=0)
+estimate_motion_jit = jax.jit(estimate_motion)
+
+UNKNOWN = remember(np.zeros((N_ROBOTS, 2)), known=False)
+KNOWS_NOTHING = RobotMemory(dust=UNKNOWN, dump=UNKNOWN, is_scout=np.zeros(N_ROBOTS, bool))
 
 
-def acts(strategy, seen, memory=NOTHING, genome=PRESETS["type1"]):
-    return act_here(SwarmConfig().static, PROBE, rules_of(genome, strategy), memory, seen, jax.random.key(4))
+def act(strategy, observation, memory=KNOWS_NOTHING, genome=PRESETS["type1"]):
+    """Return the memories and commands of a step of the paper's strategy."""
+    rules = rules_of(genome, strategy)
+    config = SwarmConfig().static
+    return act_here(config, PROBE, rules, memory, observation, jax.random.key(4))
 
 
-def neighbour_ahead(distance):
-    """A ball one robot diameter to the left, and a neighbour ahead at `distance` [mm]."""
-    seen = senses_nothing(N)
-    return seen._replace(
-        is_heard=np.tile(np.arange(4) == 0, (N, 1)),
-        distance=np.where(np.arange(4) == 0, np.float32(distance), seen.distance),
-        at_dust=np.ones(N, bool),
-        ball_vector=np.broadcast_to(np.float32([0.0, 1.5]), (N, 2)),
+def is_normal(values, standard_deviation):
+    """Return whether the mean of errors is near 0, and their standard deviation as given."""
+    mean_is_zero = abs(values.mean()) < 0.06 * standard_deviation
+    return mean_is_zero and values.std() == pytest.approx(standard_deviation, rel=0.05)
+
+
+@pytest.mark.parametrize("distance_in_reach", [0.3, 0.62, 0.7])
+def test_robots_at_dust_avoid_others_if_so_configured(distance_in_reach):
+    """A ball lies ahead to the left, and a neighbour is ahead.
+
+    The neighbour turns a robot that avoids it away from the ball, but it walks no farther than to
+    the ball.
+    """
+    ball = np.float32([0.7, 0.7])
+    distance_to_ball = 0.7 * 2**0.5
+    is_front = np.arange(4) == 0
+    observation = senses_nothing(N_ROBOTS)
+    observation = observation._replace(
+        is_heard=np.tile(is_front, (N_ROBOTS, 1)),
+        distance=np.where(is_front, np.float32(distance_in_reach * REACH), observation.distance),
+        at_dust=np.ones(N_ROBOTS, bool),
+        ball_vector=np.broadcast_to(ball, (N_ROBOTS, 2)),
     )
 
+    _, command = act(StrategyConfig(avoids_at_dust=False), observation)
+    straight_to_ball = [[np.pi / 4] * N_ROBOTS, [distance_to_ball - PROBE[0]] * N_ROBOTS]
+    np.testing.assert_allclose(command, straight_to_ball, rtol=1e-5)
 
-def test_robots_at_dust_avoid_others_if_so_read():
-    """A neighbour ahead turns one that avoids it away from the ball, but it walks no farther than to the ball."""
-    for share in (0.3, 0.62, 0.7):
-        seen = neighbour_ahead(share * 3.5 * RD)._replace(ball_vector=np.broadcast_to(np.float32([0.7, 0.7]), (N, 2)))
-        plain, careful = (acts(StrategyConfig(avoids_at_dust=flag), seen)[1] for flag in (False, True))
-        np.testing.assert_allclose(plain, [[np.pi / 4] * N, [0.7 * 2**0.5 - PROBE[0]] * N], rtol=1e-5)
-        x, y = np.sqrt(0.5) - 8 * max(1 - share / 0.65, 0), np.sqrt(0.5)
-        turn = min(np.arctan2(y, x), np.pi / 2)
-        walk = min(min(np.hypot(x, y), 1) * np.cos(np.arctan2(y, x) - turn) * 0.5 * RD, 0.7 * 2**0.5)
-        np.testing.assert_allclose(careful, [[turn] * N, [walk] * N] if share < 0.65 else plain, rtol=1e-4)
+    _, command = act(StrategyConfig(avoids_at_dust=True), observation)
+    keep = 0.65
+    if distance_in_reach >= keep:
+        np.testing.assert_allclose(command, straight_to_ball, rtol=1e-4)
+        return
+    x = np.sqrt(0.5) - 8 * (1 - distance_in_reach / keep)
+    y = np.sqrt(0.5)
+    angle = np.arctan2(y, x)
+    turn = min(angle, np.pi / 2)
+    pace = min(np.hypot(x, y), 1) * np.cos(angle - turn)
+    walk = min(pace * STEP, distance_to_ball)
+    np.testing.assert_allclose(command, [[turn] * N_ROBOTS, [walk] * N_ROBOTS], rtol=1e-4)
 
 
-def test_robots_know_that_they_fell_short():
-    """Vectors to a place are those of a robot that commanded what it walked in truth."""
+def test_robots_know_when_they_walked_less_than_commanded():
+    """Their vectors are those of a robot that commanded what it walked in truth."""
     place = remember(np.array([[3.0, 1.0], [-2.0, 4.0]]))
-    memory = RobotMemory(place, place._replace(known=np.array([True, False])), np.zeros(2, bool))
-    correct_odometry = jax.jit(VectorStrategy(rules_of(Genome()), 0, SwarmConfig().static, ROBOT).correct_odometry)
-    short = correct_odometry(memory, np.float32([0.5, -1.0]))
-    np.testing.assert_allclose(short.dust.vector, [[3.5, 1.0], [-3.0, 4.0]], rtol=1e-6)
-    assert short.dump.vector.tolist() == [[3.5, 1.0], [0.0, 0.0]]
+    dump = place._replace(known=np.array([True, False]))
+    memory = RobotMemory(dust=place, dump=dump, is_scout=np.zeros(2, bool))
+
+    strategy = VectorStrategy(rules_of(Genome()), 0, SwarmConfig().static, ROBOT)
+    shortfall = np.float32([0.5, -1.0])
+    corrected = jax.jit(strategy.correct_odometry)(memory, shortfall)
+    np.testing.assert_allclose(corrected.dust.vector, [[3.5, 1.0], [-3.0, 4.0]], rtol=1e-6)
+    assert corrected.dump.vector.tolist() == [[3.5, 1.0], [0.0, 0.0]]
 
 
 def test_odometry_errs_as_configured():
-    command = Command(np.full(N, 0.5, np.float32), np.full(N, 1.2, np.float32))
-    error = jax.random.normal(jax.random.key(0), (N, 2))
-    exact, wrong = (
-        Command(*motion_here(rules_of(Genome(), strategy), *command, error))
-        for strategy in (StrategyConfig(), StrategyConfig(odometry_error_turn=10.0, odometry_error_step=0.1))
+    command = Command(
+        turn=np.full(N_ROBOTS, 0.5, np.float32),
+        forward=np.full(N_ROBOTS, 1.2, np.float32),
     )
-    assert (exact.turn == command.turn).all() and (exact.forward == command.forward).all()
-    turn, step = np.degrees(np.asarray(wrong.turn) - 0.5), np.asarray(wrong.forward) / 1.2 - 1
-    assert abs(turn.mean()) < 0.6 and turn.std() == pytest.approx(10, rel=0.05)
-    assert abs(step.mean()) < 0.006 and step.std() == pytest.approx(0.1, rel=0.05)
-    assert abs(np.corrcoef(turn, step)[0, 1]) < 0.07
-    loose = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
-    straight = np.degrees(motion_here(loose, 0 * command.turn, command.forward, error)[0])
-    assert straight.std() == pytest.approx(10, rel=0.05)
-    rest = Command(*np.zeros((2, N), np.float32))
-    np.testing.assert_array_equal(motion_here(loose, *rest, error), rest)
+    error = jax.random.normal(jax.random.key(0), (N_ROBOTS, 2))
+
+    # Without errors, the robot measures what it was commanded.
+    exact = rules_of(Genome(), StrategyConfig())
+    turn, forward = estimate_motion_jit(exact, *command, error)
+    assert (turn == command.turn).all()
+    assert (forward == command.forward).all()
+
+    # With errors, those of turns and steps are normal and independent.
+    config = StrategyConfig(odometry_error_turn=10.0, odometry_error_step=0.1)
+    turn, forward = estimate_motion_jit(rules_of(Genome(), config), *command, error)
+    turn_error = np.degrees(np.asarray(turn) - 0.5)
+    step_error = np.asarray(forward) / 1.2 - 1
+    assert is_normal(turn_error, 10)
+    assert is_normal(step_error, 0.1)
+    assert abs(np.corrcoef(turn_error, step_error)[0, 1]) < 0.07
+
+    # A robot that walks straight on errs in its turn; one that stands does not.
+    only_turns = rules_of(Genome(), StrategyConfig(odometry_error_turn=10.0))
+    turn, _ = estimate_motion_jit(only_turns, 0 * command.turn, command.forward, error)
+    assert np.degrees(turn).std() == pytest.approx(10, rel=0.05)
+    rest = Command(*np.zeros((2, N_ROBOTS), np.float32))
+    np.testing.assert_array_equal(estimate_motion_jit(only_turns, *rest, error), rest)
 
 
-def test_what_a_robot_remembers_errs_with_its_odometry():
-    """But of one that waits."""
-    known = RobotMemory(remember(np.full((N, 2), 9.0)), NOTHING.dump, NOTHING.is_scout)
-    never, waits = Genome(p_vector_forget=0.0, weight_find_dust=1.0), np.arange(N) < 100
-    for error in (0.0, 0.1):
-        memory, command = acts(
-            StrategyConfig(odometry_error_step=error), senses_nothing(N)._replace(waits=waits), known, never
-        )
-        vector = np.asarray(memory.dust.vector)
-        assert (vector[waits] == 9).all() and not np.array(command)[:, waits].any()
-        np.testing.assert_allclose(vector[~waits, 0].std(), error * 0.5 * RD, rtol=0.06, atol=1e-5)
-        np.testing.assert_allclose(vector[~waits].mean(axis=0), [9 * 2**0.5 - 0.5 * RD, 0], atol=0.01)
+@pytest.mark.parametrize("error", [0.0, 0.1])
+def test_remembered_vectors_err_with_the_odometry_of_robots_that_move(error):
+    waits = np.arange(N_ROBOTS) < 100
+    known = KNOWS_NOTHING._replace(dust=remember(np.full((N_ROBOTS, 2), 9.0)))
+    always_follows = Genome(p_vector_forget=0.0, weight_find_dust=1.0)
+    memory, command = act(
+        StrategyConfig(odometry_error_step=error),
+        senses_nothing(N_ROBOTS)._replace(waits=waits),
+        known,
+        always_follows,
+    )
+
+    vector = np.asarray(memory.dust.vector)
+    assert (vector[waits] == 9).all()
+    assert not np.array(command)[:, waits].any()
+    np.testing.assert_allclose(vector[~waits, 0].std(), error * STEP, rtol=0.06, atol=1e-5)
+    mean = vector[~waits].mean(axis=0)
+    np.testing.assert_allclose(mean, [9 * 2**0.5 - STEP, 0], atol=0.01)
 
 
 def test_actuators_err_as_configured():
-    """No error of a robot that stands; none of the others by default."""
-    stands = np.arange(N) == 0
+    """There are no errors by default, and none of a robot that stands."""
+    stands = np.arange(N_ROBOTS) == 0
     command = Command(
-        np.where(stands, np.float32(0), np.float32(0.5)), np.where(stands, np.float32(0), np.float32(0.9))
+        turn=np.where(stands, np.float32(0), np.float32(0.5)),
+        forward=np.where(stands, np.float32(0), np.float32(0.9)),
     )
-    sloppy = DriveConfig(error_turn=10.0, error_step=0.1)
-    swarm, zero = swarm_of(None, lay((0.0, 60.0)), N), np.zeros(N, np.float32)
-    places = np.zeros((N, 3), np.float32), zero == 0
-    exact, wrong = (
-        actuate_here(
+
+    def actuated(config):
+        """Return the command as the drives carry it out."""
+        zero = np.zeros(N_ROBOTS, np.float32)
+        inputs = DriveInputs(
+            swarm_of(None, lay((0.0, 60.0)), N_ROBOTS),
+            zero > 0,
+            np.zeros((N_ROBOTS, 3), np.float32),
+            zero == 0,
+            zero,
+        )
+        return actuate_jit(
             config.static,
             conditions_of(config),
             command,
-            DriveInputs(swarm, zero > 0, *places, zero),
+            inputs,
             jax.random.key(0),
         ).command
-        for config in (SwarmConfig(), SwarmConfig(drive=sloppy))
-    )
-    np.testing.assert_array_equal(exact, command)
-    turn, step = np.degrees(np.asarray(wrong.turn) - 0.5)[1:], np.asarray(wrong.forward)[1:] / 0.9 - 1
-    assert abs(turn.mean()) < 0.6 and turn.std() == pytest.approx(10, rel=0.05)
-    assert abs(step.mean()) < 0.006 and step.std() == pytest.approx(0.1, rel=0.05)
-    assert abs(np.corrcoef(turn, step)[0, 1]) < 0.07
-    assert wrong.turn[0] == wrong.forward[0] == 0.0
+
+    np.testing.assert_array_equal(actuated(SwarmConfig()), command)
+
+    sloppy = actuated(SwarmConfig(drive=DriveConfig(error_turn=10.0, error_step=0.1)))
+    turn_error = np.degrees(np.asarray(sloppy.turn) - 0.5)[1:]
+    step_error = np.asarray(sloppy.forward)[1:] / 0.9 - 1
+    assert is_normal(turn_error, 10)
+    assert is_normal(step_error, 0.1)
+    assert abs(np.corrcoef(turn_error, step_error)[0, 1]) < 0.07
+    assert sloppy.turn[0] == sloppy.forward[0] == 0.0
 
 
 def test_rules_of_worlds_are_those_of_each():
-    genomes, strategies = [PRESETS["type1"], PRESETS["type2"]], [READINGS["initial"].strategy, StrategyConfig()]
-    many = rules_of_worlds(genomes, strategies)
-    for place, (genome, strategy) in enumerate(zip(genomes, strategies, strict=True)):
-        for name, one, all_ in zip(Rules._fields, rules_of(genome, strategy), many, strict=True):
-            assert all_[place] == one and all_.dtype == one.dtype, name
+    genomes = [PRESETS["type1"], PRESETS["type2"]]
+    strategies = [READINGS["initial"].strategy, StrategyConfig()]
+    columns = rules_of_worlds(genomes, strategies)
+    for world, (genome, strategy) in enumerate(zip(genomes, strategies, strict=True)):
+        rules = rules_of(genome, strategy)
+        for name, value, column in zip(Rules._fields, rules, columns, strict=True):
+            assert column[world] == value, name
+            assert column.dtype == value.dtype, name
