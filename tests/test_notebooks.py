@@ -1,4 +1,4 @@
-"""The notebooks run, from top to bottom, and come to what they show."""
+"""The notebooks run from top to bottom, and arrive at what they show."""
 
 import ast
 import importlib
@@ -16,8 +16,10 @@ NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 
 def first_run(names):
     assert names["run"].is_over
-    assert 0 < names["measures"].delivered == names["delivered"][-1]
-    assert names["saved"].result["picked"] == names["measures"].picked and names["count"].max() > 0
+    measures = names["measures"]
+    assert 0 < measures.delivered == names["delivered"][-1]
+    assert names["saved"].result["picked"] == measures.picked
+    assert names["count"].max() > 0
     assert Path("runs/first/clean.rrd").stat().st_size > 0
 
 
@@ -32,32 +34,47 @@ def batched_rollouts(names):
 
 def own_strategy(names):
     walk, papers = names["walk"], names["papers"]
-    assert papers.delivered.sum() > walk.delivered.sum() and Path("walk.rrd").stat().st_size > 0
+    assert papers.delivered.sum() > walk.delivered.sum()
+    assert Path("walk.rrd").stat().st_size > 0
 
 
 def gripper(names):
     trace, pulls = names["trace"], names["pull_off"]
-    assert trace.gap_plate.max() > 4e-6 > 1e-6 > trace.gap_plate[-1]  # it was lifted, and lies again
+    assert trace.gap_plate.max() > 4e-6  # the ball was lifted
+    assert trace.gap_plate[-1] < 1e-6  # and lies again
     assert 0 < pulls[0] < pulls[10] < pulls[20]
-    lifts = {row.relative_humidity: row.voltage for row in names["rows"] if row.experiment == "grasp"}
-    assert 20 < lifts[10.0] < lifts[50.0] < 40
+
+    grasps = [row for row in names["rows"] if row.experiment == "grasp"]
+    voltage = {row.relative_humidity: row.voltage for row in grasps}
+    assert 20 < voltage[10.0] < voltage[50.0] < 40
 
 
 def evolution(names):
     fitness, generation = names["fitness"], names["generation"]
-    assert len(fitness) == 48 and names["best"].fitness <= fitness.max()
-    assert fitness[generation == generation.max()].mean() > fitness[generation == 0].mean()
+    assert len(fitness) == 48
+    assert names["best"].fitness <= fitness.max()
+    last = fitness[generation == generation.max()]
+    first = fitness[generation == 0]
+    assert last.mean() > first.mean()
 
 
 def recordings(names):
-    """The same as the trajectories say."""
-    saved, robots, links = iswarm_mj.load(names["out"]), names["robots"], names["links"]
-    of_first = saved.links.filter(pc.field("world") == 0)
-    assert sum(map(len, links["sender"].to_pylist())) == of_first.num_rows == len(names["heard"])
-    assert names["heard"].sum() == pc.sum(of_first["is_heard"]).as_py()
-    known = saved.robots.filter((pc.field("world") == 0) & pc.field("dust_hop").is_valid())
-    assert sum(map(len, names["news"])) == known.num_rows > 0 and robots.num_rows == 301
-    assert [row["delivered"] for row in names["runs"].to_pylist()] == saved.result["delivered"]
+    """The recordings have what the tables of the trajectories have."""
+    saved = iswarm_mj.load(names["out"])
+    is_first_world = pc.field("world") == 0
+
+    links = saved.links.filter(is_first_world)
+    senders = names["links"]["sender"].to_pylist()
+    assert sum(map(len, senders)) == links.num_rows == len(names["heard"])
+    assert names["heard"].sum() == pc.sum(links["is_heard"]).as_py()
+
+    assert names["robots"].num_rows == 301
+    knows_dust = pc.field("dust_hop").is_valid()
+    with_vector = saved.robots.filter(is_first_world & knows_dust)
+    assert sum(map(len, names["news"])) == with_vector.num_rows > 0
+
+    delivered = [row["delivered"] for row in names["runs"].to_pylist()]
+    assert delivered == saved.result["delivered"]
     assert names["lane"].num_rows > 1
 
 
@@ -69,18 +86,27 @@ SHOWN = {
     "04_evolution": evolution,
     "05_recordings": recordings,
 }
-"""What holds at the end of each notebook."""
+"""Function that checks the names which each notebook defines."""
 FAST = ("00_first_run",)
 
 
-def read(path):
-    return json.loads(path.read_text(encoding="utf-8"))["cells"]
+def code_cells(path):
+    """Return the source of each code cell by its name in tracebacks."""
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    sources = {}
+    for cell in cells:
+        if cell["cell_type"] == "code":
+            sources[f"{path.name}:{cell['id']}"] = "".join(cell["source"])
+    return sources
 
 
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(p, id=p.stem, marks=[] if p.stem in FAST else pytest.mark.slow) for p in NOTEBOOKS],
-)
+def notebook(path):
+    """Return the parameter of a test of a notebook."""
+    marks = [] if path.stem in FAST else pytest.mark.slow
+    return pytest.param(path, id=path.stem, marks=marks)
+
+
+@pytest.mark.parametrize("path", [notebook(path) for path in NOTEBOOKS])
 def test_notebook_runs(path, tmp_path, monkeypatch):
     import matplotlib
 
@@ -89,18 +115,22 @@ def test_notebook_runs(path, tmp_path, monkeypatch):
     if "IPython" in path.read_text(encoding="utf-8"):
         pytest.importorskip("IPython", reason="it shows a picture in Jupyter")
     names: dict = {"__name__": "__main__"}
-    for cell in read(path):
-        if cell["cell_type"] == "code":
-            exec(compile("".join(cell["source"]), f"{path.name}:{cell['id']}", "exec"), names)
+    for name, source in code_cells(path).items():
+        exec(compile(source, name, "exec"), names)
     SHOWN[path.stem](names)
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_what_notebooks_import_is_there(path):
-    cells = (cell for cell in json.loads(path.read_text())["cells"] if cell["cell_type"] == "code")
-    code = "\n".join(line for cell in cells for line in "".join(cell["source"]).splitlines() if line[:1] not in "%!")
-    imports = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.ImportFrom)]
-    own = [(node.module, name.name) for node in imports for name in node.names if node.module.startswith("iswarm_mj")]
-    for module, name in own:
-        assert hasattr(importlib.import_module(module), name) or importlib.util.find_spec(f"{module}.{name}")
-    assert own
+def test_notebooks_import_only_what_exists(path):
+    lines = "\n".join(code_cells(path).values()).splitlines()
+    code = "\n".join(line for line in lines if not line.startswith(("%", "!")))
+    imports = [
+        (node.module, name.name)
+        for node in ast.walk(ast.parse(code))
+        if isinstance(node, ast.ImportFrom) and node.module.startswith("iswarm_mj")
+        for name in node.names
+    ]
+    assert imports
+    for module, name in imports:
+        has_name = hasattr(importlib.import_module(module), name)
+        assert has_name or importlib.util.find_spec(f"{module}.{name}")

@@ -69,7 +69,9 @@ def measure(
     is_delivered = np.asarray(balls.is_delivered[world])
     carried_steps = np.asarray(balls.carried_steps[world])[is_delivered]
     was_picked = np.asarray(balls.was_picked[world])
-    attempts = {name: np.asarray(values[world]) for name, values in balls.statistics._asdict().items()}
+    attempts = {}
+    for name, values in balls.statistics._asdict().items():
+        attempts[name] = np.asarray(values[world])
     impact = attempts["impact"]
     impact = impact[impact > 0]  # balls that never landed have 0
 

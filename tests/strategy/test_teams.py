@@ -103,48 +103,98 @@ class Other(Counter):
 TEAMS = Teams({"count": (0.7, Counter()), "loud": (0.3, Loud())})
 
 
-def some(shapes):
-    """Arrays of these shapes that differ from robot to robot."""
+KEY = jax.random.key(3)
+N_ROBOTS = 10
+FIRST_TEAM = slice(0, 7)
+SECOND_TEAM = slice(7, 10)
+
+
+def random_observation(payload):
+    """Return an observation of N robots that differs from robot to robot."""
     rng = np.random.default_rng(0)
-    return jax.tree.map(lambda its: jnp.asarray(rng.integers(0, 2, its.shape), its.dtype), shapes)
+    shapes = observation_shapes(N_ROBOTS, payload=payload)
+    return jax.tree.map(
+        lambda shape: jnp.asarray(rng.integers(0, 2, shape.shape), shape.dtype),
+        shapes,
+    )
 
 
-def test_each_team_acts_on_its_robots_alone():
-    observation, key = some(observation_shapes(10, payload=TEAMS.payload)), jax.random.key(3)
-    memory = TEAMS.init(10, key)
-    after, command = TEAMS.act(memory, observation, key)
-    for place, (name, _, strategy) in enumerate(TEAMS.teams):
-        robots, own = (slice(0, 7), slice(7, 10))[place], jax.random.fold_in(key, place)
-        payload = {name: observation.payload[name] for name in strategy.payload}
-        seen = jax.tree.map(lambda a, robots=robots: a[robots], observation._replace(payload=payload))
-        first = strategy.init(robots.stop - robots.start, own)
-        expected, commands = strategy.act(first, seen, own)
-        for found, wanted in ((after[name], expected), (memory[name], first)):
-            jax.tree.map(lambda a, b, r=robots: np.testing.assert_array_equal(a[r], b), found, wanted)
-        jax.tree.map(lambda a, b, r=robots: np.testing.assert_array_equal(a[r], b), command, commands)
-        others = np.delete(np.asarray(jax.tree.leaves(after[name])[0]), robots, axis=0)
-        assert not others.any()
+def rows_of(tree, robots):
+    """Return the rows of some robots in each array."""
+    return jax.tree.map(lambda values: values[robots], tree)
+
+
+def assert_equal(tree, expected):
+    """Assert that two trees of arrays are equal."""
+    jax.tree.map(np.testing.assert_array_equal, tree, expected)
+
+
+@pytest.mark.parametrize(
+    ("number", "robots"),
+    [
+        (0, FIRST_TEAM),
+        (1, SECOND_TEAM),
+    ],
+)
+def test_each_team_acts_on_its_robots_alone(number, robots):
+    observation = random_observation(TEAMS.payload)
+    memory = TEAMS.init(N_ROBOTS, KEY)
+    after, command = TEAMS.act(memory, observation, KEY)
+
+    # What the team's strategy does by itself.
+    name, _, strategy = TEAMS.teams[number]
+    key = jax.random.fold_in(KEY, number)
+    payload = {field: observation.payload[field] for field in strategy.payload}
+    observation_of_team = rows_of(observation._replace(payload=payload), robots)
+    memory_of_team = strategy.init(robots.stop - robots.start, key)
+    after_of_team, command_of_team = strategy.act(memory_of_team, observation_of_team, key)
+
+    assert_equal(rows_of(memory[name], robots), memory_of_team)
+    assert_equal(rows_of(after[name], robots), after_of_team)
+    assert_equal(rows_of(command, robots), command_of_team)
+    first_array = np.asarray(jax.tree.leaves(after[name])[0])
+    assert not np.delete(first_array, robots, axis=0).any()
+
+
+def test_each_team_decides_whether_its_robots_pick_up_balls():
+    memory = TEAMS.init(N_ROBOTS, KEY)
     assert TEAMS.picks(memory).tolist() == [False, *[True] * 9]
 
 
-def test_each_team_listens_reckons_releases_and_dims_for_its_robots_alone():
-    """With the key of `act`; the first team can do none of these."""
-    teams, key = Teams({"count": (0.7, Counter()), "relay": (0.3, Relay())}), jax.random.key(3)
-    memory, shortfall = teams.init(10, key), jnp.arange(10.0)
-    heard = teams.listen(memory, some(observation_shapes(10, payload=teams.payload)), key)
-    short = teams.correct_odometry(memory, shortfall)
-    for found, wanted in (
-        (heard["relay"], jax.random.uniform(jax.random.fold_in(key, 1), (3, 2))),
-        (short["relay"], memory["relay"][7:] + shortfall[7:, None]),
-    ):
-        np.testing.assert_array_equal(found[7:], wanted)
-        assert not found[:7].any()
-    for after in (heard, short):
-        jax.tree.map(np.testing.assert_array_equal, after["count"], memory["count"])
-    assert teams.releases(memory).tolist() == [False] * 7 + [True] * 3
-    np.testing.assert_array_equal(teams.led_power(memory), [*[1.0] * 7, *memory["relay"][7:, 1]])
-    loaded = jnp.arange(10) % 3 == 0
-    assert teams.say(memory, loaded)["loud"].tolist() == [False] * 7 + loaded[7:].tolist()
+class TestOptionalMethods:
+    """The strategy of the second team has all optional methods, that of the first has none."""
+
+    TEAMS = Teams({"count": (0.7, Counter()), "relay": (0.3, Relay())})
+    MEMORY = TEAMS.init(N_ROBOTS, KEY)
+
+    def test_listen(self):
+        """It gets the key of `act`."""
+        heard = self.TEAMS.listen(self.MEMORY, random_observation(self.TEAMS.payload), KEY)
+        key = jax.random.fold_in(KEY, 1)
+        np.testing.assert_array_equal(heard["relay"][SECOND_TEAM], jax.random.uniform(key, (3, 2)))
+        assert not heard["relay"][FIRST_TEAM].any()
+        assert_equal(heard["count"], self.MEMORY["count"])
+
+    def test_correct_odometry(self):
+        shortfall = jnp.arange(10.0)
+        corrected = self.TEAMS.correct_odometry(self.MEMORY, shortfall)
+        expected = self.MEMORY["relay"][SECOND_TEAM] + shortfall[SECOND_TEAM, None]
+        np.testing.assert_array_equal(corrected["relay"][SECOND_TEAM], expected)
+        assert not corrected["relay"][FIRST_TEAM].any()
+        assert_equal(corrected["count"], self.MEMORY["count"])
+
+    def test_releases(self):
+        assert self.TEAMS.releases(self.MEMORY).tolist() == [False] * 7 + [True] * 3
+
+    def test_led_power(self):
+        power = self.TEAMS.led_power(self.MEMORY)
+        np.testing.assert_array_equal(power[FIRST_TEAM], 1.0)
+        np.testing.assert_array_equal(power[SECOND_TEAM], self.MEMORY["relay"][SECOND_TEAM, 1])
+
+    def test_say(self):
+        is_loaded = jnp.arange(10) % 3 == 0
+        is_loud = self.TEAMS.say(self.MEMORY, is_loaded)["loud"]
+        assert is_loud.tolist() == [False] * 7 + is_loaded[SECOND_TEAM].tolist()
 
 
 def test_robots_say_nothing_in_the_fields_of_other_teams():
