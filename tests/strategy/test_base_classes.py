@@ -47,16 +47,28 @@ SPEAKS = {"payload": {"word": Integer(3)}, "say": lambda self, memory, is_loaded
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        (mine(release=Walk.picks), "Mine.release is never used: Strategy has releases, but no release; rename it"),
+        (
+            mine(release=Walk.picks),
+            "Mine.release is never used: Strategy has releases, but no release; rename it",
+        ),
         (mine(led_powers=Walk.picks), "Strategy has led_power"),
         (mine(record=("x",), releases=Walk.picks), "Strategy has recorded, but no record"),
         (mine(payloads={}), "Strategy has payload, but no payloads"),
         (mine(_release=Walk.picks), None),
         (mine(turn_aside=Walk.picks), None),
         (mine(act=None), "Mine has no method act; a strategy has it, see Strategy"),
-        (type("Mine", (Strategy,), {"init": Walk.init}), "Mine has no method act and no method picks"),
-        (type("Mine", (), {"init": 1, "picks": 1, "act": 1}), r"write class Mine\(Strategy\), with from iswarm_mj"),
-        (mine(say=lambda self, memory, is_loaded: {}), "has a method say, but no attribute payload"),
+        (
+            type("Mine", (Strategy,), {"init": Walk.init}),
+            "Mine has no method act and no method picks",
+        ),
+        (
+            type("Mine", (), {"init": 1, "picks": 1, "act": 1}),
+            r"write class Mine\(Strategy\), with from iswarm_mj",
+        ),
+        (
+            mine(say=lambda self, memory, is_loaded: {}),
+            "has a method say, but no attribute payload",
+        ),
         (mine(payload={"word": Integer(3)}), "has an attribute payload, but no method say"),
         (mine(**SPEAKS), None),
         (type("Mine", (StrategyFactory,), {"for_world": None}), "Mine has no method for_world"),
@@ -74,7 +86,10 @@ def test_methods_of_a_strategy_are_there_and_spelt_as_in_the_base_class(given, s
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [
-        (mine(Gather, survive=Walk.picks), "Mine.survive is never used: Task has survives, but no survive"),
+        (
+            mine(Gather, survive=Walk.picks),
+            "Mine.survive is never used: Task has survives, but no survive",
+        ),
         (mine(Cleaning, drive_box=Walk.picks), "Task has drive_boxes"),
         (mine(Cleaning, sense={"light": Quantity("of the sun")}), "Task has senses"),
         (mine(Gather, area=Walk.picks, areas=Walk.picks), None),

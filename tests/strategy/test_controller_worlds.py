@@ -43,7 +43,11 @@ def crowded(n, rng):
         return jnp.asarray(rng.random((n, *shape)) < share)
 
     def memory(*shape):
-        return remember(rng.uniform(-30, 30, (n, *shape, 2)), rng.integers(0, 12, (n, *shape)), some(0.7, *shape))
+        return remember(
+            rng.uniform(-30, 30, (n, *shape, 2)),
+            rng.integers(0, 12, (n, *shape)),
+            some(0.7, *shape),
+        )
 
     seen = senses_nothing(n)._replace(
         is_heard=some(0.7, 4),
@@ -69,7 +73,12 @@ def test_relabelled_robots_do_the_same():
     def step(memory, seen, numbers):
         memory = learn(RULES, memory, seen, numbers)
         wanted, limit, follows = choose_target(CONFIG, RULES, memory, seen, numbers)
-        command = steer(CONFIG, wanted + avoidance_push(CONFIG, RULES, seen, follows), limit, numbers.side < 0.5)
+        command = steer(
+            CONFIG,
+            wanted + avoidance_push(CONFIG, RULES, seen, follows),
+            limit,
+            numbers.side < 0.5,
+        )
         comes = approaches_ball(STRATEGY.picks(memory), seen)
         return (
             memory,
@@ -88,9 +97,16 @@ def test_relabelled_robots_do_the_same():
 def test_a_robot_does_not_know_what_others_sense():
     rng = np.random.default_rng(3)
     one, other = crowded(MANY, rng), crowded(MANY, rng)
-    mixed = jax.tree.map(lambda a, b: np.concatenate([a[:1], b[1:]]), *jax.tree.map(np.asarray, (one, other)))
+    mixed = jax.tree.map(
+        lambda a, b: np.concatenate([a[:1], b[1:]]),
+        *jax.tree.map(np.asarray, (one, other)),
+    )
     alone, among = (act_here(CONFIG, PROBE, RULES, *who, jax.random.key(0)) for who in (one, mixed))
-    jax.tree.map(lambda a, b: np.testing.assert_array_equal(np.asarray(a)[0], np.asarray(b)[0]), alone, among)
+    jax.tree.map(
+        lambda a, b: np.testing.assert_array_equal(np.asarray(a)[0], np.asarray(b)[0]),
+        alone,
+        among,
+    )
     assert (np.asarray(alone[1].turn)[1:] != np.asarray(among[1].turn)[1:]).any()
 
 
@@ -100,7 +116,10 @@ def world(rng, centre, spread):
     poses = np.column_stack([centre + rng.uniform(-spread, spread, (n, 2)), rng.uniform(-3, 3, n)])
     memory, seen = crowded(n, rng)
     lying = poses[:8, :2] + rng.uniform(-1.2, 1.2, (8, 2))
-    under = poses[8:10, :2] + turned(np.array([[PROBE[0], 0.05]] * 2), poses[8:10, 2])  # within the tool's reach
+    under = poses[8:10, :2] + turned(
+        np.array([[PROBE[0], 0.05]] * 2),
+        poses[8:10, 2],
+    )  # within the tool's reach
     memory = memory._replace(is_scout=memory.is_scout.at[8:10].set(False))
     balls = lay(*lying, *under, *[(0.0, 0.0)] * 3, holders=[None] * 10 + [20, 21, 22])
     links = Links(
@@ -123,7 +142,10 @@ def decided(poses, state, links, sees_wall, seed=5):
 def moved(poses, state, angle, shift=(0.0, 0.0)):
     """The same world, turned about the origin and shifted."""
     poses = np.column_stack([turned(poses[:, :2], angle) + shift, poses[:, 2] + angle])
-    position = jnp.asarray(turned(np.asarray(state.task.position, float), angle) + shift, jnp.float32)
+    position = jnp.asarray(
+        turned(np.asarray(state.task.position, float), angle) + shift,
+        jnp.float32,
+    )
     return poses, state._replace(task=state.task._replace(position=position))
 
 
@@ -132,13 +154,20 @@ def alike(one, other):
     (state, command), (state2, command2) = ((each.swarm, each.drive.command) for each in (one, other))
     np.testing.assert_allclose(wrapped(command.turn - command2.turn), 0, atol=2e-4)
     np.testing.assert_allclose(command.forward, command2.forward, atol=2e-4)
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-2), state.memory, state2.memory)
+    jax.tree.map(
+        lambda a, b: np.testing.assert_allclose(a, b, atol=1e-2),
+        state.memory,
+        state2.memory,
+    )
     np.testing.assert_array_equal(one.has_priority, other.has_priority)
     for name in ("is_held", "is_delivered", "holder"):
         np.testing.assert_array_equal(getattr(state.task, name), getattr(state2.task, name))
 
 
-@pytest.mark.parametrize(("angle", "shift"), [(0.0, (5.0, -9.0)), (0.7, (0.0, 0.0)), (-2.0, (8.0, 11.0))])
+@pytest.mark.parametrize(
+    ("angle", "shift"),
+    [(0.0, (5.0, -9.0)), (0.7, (0.0, 0.0)), (-2.0, (8.0, 11.0))],
+)
 def test_far_from_the_dump_nobody_knows_where_it_is(angle, shift):
     poses, state, links, sees_wall = world(np.random.default_rng(6), np.array([40.0, 0.0]), 12)
     before = decided(poses, state, links, sees_wall)
@@ -161,7 +190,10 @@ def silent_world(rows, balls, holders):
     rest = N_BALLS - len(balls)
     shape = N_ROBOTS, 4
     links = Links(
-        np.zeros(shape, int), np.zeros(shape, bool), np.zeros(shape, np.int32), *[np.zeros(shape, np.float32)] * 2
+        np.zeros(shape, int),
+        np.zeros(shape, bool),
+        np.zeros(shape, np.int32),
+        *[np.zeros(shape, np.float32)] * 2,
     )
     balls = lay(*balls, *[(0.0, -60.0)] * rest, holders=[*holders, *[None] * rest])
     return (

@@ -41,12 +41,22 @@ def near(count, n, p):
 
 
 def test_the_defaults_are_the_papers():
-    named = ("elite", "dependent_rate", "span", "independent_rate", "crossover_rate", "intermediate_share")
+    named = (
+        "elite",
+        "dependent_rate",
+        "span",
+        "independent_rate",
+        "crossover_rate",
+        "intermediate_share",
+    )
     assert [getattr(PAPER, name) for name in named] == [2, 0.5, 0.05, 0.05, 0.2, 0.5]
     assert (PAPER.density_min, PAPER.density_max) == (0.01, 0.33)
 
 
-@pytest.mark.parametrize("genome", [*PRESETS.values(), Genome(use_hop_count=False, priority_signal_scouts=True)])
+@pytest.mark.parametrize(
+    "genome",
+    [*PRESETS.values(), Genome(use_hop_count=False, priority_signal_scouts=True)],
+)
 def test_vectors_are_genomes(genome):
     assert to_genome(to_vector(genome)) == genome
     assert [NAMES[i] for i in np.flatnonzero(IS_BOOLEAN)] == [
@@ -93,14 +103,22 @@ class TestMutation:
         for value in (0.0, 1.0):
             start = np.where(IS_BOOLEAN, value, self.MIDDLE)
             changed = self.mutants(operators, start) != start
-            assert near(changed.sum(axis=0)[IS_BOOLEAN], DRAWS, turned) and near(changed.sum(axis=0)[REAL], DRAWS, 0.5)
+            assert near(changed.sum(axis=0)[IS_BOOLEAN], DRAWS, turned) and near(
+                changed.sum(axis=0)[REAL],
+                DRAWS,
+                0.5,
+            )
             assert turned == 0 or abs(np.corrcoef(changed[:, IS_BOOLEAN].T) - np.eye(3)).max() < 0.04
 
     def test_independent_mutation(self):
         """One value in twenty is drawn anew from its range, each by itself; half of such Booleans change."""
         mutants = self.mutants(replace(PAPER, dependent_rate=0.0))
         changed = mutants != self.MIDDLE
-        assert near(changed.sum(axis=0)[REAL], DRAWS, 0.05) and near(changed.sum(axis=0)[IS_BOOLEAN], DRAWS, 0.025)
+        assert near(changed.sum(axis=0)[REAL], DRAWS, 0.05) and near(
+            changed.sum(axis=0)[IS_BOOLEAN],
+            DRAWS,
+            0.025,
+        )
         assert abs(np.corrcoef(changed.T) - np.eye(len(NAMES))).max() < 0.04
         low, high = ranges(PAPER)
         for i in np.flatnonzero(REAL):
@@ -114,7 +132,11 @@ class TestMutation:
         mutants = self.mutants(PAPER, start)
         assert (mutants >= low).all() and (mutants <= high).all()
         at_edge = (mutants == start)[:, REAL].sum(axis=0)
-        assert near(at_edge, DRAWS, 0.95 * (0.5 + 0.25))  # half of the steps lead out, and end at the edge
+        assert near(
+            at_edge,
+            DRAWS,
+            0.95 * (0.5 + 0.25),
+        )  # half of the steps lead out, and end at the edge
 
 
 class TestCrossover:
@@ -124,7 +146,8 @@ class TestCrossover:
     def children(self, operators=PAPER):
         generator = rng(2)
         values, kinds = zip(
-            *(cross_over(operators, self.ONE, self.OTHER, generator) for _ in range(DRAWS)), strict=True
+            *(cross_over(operators, self.ONE, self.OTHER, generator) for _ in range(DRAWS)),
+            strict=True,
         )
         return np.array(values), np.array(kinds)
 
@@ -141,7 +164,11 @@ class TestCrossover:
     def test_booleans_come_from_either_parent(self):
         values, kinds = self.children()
         booleans = values[kinds == "intermediate"][:, IS_BOOLEAN]
-        assert set(np.unique(booleans)) == {0.0, 1.0} and near(booleans.sum(axis=0), len(booleans), 0.5)
+        assert set(np.unique(booleans)) == {0.0, 1.0} and near(
+            booleans.sum(axis=0),
+            len(booleans),
+            0.5,
+        )
 
 
 POPULATION = [Genome(p_vector_forget=i / 10) for i in range(10)]
@@ -158,12 +185,20 @@ class TestSelection:
         fitness = np.arange(0.0, 1000.0, 100.0)
         children = self.parents(replace(STILL, crossover_rate=0.2), fitness)
         alone = [c for c in children if c.origin == "mutation"]
-        assert all(c.genome == POPULATION[c.parents[0]] for c in alone) and near(len(alone), CHILDREN, 0.8)
+        assert all(c.genome == POPULATION[c.parents[0]] for c in alone) and near(
+            len(alone),
+            CHILDREN,
+            0.8,
+        )
         counts = np.bincount([c.parents[0] for c in alone], minlength=10)
         assert counts[0] == 0
         assert stats.chisquare(counts[1:], fitness[1:] / 4500 * len(alone)).pvalue > 1e-3
         pairs = np.zeros((10, 10))
-        np.add.at(pairs, tuple(np.array([c.parents for c in children if c.origin != "mutation"]).T), 1)
+        np.add.at(
+            pairs,
+            tuple(np.array([c.parents for c in children if c.origin != "mutation"]).T),
+            1,
+        )
         assert not pairs[0].any() and not pairs[:, 0].any()
         expected = np.outer(fitness, fitness)[1:, 1:] / 4500**2 * pairs.sum()
         assert stats.chisquare(pairs[1:, 1:].ravel(), expected.ravel()).pvalue > 1e-3
@@ -195,7 +230,10 @@ class TestSelection:
         wild = Operators(dependent_rate=1.0, independent_rate=1.0, crossover_rate=1.0)
         for generator in map(rng, range(50)):
             best, second, *others = next_generation(wild, POPULATION, fitness, generator)
-            assert (best, second) == ((POPULATION[3], "elite", (3,)), (POPULATION[5], "elite", (5,)))
+            assert (best, second) == (
+                (POPULATION[3], "elite", (3,)),
+                (POPULATION[5], "elite", (5,)),
+            )
             assert len(others) == 8 and not any(o.origin == "elite" or o.genome in POPULATION for o in others)
 
 
@@ -203,7 +241,10 @@ def test_a_seed_tells_all():
     def generations(seed):
         generator = rng(seed)
         population = random_population(PAPER, 10, generator)
-        return [population, next_generation(PAPER, [i.genome for i in population], range(10), generator)]
+        return [
+            population,
+            next_generation(PAPER, [i.genome for i in population], range(10), generator),
+        ]
 
     assert generations(5) == generations(5) != generations(6)
     assert {i.origin for i in generations(5)[0]} == {"random"}
@@ -213,9 +254,15 @@ def test_a_seed_tells_all():
     "values, message",
     [
         ({"elite": -1}, r"operators\.elite must be a whole number at least 0 \(got -1\)"),
-        ({"boolean_mutation": "turn"}, r"operators\.boolean_mutation must be flip or redraw or keep \(got 'turn'\)"),
+        (
+            {"boolean_mutation": "turn"},
+            r"operators\.boolean_mutation must be flip or redraw or keep \(got 'turn'\)",
+        ),
         ({"density_min": 0.0}, r"operators\.density_min must be above 0.*\(got 0\.0\)"),
-        ({"density_max": 0.005}, r"operators\.density_max must be at least `operators.density_min` \(got 0\.005\)"),
+        (
+            {"density_max": 0.005},
+            r"operators\.density_max must be at least `operators.density_min` \(got 0\.005\)",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused(values, message):

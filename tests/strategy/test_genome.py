@@ -76,13 +76,18 @@ def test_bytes_that_are_no_text(tmp_path):
 
 @pytest.mark.parametrize("name", ["type3", "missing.json", "", "."])
 def test_unknown_names(name):
-    with pytest.raises(UserError, match=r"a preset \(type1, type2, evolved\) or the path of a JSON file") as caught:
+    with pytest.raises(
+        UserError,
+        match=r"a preset \(type1, type2, evolved\) or the path of a JSON file",
+    ) as caught:
         load_genome(name)
     assert ("there is no file" in str(caught.value)) == (name == "missing.json")
 
 
 def test_the_evolved_preset_is_what_the_search_found():
     """To the digits that Table 2 has."""
-    found = load_genome(str(Path(__file__).parents[2] / "results/default" / "evolve-paper" / "best.json"))
+    found = load_genome(
+        str(Path(__file__).parents[2] / "results/default" / "evolve-paper" / "best.json"),
+    )
     for mine, theirs in zip(astuple(PRESETS["evolved"]), astuple(found), strict=True):
         assert type(mine) is type(theirs) and mine == pytest.approx(theirs, abs=1e-3)

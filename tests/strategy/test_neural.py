@@ -87,12 +87,20 @@ class TestWays:
         config = replace(CONFIG, drive=DriveConfig(max_turn=largest))
         _, command = does(replace(strategy(dump=1, speed=1), config=config.static), sees(), memory)
         assert command.turn[0] == pytest.approx(np.radians(largest))
-        assert command.forward[0] == pytest.approx(RD / 2 * np.cos(np.radians(120 - largest)), rel=1e-5)
+        assert command.forward[0] == pytest.approx(
+            RD / 2 * np.cos(np.radians(120 - largest)),
+            rel=1e-5,
+        )
 
     def test_a_ball_that_can_be_had_comes_first(self):
         """The tip goes over it, whatever the network says; loaded robots leave it."""
         ball = np.float32([[0.0, 1.5]] * 2)
-        seen = sees(2, at_dust=np.ones(2, bool), ball_vector=ball, is_loaded=np.array([False, True]))
+        seen = sees(
+            2,
+            at_dust=np.ones(2, bool),
+            ball_vector=ball,
+            is_loaded=np.array([False, True]),
+        )
         _, command = does(strategy(ahead=1, speed=1), seen)
         np.testing.assert_allclose(command.turn, [np.pi / 2, 0], atol=1e-6)
         np.testing.assert_allclose(command.forward, [1.5 - ROBOT.probe_tip[0], RD / 2], rtol=1e-5)
@@ -107,23 +115,44 @@ class TestWays:
     def test_untrained_robots_go_where_they_need(self):
         """Dust to the left, the dump to the right; loaded ones tell so."""
         policy, n = untrained(CONFIG, ROBOT), 64
-        left = Belief(np.tile(np.float32([0.0, 9.0]), (n, 1)), np.zeros(n, np.float32), np.ones(n, bool))
-        memory = policy.init(n, jax.random.key(0))._replace(dust=left, dump=left._replace(vector=-left.vector))
+        left = Belief(
+            np.tile(np.float32([0.0, 9.0]), (n, 1)),
+            np.zeros(n, np.float32),
+            np.ones(n, bool),
+        )
+        memory = policy.init(n, jax.random.key(0))._replace(
+            dust=left,
+            dump=left._replace(vector=-left.vector),
+        )
         is_loaded = np.arange(n) < n // 2
         after, command = does(policy, sees(n, is_loaded=is_loaded), memory)
         np.testing.assert_array_equal(command.turn < 0, is_loaded)
         np.testing.assert_array_equal(after.flag, is_loaded)
-        turn, stray = np.asarray(command.turn), np.arcsin([0.5 / 2**0.5, 0.2 / 3])  # of the random way
+        turn, stray = (
+            np.asarray(command.turn),
+            np.arcsin([0.5 / 2**0.5, 0.2 / 3]),
+        )  # of the random way
         assert (abs(turn[~is_loaded] - np.pi / 4) <= stray[0] + 1e-5).all()
         assert (turn[is_loaded] <= stray[1] - np.pi / 2 + 1e-5).all()
 
     def test_untrained_robots_go_round_others_but_not_if_the_dump_is_ahead(self):
         """The neighbour ahead is close; loaded robots mind it less."""
         policy, n = untrained(CONFIG, ROBOT), 64
-        ahead = Belief(np.tile(np.float32([9.0, 0.0]), (n, 1)), np.zeros(n, np.float32), np.ones(n, bool))
-        memory, is_loaded = policy.init(n, jax.random.key(0))._replace(dump=ahead), np.arange(n) < n // 2
+        ahead = Belief(
+            np.tile(np.float32([9.0, 0.0]), (n, 1)),
+            np.zeros(n, np.float32),
+            np.ones(n, bool),
+        )
+        memory, is_loaded = (
+            policy.init(n, jax.random.key(0))._replace(dump=ahead),
+            np.arange(n) < n // 2,
+        )
         seen = sees(n, is_loaded=is_loaded, is_heard=np.tile(np.arange(4) == 0, (n, 1)))
-        command = does(policy, seen._replace(distance=np.full((n, 4), 0.35 * RD, np.float32)), memory)[1]
+        command = does(
+            policy,
+            seen._replace(distance=np.full((n, 4), 0.35 * RD, np.float32)),
+            memory,
+        )[1]
         np.testing.assert_array_equal(abs(command.turn) < np.arcsin(0.2 / 2.2) + 1e-5, is_loaded)
 
     def test_robots_that_wait_stay_and_know_it(self):
@@ -132,7 +161,11 @@ class TestWays:
         both = Belief(np.full((2, 2), 9.0, np.float32), np.zeros(2, np.float32), np.ones(2, bool))
         memory = policy.init(2, jax.random.key(0))._replace(dust=both, dump=both)
         wall = np.tile([False, True, False, False], (2, 1))
-        after, command = does(policy, sees(2, sees_wall=wall, waits=np.array([True, False])), memory)
+        after, command = does(
+            policy,
+            sees(2, sees_wall=wall, waits=np.array([True, False])),
+            memory,
+        )
         np.testing.assert_allclose(command.turn, [0, np.pi / 2], atol=1e-6)
         np.testing.assert_allclose(command.forward, [0, RD / 2], atol=1e-6)
         for place in (after.dust, after.dump):
@@ -154,7 +187,10 @@ def test_robots_of_eight_sides(tmp_path):
     sent = remember(np.full((1, 8, 2), [10.0, 0.0]))
     seen = senses_nothing(1, sides=8)
     seen = seen._replace(
-        is_heard=first, sees_wall=np.roll(first, 1), led=np.full((1, 8), 1), payload=seen.payload | {"dust": sent}
+        is_heard=first,
+        sees_wall=np.roll(first, 1),
+        led=np.full((1, 8), 1),
+        payload=seen.payload | {"dust": sent},
     )
     known = policy.update_beliefs(policy.init(1, jax.random.key(0)), seen)
     np.testing.assert_allclose(known.dust.vector, [[5 - 50**0.5, 50**0.5]], rtol=1e-5)
@@ -169,7 +205,10 @@ def test_the_shipped_weights_are_small_and_used():
     begins = Neural().for_training(CONFIG, ROBOT, 3)
     np.testing.assert_array_equal(begins.weights, untrained(CONFIG, ROBOT).weights)
     assert (np.asarray(shipped.weights) != np.asarray(begins.weights)).mean() > 0.9
-    np.testing.assert_array_equal(Neural(SHIPPED).for_training(CONFIG, ROBOT, 3).weights, shipped.weights)
+    np.testing.assert_array_equal(
+        Neural(SHIPPED).for_training(CONFIG, ROBOT, 3).weights,
+        shipped.weights,
+    )
 
 
 @pytest.mark.parametrize(

@@ -42,15 +42,31 @@ def test_the_loss_by_hand():
     ratio, target = np.array([1.0, 1.1, 2.0, 0.5]), np.array([1.0, 2.0, 3.0, -4.0])
     value = np.asarray(jax.jit(forward, static_argnums=0)(CRITIC, critic, read)[:, 0])
     params, before = {"policy": strategy.weights, "critic": critic}, density - np.log(ratio)
-    for advantage, gains in (([1.0, -2, 3, 4], [1, -2.2, 3.6, 2]), ([-1.0, 2, -3, -4], [-1, 2.2, -6, -3.2])):
-        found = jax.jit(ppo_neural.loss)(params, strategy, sample, before, np.array(advantage), read, target)
-        assert found == pytest.approx(-np.mean(gains) + 0.5 * ((value - target) ** 2).mean(), rel=1e-4)
+    for advantage, gains in (
+        ([1.0, -2, 3, 4], [1, -2.2, 3.6, 2]),
+        ([-1.0, 2, -3, -4], [-1, 2.2, -6, -3.2]),
+    ):
+        found = jax.jit(ppo_neural.loss)(
+            params,
+            strategy,
+            sample,
+            before,
+            np.array(advantage),
+            read,
+            target,
+        )
+        assert found == pytest.approx(
+            -np.mean(gains) + 0.5 * ((value - target) ** 2).mean(),
+            rel=1e-4,
+        )
 
 
 @pytest.mark.slow
 def test_without_noise_robots_do_what_they_do_in_a_run():
     learner = Learner(SMALL, N, STEPS, 1, SEED)
-    weights = learner.weights + 0.1 * np.random.default_rng(0).normal(size=N_WEIGHTS).astype(np.float32)
+    weights = learner.weights + 0.1 * np.random.default_rng(0).normal(size=N_WEIGHTS).astype(
+        np.float32,
+    )
     key = jax.random.key(7)
     state, memory = learner.begin(key)
     start_key, own, _ = jax.random.split(jax.random.split(key, 1)[0], 3)
@@ -59,13 +75,26 @@ def test_without_noise_robots_do_what_they_do_in_a_run():
     start = start._replace(poses=start.poses.astype(np.float32).astype(float))
     world = World(PRESETS["type1"], N, start=start, key=own)
     strategy = replace(learner.strategy, weights=weights)
-    run = Run(Scenario(SMALL, strategy=strategy, robots=N, engine=PlanarSettings(1), worlds=[world], steps=STEPS))
+    run = Run(
+        Scenario(
+            SMALL,
+            strategy=strategy,
+            robots=N,
+            engine=PlanarSettings(1),
+            worlds=[world],
+            steps=STEPS,
+        )
+    )
     for _ in range(STEPS):
         state, memory, _ = learner.step(weights, state, memory, jnp.zeros((1, N, 4)))
         record = run.advance()
         np.testing.assert_allclose(poses_of(learner.env, state)[0], record.poses[-1, 0], atol=1e-4)
         np.testing.assert_array_equal(memory.flag, record.swarm.memory.flag[-1])
-        np.testing.assert_allclose(memory.dust.vector, record.swarm.memory.dust.vector[-1], atol=1e-3)
+        np.testing.assert_allclose(
+            memory.dust.vector,
+            record.swarm.memory.dust.vector[-1],
+            atol=1e-3,
+        )
         np.testing.assert_array_equal(memory.dump.known, record.swarm.memory.dump.known[-1])
     assert memory.dust.known.sum() > 3 and memory.flag.any() and int(state.metrics["picked"][0]) > 0
 

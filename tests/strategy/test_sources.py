@@ -63,12 +63,16 @@ def test_only_users_import_what_is_beside_their_file(tmp_path):
             exec(compile(f"import {name}", numba.__file__, "exec"), in_numba)
     assert Beside.find_spec("package.late_twin", [str(tmp_path)]) is None
     assert str(tmp_path) not in sys.path
-    assert (tmp_path / "twin_of_a_package.py").resolve() in sources(tmp_path / "walk_of_a_package.py")
+    assert (tmp_path / "twin_of_a_package.py").resolve() in sources(
+        tmp_path / "walk_of_a_package.py",
+    )
 
 
 def test_teams_of_one_strategy_are_numbered(tmp_path):
     (tmp_path / "walks.py").write_text("class Walk:\n    pass\n\nclass Walker(Walk):\n    pass\n")
-    found = find_teams([f"{tmp_path}/walks.py:{word}" for word in ("Walk=1", "Walker=4", "Walk=.5", "Walk=0.25")])
+    found = find_teams(
+        [f"{tmp_path}/walks.py:{word}" for word in ("Walk=1", "Walker=4", "Walk=.5", "Walk=0.25")],
+    )
     assert {name: (share, own.__name__) for name, (share, own) in found.items()} == {
         "Walk": (1, "Walk"),
         "Walker": (4, "Walker"),

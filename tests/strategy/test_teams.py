@@ -47,7 +47,10 @@ class Counter(Strategy):
     def act(self, memory, seen, key):
         heard = jnp.where(seen.is_heard, seen.payload["index"], -1).max(axis=1)
         turn = self.turn * jax.random.uniform(key, heard.shape)
-        return memory | {"heard": jnp.maximum(memory["heard"], heard)}, Command(turn, jnp.full(turn.shape, 0.5))
+        return memory | {"heard": jnp.maximum(memory["heard"], heard)}, Command(
+            turn,
+            jnp.full(turn.shape, 0.5),
+        )
 
 
 @dataclass(frozen=True)
@@ -223,7 +226,12 @@ def test_one_team_of_a_genome_is_the_paper_s_strategy(share):
 
 @pytest.mark.parametrize(
     ("shares", "n_robots", "sizes"),
-    [((0.5, 0.5), 5, (3, 2)), ((0.33, 0.33, 0.34), 10, (3, 4, 3)), ((2, 5), 7, (2, 5)), ((2, 5), 9, (2, 7))],
+    [
+        ((0.5, 0.5), 5, (3, 2)),
+        ((0.33, 0.33, 0.34), 10, (3, 4, 3)),
+        ((2, 5), 7, (2, 5)),
+        ((2, 5), 9, (2, 7)),
+    ],
 )
 def test_sizes(shares, n_robots, sizes):
     teams = Teams({f"team{k}": (share, Loud()) for k, share in enumerate(shares)})
@@ -296,4 +304,11 @@ def test_errors_name_the_method_of_the_team():
             return memory
 
     with pytest.raises(UserError, match=r"Silent\.act must return"):
-        Run(Scenario(SMALL, strategy=Teams({"a": (0.5, Silent()), "b": (0.5, Loud())}), robots=10, steps=2))
+        Run(
+            Scenario(
+                SMALL,
+                strategy=Teams({"a": (0.5, Silent()), "b": (0.5, Loud())}),
+                robots=10,
+                steps=2,
+            )
+        )

@@ -165,7 +165,16 @@ class TestBeeclust:
     def test_without_light_the_task_that_has_it_is_named(self):
         keys = jax.random.split(jax.random.key(0), 1)
         with pytest.raises(UserError, match="--task aggregation"):
-            rollout(Scenario(CONFIG, strategy=Beeclust(), robots=4, engine=PlanarSettings(1), worlds=keys, steps=1))
+            rollout(
+                Scenario(
+                    CONFIG,
+                    strategy=Beeclust(),
+                    robots=4,
+                    engine=PlanarSettings(1),
+                    worlds=keys,
+                    steps=1,
+                )
+            )
 
     def test_waits_longer_in_brighter_light(self):
         """Four robots meet others: one in the dark, two in light l, and one that still leaves.

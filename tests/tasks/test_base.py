@@ -46,7 +46,13 @@ class Homing(Strategy):
 
 def run_of(small, engine, task=None, **settings):
     options = {name: settings.pop(name) for name in ("record_worlds", "capacity") if name in settings}
-    fields = {"strategy": Homing(), "task": task or Eastward(2.0), "robots": N, "steps": 12, "worlds": 2}
+    fields = {
+        "strategy": Homing(),
+        "task": task or Eastward(2.0),
+        "robots": N,
+        "steps": 12,
+        "worlds": 2,
+    }
     return Run(Scenario(small, engine=engine, **fields | settings), **options)
 
 
@@ -97,10 +103,18 @@ def advancing(change):
 WRONG = {
     "no areas": (changed(areas=None), "Eastward has no method areas"),
     "nowhere": (
-        changed(lay_out=lambda self, c, n, *a: (np.full((n, 3), np.nan), Eastward.lay_out(self, c, n, *a)[1])),
+        changed(
+            lay_out=lambda self, c, n, *a: (
+                np.full((n, 3), np.nan),
+                Eastward.lay_out(self, c, n, *a)[1],
+            )
+        ),
         r"robots first \(got numbers that are not\)",
     ),
-    "state alone": (advancing(lambda own, sensed: own), r"must return its state and Sensed \(got a dict\)"),
+    "state alone": (
+        advancing(lambda own, sensed: own),
+        r"must return its state and Sensed \(got a dict\)",
+    ),
     "sensed": (
         advancing(lambda own, sensed: (own, sensed._replace(is_busy=jnp.zeros(N)))),
         r"must return bool\[6\] as \.is_busy of its sensed \(got float32\[6\]\)",
@@ -110,16 +124,26 @@ WRONG = {
         r"must return gap of 6 robots first \(got shape \(3,\)\)",
     ),
     "no method": (changed(reward=None), "Eastward has no method reward; a task has it, see Task"),
-    "the class": (Eastward, r"task is the class Eastward itself; give an object of it, as Eastward\(\)"),
+    "the class": (
+        Eastward,
+        r"task is the class Eastward itself; give an object of it, as Eastward\(\)",
+    ),
     "poses": (
-        changed(lay_out=lambda self, c, n, *a: (np.zeros((n, 2)), Eastward.lay_out(self, c, n, *a)[1])),
+        changed(
+            lay_out=lambda self, c, n, *a: (np.zeros((n, 2)), Eastward.lay_out(self, c, n, *a)[1]),
+        ),
         r"Eastward.lay_out must return finite poses \(N, 3\) of the 6 robots first \(got float64\[6, 2\]\)",
     ),
     "text in the state": (
-        changed(lay_out=lambda self, c, n, *a: (Eastward.lay_out(self, c, n, *a)[0], {"is_east": "yes"})),
+        changed(
+            lay_out=lambda self, c, n, *a: (Eastward.lay_out(self, c, n, *a)[0], {"is_east": "yes"}),
+        ),
         r"Eastward.lay_out must return arrays and numbers as its state \(got a str as \['is_east'\]\)",
     ),
-    "goal": (changed(goal=lambda self, c, n: 0.5), r"Eastward.goal must return a whole number above 0, or None \(got"),
+    "goal": (
+        changed(goal=lambda self, c, n: 0.5),
+        r"Eastward.goal must return a whole number above 0, or None \(got",
+    ),
     "state": (
         advancing(lambda own, sensed: (3, sensed)),
         r"Eastward.advance must return dict of 2 arrays as its state",

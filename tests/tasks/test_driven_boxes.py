@@ -86,12 +86,24 @@ def test_a_driven_box_pushes_and_is_not_pushed(name):
     robots = np.float32([[9.0, -9.0, 0.0], [-3 * RD + 3.0, 4.0 * RD, np.pi]])
     phase = Phase(20, lambda poses: jnp.float32([[0.0, 0, 0], [-2.4, 0, 0]]) + 0 * poses, velocity)
     if name == "mjx":
-        start, present = np.concatenate([robots, np.float32(poses_of_boxes(boxes))]), jnp.ones(2, bool)
-        move = jax.jit(lambda start: engine.move(engine.place(start, present), [phase], jnp.bool_(True)))
+        start, present = (
+            np.concatenate([robots, np.float32(poses_of_boxes(boxes))]),
+            jnp.ones(2, bool),
+        )
+        move = jax.jit(
+            lambda start: engine.move(engine.place(start, present), [phase], jnp.bool_(True)),
+        )
         poses = np.asarray(move(start).bodies.poses)
     else:
-        one = phase._replace(velocity=lambda poses: np.asarray(phase.velocity(poses)), boxes=velocity[None])
-        poses = engine.move(placed(engine, robots[None], boxes), [one], np.ones(1, bool)).bodies.poses[0]
+        one = phase._replace(
+            velocity=lambda poses: np.asarray(phase.velocity(poses)),
+            boxes=velocity[None],
+        )
+        poses = engine.move(
+            placed(engine, robots[None], boxes),
+            [one],
+            np.ones(1, bool),
+        ).bodies.poses[0]
     np.testing.assert_allclose(poses[2] - poses_of_boxes(boxes)[0], [4.0, 0, 0], atol=0.02)
     edge = poses[2, 0] + RD / 2
     assert poses[1, 0] > edge + 0.7 and robots[1, 0] < edge  # the second robot was pushed back
@@ -108,13 +120,19 @@ def test_a_run():
     assert not run.faults and np.abs(start[0] - start[1])[:, 1].min() > 0.1 and len(run.config.arena.boxes) == 2
     for world in range(WORLDS):
         np.testing.assert_allclose(poses_of_boxes(run.starts[world].boxes), start[world], atol=1e-5)
-        hulls = np.column_stack([run.start.poses[0, world][:, :2], np.ones(N), np.zeros((N, 1)), np.ones((N, 2))])
+        hulls = np.column_stack(
+            [run.start.poses[0, world][:, :2], np.ones(N), np.zeros((N, 1)), np.ones((N, 2))],
+        )
         for box in numbers(run.starts[world].boxes, RD):
             assert not overlap(hulls, np.broadcast_to(box, hulls.shape)).any()
     drive = CONFIG.drive
     duration = (drive.turn_substeps + drive.walk_substeps) * drive.timestep
     way = np.diff(np.concatenate([run.start.boxes, record.boxes]), axis=0)[:2, :, 0]
-    np.testing.assert_allclose(way, np.broadcast_to(duration * np.array([-5, -5, 0.5]), way.shape), atol=0.05)
+    np.testing.assert_allclose(
+        way,
+        np.broadcast_to(duration * np.array([-5, -5, 0.5]), way.shape),
+        atol=0.05,
+    )
 
 
 class Odd(Lift):
@@ -125,9 +143,18 @@ class Odd(Lift):
 
 
 WRONG = {
-    "no numbers": (Odd("none"), r"boxes of Odd.lay_boxes: arena.boxes must be boxes of 7 numbers each"),
-    "beyond": (Odd(((9, 0, 1, 1, 0, 0, 0),)), r"boxes of Odd.lay_boxes: arena.boxes\[0\] must be inside the walls"),
-    "mass": (Odd(((4, 0, 1, 1, 0, 2, 0.1),)), "a mass from 1e-08 to 0.01 kg, or 0 where robots cannot push it"),
+    "no numbers": (
+        Odd("none"),
+        r"boxes of Odd.lay_boxes: arena.boxes must be boxes of 7 numbers each",
+    ),
+    "beyond": (
+        Odd(((9, 0, 1, 1, 0, 0, 0),)),
+        r"boxes of Odd.lay_boxes: arena.boxes\[0\] must be inside the walls",
+    ),
+    "mass": (
+        Odd(((4, 0, 1, 1, 0, 2, 0.1),)),
+        "a mass from 1e-08 to 0.01 kg, or 0 where robots cannot push it",
+    ),
 }
 
 
@@ -165,7 +192,11 @@ METHODS = {
 }
 
 
-@pytest.mark.parametrize("task, sentence", METHODS.items(), ids=lambda given: getattr(given, "__name__", ""))
+@pytest.mark.parametrize(
+    "task, sentence",
+    METHODS.items(),
+    ids=lambda given: getattr(given, "__name__", ""),
+)
 def test_methods_that_cannot_be(task, sentence):
     with pytest.raises(UserError, match=sentence):
         Run(replace(SCENARIO, task=task()))
