@@ -1,4 +1,4 @@
-"""Policy gradients for the learned strategy: their loss, what robots do on the environment, and that they learn."""
+"""Policy gradients for the learned strategy: the loss, the robots' motion, and their progress."""
 
 from dataclasses import replace
 
@@ -27,38 +27,49 @@ N, STEPS, SEED = 12, 16, 3
 
 
 def test_the_loss_by_hand():
-    """Four samples whose ratios are 1, 1.1, 2 and 0.5, and advantages of both signs: gains beyond the bounds count no
-    more, losses do."""
-    rng, strategy = np.random.default_rng(4), untrained(SMALL, read_robot())
-    shapes = (4, SHAPE.inputs), (4, len(DIRECTIONS), 2), (4, 4)
-    numbers, ways, drawn = (rng.normal(size=shape).astype(np.float32) for shape in shapes)
-    matters, spread = rng.random((4, 4)) < 0.7, np.asarray(NOISE, float)
-    mean = np.asarray(jax.jit(wanted)(strategy, numbers, ways))
-    density = (matters * (stats.norm.logpdf(drawn, mean, spread) - stats.norm.logpdf(0, 0, spread))).sum(axis=1)
-    sample = numbers, ways, drawn, matters
-    np.testing.assert_allclose(jax.jit(log_probability)(strategy, *sample), density, rtol=1e-4)
+    """Four samples have ratios of 1, 1.1, 2 and 0.5, with advantages of both signs.
+
+    Gains from ratios beyond the bounds count no more than at the bounds; losses count in full.
+    """
+    n_samples = 4
+    rng = np.random.default_rng(4)
+    strategy = untrained(SMALL, read_robot())
+    numbers = rng.normal(size=(n_samples, SHAPE.inputs)).astype(np.float32)
+    directions = rng.normal(size=(n_samples, len(DIRECTIONS), 2)).astype(np.float32)
+    drawn = rng.normal(size=(n_samples, 4)).astype(np.float32)
+    matters = rng.random((n_samples, 4)) < 0.7
+    sample = numbers, directions, drawn, matters
+
+    # Log densities relative to that of the mean, of the numbers that matter.
+    mean = np.asarray(jax.jit(wanted)(strategy, numbers, directions))
+    noise = np.asarray(NOISE, float)
+    log_densities = stats.norm.logpdf(drawn, mean, noise) - stats.norm.logpdf(0, 0, noise)
+    log_density = (matters * log_densities).sum(axis=1)
+    found = jax.jit(log_probability)(strategy, *sample)
+    np.testing.assert_allclose(found, log_density, rtol=1e-4)
+
     critic = rng.normal(0, 0.3, CRITIC.n_weights).astype(np.float32)
-    read = rng.normal(size=(4, CRITIC.inputs)).astype(np.float32)
-    ratio, target = np.array([1.0, 1.1, 2.0, 0.5]), np.array([1.0, 2.0, 3.0, -4.0])
+    read = rng.normal(size=(n_samples, CRITIC.inputs)).astype(np.float32)
     value = np.asarray(jax.jit(forward, static_argnums=0)(CRITIC, critic, read)[:, 0])
-    params, before = {"policy": strategy.weights, "critic": critic}, density - np.log(ratio)
-    for advantage, gains in (
-        ([1.0, -2, 3, 4], [1, -2.2, 3.6, 2]),
-        ([-1.0, 2, -3, -4], [-1, 2.2, -6, -3.2]),
-    ):
-        found = jax.jit(ppo_neural.loss)(
-            params,
-            strategy,
-            sample,
-            before,
-            np.array(advantage),
-            read,
-            target,
-        )
-        assert found == pytest.approx(
-            -np.mean(gains) + 0.5 * ((value - target) ** 2).mean(),
-            rel=1e-4,
-        )
+    target = np.array([1.0, 2.0, 3.0, -4.0])
+    error_of_critic = 0.5 * ((value - target) ** 2).mean()
+
+    ratio = np.array([1.0, 1.1, 2.0, 0.5])
+    log_density_before = log_density - np.log(ratio)
+    params = {"policy": strategy.weights, "critic": critic}
+
+    def loss(advantage):
+        """Return the loss of the samples with these advantages."""
+        arguments = params, strategy, sample, log_density_before, advantage, read, target
+        return jax.jit(ppo_neural.loss)(*arguments)
+
+    gains = [1, -2.2, 3.6, 2]
+    expected = -np.mean(gains) + error_of_critic
+    assert loss(np.array([1.0, -2, 3, 4])) == pytest.approx(expected, rel=1e-4)
+
+    gains = [-1, 2.2, -6, -3.2]
+    expected = -np.mean(gains) + error_of_critic
+    assert loss(np.array([-1.0, 2, -3, -4])) == pytest.approx(expected, rel=1e-4)
 
 
 @pytest.mark.slow
@@ -96,12 +107,14 @@ def test_without_noise_robots_do_what_they_do_in_a_run():
             atol=1e-3,
         )
         np.testing.assert_array_equal(memory.dump.known, record.swarm.memory.dump.known[-1])
-    assert memory.dust.known.sum() > 3 and memory.flag.any() and int(state.metrics["picked"][0]) > 0
+    assert memory.dust.known.sum() > 3
+    assert memory.flag.any()
+    assert int(state.metrics["picked"][0]) > 0
 
 
 @pytest.mark.slow
 def test_it_learns():
-    """Robots earn more after 20 iterations, by far more than the 16 worlds of an iteration differ by chance."""
+    """Robots earn more after 20 iterations, by far more than 16 worlds differ by chance."""
     learner = Learner(SwarmConfig(ARENA), 30, 100, 16, 0)
-    found = [learner.learn(key) for key in jax.random.split(jax.random.key(0), 24)]
-    assert np.mean(found[-4:]) > np.mean(found[:4]) + 60
+    rewards = [learner.learn(key) for key in jax.random.split(jax.random.key(0), 24)]
+    assert np.mean(rewards[-4:]) > np.mean(rewards[:4]) + 60
