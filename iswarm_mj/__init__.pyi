@@ -3,7 +3,7 @@ from . import envs as envs
 from . import gripper as gripper
 from .config.arena import ArenaConfig as ArenaConfig
 from .config.energy import EnergyConfig as EnergyConfig
-from .config.swarm import READINGS as READINGS
+from .config.swarm import INTERPRETATIONS as INTERPRETATIONS
 from .config.swarm import DriveConfig as DriveConfig
 from .config.swarm import GripperConfig as GripperConfig
 from .config.swarm import OpticsConfig as OpticsConfig

@@ -9,7 +9,7 @@ import pytest
 
 from iswarm_mj.config.energy import EnergyConfig
 from iswarm_mj.config.swarm import (
-    READINGS,
+    INTERPRETATIONS,
     ArenaConfig,
     DriveConfig,
     GripperConfig,
@@ -39,7 +39,7 @@ def test_defaults_are_table_1():
     assert (optics.communication_radius, optics.led_beam_aperture) == (3.5, 60.0)
     assert (optics.error_distance_measure, optics.error_in_communication) == (0.1, 0.1)
     assert (optics.p_communication_break, optics.mode) == (0.1, "sector")
-    assert READINGS["initial"].arena == ArenaConfig(dust_area_offset=16.0)
+    assert INTERPRETATIONS["initial"].arena == ArenaConfig(dust_area_offset=16.0)
 
 
 def test_units():

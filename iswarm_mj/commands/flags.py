@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from iswarm_mj.config.swarm import READINGS, SwarmConfig
+from iswarm_mj.config.swarm import INTERPRETATIONS, SwarmConfig
 from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import needs_of
 from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
@@ -71,7 +71,7 @@ def usual(command: Any) -> Any:
     physics = getattr(command, "physics", None)
     given = {} if physics is None else {"physics": physics.usual()}
     if hasattr(command, "reading"):
-        given |= {"reading": command.reading, **vars(READINGS[command.reading])}
+        given |= {"reading": command.reading, **vars(INTERPRETATIONS[command.reading])}
     if isinstance(getattr(command, "own", None), Genome) and not command.controller:
         given["own"] = load_genome(command.genome)
     return type(command)(**given)

@@ -15,7 +15,7 @@ import tyro
 from iswarm_mj.commands.config_file import ConfigFile
 from iswarm_mj.commands.flags import SETTINGS, flag, in_flags, names, settings
 from iswarm_mj.commands.rules import Rules, TeamFlags
-from iswarm_mj.config.swarm import READINGS
+from iswarm_mj.config.swarm import INTERPRETATIONS
 from iswarm_mj.engines.registry import SETTINGS as OF_ENGINES
 from iswarm_mj.engines.registry import check_settings, find_engine
 from iswarm_mj.strategy.genome import Genome, load_genome
@@ -57,8 +57,8 @@ def parse(name: str, cls: type, given: Sequence[str]) -> Any:
             words = {word: found or file.words(word) for word, found in words.items()}
         settable = {f.name for f in fields(cls)}
         reading = next(iter(words["reading"]), "")
-        is_known = "reading" in settable and reading in READINGS
-        default = cls(reading=reading, **vars(READINGS[reading])) if is_known else cls()
+        is_known = "reading" in settable and reading in INTERPRETATIONS
+        default = cls(reading=reading, **vars(INTERPRETATIONS[reading])) if is_known else cls()
         known = dict.fromkeys(settable)
         own = _own(words, default, settable)
         known = {name: value for name, value, *_ in settings(default)}

@@ -154,7 +154,7 @@ class SwarmConfig:
         )
 
 
-READINGS = {
+INTERPRETATIONS = {
     "paper": SwarmConfig(),
     "initial": SwarmConfig(
         ArenaConfig(dust_area_offset=16.0), strategy=StrategyConfig(avoidance_sides="all", priority_repulsion="scaled")

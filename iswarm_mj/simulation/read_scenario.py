@@ -9,7 +9,7 @@ from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from iswarm_mj.config.swarm import READINGS, SwarmConfig
+from iswarm_mj.config.swarm import INTERPRETATIONS, SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.engines.robot_file import as_robot_file
@@ -60,8 +60,8 @@ def fields_of_toml(path: Path) -> dict[str, Any]:
 def _config(left: dict[str, Any]) -> SwarmConfig:
     """Return the configuration of a file, whose values are taken away from those that are left."""
     reading = left.pop("reading", "paper")
-    check("reading", reading, f"one of {', '.join(READINGS)}", reading in READINGS)
-    usual = READINGS[reading]
+    check("reading", reading, f"one of {', '.join(INTERPRETATIONS)}", reading in INTERPRETATIONS)
+    usual = INTERPRETATIONS[reading]
     return replace(usual, **{group: _object(part, left, f"{group}.") for group, part in vars(usual).items()})
 
 

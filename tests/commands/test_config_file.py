@@ -6,7 +6,7 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from iswarm_mj.commands.main import main, parse
-from iswarm_mj.config.swarm import READINGS
+from iswarm_mj.config.swarm import INTERPRETATIONS
 from iswarm_mj.strategy import library
 from iswarm_mj.utils.errors import UserError
 
@@ -41,7 +41,7 @@ def test_keys_are_flags():
     assert (command.steps, command.robots, command.record, command.record_worlds) == (8, 12, False, (0, 1))
     assert command.own.use_hop_count is False
     assert (command.arena.size, command.arena.dump_size, command.arena.n_dust) == (15.0, 3.0, 24)
-    assert command.optics.line_of_sight is False and command.strategy == READINGS["initial"].strategy
+    assert command.optics.line_of_sight is False and command.strategy == INTERPRETATIONS["initial"].strategy
 
 
 @pytest.mark.parametrize("order", [0, 1])
@@ -155,10 +155,10 @@ def test_a_flag_replaces_what_does_not_go_with_it(here):
 
 
 @pytest.mark.parametrize("command", ["clean", "experiment"])
-@pytest.mark.parametrize("reading", READINGS)
+@pytest.mark.parametrize("reading", INTERPRETATIONS)
 def test_a_reading_is_the_default_of_the_flags(command, reading):
     extra = ["hop-count"] if command == "experiment" else []
-    assert parse([command, *extra, "--reading", reading]).config == READINGS[reading]
+    assert parse([command, *extra, "--reading", reading]).config == INTERPRETATIONS[reading]
 
 
 @pytest.mark.parametrize("order", [slice(None), slice(None, None, -1)])
@@ -166,7 +166,7 @@ def test_flags_go_before_the_reading(order):
     """Also those that give a value that is the default of the other reading."""
     parts = [["--reading", "initial"], ["--strategy.avoidance-sides", "front", "--strategy.random-turn=90"]]
     strategy = parse(["clean", *(word for part in parts[order] for word in part)]).config.strategy
-    initial = vars(READINGS["initial"].strategy)
+    initial = vars(INTERPRETATIONS["initial"].strategy)
     assert vars(strategy) == initial | {"avoidance_sides": "front", "random_turn": 90.0}
 
 

@@ -11,7 +11,7 @@ from support.rrd import read
 from support.runs import run_of
 
 import iswarm_mj
-from iswarm_mj.config.swarm import READINGS, OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import INTERPRETATIONS, OpticsConfig, SwarmConfig
 from iswarm_mj.output.offscreen import load_recorded
 from iswarm_mj.output.trajectory import ABOUT, RECORDING, RESULT, TRAJECTORY
 from iswarm_mj.utils.errors import UserError
@@ -178,7 +178,7 @@ def test_a_run_without_a_trajectory(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "config", [*READINGS.values(), SwarmConfig(optics=OpticsConfig(mode="power", baud_rate=5000.0))]
+    "config", [*INTERPRETATIONS.values(), SwarmConfig(optics=OpticsConfig(mode="power", baud_rate=5000.0))]
 )
 def test_configurations_come_back(config):
     assert restored(SwarmConfig, json.loads(json.dumps(asdict(config)))).optics == config.optics

@@ -4,7 +4,7 @@ from functools import cache
 
 import pytest
 
-from iswarm_mj.config.swarm import READINGS, SwarmConfig
+from iswarm_mj.config.swarm import INTERPRETATIONS, SwarmConfig
 from iswarm_mj.paper.analysis.statistics import Interval
 from iswarm_mj.paper.studies import infer
 from iswarm_mj.paper.studies.experiment import Plan, varied
@@ -59,7 +59,7 @@ def test_the_paper_s_reading_is_run_with_each_other_value_alone_in_the_same_layo
     for one in changed:
         assert [e.job.seed for e in one] == [e.job.seed for e in plain]
         (told,) = [(name, one[0].labels[name]) for name in FACTORS if one[0].labels[name]]
-        assert one[0].job.config == varied(READINGS["paper"], FACTORS[told[0]][told[1]])
+        assert one[0].job.config == varied(INTERPRETATIONS["paper"], FACTORS[told[0]][told[1]])
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from iswarm_mj.config.swarm import READINGS, SwarmConfig
+from iswarm_mj.config.swarm import INTERPRETATIONS, SwarmConfig
 from iswarm_mj.paper.studies.experiment import varied
 from iswarm_mj.paper.studies.infer import DEFAULTS, FACTORS
 from iswarm_mj.paper.studies.support import answers, combinations_of, sample_of, supports
@@ -23,7 +23,7 @@ def test_the_selected_reading_is_that_of_the_rule_and_the_page_says_what_is_supp
     for name, levels in FACTORS.items():
         assert found[name].counts.keys() == found[name].shares.keys() == levels.keys()
         settings |= dict(levels[found[name].gives_way or DEFAULTS[name]])
-    assert varied(SwarmConfig(), settings) == READINGS["selected"]
+    assert varied(SwarmConfig(), settings) == INTERPRETATIONS["selected"]
     assert {name for name, one in found.items() if one.adjusted < 0.05} == {"turns"}
     assert all(share.low < 1 / 3 < share.high for share in found["dust_offset"].shares.values())
     times = [*answers([row for row in rows if row["combination"] == 0])[1]].index("Type 1 takes 310 steps")

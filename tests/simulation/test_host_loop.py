@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.runs import N, end_of, poses_of
 
-from iswarm_mj.config.swarm import READINGS
+from iswarm_mj.config.swarm import INTERPRETATIONS
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation import host_loop
@@ -60,10 +60,12 @@ def test_a_world_is_the_same_in_any_batch(small, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("reading", READINGS)
+@pytest.mark.parametrize("reading", INTERPRETATIONS)
 def test_a_world_of_many_robots_is_the_same_alone(reading):
     """Bit by bit with JAX 0.10; XLA of later versions rounds its program otherwise than that of ten worlds."""
-    one, many = (run_in(READINGS[reading], PlanarSettings(1), n_worlds, 30, n_robots=283) for n_worlds in (1, 20))
+    one, many = (
+        run_in(INTERPRETATIONS[reading], PlanarSettings(1), n_worlds, 30, n_robots=283) for n_worlds in (1, 20)
+    )
     of_many = jax.tree.map(lambda a: a[:1], end_and_state(many))
     rounding = 0.0 if jax.__version_info__ < (0, 11) else 1e-6
 

@@ -10,7 +10,7 @@ from support.mjx import compilations
 from support.runs import N, check_balls, end_of, first_step, poses_of, records, run_of
 from support.worlds import centres
 
-from iswarm_mj.config.swarm import READINGS
+from iswarm_mj.config.swarm import INTERPRETATIONS
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
@@ -165,7 +165,7 @@ def test_a_share_of_failed_robots_beyond_one_is_refused():
 
 def test_a_change_is_of_rules_and_conditions_of_all_worlds(small):
     """As of a run that begins with them."""
-    drive, rules = replace(small.drive, error_turn=5.0), READINGS["initial"].strategy
+    drive, rules = replace(small.drive, error_turn=5.0), INTERPRETATIONS["initial"].strategy
     other, run = replace(small, drive=drive, strategy=rules), run_of(small, worlds=2)
     run.change(other, PRESETS["type2"])
     begun = run_of(other, PRESETS["type2"], worlds=2)

@@ -12,7 +12,7 @@ from support.robots import two_kinds
 
 from iswarm_mj import PRESETS, Run, Scenario, Teams, World, make_env, play, rollout
 from iswarm_mj.commands.main import parse
-from iswarm_mj.config.swarm import READINGS, ArenaConfig, EnergyConfig, SwarmConfig
+from iswarm_mj.config.swarm import INTERPRETATIONS, ArenaConfig, EnergyConfig, SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -166,7 +166,9 @@ ODD = {
     "another task": replace(PAPERS, strategy=Forager(), task=Foraging()),
     "obstacles": replace(PAPERS, config=SwarmConfig(BOXES)),
     "an outline": replace(PAPERS, config=SwarmConfig(replace(ARENA, outline=((24.0, 20.0),)))),
-    "a reading and energy": replace(PAPERS, config=replace(READINGS["selected"], energy=EnergyConfig("capacitor"))),
+    "a reading and energy": replace(
+        PAPERS, config=replace(INTERPRETATIONS["selected"], energy=EnergyConfig("capacitor"))
+    ),
     "teams": replace(
         PAPERS, strategy=Teams({"type1": (0.5, TYPE1), "type2": (0.5, replace(TYPE2, fraction_scouts=0.5))})
     ),
@@ -246,7 +248,7 @@ class TestFiles:
                 Scenario.from_toml(file)
         file.write_text('reading = "selected"\nuse-hop-count = false\n[arena]\nn-dust = 24\n')
         found = Scenario.from_toml(file)
-        assert found.config == replace(READINGS["selected"], arena=ArenaConfig(n_dust=24))
+        assert found.config == replace(INTERPRETATIONS["selected"], arena=ArenaConfig(n_dust=24))
         assert found.strategy == replace(TYPE1, use_hop_count=False)
 
     def test_what_no_file_can_state(self):

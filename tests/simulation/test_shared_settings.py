@@ -9,7 +9,7 @@ from support.runs import N, records, run_of
 from support.worlds import centres
 
 from iswarm_mj.config.swarm import (
-    READINGS,
+    INTERPRETATIONS,
     DriveConfig,
     EnergyConfig,
     GripperConfig,
@@ -71,7 +71,7 @@ def mixed(small):
     """Configurations of four worlds: small arenas, all parts different, an arena of other places, one reading."""
     other = replace(small, **OTHERS)
     places = replace(small, arena=replace(small.arena, dump_size=5, dust_area_size=4, dust_area_offset=5.2))
-    return [small, other, places, replace(small, strategy=READINGS["initial"].strategy)]
+    return [small, other, places, replace(small, strategy=INTERPRETATIONS["initial"].strategy)]
 
 
 def test_worlds_that_differ_are_each_as_alone(mixed):

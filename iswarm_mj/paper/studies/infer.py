@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import qmc
 
-from iswarm_mj.config.swarm import READINGS, SwarmConfig
+from iswarm_mj.config.swarm import INTERPRETATIONS, SwarmConfig
 from iswarm_mj.paper.analysis.measures import STEPS
 from iswarm_mj.paper.studies.experiment import TIME_LIMIT, Plan, Setting, Values, varied
 from iswarm_mj.paper.studies.plans import DENSITIES
@@ -109,8 +109,8 @@ def settings_of(factor: str, label: str) -> Values:
 
 def _named(plan: Plan, name: str) -> SwarmConfig:
     """A named reading in the arena of the plan, but for the distance of the dust."""
-    offset = READINGS[name].arena.dust_area_offset
-    return replace(READINGS[name], arena=replace(plan.config.arena, dust_area_offset=offset))
+    offset = INTERPRETATIONS[name].arena.dust_area_offset
+    return replace(INTERPRETATIONS[name], arena=replace(plan.config.arena, dust_area_offset=offset))
 
 
 def _of(

@@ -7,7 +7,7 @@ from support.controller import ROBOT, act_here
 from support.sensing import lay, remember, senses_nothing
 from support.worlds import swarm_of
 
-from iswarm_mj.config.swarm import READINGS, DriveConfig, StrategyConfig, SwarmConfig
+from iswarm_mj.config.swarm import INTERPRETATIONS, DriveConfig, StrategyConfig, SwarmConfig
 from iswarm_mj.sensors.conditions import conditions_of
 from iswarm_mj.simulation.actuate import DriveInputs, actuate
 from iswarm_mj.strategy.controller import RobotMemory
@@ -181,7 +181,7 @@ def test_actuators_err_as_configured():
 
 def test_rules_of_worlds_are_those_of_each():
     genomes = [PRESETS["type1"], PRESETS["type2"]]
-    strategies = [READINGS["initial"].strategy, StrategyConfig()]
+    strategies = [INTERPRETATIONS["initial"].strategy, StrategyConfig()]
     columns = rules_of_worlds(genomes, strategies)
     for world, (genome, strategy) in enumerate(zip(genomes, strategies, strict=True)):
         rules = rules_of(genome, strategy)
