@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from make_tables import BLOCK, MADE, filled
+from make_tables import BLOCK, MAKERS, filled
 
 from iswarm_mj.commands.main import parse
 from iswarm_mj.strategy.interface import Observation
@@ -40,7 +40,7 @@ def test_tables_that_the_code_determines_are_up_to_date(page):
 
 def test_each_table_is_on_a_page_and_complete():
     text = "".join(page.read_text(encoding="utf-8") for page in PAGES)
-    assert {name for _, name, _ in BLOCK.findall(text)} == set(MADE)
+    assert {name for _, name, _ in BLOCK.findall(text)} == set(MAKERS)
     faults = (ROOT / "docs/faults.md").read_text(encoding="utf-8")
     assert [kind.name for kind in FaultKind if f"| `{kind.name}` |" not in faults] == []
     observed = (ROOT / "docs/observation.md").read_text(encoding="utf-8")

@@ -5,7 +5,7 @@ Attraction is negative; curves have a snap-in and a pull-off.
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import cycle
-from operator import itemgetter
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -121,12 +121,17 @@ def draw_force_curve(curves: Sequence[Rows], settings: Mapping[str, Any], out: P
 
 def _styled(curves: Sequence[Rows]) -> list[_Curve]:
     """Return the curves in the order of voltage and radius, each with its colour and dashes."""
-    settings = sorted(((rows[0]["voltage"], rows[0]["radius"], rows) for rows in curves), key=itemgetter(0, 1))
-    voltages = sorted({voltage for voltage, _, _ in settings})
-    radii = sorted({radius for _, radius, _ in settings})
-    colours = dict(zip(voltages, cycle(_COLOURS)))
-    dashes = dict(zip(radii, cycle(_DASHES)))
-    return [_Curve(voltage, radius, rows, colours[voltage], dashes[radius]) for voltage, radius, rows in settings]
+    voltages = {rows[0]["voltage"] for rows in curves}
+    radii = {rows[0]["radius"] for rows in curves}
+    colour_of = dict(zip(sorted(voltages), cycle(_COLOURS)))
+    dashes_of = dict(zip(sorted(radii), cycle(_DASHES)))
+
+    styled = []
+    for rows in curves:
+        voltage = rows[0]["voltage"]
+        radius = rows[0]["radius"]
+        styled.append(_Curve(voltage, radius, rows, colour_of[voltage], dashes_of[radius]))
+    return sorted(styled, key=attrgetter("voltage", "radius"))
 
 
 def _draw_curve(axes: Axes, curve: _Curve) -> None:
@@ -153,11 +158,13 @@ def _caption(settings: Mapping[str, Any]) -> str:
 
 
 def _legend_handles(curves: Sequence[_Curve]) -> list[Line2D]:
-    """Return a line for each voltage, then one for each radius."""
+    """Return a line for each voltage, then one for each radius, both in ascending order."""
     colours = {curve.voltage: curve.colour for curve in curves}
-    dashes = {curve.radius: curve.dashes for curve in sorted(curves, key=lambda curve: curve.radius)}
-    voltage_lines = [Line2D([], [], color=colour, label=f"{voltage:g} V") for voltage, colour in colours.items()]
-    radius_lines = [
-        Line2D([], [], color="0.3", ls=pattern, label=f"R = {radius * UM:g} µm") for radius, pattern in dashes.items()
-    ]
-    return voltage_lines + radius_lines
+    dashes = {curve.radius: curve.dashes for curve in curves}
+    handles = []
+    for voltage in sorted(colours):
+        handles.append(Line2D([], [], color=colours[voltage], label=f"{voltage:g} V"))
+    for radius in sorted(dashes):
+        label = f"R = {radius * UM:g} µm"
+        handles.append(Line2D([], [], color="0.3", ls=dashes[radius], label=label))
+    return handles

@@ -1,27 +1,46 @@
-"""What is on the figures, read from their axes."""
+"""Figures of trials on the bench, read from their axes."""
 
 import numpy as np
 import pytest
 from support.figures import captured, line
 
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
-from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
+from iswarm_mj.gripper.laws.detachment import (
+    WORK_OBJECT_SUBSTRATE,
+    WORK_TOOL_OBJECT,
+    grasp_voltage,
+    release_voltage,
+)
 from iswarm_mj.output import plot_trials
 from iswarm_mj.output.plot_trials import draw_figures
 
 RADII = (15e-6, 20e-6, 25e-6)
+PAPER_GRASP_BAND = (20, 30)
+PAPER_RELEASE_BAND = (37, 47)
+LAW = "force laws, no dynamics"
+"""Label of the line of a force law."""
 
 
 @pytest.fixture
 def shown(monkeypatch):
+    """Axes of the figures that are drawn, by the names of their files."""
     return captured(monkeypatch, plot_trials)
 
 
 def make_row(experiment="grasp", **changes):
-    row = {"experiment": experiment, "radius": 20e-6, "relative_humidity": 10.0, "gap": 0.0, "voltage": 25.0}
-    row |= {"limit_voltage": 80.0, "melted": False, "faulty": False}
+    row = {
+        "experiment": experiment,
+        "radius": 20e-6,
+        "relative_humidity": 10.0,
+        "gap": 0.0,
+        "voltage": 25.0,
+        "limit_voltage": 80.0,
+        "melted": False,
+        "faulty": False,
+    }
     if experiment == "release":
-        row |= {"gap": 5e-6, "voltage": 42.0, "flight_time": 0.18e-3, "landing_speed": 0.14, "landed": True}
+        row |= {"gap": 5e-6, "voltage": 42.0, "landed": True}
+        row |= {"flight_time": 0.18e-3, "landing_speed": 0.14}
     if experiment == "no_contact":
         row |= {"gap": 1e-6, "voltage": None, "limit_voltage": 50.0}
     return row | changes
@@ -29,12 +48,20 @@ def make_row(experiment="grasp", **changes):
 
 def make_rows(experiment, humidities=(10.0,)):
     """Two repeats at each radius, whose mean is 26 V, 27 V, ... with the radius."""
-    return [
-        make_row(experiment, radius=radius, relative_humidity=percent, repeat=repeat, voltage=26.0 + i + 2 * repeat - 1)
-        for percent in humidities
-        for i, radius in enumerate(RADII)
-        for repeat in (0, 1)
-    ]
+    rows = []
+    for humidity in humidities:
+        for number, radius in enumerate(RADII):
+            mean = 26.0 + number
+            for repeat, voltage in enumerate((mean - 1, mean + 1)):
+                row = make_row(
+                    experiment,
+                    radius=radius,
+                    relative_humidity=humidity,
+                    repeat=repeat,
+                    voltage=voltage,
+                )
+                rows.append(row)
+    return rows
 
 
 def caption(axes):
@@ -43,74 +70,132 @@ def caption(axes):
 
 def bands(axes):
     """Limits of the shaded bands."""
-    return [(p.get_y(), p.get_y() + p.get_height()) for p in axes.patches]
+    return [(patch.get_y(), patch.get_y() + patch.get_height()) for patch in axes.patches]
 
 
-def test_grasp_at_10_percent(tmp_path, shown):
+def labels_with(axes, text):
+    return [drawn.get_label() for drawn in axes.lines if text in drawn.get_label()]
+
+
+def test_grasps_show_each_trial_their_means_and_the_paper(tmp_path, shown):
     draw_figures(make_rows("grasp"), {}, tmp_path)
-    (axes,) = shown["grasp_voltage"]
+
     assert len(shown) == 1
+    (axes,) = shown["grasp_voltage"]
     trials = line(axes, "each trial")
     np.testing.assert_allclose(trials[:, 0], [15, 15, 20, 20, 25, 25])
     np.testing.assert_allclose(trials[:, 1], [25, 27, 26, 28, 27, 29])
     np.testing.assert_allclose(line(axes, "10 % RH, mean"), [(15, 26), (20, 27), (25, 28)])
-    assert bands(axes) == [(20, 30)]
+    assert bands(axes) == [PAPER_GRASP_BAND]
     low, high = axes.get_ylim()
     assert 0 <= low < 20 and high > 30
 
 
-def test_force_laws(tmp_path, shown):
-    """Of the calibration, and of another one that the settings tell."""
-    rows = make_rows("grasp") + make_rows("release")
-    draw_figures(rows, {}, tmp_path)
-    other = {"calibration": {"WORK_TOOL_OBJECT": 2e-3, "CONTACT_GAP": 0.3e-6}}
-    laws = {name: line(axes[0], "force laws, no dynamics") for name, axes in shown.items()}
-    radius = laws["grasp_voltage"][:, 0] * 1e-6
-    assert radius[0] == pytest.approx(15e-6) and radius[-1] == pytest.approx(25e-6)
-    np.testing.assert_allclose(laws["grasp_voltage"][:, 1], grasp_voltage(radius))
-    np.testing.assert_allclose(laws["release_voltage"][:, 1], release_voltage(radius))
-    draw_figures(rows, other, tmp_path)
-    laws = {name: line(axes[0], "force laws, no dynamics")[:, 1] for name, axes in shown.items()}
-    np.testing.assert_allclose(laws["grasp_voltage"], grasp_voltage(radius, 2e-3, gap=0.3e-6))
-    np.testing.assert_allclose(laws["release_voltage"], release_voltage(radius, 2e-3))
+class TestLaws:
+    """Lines of the force laws in figures of grasps and releases."""
+
+    ROWS = make_rows("grasp") + make_rows("release")
+
+    def laws(self, shown):
+        return {name: line(axes, LAW).T for name, (axes,) in shown.items()}
+
+    def test_they_follow_from_the_calibration(self, tmp_path, shown):
+        draw_figures(self.ROWS, {}, tmp_path)
+        laws = self.laws(shown)
+        radius, grasp = laws["grasp_voltage"] * [[1e-6], [1]]
+        assert radius[0] == pytest.approx(15e-6) and radius[-1] == pytest.approx(25e-6)
+        np.testing.assert_allclose(grasp, grasp_voltage(radius))
+        _, release = laws["release_voltage"]
+        np.testing.assert_allclose(release, release_voltage(radius))
+
+    def test_settings_may_state_another_calibration(self, tmp_path, shown):
+        calibration = {"WORK_TOOL_OBJECT": 2e-3, "CONTACT_GAP": 0.3e-6}
+        draw_figures(self.ROWS, {"calibration": calibration}, tmp_path)
+        laws = self.laws(shown)
+        radius, grasp = laws["grasp_voltage"] * [[1e-6], [1]]
+        np.testing.assert_allclose(grasp, grasp_voltage(radius, 2e-3, gap=0.3e-6))
+        _, release = laws["release_voltage"]
+        np.testing.assert_allclose(release, release_voltage(radius, 2e-3))
 
 
-def test_humidities_and_gaps_have_lines_and_figures_of_their_own(tmp_path, shown):
-    rows = make_rows("grasp", (10.0, 50.0)) + make_rows("release")
-    rows += [make_row("release", gap=3e-6, radius=radius) for radius in RADII]
-    rows.append(make_row(voltage=1.0, faulty=True, radius=15e-6))
-    draw_figures(rows, {}, tmp_path)
-    assert set(shown) == {"grasp_voltage", "grasp_voltage_humidity", "release_voltage", "release_voltage_3um"}
-    (near,), (dry,), (both,) = (shown[n] for n in ("release_voltage_3um", "grasp_voltage", "grasp_voltage_humidity"))
-    assert [bands(axes) for axes in (near, dry, both)] == [[], [(20, 30)], [(20, 30)]]
-    means = [[line.get_label() for line in axes.lines if "mean" in line.get_label()] for axes in (dry, both)]
-    assert means == [["10 % RH, mean"], ["10 % RH, mean", "50 % RH, mean"]]
-    radius, voltage = [line.get_xydata() for line in both.lines if "force laws" in line.get_label()][1].T
-    works = humidity_factor(50.0) * WORK_TOOL_OBJECT, humidity_factor(50.0) * WORK_OBJECT_SUBSTRATE
-    np.testing.assert_allclose(voltage, grasp_voltage(1e-6 * radius, *works))
-    radius, voltage = line(near, "force laws, no dynamics").T
-    np.testing.assert_allclose(voltage, release_voltage(1e-6 * radius, gap=3e-6))
-    assert "n = 2 trials at each radius and humidity" in caption(dry) and "1 faulty trials are left out" in caption(dry)
+class TestHumiditiesAndGaps:
+    """Trials at two humidities and two gaps, one of them faulty."""
+
+    @pytest.fixture
+    def figures(self, tmp_path, shown):
+        rows = make_rows("grasp", (10.0, 50.0)) + make_rows("release")
+        rows += [make_row("release", gap=3e-6, radius=radius) for radius in RADII]
+        rows.append(make_row(voltage=1.0, faulty=True, radius=15e-6))
+        draw_figures(rows, {}, tmp_path)
+        return {name: axes for name, (axes,) in shown.items()}
+
+    def test_they_have_figures_of_their_own(self, figures):
+        assert set(figures) == {
+            "grasp_voltage",
+            "grasp_voltage_humidity",
+            "release_voltage",
+            "release_voltage_3um",
+        }
+
+    def test_the_paper_has_no_band_at_other_gaps(self, figures):
+        assert bands(figures["release_voltage_3um"]) == []
+        assert bands(figures["grasp_voltage"]) == [PAPER_GRASP_BAND]
+        assert bands(figures["grasp_voltage_humidity"]) == [PAPER_GRASP_BAND]
+
+    def test_each_humidity_has_a_line(self, figures):
+        assert labels_with(figures["grasp_voltage"], "mean") == ["10 % RH, mean"]
+        both = labels_with(figures["grasp_voltage_humidity"], "mean")
+        assert both == ["10 % RH, mean", "50 % RH, mean"]
+
+    def test_laws_are_those_of_humidity_and_gap(self, figures):
+        lines = figures["grasp_voltage_humidity"].lines
+        _, humid = [drawn.get_xydata().T for drawn in lines if "force laws" in drawn.get_label()]
+        radius, voltage = humid
+        factor = humidity_factor(50.0)
+        works = factor * WORK_TOOL_OBJECT, factor * WORK_OBJECT_SUBSTRATE
+        np.testing.assert_allclose(voltage, grasp_voltage(1e-6 * radius, *works))
+
+        radius, voltage = line(figures["release_voltage_3um"], LAW).T
+        np.testing.assert_allclose(voltage, release_voltage(1e-6 * radius, gap=3e-6))
+
+    def test_captions_count_trials_and_faulty_ones(self, figures):
+        text = caption(figures["grasp_voltage"])
+        assert "n = 2 trials at each radius and humidity" in text
+        assert "1 faulty trials are left out" in text
 
 
-def test_release(tmp_path, shown):
-    """Of landings 3, 2 and 1 times as long and 1, 2 and 3 times as fast as usual."""
-    rows = [
-        make_row("release", voltage=40.0 + k, flight_time=k * 0.18e-3, landing_speed=(4 - k) * 0.14) for k in (3, 2, 1)
-    ]
-    rows.append(make_row("release", voltage=50.0, landed=False, flight_time=None, landing_speed=None))
+def test_releases_show_flight_and_landing(tmp_path, shown):
+    """Three landings are 3, 2 and 1 times as long and 1, 2 and 3 times as fast as usual."""
+    rows = []
+    for factor in (3, 2, 1):
+        row = make_row(
+            "release",
+            voltage=40.0 + factor,
+            flight_time=factor * 0.18e-3,
+            landing_speed=(4 - factor) * 0.14,
+        )
+        rows.append(row)
+    not_landed = {"landed": False, "flight_time": None, "landing_speed": None}
+    rows.append(make_row("release", voltage=50.0, **not_landed))
     rows.append(make_row("release", voltage=1e9, faulty=True))
     draw_figures(rows, {}, tmp_path)
+
     (axes,) = shown["release_voltage"]
-    assert bands(axes) == [(37, 47)] and axes.get_title() == "Release voltage at 10 % RH, gap 5 µm"
+    assert bands(axes) == [PAPER_RELEASE_BAND]
+    assert axes.get_title() == "Release voltage at 10 % RH, gap 5 µm"
     np.testing.assert_allclose(line(axes, "10 % RH, mean"), [(20, 44)])
-    assert "3 of 4 released balls landed; medians: flight 0.36 ms, landing at 0.28 m/s." in caption(axes)
+    landings = "3 of 4 released balls landed; medians: flight 0.36 ms, landing at 0.28 m/s."
+    assert landings in caption(axes)
 
 
-def test_voltages_that_were_not_found(tmp_path, shown):
-    """They stand at the limit, and a mean without them would be too low; one that melts its ball is marked."""
-    rows = [make_row(), make_row(repeat=1, voltage=None), make_row(radius=25e-6, voltage=None)]
-    rows.append(make_row(radius=15e-6, voltage=75.0, melted=True))
+def test_trials_without_a_voltage_stand_at_the_limit(tmp_path, shown):
+    """A mean without them would be too low, so there is none; melted balls are marked."""
+    rows = [
+        make_row(),
+        make_row(repeat=1, voltage=None),
+        make_row(radius=25e-6, voltage=None),
+        make_row(radius=15e-6, voltage=75.0, melted=True),
+    ]
     draw_figures(rows, {}, tmp_path)
     (axes,) = shown["grasp_voltage"]
     np.testing.assert_allclose(line(axes, "not up to this voltage"), [(20, 80), (25, 80)])
@@ -119,14 +204,18 @@ def test_voltages_that_were_not_found(tmp_path, shown):
 
 
 def test_attempts_without_contact(tmp_path, shown):
-    rows = [make_row("no_contact", gap=gap, radius=radius) for gap in (1e-6, 3e-6) for radius in RADII]
+    rows = [make_row("no_contact", gap=gap, radius=r) for gap in (1e-6, 3e-6) for r in RADII]
     rows.append(make_row("no_contact", gap=0.3e-6, voltage=40.0, limit_voltage=60.0))
     draw_figures(rows, {}, tmp_path)
+
     (axes,) = shown["no_contact"]
     assert bands(axes) == [(0, 50)] and axes.get_ylim() == (0, 120)
     np.testing.assert_allclose(line(axes, "lifted (1)"), [(0.3, 40)])
-    np.testing.assert_allclose(line(axes, "not lifted up to here (6)"), [(1, 50)] * 3 + [(3, 50)] * 3)
-    law = line(axes, "force laws, 10 % RH")
-    gap = law[50, 0] * 1e-6
-    expected = min(grasp_voltage(radius, 0.0, gap=gap) for radius in np.linspace(15e-6, 25e-6, 41))
-    assert law[50, 1] == pytest.approx(expected, rel=1e-3)
+    not_lifted = line(axes, "not lifted up to here (6)")
+    np.testing.assert_allclose(not_lifted, [(1, 50)] * 3 + [(3, 50)] * 3)
+
+    # The law is the least over the radii.
+    gap, voltage = line(axes, "force laws, 10 % RH")[50]
+    radii = np.linspace(15e-6, 25e-6, 41)
+    least = min(grasp_voltage(radius, 0.0, gap=gap * 1e-6) for radius in radii)
+    assert voltage == pytest.approx(least, rel=1e-3)

@@ -2,8 +2,9 @@
 
 `taskset -c 0 python tools/benchmarks/large_worlds.py` writes docs/large-worlds.svg.
 
-One world of each size in a process of its own, at the density of type 1, with the planar engine on one thread and
-without recording. Prints processor time of a control step, the median of blocks, and the process's peak memory.
+It takes one world of each size, at the density of type 1, with the planar engine on one thread and
+without recording, in a process of its own. It prints processor time of a control step (median of
+blocks) and the process's peak memory.
 """
 
 import json
@@ -13,6 +14,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -20,40 +22,69 @@ from iswarm_mj.output.plot_style import STYLE, blank
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
 
-SIZES = 1000, 10_000, 100_000
+SIZES = (1000, 10_000, 100_000)
+"""Numbers of robots."""
 OUT = Path(__file__).parents[2] / "docs" / "large-worlds.svg"
-WARM_UP, BLOCKS, ROBOT_STEPS = 5, 5, 40_000
-"""Control steps before the timing; blocks that are timed, and robots times steps in each."""
+WARM_UP = 5
+"""Number of control steps before the timing."""
+BLOCKS = 5
+"""Number of blocks of steps that are timed."""
+ROBOT_STEPS = 40_000
+"""Number of robots times the number of steps of a block."""
+ARENA_SIZE = 92
+"""Edge of the arena of 1000 robots [rd]."""
 
 
-def one(n_robots: int) -> dict[str, float]:
-    """Return the cost of a world's control step in this process."""
-    config = SwarmConfig(arena=ArenaConfig(size=92 * (n_robots / 1000) ** 0.5))
+class Cost(NamedTuple):
+    """Cost of a world."""
+
+    robots: int
+    """Number of robots."""
+    ms: float
+    """Processor time of a control step [ms]."""
+    gb: float
+    """Peak memory of the process [GB]."""
+
+    @property
+    def us_per_robot(self) -> float:
+        """Processor time of a control step for each robot [µs]."""
+        return 1e3 * self.ms / self.robots
+
+
+def measure(n_robots: int) -> Cost:
+    """Return the cost of a world in this process."""
+    arena = ArenaConfig(size=ARENA_SIZE * (n_robots / 1000) ** 0.5)
     n_steps = max(2, ROBOT_STEPS // n_robots)
-    scenario = Scenario(config, robots=n_robots, engine=PlanarSettings(threads=1), steps=WARM_UP + BLOCKS * n_steps)
+    scenario = Scenario(
+        SwarmConfig(arena=arena),
+        robots=n_robots,
+        engine=PlanarSettings(threads=1),
+        steps=WARM_UP + BLOCKS * n_steps,
+    )
     run = Run(scenario, record_worlds=())
-    times = []
     for _ in range(WARM_UP):
         run.advance()
+
+    seconds = []
     for _ in range(BLOCKS):
         started = time.process_time()
         for _ in range(n_steps):
             run.advance()
-        times.append((time.process_time() - started) / n_steps)
+        seconds.append((time.process_time() - started) / n_steps)
     run.raise_faults()
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return {"robots": n_robots, "ms": 1e3 * statistics.median(times), "gb": 1024e-9 * peak}
+    peak_kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return Cost(n_robots, ms=1e3 * statistics.median(seconds), gb=1024e-9 * peak_kilobytes)
 
 
-def draw(rows: list[dict[str, float]]) -> None:
-    """Draw time a robot and memory against the number of robots."""
+def draw(costs: list[Cost]) -> None:
+    """Draw time for each robot and memory against the number of robots."""
     import matplotlib
 
+    robots = [cost.robots for cost in costs]
     with matplotlib.rc_context(STYLE):
         drawing, (left, right) = blank(1, 2, (3.4, 2.6))
-        robots = [row["robots"] for row in rows]
-        left.semilogx(robots, [1e3 * row["ms"] / row["robots"] for row in rows], "o-")
-        right.semilogx(robots, [row["gb"] for row in rows], "o-")
+        left.semilogx(robots, [cost.us_per_robot for cost in costs], "o-")
+        right.semilogx(robots, [cost.gb for cost in costs], "o-")
         for axes, label in ((left, "time a robot and step [µs]"), (right, "peak memory [GB]")):
             axes.set(xlabel="robots in the world", ylabel=label, ylim=(0, None))
             axes.set_xticks(robots, [f"{number:,}" for number in robots])
@@ -61,13 +92,19 @@ def draw(rows: list[dict[str, float]]) -> None:
         drawing.savefig(OUT, metadata={"Date": None})
 
 
+def main() -> None:
+    """Measure each size in a process of its own, print the costs, and draw them."""
+    costs = []
+    for size in SIZES:
+        output = subprocess.check_output([sys.executable, __file__, str(size)])
+        costs.append(Cost(**json.loads(output)))
+    for cost in costs:
+        print(f"{cost.robots:7} robots: {cost.ms:.1f} ms, {cost.us_per_robot:.1f} µs each, {cost.gb:.2f} GB")
+    draw(costs)
+
+
 if __name__ == "__main__":
     if len(sys.argv) > 1:
-        print(json.dumps(one(int(sys.argv[1]))))
+        print(json.dumps(measure(int(sys.argv[1]))._asdict()))
     else:
-        outputs = [subprocess.check_output([sys.executable, __file__, str(size)]) for size in SIZES]
-        found = [json.loads(output) for output in outputs]
-        for row in found:
-            each_us = 1e3 * row["ms"] / row["robots"]
-            print(f"{row['robots']:7} robots: {row['ms']:.1f} ms, {each_us:.1f} µs each, {row['gb']:.2f} GB")
-        draw(found)
+        main()

@@ -1,10 +1,14 @@
-"""Writes the tables of docs/ that the code determines: blocks from `<!-- made: NAME -->` to `<!-- made -->`.
+"""Write the tables of docs/ that the code determines.
 
-Run it as `python tools/make/make_tables.py`; `tests/test_site.py` checks that the pages are up to date.
+They are blocks from `<!-- made: NAME -->` to `<!-- made -->`.
+
+Run it as `python tools/make/make_tables.py`; `tests/test_site.py` checks that the pages are up to
+date.
 """
 
 import re
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
@@ -33,22 +37,37 @@ FRAMES = {
     "turn": "the robot's own",
     "forward": "the robot's own, along x",
 }
-"""Frames of what has a direction."""
+"""Frame of reference of each quantity that has a direction."""
 
 
 def table(head: str, rows: list[tuple[Any, ...]]) -> str:
-    """Return a Markdown table."""
-    lines = [f"| {head} |", "|" + "---|" * (head.count("|") + 1)]
-    return "\n".join(
-        [*lines, *("| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in rows)]
-    )
+    """Return a Markdown table.
+
+    Args:
+        head: titles of the columns, with " | " between them.
+        rows: cells of each row.
+    """
+    n_columns = head.count("|") + 1
+    lines = [f"| {head} |", "|" + "---|" * n_columns]
+    for row in rows:
+        cells = [str(cell).replace("|", "\\|") for cell in row]
+        lines.append(f"| {' | '.join(cells)} |")
+    return "\n".join(lines)
 
 
 def columns(name: str) -> str:
-    """Return the columns of a table that `iswarm_mj.load` makes, of the robots also those of the paper's strategy."""
-    parts = [(array_name(part), "m" if unit else "", 1 + bool(unit)) for part, unit in VectorStrategy.recorded.items()]
-    shown = TABLES[name] + (memory_columns(parts) if name == "robots" else [])
-    rows = [(f"`{column.name}`", column.unit, column.description) for column, _ in shown]
+    """Return the columns of a table that `iswarm_mj.load` makes.
+
+    The table of the robots also has the recorded memory of the paper's strategy.
+    """
+    shown_columns = list(TABLES[name])
+    if name == "robots":
+        parts = []
+        for part, unit in VectorStrategy.recorded.items():
+            is_vector = bool(unit)
+            parts.append((array_name(part), "m" if is_vector else "", 2 if is_vector else 1))
+        shown_columns += memory_columns(parts)
+    rows = [(f"`{column.name}`", column.unit, column.description) for column, _ in shown_columns]
     return table("column | unit | meaning", rows)
 
 
@@ -117,75 +136,104 @@ def recording() -> str:
     return table("entity | component | unit | meaning", rows)
 
 
+_TYPE_NAMES = {"Bool": "bool", "Float": "float", "Int": "int"}
+"""Names of types on pages, by the names of annotations without their number of bits."""
+
+
 def of_arrays(cls: type) -> str:
-    """Return fields of arrays: shape, unit, frame and meaning."""
-    docs, rows = field_docs(cls), []
-    for name, kind in get_type_hints(cls).items():
+    """Return the fields of a class of arrays: shape, type, unit, frame and meaning."""
+    docs = field_docs(cls)
+    rows = []
+    for name, annotation in get_type_hints(cls).items():
+        is_array = hasattr(annotation, "dim_str")
+        axes = annotation.dim_str if is_array else "N ..."
+        shape = f"({axes.replace(' ', ', ')})"
+        dtype = _TYPE_NAMES.get(annotation.__name__.split("[")[0], "") if is_array else "by name"
         unit = _UNIT.search(docs[name])
-        shape = f"({getattr(kind, 'dim_str', 'N ...').replace(' ', ', ')})"
-        kinds = {"Bool": "bool", "Float": "float", "Int": "int"}
-        dtype = kinds.get(kind.__name__.split("[")[0], "") if hasattr(kind, "dim_str") else "by name"
         meaning = _UNIT.sub("", docs[name]).strip(" ,")
-        rows.append((f"`{name}`", shape, dtype, unit[1] if unit else "", FRAMES.get(name, ""), meaning))
+        frame = FRAMES.get(name, "")
+        rows.append((f"`{name}`", shape, dtype, unit[1] if unit else "", frame, meaning))
     return table("name | shape | type | unit | frame | meaning", rows)
 
 
 def faults() -> str:
     """Return each kind of fault with its remedy."""
-    rows = [(f"`{kind.name}`", *str(SimulationFault(kind=kind)).split("; ", 1)) for kind in FaultKind]
+    rows = []
+    for kind in FaultKind:
+        message, remedy = str(SimulationFault(kind=kind)).split("; ", 1)
+        rows.append((f"`{kind.name}`", message, remedy))
     return table("kind | message | remedy", rows)
 
 
 def allowed(cls: type, name: str) -> str:
-    """Return what values a setting may have."""
-    kind, limits = get_type_hints(cls)[name], constraint_of(cls, name)
-    if get_origin(kind) is tuple:
-        return f"lists of {len(get_args(get_args(kind)[0]))} numbers"
-    return str(limits) if limits else " or ".join(map(str, choices(cls, name))) or "true or false"
+    """Return the values that a setting may have."""
+    annotation = get_type_hints(cls)[name]
+    if get_origin(annotation) is tuple:
+        numbers = get_args(get_args(annotation)[0])
+        return f"lists of {len(numbers)} numbers"
+    limits = constraint_of(cls, name)
+    if limits:
+        return str(limits)
+    return " or ".join(map(str, choices(cls, name))) or "true or false"
 
 
 def settings() -> str:
     """Return the parameters of the configuration, a table for each group, and of the genome."""
-    groups = list(get_type_hints(SwarmConfig).items())
-    parts = []
-    for name, cls in [*groups, ("genome", Genome)]:
-        rows = []
-        for f in fields(cls):
-            prefix = "" if name == "genome" else f"{name}."
-            is_flag = name == "genome" or name in get_type_hints(ConfigOptions)
-            flag = f"--{prefix}{f.name.replace('_', '-')}" if is_flag else f"{prefix}{f.name}"
-            rows.append((f"`{flag}`", f"{getattr(cls(), f.name)}", allowed(cls, f.name), field_docs(cls)[f.name]))
-        title = "genome (`--genome` gives all)" if name == "genome" else name
-        parts.append(f"## {title}\n\n" + table("flag | default | allowed | meaning", rows))
-    return "\n\n".join(parts)
+    flag_groups = get_type_hints(ConfigOptions)
+    sections = []
+    for group, cls in get_type_hints(SwarmConfig).items():
+        names = [field.name for field in fields(cls)]
+        if group in flag_groups:
+            flags = {name: f"--{group}.{name.replace('_', '-')}" for name in names}
+        else:
+            flags = {name: f"{group}.{name}" for name in names}
+        sections.append((group, cls, flags))
+    genome_flags = {field.name: f"--{field.name.replace('_', '-')}" for field in fields(Genome)}
+    sections.append(("genome (`--genome` gives all)", Genome, genome_flags))
+
+    texts = []
+    for title, cls, flags in sections:
+        docs = field_docs(cls)
+        defaults = cls()
+        rows = [
+            (f"`{flag}`", f"{getattr(defaults, name)}", allowed(cls, name), docs[name]) for name, flag in flags.items()
+        ]
+        texts.append(f"## {title}\n\n" + table("flag | default | allowed | meaning", rows))
+    return "\n\n".join(texts)
 
 
 def trials() -> str:
     """Return the columns of the table of the gripper's trials."""
-    docs, made = field_docs(TrialRow), units()
-    rows = [(f"`{name}`", made.get(name, ""), _UNIT.sub("", docs.get(name, ""))) for name in TrialRow._fields]
+    docs = field_docs(TrialRow)
+    unit_of = units()
+    rows = []
+    for name in TrialRow._fields:
+        meaning = _UNIT.sub("", docs.get(name, ""))
+        rows.append((f"`{name}`", unit_of.get(name, ""), meaning))
     return table("column | unit | meaning", rows)
 
 
-MADE = {
+MAKERS = {
     "trials": trials,
-    **{name: lambda name=name: columns(name) for name in TABLES},
-    "Observation": lambda: of_arrays(Observation),
-    "Command": lambda: of_arrays(Command),
+    **{name: partial(columns, name) for name in TABLES},
+    "Observation": partial(of_arrays, Observation),
+    "Command": partial(of_arrays, Command),
     "recording": recording,
     "faults": faults,
     "settings": settings,
 }
+"""Functions that make the blocks of pages, by name."""
 
 
 def filled(text: str) -> str:
-    """Return the text of a page with its blocks filled in again."""
-    return BLOCK.sub(lambda block: f"{block[1]}\n{MADE[block[2]]()}\n\n{block[3]}", text)
+    """Return the text of a page with its blocks made again."""
+    return BLOCK.sub(lambda block: f"{block[1]}\n{MAKERS[block[2]]()}\n\n{block[3]}", text)
 
 
 if __name__ == "__main__":
     for page in sorted(DOCS.glob("*.md")):
         text = page.read_text(encoding="utf-8")
-        if (new := filled(text)) != text:
-            page.write_text(new, encoding="utf-8")
+        new_text = filled(text)
+        if new_text != text:
+            page.write_text(new_text, encoding="utf-8")
             print(page)

@@ -1,6 +1,6 @@
-"""A picture of a recording as Rerun's viewer shows it, without a window.
+"""Take a picture of a recording as Rerun's viewer shows it, without a window.
 
-    python tools/make/picture_recording.py runs/clean/clean.rrd docs/grasp-in-swarm.png --time 11.00045
+    python tools/make/picture_recording.py runs/clean/clean.rrd docs/grasp-in-swarm.png --time 11.0
 
 Needs a Vulkan driver (`apt-get install mesa-vulkan-drivers`).
 """
@@ -12,15 +12,20 @@ from pathlib import Path
 
 from rerun.experimental import ViewerClient
 
+RETRIES = 4
+"""Number of further calls after a timeout."""
+PAUSE = 5.0
+"""Time between two calls [s]."""
 
-def patient(call, *given, **named):
-    """Return what a call of the viewer returns; it is asked again where a busy machine let it answer too late."""
-    for _ in range(4):
+
+def call_patiently(function, *arguments, **keywords):
+    """Return the result of a call of the viewer, which a busy machine may answer too late."""
+    for _ in range(RETRIES):
         try:
-            return call(*given, **named)
+            return function(*arguments, **keywords)
         except TimeoutError:
-            time.sleep(5)
-    return call(*given, **named)
+            time.sleep(PAUSE)
+    return function(*arguments, **keywords)
 
 
 def main():
@@ -31,12 +36,17 @@ def main():
     parser.add_argument("--port", type=int, default=9977)
     parser.add_argument("--patience", type=float, default=20.0, help="for the viewer to show it [s]")
     args = parser.parse_args()
-    with patient(ViewerClient.spawn, headless=True, port=args.port, hide_welcome_screen=True) as viewer:
-        patient(viewer.open, str(args.recording.absolute()))
+
+    recording = str(args.recording.absolute())
+    picture = str(args.picture.absolute())
+    moment = timedelta(seconds=args.time)
+    spawned = call_patiently(ViewerClient.spawn, headless=True, port=args.port, hide_welcome_screen=True)
+    with spawned as viewer:
+        call_patiently(viewer.open, recording)
         time.sleep(args.patience)
-        patient(viewer.set_time, "sim_time", duration=timedelta(seconds=args.time), play_state="paused")
+        call_patiently(viewer.set_time, "sim_time", duration=moment, play_state="paused")
         time.sleep(args.patience)
-        patient(viewer.save_screenshot, str(args.picture.absolute()))
+        call_patiently(viewer.save_screenshot, picture)
         time.sleep(args.patience / 4)
 
 
