@@ -59,6 +59,10 @@ class ConfigFile:
             remedy = f"; `iswarm run --config {self.path}` has it" if command == "clean" else ""
             fact = f"--config {self.path} names the {named[0]} {shown(self.values[named[0]])}"
             raise UserError(f"{fact}, but iswarm {command} has none{remedy}")
+        if endless := [name for name in unknown if command == "play" and name in ("steps", "stop_at")]:
+            reason = "the page goes on for as long as it is watched"
+            if not self.is_result:
+                raise UserError(f"--config {self.path} names {endless[0]}, but {reason}; leave it out")
         if unknown and not self.is_result:
             similar = closest(unknown[0], flags)
             hint = f"; perhaps you meant {similar}" if similar else ""

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool
 
+from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.make import as_payload
@@ -54,7 +55,16 @@ class PolicyStrategy(StrategyFactory):
     def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "Policy":
         """Return the policy of robots in this configuration."""
         del n_robots
-        return Policy(self.params, self.apply, self.memory, self.payload, config, robot, self.task)
+        return Policy(
+            params=self.params,
+            dust_range=config.strategy.dust_range,
+            apply=self.apply,
+            initial=self.memory,
+            payload=self.payload,
+            config=config.static,
+            robot=robot,
+            task=self.task,
+        )
 
 
 @dataclass(frozen=True)
@@ -62,10 +72,12 @@ class Policy(Strategy):
     """The `Strategy` of a policy; see `PolicyStrategy` for what its fields are."""
 
     params: Any
+    dust_range: float
+    """Range of the sense of dust in this world [rd]."""
     apply: Callable[..., Any] = field(metadata={"static": True})
     initial: Callable[[int], Any] | None = field(metadata={"static": True})
     payload: Payload
-    config: SwarmConfig = field(metadata={"static": True})
+    config: StaticConfig = field(metadata={"static": True})
     robot: Robots = field(metadata={"static": True})
     task: Any = field(metadata={"static": True})
 
@@ -86,7 +98,8 @@ class Policy(Strategy):
         """Return what the policy does, and remember what it says; an action that is not finite is a fault."""
         sizes = {name: int(np.prod(value.shape[1:], dtype=int)) for name, value in observation.sensed.items()}
         senses = {name: (self.task.senses[name], size) for name, size in sizes.items()}
-        obs = tables.encode(tables.observation_rows(self.config, self.robot, self.payload, senses), observation)
+        rows = tables.observation_rows(self.config, self.robot, self.payload, senses, dust_range=self.dust_range)
+        obs = tables.encode(rows, observation)
         found = self.apply(self.params, obs, *([] if self.initial is None else [memory["own"]]))
         action, own = (found, ()) if self.initial is None else found
         table = tables.action_rows(self.config, self.payload)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.geometry.directions import wrapped
 from iswarm_mj.geometry.robot import Robots
@@ -43,17 +44,24 @@ FARTHEST = 2.0
 
 
 def observation_rows(
-    config: SwarmConfig, robot: Robots, payload: Payload, senses: dict[str, tuple[Quantity, int]]
+    config: SwarmConfig | StaticConfig,
+    robot: Robots,
+    payload: Payload,
+    senses: dict[str, tuple[Quantity, int]],
+    dust_range: Any = None,
 ) -> list[Row]:
     """Return what robots observe, 0 where nothing is heard or no ball is there.
 
     Args:
-        config: range of light and of the sense of dust.
+        config: range of light.
         robot: its sides.
         payload: what messages carry.
         senses: what the task lets robots sense beside balls and dump, and how many numbers of each.
+        dust_range: range of the sense of dust [rd], which may differ between worlds; None for that of `config`.
     """
-    s, reach = len(robot.sides), config.strategy.dust_range
+    s = len(robot.sides)
+    settings: Any = config.strategy
+    reach = settings.dust_range if dust_range is None else dust_range
     far = FARTHEST * config.optics.communication_radius
 
     def heard(name: str, unit: str, low: float, high: float, text: str, get: Callable[[Observation], Array]) -> Row:
@@ -99,8 +107,11 @@ def bounds(table: list[Row]) -> tuple[np.ndarray, np.ndarray]:
 
 def encode(table: list[Row], seen: Observation) -> Float[Array, "N D"]:
     """Return what robots observe as numbers."""
-    parts = [jnp.reshape(row.convert(seen), (len(seen.at_dust), -1)).astype(jnp.float32) for row in table]
-    return jnp.clip(jnp.concatenate(parts, axis=1), *bounds(table))
+    n_robots = len(seen.at_dust)
+    parts = [
+        jnp.clip(jnp.reshape(row.convert(seen), (n_robots, -1)).astype(jnp.float32), row.low, row.high) for row in table
+    ]
+    return jnp.concatenate(parts, axis=1)
 
 
 def split(table: list[Row], numbers: Array) -> dict[str, Array]:
@@ -133,7 +144,7 @@ def _parts(name: str, field: Field) -> Iterator[tuple[str, str, float, float, st
 _SAY = "say_"
 
 
-def action_rows(config: SwarmConfig, payload: Payload) -> list[Row]:
+def action_rows(config: SwarmConfig | StaticConfig, payload: Payload) -> list[Row]:
     """Return what actions consist of; their bounds -1 and 1 stand for what the descriptions say."""
     turn, step = config.drive.max_turn, config.step_length
     motion = {

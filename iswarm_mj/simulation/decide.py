@@ -24,7 +24,7 @@ from iswarm_mj.simulation.perceive import (
 )
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import StepKeys, step_keys
-from iswarm_mj.strategy.base import Strategy, overrides
+from iswarm_mj.strategy.base import Strategy, is_batch_invariant, overrides
 from iswarm_mj.strategy.declared import led_power, payload_of
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.utils.arrays import Array
@@ -240,7 +240,7 @@ def decide_packed(
 
 def _is_batch_invariant(config: StaticConfig, params: WorldParams) -> bool:
     """Return whether a program for one world is known to round as programs for more do (`docs/robustness.md`)."""
-    rules_are = params.strategy.batch_invariant and params.task.batch_invariant
+    rules_are = is_batch_invariant(params.strategy) and is_batch_invariant(params.task)
     return rules_are and config.gripper.resolution == "quasi-static"
 
 

@@ -13,18 +13,27 @@ MAX_LISTED = 5
 _NAMES_A_ROBOT = FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE | FaultKind.COMMAND_NOT_FINITE
 
 
-def decode_faults(fault: Fault, worlds: Sequence[int]) -> list[SimulationFault | None]:
+def decode_faults(fault: Fault, worlds: Sequence[int], capacity: int) -> list[SimulationFault | None]:
     """Return the fault of each of B worlds, None for a world without one.
 
     Args:
         fault: NumPy arrays (B,).
         worlds: numbers of the worlds.
+        capacity: places for robots, which boxes are numbered after.
     """
     faults: list[SimulationFault | None] = [None] * len(worlds)
     for row in np.flatnonzero(fault.bits).tolist():
         kind = FaultKind(int(fault.bits[row]))
-        robots = [int(fault.robot[row])] if kind & _NAMES_A_ROBOT else []
-        faults[row] = SimulationFault(step=int(fault.step[row]), world=worlds[row], robots=robots, kind=kind)
+        body = int(fault.robot[row])
+        names_a_robot = bool(kind & _NAMES_A_ROBOT) and body < capacity
+        names_a_box = bool(kind & _NAMES_A_ROBOT) and body >= capacity
+        faults[row] = SimulationFault(
+            step=int(fault.step[row]),
+            world=worlds[row],
+            robots=[body] if names_a_robot else [],
+            boxes=[body - capacity] if names_a_box else [],
+            kind=kind,
+        )
     return faults
 
 

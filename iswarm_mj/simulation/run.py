@@ -91,6 +91,7 @@ class Run:
         self.robot = setup.robot
         self.robot_file = scenario.robot_file
         self._tasks = setup.tasks
+        self._capacity = setup.capacity
 
         strategies = self._strategies()
         n_leds = len(setup.robot.sides)
@@ -242,7 +243,7 @@ class Run:
     @property
     def fault_of_each(self) -> list[SimulationFault | None]:
         """The fault of each world, None for a world without one."""
-        return decode_faults(self._state.fault, [world.index for world in self.worlds])
+        return decode_faults(self._state.fault, [world.index for world in self.worlds], self._capacity)
 
     @property
     def _state(self) -> WorldState:

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
+from iswarm_mj.engines.registry import ENGINES
 from iswarm_mj.engines.robot_file import as_robot_file, files_of
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.geometry.robot import RobotFile
@@ -70,6 +71,9 @@ class Scenario:
     """Name of the task, likewise."""
 
     def __post_init__(self):
+        known = ", ".join(f"{settings.__name__}()" for settings in ENGINES.values())
+        is_engine = isinstance(self.engine, EngineSettings)
+        check("engine", self.engine, f"settings of an engine, as {known}", is_engine)
         validate(self)
         object.__setattr__(self, "robot_file", as_robot_file(self.robot_file))
 

@@ -10,7 +10,7 @@ from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.checked import make_compiled_engine, make_host_engine
-from iswarm_mj.engines.registry import ENGINES, check_settings
+from iswarm_mj.engines.registry import check_settings
 from iswarm_mj.engines.robot_file import check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.geometry.robot import RobotFile, Robots
@@ -107,8 +107,6 @@ def set_up(scenario: Scenario, settings: RunSettings, layouts: Sequence[World] |
     configure_jax()
     check_kind("scenario", scenario, Scenario)
     config, engine, task = scenario.config, scenario.engine, scenario.task
-    known = ", ".join(f"{settings.__name__}()" for settings in ENGINES.values())
-    check("engine", engine, f"settings of an engine, as {known}", isinstance(engine, EngineSettings))
     check_settings(engine)
 
     check_total(scenario.robot_file, settings.n_robots)

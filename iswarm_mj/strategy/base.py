@@ -67,7 +67,8 @@ class Strategy(StrategyFactory):
     batch_invariant: ClassVar[bool] = False
     """The compiled program rounds alike for one world and for several, as measured.
 
-    Otherwise the decisions of a single world are computed twice."""
+    Otherwise the decisions of a single world are computed twice. Derived classes do not inherit
+    it (`is_batch_invariant`)."""
 
     @abstractmethod
     def init(self, n_robots: int, key: Array) -> Any:
@@ -151,6 +152,14 @@ def makes_strategies(strategy: Any) -> bool:
     """Return whether each world gets what `for_world` of an object returns, not the object."""
     cls = type(strategy)
     return issubclass(cls, StrategyFactory) and cls.for_world is not Strategy.for_world
+
+
+def is_batch_invariant(rules: Any) -> bool:
+    """Return whether the very class of a strategy or task states that it rounds alike in any batch.
+
+    A derived class computes something else, of which that was not measured.
+    """
+    return bool(vars(type(rules)).get("batch_invariant", False))
 
 
 def overrides(value: Any, base: type, method: str) -> bool:

@@ -47,19 +47,36 @@ def check_base(given: Any, base: type, what: str) -> None:
 
 
 def _check_spelling(cls: type, base: type, public: Sequence[str]) -> None:
-    """Raise a UserError if a class has an attribute whose name is nearly that of one that it leaves to its base."""
-    attributes = getattr(base, "ATTRIBUTES", ())
-    unchanged = [name for name in public if getattr(cls, name) is getattr(base, name)]
-    unchanged += [name for name in attributes if not hasattr(cls, name)]
-    declared = {name for kind in cls.__mro__ if issubclass(kind, base) and kind is not base for name in vars(kind)}
-    own_fields = {field.name for field in fields(cls)} if is_dataclass(cls) else set()
-    for name in sorted(declared - set(public) - set(attributes) - own_fields):
-        nearest = get_close_matches(name, unchanged, n=1, cutoff=0.8)
-        if nearest and not name.startswith("_"):
-            raise UserError(
-                f"{cls.__name__}.{name} is never used: {base.__name__} has {nearest[0]}, but no {name}; rename it, or "
-                f"call a helper of your own _{name}"
-            )
+    """Refuse attributes of users' classes whose names are nearly those of attributes that they inherit.
+
+    Args:
+        cls: class of a user.
+        base: class of this package that documents the methods.
+        public: names of the attributes of the base.
+
+    Raises:
+        UserError: there is such an attribute.
+    """
+    known = {*public, *getattr(base, "ATTRIBUTES", ())}
+    field_names = {field.name for field in fields(cls)} if is_dataclass(cls) else set()
+    for parent in cls.__mro__:
+        is_users_class = issubclass(parent, base) and not is_shipped(parent)
+        if not is_users_class:
+            continue
+        own_names = set(vars(parent))
+        inherited = sorted(known - own_names)
+        for name in sorted(own_names - known - field_names):
+            nearest = get_close_matches(name, inherited, n=1, cutoff=0.8)
+            if nearest and not name.startswith("_"):
+                raise UserError(
+                    f"{cls.__name__}.{name} is never used: {base.__name__} has {nearest[0]}, but no {name}; rename it, "
+                    f"or call a helper of your own _{name}"
+                )
+
+
+def is_shipped(cls: type) -> bool:
+    """Return whether a class is one of this package, and not of a user."""
+    return cls.__module__.split(".")[0] == "iswarm_mj"
 
 
 def shapes_of(cls: Any, **sizes: int | tuple[int, ...]) -> dict[str, Any]:

@@ -146,6 +146,8 @@ def _imported(offer: Offer, path: Path) -> ModuleType:
             fault = "is not Python"
     except OSError as error:
         is_there, fault = False, f"cannot be read ({error.strerror or error})"
+    if is_there and (script := _running_script(path)) is not None:
+        return script
     spec = importlib.util.spec_from_file_location(f"iswarm_strategy_{path.stem}", path.resolve()) if is_there else None
     if spec is None or spec.loader is None:
         raise UserError(f"{offer.word} file {shown(path)} {fault}; give {offer.form}")
@@ -155,6 +157,16 @@ def _imported(offer: Offer, path: Path) -> ModuleType:
     with user_code(f"{offer.word} file {path.name}"):
         spec.loader.exec_module(module)
     return module
+
+
+def _running_script(path: Path) -> ModuleType | None:
+    """Return the script that this process runs, if a file is that script; None otherwise.
+
+    Executed as another module, it would execute itself again, with what it asks for.
+    """
+    script = sys.modules.get("__main__")
+    file = getattr(script, "__file__", None)
+    return script if file is not None and Path(file).resolve() == path.resolve() else None
 
 
 class Beside:

@@ -1,5 +1,7 @@
 """Whether a task is one, and returns what a control step needs: shapes and types, found without running it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
@@ -10,10 +12,11 @@ import numpy as np
 from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.geometry.robot import Robots
+from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.arena import arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.strategy.base import overrides
-from iswarm_mj.strategy.contract import check_base, check_names, compare, shapes_of
+from iswarm_mj.strategy.contract import check_base, check_names, compare, is_shipped, shapes_of
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree, is_number
 from iswarm_mj.strategy.user_code import user_code
@@ -93,10 +96,48 @@ def check_task(
     return _check_shapes(structure, tuple(leaves), static, robot, n_robots, len(config.arena.boxes))
 
 
+def _check_balls(task: Any, balls: Any) -> None:
+    """Raise a UserError unless a task returns its balls as `Balls`, or None."""
+    if balls is None or isinstance(balls, Balls):
+        return
+    owner = next(parent for parent in type(task).__mro__ if "balls" in vars(parent))
+    reason = "" if owner is type(task) else f", as it is inherited from {owner.__name__}"
+    name = f"{type(task).__name__}.balls"
+    raise UserError(f"{name} must return Balls, or None (got a {type(balls).__name__}{reason}); write {name}")
+
+
+@contextmanager
+def _explained_state(task: Any, method: str, state: Any) -> Iterator[None]:
+    """Explain that an inherited method reads what the state of a user's task lacks.
+
+    Args:
+        task: of a user.
+        method: that is called.
+        state: of the task.
+
+    Raises:
+        UserError: the state lacks an attribute that the method of a class of this package reads.
+    """
+    try:
+        yield
+    except AttributeError as error:
+        owner = next(parent for parent in type(task).__mro__ if method in vars(parent))
+        is_array = jax.tree_util.all_leaves([state])
+        is_of_state = isinstance(error.obj, jax.core.Tracer if is_array else type(state))
+        if not (is_shipped(owner) and is_of_state):
+            raise
+        name = type(task).__name__
+        state_name = "an array" if is_array else f"a {type(state).__name__}"
+        raise UserError(
+            f"{name}.{method} is that of {owner.__name__}, which reads {error.name} of the state, but the state that "
+            f"{name}.lay_out returns, {state_name}, has none; write {name}.{method}, or return a state that has it"
+        ) from None
+
+
 def _check_areas(task: Any, config: SwarmConfig, state: Any) -> None:
     """Check the areas on the floor that a task draws in the arena of a run."""
     name = type(task).__name__
-    with user_code(f"{name}.areas"):
+    with user_code(f"{name}.areas"), _explained_state(task, "areas", state):
         areas = jax.eval_shape(lambda own, state: own.areas(config, state), task, state)
     check_names(f"{name}.areas", areas, task.drawn, "drawn")
     for key, found in areas.items():
@@ -135,7 +176,7 @@ def _check_shapes(
                     given = (*given, conditions)
             return getattr(own, method)(*given)
 
-        with user_code(f"{name}.{method}"):
+        with user_code(f"{name}.{method}"), _explained_state(task, method, before):
             return jax.eval_shape(call, task, world, conditions, arena, *given)
 
     returned = result("advance", before, jax.eval_shape(jax.random.key, 0))
@@ -148,6 +189,8 @@ def _check_shapes(
         if found.shape[:1] != (n_robots,):
             raise UserError(f"{name}.advance must return {key} of {n_robots} robots first (got shape {found.shape})")
     compare(f"{name}.advance", sensed, Sensed(**shapes_of(Sensed, N=n_robots), own=sensed.own), "sensed")
+    if overrides(task, Task, "balls"):
+        _check_balls(task, result("balls", before))
     compare(f"{name}.progress", result("progress", before), jax.ShapeDtypeStruct((), jnp.int32))
     compare(f"{name}.reward", result("reward", before, after), jax.ShapeDtypeStruct((n_robots,), jnp.float32))
     if overrides(task, Task, "conditions"):

@@ -96,6 +96,7 @@ class SimulationFault(RuntimeError):
         step: int | None = None,
         world: int | None = None,
         robots: Iterable[int] = (),
+        boxes: Iterable[int] = (),
         kind: FaultKind | int = 0,
     ):
         """Describe what went wrong, and where.
@@ -105,15 +106,18 @@ class SimulationFault(RuntimeError):
             step: control step, counted from 1.
             world: index of the world.
             robots: indices of the robots concerned.
+            boxes: indices of the boxes concerned.
             kind: one or several kinds of fault.
         """
         super().__init__(detail)
         self.detail, self.step, self.world = detail, step, world
-        self.robots, self.kind = tuple(int(robot) for robot in robots), FaultKind(kind)
+        self.robots = tuple(int(robot) for robot in robots)
+        self.boxes = tuple(int(box) for box in boxes)
+        self.kind = FaultKind(kind)
 
     def __str__(self) -> str:
         place = ", ".join(f"{name} {at}" for name, at in (("step", self.step), ("world", self.world)) if at is not None)
-        facts = " and ".join(text.format(robots=self._robots()) for kind, text in _FACTS.items() if kind & self.kind)
+        facts = " and ".join(text.format(robots=self._bodies()) for kind, text in _FACTS.items() if kind & self.kind)
         remedies = [text for kinds, text in _REMEDIES.items() if kinds & self.kind]
         text = "; ".join(filter(None, [facts, *remedies, self.detail]))
         return f"{place}: {text}" if place else text
@@ -121,8 +125,10 @@ class SimulationFault(RuntimeError):
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self)!r})"
 
-    def _robots(self) -> str:
-        """Return "robot 5", or "robots 5, 6 and 3 more"."""
+    def _bodies(self) -> str:
+        """Return "robot 5", or "robots 5, 6 and 3 more", or "box 1"."""
+        if self.boxes:
+            return f"box{'es' * (len(self.boxes) > 1)} {', '.join(map(str, self.boxes))}"
         if not self.robots:
             return "a robot"
         more = len(self.robots) - MAX_LISTED

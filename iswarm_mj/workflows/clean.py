@@ -14,7 +14,7 @@ from iswarm_mj.output import results
 from iswarm_mj.output.trajectory import OTHER_RECORDING, RECORDING, RESULT
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.strategy.genome import PRESETS
-from iswarm_mj.tasks.base import is_scored
+from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.progress import Progress
@@ -103,7 +103,7 @@ def _begin(run: Run, out: Path, grasps: int, save: Callable[[], None], stack: Ex
             stack.enter_context(locked(directory))
         save()
         stack.enter_context(saved(save))
-        name = RECORDING if is_scored(run.task) else OTHER_RECORDING
+        name = RECORDING if type(run.task) is Cleaning else OTHER_RECORDING
         recorders = []
         for index, directory in enumerate(directories):
             recorder = Recorder(run, directory / name, index, directory, grasps)

@@ -109,3 +109,15 @@ def test_an_action_that_is_not_finite_is_a_fault_of_its_robot():
 def test_actions_of_another_size_are_refused():
     with pytest.raises(UserError, match=r"must return actions \(12, 2\), .* \(got \(12, 3\)\)"):
         run_like(PolicyStrategy(lambda params, obs: jnp.zeros((len(obs), 3)), {}), PlanarSettings(1))
+
+
+def test_worlds_that_differ_have_a_policy_each():
+    """Of the noise and of the range of the sense of dust."""
+    far = replace(SMALL, strategy=replace(SMALL.strategy, dust_range=3.0), drive=DriveConfig(error_turn=5.0))
+    weights = jnp.array([0.1, 0.5])
+    policy = PolicyStrategy(lambda params, obs: jnp.broadcast_to(params, (len(obs), 2)), weights)
+    worlds = [World(PRESETS["type1"], N), World(PRESETS["type1"], N, config=far)]
+    run = Run(Scenario(SMALL, strategy=policy, engine=PlanarSettings(1), worlds=worlds, steps=2))
+    run.advance()
+    np.testing.assert_allclose(run.arrays()[0].strategy.dust_range, [SMALL.strategy.dust_range, 3.0])
+    assert not run.faults

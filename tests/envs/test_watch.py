@@ -22,7 +22,7 @@ from iswarm_mj.output.palette import EMPTY
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import mm_from_rd
 
-FEW = {"n_robots": 5, "config": SMALL, "engine": PlanarSettings(1), "steps": 4, "n_starts": 4}
+FEW = {"robots": 5, "config": SMALL, "engine": PlanarSettings(1), "steps": 4, "n_starts": 4}
 SIZE, N_WORLDS = 200, 2
 
 
@@ -88,7 +88,7 @@ def test_recordings_have_every_step_of_all_episodes(tmp_path, monkeypatch):
     monkeypatch.setattr(watch, "BLOCK", 4)
     path, places, collisions = tmp_path / "few.rrd", [], []
     slow = replace(SMALL, drive=replace(SMALL.drive, control_period=2.0))
-    env, n = parallel_env(record=path, **FEW | {"config": slow, "n_robots": 40}), 40
+    env, n = parallel_env(record=path, **FEW | {"config": slow, "robots": 40}), 40
     rng = np.random.default_rng(0)
     for seed in range(2):
         env.reset(seed=seed)

@@ -71,9 +71,9 @@ def tried(monkeypatch):
     class Crowded:
         is_over, kind, finished_at = False, 0, {}
 
-        def __init__(self, config, genome, settings, engine, worlds):
-            begun.append(settings.capacity)
-            self.sizes = [world.n_robots for world in worlds]
+        def __init__(self, scenario, *, record_worlds, capacity):
+            begun.append(capacity)
+            self.sizes = [world.n_robots for world in scenario.worlds]
 
         def advance(self):
             self.is_over = True

@@ -211,4 +211,4 @@ class BadFailures(Weather):
 )
 def test_mistakes_are_refused(strategy, task, match):
     with pytest.raises(UserError, match=match):
-        Run(Scenario(SMALL, strategy=strategy or TYPE1, task=task, robots=12, steps=2))
+        Run(Scenario(SMALL, strategy=strategy or TYPE1, task=task or CLEANING, robots=12, steps=2))

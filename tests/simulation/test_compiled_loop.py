@@ -129,7 +129,7 @@ def test_the_run_ends_with_the_last_world(monkeypatch):
 
 def test_a_world_stands_still_once_it_is_finished():
     """Also when other settings and another swarm are put in place of what there was."""
-    plain, record = run_in(warp(), stop_at=2, steps=30)
+    plain, record = run_in(warp(), goal=2, steps=30)
     assert plain.is_over and not plain.faults
     ends = [plain.measures(world).finished_at for world in range(WORLDS)]
     assert max(ends) == plain.step and sorted(ends)[1] <= 20 < ends[0]

@@ -14,8 +14,6 @@ from iswarm_mj.config.swarm import INTERPRETATIONS
 from iswarm_mj.engines.base import Motion
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.simulation.run import Run
-from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
@@ -205,7 +203,3 @@ class TestSeedsAndWorlds:
     def test_too_little_capacity(self):
         with pytest.raises(UserError, match=r"capacity must be at least the number of robots \(got 29\)"):
             RunSettings(30, 5, capacity=29)
-
-    def test_as_many_worlds_as_settings_say(self, small):
-        with pytest.raises(UserError, match=r"worlds must be as many as n_worlds, 2 \(got 1\)"):
-            Run(Scenario(small, strategy=TYPE1, robots=N, worlds=[World(TYPE1, N)], steps=5))

@@ -99,7 +99,7 @@ class TestFaults:
 def faults_of(bits, step=3, robot=7, first=0):
     bits = np.array(bits)
     worlds = range(first, first + len(bits))
-    each = decode_faults(Fault(bits, np.full_like(bits, step), np.full_like(bits, robot)), worlds)
+    each = decode_faults(Fault(bits, np.full_like(bits, step), np.full_like(bits, robot)), worlds, N)
     assert [fault is not None for fault in each] == [bool(b) for b in bits]
     return [fault for fault in each if fault is not None]
 

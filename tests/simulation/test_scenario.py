@@ -1,6 +1,8 @@
 """A scenario means the same to each entry, no part of it can be swapped, and files state it."""
 
 import json
+import subprocess
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -269,3 +271,26 @@ class TestFiles:
         for content in ({}, {"config": {}}, {**about(Run(PAPERS)), "settings": {}}):
             with pytest.raises(UserError, match="give the result"):
                 Scenario.from_result(content)
+
+
+SCRIPT = """
+from iswarm_mj import Aggregation, Scenario
+from iswarm_mj.tasks.aggregation import Beeclust
+
+
+class Walk(Beeclust):
+    pass
+
+
+print("runs")
+scenario = Scenario.from_toml("own.toml")
+assert type(scenario.strategy) is Walk and scenario.strategy.longest_wait == 7.0
+"""
+
+
+def test_a_script_reads_a_file_that_names_its_own_classes(tmp_path):
+    """Without being executed again."""
+    (tmp_path / "own.py").write_text(SCRIPT)
+    (tmp_path / "own.toml").write_text('strategy = "own.py:Walk"\ntask = "aggregation"\nlongest_wait = 7.0\n')
+    done = subprocess.run([sys.executable, "own.py"], cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "runs\n"), done.stderr

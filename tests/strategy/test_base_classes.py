@@ -1,15 +1,22 @@
 """Base classes of what users write: each mistake in their methods is one sentence, and defaults do nothing."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from iswarm_mj import check_task
 from iswarm_mj.sensors.fields import Integer
-from iswarm_mj.strategy.base import Strategy, StrategyFactory, makes_strategies, overrides
+from iswarm_mj.strategy.base import (
+    Strategy,
+    StrategyFactory,
+    is_batch_invariant,
+    makes_strategies,
+    overrides,
+)
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import check_methods
 from iswarm_mj.tasks.base import Quantity, Task, has_balls, is_scored, without_balls
@@ -91,6 +98,8 @@ def test_methods_of_a_strategy_are_there_and_spelt_as_in_the_base_class(given, s
             "Mine.survive is never used: Task has survives, but no survive",
         ),
         (mine(Cleaning, drive_box=Walk.picks), "Task has drive_boxes"),
+        (mine(Cleaning, goals=Walk.picks), "Mine.goals is never used: Task has goal, but no goals"),
+        (mine(Cleaning, goals=Walk.picks, goal=Cleaning.goal), None),
         (mine(Cleaning, sense={"light": Quantity("of the sun")}), "Task has senses"),
         (mine(Gather, area=Walk.picks, areas=Walk.picks), None),
         (mine(Gather, advance=None), "Mine has no method advance; a task has it, see Task"),
@@ -126,3 +135,47 @@ def test_defaults_change_nothing():
     assert task.conditions((), memory) is memory and task.areas(None, ()) == task.metrics(()) == {}
     assert not overrides(task, Task, "survives") and overrides(task, Task, "advance")
     assert not has_balls(task) and has_balls(Cleaning()) and is_scored(Cleaning())
+
+
+def test_only_the_class_that_states_it_is_batch_invariant():
+    assert is_batch_invariant(Cleaning()) and not is_batch_invariant(mine(Cleaning)())
+
+
+class Places(NamedTuple):
+    """State of a task, without balls."""
+
+    x: np.ndarray
+
+
+@dataclass(frozen=True)
+class Placed(Cleaning):
+    """A task whose state is not that of the methods that it inherits."""
+
+    def lay_out(self, config, n_robots, rng, shared, cell):
+        poses, _ = super().lay_out(config, n_robots, rng, shared, cell)
+        return poses, Places(np.zeros(n_robots, np.float32))
+
+    def advance(self, state, inputs, key):
+        return state, without_balls(len(inputs.poses))
+
+
+@dataclass(frozen=True)
+class WithoutBalls(Placed):
+    def balls(self, state):
+        return None
+
+
+@pytest.mark.parametrize(
+    ("task", "sentence"),
+    [
+        (Placed(), r"Placed.balls must return Balls, or None \(got a Places, as it is inherited from Cleaning\)"),
+        (
+            WithoutBalls(),
+            "WithoutBalls.progress is that of Cleaning, which reads is_delivered of the state, but the state that "
+            "WithoutBalls.lay_out returns, a Places, has none; write WithoutBalls.progress",
+        ),
+    ],
+)
+def test_a_state_lacks_what_an_inherited_method_reads(task, sentence):
+    with pytest.raises(UserError, match=sentence):
+        check_task(task)

@@ -200,3 +200,17 @@ METHODS = {
 def test_methods_that_cannot_be(task, sentence):
     with pytest.raises(UserError, match=sentence):
         Run(replace(SCENARIO, task=task()))
+
+
+class Lost(Lift):
+    """Drives its first box nowhere."""
+
+    def drive_boxes(self, state):
+        return state.at[0, 0].set(jnp.nan)
+
+
+def test_a_box_that_is_driven_nowhere_is_named():
+    run = Run(replace(SCENARIO, task=Lost(), engine=PlanarSettings(1), worlds=1))
+    run.advance()
+    (fault,) = run.faults
+    assert (fault.robots, fault.boxes) == ((), (0,)) and "the pose of box 0 is not finite" in str(fault)

@@ -52,7 +52,7 @@ def timeless(content):
 
 def test_result_has_all_that_was_promised(done, small):
     out, content, _, recorded = done
-    given = {"seed": 3, "engine": "mujoco", "n_robots": 30, "n_dust": 24, "max_steps": STEPS, "goal": 24}
+    given = {"seed": 3, "engine": "mujoco", "n_robots": 30, "n_dust": 24, "max_steps": STEPS, "stop_at": 24}
     assert content.items() >= given.items()
     assert content["config"] == json.loads(json.dumps(asdict(small)))
     assert content["genome"] == asdict(PRESETS["type1"])

@@ -175,7 +175,9 @@ def _files(directory: Path) -> Iterator[str]:
 
 def _repeating(content: Mapping[str, Any]) -> str:
     """The command that repeats a run, with flags for classes that no package offers."""
-    words = ["iswarm clean" if "delivered" in content else "iswarm run"]
+    task = content.get("task")
+    is_cleaning = not isinstance(task, Mapping) or task.get("class", _USUAL) == _USUAL
+    words = ["iswarm clean" if is_cleaning else "iswarm run"]
     for offer in (STRATEGIES, TASKS):
         own = content.get(offer.word)
         cls = str(own.get("class", _USUAL)) if isinstance(own, Mapping) else _USUAL
