@@ -3,7 +3,7 @@
 import json
 import subprocess
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import jax
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support.robots import two_kinds
 
-from iswarm_mj import PRESETS, Run, Scenario, Teams, World, make_env, play, rollout
+from iswarm_mj import PRESETS, Run, Scenario, SearchPlan, Teams, World, evolve, make_env, play, rollout
 from iswarm_mj.commands.main import parse
 from iswarm_mj.config.swarm import INTERPRETATIONS, ArenaConfig, EnergyConfig, SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
@@ -24,10 +24,12 @@ from iswarm_mj.output.results import about
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.simulation.stated import is_same
+from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.library import STRATEGIES, find
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.tasks.foraging import Forager, Foraging
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.tables import read_table
 
 ARENA = ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0)
 CONFIG = SwarmConfig(ARENA)
@@ -72,6 +74,34 @@ class TestEntries:
         np.testing.assert_allclose(env.poses(state)[0], start, atol=1e-5)
         state = env.step(state, np.full((1, N, 2), [0.3, 0.8], np.float32))
         np.testing.assert_allclose(env.poses(state)[0], poses, atol=1e-5)
+
+    def test_64_worlds_and_adapters_begin_as_the_run(self):
+        scenario = replace(PAPERS, steps=1)
+        start = Run(scenario).start.poses[0, 0]
+        many = rollout(replace(scenario, worlds=64), poses_of=(0, 63))
+        np.testing.assert_array_equal(many.poses[0, 0], np.float32(start))
+        assert np.abs(many.poses[1, 0] - start).max() > 1
+        for make in (single_env, vector_env, parallel_env):
+            env = make(scenario, n_starts=1)
+            env.reset(seed=0)
+            worlds = getattr(env, "_one", env)
+            np.testing.assert_allclose(worlds.env.poses(worlds.begun("poses"))[0], start, atol=1e-5)
+
+    @pytest.mark.usefixtures("few_pixels")
+    def test_the_first_generation_of_a_search_is_runs_of_the_scenario(self, tmp_path, capsys):
+        scenario = replace(PAPERS, robots=None, steps=5)
+        evolve(scenario, tmp_path, SearchPlan(generations=1, population=3), workers=1)
+        for row in read_table(tmp_path / "evolution.parquet")[0]:
+            genome = Genome(*(row[field.name] for field in fields(Genome)))
+            run = Run(replace(scenario, strategy=genome, robots=row["n_robots"], seed=row["seed"]))
+            while not run.is_over:
+                run.advance()
+            measures = run.measures(0)
+            assert (row["picked"], row["collisions"]) == (measures.picked, measures.collisions)
+
+    def test_a_search_names_the_fields_that_it_does_not_use(self, tmp_path):
+        with pytest.raises(UserError, match="it does not use robots and goal of its scenario: leave them out"):
+            evolve(replace(PAPERS, goal=3), tmp_path)
 
     def test_a_run_is_that_of_the_command(self, tmp_path):
         scenario = replace(PAPERS, strategy=TYPE2, steps=3, worlds=2)
