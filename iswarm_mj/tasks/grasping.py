@@ -33,7 +33,7 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
     tips = probe_tips(inputs.poses, tip_in_robot)
     carried = carry(balls, tips)
 
-    # Sense what lies under the robots; those that notice nothing are none the wiser.
+    # Sense what lies under the robots, unless they fail to notice it.
     floor = sense(
         inputs.poses,
         tips,
