@@ -1,4 +1,4 @@
-"""Tasks that lay boxes, elsewhere in each world, and drive those of mass 0. Units: mm, s."""
+"""Tasks that lay boxes at other places in each world, and drive those of mass 0. Units: mm, s."""
 
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -35,15 +35,19 @@ SCENARIO = Scenario(CONFIG, strategy=Beeclust(), robots=N, seed=3, worlds=WORLDS
 
 @dataclass(frozen=True)
 class Lift(Task):
-    """A driven box at a random place goes to a corner, which is farther than a step; another one can be pushed."""
+    """A driven box moves from a random place to a corner, which is farther than a step.
+
+    Another box can be pushed.
+    """
 
     boxes: Any = ()
     measured: ClassVar = {"off": Quantity("distance of the driven box", "mm")}
     senses: ClassVar = {"light": Quantity("none")}
 
     def lay_boxes(self, config, rng, shared):
-        one = np.array([4, rng.uniform(-4, 4), 0.6, 0.4, rng.uniform(0, 90), 0, 0])
-        return [one, (-4, rng.uniform(-4, 4), 0.6, 0.4, 45, 1e-5, 0.01)]
+        driven = np.array([4, rng.uniform(-4, 4), 0.6, 0.4, rng.uniform(0, 90), 0, 0])
+        pushed = (-4, rng.uniform(-4, 4), 0.6, 0.4, 45, 1e-5, 0.01)
+        return [driven, pushed]
 
     def lay_out(self, config, n_robots, rng, shared, cell):
         boxes = poses_of_boxes(config.arena.boxes).astype(np.float32)
@@ -86,28 +90,29 @@ def test_a_driven_box_pushes_and_is_not_pushed(name):
     robots = np.float32([[9.0, -9.0, 0.0], [-3 * RD + 3.0, 4.0 * RD, np.pi]])
     phase = Phase(20, lambda poses: jnp.float32([[0.0, 0, 0], [-2.4, 0, 0]]) + 0 * poses, velocity)
     if name == "mjx":
-        start, present = (
-            np.concatenate([robots, np.float32(poses_of_boxes(boxes))]),
-            jnp.ones(2, bool),
-        )
+        start = np.concatenate([robots, np.float32(poses_of_boxes(boxes))])
+        present = jnp.ones(2, bool)
         move = jax.jit(
             lambda start: engine.move(engine.place(start, present), [phase], jnp.bool_(True)),
         )
         poses = np.asarray(move(start).bodies.poses)
     else:
-        one = phase._replace(
+        phase_on_host = phase._replace(
             velocity=lambda poses: np.asarray(phase.velocity(poses)),
             boxes=velocity[None],
         )
-        poses = engine.move(
-            placed(engine, robots[None], boxes),
-            [one],
-            np.ones(1, bool),
-        ).bodies.poses[0]
-    np.testing.assert_allclose(poses[2] - poses_of_boxes(boxes)[0], [4.0, 0, 0], atol=0.02)
-    edge = poses[2, 0] + RD / 2
-    assert poses[1, 0] > edge + 0.7 and robots[1, 0] < edge  # the second robot was pushed back
-    assert poses[3, 0] > edge and poses_of_boxes(boxes)[1, 0] - 0.56 * RD < edge
+        bodies = placed(engine, robots[None], boxes)
+        poses = engine.move(bodies, [phase_on_host], np.ones(1, bool)).bodies.poses[0]
+    driven, other_box = poses[2], poses[3]
+    start_of_driven, start_of_other = poses_of_boxes(boxes)
+    np.testing.assert_allclose(driven - start_of_driven, [4.0, 0, 0], atol=0.02)
+
+    # Both were in the way of the driven box, and are ahead of it now.
+    edge = driven[0] + RD / 2
+    assert robots[1, 0] < edge
+    assert poses[1, 0] > edge + 0.7
+    assert start_of_other[0] - 0.56 * RD < edge
+    assert other_box[0] > edge
 
 
 def test_a_run():
