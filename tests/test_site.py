@@ -104,8 +104,8 @@ def test_commands_are_understood(page, command, example, monkeypatch):
         if "--worlds 1024" in command:  # which is for a GPU
             monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
         parsed = parse(words)
-        if hasattr(parsed, "checked"):
-            parsed.checked()
+        if hasattr(parsed, "number_of_robots"):
+            parsed.number_of_robots()
 
 
 QUICK = {

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import ClassVar
 
-from iswarm_mj.commands.flags import refuse
+from iswarm_mj.commands.command_settings import refuse_changed
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.search.methods import Operators
 from iswarm_mj.search.settings import SearchPlan, Steps
@@ -33,7 +33,7 @@ class Evolve(SearchPlan, ManyRunsOptions):
 
         if self.method != "paper":
             rates = [f"operators.{f.name}" for f in fields(Operators) if not f.name.startswith("density")]
-            refuse(self, rates, f"with `method` {self.method}")
+            refuse_changed(self, rates, f"with `method` {self.method}")
         execution = self.execution
         scenario = Scenario(self.config, engine=execution.engine, seed=self.seed, steps=self.steps)
         plan = SearchPlan(**{f.name: getattr(self, f.name) for f in fields(SearchPlan)})

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import tyro
 
-from iswarm_mj.commands.flags import changed, refuse, usual, without_effect
+from iswarm_mj.commands.command_settings import changed, refuse_changed, with_defaults, without_effect
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.strategy.genome import load_genome
@@ -40,13 +40,14 @@ class Experiment(ManyRunsOptions):
         from iswarm_mj.paper.studies.registry import EXPERIMENTS, listing
 
         if self.list:
-            refuse(self, [name for name in changed(self) if name not in ("list", "name")], "with `list`")
+            refuse_changed(self, [name for name in changed(self) if name not in ("list", "name")], "with `list`")
             if self.name:
                 raise UserError(f"--list takes no name; leave out {self.name}")
             print(listing())
             return
         if self.name not in EXPERIMENTS:
-            similar = f"; perhaps you meant {match}" if (match := closest(self.name, EXPERIMENTS)) else ""
+            match = closest(self.name, EXPERIMENTS)
+            similar = f"; perhaps you meant {match}" if match else ""
             remedy = f"choose {', '.join(EXPERIMENTS)}, which --list describes"
             raise UserError(f"there is no experiment {shown(self.name)!r}{similar}; {remedy}")
         plan = Plan(self.config, load_genome(self.genome), self.seed, self.quick)
@@ -54,23 +55,24 @@ class Experiment(ManyRunsOptions):
         out = self.out or Path("runs/experiments") / (f"{self.name}-quick" if self.quick else self.name)
         run_experiment(EXPERIMENTS[self.name], plan, out, self.execution, self.again)
 
-    def _check_varied(self, made: Any, plan: Any) -> None:
-        """Refuse settings that differ from their defaults, and without which the runs of an experiment are the same."""
-        from iswarm_mj.paper.studies.experiment import varied
+    def _check_varied(self, experiment: Any, plan: Any) -> None:
+        """Refuse settings that differ from their defaults and change no run of an experiment.
 
-        jobs, usually = [entry.job for entry in made.entries(plan)], usual(self)
+        Args:
+            experiment: that is to be run.
+            plan: made of the settings.
+
+        Raises:
+            UserError: there is such a setting.
+        """
+        jobs = _jobs(experiment, plan)
+        defaults = with_defaults(self)
         for name in changed(self):
-            group, _, part = name.partition(".")
             with suppress(ConfigError):  # other settings may refuse the default of this one
-                if name == "genome":
-                    other = replace(plan, genome=load_genome(usually.genome))
-                elif hasattr(plan.config, group):
-                    value = getattr(getattr(usually, group), part)
-                    other = replace(plan, config=varied(plan.config, {name: value}))
-                else:
-                    continue
-                if [entry.job for entry in made.entries(other)] == jobs:
-                    raise without_effect(name, f"in the experiment {made.name}, which has its own")
+                plan_without = _with_default(plan, defaults, name)
+                if plan_without is not None and _jobs(experiment, plan_without) == jobs:
+                    where = f"in the experiment {experiment.name}, which has its own"
+                    raise without_effect(name, where)
 
     @property
     def configs(self) -> Sequence[SwarmConfig]:
@@ -81,3 +83,30 @@ class Experiment(ManyRunsOptions):
         if self.name not in EXPERIMENTS:
             return super().configs
         return [entry.job.config for entry in EXPERIMENTS[self.name].entries(Plan(self.config))]
+
+
+def _jobs(experiment: Any, plan: Any) -> list[Any]:
+    """Return the runs of an experiment."""
+    return [entry.job for entry in experiment.entries(plan)]
+
+
+def _with_default(plan: Any, defaults: Any, name: str) -> Any:
+    """Return a plan in which a setting has its default; None if the setting is no part of plans.
+
+    Args:
+        plan: with the settings of the command.
+        defaults: the command with its defaults.
+        name: of the setting, with its group.
+
+    Raises:
+        ConfigError: other settings do not allow the default.
+    """
+    from iswarm_mj.paper.studies.experiment import varied
+
+    group, _, field_name = name.partition(".")
+    if name == "genome":
+        return replace(plan, genome=load_genome(defaults.genome))
+    if hasattr(plan.config, group):
+        default = getattr(getattr(defaults, group), field_name)
+        return replace(plan, config=varied(plan.config, {name: default}))
+    return None

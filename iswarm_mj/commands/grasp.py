@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from iswarm_mj.commands.flags import changed, refuse
+from iswarm_mj.commands.command_settings import changed, refuse_changed
 from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.laws.roughness import Surface
 from iswarm_mj.utils.constraints import Needs, Within, check
@@ -39,7 +39,7 @@ class Grasp(GraspSettings):
 
         if self.force_curve:
             given = changed(self)
-            refuse(self, [name for name in given if name not in OF_CURVES], "with `force_curve`")
+            refuse_changed(self, [name for name in given if name not in OF_CURVES], "with `force_curve`")
             check("rh", self.rh, "one relative humidity with `force_curve`", len(self.rh) == 1 or "rh" not in given)
             check(
                 "tip_curvature",

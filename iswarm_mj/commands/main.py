@@ -13,12 +13,13 @@ import tyro
 from iswarm_mj._version import __version__
 from iswarm_mj.commands.bench import Bench
 from iswarm_mj.commands.clean import Clean, Run
+from iswarm_mj.commands.command_settings import ineffective_settings, settings, without_effect
 from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.experiment import Experiment
-from iswarm_mj.commands.flags import idle, in_flags, settings, without_effect
+from iswarm_mj.commands.flags import in_flags
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.parser import explained
-from iswarm_mj.commands.parser import parse as parsed
+from iswarm_mj.commands.parser import parse as parse_command
 from iswarm_mj.commands.play import Play
 from iswarm_mj.commands.recorded import Inspect, Picture, Replay, Video
 from iswarm_mj.commands.report import Report, Reproduce
@@ -29,18 +30,33 @@ from iswarm_mj.utils.errors import SimulationFault, UserError, closest, printabl
 from iswarm_mj.utils.signals import code_of_signal, handle_signals, leave
 
 COMMANDS: dict[str, type] = {
-    cls.__name__.lower(): cls
-    for cls in (
-        *(Clean, Run, Play, Sweep, Inspect, Picture, Bench, Grasp),
-        *(Evolve, Train, Experiment, Report, Reproduce, Replay, Video),
-    )
+    "clean": Clean,
+    "run": Run,
+    "play": Play,
+    "sweep": Sweep,
+    "inspect": Inspect,
+    "picture": Picture,
+    "bench": Bench,
+    "grasp": Grasp,
+    "evolve": Evolve,
+    "train": Train,
+    "experiment": Experiment,
+    "report": Report,
+    "reproduce": Reproduce,
+    "replay": Replay,
+    "video": Video,
 }
 """Subcommands by their names: dataclasses of their flags with a method `run`."""
 
 LEAST_COLUMNS = 40
 """Width to which help is set at least, also where a terminal is narrower."""
-_MOST, _END = 1500, 300
-"""Characters of a message at most, and of its end, where the remedy stands, if it is longer."""
+_MAX_MESSAGE = 1500
+"""Maximum length of a message, in characters."""
+_MESSAGE_END = 300
+"""Length of the end of a longer message, where its remedy stands."""
+_EXIT_BAD_INPUT = 2
+_EXIT_FAULT = 1
+_EXIT_BROKEN_PIPE = 141  # as shells report SIGPIPE
 
 
 def parse(arguments: Sequence[str]) -> Any:
@@ -51,27 +67,37 @@ def parse(arguments: Sequence[str]) -> Any:
         SystemExit: help or the version was printed.
     """
     name, *rest = arguments or [""]
-    if name == "sweep":  # which knows some flags, and hands on the others
+    if name == "sweep":  # which knows some flags, and passes on the others
         return Sweep.parse(rest)
     if name in COMMANDS:
         # Not as subcommands of one parser, whose hints would be about all commands.
-        return parsed(name, COMMANDS[name], rest)
+        return parse_command(name, COMMANDS[name], rest)
     if name == "--version":
         print(f"iswarm {__version__}")
         raise SystemExit(0)
     if name.startswith("-"):  # help, or the completion of a shell
         cli = tyro.extras.subcommand_cli_from_dict
         return explained(cli, COMMANDS, prog="iswarm", description=__doc__, args=arguments)
-    match = closest(name, COMMANDS)
-    similar = f"; perhaps you meant {match}" if match else ""
-    fact = f"{shown(name)!r} is not a command{similar}" if name else "no command was given"
+
+    if name:
+        match = closest(name, COMMANDS)
+        similar = f"; perhaps you meant {match}" if match else ""
+        fact = f"{shown(name)!r} is not a command{similar}"
+    else:
+        fact = "no command was given"
     raise UserError(f"{fact}. Commands: {', '.join(COMMANDS)}; `iswarm --help` describes them.")
 
 
 def check_text(arguments: Sequence[str]) -> None:
-    """Refuse arguments that are no text, which names of files may be, but no recording, table or page takes."""
+    """Refuse arguments that are no text.
+
+    Names of files may be such, but no recording, table or page takes them.
+
+    Raises:
+        UserError: one of them is not.
+    """
     for argument in arguments:
-        if argument.isprintable() or not any("\ud800" <= character <= "\udfff" for character in argument):
+        if not any("\ud800" <= character <= "\udfff" for character in argument):
             continue
         try:
             text = os.fsencode(argument).decode("utf-8")
@@ -86,11 +112,17 @@ def check_text(arguments: Sequence[str]) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Entry point of `iswarm`; exits with 2 on bad input, 1 on a fault of the simulation, 128 + n on signal n."""
+    """Run `iswarm`.
+
+    It exits with 2 on bad input, 1 on a fault of the simulation, 128 + n on signal n.
+
+    Args:
+        arguments: by default those of the process, whose signals are handled then.
+    """
     command = None
 
     def farewell() -> str:
-        return f"iswarm: interrupted{_kept(command)}."
+        return f"iswarm: interrupted{_kept_results(command)}."
 
     try:
         if arguments is None:
@@ -99,8 +131,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _prepare_output()
         check_text(given)
         command = parse(given)
-        for name, why in idle(command).items():
-            raise without_effect(name, why)
+        for name, reason in ineffective_settings(command).items():
+            raise without_effect(name, reason)
         check_environment()
         command.run()
         sys.stdout.flush()
@@ -112,7 +144,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             if arguments is None:
                 leave(code)
             raise SystemExit(code) from None
-        code = _user_code(error, command)
+        code = _explain(error, command)
         if code is None:
             raise
         raise SystemExit(code) from None
@@ -128,8 +160,8 @@ def _prepare_output() -> None:
         os.environ["COLUMNS"] = str(LEAST_COLUMNS)
 
 
-def _kept(command: Any) -> str:
-    """What is left of a command that was interrupted."""
+def _kept_results(command: Any) -> str:
+    """Return what an interrupted command has kept, as the end of a sentence."""
     match command:
         case Clean():  # and run
             return "; anything recorded so far is kept"
@@ -138,28 +170,43 @@ def _kept(command: Any) -> str:
     return ""
 
 
-def _user_code(error: BaseException, command: Any) -> int | None:
-    """Explain an error of a command on the standard error, and return the exit code; None for what is no user's."""
+def _explain(error: BaseException, command: Any) -> int | None:
+    """Print the sentence of an error on stderr, and return the exit code.
+
+    Args:
+        error: that ended the command.
+        command: that ended; None if it was not read yet.
+
+    Returns:
+        None where the error is a mistake of the program.
+    """
     match error:
         case UserError() | SimulationFault():
-            known = () if command is None else [name for name, *_ in settings(command)]
-            words = in_flags(error, known)
-            code = 2 if isinstance(error, UserError) else 1
+            names = [] if command is None else [setting.name for setting in settings(command)]
+            sentence = in_flags(error, names)
+            code = _EXIT_BAD_INPUT if isinstance(error, UserError) else _EXIT_FAULT
         case BrokenPipeError():  # whatever read the output, such as `head`, has ended
             _discard_output()
-            return 141
+            return _EXIT_BROKEN_PIPE
         case OSError():
             if error.filename is None:  # the output is no file that was named
                 _discard_output()
-            name = "the output, or the cache of compiled programs," if error.filename is None else str(error.filename)
-            words, code = f"{name} cannot be read or written ({error.strerror or error}); choose another.", 2
+                name = "the output, or the cache of compiled programs,"
+            else:
+                name = str(error.filename)
+            fact = error.strerror or error
+            sentence = f"{name} cannot be read or written ({fact}); choose another."
+            code = _EXIT_BAD_INPUT
         case MemoryError():
-            words, code = f"there is not enough memory ({str(error) or 'none is left'}); use fewer worlds or robots.", 2
+            fact = str(error) or "none is left"
+            sentence = f"there is not enough memory ({fact}); use fewer worlds or robots."
+            code = _EXIT_BAD_INPUT
         case _:
             return None
-    text = printable(" ".join(words.splitlines()))
-    if len(text) > _MOST:
-        text = f"{text[: _MOST - _END]} ... {text[-_END:]}"
+
+    text = printable(" ".join(sentence.splitlines()))
+    if len(text) > _MAX_MESSAGE:
+        text = f"{text[: _MAX_MESSAGE - _MESSAGE_END]} ... {text[-_MESSAGE_END:]}"
     print(f"iswarm: {text}", file=sys.stderr)
     return code
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 import numpy as np
 import tyro
 
-from iswarm_mj.commands.flags import refuse
+from iswarm_mj.commands.command_settings import refuse_changed
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.registry import described, find_engine
 from iswarm_mj.engines.settings import EngineSettings
@@ -78,7 +78,7 @@ class ManyRunsOptions(ConfigOptions):
         from iswarm_mj.search.pool import Execution
 
         check("engine", self.engine, "one that is installed, since workers import it", ":" not in self.engine)
-        refuse(self, ["threads"], "with many runs, each of which has one")
+        refuse_changed(self, ["threads"], "with many runs, each of which has one")
         return Execution(self.engine_settings, self.workers, self.backend)
 
     @property

@@ -1,4 +1,9 @@
-"""What arguments of a command say: its flags, those of an engine, a strategy and a task, of a file, of a reading."""
+"""Reading the arguments of a command.
+
+Which flags a command has depends on its arguments: an engine, a strategy and a task have flags of
+their own, and a file of `--config` gives values to any of them. Arguments are therefore read in
+stages: the flags that decide, what they name, the flags that there are then, and their values.
+"""
 
 from argparse import ArgumentParser
 from collections import Counter
@@ -12,11 +17,12 @@ from typing import Any
 
 import tyro
 
+from iswarm_mj.commands.command_settings import settings
 from iswarm_mj.commands.config_file import ConfigFile
-from iswarm_mj.commands.flags import SETTINGS, flag, in_flags, names, settings
-from iswarm_mj.commands.rules import Rules, TeamFlags
+from iswarm_mj.commands.flags import SETTING_OF_FLAG, flag, in_flags, names
+from iswarm_mj.commands.tyro_rules import TeamFlags, TyroRules
 from iswarm_mj.config.swarm import INTERPRETATIONS
-from iswarm_mj.engines.registry import SETTINGS as OF_ENGINES
+from iswarm_mj.engines.registry import SETTINGS as ENGINE_SETTINGS
 from iswarm_mj.engines.registry import check_settings, find_engine
 from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.strategy.user_code import user_code
@@ -25,157 +31,295 @@ from iswarm_mj.utils.errors import UserError, closest
 
 HELP = {"-h", "--help"}
 HELP_ALL = {"--help-all", "--help_all"}
-_NAMED = {"config": "a TOML file or a result.json", "strategy": "FILE.py:CLASS, or an installed strategy"}
-"""Flags that need a value which no error of the parser asks for, and what they name."""
+_DECIDING_FLAGS = ("config", "reading", "engine", "genome", *SETTING_OF_FLAG)
+"""Flags that decide which others there are, and which defaults they have."""
+_NEED_VALUE = {
+    "config": "a TOML file or a result.json",
+    "strategy": "FILE.py:CLASS, or an installed strategy",
+}
+"""Flags that need a value, which tyro does not ask for, and what the value names."""
+_FLAGS_OF_PLUGIN = {"own": ("strategy", "genome"), "own_task": ("task",), "physics": ("engine",)}
+"""Flags that name the plug-in in a field of a command."""
 
 
-def parse(name: str, cls: type, given: Sequence[str]) -> Any:
+def parse(name: str, command_class: type, arguments: Sequence[str]) -> Any:
     """Return the command that arguments describe.
 
     Args:
         name: of the command.
-        cls: of its flags.
-        given: the arguments.
+        command_class: dataclass of its flags.
+        arguments: after the name.
 
     Raises:
         UserError: a value is not allowed, a file cannot be read, or a flag is given twice.
         SystemExit: help was printed.
     """
-    known: dict[str, Any] = {}
+    reader = _Reader(name, command_class, arguments)
     try:
-        arguments, named = list(given), names(given)
-        if twice := [one for one, n in Counter(named).items() if n > 1]:
-            word = next(word.partition("=")[0] for word in given if names([word]) == [twice[0]])
-            raise UserError(f"{word} is given twice; give it once, with all its values if it takes several")
-        words = _words(given)
-        for word, remedy in _NAMED.items():
-            if word in named and not words[word]:
-                raise UserError(f"--{word} has no value; name {remedy}")
-        path = words.pop("config")
-        file = ConfigFile.read(Path(path[0]), named) if path else None
-        if file is not None:
-            words = {word: found or file.words(word) for word, found in words.items()}
-        settable = {f.name for f in fields(cls)}
-        reading = next(iter(words["reading"]), "")
-        is_known = "reading" in settable and reading in INTERPRETATIONS
-        default = cls(reading=reading, **vars(INTERPRETATIONS[reading])) if is_known else cls()
-        known = dict.fromkeys(settable)
-        own = _own(words, default, settable)
-        known = {name: value for name, value, *_ in settings(default)}
-        for found in own.values():
-            known |= _flags_of(found, name, known)
-        keys = () if file is None or file.is_result else file.values
-        if "physics" in own and (others := {*named, *keys} & {*OF_ENGINES} - {*known}):
-            engine = next(iter(words["engine"]), default.engine)
-            raise UserError(f"{flag(min(others))} has no effect with --engine {engine}; leave it out")
-        if file is not None:
-            arguments += file.arguments(name, known, named)  # after words, which flags of several values would take
-        asked = {*given} & {*HELP, *HELP_ALL}
-        everything = not asked or bool(asked & HELP_ALL)
-        named_by = {"own": ("strategy", "genome"), "own_task": ("task",), "physics": ("engine",)}
-        shown = {part: one for part, one in own.items() if everything or any(words[word] for word in named_by[part])}
-        rules = Rules(cls, shown, everything, bool(words["strategy"]))
-        arguments = ["--help"] if asked else arguments
-        named = {"prog": f"iswarm {name}", "description": cls.__doc__}
-        return explained(tyro.cli, cls, default=default, registry=rules, args=arguments, **named)
+        return reader.read()
     except UserError as error:
-        raise UserError(in_flags(error, known)) from None
+        raise UserError(in_flags(error, reader.defaults)) from None
+
+
+class _Reader:
+    """The stages of reading the arguments of one command.
+
+    Attributes:
+        defaults: by the names of the settings that are known so far, which messages call by their
+            flags; None where no default is known.
+    """
+
+    def __init__(self, name: str, command_class: type, arguments: Sequence[str]):
+        self.defaults: dict[str, Any] = {}
+        self._name = name
+        self._command_class = command_class
+        self._arguments = list(arguments)
+        self._field_names = {field.name for field in fields(command_class)}
+        self._flag_names = names(arguments)
+
+    def read(self) -> Any:
+        """Return the command."""
+        self._refuse_repeated_flags()
+        words = _deciding_words(self._arguments)
+        self._refuse_missing_values(words)
+
+        config_file = None
+        if path := words.pop("config"):
+            config_file = ConfigFile.read(Path(path[0]), self._flag_names)
+            words = {word: values or config_file.words(word) for word, values in words.items()}
+
+        command = self._command_with_reading(words)
+        self.defaults = dict.fromkeys(self._field_names)
+        plugins = self._find_plugins(words, command)
+
+        self.defaults = {setting.name: setting.value for setting in settings(command)}
+        for plugin in plugins.values():
+            self.defaults |= _flags_of_plugin(plugin, self._name, self.defaults)
+        self._refuse_flags_of_other_engines(words, command, plugins, config_file)
+
+        arguments = self._arguments
+        if config_file is not None:
+            # At the end, since a flag before them could take them for further values of its own.
+            of_file = config_file.arguments(self._name, self.defaults, self._flag_names)
+            arguments = [*arguments, *of_file]
+        return self._read_values(arguments, words, command, plugins)
+
+    def _refuse_repeated_flags(self) -> None:
+        repeated = [name for name, n in Counter(self._flag_names).items() if n > 1]
+        if not repeated:
+            return
+        word = next(word for word in self._arguments if names([word]) == [repeated[0]])
+        raise UserError(
+            f"{word.partition('=')[0]} is given twice; give it once, with all its values if it takes several"
+        )
+
+    def _refuse_missing_values(self, words: dict[str, list[str]]) -> None:
+        for name, allowed in _NEED_VALUE.items():
+            if name in self._flag_names and not words[name]:
+                raise UserError(f"--{name} has no value; name {allowed}")
+
+    def _command_with_reading(self, words: dict[str, list[str]]) -> Any:
+        """Return the command with the defaults of the reading of the paper that is named."""
+        reading = next(iter(words["reading"]), "")
+        if "reading" in self._field_names and reading in INTERPRETATIONS:
+            return self._command_class(reading=reading, **vars(INTERPRETATIONS[reading]))
+        return self._command_class()
+
+    def _find_plugins(self, words: dict[str, list[str]], command: Any) -> dict[str, Any]:
+        """Return the engine, the strategy and the task, which have flags of their own.
+
+        Returns:
+            Classes, or objects that have the defaults, by the fields of the command that hold them.
+        """
+        plugins: dict[str, Any] = {}
+        if "physics" in self._field_names:
+            plugins["physics"] = _engine_defaults(next(iter(words["engine"]), command.engine))
+        if "own" in self._field_names and words["strategy"]:
+            plugins["own"] = _find_strategy(words["strategy"])
+        elif {"own", "genome"} <= self._field_names:
+            plugins["own"] = load_genome(next(iter(words["genome"]), command.genome))
+        if "own_task" in self._field_names and words["task"]:
+            plugins["own_task"] = _find_task(words["task"][0])
+        return plugins
+
+    def _refuse_flags_of_other_engines(
+        self,
+        words: dict[str, list[str]],
+        command: Any,
+        plugins: dict[str, Any],
+        config_file: ConfigFile | None,
+    ) -> None:
+        if "physics" not in plugins:
+            return
+        named = set(self._flag_names)
+        if config_file is not None and not config_file.is_result:
+            named |= config_file.values.keys()
+        of_others = (named & set(ENGINE_SETTINGS)) - self.defaults.keys()
+        if of_others:
+            engine = next(iter(words["engine"]), command.engine)
+            word = flag(min(of_others))
+            raise UserError(f"{word} has no effect with --engine {engine}; leave it out")
+
+    def _read_values(
+        self,
+        arguments: list[str],
+        words: dict[str, list[str]],
+        command: Any,
+        plugins: dict[str, Any],
+    ) -> Any:
+        """Let tyro read the values of all flags, or print the help that is asked for."""
+        asks_for_help = bool(set(self._arguments) & (HELP | HELP_ALL))
+        shows_all = not asks_for_help or bool(set(self._arguments) & HELP_ALL)
+
+        # Short help has the flags of those plug-ins that are named.
+        shown_plugins = {}
+        for field_name, plugin in plugins.items():
+            if shows_all or any(words[word] for word in _FLAGS_OF_PLUGIN[field_name]):
+                shown_plugins[field_name] = plugin
+
+        rules = TyroRules(
+            self._command_class,
+            shown_plugins,
+            shows_all=shows_all,
+            has_strategy=bool(words["strategy"]),
+        )
+        return explained(
+            tyro.cli,
+            self._command_class,
+            default=command,
+            registry=rules,
+            args=["--help"] if asks_for_help else arguments,
+            prog=f"iswarm {self._name}",
+            description=self._command_class.__doc__,
+        )
 
 
 def explained(cli: Callable[..., Any], *arguments: Any, **settings: Any) -> Any:
-    """Return what one of tyro's parsers does.
+    """Return what one of tyro's parsers returns.
 
     Raises:
-        UserError: it cannot read the arguments, or a completion is asked for a shell that there is none for.
+        UserError: it cannot read the arguments, or the completion of an unknown shell is asked for.
         SystemExit: help was printed.
     """
-    said = StringIO()
+    errors = StringIO()
     try:
-        with redirect_stderr(said):
+        with redirect_stderr(errors):
             return cli(*arguments, **settings)
     except AssertionError as error:
         if "Shell should be" not in str(error):
             raise
         raise UserError(f"there are completions for the shells bash, zsh, tcsh and fish ({error})") from None
     except SystemExit:
-        if text := said.getvalue():
+        if text := errors.getvalue():
             raise UserError(_sentence(text, settings["prog"])) from None
         raise  # after help
 
 
 def _sentence(text: str, command: str) -> str:
-    """What tyro says of a mistake in a box: its first paragraph, of several possible types the last one's error."""
+    """Return the mistake that tyro describes in a box, as one sentence.
+
+    Args:
+        text: the box.
+        command: its name, for the remedy.
+    """
     lines = [line.strip("│╭╮╰╯─ ") for line in text.splitlines()][1:]
-    lines = [line if line.strip("-") else "" for line in lines]  # its rules where the output is not UTF-8
+    lines = [line if line.strip("-") else "" for line in lines]  # rules where it is not UTF-8
     first, *more = [" ".join(part) for is_text, part in groupby(lines, bool) if is_text]
     fact = first.removeprefix("Error parsing ").rstrip(".")
     if more and more[0].startswith("Got errors:"):
+        # Of several possible types, the error of the last one says most.
         fact = f"{fact.partition(':')[0]}: {more[0].rpartition('>: ')[2]}"
-    offered = [line.split()[0].rstrip(",") for line in lines if line.startswith("--")]
-    if first.startswith("Unrecognized") and offered:
-        given = first.partition(": ")[2].split(", ")[0]
-        return f"{fact}; perhaps you meant {closest(given, offered) or offered[0]}"
+
+    similar_flags = [line.split()[0].rstrip(",") for line in lines if line.startswith("--")]
+    if first.startswith("Unrecognized") and similar_flags:
+        unknown = first.partition(": ")[2].split(", ")[0]
+        suggestion = closest(unknown, similar_flags) or similar_flags[0]
+        return f"{fact}; perhaps you meant {suggestion}"
     return f"{fact}; `{command} --help-all` explains the flags"
 
 
-def _words(arguments: Sequence[str]) -> dict[str, list[str]]:
-    """Values of the flags that decide which others there are, and thus precede the parser."""
+def _deciding_words(arguments: Sequence[str]) -> dict[str, list[str]]:
+    """Return the values of the flags that decide which others there are."""
     parser = ArgumentParser(add_help=False, allow_abbrev=False)
-    for word in ("config", "reading", "engine", "genome", *SETTINGS):
-        parser.add_argument(f"--{word}", nargs="*", default=[])
-    return vars(parser.parse_known_args(list(arguments))[0])
+    for name in _DECIDING_FLAGS:
+        parser.add_argument(f"--{name}", nargs="*", default=[])
+    known, _ = parser.parse_known_args(list(arguments))
+    return vars(known)
 
 
-def _own(words: dict[str, list[str]], default: Any, settable: set[str]) -> dict[str, Any]:
-    """What has flags of its own, by the fields of the command that hold it: classes, or objects with the defaults.
-
-    The settings of the engine are those for this machine.
-    """
-    found: dict[str, Any] = {}
-    if "physics" in settable:
-        engine = find_engine(next(iter(words["engine"]), default.engine))
-        with user_code(engine.__name__):
-            usual = engine.usual()
-        check_kind(f"{engine.__name__}.usual()", usual, engine)
-        check_settings(usual)
-        found["physics"] = usual
-    if "own" in settable and words["strategy"]:
-        from iswarm_mj.strategy.library import find_strategy, find_teams
-        from iswarm_mj.strategy.pytrees import check_methods
-
-        teams = TeamFlags(find_teams(words["strategy"]))
-        found["own"] = teams if teams.teams else find_strategy(words["strategy"][0])
-        for one in [*teams.strategies.values()] or [found["own"]]:
-            if not isinstance(one, Genome):
-                check_methods(one)
-    elif {"own", "genome"} <= settable:
-        found["own"] = load_genome(next(iter(words["genome"]), default.genome))
-    if "own_task" in settable and words["task"]:
-        from iswarm_mj.strategy.library import TASKS, find
-        from iswarm_mj.tasks.signatures import check_methods
-
-        found["own_task"] = find(TASKS, words["task"][0])
-        check_methods(found["own_task"])
-    return found
+def _engine_defaults(name: str) -> Any:
+    """Return the settings of an engine for this machine."""
+    engine = find_engine(name)
+    with user_code(engine.__name__):
+        defaults = engine.usual()
+    check_kind(f"{engine.__name__}.usual()", defaults, engine)
+    check_settings(defaults)
+    return defaults
 
 
-def _flags_of(found: Any, command: str, known: dict[str, Any]) -> dict[str, Any]:
-    """Flags of an engine, a strategy or a task and their defaults, None for those that must be given.
+def _find_strategy(words: Sequence[str]) -> Any:
+    """Return the strategy that words name, or the teams."""
+    from iswarm_mj.strategy.library import find_strategy, find_teams
+    from iswarm_mj.strategy.pytrees import check_methods
+
+    teams = TeamFlags(find_teams(words))
+    if teams.teams:
+        plugin: Any = teams
+        strategies = list(teams.strategies.values())
+    else:
+        plugin = find_strategy(words[0])
+        strategies = [plugin]
+
+    for strategy in strategies:
+        if not isinstance(strategy, Genome):
+            check_methods(strategy)
+    return plugin
+
+
+def _find_task(name: str) -> Any:
+    """Return the class of the task that a word names."""
+    from iswarm_mj.strategy.library import TASKS, find
+    from iswarm_mj.tasks.signatures import check_methods
+
+    task = find(TASKS, name)
+    check_methods(task)
+    return task
+
+
+def _flags_of_plugin(plugin: Any, command: str, taken: dict[str, Any]) -> dict[str, Any]:
+    """Return the settings of an engine, a strategy or a task, and their defaults.
+
+    Args:
+        plugin: a class, an object that has the defaults, or teams.
+        command: its name, for messages.
+        taken: settings that the command has already.
+
+    Returns:
+        Defaults by name, None for settings that must be given.
 
     Raises:
-        UserError: one is a flag of the command, too.
+        UserError: one of them has the flag of another setting.
     """
-    if isinstance(found, TeamFlags):
-        flags = {name: _flags_of(one, command, {}) for name, one in found.strategies.items()}
-        return {f"{name}.{field}": default for name, own in flags.items() for field, default in own.items()}
-    cls = found if isinstance(found, type) else type(found)
+    if isinstance(plugin, TeamFlags):
+        return {
+            f"{team}.{name}": default
+            for team, strategy in plugin.strategies.items()
+            for name, default in _flags_of_plugin(strategy, command, {}).items()
+        }
+
+    cls = plugin if isinstance(plugin, type) else type(plugin)
     if not is_dataclass(cls):
         return {}
-    own = {f.name: None if f.default is MISSING else f.default for f in fields(cls)}
-    if clashes := [flag(name) for name in own if flag(name) in map(flag, known)]:
-        name = clashes[0].removeprefix("--").replace("-", "_")
-        raise UserError(
-            f"{cls.__name__} has a field {name}, but {clashes[0]} is already a flag of iswarm {command}; "
-            "rename the field"
-        )
-    return own
+    defaults: dict[str, Any] = {}
+    for field in fields(cls):
+        defaults[field.name] = None if field.default is MISSING else field.default
+
+    taken_flags = {flag(name) for name in taken}
+    for name in defaults:
+        if flag(name) in taken_flags:
+            field_name = flag(name).removeprefix("--").replace("-", "_")
+            raise UserError(
+                f"{cls.__name__} has a field {field_name}, "
+                f"but {flag(name)} is already a flag of iswarm {command}; rename the field"
+            )
+    return defaults

@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any, ClassVar
 
-from iswarm_mj.commands.flags import refuse
+from iswarm_mj.commands.command_settings import refuse_changed
 from iswarm_mj.commands.swarm import WithTask
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.progress import waiting
@@ -36,7 +36,7 @@ class Play(WithTask):
     def session(self) -> Any:
         """Return the run at its start, as a `Session`."""
         described = self.scenario()
-        refuse(self, ["chunk"], "on the page, which shows every step")
+        refuse_changed(self, ["chunk"], "on the page, which shows every step")
         from iswarm_mj.player.changes import Change
         from iswarm_mj.player.scenario import PageScenario
         from iswarm_mj.player.session import Session

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from iswarm_mj.commands.flags import changed, refuse
+from iswarm_mj.commands.command_settings import changed, refuse_changed
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.search.settings import Repeats
 from iswarm_mj.utils.constraints import Needs, Within, check, validate
@@ -74,7 +74,7 @@ class Reproduce(ManyRunsOptions):
         """Run the command."""
         if self.tables:
             others = [name for name in changed(self) if name not in ("tables", "results", "pages")]
-            refuse(self, others, "with `tables`, which makes no runs")
+            refuse_changed(self, others, "with `tables`, which makes no runs")
         from iswarm_mj.paper.report.reproduce import listing, parts_of, reproduce, rewrite
         from iswarm_mj.paper.studies.experiment import Plan
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from iswarm_mj.commands.flags import refuse, usual
+from iswarm_mj.commands.command_settings import refuse_changed, with_defaults
 from iswarm_mj.commands.options import ConfigOptions
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.strategy.genome import Genome, load_genome
@@ -82,34 +82,47 @@ class Swarm(ConfigOptions, RobotOptions):
         """The strategy, or the genome of the paper's."""
         return load_genome(self.genome) if self.own is None else self.own
 
-    def checked(self) -> int:
-        """Return the number of robots.
+    def number_of_robots(self) -> int:
+        """Return the number of robots, after checks of all settings that it depends on.
 
         Raises:
             UserError: a setting is out of range, or contradicts another one.
         """
         from iswarm_mj.engines.robot_file import check_total, files_of, read_robots
-        from iswarm_mj.tasks.layout import cell_of, check_robots, robots_for
+        from iswarm_mj.tasks.layout import cell_of, check_robots
 
         if self.robots is not None or self.density is not None:
-            refuse(self, ["density_of_robots"], "with `robots` or `density`")
-        arena = self.config.arena
-        genome = self.rules if isinstance(self.rules, Genome) else load_genome(self.genome)
-        if len(self.robot) == 1 and (given := self.robot[0]).isdigit() and not Path(given).exists():
-            raise UserError(f"--robot must be a file in MJCF (got {given}); perhaps you meant --robots {given}.")
-        file = self.robot_file
-        total = sum(n for _, n in files_of(file))
-        if self.density is not None and (self.robots is not None or total):
+            refuse_changed(self, ["density_of_robots"], "with `robots` or `density`")
+        self._refuse_number_as_file()
+
+        robot_file = self.robot_file
+        n_of_files = sum(n for _, n in files_of(robot_file))
+        if self.density is not None and (self.robots is not None or n_of_files):
             other = "--robots" if self.robots is not None else "numbers of robots in --robot"
             raise UserError(f"{other} and --density exclude each other; give one of them.")
-        n_robots = self.robots or total
-        if not n_robots:
-            own = ("density_of_robots", genome.density_of_robots)
-            name, density = own if self.density is None else ("density", self.density)
-            n_robots = robots_for(arena, density, name)
-        check_total(file, n_robots)
-        check_robots(arena, n_robots, cell_of(read_robots(file)))
+
+        n_robots = self.robots or n_of_files or self._number_by_density()
+        check_total(robot_file, n_robots)
+        check_robots(self.config.arena, n_robots, cell_of(read_robots(robot_file)))
         return n_robots
+
+    def _refuse_number_as_file(self) -> None:
+        """Refuse a number given to `--robot`, which was meant for `--robots`."""
+        if len(self.robot) != 1:
+            return
+        word = self.robot[0]
+        if word.isdigit() and not Path(word).exists():
+            raise UserError(f"--robot must be a file in MJCF (got {word}); perhaps you meant --robots {word}.")
+
+    def _number_by_density(self) -> int:
+        """Return the number of robots that follows from `density`, or from the genome's."""
+        from iswarm_mj.tasks.layout import robots_for
+
+        arena = self.config.arena
+        if self.density is not None:
+            return robots_for(arena, self.density, "density")
+        genome = self.rules if isinstance(self.rules, Genome) else load_genome(self.genome)
+        return robots_for(arena, genome.density_of_robots, "density_of_robots")
 
     def scenario(self, **fields: Any) -> Any:
         """Return the `Scenario` that the flags describe.
@@ -118,9 +131,9 @@ class Swarm(ConfigOptions, RobotOptions):
             fields: further fields of the scenario, of flags that only some commands have.
 
         Raises:
-            UserError: see `checked`.
+            UserError: see `number_of_robots`.
         """
-        n_robots = self.checked()
+        n_robots = self.number_of_robots()
         from iswarm_mj.simulation.scenario import Scenario
 
         return Scenario(
@@ -131,9 +144,15 @@ class Swarm(ConfigOptions, RobotOptions):
             engine=self.engine_settings,
             seed=self.seed,
             worlds=self.worlds,
-            strategy_name=shlex.join(self.controller) if self.controller[1:] else "".join(self.controller),
+            strategy_name=self._strategy_name(),
             **fields,
         )
+
+    def _strategy_name(self) -> str:
+        """Return the words of `--strategy` as one text, of which a shell makes the words again."""
+        if len(self.controller) > 1:
+            return shlex.join(self.controller)
+        return "".join(self.controller)
 
 
 def run_of(scenario: Any, record_worlds: tuple[int, ...] = ()) -> Any:
@@ -153,18 +172,23 @@ class WithTask(TaskOptions, Swarm):
         """See `Swarm.scenario`."""
         return super().scenario(task=self.task, task_name=self.task_name, **fields)
 
-    def checked(self) -> int:
-        """See `Swarm.checked`."""
-        for group, _, part in (name.partition(".") for name in self.task.unused):
-            unused = [part] if part else [f.name for f in fields(getattr(self, group))]
-            idle = [f"{group}.{name}" for name in unused if self._could_be_usual(group, name)]
-            refuse(self, idle, f"in the task {type(self.task).__name__}")
-        return super().checked()
+    def number_of_robots(self) -> int:
+        """See `Swarm.number_of_robots`; settings that the task does not use are refused."""
+        for setting in self.task.unused:
+            group, _, name = setting.partition(".")
+            names = [name] if name else [field.name for field in fields(getattr(self, group))]
+            refused = [f"{group}.{each}" for each in names if self._allows_default(group, each)]
+            refuse_changed(self, refused, f"in the task {type(self.task).__name__}")
+        return super().number_of_robots()
 
-    def _could_be_usual(self, group: str, name: str) -> bool:
-        """Whether the other settings allow the default of this one, which in a small arena they may refuse."""
+    def _allows_default(self, group: str, name: str) -> bool:
+        """Return whether the other settings allow the default of this one.
+
+        In a small arena they may not.
+        """
+        default = getattr(getattr(with_defaults(self), group), name)
         try:
-            replace(getattr(self, group), **{name: getattr(getattr(usual(self), group), name)})
+            replace(getattr(self, group), **{name: default})
         except ConfigError:
             return False
         return True

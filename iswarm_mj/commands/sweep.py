@@ -12,20 +12,29 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from iswarm_mj.commands.clean import Clean, Run
-from iswarm_mj.commands.flags import changed, flag, idle, in_flags, refuse, settings, switch, without_effect
+from iswarm_mj.commands.command_settings import (
+    changed,
+    ineffective_settings,
+    refuse_changed,
+    settings,
+    without_effect,
+)
+from iswarm_mj.commands.flags import flag, in_flags, switch
 from iswarm_mj.commands.parser import parse
 from iswarm_mj.commands.swarm import run_of
 from iswarm_mj.strategy.library import sources
 from iswarm_mj.utils.constraints import check, spaced, validate
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
-MOST_RUNS = 10_000
+MAX_RUNS = 10_000
 _FORM = "FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as density=0.1:0.4:7 or genome=type1,evolved"
 _COMMANDS: dict[str, type] = {"clean": Clean, "run": Run}
 _SWITCHES = ("--again", "-h", "--help", "--help-all", "--help_all")
-_FLAGS = ("--over", "--out", *_SWITCHES)
-"""Of the sweep itself; all others are of its command."""
-_UNUSED = ("out", "record_worlds", "record_grasps")
+"""Flags of the sweep itself that take no value."""
+_OWN_FLAGS = ("--over", "--out", *_SWITCHES)
+"""Flags of the sweep itself; all others are those of its command."""
+_WITHOUT_EFFECT = ("out", "record_worlds", "record_grasps")
+"""Settings of the command that have no effect on the runs of a sweep."""
 
 
 @dataclass(frozen=True)
@@ -49,92 +58,159 @@ class Sweep:
     @classmethod
     def parse(cls, arguments: Sequence[str]) -> "Sweep":
         """Return the sweep that arguments describe, see `parser.parse`."""
-        own, given = cls._split(arguments)
-        return replace(parse("sweep", cls, own), given=given)
-
-    @staticmethod
-    def _split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-        """Return the arguments of the sweep, and those of its command."""
-        own: list[str] = []
-        rest: list[str] = []
-        part = rest
-        for word in arguments:
-            if word.startswith("-"):
-                part = own if word.partition("=")[0] in _FLAGS else rest
-            part.append(word)
-            if word in _SWITCHES:
-                part = rest
-        command, rest = (rest[:1], rest[1:]) if rest and not rest[0].startswith("-") else ([], rest)
-        return [*command, *own], tuple(rest)
+        own_arguments, command_arguments = _split(arguments)
+        return replace(parse("sweep", cls, own_arguments), given=command_arguments)
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.search.sweep import Variant, summary, sweep
+        from iswarm_mj.search.sweep import summary, sweep
 
-        over = {name: values for name, values in map(_values, self.over)}
-        check("over", self.over, f"one or more of {_FORM}, each flag once", 0 < len(over) == len(self.over))
+        over = dict(map(_read_values, self.over))
+        is_once_each = 0 < len(over) == len(self.over)
+        check("over", self.over, f"one or more of {_FORM}, each flag once", is_once_each)
         n_runs = math.prod(map(len, over.values()))
-        check("over", f"{n_runs} runs", f"values that make at most {MOST_RUNS} runs", n_runs <= MOST_RUNS)
-        labels, variants = [_labels(values) for values in over.values()], []
-        unused: dict[str, UserError] = {}
-        used: set[str] = set()
-        for values, found in zip(product(*over.values()), product(*labels), strict=True):
-            own = [word for name, value in zip(over, values, strict=True) for word in _words(name, value)]
-            command: Any = parse(self.command, _COMMANDS[self.command], [*self.given, *own])
-            given = [(name, str(value), _content(value)) for name, value, *_ in settings(command) if name != "out"]
-            try:
-                refuse(command, _UNUSED, "on the runs of a sweep, which are not recorded")
-                make = partial(run_of, command.scenario())  # refuses settings before any run
-            except UserError as error:
-                raise _in_its_flags(error, command) from None
-            own_idle = idle(command)
-            unused |= {name: _in_its_flags(without_effect(name, why), command) for name, why in own_idle.items()}
-            used |= {*changed(command)} - {*own_idle}
-            variants.append(Variant(dict(zip(over, found, strict=True)), repr((self.command, given)), make))
-        for error in (error for name, error in unused.items() if name not in used):  # by no run
-            raise error
+        allowed = f"values that make at most {MAX_RUNS} runs"
+        check("over", f"{n_runs} runs", allowed, n_runs <= MAX_RUNS)
+
+        variants = self._variants(over)
         about = {"command": self.command, "arguments": self.given, "over": list(over)}
         rows = sweep(variants, self.out, about, self.again)
-        lines = *summary(rows, list(over)), "", f"medians over worlds; all worlds in {self.out / 'sweep.csv'}"
-        print("\n".join(lines))
-        if faults := [row["fault"] for row in rows if row["fault"]]:
+        print("\n".join(summary(rows, list(over))))
+        print(f"\nmedians over worlds; all worlds in {self.out / 'sweep.csv'}")
+
+        faults = [row["fault"] for row in rows if row["fault"]]
+        if faults:
             raise SimulationFault(f"{len(faults)} of {len(rows)} worlds had a fault, the first: {faults[0]}")
 
+    def _variants(self, over: dict[str, list[str]]) -> list[Any]:
+        """Return the runs, one for each combination of values.
 
-def _in_its_flags(error: UserError, command: Any) -> UserError:
-    """An error of the command whose flags vary, with these in place of settings."""
-    return UserError(in_flags(error, [name for name, *_ in settings(command)]))
+        Args:
+            over: values of each setting that varies, by its name.
+
+        Raises:
+            UserError: a run refuses its settings, or no run has an effect of one of them.
+        """
+        from iswarm_mj.search.sweep import Variant
+
+        labels = [_labels(values) for values in over.values()]
+        variants = []
+        error_of_idle: dict[str, UserError] = {}
+        effective: set[str] = set()
+        for values, row_labels in zip(product(*over.values()), product(*labels), strict=True):
+            command = self._command_with(dict(zip(over, values, strict=True)))
+            try:
+                reason = "on the runs of a sweep, which are not recorded"
+                refuse_changed(command, _WITHOUT_EFFECT, reason)
+                make_run = partial(run_of, command.scenario())  # checks all settings
+            except UserError as error:
+                raise _in_flags_of(error, command) from None
+
+            ineffective = ineffective_settings(command)
+            effective |= set(changed(command)) - ineffective.keys()
+            for name, reason in ineffective.items():
+                error_of_idle[name] = _in_flags_of(without_effect(name, reason), command)
+
+            row = dict(zip(over, row_labels, strict=True))
+            variants.append(Variant(row, self._identity(command), make_run))
+
+        for name, error in error_of_idle.items():
+            if name not in effective:
+                raise error
+        return variants
+
+    def _command_with(self, values: dict[str, str]) -> Any:
+        """Return the command with these values of what varies."""
+        arguments = [*self.given]
+        for name, value in values.items():
+            arguments += _argument(name, value)
+        return parse(self.command, _COMMANDS[self.command], arguments)
+
+    def _identity(self, command: Any) -> str:
+        """Return a text of all that determines the results of a run."""
+        content = [
+            (setting.name, str(setting.value), _hash_of_files(setting.value))
+            for setting in settings(command)
+            if setting.name != "out"
+        ]
+        return repr((self.command, content))
 
 
-def _values(text: str) -> tuple[str, list[str]]:
-    """Name and values of a setting."""
-    name, _, values = text.partition("=")
+def _split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
+    """Return the arguments of the sweep, its command included, and those of the command."""
+    own: list[str] = []
+    others: list[str] = []
+    destination = others
+    for word in arguments:
+        if word.startswith("-"):
+            destination = own if word.partition("=")[0] in _OWN_FLAGS else others
+        destination.append(word)
+        if word in _SWITCHES:
+            destination = others
+
+    has_command = bool(others) and not others[0].startswith("-")
+    if has_command:
+        return [others[0], *own], tuple(others[1:])
+    return own, tuple(others)
+
+
+def _in_flags_of(error: UserError, command: Any) -> UserError:
+    """Return an error with flags in place of the settings of the command whose flags vary."""
+    return UserError(in_flags(error, [setting.name for setting in settings(command)]))
+
+
+def _read_values(text: str) -> tuple[str, list[str]]:
+    """Return the name and the values of a setting that varies.
+
+    Args:
+        text: a word of `--over`.
+
+    Raises:
+        ConfigError: it has another form.
+    """
+    name, _, form = text.partition("=")
+    is_range = form.count(":") == 2 and "," not in form
     try:
-        is_range = values.count(":") == 2 and "," not in values
-        found = spaced(values, MOST_RUNS) if is_range else list(dict.fromkeys(filter(None, values.split(","))))
+        if is_range:
+            values = spaced(form, MAX_RUNS)
+        else:
+            values = list(dict.fromkeys(filter(None, form.split(","))))
     except ValueError:
-        found = []
-    check("over", text, _FORM, bool(name) and bool(found))
-    return name.lstrip("-").replace("-", "_"), found
+        values = []
+    check("over", text, _FORM, bool(name) and bool(values))
+    return name.lstrip("-").replace("-", "_"), values
 
 
-def _words(name: str, value: str) -> list[str]:
-    """What gives a setting a value."""
-    return [switch(name, value == "True")] if value in ("True", "False") else [flag(name), value]
+def _argument(name: str, value: str) -> list[str]:
+    """Return the arguments that give a setting a value."""
+    if value in ("True", "False"):
+        return [switch(name, value == "True")]
+    return [flag(name), value]
 
 
-def _content(value: Any) -> str:
-    """What determines a run beside its settings: a hash of the files that one of them names, also as FILE.py:CLASS,
-    with what these import."""
-    words = [str(word) for word in (value if isinstance(value, tuple) else (value,)) if isinstance(word, str | Path)]
-    names = [name for word in words for name in (word, word.rpartition(":")[0])]
-    named = [Path(name) for name in names if name and Path(name).is_file()]
-    files = [one for path in named for one in (sources(path) if path.suffix == ".py" else [path])]
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest() if files else ""
+def _hash_of_files(value: Any) -> str:
+    """Return a hash of the files that a setting names, also as FILE.py:CLASS.
+
+    Files of Python count with what they import. Without files the hash is empty.
+    """
+    words = value if isinstance(value, tuple) else (value,)
+    names = []
+    for word in words:
+        if isinstance(word, str | Path):
+            names += [str(word), str(word).rpartition(":")[0]]
+
+    files: list[Path] = []
+    for name in names:
+        if name and Path(name).is_file():
+            path = Path(name)
+            files += sources(path) if path.suffix == ".py" else [path]
+    if not files:
+        return ""
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def _labels(texts: Sequence[str]) -> Sequence[Any]:
-    """Values of a setting as the table has them: numbers where all are."""
+    """Return the values of a setting as the table has them: numbers where all are."""
     for kind in (int, float):
         try:
             return [kind(text) for text in texts]

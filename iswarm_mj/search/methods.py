@@ -1,4 +1,6 @@
-"""Methods of searching for a fit genome, one generation at a time: the paper's, and two for comparison. Pure.
+"""Methods of searching for a fit genome, one generation at a time.
+
+The paper's evolution, and two others for comparison. Nothing here runs a swarm.
 
 A search is a generator: it yields the individuals of a generation and is sent their fitness. Its random numbers depend
 on the seed and the generation only, so that the same fitness values lead to the same genomes when it is repeated.
@@ -34,9 +36,10 @@ from jaxtyping import Float
 from iswarm_mj.strategy.genome import Genome, Share
 from iswarm_mj.utils.constraints import Above, Within, check, validate
 
-NAMES = [f.name for f in fields(Genome)]
-IS_BOOLEAN = np.array([f.type is bool for f in fields(Genome)])
-"""(P,) which of the P parameters are Booleans; in vectors they are 0 or 1."""
+NAMES = [field.name for field in fields(Genome)]
+"""Names of the P parameters of a genome."""
+IS_BOOLEAN = np.array([field.type is bool for field in fields(Genome)])
+"""Whether each of the P parameters is a Boolean (P,); in vectors Booleans are 0 or 1."""
 SIGMA = 0.3
 """Standard deviation of CMA-ES at the start, as a share of the ranges."""
 
@@ -46,9 +49,10 @@ class Operators:
     """Rates of the evolution; the defaults are the paper's where the module's docstring says so."""
 
     elite: Annotated[int, Within(0)] = 2
-    """Fittest swarms that pass to the next generation without any change."""
+    """Number of the fittest swarms that pass to the next generation unchanged."""
     dependent_rate: Share = 0.5
-    """Probability that a parameter mutates to a value near its own; for a Boolean see `boolean_mutation`."""
+    """Probability that a parameter mutates to a value near its own; for a Boolean see
+    `boolean_mutation`."""
     span: Share = 0.05
     """Largest difference from its own value in a dependent mutation. Section 4.6: "the span of mutation was +-0.05 of
     the parent's parameter value"."""
@@ -87,37 +91,47 @@ class Individual(NamedTuple):
 
     genome: Genome
     origin: str
-    """random, elite, mutation, intermediate (crossover), discrete (crossover), or the name of another method."""
+    """Operator that made it: random, elite, mutation, intermediate (crossover), discrete
+    (crossover); or the name of another method."""
     parents: tuple[int, ...] = ()
-    """Their places in the generation before."""
+    """Indices of its parents in the generation before."""
 
 
 Proposals = Generator[list[Individual], Sequence[float], None]
+"""A search: yields the individuals of a generation, and is sent their fitness."""
 
 
 def to_vector(genome: Genome) -> Float[np.ndarray, "P"]:
-    """Values of a genome, Booleans as 0 or 1."""
+    """Return the values of a genome, Booleans as 0 or 1."""
     return np.array([getattr(genome, name) for name in NAMES], float)
 
 
 def to_genome(vector: Float[np.ndarray, "P"]) -> Genome:
-    """Genome with these values; a Boolean is true above 0.5."""
-    values: list[Any] = [bool(v > 0.5) if b else float(v) for v, b in zip(vector, IS_BOOLEAN, strict=True)]
+    """Return the genome with these values; a Boolean is true above 0.5."""
+    values: list[Any] = []
+    for value, is_boolean in zip(vector, IS_BOOLEAN, strict=True):
+        values.append(bool(value > 0.5) if is_boolean else float(value))
     return Genome(*values)
 
 
 @cache
 def ranges(operators: Operators) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest values of the parameters (P,), (P,)."""
-    low, high = np.zeros(len(NAMES)), np.ones(len(NAMES))
+    """Return the least and the largest values of the parameters, (P,) each."""
+    low = np.zeros(len(NAMES))
+    high = np.ones(len(NAMES))
     density = NAMES.index("density_of_robots")
-    low[density], high[density] = operators.density_min, operators.density_max
-    low.flags.writeable = high.flags.writeable = False  # they are kept
+    low[density] = operators.density_min
+    high[density] = operators.density_max
+    for limits in (low, high):
+        limits.flags.writeable = False  # all callers share them
     return low, high
 
 
 def random_vector(operators: Operators, rng: np.random.Generator, shape: tuple[int, ...] = ()) -> np.ndarray:
-    """Draw values (*shape, P) uniformly from their ranges; Booleans are true or false with equal probability."""
+    """Draw values (*shape, P) uniformly from their ranges.
+
+    Booleans are true or false with equal probability.
+    """
     vector = rng.uniform(*ranges(operators), (*shape, len(NAMES)))
     return np.where(IS_BOOLEAN, vector > 0.5, vector)
 
@@ -128,69 +142,93 @@ def random_population(operators: Operators, size: int, rng: np.random.Generator)
 
 
 def selection_probabilities(fitness: Sequence[float]) -> Float[np.ndarray, "B"]:
-    """Probability that each of B swarms is drawn as a parent: its share of the total fitness above zero."""
+    """Return the probability that each of B swarms is drawn as a parent.
+
+    It is the swarm's share of the total fitness, where a fitness below zero counts as zero.
+    """
     weight = np.maximum(fitness, 0.0)
     total = weight.sum()
     return weight / total if total > 0 else np.full(len(weight), 1 / len(weight))
 
 
 def cross_over(
-    operators: Operators, one: np.ndarray, other: np.ndarray, rng: np.random.Generator
+    operators: Operators, first: np.ndarray, second: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, str]:
-    """Values of a child of two parents (P,), and which kind of crossover it was."""
-    from_one = rng.random(len(one)) < 0.5
-    either = np.where(from_one, one, other)
+    """Return the values of a child of two parents (P,), and the kind of the crossover."""
+    is_of_first = rng.random(len(first)) < 0.5
+    either = np.where(is_of_first, first, second)
     if rng.random() < operators.intermediate_share:
-        return np.where(IS_BOOLEAN, either, (one + other) / 2), "intermediate"
+        return np.where(IS_BOOLEAN, either, (first + second) / 2), "intermediate"
     return either, "discrete"
 
 
 def mutate(operators: Operators, vector: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Values (*M, P) after dependent and independent mutation of each."""
+    """Return values (*M, P) after dependent and independent mutation of each."""
     shape = vector.shape
+
+    # Dependent mutation: a value near the parent's, within its range.
     span = operators.span * (vector if operators.relative_span else 1.0)
     near = np.clip(vector + rng.uniform(-1.0, 1.0, shape) * span, *ranges(operators))
-    flags = 1.0 - vector if operators.boolean_mutation == "flip" else vector
-    if operators.boolean_mutation == "redraw":
-        flags = np.where(rng.random(shape) < 0.5, 1.0, 0.0)
-    near = np.where(IS_BOOLEAN, flags, near)
-    vector = np.where(rng.random(shape) < operators.dependent_rate, near, vector)
-    return np.where(rng.random(shape) < operators.independent_rate, random_vector(operators, rng, shape[:-1]), vector)
+    match operators.boolean_mutation:
+        case "flip":
+            booleans = 1.0 - vector
+        case "redraw":
+            booleans = np.where(rng.random(shape) < 0.5, 1.0, 0.0)
+        case "keep":
+            booleans = vector
+    dependent = np.where(IS_BOOLEAN, booleans, near)
+    vector = np.where(rng.random(shape) < operators.dependent_rate, dependent, vector)
+
+    # Independent mutation: a new value from the whole range.
+    mutates = rng.random(shape) < operators.independent_rate
+    return np.where(mutates, random_vector(operators, rng, shape[:-1]), vector)
 
 
 def next_generation(
-    operators: Operators, population: Sequence[Genome], fitness: Sequence[float], rng: np.random.Generator
+    operators: Operators,
+    population: Sequence[Genome],
+    fitness: Sequence[float],
+    rng: np.random.Generator,
 ) -> list[Individual]:
-    """Draw the generation that follows `population`, of the same size; the elite comes first, the fittest ahead."""
+    """Draw the generation that follows a population, of the same size.
+
+    The elite comes first, its fittest ahead.
+    """
     ranking = np.argsort(-np.asarray(fitness, float), kind="stable")
     elite = [Individual(population[i], "elite", (int(i),)) for i in ranking[: operators.elite]]
-    vectors, chance = [to_vector(genome) for genome in population], selection_probabilities(fitness)
+    vectors = [to_vector(genome) for genome in population]
+    probabilities = selection_probabilities(fitness)
 
-    def offspring() -> Individual:
-        one, other = (int(i) for i in rng.choice(len(population), 2, p=chance))
-        vector, origin, parents = vectors[one], "mutation", (one,)
+    def draw_offspring() -> Individual:
+        first, second = (int(i) for i in rng.choice(len(population), 2, p=probabilities))
         if rng.random() < operators.crossover_rate:
-            (vector, origin), parents = cross_over(operators, vector, vectors[other], rng), (one, other)
+            vector, origin = cross_over(operators, vectors[first], vectors[second], rng)
+            parents = (first, second)
+        else:
+            vector, origin = vectors[first], "mutation"
+            parents = (first,)
         return Individual(to_genome(mutate(operators, vector, rng)), origin, parents)
 
-    return elite + [offspring() for _ in range(len(population) - len(elite))]
+    return elite + [draw_offspring() for _ in range(len(population) - len(elite))]
 
 
 def generator(seed: int, generation: int) -> np.random.Generator:
-    """Random numbers of a generation."""
+    """Return the random numbers of a generation."""
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(generation,)))
 
 
 def _random(operators: Operators, size: int, seed: int) -> Proposals:
+    """Draw each generation as the first one."""
     for generation in count():
         yield random_population(operators, size, generator(seed, generation))
 
 
 def _paper(operators: Operators, size: int, seed: int) -> Proposals:
-    """The elite is evaluated again in each generation, with other random numbers.
+    """Evolve as the paper does.
 
-    This yields the paper's 1200 simulations in 120 generations of 10 swarms, and a swarm that was lucky once does not
-    stay at the top.
+    The elite is evaluated again in each generation, with other random numbers. This yields the
+    paper's 1200 simulations in 120 generations of 10 swarms, and a swarm that was lucky once does
+    not stay at the top.
     """
     population = random_population(operators, size, generator(seed, 0))
     for generation in count(1):
@@ -200,26 +238,47 @@ def _paper(operators: Operators, size: int, seed: int) -> Proposals:
 
 
 def _cmaes(operators: Operators, size: int, seed: int) -> Proposals:
-    """CMA-ES with margin (Hamano et al. 2022), of the `cmaes` package, from the middle of the ranges.
+    """Search by CMA-ES with margin (Hamano et al. 2022), of the `cmaes` package.
 
-    The search space is the unit cube, onto which the ranges are mapped; a Boolean is true above 0.5, and the margin
-    keeps both of its values possible. When the search has converged, it restarts at a random point.
+    The search space is the unit cube, onto which the ranges are mapped; a Boolean is true above
+    0.5, and the margin keeps both of its values possible. The search begins in the middle, and
+    restarts at a random point when it has converged.
     """
-    from cmaes import CMAwM  # it imports scipy.stats, which takes long, and flags need this module
-
     low, high = ranges(operators)
     search = None
     for generation in count():
-        if search is None or search.should_stop():
-            mean = np.full(len(low), 0.5) if search is None else generator(seed, generation).random(len(low))
-            number, bounds = int(generator(seed, generation).integers(2**31)), np.tile([0.0, 1.0], (len(low), 1))
-            with np.errstate(divide="ignore"):  # of two or three, one is learned from; its rank-mu update has no weight
-                search = CMAwM(mean, SIGMA, bounds, IS_BOOLEAN.astype(float), seed=number, population_size=size)
-        asked = [search.ask() for _ in range(size)]
-        values = [low + np.clip(x, 0.0, 1.0) * (high - low) for x, _ in asked]
-        fitness = yield [Individual(to_genome(np.clip(v, low, high)), "cmaes") for v in values]
-        search.tell([(point, -value) for (_, point), value in zip(asked, fitness, strict=True)])
+        if search is None:
+            search = _new_cmaes(np.full(len(low), 0.5), size, generator(seed, generation))
+        elif search.should_stop():
+            start = generator(seed, generation).random(len(low))
+            search = _new_cmaes(start, size, generator(seed, generation))
+
+        candidates = [search.ask() for _ in range(size)]
+        individuals = []
+        for point, _ in candidates:
+            vector = low + np.clip(point, 0.0, 1.0) * (high - low)
+            individuals.append(Individual(to_genome(np.clip(vector, low, high)), "cmaes"))
+
+        fitness = yield individuals
+        search.tell([(learnt, -value) for (_, learnt), value in zip(candidates, fitness, strict=True)])
+
+
+def _new_cmaes(start: np.ndarray, size: int, rng: np.random.Generator) -> Any:
+    """Return a search in the unit cube that begins at a point, its seed drawn from `rng`."""
+    from cmaes import CMAwM  # it imports scipy.stats, which takes long, and flags need this module
+
+    bounds = np.tile([0.0, 1.0], (len(start), 1))
+    # Of populations of two or three one is learned from, and the rank-mu update has no weight.
+    with np.errstate(divide="ignore"):
+        return CMAwM(
+            start,
+            SIGMA,
+            bounds,
+            IS_BOOLEAN.astype(float),
+            seed=int(rng.integers(2**31)),
+            population_size=size,
+        )
 
 
 METHODS = {"paper": _paper, "random": _random, "cmaes": _cmaes}
-"""Searches by operators, genomes of a generation, and seed, in the order in which their results stand."""
+"""Searches by operators, size of a generation, and seed, in the order of their results."""

@@ -1,4 +1,7 @@
-"""Jobs, each the run of one world: in worker processes of this machine, on a cluster, or as batches in this process."""
+"""Jobs, each the run of one world.
+
+They are executed in worker processes of this machine, on a cluster, or as batches in this process.
+"""
 
 import math
 from collections.abc import Generator, Mapping, Sequence
@@ -35,11 +38,11 @@ class Job:
     config: SwarmConfig
     genome: Genome
     n_robots: int
-    """Used instead of the genome's density."""
+    """Number of robots, in place of the genome's density."""
     seed: int
-    """Of all random numbers, as in `Scenario`."""
+    """Seed of all random numbers, as in `Scenario`."""
     steps: int = 800
-    """Largest number of control steps."""
+    """Maximum number of control steps."""
     stop_at: int | None = None
     """Number of delivered balls at which the run ends; None for all."""
     failed_fraction: float = 0.0
@@ -47,7 +50,7 @@ class Job:
 
 
 Outcome = dict[str, Any]
-"""What a finished job came to, by `COLUMNS` of a table."""
+"""Outcome of a finished job, by `COLUMNS` of a table."""
 COLUMNS = (*Measures._fields, "steps", "fitness")
 """Measures, control steps taken, and the paper's fitness over the job's steps."""
 NumberedOutcomes = Generator[tuple[int, Outcome], None, None]
@@ -55,7 +58,7 @@ NumberedOutcomes = Generator[tuple[int, Outcome], None, None]
 
 
 def outcome_of(measures: Measures, steps: int, points: float) -> Outcome:
-    """Columns of a finished job."""
+    """Return the outcome of a finished job."""
     return dict(zip(COLUMNS, (*measures, steps, points), strict=True))
 
 
@@ -64,23 +67,26 @@ class Execution:
     """How jobs are executed. Outcomes depend on the engine only."""
 
     engine: EngineSettings = field(default_factory=MujocoSettings)
-    """Physics. With a compiled engine jobs of equal settings are one batch of worlds in this process."""
+    """Physics. With a compiled engine, jobs of equal settings are one batch of worlds in this
+    process."""
     workers: Workers = 0
-    """Worker processes, not of batches: 0 for one per core (of the cluster, with Ray), 1 for this process itself."""
+    """Worker processes, except for batches: 0 for one per core (of the cluster, with Ray), 1 for
+    this process itself."""
     backend: Backend = "processes"
-    """Workers: processes of this machine, or ray, a cluster (the one at RAY_ADDRESS, if that is set)."""
+    """Workers: processes of this machine, or ray, a cluster (that at RAY_ADDRESS, if it is set)."""
 
     def __post_init__(self):
         validate(self)
         is_usable = self.backend != "ray" or not self.in_batches
         impl = f" and `impl` {self.engine.impl}" if hasattr(self.engine, "impl") else ""
-        check("backend", self.backend, f"processes with `engine` {self.engine.name}{impl}", is_usable)
+        allowed = f"processes with `engine` {self.engine.name}{impl}"
+        check("backend", self.backend, allowed, is_usable)
 
     @property
     def settings(self) -> EngineSettings:
-        """Settings of the engine, of one thread on the host."""
+        """Settings of the engine for many runs, each of one thread on the host."""
         engine = self.engine.for_batches()
-        return replace(engine, **{"threads": 1} if hasattr(engine, "threads") else {})
+        return replace(engine, threads=1) if hasattr(engine, "threads") else engine
 
     @property
     def in_batches(self) -> bool:
@@ -90,11 +96,13 @@ class Execution:
     @property
     def identity(self) -> dict[str, Any]:
         """Settings that identify the engine in files."""
-        return {name: value for name, value in self.engine.identity.items() if name != "contact_capacity"}
+        identity = dict(self.engine.identity)
+        identity.pop("contact_capacity", None)
+        return identity
 
 
 def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
-    """Yield (index of the job, outcome) as jobs finish; the longest jobs start first.
+    """Yield the index and the outcome of each job as it finishes; the longest jobs start first.
 
     Leaving the iterator early, by an exception or by closing it, stops the workers.
 
@@ -104,13 +112,13 @@ def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
     """
     if execution.in_batches:
         return run_batches(jobs, execution.settings)
-    numbered = sorted(enumerate(jobs), key=lambda item: -item[1].n_robots * item[1].steps)
-    given = ((index, job, execution.settings) for index, job in numbered)
-    return unordered(run_numbered, given, execution.workers, execution.backend)
+    longest_first = sorted(enumerate(jobs), key=lambda numbered: -numbered[1].n_robots * numbered[1].steps)
+    arguments = ((index, job, execution.settings) for index, job in longest_first)
+    return unordered(run_numbered, arguments, execution.workers, execution.backend)
 
 
 def run_missing(jobs: Mapping[Key, Job], journal: Journal, execution: Execution, bar: Progress) -> list[Outcome]:
-    """Return the outcomes of jobs, of which those are run that are not in the journal; it has them then."""
+    """Run the jobs that are not in a journal, add them to it, and return the outcomes of all."""
     missing = [key for key in jobs if key not in journal.entries]
     with closing(run_jobs([jobs[key] for key in missing], execution)) as finished:
         for index, outcome in finished:
@@ -121,61 +129,101 @@ def run_missing(jobs: Mapping[Key, Job], journal: Journal, execution: Execution,
 
 
 def progress(total: int, describe: str = "", done: int = 0) -> Progress:
-    """Progress with the remaining time, for `total` runs of which `done` are known already."""
-    return Progress(total, "run", describe, done, waiting="compiling, and waiting for the first run to end")
+    """Return the progress of runs, with the remaining time.
+
+    Args:
+        total: number of the runs.
+        describe: what they are, before the bar.
+        done: number of those whose outcome is known already.
+    """
+    waiting = "compiling, and waiting for the first run to end"
+    return Progress(total, "run", describe, done, waiting=waiting)
 
 
 def outcomes(jobs: Sequence[Job], engine: EngineSettings) -> list[Outcome]:
-    """Run jobs that share all but what worlds may differ in, as worlds of one run; the first fault is raised.
+    """Run jobs as worlds of one run; the first fault is raised.
+
+    Args:
+        jobs: share everything that the worlds of one run must share.
+        engine: of the run.
 
     Raises:
         UserError: the arena is too small for the robots.
         SimulationFault: a run cannot go on; the message names the job.
     """
-    job, sizes = jobs[0], [job.n_robots for job in jobs]
-    capacity = largest = max(sizes)
-    if engine.on_host or min(sizes) < largest:
-        capacity = -(-largest // CAPACITY_STEP) * CAPACITY_STEP
-    if not engine.on_host:
-        capacity = min(capacity, len(free_cells(job.config.arena)))
-    worlds = [
-        World(one.genome, one.n_robots, one.seed, failed_fraction=one.failed_fraction, config=one.config)
-        for one in jobs
-    ]
-    scenario = Scenario(job.config, worlds=worlds, steps=job.steps, goal=job.stop_at, engine=engine)
-    run = Run(scenario, record_worlds=(), capacity=capacity)
+    first = jobs[0]
+    scenario = Scenario(
+        first.config,
+        worlds=[_world(job) for job in jobs],
+        steps=first.steps,
+        goal=first.stop_at,
+        engine=engine,
+    )
+    run = Run(scenario, record_worlds=(), capacity=_capacity(jobs, engine))
     while not run.is_over:
         run.advance()
-    found = []
-    for world, (one, fault) in enumerate(zip(jobs, run.fault_of_each, strict=True)):
+
+    results = []
+    for world, (job, fault) in enumerate(zip(jobs, run.fault_of_each, strict=True)):
         if fault is not None:
-            raise SimulationFault(f"run of {one.n_robots} robots with seed {one.seed}: {fault}")
+            raise SimulationFault(f"run of {job.n_robots} robots with seed {job.seed}: {fault}")
         measures = run.measures(world)
-        points = fitness(measures, one.n_robots, one.config.arena.n_dust, one.steps)
-        found.append(outcome_of(measures, measures.finished_at or one.steps, points))
-    return found
+        points = fitness(measures, job.n_robots, job.config.arena.n_dust, job.steps)
+        results.append(outcome_of(measures, measures.finished_at or job.steps, points))
+    return results
+
+
+def _capacity(jobs: Sequence[Job], engine: EngineSettings) -> int:
+    """Return the places for robots with which as many jobs as possible share a program."""
+    sizes = [job.n_robots for job in jobs]
+    capacity = max(sizes)
+    if engine.on_host or min(sizes) < max(sizes):
+        capacity = math.ceil(capacity / CAPACITY_STEP) * CAPACITY_STEP
+    if not engine.on_host:
+        capacity = min(capacity, len(free_cells(jobs[0].config.arena)))
+    return capacity
+
+
+def _world(job: Job) -> World:
+    """Return the world of a job."""
+    return World(
+        job.genome,
+        job.n_robots,
+        job.seed,
+        failed_fraction=job.failed_fraction,
+        config=job.config,
+    )
 
 
 def run_numbered(index: int, job: Job, engine: EngineSettings) -> tuple[int, Outcome]:
-    """Run a job in a worker, which returns its number, too; see `outcomes`."""
+    """Run a job in a worker, and return its index, too; see `outcomes`."""
     return index, outcomes([job], engine)[0]
 
 
 def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes:
-    """Yield (index of the job, outcome), a batch at a time: jobs with all in common that worlds share are one batch.
+    """Yield the index and the outcome of each job, a batch at a time.
 
-    Rounding depends slightly on the number of robots in the largest world, the size of the contact buffers and, on
-    GPUs, the number of worlds. The same job may therefore end differently, but equally likely, in another batch.
+    A batch has jobs that share everything that the worlds of one run must share.
+
+    Rounding depends slightly on the number of robots in the largest world, the size of the contact
+    buffers and, on GPUs, the number of worlds. The same job may therefore end differently, but
+    equally likely, in another batch.
     """
-    alike: dict[Any, list[int]] = {}
+    indices_of: dict[Any, list[int]] = {}
     for index, job in enumerate(jobs):
-        alike.setdefault((shared_settings(job.config), job.steps, job.stop_at), []).append(index)
-    for indices in (part for every in alike.values() for part in _parts(every, jobs, engine)):
-        yield from zip(indices, outcomes([jobs[index] for index in indices], engine), strict=True)
+        shared = (shared_settings(job.config), job.steps, job.stop_at)
+        indices_of.setdefault(shared, []).append(index)
+
+    for alike in indices_of.values():
+        for batch in _fitting_batches(alike, jobs, engine):
+            found = outcomes([jobs[index] for index in batch], engine)
+            yield from zip(batch, found, strict=True)
 
 
-def _parts(indices: Sequence[int], jobs: Sequence[Job], engine: EngineSettings) -> list[list[int]]:
-    """Jobs in batches, as many in each as the memory has room for."""
-    most = max_worlds(engine, max(jobs[index].n_robots for index in indices))
-    n_parts = max(1, math.ceil(len(indices) / most))
-    return [list(indices[len(indices) * k // n_parts : len(indices) * (k + 1) // n_parts]) for k in range(n_parts)]
+def _fitting_batches(indices: Sequence[int], jobs: Sequence[Job], engine: EngineSettings) -> list[list[int]]:
+    """Divide jobs into the fewest batches that the memory has room for, of nearly equal size."""
+    largest = max(jobs[index].n_robots for index in indices)
+    n_jobs = len(indices)
+    n_batches = max(1, math.ceil(n_jobs / max_worlds(engine, largest)))
+    bounds = [n_jobs * k // n_batches for k in range(n_batches + 1)]
+    return [list(indices[bounds[k] : bounds[k + 1]]) for k in range(n_batches)]

@@ -12,14 +12,17 @@ if TYPE_CHECKING:
     Array: TypeAlias = np.ndarray | jax.Array
 else:
     Array = Any
-"""A NumPy or JAX array; its shape stands in the annotation that contains it."""
+"""NumPy or JAX array; its shape stands in the annotation that contains it."""
 
 Quantity: TypeAlias = float | Real[Array, "..."]
 """A number, or a NumPy or JAX array of any shape; the arguments of a law broadcast."""
 
 
 def array_module(*values: Quantity) -> Any:
-    """`jax.numpy` if any value is a JAX array or tracer, otherwise `numpy`; never imports JAX."""
+    """Return `jax.numpy` if any value is a JAX array or tracer, otherwise `numpy`.
+
+    It never imports JAX.
+    """
     jax = sys.modules.get("jax")
     if jax is not None and any(isinstance(value, jax.Array) for value in values):
         return jax.numpy
@@ -27,6 +30,6 @@ def array_module(*values: Quantity) -> Any:
 
 
 def is_concrete(*values: Quantity) -> bool:
-    """Whether no value is a JAX tracer, so that its numbers can be looked at."""
+    """Return whether no value is a JAX tracer, so that its numbers can be read."""
     jax = sys.modules.get("jax")
     return jax is None or not any(isinstance(value, jax.core.Tracer) for value in values)

@@ -11,33 +11,39 @@ from iswarm_mj.utils.errors import ConfigError
 
 @dataclass(frozen=True)
 class Within:
-    """Numbers from `low` to `high`, both included; in an annotation, as `Annotated[float, Within(0, 10, "rd")]`."""
+    """Numbers from `low` to `high`, both included.
+
+    To be used in an annotation, such as `Annotated[float, Within(0, 10, "rd")]`.
+    """
 
     low: float
     high: float = math.inf
     unit: str = ""
     reason: str = ""
-    """Why there is no more, where that is not obvious."""
+    """Reason for the limit, where it is not obvious."""
 
     def allows(self, value: Any) -> bool:
-        """Return whether the value lies within; NaN, infinite values and whole numbers beyond all floats never do."""
+        """Return whether a value lies within.
+
+        NaN, infinite values and whole numbers beyond all floats never do.
+        """
         try:
             return self.low <= value <= self.high and math.isfinite(value)
         except OverflowError:
             return False
 
     def __str__(self) -> str:
-        limits = f"at least {_text(self.low)}"
-        if math.isfinite(self.high):
-            limits = self._limits()
-        return " ".join(filter(None, [limits, self.unit])) + (f", since {self.reason}" if self.reason else "")
+        limits = self._limits() if math.isfinite(self.high) else f"at least {_text(self.low)}"
+        unit = f" {self.unit}" if self.unit else ""
+        reason = f", since {self.reason}" if self.reason else ""
+        return f"{limits}{unit}{reason}"
 
     def _limits(self) -> str:
         return f"between {_text(self.low)} and {_text(self.high)}"
 
 
 TINY = 1e-12
-"""Difference from a limit that is excluded; what is nearer may be the limit itself in single precision."""
+"""Distance from an excluded limit: a nearer value may be the limit itself in single precision."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +52,7 @@ class Above(Within):
 
     @property
     def least(self) -> float:
-        """The smallest of them."""
+        """Smallest number that is allowed."""
         return self.low + TINY
 
     def allows(self, value: Any) -> bool:
@@ -59,21 +65,35 @@ class Above(Within):
 
 @dataclass(frozen=True)
 class Needs:
-    """In an annotation: a setting has an effect only where another one of its class has one of some values."""
+    """What a setting needs in order to have an effect: a value of another setting of its class.
+
+    To be used in an annotation.
+    """
 
     setting: str
     values: tuple[Any, ...] = ()
-    """Which; where there are none, any but None, False and 0."""
+    """Values that are needed; where there are none, any but None, False and 0."""
     why: str = ""
-    """When there is no effect, to be read after "has no effect", where name and value of the other do not say it."""
+    """Reason to be read after "has no effect", where name and value of the other setting do not say
+    it."""
 
     def unmet(self, settings: Any, group: str = "") -> str:
-        """Return why the setting has no effect in an object; nothing if it has one."""
-        value, name = getattr(settings, self.setting), f"`{group}{self.setting}`"
-        if value in self.values if self.values else value:
+        """Return why the setting has no effect in an object; an empty text if it has one.
+
+        Args:
+            settings: the object.
+            group: prefix of its settings in messages, such as `arena.`.
+        """
+        value = getattr(settings, self.setting)
+        is_met = value in self.values if self.values else bool(value)
+        if is_met:
             return ""
-        shown = "" if value is True or not value else f" {value}"
-        return self.why or f"{'with' if value else 'without'} {name}{shown}"
+        if self.why:
+            return self.why
+        name = f"`{group}{self.setting}`"
+        if not value:
+            return f"without {name}"
+        return f"with {name}" if value is True else f"with {name} {value}"
 
 
 def check(name: str, value: Any, constraint: str, ok: bool) -> None:
@@ -90,48 +110,66 @@ def check_kind(name: str, value: Any, kind: type | tuple[type, ...]) -> None:
 
 
 def is_whole(value: Any) -> bool:
-    """Whether a value is a whole number of any type, but no truth value."""
+    """Return whether a value is a whole number of any type, but no Boolean."""
     return isinstance(value, numbers.Integral) and not isinstance(value, bool)
 
 
 def validate(settings: Any, group: str = "") -> None:
-    """Check the fields of a dataclass against their types and their `Within`; to be called by `__post_init__`.
+    """Check the fields of a dataclass against their types and their `Within`.
 
-    Fields of named tuples in it are checked with it, since these have no `__post_init__`.
+    To be called by `__post_init__`. Fields of named tuples in it are checked, too, since these have
+    no `__post_init__`.
 
     Args:
         settings: the object.
         group: its name as part of a configuration, which precedes the fields' names in errors.
 
     Raises:
-        ConfigError: a field is out of range, not one of a `Literal`'s values, or of another type. Whole numbers do
-            as floats, and None where the type allows it. Of a tuple each element is checked.
+        ConfigError: a field is out of range, not one of a `Literal`'s values, or of another type.
+            Whole numbers do as floats, and None where the type allows it. Of a tuple each element
+            is checked.
     """
     for name, (kind, _) in _declared(type(settings)).items():
-        value, constraint = getattr(settings, name), constraint_of(type(settings), name)
-        full = f"{group}.{name}" if group else name
+        value = getattr(settings, name)
+        full_name = f"{group}.{name}" if group else name
         if kind is bool:
-            check(full, value, "true or false", isinstance(value, bool))
+            check(full_name, value, "true or false", isinstance(value, bool))
         elif get_origin(kind) is Literal:
-            check(full, value, " or ".join(get_args(kind)), isinstance(value, str) and value in get_args(kind))
+            words = get_args(kind)
+            is_allowed = isinstance(value, str) and value in words
+            check(full_name, value, " or ".join(words), is_allowed)
         elif isinstance(kind, type) and is_dataclass(kind):
-            check_kind(full, value, kind)
+            check_kind(full_name, value, kind)
         elif isinstance(kind, type) and hasattr(kind, "_fields"):
-            check_kind(full, value, kind)
-            validate(value, full)
-        elif constraint is not None and get_origin(kind) is tuple:
-            check_kind(full, value, tuple)
-            for element in value:
-                _check_number(full, element, get_args(kind)[0], constraint)
-        elif constraint is not None and not (value is None and type(None) in get_args(kind)):
-            _check_number(full, value, kind, constraint)
+            check_kind(full_name, value, kind)
+            validate(value, full_name)
+        else:
+            _check_numbers(full_name, value, kind, constraint_of(type(settings), name))
+
+
+def _check_numbers(name: str, value: Any, kind: Any, constraint: Within | None) -> None:
+    """Check a number, or each number of a tuple, against its limits, if it has any."""
+    if constraint is None or (value is None and type(None) in get_args(kind)):
+        return
+    if get_origin(kind) is tuple:
+        check_kind(name, value, tuple)
+        for element in value:
+            _check_number(name, element, get_args(kind)[0], constraint)
+    else:
+        _check_number(name, value, kind, constraint)
 
 
 def _check_number(name: str, value: Any, kind: Any, constraint: Within) -> None:
-    whole = "a whole number " if {*(get_args(kind) or [kind])} <= {int, type(None)} else ""
-    is_number = is_whole(value) or (not whole and isinstance(value, numbers.Real) and not isinstance(value, bool))
-    if not (is_number and constraint.allows(value)):  # else its text would take most of the time
-        raise ConfigError(name, value, f"{whole}{constraint}")
+    """Check a number against its type and its limits."""
+    must_be_whole = {*(get_args(kind) or [kind])} <= {int, type(None)}
+    is_number = is_whole(value)
+    if not must_be_whole:
+        is_number |= isinstance(value, numbers.Real) and not isinstance(value, bool)
+
+    if not (is_number and constraint.allows(value)):
+        # The text is made here alone: it would take most of the time of a check.
+        kind_of_number = "a whole number " if must_be_whole else ""
+        raise ConfigError(name, value, f"{kind_of_number}{constraint}")
 
 
 def spaced(text: str, most: int = 10_000) -> list[str]:
@@ -140,15 +178,20 @@ def spaced(text: str, most: int = 10_000) -> list[str]:
     Raises:
         ValueError: it is none, or there are more than `most`.
     """
-    first, last, number = text.split(":")
-    low, high, count = float(first), float(last), int(number)
-    if not 1 <= count <= most:
-        raise ValueError(count)
-    return [f"{low + (high - low) * k / max(1, count - 1):.10g}" for k in range(count)]
+    first, last, count = text.split(":")
+    start = float(first)
+    stop = float(last)
+    n = int(count)
+    if not 1 <= n <= most:
+        raise ValueError(n)
+    return [f"{start + (stop - start) * k / max(1, n - 1):.10g}" for k in range(n)]
 
 
 def choices(cls: type, name: str) -> tuple[Any, ...]:
-    """Values that a field of a dataclass may have whose type is a `Literal`; none for another type, or no field."""
+    """Return the values that a field of a dataclass may have whose type is a `Literal`.
+
+    For a field of another type, and for no field, there are none.
+    """
     kind, _ = _declared(cls).get(name, (None, ()))
     return get_args(kind) if get_origin(kind) is Literal else ()
 
@@ -161,23 +204,24 @@ def type_of(cls: type, name: str) -> Any:
 
 @functools.cache
 def constraint_of(cls: type, name: str) -> Within | None:
-    """Limits of a field of a dataclass, or of the elements of a tuple; None for a field without limits."""
+    """Return the limits of a field of a dataclass, or of the elements of a tuple; None without any."""
     _, extras = _declared(cls).get(name, (None, ()))
-    return next((one for one in extras if isinstance(one, Within)), None)
+    return next((extra for extra in extras if isinstance(extra, Within)), None)
 
 
 def needs_of(cls: type, name: str) -> list[Needs]:
-    """What a setting of a class needs in order to have an effect."""
+    """Return what a setting of a class needs in order to have an effect."""
     _, extras = _declared(cls).get(name, (None, ()))
-    return [one for one in extras if isinstance(one, Needs)]
+    return [extra for extra in extras if isinstance(extra, Needs)]
 
 
 @functools.cache
 def _declared(cls: type) -> dict[str, tuple[Any, tuple[Any, ...]]]:
-    """Type of each field without annotations, and these, by name."""
+    """Return the type of each field, and what `Annotated` adds to it, by name."""
     annotated = get_type_hints(cls, include_extras=True)
     return {name: (kind, getattr(annotated[name], "__metadata__", ())) for name, kind in get_type_hints(cls).items()}
 
 
 def _text(number: float) -> str:
+    """Return a limit as text."""
     return str(number) if isinstance(number, int) else f"{number:g}"

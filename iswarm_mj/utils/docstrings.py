@@ -1,4 +1,4 @@
-"""What the source says of the fields of a class: the strings that follow them."""
+"""Docstrings of fields: the strings that follow them in the source of their class."""
 
 import ast
 import functools
@@ -12,18 +12,35 @@ from itertools import pairwise
 def field_docs(cls: type) -> Mapping[str, str]:
     """Return the docstrings of a class's fields, those of its bases included, each on one line.
 
-    A class whose source is not at hand, since it was made by a program, has those of its bases.
+    A class without source, since a program made it, has those of its bases.
     """
-    found: dict[str, str] = {}
+    docs: dict[str, str] = {}
     for base in reversed(cls.__mro__):
         try:
             node = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
         except (OSError, TypeError, SyntaxError):
             continue
-        body = node.body if isinstance(node, ast.ClassDef) and node.name == base.__name__ else []
-        for before, after in pairwise(body):
-            target = before.targets[0] if isinstance(before, ast.Assign) else getattr(before, "target", None)
-            text = after.value.value if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) else None
-            if isinstance(target, ast.Name) and isinstance(text, str):
-                found[target.id] = " ".join(text.split())
-    return found
+        if not isinstance(node, ast.ClassDef) or node.name != base.__name__:
+            continue
+        for statement, next_statement in pairwise(node.body):
+            name = _assigned_name(statement)
+            text = _string(next_statement)
+            if name is not None and text is not None:
+                docs[name] = " ".join(text.split())
+    return docs
+
+
+def _assigned_name(statement: ast.stmt) -> str | None:
+    """Return the name that a statement assigns or annotates; None for another statement."""
+    target = getattr(statement, "target", None)
+    if isinstance(statement, ast.Assign):
+        target = statement.targets[0]
+    return target.id if isinstance(target, ast.Name) else None
+
+
+def _string(statement: ast.stmt) -> str | None:
+    """Return the string that is a statement of its own; None for another statement."""
+    if isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant):
+        value = statement.value.value
+        return value if isinstance(value, str) else None
+    return None

@@ -1,4 +1,4 @@
-"""What surrounds this process and may end the libraries beneath in errors of theirs: variables, limits of memory.
+"""Checks of the environment: variables and limits of memory with which libraries fail.
 
 `docs/faults.md` says what each variable does to a run.
 """
@@ -13,17 +13,19 @@ from iswarm_mj.utils.errors import UserError, shown
 from iswarm_mj.utils.ram import check_address_space
 
 _VARIABLES = {"jax": "JAX_", "numba": "NUMBA_", "mujoco": "MUJOCO_GL"}
-"""How the names of the variables begin that a library reads when it is imported."""
+"""Beginning of the names of the variables that a library reads when it is imported."""
 _PARSE_XLA_FLAGS = "from jaxlib import xla_client; xla_client.CompileOptions()"
 _PATIENCE_S = 60.0
-"""Time after which the flags count as known [s]."""
+"""Time after which the flags are taken to be known [s]."""
 
 
 def check_environment() -> None:
-    """Refuse environment variables and limits with which a library cannot be imported or used; cheap without any.
+    """Refuse environment variables and limits with which a library cannot be imported or used.
+
+    Without any of them the check is cheap.
 
     Raises:
-        UserError: with the name of the variable or the limit.
+        UserError: names the variable or the limit.
     """
     if not sys.modules.keys() >= _VARIABLES.keys():  # what is loaded has its memory
         check_address_space()
@@ -36,7 +38,7 @@ def check_environment() -> None:
 
 
 def _check_import(library: str, beginning: str) -> None:
-    """Import a library if the user has set one of its variables, to name them where that fails."""
+    """Import a library if one of its variables is set, in order to name them if that fails."""
     names = [name for name in os.environ if name.startswith(beginning)]
     if not names or library in sys.modules:
         return
@@ -58,8 +60,8 @@ def _check_xla_flags(flags: str) -> None:
         return
     if done.returncode == 0:
         return
-    # Warnings, whose lines begin with W, may come before the line that tells, as in
-    # "F1126 15:25:16.054898   25193 parse_flags_from_env.cc:234] Unknown flag in XLA_FLAGS: --xla_nonsense=1".
+    # Warnings, whose lines begin with W, may precede the line of the error, which is such as
+    # "F1126 15:25:16 25193 parse_flags_from_env.cc:234] Unknown flag in XLA_FLAGS: --xla_nonsense=1".
     lines = [line for line in done.stderr.splitlines() if line.startswith("F")]
     reasons = [line.partition("] ")[2] for line in lines if "] " in line]
     reason = shown(reasons[0]) if reasons else f"the process ended with {done.returncode}"

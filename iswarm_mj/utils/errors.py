@@ -6,18 +6,23 @@ from enum import IntFlag
 from typing import Any
 
 MAX_SHOWN = 100
-"""Characters of a value that a message shows at most."""
+"""Maximum number of characters of a value that a message shows."""
 MAX_LISTED = 10
-"""Robots that a message lists at most."""
+"""Maximum number of robots that a message lists."""
 
 
 def printable(text: str) -> str:
-    """A line of text in which what could control a terminal is escaped."""
-    return "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else ascii(c)[1:-1] for c in text)
+    """Return a line of text in which everything that could control a terminal is escaped."""
+
+    def escaped(character: str) -> str:
+        is_surrogate = "\ud800" <= character <= "\udfff"  # of a file name that is no text
+        return character if character.isprintable() or is_surrogate else ascii(character)[1:-1]
+
+    return "".join(map(escaped, text))
 
 
 def shown(value: Any) -> str:
-    """A value in a message: one line, and no more than a part of it if it is long."""
+    """Return a value as a message shows it: on one line, and cut if it is long."""
     try:
         text = printable(" ".join(str(value).split()))
     except ValueError:  # Python refuses to print whole numbers of thousands of digits
@@ -28,29 +33,32 @@ def shown(value: Any) -> str:
 class UserError(Exception):
     """An input is not allowed.
 
-    The message is one sentence that states what must hold, what was given, and the remedy. The command line prints
-    it and exits with code 2.
+    The message is one sentence that states what must hold, what was given, and the remedy. The
+    command line prints it and exits with code 2.
     """
 
 
 class ConfigError(UserError):
     """A setting has a value that is not allowed.
 
-    Settings are called by their names in Python, as `arena.size`; `iswarm_mj.commands` turns these into flags. Within
-    `constraint` and `remedy` they stand in backticks.
+    Settings are called by their names in Python, such as `arena.size`, which `iswarm_mj.commands`
+    turns into flags. Within `constraint` and `remedy` they stand in backticks.
     """
 
     def __init__(self, field: str, value: Any, constraint: str, remedy: str | None = None):
         """Describe what is wrong.
 
         Args:
-            field: the setting's name, with a dot between group and field, as `arena.size` or `n_robots`.
+            field: the setting's name, with its group, such as `arena.size` or `n_robots`.
             value: its value.
             constraint: what must hold, to be read after "must be", as "between 10 and 150 rd".
             remedy: what the user can do, as an imperative, where the constraint does not say it.
         """
         super().__init__(field, value, constraint, remedy)
-        self.field, self.value, self.constraint, self.remedy = field, value, constraint, remedy
+        self.field = field
+        self.value = value
+        self.constraint = constraint
+        self.remedy = remedy
 
     def __str__(self) -> str:
         got = repr(self.value) if isinstance(self.value, str) else self.value
@@ -78,7 +86,9 @@ _FACTS = {
     FaultKind.SOLVER_FAILED: "the contact solver failed",
 }
 _REMEDIES = {
-    FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS: "use fewer robots, or with mjx increase `contact_capacity`",
+    FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS: (
+        "use fewer robots, or with mjx increase `contact_capacity`"
+    ),
     FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE | FaultKind.SOLVER_FAILED: (
         "increase `drive.walk_substeps` and `drive.turn_substeps`, or use fewer robots"
     ),
@@ -102,7 +112,8 @@ class SimulationFault(RuntimeError):
         """Describe what went wrong, and where.
 
         Args:
-            detail: text for what the other fields do not say, or the whole message where there is no `kind`.
+            detail: text for what the other fields do not say, or the whole message where there is
+                no `kind`.
             step: control step, counted from 1.
             world: index of the world.
             robots: indices of the robots concerned.
@@ -110,17 +121,25 @@ class SimulationFault(RuntimeError):
             kind: one or several kinds of fault.
         """
         super().__init__(detail)
-        self.detail, self.step, self.world = detail, step, world
+        self.detail = detail
+        self.step = step
+        self.world = world
         self.robots = tuple(int(robot) for robot in robots)
         self.boxes = tuple(int(box) for box in boxes)
         self.kind = FaultKind(kind)
 
     def __str__(self) -> str:
-        place = ", ".join(f"{name} {at}" for name, at in (("step", self.step), ("world", self.world)) if at is not None)
-        facts = " and ".join(text.format(robots=self._bodies()) for kind, text in _FACTS.items() if kind & self.kind)
+        facts = [text.format(robots=self._bodies()) for kind, text in _FACTS.items() if kind & self.kind]
         remedies = [text for kinds, text in _REMEDIES.items() if kinds & self.kind]
-        text = "; ".join(filter(None, [facts, *remedies, self.detail]))
-        return f"{place}: {text}" if place else text
+        parts = [" and ".join(facts), *remedies, self.detail]
+        text = "; ".join(part for part in parts if part)
+
+        places = []
+        if self.step is not None:
+            places.append(f"step {self.step}")
+        if self.world is not None:
+            places.append(f"world {self.world}")
+        return f"{', '.join(places)}: {text}" if places else text
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self)!r})"
@@ -128,20 +147,34 @@ class SimulationFault(RuntimeError):
     def _bodies(self) -> str:
         """Return "robot 5", or "robots 5, 6 and 3 more", or "box 1"."""
         if self.boxes:
-            return f"box{'es' * (len(self.boxes) > 1)} {', '.join(map(str, self.boxes))}"
+            noun = "boxes" if len(self.boxes) > 1 else "box"
+            return f"{noun} {', '.join(map(str, self.boxes))}"
         if not self.robots:
             return "a robot"
-        more = len(self.robots) - MAX_LISTED
-        listed = ", ".join(map(str, self.robots[:MAX_LISTED])) + (f" and {more} more" if more > 0 else "")
-        return f"robot{'s' * (len(self.robots) > 1)} {listed}"
+        listed = ", ".join(map(str, self.robots[:MAX_LISTED]))
+        n_more = len(self.robots) - MAX_LISTED
+        if n_more > 0:
+            listed += f" and {n_more} more"
+        return f"robots {listed}" if len(self.robots) > 1 else f"robot {listed}"
 
 
 def closest(name: str, known: Iterable[str]) -> str | None:
-    """Return what was probably meant by a name: the similar one that the fewest edits make of it; None without any."""
+    """Return what was probably meant by a name: the similar one that the fewest edits make of it.
 
-    def edits(one: str) -> tuple[int, int]:
-        """Characters that differ; of equally many those decide by which the length differs."""
-        changes = (part for part in SequenceMatcher(None, name, one).get_opcodes() if part[0] != "equal")
-        return sum(max(b - a, d - c) for _, a, b, c, d in changes), abs(len(one) - len(name))
+    Args:
+        name: that is not known.
+        known: names.
 
-    return min(get_close_matches(name, list(known)), key=edits, default=None)
+    Returns:
+        None if no known name is similar.
+    """
+
+    def distance(candidate: str) -> tuple[int, int]:
+        """Return the number of characters that differ, and the difference of the lengths."""
+        n_edits = 0
+        for kind, start, end, new_start, new_end in SequenceMatcher(None, name, candidate).get_opcodes():
+            if kind != "equal":
+                n_edits += max(end - start, new_end - new_start)
+        return n_edits, abs(len(candidate) - len(name))
+
+    return min(get_close_matches(name, list(known)), key=distance, default=None)

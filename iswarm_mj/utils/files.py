@@ -21,16 +21,17 @@ from iswarm_mj.utils.errors import ConfigError, UserError, shown
 from iswarm_mj.utils.signals import completing
 
 LARGEST_FILE = 2**30
-"""Size up to which files are read, but for trajectories [bytes]."""
+"""Size of the largest file that is read, except for trajectories [bytes]."""
 PATIENCE = 0.1
-"""Time in which another writer may be giving back a lock [s]."""
+"""Time for which another writer may still hold a lock that it is giving back [s]."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_PART = re.compile(r"\.[0-9]+-")
-"""How the names of temporary files begin: with the number of the process."""
+"""Errors of a full disk, and of a limit of space."""
+_TEMPORARY_FILE = re.compile(r"\.[0-9]+-")
+"""Beginning of the names of temporary files, with the number of the process."""
 
 
 def make_output_directory(out: Path, given: Path | None = None, setting: str = "out") -> None:
-    """Create the output directory if it does not exist, and make sure that files can be written to it.
+    """Create the output directory if it does not exist, and check that it can be written to.
 
     Args:
         out: the directory.
@@ -46,8 +47,9 @@ def make_output_directory(out: Path, given: Path | None = None, setting: str = "
         probe.touch()
         probe.unlink()
     except OSError as error:
-        constraint = "a writable directory" if given is None else "a file in a writable directory"
-        raise ConfigError(setting, given or out, constraint, f"choose another ({error.strerror})") from None
+        allowed = "a writable directory" if given is None else "a file in a writable directory"
+        remedy = f"choose another ({error.strerror})"
+        raise ConfigError(setting, given or out, allowed, remedy) from None
 
 
 def check_name(path: str | Path, *endings: str, setting: str = "out") -> None:
@@ -61,7 +63,8 @@ def check_name(path: str | Path, *endings: str, setting: str = "out") -> None:
     Raises:
         ConfigError: the name ends otherwise.
     """
-    check(setting, str(path), f"a name ending in {' or '.join(endings)}", Path(path).suffix in endings)
+    allowed = f"a name ending in {' or '.join(endings)}"
+    check(setting, str(path), allowed, Path(path).suffix in endings)
 
 
 @contextmanager
@@ -80,14 +83,18 @@ def only_writer(place: Path, lock: Path | None = None, setting: str = "`out`") -
     path = place.with_name(f".{place.name}.lock") if lock is None else lock
     if not path.parent.is_dir():  # which filelock would create
         raise write_error(place, FileNotFoundError(errno.ENOENT, ""))
-    # Not of one thread, since another one may complete the file.
-    held = FileLock(path, timeout=PATIENCE, poll_interval=PATIENCE / 10, thread_local=False)
+    file_lock = FileLock(
+        path,
+        timeout=PATIENCE,
+        poll_interval=PATIENCE / 10,
+        thread_local=False,  # another thread may complete the file
+    )
     try:
-        held.acquire()
+        file_lock.acquire()
     except (Timeout, RuntimeError):
         raise UserError(
-            f"{place} is in use by another process, or elsewhere in this one; wait for its end or "
-            f"choose another {setting}"
+            f"{place} is in use by another process, or elsewhere in this one; "
+            f"wait for its end or choose another {setting}"
         ) from None
     except OSError as error:
         raise write_error(path if lock else place, error) from None
@@ -97,7 +104,7 @@ def only_writer(place: Path, lock: Path | None = None, setting: str = "`out`") -
         with completing():
             with suppress(OSError):
                 path.unlink()  # before it is unlocked, so that nobody else has it
-            held.release()
+            file_lock.release()
 
 
 def check_file(path: Path, most: int = LARGEST_FILE) -> None:
@@ -105,14 +112,14 @@ def check_file(path: Path, most: int = LARGEST_FILE) -> None:
 
     Args:
         path: of the file.
-        most: bytes that it may have.
+        most: its maximum size [bytes].
     """
-    found = path.stat()
-    if stat.S_ISDIR(found.st_mode):
+    status = path.stat()
+    if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise OSError("it is a pipe or a device, not a file")
-    if found.st_size > most:
+    if status.st_size > most:
         raise OSError(f"it has more than {most} bytes")
 
 
@@ -131,7 +138,8 @@ def read_text(path: Path, remedy: str, what: str = "") -> str:
         check_file(path)
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise UserError(f"{what}{path} cannot be read ({error.strerror or error}); {remedy}.") from None
+        reason = error.strerror or error
+        raise UserError(f"{what}{path} cannot be read ({reason}); {remedy}.") from None
     except ValueError:
         raise UserError(f"{what}{path} is no text; {remedy}.") from None
 
@@ -150,27 +158,37 @@ def from_json(text: str | bytes, name: str, remedy: str) -> Any:
         remedy: what the user can do if it is none.
 
     Raises:
-        UserError: it is cut off or none, is nested too deep, names a value twice, or has a number that no float holds.
+        UserError: it is cut off or none, is nested too deep, names a value twice, or has a number
+            that no float holds.
     """
 
     def number(digits: str) -> int | float:
-        if not math.isfinite(value := float(digits)):
+        value = float(digits)
+        if not math.isfinite(value):
             raise ValueError(f"no float holds {shown(digits)}")
         return int(digits) if digits.lstrip("-").isdigit() else value
 
-    def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        if twice := [key for key, n in Counter(key for key, _ in pairs).items() if n > 1]:
-            raise ValueError(f"{shown(twice[0])} occurs twice")
-        return dict(pairs)
-
     try:
-        return json.loads(text, parse_int=number, parse_float=number, object_pairs_hook=unique)
+        return json.loads(text, parse_int=number, parse_float=number, object_pairs_hook=_unique)
     except (ValueError, RecursionError) as error:
         raise UserError(f"{name} is cut off or no JSON ({shown(error)}); {remedy}.") from None
 
 
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return pairs as a dictionary.
+
+    Raises:
+        ValueError: a name occurs twice.
+    """
+    counts = Counter(name for name, _ in pairs)
+    for name, n in counts.items():
+        if n > 1:
+            raise ValueError(f"{shown(name)} occurs twice")
+    return dict(pairs)
+
+
 def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield (name, value) of nested mappings, names with dots between those of the mappings."""
+    """Yield the names and values of nested mappings, with dots between the names of the levels."""
     for key, value in values.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{prefix}{key}.")
@@ -179,7 +197,7 @@ def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any
 
 
 def read_toml(path: Path, remedy: str, what: str = "") -> dict[str, Any]:
-    """Return the values of a TOML file by the names of flags, with underscores, and dots between groups.
+    """Return the values of a TOML file by the names of flags, such as `arena.n_dust`.
 
     Args:
         path: of the file.
@@ -202,10 +220,7 @@ def by_flags(values: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         ValueError: one occurs twice, with hyphens and with underscores.
     """
-    found = [(name.replace("-", "_"), value) for name, value in flat(values)]
-    if twice := [name for name, n in Counter(name for name, _ in found).items() if n > 1]:
-        raise ValueError(f"{shown(twice[0])} occurs twice")
-    return dict(found)
+    return _unique([(name.replace("-", "_"), value) for name, value in flat(values)])
 
 
 def restored(cls: type[Any], values: Mapping[str, Any]) -> Any:
@@ -218,14 +233,19 @@ def restored(cls: type[Any], values: Mapping[str, Any]) -> Any:
     Raises:
         TypeError: a name that the dataclass does not have.
     """
-    inner: dict[str, Any] = {f.name: f.default_factory for f in fields(cls) if is_dataclass(f.default_factory)}
-    return cls(**{name: restored(inner[name], value) if name in inner else value for name, value in values.items()})
+    class_of: dict[str, Any] = {
+        field.name: field.default_factory for field in fields(cls) if is_dataclass(field.default_factory)
+    }
+    arguments = dict(values)
+    for name in class_of.keys() & values.keys():
+        arguments[name] = restored(class_of[name], values[name])
+    return cls(**arguments)
 
 
 def write_error(path: Path, error: OSError) -> UserError:
-    """Return the error to raise where a file cannot be opened, written, replaced or removed."""
+    """Return the error to raise if a file cannot be opened, written, replaced or removed."""
     remedy = "make room" if error.errno in _FULL else "move it away"
-    # What the system says; libraries put more into their errors, or leave out the number.
+    # The reason of the system: libraries put more into their errors, or leave out the number.
     reason = os.strerror(error.errno) if error.errno else str(error).partition("\n")[0]
     return UserError(f"{path} cannot be written ({reason}); {remedy} or choose another `out`")
 
@@ -247,8 +267,8 @@ def atomic_write(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the same directory, which replaces `path` if the block succeeds.
 
     Raises:
-        UserError: the system refused to write, for example because the disk is full, or somebody
-            else writes this file.
+        UserError: the system refused to write, for example because the disk is full, or another
+            writer writes this file.
     """
     part = path.parent / f".{os.getpid()}-{path.name}"
     with only_writer(path):
@@ -263,8 +283,13 @@ def atomic_write(path: Path) -> Iterator[Path]:
 
 
 def remove_parts(out: Path, *names: str) -> None:
-    """Remove what `atomic_write` left of files of these names, or patterns, in processes that were killed."""
+    """Remove temporary files that `atomic_write` left in processes that were killed.
+
+    Args:
+        out: their directory.
+        names: of the files that were being written, or patterns of them.
+    """
     for name in names:
         for part in out.glob(f".*-{name}"):
-            if _PART.match(part.name):
+            if _TEMPORARY_FILE.match(part.name):
                 remove(part)

@@ -1,4 +1,4 @@
-"""Where the time of a run goes."""
+"""Stopwatch for the stages of a run."""
 
 import time
 from array import array

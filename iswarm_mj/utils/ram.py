@@ -1,4 +1,4 @@
-"""Memory of this machine: how much is left, whether something fits into it, and what was freed given back."""
+"""Memory of this machine: how much is left, and whether something fits into it."""
 
 import ctypes
 import sys
@@ -18,8 +18,8 @@ _GROUP = Path("/sys/fs/cgroup")
 LEAST_ADDRESS_SPACE = 3_000_000_000
 """Address space in which the libraries fit on two cores [bytes].
 
-With 2.5 GB (`ulimit -v`) `iswarm clean` ends in errors of theirs, or is aborted by them; with 3.1 GB it succeeds. MJX,
-whose programs are larger, needs more than 5 GB.
+With 2.5 GB (`ulimit -v`) `iswarm clean` ends in their errors, or they abort it; with 3.1 GB it
+succeeds. MJX, whose programs are larger, needs more than 5 GB.
 """
 
 
@@ -27,10 +27,13 @@ def available_memory() -> int:
     """Return the bytes that this process can still use, within the limits of its container."""
     free = psutil.virtual_memory().available
     with suppress(OSError, ValueError):  # there is no container, or it has no limit
-        most, used = (int((_GROUP / f"memory.{name}").read_text(encoding="ascii")) for name in ("max", "current"))
-        lines = (_GROUP / "memory.stat").read_text(encoding="ascii").splitlines()
-        cache = sum(int(line.split()[1]) for line in lines if line.startswith(("active_file ", "inactive_file ")))
-        free = min(free, most - used + cache)
+        limit_of_group = int((_GROUP / "memory.max").read_text(encoding="ascii"))
+        used = int((_GROUP / "memory.current").read_text(encoding="ascii"))
+        statistics = (_GROUP / "memory.stat").read_text(encoding="ascii").splitlines()
+        cached_files = [
+            int(line.split()[1]) for line in statistics if line.startswith(("active_file ", "inactive_file "))
+        ]
+        free = min(free, limit_of_group - used + sum(cached_files))
     limit = _address_space()
     if limit is not None:
         free = min(free, max(0, limit - psutil.Process().memory_info().vms))
@@ -41,13 +44,14 @@ def check_address_space() -> None:
     """Refuse a limit of this process's address space in which the libraries do not fit.
 
     Raises:
-        UserError: with the limit and what is needed.
+        UserError: states the limit and what is needed.
     """
     limit = _address_space()
     if limit is not None and limit < LEAST_ADDRESS_SPACE:
         raise UserError(
-            f"the memory of this process must not be limited to less than {gigabytes(LEAST_ADDRESS_SPACE)} of address "
-            f"space, which the libraries take (got {gigabytes(limit)}); raise the limit, as by `ulimit -v unlimited`"
+            f"the memory of this process must not be limited to less than "
+            f"{gigabytes(LEAST_ADDRESS_SPACE)} of address space, which the libraries take "
+            f"(got {gigabytes(limit)}); raise the limit, as by `ulimit -v unlimited`"
         )
 
 
@@ -67,12 +71,12 @@ def check_memory(needed: int) -> None:
 
 
 def give_back() -> None:
-    """Have the C library return what was freed to the system, where it can (glibc); by itself it keeps much of it."""
+    """Return freed memory to the system, where the C library can (glibc), which keeps much of it."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
     if trim is not None:
         trim(ctypes.c_size_t(0))
 
 
 def gigabytes(n_bytes: int) -> str:
-    """The number of bytes for a message, in GB."""
+    """Return a number of bytes in GB, for a message."""
     return f"{n_bytes / 1e9:.3g} GB"

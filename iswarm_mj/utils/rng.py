@@ -1,7 +1,7 @@
-"""Random numbers that all robots of a world need in a step, drawn at once.
+"""Random numbers of all robots of a world in a step, drawn at once.
 
-JAX computes Threefry on CPUs by a loop of five steps, which compiles faster and takes several times as long. Here
-the rounds are written out, and both words of each block are used.
+JAX computes Threefry on CPUs by a loop of five steps, which compiles faster and takes several times
+as long. Here the rounds are written out, and both words of each block are used.
 """
 
 import math
@@ -19,12 +19,13 @@ from iswarm_mj.utils.fusion import fusion_barrier
 _ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 _PARITY = 0x1BD11BDA
 _LEAST = float(np.nextafter(np.float32(-1), np.float32(0)))
+"""Smallest argument of the inverse error function whose value is finite."""
 
 
 def threefry(
     key: UInt32[Array, "2"], high: UInt32[Array, "*N"], low: UInt32[Array, "*N"]
 ) -> tuple[UInt32[Array, "*N"], UInt32[Array, "*N"]]:
-    """Threefry-2x32 with 20 rounds (Salmon et al. 2011, Proc. SC11, 16).
+    """Return random words by Threefry-2x32 with 20 rounds (Salmon et al. 2011, Proc. SC11, 16).
 
     Args:
         key: two words.
@@ -42,45 +43,56 @@ def threefry(
 
 
 class Draws(NamedTuple):
-    """Independent random numbers of places, as robots or their sides; each part is a pair of arrays."""
+    """Independent random numbers of places, such as robots or their sides.
+
+    Each part is a pair of arrays: the first and the second words of the blocks.
+    """
 
     uniform: tuple[Float[Array, "n *N"], Float[Array, "n *N"]]
-    """In [0, 1), multiples of 2^-23."""
+    """Numbers in [0, 1), multiples of 2^-23."""
     normal: tuple[Float[Array, "m *N"], Float[Array, "m *N"]]
-    """Of mean 0 and variance 1."""
+    """Normal numbers of mean 0 and variance 1."""
 
 
 @partial(jax.jit, static_argnames=("n_uniform", "n_normal", "shape"))
 def _drawn(words: Array, n_uniform: int, n_normal: int, shape: tuple[int, ...]) -> Draws:
+    """Return random numbers of places, see `draw`; `words` is the key."""
     n = n_uniform + n_normal
     place = jax.lax.iota(jnp.uint32, math.prod(shape)).reshape(shape)
     low = n * place + jnp.arange(n, dtype=jnp.uint32).reshape(n, *(1 for _ in shape))
     blocks = threefry(words, jnp.zeros_like(low), low)
-    one = jnp.float32(1).view(jnp.uint32)
-    first, second = ((bits >> 9 | one).view(jnp.float32) - 1.0 for bits in blocks)
-    return Draws((first[:n_uniform], second[:n_uniform]), (normal(first[n_uniform:]), normal(second[n_uniform:])))
+
+    # 23 random bits as the mantissa of a float in [1, 2).
+    exponent = jnp.float32(1).view(jnp.uint32)
+    first, second = ((bits >> 9 | exponent).view(jnp.float32) - 1.0 for bits in blocks)
+    return Draws(
+        uniform=(first[:n_uniform], second[:n_uniform]),
+        normal=(normal(first[n_uniform:]), normal(second[n_uniform:])),
+    )
 
 
 def draw(key: Array, shape: tuple[int, ...], n_uniform: int = 0, n_normal: int = 0) -> Draws:
-    """Return random numbers, those of a place whatever the number of places along the first axis.
+    """Return random numbers of places.
+
+    Those of a place do not depend on the number of places along the first axis.
 
     Args:
-        key: random key of any generator of JAX, or its data; of which the first 64 bits count.
-        shape: places.
-        n_uniform: numbers of each place in each of two arrays.
-        n_normal: the same.
+        key: random key of any generator of JAX, or its data, of which the first 64 bits count.
+        shape: of the places.
+        n_uniform: uniform numbers of each place, in each of the two arrays.
+        n_normal: normal ones, likewise.
     """
     drawn = partial(_drawn, n_uniform=n_uniform, n_normal=n_normal, shape=shape)
     return fusion_barrier(drawn, _words(key))
 
 
 def split(key: Array, n: int, first: Int[Array, ""] | int = 0) -> Array:
-    """Return n keys (n,), the same as those from 0 on where others are asked for that begin elsewhere.
+    """Return n keys (n,) from a sequence of keys that the first argument determines.
 
     Args:
-        key: as of `draw`.
+        key: see `draw`.
         n: number of keys.
-        first: of them.
+        first: index of the first of them in the sequence.
     """
     low = jnp.asarray(first, jnp.uint32) + jnp.arange(n, dtype=jnp.uint32)
     words = threefry(_words(key), jnp.ones_like(low), low)
@@ -88,8 +100,11 @@ def split(key: Array, n: int, first: Int[Array, ""] | int = 0) -> Array:
 
 
 def _words(key: Array) -> UInt32[Array, "2"]:
-    # Data of a key would be taken for a key of JAX's default generator, which may have more words.
-    return (jax.random.key_data(key) if jnp.issubdtype(key.dtype, jax.dtypes.prng_key) else key)[:2]
+    """Return the first two words of a key, or of its data."""
+    # `key_data` takes data for a key of JAX's default generator, which may have more words.
+    is_key = jnp.issubdtype(key.dtype, jax.dtypes.prng_key)
+    data = jax.random.key_data(key) if is_key else key
+    return data[:2]
 
 
 def normal(uniform: Float[Array, "*N"]) -> Float[Array, "*N"]:

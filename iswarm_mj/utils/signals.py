@@ -29,14 +29,14 @@ FILES_S = 30.0
 
 
 class _State:
-    """What is known of signals in this process."""
+    """State of the handling of signals in this process."""
 
     number: int | None = None
     """The first signal that arrived."""
     depth = 0
     """Nesting of `postponed` blocks in the main thread."""
     saves: tuple[Callable[[], None], ...] = ()
-    """What the open `saved` blocks save, the outermost first."""
+    """Functions by which the open `saved` blocks save, the outermost first."""
 
 
 _files = threading.RLock()
@@ -113,7 +113,7 @@ def saved(save: Callable[[], None]) -> Iterator[None]:
 
 @contextmanager
 def kept_handlers() -> Iterator[None]:
-    """Set the handlers of signals again that a library replaces in the block, as Ray does with SIGTERM's."""
+    """Set handlers of signals again that a library replaces in the block, such as Ray SIGTERM's."""
     handlers = {number: signal.getsignal(number) for number in SIGNALS}
     try:
         yield
@@ -248,6 +248,6 @@ def _exit(code: int, farewell: Callable[[], str]) -> None:
 
 
 def _report_unraisable(about: Any) -> None:
-    """Say nothing where Python drops the exception of a signal, which is raised again."""
+    """Print nothing if Python drops the exception of a signal, which is raised again."""
     if not isinstance(about.exc_value, KeyboardInterrupt):
         sys.__unraisablehook__(about)

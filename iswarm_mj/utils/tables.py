@@ -13,8 +13,8 @@ from iswarm_mj._version import __version__
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import atomic_write, check_file, check_name
 
-MOST_VALUES = 10**8
-"""Values up to which it is, which compressed may take little room in a file."""
+MAX_VALUES = 10**8
+"""Largest table that is read, in values: a compressed one may be small on disk."""
 _KEY = b"iswarm_mj"
 
 
@@ -30,14 +30,16 @@ def write_table(
     Args:
         path: of the parquet file.
         rows: mappings with the same names; None is a missing value.
-        settings: that the rows depend on; stored in the file as JSON, with the version of the package.
+        settings: that the rows depend on; stored in the file as JSON, with the version of the
+            package.
         csv: also write a CSV file of the same name.
         units: of columns, for their metadata in the parquet file.
     """
     check_name(path, ".parquet", setting="path")
     table = pa.Table.from_pylist(list(map(dict, rows)))
     metadata = json.dumps({"version": __version__, **settings}, sort_keys=True)
-    columns = [field.with_metadata({"unit": (units or {}).get(field.name, "")}) for field in table.schema]
+    unit_of = units or {}
+    columns = [field.with_metadata({"unit": unit_of.get(field.name, "")}) for field in table.schema]
     table = table.cast(pa.schema(columns, {_KEY: metadata.encode()}))
     with atomic_write(path) as part:
         pyarrow.parquet.write_table(table, str(part), compression="zstd")
@@ -61,7 +63,7 @@ def read_table(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     try:
         check_file(path)
         about = pyarrow.parquet.read_metadata(path)
-        if about.num_rows * about.num_columns > MOST_VALUES:
+        if about.num_rows * about.num_columns > MAX_VALUES:
             raise ValueError("it has more values than experiments make")
         table = pyarrow.parquet.read_table(path)
         settings = json.loads(table.schema.metadata[_KEY])
@@ -75,4 +77,8 @@ def read_table(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
 def aligned(lines: Sequence[Sequence[str]]) -> list[str]:
     """Return lines of cells as text, in columns of equal width."""
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    return ["  ".join(f"{cell:>{width}}" for cell, width in zip(line, widths, strict=True)) for line in lines]
+    texts = []
+    for line in lines:
+        cells = [cell.rjust(width) for cell, width in zip(line, widths, strict=True)]
+        texts.append("  ".join(cells))
+    return texts

@@ -7,7 +7,8 @@ from typing import get_args, get_type_hints
 import pytest
 from support.cli import code_of
 
-from iswarm_mj.commands.flags import flag, settings
+from iswarm_mj.commands.command_settings import settings
+from iswarm_mj.commands.flags import flag
 from iswarm_mj.commands.main import COMMANDS
 from iswarm_mj.utils.constraints import constraint_of
 

@@ -140,7 +140,7 @@ def test_the_genome_is_a_file_with_single_parameters_and_tells_the_density(here)
     genome = parse(["clean", *parameters]).rules
     assert genome == Genome(p_vector_forget=0.5, fraction_scouts=0.4, use_hop_count=False)
     for flags, n_robots in (([], 25), (["--genome", "type2"], 29), (["--density", "0.05"], 11)):
-        assert parse(["clean", *ARENA_FLAGS, *flags]).checked() == n_robots
+        assert parse(["clean", *ARENA_FLAGS, *flags]).number_of_robots() == n_robots
         assert parse(["play", *ARENA_FLAGS, *flags]).session().run.settings.n_robots == n_robots
 
 

@@ -9,7 +9,8 @@ import pytest
 from support.cli import code_of, refused
 from support.small import FLAGS
 
-from iswarm_mj.commands.flags import idle, in_flags, settings
+from iswarm_mj.commands.command_settings import ineffective_settings, settings
+from iswarm_mj.commands.flags import in_flags
 from iswarm_mj.commands.main import parse
 from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, UserError
 
@@ -112,15 +113,15 @@ def test_is_refused(line, facts, capfd, here):
 )
 def test_what_some_runs_of_an_experiment_need_has_an_effect(line):
     command = parse(["experiment", *line.split()])
-    assert not idle(command) and command.configs
+    assert not ineffective_settings(command) and command.configs
 
 
 def test_what_a_small_arena_needs_has_an_effect():
     """Dust areas lie within the walls, in tasks without dust, too."""
-    assert parse(f"run --task {GLOW} --robots 4 {SMALL}".replace("--arena.n-dust=24", "").split()).checked()
+    assert parse(f"run --task {GLOW} --robots 4 {SMALL}".replace("--arena.n-dust=24", "").split()).number_of_robots()
     assert parse(f"run --task {GLOW} --reading initial".split()).config.arena.dust_area_offset == 16
     with pytest.raises(UserError, match=r"`arena.n_dust` has no effect in the task Glow"):
-        parse(f"run --task {GLOW} --robots 4 {SMALL}".split()).checked()
+        parse(f"run --task {GLOW} --robots 4 {SMALL}".split()).number_of_robots()
 
 
 def test_warp_that_is_not_installed(capfd, here, monkeypatch):

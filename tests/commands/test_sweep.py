@@ -29,7 +29,7 @@ def counted(monkeypatch):
         about = {"n_robots": 5, "max_steps": 30, "goal": None, "finished_at": None}
         return [{"seed": 0, "world": world, **about, "count": len(runs), "fault": None} for world in range(2)]
 
-    monkeypatch.setattr(runner, "_rows", rows)
+    monkeypatch.setattr(runner, "_rows_of_run", rows)
     return runs
 
 

@@ -16,7 +16,8 @@ from support.cli import SMALL, WALK, code_of
 from support.recorded import write_run
 from support.small import FLAGS
 
-from iswarm_mj.commands.flags import flag, settings
+from iswarm_mj.commands.command_settings import settings
+from iswarm_mj.commands.flags import flag
 from iswarm_mj.commands.main import COMMANDS
 from iswarm_mj.engines.robot_file import models_directory
 from iswarm_mj.strategy.genome import TYPE1

@@ -115,7 +115,7 @@ def test_batches_of_planar_fit_into_the_memory(monkeypatch, fitting, sizes):
     jobs, planar = [SimpleNamespace(n_robots=n) for n in [100, 950, 240] * 128], PlanarSettings(1, impl="warp")
     free = fitting and int(2 * fitting * memory_limits.needed_memory(planar, 1, 950))
     monkeypatch.setattr(memory_limits, "_free_memory", lambda _: free)
-    parts = pool._parts(range(len(jobs)), jobs, planar)
+    parts = pool._fitting_batches(range(len(jobs)), jobs, planar)
     assert [len(part) for part in parts] == sizes
     assert [index for part in parts for index in part] == list(range(384))
 

@@ -225,7 +225,10 @@ class TestFiles:
         assert (
             command.config == scenario.config and command.task == scenario.task and command.rules == scenario.strategy
         )
-        assert command.checked() == scenario.n_robots and command.engine_settings.identity == scenario.engine.identity
+        assert (
+            command.number_of_robots() == scenario.n_robots
+            and command.engine_settings.identity == scenario.engine.identity
+        )
         assert (command.seed, command.worlds, command.steps) == (scenario.seed, scenario.worlds, scenario.steps)
         assert command.stop_at == scenario.goal
 

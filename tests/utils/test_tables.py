@@ -34,9 +34,9 @@ def test_what_is_no_table_is_refused(tmp_path, content):
 
 def test_a_table_of_too_many_values_is_refused(tmp_path, monkeypatch):
     write_table(tmp_path / "t.parquet", ROWS, {})
-    monkeypatch.setattr(tables, "MOST_VALUES", 6)
+    monkeypatch.setattr(tables, "MAX_VALUES", 6)
     assert len(read_table(tmp_path / "t.parquet")[0]) == 2
-    monkeypatch.setattr(tables, "MOST_VALUES", 5)
+    monkeypatch.setattr(tables, "MAX_VALUES", 5)
     with pytest.raises(UserError, match="not a readable table"):
         read_table(tmp_path / "t.parquet")
 
