@@ -56,7 +56,7 @@ def test_a_run_that_ends_early_has_fewer_steps(small, monkeypatch):
 def test_compiled_programs_take_whole_chunks(monkeypatch):
     made = []
     monkeypatch.setattr(command, "bench", lambda run, warm_up: made.append((*run, warm_up)))
-    monkeypatch.setattr(command.Bench, "run_of", lambda self, settings: (self.physics.chunk, settings.steps))
+    monkeypatch.setattr(command, "run_of", lambda scenario: (scenario.engine.chunk, scenario.steps))
     parse(["bench", "--engine=mjx", "--chunk=6", "--steps=20", "--warm-up=7", "--robots=9"]).run()
     assert made == [(6, 12 + 24, 12)]
 
