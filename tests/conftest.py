@@ -32,6 +32,7 @@ CHECKED = [
         "engines.planar.batch_engine",
         "engines.planar.engine",
         "simulation.decide",
+        "simulation.layout_checks",
         "simulation.layouts",
         "simulation.build",
         "simulation.step",

@@ -15,7 +15,7 @@ _import_name, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used, unless a variable of the environment would break its libraries."""
+    """Import a public name when it is first used, after a check of the environment's variables."""
     if name in __all__:
         check_environment()
     return _import_name(name)

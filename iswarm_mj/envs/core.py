@@ -1,8 +1,9 @@
-"""The part of an environment that does not depend on the engine, as pure JAX functions of one world.
+"""Environments without their engine, as pure JAX functions of one world.
 
-It begins episodes, carries out actions, and computes observations and rewards. A step of an environment is half a
-control step later than one of a run: robots that have perceived act, move, and perceive again. The stages are those of
-`simulation.step.control_step`, so that the same worlds do the same in both.
+It begins episodes, carries out actions, and computes observations and rewards. A step of an
+environment is half a control step later than one of a run: robots that have perceived act, move,
+and perceive again. The stages are those of `simulation.step.control_step`, so that the same worlds
+do the same in both.
 """
 
 from dataclasses import dataclass
@@ -54,12 +55,13 @@ class Episode(NamedTuple):
     tool_voltage_squared: Float[Array, "*B N"]
     """Sum of V^2 over each robot's attempts in the next step, see `tasks.base.Sensed` [V^2]."""
     conditions: Conditions | None
-    """Conditions of the step that the robots have begun to perceive; None where the task changes none
-    (`Task.conditions`)."""
+    """Conditions of the step that the robots have begun to perceive.
+
+    None where the task changes none (`Task.conditions`)."""
 
 
 class State(NamedTuple):
-    """State of an environment with N robots; for B worlds all arrays have a leading axis of worlds."""
+    """State of an environment with N robots; B worlds are a leading axis of all arrays."""
 
     data: Episode
     """State of the world, which robots do not know."""
@@ -68,13 +70,16 @@ class State(NamedTuple):
     reward: Float[Array, "*B N"]
     """Reward of each robot for the last step, from its task."""
     done: Bool[Array, "*B"]
-    """Worlds whose episode has ended: the goal is reached, the time is up, or there is a fault. The next `step` begins
-    a new one, whatever the action."""
+    """Worlds whose episode has ended: the goal is reached, the time is up, or there is a fault.
+
+    The next `step` begins a new one, whatever the action."""
     metrics: dict[str, Array]
     """Metrics and `progress` of the task, and `collisions` so far."""
     info: dict[str, Any]
-    """`step` of the episode; `is_finished`, the goal is reached; `truncated`, the time is up; `fault`, bits of
-    `FaultKind`, 0 for no fault."""
+    """More about the step, by name.
+
+    `step` of the episode; `is_finished`, the goal is reached; `truncated`, the time is up; `fault`,
+    bits of `FaultKind`, 0 for no fault."""
 
 
 class Intent(NamedTuple):
@@ -134,13 +139,15 @@ class Core:
         static_config: settings that control steps are compiled for.
         config: configuration.
         robot: geometry of the robots.
-        robot_file: MJCF file of the robots, as an absolute path, or several; None for `models/robot.xml`.
+        robot_file: MJCF file of the robots, as an absolute path, or several; None for
+            `models/robot.xml`.
         params: parameters of all worlds; each episode has a key of its own.
         poses: (K, N + M, 3) x, y [mm] and yaw [rad] of robots and boxes in K layouts.
         worlds: state of a world in each of them, without bodies.
         steps: largest number of control steps of an episode.
         payload: fields of the messages.
-        senses: quantities that robots sense beside balls and dump, by name, and how many numbers each has.
+        senses: quantities that robots sense beside balls and dump, by name, and how many numbers
+            each has.
     """
 
     static_config: StaticConfig
@@ -170,7 +177,7 @@ class Core:
         return self.params.is_present.shape[-1]
 
     def begin(self, key: Array) -> tuple[Episode, Float[Array, "NM 3"]]:
-        """Return a new episode in a layout that the key picks, and the poses of its robots and boxes."""
+        """Return a new episode in a layout picked by the key, and poses of its robots and boxes."""
         layout_key, key, next_key = jax.random.split(key, 3)
         layout = jax.random.randint(layout_key, (), 0, len(self.poses))
         poses, world = jax.tree.map(lambda a: a[layout], (self.poses, self.worlds))
@@ -190,7 +197,7 @@ class Core:
         return episode, poses
 
     def auto_reset(self, episode: Episode, is_new: Bool[Array, ""]) -> tuple[Episode, Float[Array, "NM 3"]]:
-        """Return the episode, or a new one if it is over, and the poses of robots and boxes of the new one."""
+        """Return the episode, or a new one if it is over, and the poses of the new one."""
         new_episode, poses = self.begin(episode.next_key)
         return jax.tree.map(partial(jnp.where, is_new), new_episode, episode), poses
 
@@ -210,7 +217,7 @@ class Core:
             poses: poses of the robots.
         """
         # A barrier, so that XLA rounds commands as it does those of a strategy.
-        decoded = jax.lax.optimization_barrier(tables.decode(self.actions, action))
+        decoded = jax.lax.optimization_barrier(tables.decode_action(self.actions, action))
         command, payload, is_bad = decoded
 
         swarm = episode.world.swarm
@@ -289,7 +296,7 @@ class Core:
         )
         return State(
             data=next_episode,
-            obs=tables.encode(self.observations, perceived.observation),
+            obs=tables.encode_observation(self.observations, perceived.observation),
             reward=jnp.where(is_new | is_faulty, 0.0, reward),
             done=world.is_finished | is_faulty | is_late,
             metrics=metrics | {"progress": world.progress, "collisions": world.collisions},
@@ -309,7 +316,7 @@ class Core:
         seen: Seen,
         step: Int[Array, ""],
     ) -> Perceived:
-        """Return what robots perceive as the next control step begins; all that live pick up balls."""
+        """Return what robots perceive as the next step begins; all that live pick up balls."""
         inputs = StepInputs(
             poses=seen.poses,
             sight=seen.sight,
@@ -322,7 +329,7 @@ class Core:
         return perceive(self.static_config, self.robot, params, swarm, inputs, outputs, keys)
 
     def _reward(self, task: Task, task_before: Any, perceived: Perceived, intent: Intent) -> Float[Array, "N"]:
-        """Return the reward of each robot, by the change of the task's state and by what it did and said."""
+        """Return each robot's reward for the change of the task, and for what it did and said."""
         task_inputs = perceived.task_inputs._replace(
             command=intent.drive.command, message=perceived.received.bits[:, 0]
         )

@@ -1,4 +1,4 @@
-"""Environments of many worlds at once on engines of the host, and as pure functions on compiled engines."""
+"""Environments: many worlds at once on host engines, pure functions on compiled ones."""
 
 from collections.abc import Callable
 from functools import lru_cache, partial
@@ -11,7 +11,7 @@ import numpy as np
 from iswarm_mj.engines.base import CompiledEngine, Engine, Motion, boxes_of
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.core import Core, Episode, Intent, Seen, State
-from iswarm_mj.envs.tables import checked
+from iswarm_mj.envs.tables import check_action
 from iswarm_mj.simulation.actuate import drive_phases, velocity_towards
 from iswarm_mj.simulation.decide import pad_singleton_batch
 from iswarm_mj.utils.errors import UserError, shown
@@ -21,13 +21,15 @@ from iswarm_mj.utils.jax_setup import check_jax
 class Env:
     """N robots of one world, or of B worlds at once, which act together.
 
-    On a compiled engine `reset` and `step` are pure functions, for `jax.jit`, and `jax.vmap` where `n_worlds` is None.
-    On an engine of the host they are not; only the parts without the engine are compiled.
+    On a compiled engine `reset` and `step` are pure functions, for `jax.jit`, and `jax.vmap` where
+    `n_worlds` is None. On an engine of the host they are not; only the parts without the engine are
+    compiled.
 
     Attributes:
         core: the part that does not depend on the engine.
         n_robots: number of robots N.
-        n_worlds: number of worlds B; None where `reset` and `step` take one world, and `jax.vmap` maps them.
+        n_worlds: number of worlds B; None where `reset` and `step` take one world, and `jax.vmap`
+            maps them.
         observations: rows of an observation: names, sizes, units and bounds.
         actions: rows of an action.
         observation_size: D, numbers of each robot's observation.
@@ -69,7 +71,7 @@ class Env:
         return tables.split(self.observations, obs)
 
     def poses(self, state: State) -> Any:
-        """Return the poses of the robots (*B, N, 3), which they do not know: x, y [mm] and yaw [rad]."""
+        """Return the poses of the robots (*B, N, 3): x, y [mm] and yaw [rad]."""
         return self._engine.poses(state.data.world.bodies)
 
     def boxes(self, state: State) -> Any:
@@ -95,14 +97,14 @@ class Env:
 
         Args:
             state: state from `reset` or `step`.
-            action: (*B, N, A) from -1 to 1, see `actions`; beyond, it is clipped. An action that is not finite is a
-                fault, which ends the episode of its world alone.
+            action: (*B, N, A) from -1 to 1, see `actions`; beyond, it is clipped. An action that is
+                not finite is a fault, which ends the episode of its world alone.
 
         Raises:
             UserError: shape or type of the action do not fit.
         """
         check_jax()
-        action = checked(action, (*self._axes, self.n_robots, self.action_size))
+        action = check_action(action, (*self._axes, self.n_robots, self.action_size))
         with jax.default_device(self._device):
             return self._compiled_step(state, action)
 
@@ -190,7 +192,7 @@ class Env:
         return jax.tree.map(np.asarray, values) if self._on_host else values
 
     def _committed(self, values: Any) -> Any:
-        """Return values committed to the device, as results of programs are: else `jax.jit` compiles for both."""
+        """Return values on the device; of uncommitted ones `jax.jit` compiles a second program."""
         return jax.device_put(values, self._device) if self._on_host else values
 
     @property
@@ -220,7 +222,7 @@ class Env:
 
 @lru_cache(maxsize=64)
 def _host_program(structure: Any, name: str) -> Callable[..., Any]:
-    """Return a method of `Core` for B worlds, compiled once for all cores that differ in their arrays alone."""
+    """Return a method of `Core` for B worlds, compiled once for all values of its arrays."""
 
     def of_worlds(arrays: list[Any], *arguments: Any) -> Any:
         core = jax.tree.unflatten(structure, arrays)

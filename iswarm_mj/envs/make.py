@@ -1,4 +1,4 @@
-"""How environments are made."""
+"""Environments are made in two steps: scenarios are checked first, arrays made later."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -26,28 +26,34 @@ from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError, closest, shown
 
-MOST_BITS = 29
-"""Flags that fit into a message beside two bits of LED number and the parity."""
+MAX_FLAGS = 29
+"""Number of flags that fit into a message beside two bits of LED number and the parity."""
+
+MAX_STARTS = 100_000
+"""Largest number of layouts in which episodes begin."""
 
 
 def make_env(scenario: Scenario | None = None, *, payload: Any = None, n_starts: int = 64, **fields: Any) -> Env:
     """Return an environment in which each robot of a swarm has actions, observations and a reward.
 
     It takes all of a scenario but its strategy, in whose place robots are told what to do. With
-    `MjxSettings()`, `reset` and `step` are of one world, for `jax.vmap`; with other engines they are
-    of all worlds of the scenario at once.
+    `MjxSettings()`, `reset` and `step` are of one world, for `jax.vmap`; with other engines they
+    are of all worlds of the scenario at once.
 
     Args:
         scenario: what is simulated; `steps` are those of an episode at most, and `goal` ends one.
-        payload: message fields by name, a `Payload` (`sensors.messages`), or a number of bits, one flag each. Without
-            it, actions are motion only.
+        payload: message fields by name, a `Payload` (`sensors.messages`), or a number of bits, one
+            flag each. Without it, actions are motion only.
         n_starts: number of initial layouts, drawn from the seed; the keys of `reset` pick one.
-        fields: fields of the scenario, in its place: `make_env(robots=20)` is `make_env(Scenario(robots=20))`.
+        fields: fields of the scenario, in its place: `make_env(robots=20)` is
+            `make_env(Scenario(robots=20))`.
 
     Raises:
-        UserError: parts that do not fit each other, more worlds than fit into memory, or fields beside a scenario.
+        UserError: parts that do not fit each other, more worlds than fit into memory, or fields
+            beside a scenario.
     """
-    return prepare_env(scenario_of(scenario, fields), payload=payload, n_starts=n_starts).make()
+    scenario = scenario_of(scenario, fields)
+    return prepare_env(scenario, payload=payload, n_starts=n_starts).make()
 
 
 def scenario_of(scenario: Any, fields: Mapping[str, Any]) -> Scenario:
@@ -59,8 +65,10 @@ def scenario_of(scenario: Any, fields: Mapping[str, Any]) -> Scenario:
     if scenario is not None:
         check_kind("scenario", scenario, Scenario)
         if fields:
-            raise UserError(f"`{next(iter(fields))}` is given beside a scenario, which has it; set it in the scenario")
+            name = next(iter(fields))
+            raise UserError(f"`{name}` is given beside a scenario, which has it; set it in the scenario")
         return scenario
+
     known = Scenario.__dataclass_fields__
     for name in fields:
         if name not in known:
@@ -72,50 +80,58 @@ def scenario_of(scenario: Any, fields: Mapping[str, Any]) -> Scenario:
 
 @dataclass(frozen=True)
 class PreparedEnv:
-    """An environment that is checked, but for its arrays, which start JAX's threads.
+    """An environment that is checked, but has no arrays yet, which start JAX's threads.
 
-    A process with these threads cannot be forked, and Gymnasium forks one that has made an environment.
+    A process with these threads cannot be forked, and Gymnasium forks one that has made an
+    environment.
     """
 
     setup: Setup
+    """Checked scenario."""
     engine: Engine | CompiledEngine
+    """Engine of the worlds."""
     layouts: Sequence[World]
-    """From which episodes begin."""
+    """Layouts in which episodes begin."""
     steps: int
-    """Maximum control steps of an episode."""
+    """Largest number of control steps of an episode."""
     payload: Payload
+    """Fields of the messages."""
     senses: tuple[tuple[str, tuple[Quantity, int]], ...]
-    """See `Core`."""
+    """Quantities that robots sense beside balls and dump, see `Core`."""
     n_worlds: int | None
-    """See `Env`."""
+    """Number of worlds B; None where `reset` and `step` take one world."""
 
     @property
     def n_robots(self) -> int:
-        """N."""
+        """Number of robots N."""
         return self.setup.capacity
 
     @property
     def observations(self) -> list[Row]:
-        """See `tables.observation_rows`."""
-        return tables.observation_rows(self.setup.config, self.setup.robot, self.payload, dict(self.senses))
+        """Rows of an observation, see `tables.observation_rows`."""
+        setup = self.setup
+        senses = dict(self.senses)
+        return tables.observation_rows(setup.config, setup.robot, self.payload, senses)
 
     @property
     def actions(self) -> list[Row]:
-        """See `tables.action_rows`."""
+        """Rows of an action, see `tables.action_rows`."""
         return tables.action_rows(self.setup.config, self.payload)
 
     def make(self) -> Env:
         """Return the environment."""
+        setup = self.setup
+        # The key of the parameters has no effect, since each episode has one of its own.
+        key = random_keys(self.layouts[:1])
         speaker: Any = Speaker(self.payload)
-        # An episode has a key of its own.
-        params = world_params(self.setup, random_keys(self.layouts[:1]), speaker)
-        poses, worlds = initial_state(self.setup)
-        with jax.default_device(self.setup.device):
+        params = world_params(setup, key, speaker)
+        poses, worlds = initial_state(setup)
+        with jax.default_device(setup.device):
             core = Core(
-                static_config=self.setup.static,
-                config=self.setup.config,
-                robot=self.setup.robot,
-                robot_file=self.setup.robot_file,
+                static_config=setup.static,
+                config=setup.config,
+                robot=setup.robot,
+                robot_file=setup.robot_file,
                 params=jax.tree.map(lambda a: jnp.asarray(a)[0], params),
                 poses=jnp.asarray(poses, jnp.float32),
                 worlds=jax.tree.map(jnp.asarray, worlds),
@@ -123,53 +139,75 @@ class PreparedEnv:
                 payload=self.payload,
                 senses=self.senses,
             )
-        return Env(core, self.engine, self.n_worlds, on_host=self.setup.engine.on_host)
+        return Env(core, self.engine, self.n_worlds, on_host=setup.engine.on_host)
 
 
 def prepare_env(scenario: Scenario, *, payload: Any = None, n_starts: int = 64) -> PreparedEnv:
-    """Check the settings of an environment, see `make_env`, and return what makes it."""
+    """Check the settings of an environment, and return what makes it, see `make_env`."""
     if not isinstance(scenario.worlds, int):
         raise UserError(
             "an environment begins in `n_starts` layouts of a seed; give a scenario with a number of worlds"
         )
     if scenario.config.strategy.update_order != "synchronous":
         raise UserError("strategy.update_order is sequential, but robots of an environment act at once; leave it out")
-    check("n_starts", n_starts, "a whole number from 1 to 100000", is_whole(n_starts) and 1 <= n_starts <= 100_000)
+    is_number = is_whole(n_starts) and 1 <= n_starts <= MAX_STARTS
+    check("n_starts", n_starts, f"a whole number from 1 to {MAX_STARTS}", is_number)
 
     layouts = replace(scenario, worlds=int(n_starts)).list_worlds()
     setup = set_up(scenario, scenario.settings(), layouts)
 
-    messages = as_payload(payload)
-    messages.check_room(len(setup.robot.sides))
-    senses = tuple(
-        (name, (quantity, int(np.prod(setup.sensed[name].shape[1:], dtype=int))))
-        for name, quantity in setup.task.senses.items()
+    fields = as_payload(payload)
+    fields.check_room(len(setup.robot.sides))
+    engine, n_worlds = _engine_of(setup)
+    return PreparedEnv(
+        setup=setup,
+        engine=engine,
+        layouts=layouts,
+        steps=scenario.steps,
+        payload=fields,
+        senses=_senses_of(setup),
+        n_worlds=n_worlds,
     )
 
-    made, n_batch = _engine_of(setup)
-    return PreparedEnv(setup, made, layouts, scenario.steps, messages, senses, n_batch)
+
+def _senses_of(setup: Setup) -> tuple[tuple[str, tuple[Quantity, int]], ...]:
+    """Return the quantities that the task lets robots sense, and how many numbers each has."""
+    senses = []
+    for name, quantity in setup.task.senses.items():
+        size = int(np.prod(setup.sensed[name].shape[1:], dtype=int))
+        senses.append((name, (quantity, size)))
+    return tuple(senses)
 
 
 def _engine_of(setup: Setup) -> tuple[Engine | CompiledEngine, int | None]:
-    """Return the engine, and the number of worlds that it takes at once; None if `jax.vmap` maps one."""
-    settings, n_worlds = setup.engine, setup.settings.n_worlds
+    """Return the engine, and the number of worlds that it takes at once.
+
+    None if `jax.vmap` maps one.
+    """
+    settings = setup.engine
+    n_worlds = setup.settings.n_worlds
     if settings.on_host:
         n_threads = getattr(settings, "threads", 0) or len(os.sched_getaffinity(0))
-        return setup.host_engine()(n_worlds, n_threads), n_worlds
+        make_engine = setup.host_engine()
+        return make_engine(n_worlds, n_threads), n_worlds
     platform = devices_of(settings)[0].platform
     engine = make_compiled_engine(settings, setup.model, setup.robot, n_worlds, platform)
-    return engine, n_worlds if engine.mapping(platform) == "batch" else None
+    is_batched = engine.mapping(platform) == "batch"
+    return engine, n_worlds if is_batched else None
 
 
-def as_payload(given: Any) -> Payload:
-    """Return what messages carry: nothing for None, flags for a number of bits.
+def as_payload(payload: Any) -> Payload:
+    """Return the fields of messages: none for None, flags for a number of bits.
 
     Raises:
         UserError: it is no payload, or there are too many bits.
     """
-    if given is None or isinstance(given, Payload):
-        return given or Payload()
-    if isinstance(given, int) and not isinstance(given, bool):
-        check("payload", given, f"fields, or a number of bits from 0 to {MOST_BITS}", given in range(MOST_BITS + 1))
-        return Payload({f"bit_{number}": Flag() for number in range(given)})
-    return Payload(given)
+    if payload is None:
+        return Payload()
+    if isinstance(payload, Payload):
+        return payload
+    if isinstance(payload, int) and not isinstance(payload, bool):
+        constraint = f"fields, or a number of bits from 0 to {MAX_FLAGS}"
+        check("payload", payload, constraint, 0 <= payload <= MAX_FLAGS)
+        return Payload({f"bit_{number}": Flag() for number in range(payload)})
+    return Payload(payload)

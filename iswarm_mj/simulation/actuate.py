@@ -45,9 +45,9 @@ class DriveOutput(NamedTuple):
     """Commands of N robots as their drives carry them out."""
 
     command: Command
-    """Motion with the actuators' errors, within the limits; zero for robots that are dead or wait."""
+    """Motion with the actuators' errors, within the limits; zero for dead and waiting robots."""
     shortfall: Float[Array, "*B N"]
-    """Distance that a robot commanded and its drive does not walk [mm], without the actuators' errors.
+    """Commanded distance that the drive does not walk [mm], without the actuators' errors.
 
     The robot knows it."""
     is_blocked: Bool[Array, "*B N"]
@@ -70,8 +70,10 @@ def actuate(
         inputs: which robots can move, and where they are.
         key: random key of the errors.
     """
+    # Dead and waiting robots stand still, whatever they command.
     acts = inputs.swarm.is_alive & ~inputs.waits
     is_refused = acts & ~(jnp.isfinite(command.turn) & jnp.isfinite(command.forward))
+    # Robots that command no motion at all do not err either.
     moves = (command.turn != 0.0) | (command.forward != 0.0)
 
     limited = _limited(config, conditions, command, inputs.swarm.is_loaded)
@@ -92,7 +94,7 @@ def actuate(
 
 
 def _limited(config: StaticConfig, conditions: Conditions, command: Command, is_loaded: Bool[Array, "N"]) -> Command:
-    """Return commands within the limits of the drives: turns take time from walks, and loads slow robots down."""
+    """Return commands within the limits: turns take time from walks, and loads slow robots down."""
     max_turn = math.radians(config.drive.max_turn)
     step_length = mm_from_rd(config.step_length)
 
@@ -114,7 +116,8 @@ def _with_errors(
     moves: Bool[Array, "N"],
     key: Array,
 ) -> Command:
-    """Return motions with the actuators' errors, clipped to the limits; zero for robots that do not act."""
+    """Return motions with errors, within the limits; zero for robots that do not act."""
+    # The barrier keeps XLA from drawing the numbers again in each loop that uses them.
     draw_errors = partial(_draw_errors, len(command.forward))
     turn_error, walk_factor = fusion_barrier(draw_errors, conditions.error_turn, conditions.error_step, key)
     turn = command.turn + jnp.where(moves, turn_error, 0.0)
@@ -155,7 +158,7 @@ def _energy_left(config: StaticConfig, command: Command, inputs: DriveInputs) ->
 
 
 def enters_taken_cell(poses: Float[Array, "N 3"], is_present: Bool[Array, "N"], command: Command) -> Bool[Array, "N"]:
-    """Return which robots would end their step in another cell of 1 rd, in which a robot stands as it begins."""
+    """Return which robots would enter a cell of 1 rd in which a robot stands as the step begins."""
     yaw = poses[:, 2] + command.turn
     heading = jnp.stack([jnp.cos(yaw), jnp.sin(yaw)], axis=-1)
     step = command.forward[:, None] * heading
@@ -182,13 +185,16 @@ def velocity_towards(
     target_poses: Array | None,
     box_poses: Array | None,
 ) -> Array | None:
-    """Return the velocities that take driven boxes to their targets in a control step, within `MAX_BOX_VELOCITY`.
+    """Return the velocities that take driven boxes towards their targets in a control step.
+
+    They reach their targets unless that needs more than `MAX_BOX_VELOCITY`.
 
     Args:
         drive: duration of a control step.
         is_driven: boxes of mass 0; the others have no velocity of their own.
-        target_poses: target of each box (*B, M, 3), x, y [mm] and yaw [rad]; None if the task drives none. A target
-            that is not finite gives a velocity that is not finite, which is a fault.
+        target_poses: target of each box (*B, M, 3), x, y [mm] and yaw [rad]; None if the task
+            drives none. A target that is not finite gives a velocity that is not finite, which is a
+            fault.
         box_poses: pose of each box (*B, M, 3); None if there are none.
 
     Returns:
@@ -207,9 +213,10 @@ def velocity_towards(
 
 
 def drive_phases(drive: StaticDrive, command: Command, box_velocity: Array | None = None) -> tuple[Phase, Phase]:
-    """Return the two phases of a motion: a turn on the spot, then a walk along the heading as it is then.
+    """Return the two phases of a motion: a turn on the spot, then a walk straight ahead.
 
-    A robot that a contact turns while it walks keeps its direction over the ground until the next control step.
+    A robot that a contact turns while it walks keeps its direction over the ground until the next
+    control step.
 
     Args:
         drive: durations of the phases.

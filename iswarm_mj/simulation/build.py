@@ -131,7 +131,7 @@ def initial_memories(strategy: Strategy, keys: Array, n_robots: int) -> InitialM
 def initial_state(
     setup: Setup, memories: InitialMemories | None = None
 ) -> tuple[Float[np.ndarray, "B NM 3"], WorldState]:
-    """Return the poses of robots and boxes of B worlds at the start, and their state without the engine's bodies.
+    """Return poses of robots and boxes of B worlds at the start, and their state without bodies.
 
     Capacitors, if any, are full.
 

@@ -1,4 +1,4 @@
-"""Control steps compiled into one program: many worlds, a chunk of steps at a time, on all devices."""
+"""Compiled control steps: one program takes a chunk of steps of many worlds on all devices."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -68,9 +68,10 @@ class Program(NamedTuple):
 
 
 class CompiledLoop:
-    """Chunks of control steps of B worlds, spread over devices, with the same methods as `HostLoop`.
+    """Chunks of control steps of B worlds on several devices, with the methods of `HostLoop`.
 
-    Each device has the same number of rows for worlds; those without a world are padding, finished from the start.
+    Each device has the same number of rows for worlds; those without a world are padding, finished
+    from the start.
     """
 
     def __init__(
@@ -99,7 +100,8 @@ class CompiledLoop:
         self.mesh = Mesh(np.array(self.devices), (_WORLDS,))
         self.worlds_per_device = -(-n_worlds // len(self.devices))
 
-        # At least two rows on CPUs: with one, XLA drops the axis of worlds, and results round otherwise.
+        # At least two rows on CPUs: with one, XLA drops the axis of worlds, and results round
+        # otherwise.
         rows_per_device = self.worlds_per_device
         if self.devices[0].platform == "cpu":
             rows_per_device = max(rows_per_device, 2)
@@ -148,7 +150,8 @@ class CompiledLoop:
         if not recorded:
             return n_taken, None
 
-        # Every device kept a record for every recorded world (D, T, W, ...); take it from the one that has the world.
+        # Every device kept a record for every recorded world (D, T, W, ...); take it from the one
+        # that has the world.
         device = rows // (self._n_rows // self.mesh.size)
         column = np.arange(len(rows))
 
@@ -211,7 +214,7 @@ class CompiledLoop:
         }
 
     def on_first_device(self) -> tuple[WorldParams, WorldState, CompiledEngine]:
-        """Return parameters and state of the first device's worlds, without padding, and its engine."""
+        """Return parameters, state and engine of the first device's worlds, without padding."""
         on_all = (self._params, self._state, self._engine)
         params, state, engine = jax.tree.map(lambda a: a.addressable_shards[0].data, on_all)
         params, state = jax.tree.map(lambda a: a[: self.worlds_per_device], (params, state))
@@ -220,7 +223,7 @@ class CompiledLoop:
 
 @jax.jit
 def _rows_of(params: WorldParams, state: WorldState, worlds: jax.Array) -> tuple[WorldParams, WorldState]:
-    """Return parameters and state of these worlds; compiled, since each of a hundred arrays would be a program."""
+    """Return parameters and state of worlds, by one program instead of one for each array."""
     return jax.tree.map(lambda a: a[worlds], (params, state))
 
 
@@ -245,7 +248,8 @@ def _advance_device(
     """Take the control steps of a call in the worlds of one device.
 
     Returns:
-        The state, and the record of the recorded worlds (1, T, W, ...), undefined for worlds of other devices.
+        The state, and the record of the recorded worlds (1, T, W, ...), undefined for worlds of
+        other devices.
     """
     platform = program.mesh.devices.flat[0].platform
     mapping = shared.engine.mapping(platform)
@@ -296,8 +300,8 @@ def _in_turn(
 ) -> tuple[WorldState, Any]:
     """Take a step of one world after the other, with results as of `jax.vmap(take)`.
 
-    The number of worlds is a number at run time, and barriers keep XLA from fusing a step with its surroundings: the
-    program of a world does not depend on how many there are.
+    The number of worlds is a number at run time, and barriers keep XLA from fusing a step with its
+    surroundings: the program of a world does not depend on how many there are.
     """
 
     def world_of(tree: Any, index: jax.Array) -> Any:

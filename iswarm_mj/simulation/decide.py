@@ -39,13 +39,13 @@ class Decision(NamedTuple):
     swarm: SwarmState
     """State after the step, but for what the motion changes."""
     drive: DriveOutput
-    """Motion that the drives carry out; energy and shortfall are None, since `swarm` accounts for them."""
+    """Motion that the drives carry out; energy and shortfall are None, since `swarm` has them."""
     progress: Int[Array, "*B"]
     """Progress of the task, see `Task.progress`."""
     has_priority: Bool[Array, "*B N"]
-    """Robots that send the flag `priority` as the step begins; none where the payload has no such flag."""
+    """Robots that send the flag `priority` as the step begins; none without such a flag."""
     links: Links | None
-    """Links over which messages arrived, see `Perceived`; None where they are those of the inputs."""
+    """Links over which messages arrived; None where they are those of the inputs."""
     received: Received
     """What the sides received, see `Perceived`."""
     box_targets: Float[Array, "*B M 3"] | None = None
@@ -69,7 +69,8 @@ def decide(
         inputs: bodies, light and time, without a leading axis.
 
     Raises:
-        UserError: updates are sequential, and the strategy cannot pass on what its robots have just heard.
+        UserError: updates are sequential, and the strategy cannot pass on what its robots have just
+            heard.
     """
     params = with_conditions(params, swarm)
     strategy = params.strategy
@@ -112,7 +113,7 @@ def decide(
 
 
 def _held_outputs(strategy: Strategy, swarm: SwarmState) -> HeldOutputs:
-    """Return what robots say and what their tools do, by the memories that they have as the step begins."""
+    """Return what robots say and what their tools do, by their memories as the step begins."""
     payload = {}
     if payload_of(strategy).fields:
         payload = strategy.say(swarm.memory, swarm.is_loaded)
@@ -124,7 +125,7 @@ def _held_outputs(strategy: Strategy, swarm: SwarmState) -> HeldOutputs:
 
 
 def _observe_in_turn(strategy: Strategy, memory: Any, perceived: Perceived, keys: StepKeys) -> Observation:
-    """Return the observation of robots that hear, decide and speak one after the other, in a random order.
+    """Return the observation of robots that hear and speak one after the other, in random order.
 
     Raises:
         UserError: the strategy cannot pass on what its robots have just heard.
@@ -149,7 +150,8 @@ def _observe_in_turn(strategy: Strategy, memory: Any, perceived: Perceived, keys
 def draw_turns(key: Array, n_robots: int) -> Float[Array, "N"]:
     """Return random numbers in [0, 1) by which robots take their turns: the smallest first.
 
-    Two robots with equal numbers, which occur once in 2^23 pairs, take their turns at the same time.
+    Two robots with equal numbers, which occur once in 2^23 pairs, take their turns at the same
+    time.
     """
     return jax.random.uniform(key, (n_robots,))
 
@@ -160,18 +162,23 @@ def hear_in_turn(
     sender: Int[Array, "N S"],
     relay: Callable[[Observation], Message],
 ) -> Observation:
-    """Return what robots hear that take their turns one after the other; the paper does not state their order.
+    """Return what robots hear that take their turns one after the other.
 
-    A robot hears what those before it have just learned, and what those after it said at the end of the previous step.
-    All robots are updated at once, repeatedly, until no message changes. Since nobody hears anything new from the
-    robots after it, k sweeps settle all robots that news reaches through at most k others: in the end all have heard
-    what they would have heard one by one. That takes one sweep more than the longest path of news has links.
+    The paper does not state their order.
+
+    A robot hears what those before it have just learned, and what those after it said at the end of
+    the previous step. All robots are updated at once, repeatedly, until no message changes. Since
+    nobody hears anything new from the robots after it, k sweeps settle all robots that news reaches
+    through at most k others: in the end all have heard what they would have heard one by one. That
+    takes one sweep more than the longest path of news has links.
 
     Args:
-        observation: what N robots sense, with the messages that were said at the end of the previous step.
+        observation: what N robots sense, with the messages that were said at the end of the
+            previous step.
         turns: when each robot has its turn (`draw_turns`).
         sender: sender of each side, where something is heard.
-        relay: returns the messages (N, S) that arrive if all robots have heard what it is given, and say so.
+        relay: returns the messages (N, S) that arrive if all robots have heard what it is given,
+            and say so.
     """
     old_messages = Message(observation.led, observation.payload)
     is_new = observation.is_heard & (turns[sender] < turns[:, None])
@@ -217,7 +224,7 @@ def decide_packed(
     swarm: SwarmState,
     inputs: StepInputs,
 ) -> Decision:
-    """Return the decisions of B worlds at once, each to the last bit as if it were alone; see `decide`.
+    """Return the decisions of B worlds, each to the last bit as if it were alone; see `decide`.
 
     Parameters are packed, and in the state, as it comes and goes, memories and the task's state.
     """
@@ -239,16 +246,16 @@ def decide_packed(
 
 
 def _is_batch_invariant(config: StaticConfig, params: WorldParams) -> bool:
-    """Return whether a program for one world is known to round as programs for more do (`docs/robustness.md`)."""
+    """Return whether a program for one world is known to round as programs for more worlds do."""
     rules_are = is_batch_invariant(params.strategy) and is_batch_invariant(params.task)
     return rules_are and config.gripper.resolution == "quasi-static"
 
 
 def pad_singleton_batch(function: Callable[..., Tree]) -> Callable[..., Tree]:
-    """Return a function of trees of B worlds whose results for a world do not depend on B, to the last bit.
+    """Return a function of B worlds whose results for a world do not depend on B, to the last bit.
 
-    XLA drops a batch axis of size one and then fuses other loops, while programs for at least two worlds round alike.
-    One world is therefore computed twice.
+    XLA drops a batch axis of size one and then fuses other loops, while programs for at least two
+    worlds round alike. One world is therefore computed twice.
 
     Args:
         function: takes and returns trees whose arrays have a first axis of B worlds.

@@ -1,4 +1,4 @@
-"""Control steps on the host: threads take shards of a run's worlds through a step, and meet at its end."""
+"""Control steps on the host: threads take shards of a run's worlds through each step."""
 
 import os
 from collections import deque
@@ -26,16 +26,17 @@ Tree = TypeVar("Tree")
 MAX_WORLDS = 16
 """Largest number of worlds in a shard.
 
-In many small shards the time that each call of a program takes shows: 32 worlds on one thread take 20 % longer in
-shards of 4, and 2 % in shards of 16."""
+In many small shards the time that each call of a program takes shows: 32 worlds on one thread take
+20 % longer in shards of 4, and 2 % in shards of 16."""
 
 _STAGES = ("sense", "policy", "physics")
 
 
 def shard_worlds(n_worlds: int) -> list[slice]:
-    """Return the worlds of each shard, in equal numbers as far as possible; two worlds are two shards at least.
+    """Return the worlds of each shard, in equal numbers as far as possible.
 
-    They do not depend on the number of threads, since programs for other numbers of worlds may round otherwise.
+    Two worlds are two shards at least. Shards do not depend on the number of threads, since
+    programs for other numbers of worlds may round otherwise.
     """
     n_shards = max(-(-n_worlds // MAX_WORLDS), min(n_worlds, 2))
     edges = [n_worlds * shard // n_shards for shard in range(n_shards + 1)]
@@ -43,12 +44,13 @@ def shard_worlds(n_worlds: int) -> list[slice]:
 
 
 class WorldShard:
-    """Some worlds, with an engine of their own that acts on all of them at once; their decisions are compiled.
+    """Some worlds, with an engine that acts on all of them at once; their decisions are compiled.
 
     Attributes:
         engine: engine of these worlds.
         params: parameters of the worlds, NumPy arrays.
-        state: state of the worlds, with packed memories and a packed state of the task (`packed.Packed`).
+        state: state of the worlds, with packed memories and a packed state of the task
+            (`packed.Packed`).
     """
 
     def __init__(
@@ -120,7 +122,7 @@ def _decide_on_host(
 
 
 class HostLoop:
-    """Control steps one by one: threads take shards of the worlds through a step, and meet at its end.
+    """Control steps one by one: threads take shards of the worlds through each step.
 
     Attributes:
         devices: JAX devices that the worlds are spread over; none here.
@@ -141,7 +143,8 @@ class HostLoop:
             make_engine: makes an engine for a number of worlds and of threads.
             config: settings that control steps are compiled for.
             params: parameters of B worlds.
-            start: poses (B, N + M, 3) x, y [mm] and yaw [rad] of robots and boxes, and the state without bodies.
+            start: poses (B, N + M, 3) x, y [mm] and yaw [rad] of robots and boxes, and the state
+                without bodies.
             n_threads: number of threads, 0 for one a core.
             watch: takes the times of the stages.
         """
@@ -215,14 +218,15 @@ class HostLoop:
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics.
 
-        The times cover all steps so far; they are those of the clock if all threads have the same work to do.
+        The times cover all steps so far; they are those of the clock if all threads have the same
+        work to do.
         """
         laps = self._watch.laps
         shards_a_worker = len(self._shards) / self._n_workers
         return {stage: shards_a_worker * float(np.median(laps[stage])) for stage in _STAGES if laps[stage]}
 
     def _for_each_shard(self, work: Callable[[int], None]) -> None:
-        """Do work for the index of each shard, in all threads; the calling thread is one of them."""
+        """Do work for the index of each shard, in all threads, of which the calling one is one."""
         indices = deque(range(len(self._shards)))
 
         def work_until_done() -> None:
@@ -251,7 +255,7 @@ def _worlds_of(tree: Tree, worlds: slice) -> Tree:
 
 
 def _joined(shards: Sequence[Tree]) -> Tree:
-    """Return the trees of shards as one, with the worlds of one shard after those of the other, as NumPy arrays."""
+    """Return the trees of shards, one after the other, as one of NumPy arrays."""
 
     def join(*values: Any) -> np.ndarray:
         if len(values) == 1:

@@ -1,4 +1,4 @@
-"""Checks of a layout that a user or a task made: robots and balls within the walls, and none in each other."""
+"""Checks of layouts by users and tasks: robots and balls lie within the walls and apart."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ _TOLERANCE = 1e-3
 
 _KINDS_BY_DRAWN = {"f": ("fiu", "finite numbers"), "b": ("b", "truth values")}
 _WHOLE_NUMBERS = ("iu", "whole numbers")
-"""NumPy's kinds of numbers that may take the place of floats and truth values that a task drew, and of all others."""
+"""Kinds of numbers (NumPy) that may take the place of those that a task drew, by their kind."""
 
 
 def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robots, arena: ArenaConfig) -> None:
@@ -102,7 +102,7 @@ def check_start(start: Any, drawn: Any) -> None:
 
 
 def check_balls(balls: Any, n_robots: int, arena: ArenaConfig) -> None:
-    """Check that balls that a user placed lie within the walls, and that each robot holds at most one.
+    """Check that placed balls lie within the walls, and that each robot holds at most one.
 
     Args:
         balls: balls of one world.
@@ -156,7 +156,7 @@ def _refuse_first(name: str, what: str, places: np.ndarray, is_bad: Bool[np.ndar
 
 
 def _check_array(name: str, values: Any, drawn: Any) -> None:
-    """Raise a ConfigError unless values have the shape and the kind of numbers of those that a task drew."""
+    """Raise a ConfigError unless values have the shape and kind of those that a task drew."""
     shape = np.shape(values)
     drawn_shape = np.shape(drawn)
     check(name, shape, f"an array of shape {drawn_shape}", shape == drawn_shape)

@@ -1,4 +1,4 @@
-"""Layout of a world at the start of a run: robots, boxes, the state of the task, and robots that are dead."""
+"""Layout of a world at the start: robots, which of them are dead, boxes, and the task."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -35,7 +35,7 @@ class Start(NamedTuple):
     is_alive: Bool[np.ndarray, "N"]
     """Robots that live; the others are dead from the start."""
     boxes: Sequence[Box] | None = None
-    """Boxes as in `ArenaConfig.boxes`, with the sizes, masses and friction of the run's; None: those of the arena."""
+    """Boxes (`ArenaConfig.boxes`), like those of the run but for their poses; None: the arena's."""
 
 
 def draw_start(
@@ -47,7 +47,9 @@ def draw_start(
     index: int,
     failed_fraction: float = 0.0,
 ) -> Start:
-    """Draw the start of world `index` of a seed; all worlds of a seed share what the task draws from the seed alone.
+    """Draw the start of a world of a seed.
+
+    All worlds of a seed share what the task draws from the seed alone.
 
     Args:
         config: configuration of the world.
@@ -141,7 +143,7 @@ def _as_tuples(values: Any) -> Any:
 
 
 def check_boxes(task: Task, starts: Sequence[Start]) -> None:
-    """Check that boxes of all worlds of a run are alike but for their places, and that there is one for the task.
+    """Check that worlds have the same boxes but for their poses, and those that the task drives.
 
     Raises:
         UserError: worlds have different boxes, or the task drives boxes and none has mass 0.
@@ -163,6 +165,6 @@ def check_boxes(task: Task, starts: Sequence[Start]) -> None:
 
 
 def _fixed_properties(start: Start) -> list[dict[str, float]]:
-    """Return the properties of each box of a world, by name, that are the same in all worlds of a run."""
+    """Return the properties of each box of a world that are the same in all worlds, by name."""
     boxes = [dict(zip(OF_BOX, box, strict=True)) for box in start.boxes or ()]
     return [{name: value for name, value in box.items() if name not in _VARIES_BETWEEN_WORLDS} for box in boxes]

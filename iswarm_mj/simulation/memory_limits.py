@@ -13,7 +13,7 @@ from iswarm_mj.utils.ram import available_memory, gigabytes
 
 
 def devices_of(engine: EngineSettings) -> list[Any]:
-    """Return the JAX devices that an engine of compiled programs uses: those of its settings, or all."""
+    """Return the JAX devices that a compiled engine uses: those of its settings, or all."""
     check_devices()
     return list(getattr(engine, "devices", None) or jax.local_devices())
 
@@ -62,7 +62,7 @@ def check_memory(engine: EngineSettings, n_worlds: int, n_robots: int, memories:
 
 
 def max_worlds(engine: EngineSettings, n_robots: int) -> float:
-    """Return how many worlds need half of the free memory by the estimate, which is a lower bound; at least one.
+    """Return how many worlds need half of the free memory by the estimate; at least one.
 
     Args:
         engine: engine that simulates them.
@@ -75,7 +75,7 @@ def max_worlds(engine: EngineSettings, n_robots: int) -> float:
 
 
 def _free_memory(engine: EngineSettings) -> int | None:
-    """Return the free memory [B] of the host, or of the engine's devices if they have their own; None if unknown."""
+    """Return the free memory [B] of the host, or of devices with their own; None if unknown."""
     devices: Sequence[Any] = () if engine.on_host else devices_of(engine)
     if not devices or any(device.platform == "cpu" for device in devices):
         return available_memory()

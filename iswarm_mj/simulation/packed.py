@@ -1,8 +1,12 @@
 """Trees of arrays packed into few arrays, which programs take and return faster.
 
-Each array that a compiled program takes or returns costs its call some microseconds on the host. The parameters and the
-state of a world are about a hundred small arrays; packed they are four. MEASURED
-This module alone knows the packed form: `HostLoop` packs, programs unpack (`decide.decide_packed`).
+Each array that a compiled program takes or returns costs its call some microseconds on the host,
+and parameters and state of a world are about a hundred small arrays. Measured as the median of five
+runs of `iswarm bench --robots 283 --threads 1` on a shared core: with one array a leaf the
+decisions of a step take 1.62 ms instead of 1.14 ms with `--engine planar`, and 1.76 ms instead of
+1.60 ms with `--engine mujoco`; the whole step of planar takes 4.5 ms instead of 3.5 ms.
+
+This module alone knows the packed form: `HostLoop` packs, `decide.decide_packed` unpacks.
 """
 
 from collections import defaultdict
@@ -89,8 +93,9 @@ def _side_by_side(parts: list[Array]) -> Array:
 def node_types_of(treedef: Any) -> tuple[type | None, ...]:
     """Return the types of a structure's nodes, None for leaves.
 
-    Programs that JAX compiles need them as a static argument: it takes two structures for equal whose dataclasses
-    differ but have the same fields, and would run the program of one strategy for another.
+    Programs that JAX compiles need them as a static argument: it takes two structures for equal
+    whose dataclasses differ but have the same fields, and would run the program of one strategy for
+    another.
     """
     node = treedef.node_data()
     node_type = None if node is None else node[0]

@@ -1,4 +1,4 @@
-"""The first half of a control step: robots communicate, and the task advances. Pure JAX, for one world."""
+"""Perception of one world in pure JAX: robots communicate, and the task advances."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -40,7 +40,7 @@ class StepInputs(NamedTuple):
 
 
 class HeldOutputs(NamedTuple):
-    """Outputs of N robots that hold from the previous step: their messages, and what their tools do."""
+    """Outputs of N robots that hold from the previous step: messages and tools."""
 
     payload: dict[str, Any]
     """Content of each robot's message, by the names of its fields."""
@@ -51,12 +51,12 @@ class HeldOutputs(NamedTuple):
 
 
 class Perceived(NamedTuple):
-    """What N robots of a world perceive as a control step begins, after they communicated and gripped."""
+    """Perception of N robots as a control step begins, after they communicated and gripped."""
 
     observation: Observation
     """All that the robots may know."""
     swarm: SwarmState
-    """State with the task advanced and the capacitors charged; the memory is still that of the previous step."""
+    """State with task advanced and capacitors charged; the memory is that of the previous step."""
     sensed: Sensed
     """What the task let the robots sense."""
     task_inputs: TaskInputs
@@ -122,16 +122,16 @@ def perceive(
 
 
 def with_conditions(params: WorldParams, swarm: SwarmState) -> WorldParams:
-    """Return the parameters of a world with the conditions of this step, which its task may change."""
+    """Return the parameters of a world with the conditions that its task gives this step."""
     conditions = params.task.conditions(swarm.task, params.conditions)
     return params._replace(conditions=conditions)
 
 
 def decider_of(config: StaticConfig) -> Decider:
-    """Return the function that decides whether attempts to grasp and release succeed: a force balance, or trials."""
+    """Return the function that decides attempts at balls: a force balance, or trials."""
     if config.gripper.resolution == "quasi-static":
         return by_balance
-    # Imported here, since the bench is a large part of the package that other runs need not load.
+    # Imported here, since the bench is large and other runs need not load it.
     if config.gripper.bench == "mjx":
         from iswarm_mj.gripper.bench.batch_trials import by_batch
 
@@ -151,7 +151,7 @@ class _Supply(NamedTuple):
 
 
 def _receivable(config: StaticConfig, robot: Robots, inputs: StepInputs, key: Array) -> LightReading:
-    """Return the light that sides can use: where messages take time, that of the nearest sender they understand."""
+    """Return the light that sides can use; where messages take time, they miss some."""
     sight = inputs.sight
     optics = config.optics
     if not optics.baud_rate:
@@ -162,7 +162,7 @@ def _receivable(config: StaticConfig, robot: Robots, inputs: StepInputs, key: Ar
 
 
 def _charge(config: StaticConfig, swarm: SwarmState, n_robots: int) -> tuple[SwarmState, _Supply]:
-    """Return the state with capacitors charged by light, and what they supply; without capacitors as it was."""
+    """Return the state with capacitors, if any, charged by light, and what they supply."""
     if swarm.energy is None or swarm.steps_without_energy is None:
         return swarm, _Supply(voltage=None, is_empty=jnp.zeros(n_robots, bool))
     energy = power.charged(config, swarm.energy)
@@ -210,7 +210,7 @@ def _task_inputs(
 def _advance_task(
     params: WorldParams, swarm: SwarmState, task_inputs: TaskInputs, key: Array
 ) -> tuple[SwarmState, Sensed]:
-    """Return the state with the task advanced, in which robots may die, and what robots sense of it."""
+    """Return the state with the task advanced, and what robots sense; they may die."""
     task, sensed = params.task.advance(swarm.task, task_inputs, key)
     is_alive = swarm.is_alive
     survives = params.task.survives(task)

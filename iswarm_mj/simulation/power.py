@@ -1,4 +1,4 @@
-"""Energy budget of robots: what light charges into their capacitors, and what a control step draws."""
+"""Energy budget of robots: light charges their capacitors, and control steps draw on them."""
 
 import jax.numpy as jnp
 from jaxtyping import Bool, Float
@@ -23,14 +23,14 @@ def voltage(config: EnergyConfig, energy: Float[Array, "N"]) -> Float[Array, "N"
 
 
 def can_act(config: StaticConfig, energy: Float[Array, "N"]) -> Bool[Array, "N"]:
-    """Return which robots have the energy of one control step, messages and a walk; others wait for light."""
+    """Return which robots have the energy of a control step; the others wait for light."""
     return energy >= config.energy.of_step(config.drive.control_period)
 
 
 def is_emitting(
     config: StaticConfig, is_alive: Bool[Array, "*B N"], energy: Float[Array, "*B N"] | None
 ) -> Bool[Array, "*B N"]:
-    """Return which robots light their LEDs in a control step: all that live and do not wait for energy.
+    """Return which robots light their LEDs: all that live and do not wait for energy.
 
     Args:
         config: costs of a control step, and the power of the light.
@@ -59,15 +59,16 @@ def energy_after_step(
 ) -> Float[Array, "N"]:
     """Return the energies left after a control step [J].
 
-    A robot pays for its turn and walk, for messages, and C V^2 for the charge of its tool in each attempt.
+    A robot pays for its turn and walk, for messages, and C V^2 for the charge of its tool in each
+    attempt.
 
     Args:
         config: costs, and the greatest motion in a control step.
         energy: energies with what light charged in this step [J].
         command: motion that the drives carry out.
         tool_voltage_squared: sum of V^2 over the attempts of each robot [V^2].
-        led_power: which robots light their LEDs, or at what power, from 0 to 1. Robots that wait for energy do not,
-            whatever it says.
+        led_power: which robots light their LEDs, or at what power, from 0 to 1. Robots that wait
+            for energy do not, whatever it says.
     """
     costs = config.energy
     drive = config.drive

@@ -60,7 +60,8 @@ def static_config(config: SwarmConfig, on_host: bool) -> StaticConfig:
 
     Args:
         config: configuration of the run.
-        on_host: the engine computes on the host, where trials run in MuJoCo in C unless their place is chosen.
+        on_host: the engine computes on the host, where trials run in MuJoCo in C unless their place
+            is chosen.
     """
     static = config.static
     if static.gripper.bench != "auto":

@@ -51,9 +51,9 @@ class SwarmState(NamedTuple):
     energy: Float[Array, "*B N"] | None = None
     """Energy in the robots' capacitors [J]; None where they have none."""
     steps_without_energy: Int[Array, "*B N"] | None = None
-    """Number of control steps in which each robot waited for energy; None where they have no capacitors."""
+    """Control steps in which each robot waited for energy; None where they have no capacitors."""
     led_power: Float[Array, "*B N"] | None = None
-    """Power with which each robot sends its next message, from 0 to 1; None where all send at full power."""
+    """Power of each robot's next message, from 0 to 1; None where all send at full power."""
 
 
 class Fault(NamedTuple):
@@ -75,7 +75,7 @@ class WorldState(NamedTuple):
     swarm: SwarmState
     """State but for the rigid bodies."""
     touching: Int[Array, "*B K N"]
-    """Pairs in contact in the last control step, see `Motion.touching`; undefined in a world with a fault."""
+    """Pairs in contact in the last step, see `Motion.touching`; undefined after a fault."""
     collisions: Int[Array, "*B"]
     """Number of collisions so far."""
     is_finished: Bool[Array, "*B"]
@@ -83,7 +83,7 @@ class WorldState(NamedTuple):
     finished_at: Int[Array, "*B"]
     """Control step after which the goal was reached; 0 where it was not."""
     progress: Int[Array, "*B"]
-    """Progress of the task (`tasks.base.Task.progress`) after the last control step; 0 at the start."""
+    """Progress of the task (`Task.progress`) after the last control step; 0 at the start."""
     fault: Fault
     """First fault of the world."""
 
@@ -100,17 +100,19 @@ class StepRecord(NamedTuple):
     links: Links
     """Links over which the robots heard each other in this step; none at the start."""
     has_priority: Bool[Array, "*T N"]
-    """Robots that sent the flag `priority` as the step began; none where messages have no such flag."""
+    """Robots that sent the flag `priority` as the step began; none without such a flag."""
     message: UInt32[Array, "*T N"]
-    """The 32 bits (`sensors.messages`) that the robot's first LED sent as the step began; undefined at the start,
-    where the world did not take this step, and for dead robots."""
+    """The 32 bits (`sensors.messages`) that the robot's first LED sent as the step began.
+
+    Undefined at the start, where the world did not take this step, and for dead robots."""
     is_heard: Bool[Array, "*T N S"]
     """Sides at which the message of a link arrived with a right check, if checks are looked at."""
     measured_distance: Float[Array, "*T N S"]
-    """Distance of the sender as the receiver measured it [mm]; undefined where the link is not valid."""
+    """Distance of the sender as measured [mm]; undefined where the link is not valid."""
     command: Command
-    """Motion that the drive carried out: the strategy's command with the actuators' errors, within the limits; zero at
-    the start, where the world did not take this step, and for dead robots."""
+    """Motion that the drive carried out: the command with the actuators' errors, within the limits.
+
+    Zero at the start, where the world did not take this step, and for dead robots."""
     collisions: Int[Array, "*T"]
     """Number of collisions so far."""
     speed: Float[Array, "*T"]

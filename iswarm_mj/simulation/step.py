@@ -18,12 +18,13 @@ from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import FaultKind
 
 Decide = Callable[[SwarmState, StepInputs], Decision]
-"""`decide.decide` with configuration, robots and parameters of the world; mapped over worlds where the
-engine acts on many at once."""
+"""`decide.decide` with configuration, robots and parameters of the world.
+
+It is mapped over worlds where the engine acts on many at once."""
 
 
 class Stepper(NamedTuple):
-    """Parts that take control steps: of one world, or of B, where all arrays have a leading axis."""
+    """Parts that take control steps of one world, or of B with a leading axis of all arrays."""
 
     engine: Engine
     """Senses and moves."""
@@ -137,7 +138,7 @@ def account_for_motion(
 
 
 def new_contacts(before: Int[Array, "*B K N"], after: Int[Array, "*B K N"]) -> Int[Array, "*B"]:
-    """Return the number of pairs of robots that touch after a step and did not before, see `Motion.touching`."""
+    """Return the number of pairs that touch after a step and did not before (`Motion.touching`)."""
     is_old = (after[..., None, :, :] == before[..., :, None, :]).any(axis=-3)
     is_new = (after > 0) & ~is_old
     return is_new.sum(axis=(-2, -1))

@@ -1,4 +1,4 @@
-"""Random keys of a control step, one for each use, so that one use does not change what another draws."""
+"""Random keys of a control step, one for each use, so that uses do not affect each other."""
 
 from typing import NamedTuple
 
@@ -11,7 +11,8 @@ from iswarm_mj.utils.rng import split
 class StepKeys(NamedTuple):
     """Random keys of one world in one control step.
 
-    A new use takes its key from one that is here, as `stops` does: the others then draw the same numbers as before.
+    A new use takes its key from one that is here, as `stops` does: the others then draw the same
+    numbers as before.
     """
 
     channel: Array
@@ -27,7 +28,7 @@ class StepKeys(NamedTuple):
     turns: Array
     """Order in which robots hear, decide and speak, where updates are sequential."""
     stops: Array
-    """Robots that stop to emit, and those that miss the dust or the dump that they are at; from `actuators`."""
+    """Robots that stop to emit, and those that miss dust or dump; drawn from `actuators`."""
 
 
 def step_keys(world_key: Array, step: Int[Array, ""]) -> StepKeys:

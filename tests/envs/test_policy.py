@@ -25,99 +25,189 @@ from iswarm_mj.utils.errors import FaultKind, UserError
 
 KEYS = jax.random.split(jax.random.key(7), 1)
 FIELDS = {"count": Integer(3), "home": Vector(20.0, 4, 4, 2)}
-N, STEPS, SEED = 12, 10, 3
+N_ROBOTS = 12
+N_STEPS = 10
+N_STARTS = 4
+SEED = 3
+
+NOISY = replace(SMALL, drive=DriveConfig(error_turn=5.0, error_step=0.1))
+SLOW = replace(
+    SMALL,
+    energy=EnergyConfig(model="capacitor", light_power=5e-5),
+    gripper=GripperConfig(grasp_time=2.0),
+)
+"""Slow grasps, and little energy."""
 
 
-def linear(params, obs):
+def linear_policy(params, obs):
+    """Return actions by a linear map."""
     return jnp.tanh(obs @ params["weights"] + params["bias"])
 
 
-def counting(params, obs, count):
-    """Robots that say their number of the step, and go the farther the larger it is."""
-    action = linear(params, obs).at[:, 1].set(count / 20)
+def counting_policy(params, obs, count):
+    """Return actions of robots that count their steps, and walk the farther the more they were."""
+    action = linear_policy(params, obs).at[:, 1].set(count / 20)
     return action, count + 1
 
 
-NOISY = replace(SMALL, drive=DriveConfig(error_turn=5.0, error_step=0.1))
-TIRED = EnergyConfig(model="capacitor", light_power=5e-5)
-SLOW = replace(SMALL, energy=TIRED, gripper=GripperConfig(grasp_time=2.0))
+def random_params(env):
+    """Return random weights of a linear policy, whose robots walk ahead on average."""
+    rng = np.random.default_rng(0)
+    weights = rng.normal(0, 0.3, (env.observation_size, env.action_size)).astype(np.float32)
+    bias = jnp.zeros(env.action_size).at[1].set(0.5)
+    return {"weights": jnp.asarray(weights), "bias": bias}
+
+
+def make_single_world(engine, config=SMALL, **fields):
+    """Return an environment of one world."""
+    return make_env(
+        config=config,
+        robots=N_ROBOTS,
+        engine=engine,
+        worlds=1,
+        n_starts=N_STARTS,
+        seed=SEED,
+        **fields,
+    )
 
 
 def run_like(strategy, engine, task=CLEANING, config=SMALL):
-    """A run in the first episode of an environment."""
-    start_key, key, _ = jax.random.split(KEYS[0], 3)
-    index = int(jax.random.randint(start_key, (), 0, 4))
-    start = starts_of(config, task, read_robot(), [World(PRESETS["type1"], N, SEED, index)])[0]
+    """Return a run of the world in the first episode of an environment."""
+    layout_key, key, _ = jax.random.split(KEYS[0], 3)
+    layout = int(jax.random.randint(layout_key, (), 0, N_STARTS))
+    layouts = [World(PRESETS["type1"], N_ROBOTS, SEED, layout)]
+    (start,) = starts_of(config, task, read_robot(), layouts)
+
+    # Environments keep poses as 32-bit floats.
     start = start._replace(poses=start.poses.astype(np.float32).astype(float))
-    world = World(PRESETS["type1"], N, start=start, key=key)
-    return Run(Scenario(config, strategy=strategy, task=task, robots=N, engine=engine, worlds=[world], steps=STEPS))
+    world = World(PRESETS["type1"], N_ROBOTS, start=start, key=key)
+    scenario = Scenario(
+        config,
+        strategy=strategy,
+        task=task,
+        robots=N_ROBOTS,
+        engine=engine,
+        worlds=[world],
+        steps=N_STEPS,
+    )
+    return Run(scenario)
 
 
-def params_of(env):
-    rng = np.random.default_rng(0)
-    weights = rng.normal(0, 0.3, (env.observation_size, env.action_size)).astype(np.float32)
-    return {"weights": jnp.asarray(weights), "bias": jnp.zeros(env.action_size).at[1].set(0.5)}
+class TestRunsDoWhatTheEnvironmentDid:
+    """The same start, noise, messages and errors give the same poses, balls and observations."""
 
-
-@pytest.mark.parametrize(
-    ("engine", "config", "memory"),
-    [(MujocoSettings(1), NOISY, None), (PlanarSettings(1), SLOW, jnp.ones)],
-    ids=["mujoco, errors of the drive, bad weather", "planar, slow grasps, little energy and memory"],
-)
-def test_runs_do_what_the_environment_did(engine, config, memory):
-    """The same start, noise, messages and errors of the drive: poses, balls, and what robots observe to act on."""
-    task, given = Weather() if memory is None else CLEANING, {"worlds": 1, "n_starts": 4, "seed": SEED}
-    env = make_env(config=config, task=task, robots=N, engine=engine, payload=FIELDS, **given)
-    params, apply = params_of(env), linear if memory is None else counting
-    run = run_like(PolicyStrategy(apply, params, FIELDS, memory=memory), engine, task, config)
-    state, own, heard, waited = env.reset(KEYS), None if memory is None else memory(N), 0, 0
-    assert memory is None or np.allclose(state.data.world.swarm.energy, config.energy.full, rtol=1e-3)
-    for _ in range(STEPS):
-        obs, seen = jnp.asarray(state.obs[0]), env.named(np.asarray(state.obs))
-        action, own = (apply(params, obs), None) if memory is None else apply(params, obs, own)
-        record = run.advance()
-        np.testing.assert_array_equal(seen["is_heard"], record.is_heard[0])
-        heard, waited = heard + seen["heard_count"].sum(), waited + seen["waits"].sum()
-        state = env.step(state, np.asarray(action)[None])
-        np.testing.assert_allclose(poses_of(env, state)[0], record.poses[0, 0], atol=1e-5)
+    def check_step(self, env, state, run, record):
+        """Check that a state of an environment is that of a run after a step."""
+        poses = poses_of(env, state)[0]
+        np.testing.assert_allclose(poses, record.poses[0, 0], atol=1e-5)
         np.testing.assert_array_equal(state.metrics["picked"], run.metrics()["picked"])
         assert int(state.metrics["collisions"][0]) == int(record.collisions[0, 0])
-    assert heard > 20 and np.ptp(np.asarray(action)[:, 0]) > 0.1 and (waited > 5) == (config is SLOW)
 
+    def test_with_errors_of_the_drive_in_bad_weather(self):
+        engine = MujocoSettings(1)
+        task = Weather()
+        env = make_single_world(engine, NOISY, task=task, payload=FIELDS)
+        params = random_params(env)
+        strategy = PolicyStrategy(linear_policy, params, FIELDS)
+        run = run_like(strategy, engine, task, NOISY)
 
-def test_what_a_task_lets_robots_sense_is_observed():
-    task, engine = Eastward(), PlanarSettings(1)
-    env = make_env(config=SMALL, task=task, robots=N, engine=engine, seed=SEED, worlds=1, n_starts=4)
-    params = params_of(env)
-    run = run_like(PolicyStrategy(linear, params, task=task), engine, task)
-    state = env.reset(KEYS)
-    for _ in range(3):
-        action = linear(params, jnp.asarray(state.obs[0]))
-        state, record = env.step(state, np.asarray(action)[None]), run.advance()
-        np.testing.assert_allclose(poses_of(env, state)[0], record.poses[0, 0], atol=1e-5)
+        state = env.reset(KEYS)
+        n_counts_heard = 0
+        n_waits = 0
+        for _ in range(N_STEPS):
+            record = run.advance()
+            seen = env.named(np.asarray(state.obs))
+            np.testing.assert_array_equal(seen["is_heard"], record.is_heard[0])
+            n_counts_heard += seen["heard_count"].sum()
+            n_waits += seen["waits"].sum()
+            action = linear_policy(params, jnp.asarray(state.obs[0]))
+            state = env.step(state, np.asarray(action)[None])
+            self.check_step(env, state, run, record)
+        assert n_counts_heard > 20
+        assert n_waits <= 5
+        assert np.ptp(np.asarray(action)[:, 0]) > 0.1
+
+    def test_with_memory_slow_grasps_and_little_energy(self):
+        engine = PlanarSettings(1)
+        env = make_single_world(engine, SLOW, payload=FIELDS)
+        params = random_params(env)
+        strategy = PolicyStrategy(counting_policy, params, FIELDS, memory=jnp.ones)
+        run = run_like(strategy, engine, config=SLOW)
+
+        state = env.reset(KEYS)
+        energy = state.data.world.swarm.energy
+        np.testing.assert_allclose(energy, SLOW.energy.full, rtol=1e-3)
+        memory = jnp.ones(N_ROBOTS)
+        n_counts_heard = 0
+        n_waits = 0
+        for _ in range(N_STEPS):
+            record = run.advance()
+            seen = env.named(np.asarray(state.obs))
+            np.testing.assert_array_equal(seen["is_heard"], record.is_heard[0])
+            n_counts_heard += seen["heard_count"].sum()
+            n_waits += seen["waits"].sum()
+            action, memory = counting_policy(params, jnp.asarray(state.obs[0]), memory)
+            state = env.step(state, np.asarray(action)[None])
+            self.check_step(env, state, run, record)
+        assert n_counts_heard > 20
+        assert n_waits > 5
+        assert np.ptp(np.asarray(action)[:, 0]) > 0.1
+
+    def test_with_what_a_task_lets_robots_sense(self):
+        engine = PlanarSettings(1)
+        task = Eastward()
+        env = make_single_world(engine, task=task)
+        params = random_params(env)
+        run = run_like(PolicyStrategy(linear_policy, params, task=task), engine, task)
+
+        state = env.reset(KEYS)
+        for _ in range(3):
+            action = linear_policy(params, jnp.asarray(state.obs[0]))
+            state = env.step(state, np.asarray(action)[None])
+            record = run.advance()
+            np.testing.assert_allclose(poses_of(env, state)[0], record.poses[0, 0], atol=1e-5)
 
 
 def test_an_action_that_is_not_finite_is_a_fault_of_its_robot():
-    def broken(params, obs):
+    def broken_policy(params, obs):
         return jnp.zeros((len(obs), 2)).at[4, 1].set(jnp.nan)
 
-    run = run_like(PolicyStrategy(broken, {}), PlanarSettings(1))
+    run = run_like(PolicyStrategy(broken_policy, {}), PlanarSettings(1))
     run.advance()
-    assert [(fault.kind, fault.robots) for fault in run.faults] == [(FaultKind.COMMAND_NOT_FINITE, (4,))]
+    (fault,) = run.faults
+    assert fault.kind == FaultKind.COMMAND_NOT_FINITE
+    assert fault.robots == (4,)
 
 
 def test_actions_of_another_size_are_refused():
-    with pytest.raises(UserError, match=r"must return actions \(12, 2\), .* \(got \(12, 3\)\)"):
-        run_like(PolicyStrategy(lambda params, obs: jnp.zeros((len(obs), 3)), {}), PlanarSettings(1))
+    def wide_policy(params, obs):
+        return jnp.zeros((len(obs), 3))
+
+    says = r"must return actions \(12, 2\), .* \(got \(12, 3\)\)"
+    with pytest.raises(UserError, match=says):
+        run_like(PolicyStrategy(wide_policy, {}), PlanarSettings(1))
 
 
 def test_worlds_that_differ_have_a_policy_each():
-    """Of the noise and of the range of the sense of dust."""
-    far = replace(SMALL, strategy=replace(SMALL.strategy, dust_range=3.0), drive=DriveConfig(error_turn=5.0))
-    weights = jnp.array([0.1, 0.5])
-    policy = PolicyStrategy(lambda params, obs: jnp.broadcast_to(params, (len(obs), 2)), weights)
-    worlds = [World(PRESETS["type1"], N), World(PRESETS["type1"], N, config=far)]
-    run = Run(Scenario(SMALL, strategy=policy, engine=PlanarSettings(1), worlds=worlds, steps=2))
+    """They may differ in noise and in the range of the sense of dust."""
+    far = replace(
+        SMALL,
+        strategy=replace(SMALL.strategy, dust_range=3.0),
+        drive=DriveConfig(error_turn=5.0),
+    )
+
+    def constant_policy(params, obs):
+        return jnp.broadcast_to(params, (len(obs), 2))
+
+    worlds = [
+        World(PRESETS["type1"], N_ROBOTS),
+        World(PRESETS["type1"], N_ROBOTS, config=far),
+    ]
+    strategy = PolicyStrategy(constant_policy, jnp.array([0.1, 0.5]))
+    scenario = Scenario(SMALL, strategy=strategy, engine=PlanarSettings(1), worlds=worlds, steps=2)
+    run = Run(scenario)
     run.advance()
-    np.testing.assert_allclose(run.arrays()[0].strategy.dust_range, [SMALL.strategy.dust_range, 3.0])
+    params, _ = run.arrays()
+    dust_ranges = [SMALL.strategy.dust_range, 3.0]
+    np.testing.assert_allclose(params.strategy.dust_range, dust_ranges)
     assert not run.faults

@@ -1,4 +1,4 @@
-"""Environments of Gymnasium in processes of their own: forked, as by default on Linux, or spawned."""
+"""Environments of Gymnasium in processes: forked, as by default on Linux, or spawned."""
 
 import os
 import subprocess
@@ -10,7 +10,10 @@ import pytest
 
 import iswarm_mj.envs.gymnasium  # noqa: F401, registers the environment
 
-SCRIPT = """
+N_WORLDS = 2
+N_STEPS = 2
+SEED = 1
+SCRIPT = f"""
 import sys
 
 import gymnasium
@@ -19,44 +22,62 @@ import numpy as np
 import iswarm_mj.envs.gymnasium
 
 if __name__ == "__main__":
-    context, is_used = sys.argv[1], sys.argv[2] == "used"
-    if is_used:
+    context, use, path = sys.argv[1:]
+    if use == "used":
         gymnasium.make("iswarm/Cleaning-v0", robots=3).reset(seed=0)
-    settings = {} if context == "default" else {"vector_kwargs": {"context": context}}
-    envs = gymnasium.make_vec("iswarm/Cleaning-v0", num_envs=2, vectorization_mode="async", robots=3, **settings)
-    seen = [envs.reset(seed=1)[0]]
-    for _ in range(2):
-        seen.append(envs.step(np.ones(envs.action_space.shape, np.float32))[0])
+    settings = {{"num_envs": {N_WORLDS}, "vectorization_mode": "async", "robots": 3}}
+    if context != "default":
+        settings["vector_kwargs"] = {{"context": context}}
+    envs = gymnasium.make_vec("iswarm/Cleaning-v0", **settings)
+    observations = [envs.reset(seed={SEED})[0]]
+    for _ in range({N_STEPS}):
+        action = np.ones(envs.action_space.shape, np.float32)
+        observations.append(envs.step(action)[0])
     envs.close()
-    np.save(sys.argv[3], np.stack(seen))
+    np.save(path, np.stack(observations))
 """
+"""Program that makes asynchronous environments, and saves what they observe."""
+
+needs_fork = pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks")
 
 
-def run(tmp_path, context, use):
-    """The process of the script, and the file for what its environments observe."""
-    script, out = tmp_path / "script.py", tmp_path / "seen.npy"
+def run_script(tmp_path, context, use):
+    """Run the script, and return its process, and the file with what its environments observed."""
+    script = tmp_path / "script.py"
     script.write_text(SCRIPT)
-    command = [sys.executable, script, context, use, out]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300), out
+    observations = tmp_path / "observations.npy"
+    command = [sys.executable, script, context, use, observations]
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    return process, observations
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks")
+def observations_of_one(seed):
+    """Return what an environment in this process observes in the same steps."""
+    env = gymnasium.make("iswarm/Cleaning-v0", robots=3)
+    observations = [env.reset(seed=seed)[0]]
+    for _ in range(N_STEPS):
+        action = np.ones(env.action_space.shape, np.float32)
+        observations.append(env.step(action)[0])
+    return observations
+
+
+@needs_fork
 @pytest.mark.parametrize(
-    ("context", "use"), [("default", "unused"), pytest.param("spawn", "used", marks=pytest.mark.slow)]
+    ("context", "use"),
+    [("default", "unused"), pytest.param("spawn", "used", marks=pytest.mark.slow)],
 )
 def test_asynchronous_environments_do_what_one_does(tmp_path, context, use):
-    done, out = run(tmp_path, context, use)
-    assert done.returncode == 0, done.stderr
-    for world, seen in enumerate(np.load(out).swapaxes(0, 1)):
-        env = gymnasium.make("iswarm/Cleaning-v0", robots=3)
-        expected = [env.reset(seed=1 + world)[0]]
-        for _ in range(2):
-            expected.append(env.step(np.ones(env.action_space.shape, np.float32))[0])
-        np.testing.assert_allclose(seen, expected, rtol=1e-6)
+    process, path = run_script(tmp_path, context, use)
+    assert process.returncode == 0, process.stderr
+    of_worlds = np.load(path).swapaxes(0, 1)
+    assert len(of_worlds) == N_WORLDS
+    for world, observations in enumerate(of_worlds):
+        expected = observations_of_one(SEED + world)
+        np.testing.assert_allclose(observations, expected, rtol=1e-6)
 
 
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there are no forks")
+@needs_fork
 def test_a_fork_after_an_episode_says_to_spawn(tmp_path):
-    done, _ = run(tmp_path, "fork", "used")
-    assert done.returncode != 0
-    assert 'vector_kwargs={"context": "spawn"}' in done.stderr
+    process, _ = run_script(tmp_path, "fork", "used")
+    assert process.returncode != 0
+    assert 'vector_kwargs={"context": "spawn"}' in process.stderr

@@ -1,4 +1,4 @@
-"""What drives make of commands: limits, shares of a step, robots in the way, robots that stand still."""
+"""Drives: limits of commands, errors, energy, cells for one robot, and driven boxes."""
 
 from dataclasses import replace
 
@@ -15,106 +15,199 @@ from iswarm_mj.simulation.actuate import DriveInputs, actuate, velocity_towards
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.utils.units import RD
 
-STEP = np.sqrt(2)  # half a robot diameter [mm]
+STEP = np.sqrt(2)
+"""Longest step: half a robot diameter [mm]."""
 
 
-def carried_out(config, turn, forward, waits=False, poses=None, is_present=True, charges=0.0, **swarm):
-    """What the drives of N robots make of commands; `swarm` is of the state of all or of each."""
-    n, key = len(turn), jax.random.key(0)
-    swarm = {name: jnp.broadcast_to(jnp.asarray(value), n) for name, value in swarm.items()}
-    swarm = swarm_of(None, lay((0.0, 60.0)), n)._replace(**swarm)
-    command = Command(*(jnp.asarray(part, jnp.float32) for part in (turn, forward)))
-    poses = jnp.zeros((n, 3)) if poses is None else jnp.asarray(poses, jnp.float32)
-    given = jnp.full(n, waits), poses, jnp.full(n, is_present), jnp.full(n, charges)
-    return actuate(config.static, conditions_of(config), command, DriveInputs(swarm, *given), key)
+def drive_robots(config, turn, forward, *, waits=False, poses=None, is_present=True, charges=0.0, **swarm):
+    """Return what the drives of N robots do with these commands.
+
+    Args:
+        config: of the world.
+        turn: commanded turns [rad].
+        forward: commanded distances [mm].
+        waits: robots that stand still, one value for all or one for each.
+        poses: of the robots, by default all at the origin.
+        is_present: places that hold a robot.
+        charges: sum of V^2 over the attempts of each robot.
+        swarm: fields of the `SwarmState`, one value for all or one for each.
+    """
+    n_robots = len(turn)
+    fields = {name: jnp.broadcast_to(jnp.asarray(value), n_robots) for name, value in swarm.items()}
+    one_ball_far_away = lay((0.0, 60.0))
+    poses = np.zeros((n_robots, 3)) if poses is None else poses
+    inputs = DriveInputs(
+        swarm=swarm_of(None, one_ball_far_away, n_robots)._replace(**fields),
+        waits=jnp.full(n_robots, waits),
+        poses=jnp.asarray(poses, jnp.float32),
+        is_present=jnp.full(n_robots, is_present),
+        tool_voltage_squared=jnp.full(n_robots, charges),
+    )
+    command = Command(jnp.asarray(turn, jnp.float32), jnp.asarray(forward, jnp.float32))
+    return actuate(config.static, conditions_of(config), command, inputs, jax.random.key(0))
 
 
-def test_commands_are_brought_within_the_limits(small):
-    done = carried_out(small, [3.0, -9.0, 1.5], [0.1, 99.0, -2.0])
-    np.testing.assert_allclose(done.command.turn, [np.pi / 2, -np.pi / 2, 1.5], rtol=1e-6)
-    np.testing.assert_allclose(done.command.forward, [0.1, STEP, -STEP], rtol=1e-6)
-    assert not done.is_refused.any() and done.energy is None
+class TestLimits:
+    def test_commands_are_clipped(self, small):
+        output = drive_robots(small, turn=[3.0, -9.0, 1.5], forward=[0.1, 99.0, -2.0])
 
+        quarter = np.pi / 2
+        np.testing.assert_allclose(output.command.turn, [quarter, -quarter, 1.5], rtol=1e-6)
+        np.testing.assert_allclose(output.command.forward, [0.1, STEP, -STEP], rtol=1e-6)
+        assert not output.is_refused.any()
+        assert output.energy is None
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_commands_that_are_not_finite_are_refused(small, value):
-    assert carried_out(small, [0.0, value, 0.0], [0.0, 0.0, value]).is_refused.tolist() == [False, True, True]
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+    def test_commands_that_are_not_finite_are_refused(self, small, value):
+        output = drive_robots(small, turn=[0.0, value, 0.0], forward=[0.0, 0.0, value])
+        assert output.is_refused.tolist() == [False, True, True]
 
+    @pytest.mark.parametrize("state", [{"is_alive": False}, {"waits": True}], ids=str)
+    def test_robots_that_are_dead_or_wait_stand_still(self, small, state):
+        """A command that is not finite is then no fault either."""
+        output = drive_robots(small, turn=[1.0, np.nan], forward=[1.0, 0.5], **state)
+        assert not np.any(output.command)
+        assert not output.is_refused.any()
+        assert output.shortfall.tolist() == [1.0, 0.5]
 
-@pytest.mark.parametrize("who", [{"is_alive": False}, {"waits": True}], ids=str)
-def test_robots_that_are_dead_or_wait_stand_still(small, who):
-    """Whatever they are told, which is then no fault either."""
-    done = carried_out(small, [1.0, np.nan], [1.0, 0.5], **who)
-    assert not np.any(done.command) and not done.is_refused.any()
-    assert done.shortfall.tolist() == [1.0, 0.5]
+    @pytest.mark.parametrize(("is_loaded", "speed"), [(False, 1.0), (True, 0.5)])
+    def test_turns_take_their_share_of_the_step_and_balls_slow_down(self, small, is_loaded, speed):
+        """Turns of 90 degrees or more take 60 % of the step, of 45 degrees 30 %."""
+        drive = replace(small.drive, turn_share=0.6, loaded_speed=0.5)
+        turn = [0.0, np.pi / 4, -np.pi / 2, -np.pi / 2, 3.0]
+        forward = [STEP, STEP, -STEP, 0.1, STEP]
+        output = drive_robots(replace(small, drive=drive), turn, forward, is_loaded=is_loaded)
 
-
-def test_turns_take_their_share_of_the_step_and_balls_slow_down(small):
-    """Of a turn of 45 degrees the half, of any beyond 90 all; what was commanded within that is walked."""
-    config = replace(small, drive=replace(small.drive, turn_share=0.6, loaded_speed=0.5))
-    turn, forward = [0.0, np.pi / 4, -np.pi / 2, -np.pi / 2, 3.0], [STEP, STEP, -STEP, 0.1, STEP]
-    for loaded, factor in ((False, 1.0), (True, 0.5)):
-        done = carried_out(config, turn, forward, is_loaded=loaded)
-        walked = np.array([STEP, 0.7 * STEP, -0.4 * STEP, 0.1 / factor, 0.4 * STEP]) * factor
-        np.testing.assert_allclose(done.command.forward, walked, rtol=1e-5)
-        np.testing.assert_allclose(done.shortfall, np.array(forward) - walked, atol=1e-5)
-        np.testing.assert_allclose(done.command.turn, np.minimum(turn, np.pi / 2), rtol=1e-6)
+        reach = speed * STEP * np.array([1.0, 0.7, 0.4, 0.4, 0.4])
+        walked = np.clip(forward, -reach, reach)
+        np.testing.assert_allclose(output.command.forward, walked, rtol=1e-5)
+        np.testing.assert_allclose(output.shortfall, np.array(forward) - walked, atol=1e-5)
+        np.testing.assert_allclose(output.command.turn, np.minimum(turn, np.pi / 2), rtol=1e-6)
 
 
 def test_errors_keep_within_the_limits(small):
-    """Robots that turn, walk or do both err in their direction; none moves farther than the drive of an empty one."""
+    """Robots that turn, walk or do both err; none moves farther than an empty robot can."""
+    n_each = 100
     drive = replace(small.drive, error_turn=60.0, error_step=1.0, loaded_speed=0.5)
-    turn, forward = np.repeat([[1.5, 0.0, 1.5], [0.0, STEP / 2, STEP / 2]], 100, axis=1)
-    turned, walked = (
-        np.asarray(part).reshape(3, 100)
-        for part in carried_out(replace(small, drive=drive), turn, forward, is_loaded=True).command
-    )
-    assert (np.ptp(turned, axis=1) > 1).all() and np.abs(turned).max() == pytest.approx(np.pi / 2)
-    assert not walked[0].any() and (np.ptp(walked[1:], axis=1) > STEP).all()
-    assert np.abs(walked).max() == pytest.approx(STEP)
+    turn = np.repeat([1.5, 0.0, 1.5], n_each)
+    forward = np.repeat([0.0, STEP / 2, STEP / 2], n_each)
+    command = drive_robots(replace(small, drive=drive), turn, forward, is_loaded=True).command
+
+    turned = np.asarray(command.turn).reshape(3, n_each)
+    assert (np.ptp(turned, axis=1) > 1).all()
+    assert np.abs(turned).max() == pytest.approx(np.pi / 2)
+
+    turning_only, *walking = np.asarray(command.forward).reshape(3, n_each)
+    assert not turning_only.any()
+    assert (np.ptp(walking, axis=1) > STEP).all()
+    assert np.abs(walking).max() == pytest.approx(STEP)
 
 
 def test_robots_pay_for_what_they_do(small):
-    """One errs, one waits, one is dead, one has dimmed its LEDs, one has charged its tool."""
-    capacitor = EnergyConfig(model="capacitor", tool_capacitance=1e-7)
-    config = replace(small, drive=replace(small.drive, error_turn=20.0, error_step=0.3), energy=capacitor)
-    alive, power = np.arange(5) != 2, np.float32([1, 0.5, 1, 0.25, 1])
+    """One only errs, one waits, one is dead, one has dimmed its LEDs, one has charged its tool."""
+    tool_capacitance = 1e-7
+    message_energy = 80e-6
+    energy_of_walking = 0.3e-3
+    config = replace(
+        small,
+        drive=replace(small.drive, error_turn=20.0, error_step=0.3),
+        energy=EnergyConfig(model="capacitor", tool_capacitance=tool_capacitance),
+    )
+    waits = np.arange(5) == 1
+    is_alive = np.arange(5) != 2
+    led_power = np.float32([1, 0.5, 1, 0.25, 1])
     charges = np.float32([0, 0, 0, 0, 1600])
-    robots = {"is_alive": alive, "energy": np.float32([1.5e-3, 1.1e-3, 1e-3, 0.9e-3, 0.8e-3]), "led_power": power}
-    done = carried_out(config, [0.9] * 5, [-0.7] * 5, np.arange(5) == 1, charges=charges, **robots)
-    turn, forward = np.abs(done.command)
-    moving = (turn / (np.pi / 2) * 0.4 + forward / STEP * 0.6) * 0.3e-3
-    spent = moving + alive * power * 80e-6 + charges * 1e-7
-    np.testing.assert_allclose(robots["energy"] - done.energy, spent, rtol=1e-3)
-    assert (done.command.turn != 0).tolist() == [True, False, False, True, True]
+    energy = np.float32([1.5e-3, 1.1e-3, 1e-3, 0.9e-3, 0.8e-3])
+    output = drive_robots(
+        config,
+        turn=[0.9] * 5,
+        forward=[-0.7] * 5,
+        waits=waits,
+        charges=charges,
+        is_alive=is_alive,
+        energy=energy,
+        led_power=led_power,
+    )
+    assert (output.command.turn != 0).tolist() == [True, False, False, True, True]
+
+    # Of ten physics steps four are for the turn and six for the walk.
+    turn, forward = np.abs(output.command)
+    motion = (0.4 * turn / (np.pi / 2) + 0.6 * forward / STEP) * energy_of_walking
+    messages = is_alive * led_power * message_energy
+    tools = charges * tool_capacitance
+    np.testing.assert_allclose(energy - output.energy, motion + messages + tools, rtol=1e-3)
 
 
-def test_one_robot_stands_in_a_cell(small):
-    """The first would enter the second's cell, whose robot may move within it; the third turns away; the fourth
-    walks backwards into the third's; the fifth is gone, and its cell is free for the sixth."""
-    config = replace(small, drive=replace(small.drive, locations="cells"))
-    poses = [(0, 0, 0), (RD, 0.4, 0), (0, RD, 0), (0, 2 * RD, np.pi / 2), (5 * RD, 0, 0), (4 * RD, 0, 0)]
-    turn, away = [0, 0, np.pi / 2, 0, 0, 0], 0.5 * RD + 0.01
-    forward = [away, 0.4, 0.4, -away, 0, away]
-    is_there = np.array([True, True, True, True, False, True])
-    config = replace(config, drive=replace(config.drive, step_length=0.6, walk_substeps=8))
-    done = carried_out(config, turn, forward, poses=poses, is_present=is_there, is_alive=is_there)
-    assert done.is_blocked.tolist() == [True, False, False, True, False, False]
-    np.testing.assert_allclose(done.command.forward, [0, 0.4, 0.4, 0, 0, away], atol=1e-6)
-    np.testing.assert_allclose(done.shortfall, np.where(done.is_blocked, forward, 0), atol=1e-6)
-    waiting = carried_out(config, turn, forward, poses=poses, is_present=is_there, waits=True)
-    assert not waiting.is_blocked.any()
-    still = carried_out(config, turn, np.full(6, 0.5 * RD - 0.01), poses=poses, is_present=is_there)
-    assert not still.is_blocked.any() and not carried_out(small, turn, forward, poses=poses).is_blocked.any()
+class TestCells:
+    """Robots on a grid of cells of 1 rd, of which one may be entered only if no robot stands in it.
+
+    Robot 0 would enter the cell of robot 1, which may move within it. Robot 2 turns away, and
+    robot 3 walks backwards into its cell. Robot 4 is gone, so its cell is free for robot 5.
+    """
+
+    POSES = (
+        (0, 0, 0),
+        (RD, 0.4, 0),
+        (0, RD, 0),
+        (0, 2 * RD, np.pi / 2),
+        (5 * RD, 0, 0),
+        (4 * RD, 0, 0),
+    )
+    IS_PRESENT = np.array([True, True, True, True, False, True])
+    TURN = (0, 0, np.pi / 2, 0, 0, 0)
+    BEYOND_THE_EDGE = 0.5 * RD + 0.01
+    FORWARD = (BEYOND_THE_EDGE, 0.4, 0.4, -BEYOND_THE_EDGE, 0, BEYOND_THE_EDGE)
+
+    def drive(self, config, forward=FORWARD, **state):
+        """Return what the drives of these robots do."""
+        return drive_robots(config, self.TURN, forward, poses=self.POSES, **state)
+
+    @pytest.fixture
+    def cells(self, small):
+        """A world with cells, and steps long enough to leave one."""
+        drive = replace(small.drive, locations="cells", step_length=0.6, walk_substeps=8)
+        return replace(small, drive=drive)
+
+    def test_a_cell_holds_one_robot(self, cells):
+        output = self.drive(cells, is_present=self.IS_PRESENT, is_alive=self.IS_PRESENT)
+        assert output.is_blocked.tolist() == [True, False, False, True, False, False]
+        walked = np.where(output.is_blocked, 0, self.FORWARD)
+        np.testing.assert_allclose(output.command.forward, walked, atol=1e-6)
+        np.testing.assert_allclose(output.shortfall, self.FORWARD - walked, atol=1e-6)
+
+    def test_robots_that_wait_are_not_blocked(self, cells):
+        output = self.drive(cells, is_present=self.IS_PRESENT, waits=True)
+        assert not output.is_blocked.any()
+
+    def test_robots_that_stay_in_their_cells_are_not_blocked(self, cells):
+        within_the_edge = np.full(6, 0.5 * RD - 0.01)
+        output = self.drive(cells, within_the_edge, is_present=self.IS_PRESENT)
+        assert not output.is_blocked.any()
+
+    def test_without_cells_no_robot_is_blocked(self, small):
+        assert not self.drive(small).is_blocked.any()
 
 
-def test_driven_boxes_get_to_their_poses_in_one_step_if_they_can(small):
-    """Of two worlds with steps of two seconds; the second box has a mass, and the third is to be nowhere."""
-    config = replace(small, drive=replace(small.drive, control_period=2.0))
-    there = np.arange(18, dtype=np.float32).reshape(2, 3, 3)
-    way = np.array([[(1, -2, 0.3), (1, 1, 1), (2, np.inf, 0.1)], [(99, -99, 9), (0, 0, np.nan), (0, 0, -np.inf)]])
-    drive, is_driven = config.static.drive, np.array([[True, False, True]] * 2)
-    found = velocity_towards(drive, is_driven, there + way, there)
-    expected = [[(0.5, -1, 0.15), (0, 0, 0), (1, np.nan, 0.05)], [(5, -5, 0.5), (0, 0, 0), (0, 0, np.nan)]]
-    np.testing.assert_allclose(found, expected, rtol=1e-5)
-    assert velocity_towards(drive, is_driven, None, there) is velocity_towards(drive, is_driven, there, None) is None
+class TestDrivenBoxes:
+    """Two worlds of three boxes, of which the second has a mass, with control steps of 2 s."""
+
+    IS_DRIVEN = np.array([[True, False, True]] * 2)
+    POSES = np.arange(18, dtype=np.float32).reshape(2, 3, 3)
+
+    def test_they_get_to_their_targets_in_one_step_if_they_can(self, small):
+        drive = replace(small.drive, control_period=2.0)
+        displacement = [
+            [(1, -2, 0.3), (1, 1, 1), (2, np.inf, 0.1)],
+            [(99, -99, 9), (0, 0, np.nan), (0, 0, -np.inf)],
+        ]
+        expected = [
+            [(0.5, -1, 0.15), (0, 0, 0), (1, np.nan, 0.05)],
+            [(5, -5, 0.5), (0, 0, 0), (0, 0, np.nan)],
+        ]
+        targets = self.POSES + np.array(displacement)
+        velocity = velocity_towards(drive, self.IS_DRIVEN, targets, self.POSES)
+        np.testing.assert_allclose(velocity, expected, rtol=1e-5)
+
+    def test_without_targets_or_boxes_there_are_no_velocities(self, small):
+        assert velocity_towards(small.drive, self.IS_DRIVEN, None, self.POSES) is None
+        assert velocity_towards(small.drive, self.IS_DRIVEN, self.POSES, None) is None

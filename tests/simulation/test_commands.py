@@ -1,4 +1,4 @@
-"""What robots may decide beside their motion, and what tasks may change: releases, LED power, conditions, failures."""
+"""Further decisions of robots and tasks: releases, power of LEDs, conditions, failures, rewards."""
 
 from dataclasses import dataclass, replace
 
@@ -25,31 +25,24 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
 ENGINE = PlanarSettings(threads=1)
-CALM = SwarmConfig(SMALL.arena, optics=SMALL.optics)
+WITHOUT_NOISE = SwarmConfig(SMALL.arena, optics=SMALL.optics)
+
+
+def world_with_robots_at(*positions):
+    """Return a world of cleaning whose robots look along x, at positions [mm]."""
+    n_robots = len(positions)
+    poses = np.array([(x, y, 0.0) for x, y in positions])
+    rng, shared = np.random.default_rng(0), np.random.default_rng(0)
+    _, balls = CLEANING.lay_out(SMALL, n_robots, rng, shared, 1.0)
+    start = Start(poses, balls, np.ones(n_robots, bool))
+    return World(TYPE1, n_robots, start=start)
 
 
 class Dim(Still):
-    """Robot 0 is silent, 1 has a quarter of the power."""
+    """Robot 0 is silent, robot 1 has a quarter of the power."""
 
     def led_power(self, memory):
         return 0.25 * memory
-
-
-def placed(*places):
-    """A run's worlds of robots that look along x, at places [mm]."""
-    poses = np.array([(x, y, 0.0) for x, y in places])
-    _, state = CLEANING.lay_out(SMALL, len(places), np.random.default_rng(0), np.random.default_rng(0), 1.0)
-    return [World(TYPE1, len(places), start=Start(poses, state, np.ones(len(places), bool)))]
-
-
-def test_light_reaches_as_far_as_its_power_allows():
-    """Robots in a row, 6 mm apart: light of a quarter of the power reaches half of 9.9 mm."""
-    teams, worlds = Teams({"dim": (2, Dim()), "still": (1, Still())}), placed((-6.0, 8.0), (0.0, 8.0), (6.0, 8.0))
-    for record in records(Run(Scenario(CALM, strategy=teams, robots=3, engine=ENGINE, worlds=worlds, steps=2))):
-        links = record.links
-        heard = {(i, int(links.sender[0, i, s])) for i, s in zip(*np.nonzero(links.valid[0]), strict=True)}
-        assert heard == {(1, 2)}  # 0 is dark, 1 too weak, 2 is heard by 1; 1 hides it from 0
-        assert record.swarm.led_power[0].tolist() == [0.0, 0.25, 1.0]
 
 
 class Fading(Still):
@@ -58,157 +51,237 @@ class Fading(Still):
     def led_power(self, memory):
         return 1 / (1 + memory)
 
-    def act(self, memory, seen, key):
-        return memory + 1, super().act(memory, seen, key)[1]
+    def act(self, memory, observation, key):
+        _, command = super().act(memory, observation, key)
+        return memory + 1, command
 
 
-def test_power_is_that_of_the_memory_after_the_step():
-    run = Run(Scenario(CALM, strategy=Fading(), robots=2, engine=ENGINE, steps=3))
-    power = [record.swarm.led_power[0] for record in records(run)]
-    np.testing.assert_allclose(power, [[1 / 2, 1 / 3], [1 / 3, 1 / 4], [1 / 4, 1 / 5]])
+class TestPowerOfLEDs:
+    def test_light_reaches_as_far_as_its_power_allows(self):
+        """Of robots in a row, 6 mm apart, light of a quarter of the power reaches half of 9.9 mm.
+
+        Robot 0 is dark, robot 1 too weak; robot 2 is heard by robot 1, which hides it from robot 0.
+        """
+        teams = Teams({"dim": (2, Dim()), "still": (1, Still())})
+        world = world_with_robots_at((-6.0, 8.0), (0.0, 8.0), (6.0, 8.0))
+        scenario = Scenario(WITHOUT_NOISE, strategy=teams, robots=3, engine=ENGINE, worlds=[world], steps=2)
+        for record in records(Run(scenario)):
+            receiver, side = np.nonzero(record.links.valid[0])
+            sender = record.links.sender[0, receiver, side]
+            pairs = set(zip(receiver.tolist(), sender.tolist(), strict=True))
+            assert pairs == {(1, 2)}
+            assert record.swarm.led_power[0].tolist() == [0.0, 0.25, 1.0]
+
+    def test_power_is_that_of_the_memory_after_the_step(self):
+        scenario = Scenario(WITHOUT_NOISE, strategy=Fading(), robots=2, engine=ENGINE, steps=3)
+        power = [record.swarm.led_power[0] for record in records(Run(scenario))]
+        np.testing.assert_allclose(power, [[1 / 2, 1 / 3], [1 / 3, 1 / 4], [1 / 4, 1 / 5]])
 
 
 @dataclass(frozen=True)
 class Drop(Still):
-    """Robots hold a ball, and those of odd number release it in the third step, as robot 0 wants to without a ball;
-    that one picks up balls from the fourth step on."""
+    """Robots of odd number release their balls in the third step.
+
+    So would robot 0, which has none. Robot 0 picks up balls from the fourth step on. All turn by an
+    angle in each step."""
 
     turn: float = 0.0
 
     def init(self, n_robots, key):
-        return jnp.stack([jnp.arange(n_robots), jnp.zeros(n_robots, int)], axis=1)
+        return {"number": jnp.arange(n_robots), "step": jnp.zeros(n_robots, int)}
 
     def picks(self, memory):
-        return (memory[:, 0] == 0) & (memory[:, 1] >= 3)
+        return (memory["number"] == 0) & (memory["step"] >= 3)
 
     def releases(self, memory):
-        return (memory[:, 1] == 2) & ((memory[:, 0] % 2 == 1) | (memory[:, 0] == 0))
+        is_odd = memory["number"] % 2 == 1
+        return (memory["step"] == 2) & (is_odd | (memory["number"] == 0))
 
-    def act(self, memory, seen, key):
-        return memory + jnp.array([0, 1]), Command(jnp.full(len(memory), self.turn), jnp.zeros(len(memory)))
-
-
-def carrying():
-    """A run's worlds of four robots, of which the first has a ball at its tip; the others hold one, the last one over
-    the dump."""
-    (world,) = placed((-10.0, 8.0), (-10.0, 0.0), (-10.0, -8.0), (0.0, 0.0))
-    held = np.arange(SMALL.arena.n_dust) < 3
-    places = np.where(np.arange(len(held))[:, None] == 3, np.float32([-9.1, 8.0]), world.start.task.position)
-    balls = world.start.task._replace(
-        position=places, is_held=held, holder=np.minimum(np.arange(len(held)) + 1, 3).astype(np.int32)
-    )
-    return [World(TYPE1, 4, start=world.start._replace(task=balls))]
+    def act(self, memory, observation, key):
+        n_robots = len(memory["step"])
+        command = Command(jnp.full(n_robots, self.turn), jnp.zeros(n_robots))
+        return {"number": memory["number"], "step": memory["step"] + 1}, command
 
 
-@pytest.mark.parametrize("release_time", [0.0, 2.0])
-def test_robots_release_balls_where_they_want_to(release_time):
-    """The ball stays there, lies on the floor, and is not delivered; one over the dump is, at once. Tools are charged
-    to 40 V for a grasp, and to the voltage of the capacitor, which is less than 55 V, for a release."""
-    (world,) = carrying()
-    dead = replace(world, start=world.start._replace(is_alive=np.arange(4) != 1))
-    gripper = type(SMALL.gripper)(release_time=release_time)
-    energy = EnergyConfig(model="capacitor", largest_voltage=50.0, light_power=40e-6, tool_capacitance=1e-7)
-    config = SwarmConfig(SMALL.arena, gripper=gripper, energy=energy)
-    run = Run(
-        Scenario(config, strategy=Drop(release_time / 200), robots=4, engine=ENGINE, worlds=[world, dead], steps=6)
-    )
-    seen = list(records(run))
-    swarms = [record.swarm for record in seen]
-    states = [swarm.task for swarm in swarms]
-    assert run.task_state.is_held[1][0]
-    if release_time:  # the robot does not want to any more as the attempt ends
-        assert states[-1].is_held[0][:3].tolist() == [True, True, False] and states[-1].statistics.broken_off[0][0] == 1
-        stands = np.array([record.command.turn[0] == 0 for record in seen])
-        assert [list(np.flatnonzero(robot)) for robot in stands.T] == [[], [2, 3], [], [0, 1]]
-        return
-    assert [state.is_held[0][:3].tolist() for state in states[1:3]] == [[True, True, False], [False, True, False]]
-    last = states[-1]
-    assert last.is_delivered[0][:3].tolist() == [False, False, True] and last.is_lying[0][0]
-    tip = np.array(run.robot.probe_tip) + world.start.poses[1, :2]
-    np.testing.assert_allclose(last.position[0][0], tip, atol=0.05)
-    left = np.full(4, energy.full)
-    for step in range(6):
-        left = np.minimum(left + 40e-6, energy.full)
-        charges = np.where(step == np.array([9, 2, 9, 0]), 2 * left / energy.capacitance, [1600 * (step == 3), 0, 0, 0])
-        left -= 80e-6 + 1e-7 * charges
-    np.testing.assert_allclose(swarms[-1].energy[0], left, rtol=1e-5)
+class TestReleases:
+    """Robot 0 has a ball at its tip, robots 1 to 3 hold one each, robot 3 over the dump."""
 
+    @pytest.fixture
+    def world(self):
+        world = world_with_robots_at((-10.0, 8.0), (-10.0, 0.0), (-10.0, -8.0), (0.0, 0.0))
+        ball = np.arange(SMALL.arena.n_dust)
+        at_tip_of_robot_0 = np.float32([-9.1, 8.0])
+        balls = world.start.task
+        balls = balls._replace(
+            position=np.where(ball[:, None] == 3, at_tip_of_robot_0, balls.position),
+            is_held=ball < 3,
+            holder=np.minimum(ball + 1, 3).astype(np.int32),
+        )
+        return replace(world, start=world.start._replace(task=balls))
 
-def test_robots_that_wait_for_energy_release_nothing():
-    """One step takes half of what their capacitors hold, and light puts nothing in."""
-    energy = EnergyConfig(model="capacitor", light_power=0.0, message_energy=0.9e-3)
-    run = Run(
-        Scenario(
+    ENERGY = EnergyConfig(model="capacitor", largest_voltage=50.0, light_power=40e-6, tool_capacitance=1e-7)
+
+    def run_with(self, world, release_time):
+        """Return a run of six steps of the world, and of one in which robot 1 is dead.
+
+        And its records.
+        """
+        is_alive = np.arange(4) != 1
+        dead = replace(world, start=world.start._replace(is_alive=is_alive))
+        gripper = type(SMALL.gripper)(release_time=release_time)
+        scenario = Scenario(
+            SwarmConfig(SMALL.arena, gripper=gripper, energy=self.ENERGY),
+            strategy=Drop(turn=release_time / 200),
+            robots=4,
+            engine=ENGINE,
+            worlds=[world, dead],
+            steps=6,
+        )
+        run = Run(scenario)
+        return run, list(records(run))
+
+    def test_robots_release_balls_where_they_want_to(self, world):
+        """The ball stays on the floor, and is not delivered; one over the dump is, at once."""
+        run, steps = self.run_with(world, release_time=0.0)
+        balls = [record.swarm.task for record in steps]
+        assert balls[1].is_held[0][:3].tolist() == [True, True, False]
+        assert balls[2].is_held[0][:3].tolist() == [False, True, False]
+        assert balls[-1].is_delivered[0][:3].tolist() == [False, False, True]
+        assert balls[-1].is_lying[0][0]
+        tip_of_robot_1 = np.array(run.robot.probe_tip) + world.start.poses[1, :2]
+        np.testing.assert_allclose(balls[-1].position[0][0], tip_of_robot_1, atol=0.05)
+
+    def test_dead_robots_release_nothing(self, world):
+        run, _ = self.run_with(world, release_time=0.0)
+        assert run.task_state.is_held[1][0]
+
+    def test_tools_are_charged_for_each_attempt(self, world):
+        """To 40 V for a grasp, and for a release to the capacitor's voltage, less than 55 V."""
+        _, steps = self.run_with(world, release_time=0.0)
+        never = 9
+        release_step = np.array([never, 2, never, 0])
+        grasp_step = 3
+        income, message = 40e-6, 80e-6
+
+        energy = np.full(4, self.ENERGY.full)
+        for step in range(len(steps)):
+            energy = np.minimum(energy + income, self.ENERGY.full)
+            voltage_squared = 2 * energy / self.ENERGY.capacitance
+            charges = np.where(step == release_step, voltage_squared, 0.0)
+            if step == grasp_step:
+                charges[0] = 40**2
+            energy -= message + self.ENERGY.tool_capacitance * charges
+        np.testing.assert_allclose(steps[-1].swarm.energy[0], energy, rtol=1e-5)
+
+    def test_robots_stand_while_they_release(self, world):
+        """Robot 1 breaks off, since it does not want to release any more as the attempt ends."""
+        _, steps = self.run_with(world, release_time=2.0)
+        balls = steps[-1].swarm.task
+        assert balls.is_held[0][:3].tolist() == [True, True, False]
+        assert balls.statistics.broken_off[0][0] == 1
+        stands = np.array([record.command.turn[0] == 0 for record in steps])
+        steps_of_robots = [np.flatnonzero(of_robot).tolist() for of_robot in stands.T]
+        assert steps_of_robots == [[], [2, 3], [], [0, 1]]
+
+    def test_robots_that_wait_for_energy_release_nothing(self, world):
+        """One step takes half of what their capacitors hold, and light charges nothing."""
+        energy = EnergyConfig(model="capacitor", light_power=0.0, message_energy=0.9e-3)
+        scenario = Scenario(
             SwarmConfig(SMALL.arena, energy=energy),
             strategy=Drop(),
             robots=4,
             engine=ENGINE,
-            worlds=carrying() * 2,
+            worlds=[world, world],
             steps=4,
         )
-    )
-    assert run.start.swarm.is_loaded[0, 0].tolist() == [False, True, True, True]
-    last = [record.swarm for record in records(run)][-1]
-    assert last.steps_without_energy[0].tolist() == [3] * 4
-    assert [run.measures(world).starved for world in range(2)] == [12, 12]
-    assert (
-        last.task.is_held[0][:4].tolist() == [True, True, False, False]
-        and not last.task.statistics.releases[0][:2].any()
-    )
+        run = Run(scenario)
+        assert run.start.swarm.is_loaded[0, 0].tolist() == [False, True, True, True]
+        *_, last = records(run)
+        assert last.swarm.steps_without_energy[0].tolist() == [3] * 4
+        assert [run.measures(row).starved for row in range(2)] == [12, 12]
+        balls = last.swarm.task
+        assert balls.is_held[0][:4].tolist() == [True, True, False, False]
+        assert not balls.statistics.releases[0][:2].any()
 
 
-def test_a_task_changes_conditions_and_lets_robots_fail():
-    run = Run(Scenario(SMALL, strategy=TYPE1, task=Weather(), robots=12, engine=ENGINE, steps=6))
-    for step, record in enumerate(records(run)):
-        if step < 2:
-            assert record.is_heard[0].sum() == record.links.valid[0].sum() > 0
-        else:
-            assert not record.is_heard.any()
-        alive = np.arange(12) % 2 == 0 if step >= 2 else np.ones(12, bool)
-        assert record.swarm.is_alive[0].tolist() == alive.tolist()
-        if step > 2:
-            assert not record.command.forward[0][~alive].any() and record.command.forward[0][alive].any()
+class TestTasks:
+    """In bad weather no message arrives from the third step on, and robots of odd number die."""
 
+    def test_change_conditions_and_let_robots_fail(self):
+        n_robots = 12
+        is_even = np.arange(n_robots) % 2 == 0
+        scenario = Scenario(SMALL, strategy=TYPE1, task=Weather(), robots=n_robots, engine=ENGINE, steps=6)
+        for step, record in enumerate(records(Run(scenario))):
+            is_bad = step >= 2
+            n_heard = record.is_heard[0].sum()
+            is_alive = is_even if is_bad else np.ones(n_robots, bool)
+            assert record.swarm.is_alive[0].tolist() == is_alive.tolist()
+            if is_bad:
+                assert n_heard == 0
+            else:
+                assert n_heard == record.links.valid[0].sum() > 0
+            if step > 2:
+                forward = record.command.forward[0]
+                assert not forward[~is_alive].any()
+                assert forward[is_alive].any()
 
-def test_rewards_see_commands_and_messages():
-    env = make_env(config=SMALL, task=Weather(), robots=12, engine=ENGINE, payload=COUNT)
-    state = env.reset(jax.random.split(jax.random.key(0), 1))
-    action = np.zeros((1, 12, env.action_size), np.float32)
-    action[0, :, 1], action[0, :, 2] = np.linspace(-1, 1, 12), np.linspace(1, -1, 12)
-    state = env.step(state, action)
-    expected = np.linspace(-1, 1, 12) * 0.5 * RD - np.round((np.linspace(1, -1, 12) + 1) / 2 * 15)
-    np.testing.assert_allclose(state.reward[0], expected, atol=1e-5)
+    def test_reward_commands_and_messages(self):
+        """The reward is the distance walked less the number that the robot sends."""
+        n_robots = 12
+        env = make_env(config=SMALL, task=Weather(), robots=n_robots, engine=ENGINE, payload=COUNT)
+        forward = np.linspace(-1, 1, n_robots)
+        number = np.linspace(1, -1, n_robots)
+        action = np.zeros((1, n_robots, env.action_size), np.float32)
+        action[0, :, 1] = forward
+        action[0, :, 2] = number
+
+        state = env.reset(jax.random.split(jax.random.key(0), 1))
+        state = env.step(state, action)
+        distance = forward * 0.5 * RD
+        sent = np.round((number + 1) / 2 * 15)
+        np.testing.assert_allclose(state.reward[0], distance - sent, atol=1e-5)
 
 
 class BadPower(Still):
+    """Returns whole numbers as power."""
+
     def led_power(self, memory):
         return memory
 
 
 class BadRelease(Still):
+    """Returns whole numbers as flags."""
+
     def releases(self, memory):
         return memory
 
 
 class BadWeather(Weather):
+    """Returns three drop rates."""
+
     def conditions(self, state, conditions):
         return conditions._replace(drop_rate=jnp.zeros(3))
 
 
 class BadFailures(Weather):
+    """Returns one flag for all robots."""
+
     def survives(self, state):
         return jnp.bool_(True)
 
 
 @pytest.mark.parametrize(
-    ("strategy", "task", "match"),
+    ("fields", "says"),
     [
-        (BadPower(), None, r"BadPower\.led_power must return float32\[12\]"),
-        (BadRelease(), None, r"BadRelease\.releases must return bool\[12\]"),
-        (None, BadWeather(), r"BadWeather\.conditions must return float32\[\] as \.drop_rate"),
-        (None, BadFailures(), r"BadFailures\.survives must return bool\[12\]"),
+        ({"strategy": BadPower()}, r"BadPower\.led_power must return float32\[12\]"),
+        ({"strategy": BadRelease()}, r"BadRelease\.releases must return bool\[12\]"),
+        (
+            {"task": BadWeather()},
+            r"BadWeather\.conditions must return float32\[\] as \.drop_rate",
+        ),
+        ({"task": BadFailures()}, r"BadFailures\.survives must return bool\[12\]"),
     ],
 )
-def test_mistakes_are_refused(strategy, task, match):
-    with pytest.raises(UserError, match=match):
-        Run(Scenario(SMALL, strategy=strategy or TYPE1, task=task or CLEANING, robots=12, steps=2))
+def test_mistakes_are_refused(fields, says):
+    with pytest.raises(UserError, match=says):
+        Run(Scenario(SMALL, robots=12, steps=2, **fields))

@@ -1,17 +1,29 @@
-"""Runs of compiled engines: the swarm of the engines for CPUs, worlds that differ, faults, devices."""
+"""The compiled loop: agreement with the host, worlds that differ, faults, ends, and devices."""
 
 import json
 import os
 import subprocess
 import sys
 from dataclasses import replace
-from functools import partial
 from typing import NamedTuple
 
 import jax
 import numpy as np
 import pytest
-from support.mjx import ENGINES, RECORDED, SEED, TINY, WORLDS, N, compilations, mjx, poses, ran, tiny_run, warp
+from support.mjx import (
+    ENGINES,
+    RECORDED,
+    SEED,
+    TINY,
+    WORLDS,
+    N,
+    compilations,
+    mjx,
+    poses,
+    ran,
+    tiny_run,
+    warp,
+)
 from support.worlds import begin_with, centres, start_of
 
 from iswarm_mj.engines.mjx.arena import contact_capacity
@@ -25,159 +37,234 @@ from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
 
 TYPE1 = PRESETS["type1"]
+TYPE2 = PRESETS["type2"]
 WORLD = World(TYPE1, N, SEED)
 ON_THE_HOST = {"mjx": MujocoSettings(1), "warp": PlanarSettings(1)}
+"""Engine of the host that simulates what a compiled one does."""
 
 
-def run_in(engine, worlds=None, genome=TYPE1, **own):
-    """Three worlds to their end, and their records."""
-    if worlds is not None:
-        own["worlds"] = worlds
-    run = tiny_run(engine, strategy=genome, **own)
+def run_to_end(engine, genome=TYPE1, **fields):
+    """Return a run of three tiny worlds after its end, and its records.
+
+    `fields` are of its scenario.
+    """
+    run = tiny_run(engine, strategy=genome, **fields)
     return run, ran(run)
 
 
 class Batch(NamedTuple):
+    """A run of three tiny worlds after its end."""
+
     name: str
+    """Name of the engine in `ENGINES`."""
     run: Run
     record: StepRecord
 
 
 @pytest.fixture(scope="module", params=list(ENGINES))
 def batch(request):
-    """Two calls, of ten control steps each."""
-    return Batch(request.param, *run_in(ENGINES[request.param]))
+    """A run of 20 control steps, in two calls of ten."""
+    return Batch(request.param, *run_to_end(ENGINES[request.param]))
 
 
-def assert_same_bits(one, other):
-    assert jax.tree.structure(one) == jax.tree.structure(other)
-    for mine, yours in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
-        np.testing.assert_array_equal(mine, yours)
+def assert_same_bits(tree, expected):
+    """Check that two trees have the same structure and values."""
+    assert jax.tree.structure(tree) == jax.tree.structure(expected)
+    jax.tree.map(np.testing.assert_array_equal, tree, expected)
+
+
+def measures_of(run, worlds=range(WORLDS)):
+    """Return the measures of worlds."""
+    return [run.measures(world) for world in worlds]
 
 
 def test_the_first_steps_are_those_on_the_host(batch):
-    """The same random numbers, so only rounding parts them."""
-    run, theirs = run_in(ON_THE_HOST[batch.name], steps=3)
-    assert_same_bits(batch.run.start, run.start)
-    assert jax.tree.structure(batch.record) == jax.tree.structure(theirs)
-    ours = jax.tree.map(lambda a: a[:3], batch.record)
-    for name, mine, yours in zip(ours._fields, ours, theirs, strict=True):
-        assert [a.shape for a in jax.tree.leaves(mine)] == [a.shape for a in jax.tree.leaves(yours)], name
+    """Both draw the same random numbers, so only rounding parts them."""
+    host_run, expected = run_to_end(ON_THE_HOST[batch.name], steps=3)
+    assert_same_bits(batch.run.start, host_run.start)
+
+    record = jax.tree.map(lambda a: a[:3], batch.record)
+    assert jax.tree.structure(record) == jax.tree.structure(expected)
+    assert jax.tree.map(np.shape, record) == jax.tree.map(np.shape, expected)
     for name in ("valid", "sender", "led"):
-        np.testing.assert_array_equal(getattr(ours.links, name), getattr(theirs.links, name))
+        links, expected_links = getattr(record.links, name), getattr(expected.links, name)
+        np.testing.assert_array_equal(links, expected_links)
     for name in ("step", "has_priority", "collisions", "is_running"):
-        np.testing.assert_array_equal(getattr(ours, name), getattr(theirs, name))
-    for mine, yours in (
-        (ours.poses, theirs.poses),
-        (ours.links.true_distance, theirs.links.true_distance),
-        (centres(ours), centres(theirs)),
-    ):
-        np.testing.assert_allclose(mine, yours, atol=0.02)
-    np.testing.assert_allclose(ours.speed, theirs.speed, rtol=1e-3)
-    assert ours.links.valid.sum() > 100 and ours.collisions.max() > 0
+        np.testing.assert_array_equal(getattr(record, name), getattr(expected, name))
+
+    np.testing.assert_allclose(record.poses, expected.poses, atol=0.02)
+    distance, expected_distance = record.links.true_distance, expected.links.true_distance
+    np.testing.assert_allclose(distance, expected_distance, atol=0.02)
+    np.testing.assert_allclose(centres(record), centres(expected), atol=0.02)
+    np.testing.assert_allclose(record.speed, expected.speed, rtol=1e-3)
+
+    assert record.links.valid.sum() > 100
+    assert record.collisions.max() > 0
 
 
 def test_what_is_recorded_is_what_happened(batch):
     _, run, record = batch
-    np.testing.assert_array_equal(record.poses[-1], poses(run)[list(RECORDED)])
-    assert record.poses.shape == (20, 2, N, 3) and record.is_running.all()
+    assert record.poses.shape == (20, 2, N, 3)
+    assert record.is_running.all()
     assert record.step.tolist() == [[step, step] for step in range(1, 21)]
-    assert record.collisions[-1].tolist() == [run.measures(w).collisions for w in RECORDED]
-    moves = np.linalg.norm(np.diff(np.concatenate([run.start.poses, record.poses]), axis=0)[..., :2], axis=-1)
-    np.testing.assert_allclose(moves.mean(axis=-1), record.speed, rtol=1e-4)
-    assert sum(run.measures(w).picked for w in range(WORLDS)) > 3
+    np.testing.assert_array_equal(record.poses[-1], poses(run)[list(RECORDED)])
+
+    collisions = [measures.collisions for measures in measures_of(run, RECORDED)]
+    assert record.collisions[-1].tolist() == collisions
+    assert sum(measures.picked for measures in measures_of(run)) > 3
+
+    positions = np.concatenate([run.start.poses, record.poses])[..., :2]
+    distance = np.linalg.norm(np.diff(positions, axis=0), axis=-1)
+    np.testing.assert_allclose(distance.mean(axis=-1), record.speed, rtol=1e-4)
 
 
 def test_a_fault_ends_its_world_alone(batch, monkeypatch):
-    """World 1 begins as a heap with more pairs in contact than MJX has room for; with Warp, robot 3 is nowhere."""
+    """World 1 begins as a heap with more pairs in contact than MJX has room for.
+
+    With Warp, robot 3 is nowhere.
+    """
     start = start_of(TINY, N, SEED, 1)
     if batch.name == "mjx":
         assert contact_capacity(TINY, N).pairs < N * (N - 1) / 2
-        start, kind = start._replace(poses=start.poses * [0.1, 0.1, 1]), FaultKind.TOO_MANY_PAIRS
+        start = start._replace(poses=start.poses * [0.1, 0.1, 1])
+        kind = FaultKind.TOO_MANY_PAIRS
         says = r"step 1, world 1: buffer of robot pairs full.*`contact_capacity`"
     else:
-        start.poses[3, 0], kind, says = np.nan, FaultKind.POSE_NOT_FINITE, "the pose of robot 3 is not finite"
+        start.poses[3, 0] = np.nan
+        kind = FaultKind.POSE_NOT_FINITE
+        says = "the pose of robot 3 is not finite"
     begin_with(monkeypatch, {1: start})
-    run, record = run_in(ENGINES[batch.name], [replace(WORLD, index=index) for index in range(3)])
+    worlds = [replace(WORLD, index=index) for index in range(3)]
+    run, record = run_to_end(ENGINES[batch.name], worlds=worlds)
+
     (fault,) = run.faults
-    assert fault.kind & kind and (fault.world, fault.step) == (1, 1)
+    assert fault.kind & kind
+    assert (fault.world, fault.step) == (1, 1)
     with pytest.raises(SimulationFault, match=says):
         run.raise_faults()
     np.testing.assert_array_equal(poses(run)[1], start.poses.astype(np.float32))
-    assert run.measures(1).collisions == 0 and run.step == 20
+    assert run.measures(1).collisions == 0
+
+    # The others are as in a run without the fault.
+    others = [0, 2]
+    assert run.step == 20
     assert_same_bits(record, batch.record)
-    assert [run.measures(w) for w in (0, 2)] == [batch.run.measures(w) for w in (0, 2)]
-    np.testing.assert_array_equal(poses(run)[[0, 2]], poses(batch.run)[[0, 2]])
+    assert measures_of(run, others) == measures_of(batch.run, others)
+    np.testing.assert_array_equal(poses(run)[others], poses(batch.run)[others])
 
 
 def test_a_run_may_end_within_a_call(batch):
-    run, record = run_in(ENGINES[batch.name], steps=13)
-    assert run.step == 13 and run.is_over
+    run, record = run_to_end(ENGINES[batch.name], steps=13)
+    assert run.step == 13
+    assert run.is_over
     assert_same_bits(record, jax.tree.map(lambda a: a[:13], batch.record))
     np.testing.assert_array_equal(poses(run)[list(RECORDED)], batch.record.poses[12])
 
 
 def test_the_run_ends_with_the_last_world(monkeypatch):
     """Robot 3 begins nowhere in each; faults name worlds by their own numbers."""
+    indices = range(4, 7)
     start = start_of(TINY, N, SEED, 0)
     start.poses[3, 0] = np.nan
-    begin_with(monkeypatch, dict.fromkeys(range(4, 7), start))
-    run, record = run_in(warp(), [replace(WORLD, index=index) for index in range(4, 7)])
-    assert run.is_over and run.step == 1 and record.poses.shape == (1, 2, N, 3)
-    assert [(fault.world, fault.kind) for fault in run.faults] == [(w, FaultKind.POSE_NOT_FINITE) for w in range(4, 7)]
+    begin_with(monkeypatch, dict.fromkeys(indices, start))
+    run, record = run_to_end(warp(), worlds=[replace(WORLD, index=index) for index in indices])
+
+    assert run.is_over
+    assert run.step == 1
+    assert record.poses.shape == (1, 2, N, 3)
+    faults = [(fault.world, fault.kind) for fault in run.faults]
+    assert faults == [(index, FaultKind.POSE_NOT_FINITE) for index in indices]
 
 
-def test_a_world_stands_still_once_it_is_finished():
-    """Also when other settings and another swarm are put in place of what there was."""
-    plain, record = run_in(warp(), goal=2, steps=30)
-    assert plain.is_over and not plain.faults
-    ends = [plain.measures(world).finished_at for world in range(WORLDS)]
-    assert max(ends) == plain.step and sorted(ends)[1] <= 20 < ends[0]
-    for row, world in enumerate(RECORDED):
-        assert (record.poses[ends[world] :, row] == record.poses[ends[world] - 1, row]).all()
-        assert record.is_running[:, row].tolist() == [step < ends[world] for step in range(len(record.poses))]
-        assert (np.diff(record.poses[: ends[world], row], axis=0) != 0).any(axis=(1, 2)).all()
-    run = tiny_run(warp(), goal=2, steps=30)
-    run.advance(), run.advance()
-    run.change(TINY, PRESETS["type2"])
-    run.edit(lambda swarm: swarm._replace(is_alive=~swarm.is_alive))
-    ran(run)
-    np.testing.assert_array_equal(poses(run)[1:], poses(plain)[1:])
-    assert [run.measures(world).finished_at for world in (1, 2)] == ends[1:] and not run.measures(0).finished_at
+class TestFinishedWorlds:
+    """Three worlds that finish at the second delivery, the first of them in the third call."""
+
+    FIELDS = {"goal": 2, "steps": 30}  # noqa: RUF012
+
+    @pytest.fixture(scope="class")
+    def finished(self):
+        return run_to_end(warp(), **self.FIELDS)
+
+    @staticmethod
+    def ends_of(run):
+        """Return the step after which each world finished."""
+        return [measures.finished_at for measures in measures_of(run)]
+
+    def test_they_stand_still(self, finished):
+        run, record = finished
+        assert run.is_over
+        assert not run.faults
+        ends = self.ends_of(run)
+        assert max(ends) == run.step
+        assert sorted(ends)[1] <= 20 < ends[0]
+
+        for row, world in enumerate(RECORDED):
+            end = ends[world]
+            of_world = record.poses[:, row]
+            assert (of_world[end:] == of_world[end - 1]).all()
+            moves = (np.diff(of_world[:end], axis=0) != 0).any(axis=(1, 2))
+            assert moves.all()
+            is_running = [step < end for step in range(len(of_world))]
+            assert record.is_running[:, row].tolist() == is_running
+
+    def test_they_stay_finished_when_settings_and_swarm_are_replaced(self, finished):
+        expected, _ = finished
+        run = tiny_run(warp(), **self.FIELDS)
+        run.advance()
+        run.advance()
+        run.change(TINY, TYPE2)
+        run.edit(lambda swarm: swarm._replace(is_alive=~swarm.is_alive))
+        ran(run)
+
+        np.testing.assert_array_equal(poses(run)[1:], poses(expected)[1:])
+        assert self.ends_of(run)[1:] == self.ends_of(expected)[1:]
+        assert not run.measures(0).finished_at
 
 
 def test_worlds_of_other_sizes_and_genomes():
-    worlds = [replace(WORLD, n_robots=15), replace(WORLD, genome=PRESETS["type2"], index=1), replace(WORLD, index=2)]
-    ours, theirs = (run_in(engine, worlds, steps=4)[0] for engine in (warp(), ON_THE_HOST["warp"]))
-    np.testing.assert_allclose(poses(ours)[:, :15], poses(theirs)[:, :15], atol=0.02)
-    np.testing.assert_allclose(poses(ours)[1:], poses(theirs)[1:], atol=0.02)
-    assert [ours.measures(w) for w in range(3)] == [theirs.measures(w) for w in range(3)]
-    assert np.abs(poses(ours)[1] - poses(ours)[2]).max() > 1
+    n_fewer = 15
+    worlds = [
+        replace(WORLD, n_robots=n_fewer),
+        replace(WORLD, genome=TYPE2, index=1),
+        replace(WORLD, index=2),
+    ]
+    run, _ = run_to_end(warp(), worlds=worlds, steps=4)
+    expected, _ = run_to_end(ON_THE_HOST["warp"], worlds=worlds, steps=4)
+    np.testing.assert_allclose(poses(run)[:, :n_fewer], poses(expected)[:, :n_fewer], atol=0.02)
+    np.testing.assert_allclose(poses(run)[1:], poses(expected)[1:], atol=0.02)
+    assert measures_of(run) == measures_of(expected)
+    assert np.abs(poses(run)[1] - poses(run)[2]).max() > 1
 
 
 def test_stages_are_timed_on_worlds_of_the_run_alone(batch):
     params, state, _ = batch.run._loop.on_first_device()
-    assert {a.shape[0] for a in jax.tree.leaves((params, state))} == {WORLDS}
+    assert {leaf.shape[0] for leaf in jax.tree.leaves((params, state))} == {WORLDS}
     assert_same_bits((params, state), batch.run.arrays())
     if batch.name == "warp":
         times = batch.run.stage_times()
-        assert times.keys() == {"sense", "policy", "physics"} and min(times.values()) > 0
+        assert times.keys() == {"sense", "policy", "physics"}
+        assert min(times.values()) > 0
 
 
 @pytest.mark.parametrize(
-    ("make", "own", "says"),
+    ("make", "fields", "says"),
     [
         (mjx, {"impl": "torch"}, r"impl must be jax or warp.*\(got 'torch'\)"),
         (mjx, {"solver_iterations": 0}, r"solver_iterations must be .*\(got 0\)"),
         (warp, {"impl": "jax"}, r"impl must be numba or warp.*\(got 'jax'\)"),
         (warp, {"chunk": 0}, r"chunk must be .*\(got 0\)"),
         (warp, {"devices": ()}, r"devices must be a tuple of JAX devices, or None \(got \(\)\)"),
-        (partial(tiny_run, warp()), {"record_worlds": (3,)}, r"record_worlds must be .* 0 to 2 \(got \(3,\)\)"),
     ],
 )
-def test_settings_that_do_not_fit_are_refused(make, own, says):
+def test_settings_that_do_not_fit_are_refused(make, fields, says):
     with pytest.raises(UserError, match=says):
-        make(**own)
+        make(**fields)
+
+
+def test_worlds_to_record_must_be_in_the_run():
+    says = r"record_worlds must be .*worlds from 0 to 2 \(got \(3,\)\)"
+    with pytest.raises(UserError, match=says):
+        tiny_run(warp(), record_worlds=(3,))
 
 
 def test_genomes_need_no_other_program(batch):
@@ -186,60 +273,82 @@ def test_genomes_need_no_other_program(batch):
     assert names == []
 
 
-CODE = """
+SUMS_ON_DEVICES = """
 import json
 import sys; sys.path.insert(0, "tests")
 import conftest  # keeps what is compiled
 from dataclasses import replace
-from functools import partial
 from support.mjx import ENGINES, poses, ran, tiny_run
 run = tiny_run(replace(ENGINES[sys.argv[1]], devices=None, chunk=5))
 record = ran(run)
-sums = [record.poses[-1].astype(float).sum((1, 2)).tolist(), poses(run).astype(float).sum((1, 2)).tolist()]
-print(json.dumps([len(run.devices), [run.measures(w) for w in range(3)], sums]))
+measures = [run.measures(world) for world in range(3)]
+sums = [values.astype(float).sum((1, 2)).tolist() for values in (record.poses[-1], poses(run))]
+print(json.dumps([len(run.devices), measures, sums]))
 """
+"""Program that runs three tiny worlds on all devices, and prints their number and sums."""
 
 
 @pytest.mark.parametrize(
-    ("batch", "devices", "used"),
+    ("batch", "n_devices", "n_used"),
     [
         ("warp", 2, 2),
-        *(pytest.param(*case, marks=pytest.mark.slow) for case in (("warp", 4, 3), ("mjx", 2, 2), ("mjx", 4, 3))),
+        pytest.param("warp", 4, 3, marks=pytest.mark.slow),
+        pytest.param("mjx", 2, 2, marks=pytest.mark.slow),
+        pytest.param("mjx", 4, 3, marks=pytest.mark.slow),
     ],
     indirect=["batch"],
 )
-def test_devices_and_chunks_change_no_bit(batch, devices, used):
-    """Of three worlds two devices take two each, one of them a filler; of four devices three take one each."""
-    flags = f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count={devices}"
-    env = os.environ | {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu"}
-    given = [sys.executable, "-c", CODE, batch.name]
-    done = subprocess.run(given, capture_output=True, text=True, env=env, check=True)
-    size, measures, sums = json.loads(done.stdout.splitlines()[-1])
-    _, run, record = batch
-    assert size == used
-    assert measures == [list(run.measures(w)) for w in range(WORLDS)]
-    np.testing.assert_array_equal(sums[0], record.poses[-1].astype(float).sum((1, 2)))
-    np.testing.assert_array_equal(sums[1], poses(run).astype(float).sum((1, 2)))
+def test_devices_and_chunks_change_no_bit(batch, n_devices, n_used):
+    """Of three worlds two devices take two each, one of them padding.
+
+    Of four devices three take one each.
+    """
+    flags = os.environ.get("XLA_FLAGS", "")
+    flags = f"{flags} --xla_force_host_platform_device_count={n_devices}"
+    finished = subprocess.run(
+        [sys.executable, "-c", SUMS_ON_DEVICES, batch.name],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu"},
+        check=True,
+    )
+    devices, measures, (sums_recorded, sums) = json.loads(finished.stdout.splitlines()[-1])
+    assert devices == n_used
+    assert measures == [list(of_world) for of_world in measures_of(batch.run)]
+    recorded = batch.record.poses[-1].astype(float)
+    np.testing.assert_array_equal(sums_recorded, recorded.sum((1, 2)))
+    np.testing.assert_array_equal(sums, poses(batch.run).astype(float).sum((1, 2)))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("impl", ["jax", "warp"])
 def test_whole_runs_are_distributed_as_on_the_cpu_engine(impl):
-    """Finishing time and deliveries of 24 worlds: two samples of one distribution, by Kolmogorov-Smirnov at 1 %."""
+    """Measures of 24 worlds are samples of one distribution, by Kolmogorov-Smirnov at 1 %."""
     from scipy.stats import ks_2samp
 
-    pytest.importorskip("warp") if impl == "warp" else None
-    steps = 100
-    ours, theirs = (
-        Run(
-            Scenario(TINY, strategy=TYPE1, robots=N, engine=engine, seed=seed, worlds=24, steps=steps), record_worlds=()
+    if impl == "warp":
+        pytest.importorskip("warp")
+    n_worlds, steps = 24, 100
+
+    def measures_of_engine(engine, seed):
+        scenario = Scenario(
+            TINY,
+            strategy=TYPE1,
+            robots=N,
+            engine=engine,
+            seed=seed,
+            worlds=n_worlds,
+            steps=steps,
         )
-        for seed, engine in ((SEED, mjx(impl=impl, solver_iterations=20)), (99, MujocoSettings()))
-    )
-    ran(ours), ran(theirs)
-    for what in ("delivered", "picked", "collisions"):
-        samples = [[getattr(run.measures(w), what) for w in range(24)] for run in (ours, theirs)]
-        print(impl, what, *map(np.mean, samples), ks_2samp(*samples).pvalue)
+        run = Run(scenario, record_worlds=())
+        ran(run)
+        return measures_of(run, range(n_worlds))
+
+    compiled = measures_of_engine(mjx(impl=impl, solver_iterations=20), SEED)
+    on_the_host = measures_of_engine(MujocoSettings(), 99)
+    for name in ("delivered", "picked", "collisions"):
+        samples = [[getattr(of_world, name) for of_world in measures] for measures in (compiled, on_the_host)]
+        print(impl, name, *map(np.mean, samples), ks_2samp(*samples).pvalue)
         assert ks_2samp(*samples).pvalue > 0.01
-    times = [[run.measures(w).finished_at or steps for w in range(24)] for run in (ours, theirs)]
+    times = [[of_world.finished_at or steps for of_world in measures] for measures in (compiled, on_the_host)]
     assert ks_2samp(*times).pvalue > 0.01

@@ -1,6 +1,7 @@
-"""Random numbers of a decision."""
+"""Random numbers and compiled settings of a decision."""
 
 from contextlib import ExitStack
+from typing import Any, NamedTuple
 from unittest import mock
 
 import jax
@@ -23,79 +24,118 @@ from iswarm_mj.strategy.rules import rules_of
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.cleaning import Cleaning
 
-SEQUENTIAL = SwarmConfig(optics=OpticsConfig(baud_rate=1000.0), strategy=StrategyConfig(update_order="sequential"))
-USERS = {
-    "slots": (perceive, "draw_first_slots", 1),
-    "turns": (decide, "draw_turns", 0),
-    "channel": (perceive, "exchange", 4),
-    "stops": (perceive, "draw", 0),
-    "task": (Cleaning, "advance", 3),
-    "strategy": (VectorStrategy, "act", 3),
-    "actuators": (decide, "actuate", 4),
-}
-"""What draws random numbers in a step: where it is, its name, and which of its arguments the key is."""
+N_SIDES = 4
+
+
+def darkness(n_robots, *n_senders):
+    """Return the light reading of robots that hear nobody and see no wall."""
+    shape = (n_robots, N_SIDES, *n_senders)
+    no_links = Links(
+        sender=jnp.zeros(shape, jnp.int32),
+        valid=jnp.zeros(shape, bool),
+        led=jnp.zeros(shape, jnp.int32),
+        true_distance=jnp.zeros(shape, jnp.float32),
+        measured_bearing=jnp.zeros(shape, jnp.float32),
+    )
+    return LightReading(no_links, jnp.zeros((n_robots, N_SIDES), bool))
+
+
+def inputs_of(sight, step=0):
+    """Return the inputs of a step of a running world whose robots stand at the origin."""
+    n_robots = len(sight.sees_wall)
+    return StepInputs(jnp.zeros((n_robots, 3)), sight, jnp.int32(step), jnp.array(True))
 
 
 def test_robots_that_stop_miss_dust_as_often_as_others():
-    n, drive, senses = 4000, DriveConfig(stop_share=0.5), StrategyConfig(error_in_sensing=0.5)
-    config, no = SwarmConfig(drive=drive, strategy=senses), jnp.zeros(n, bool)
-    params = params_of(config, Still(), jax.random.key_data(jax.random.key(2)), n)
-    state = swarm_of(jnp.arange(n), lay((0.0, -60.0)), n)
-    kinds = jnp.int32, bool, jnp.int32, jnp.float32, jnp.float32
-    sides = jnp.zeros((n, 4), bool)
-    sight = LightReading(Links(*(sides.astype(kind) for kind in kinds)), sides)
-    begin, keys = StepInputs(jnp.zeros((n, 3)), sight, jnp.int32(0), jnp.array(True)), step_keys(params.key, 0)
-    seen = perceive.perceive(config.static, read_robot(), params, state, begin, HeldOutputs({}, no), keys)
-    stops, misses = seen.observation.waits, ~seen.task_inputs.notices
-    assert abs(stops.mean() - 0.5) < 0.03 and abs(misses.mean() - 0.5) < 0.03
-    assert abs(np.corrcoef(stops, misses)[0, 1]) < 0.06
-
-
-def setup_of(config, n):
-    """A strategy of a configuration, and what decides of a world's first step are given after the robot."""
-    strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config.static, read_robot())
-    params = params_of(config, strategy, jax.random.key(2), n)
-    shape = n, 4, config.optics.n_senders
-    links = Links(*(jnp.zeros(shape, kind) for kind in (jnp.int32, bool, jnp.int32, jnp.float32, jnp.float32)))
-    return (
+    """Both chances, of one half each, come from one key."""
+    n_robots = 4000
+    config = SwarmConfig(drive=DriveConfig(stop_share=0.5), strategy=StrategyConfig(error_in_sensing=0.5))
+    key = jax.random.key_data(jax.random.key(2))
+    params = params_of(config, Still(), key, n_robots)
+    perceived = perceive.perceive(
+        config.static,
+        read_robot(),
         params,
-        swarm_of(strategy.init(n, params.key), lay((0.0, -60.0)), n),
-        LightReading(links, jnp.zeros((n, 4), bool)),
+        swarm_of(jnp.arange(n_robots), lay((0.0, -60.0)), n_robots),
+        inputs_of(darkness(n_robots)),
+        HeldOutputs(payload={}, picks=jnp.zeros(n_robots, bool)),
+        step_keys(params.key, 0),
     )
+
+    stops = perceived.observation.waits
+    misses = ~perceived.task_inputs.notices
+    assert abs(stops.mean() - 0.5) < 0.03
+    assert abs(misses.mean() - 0.5) < 0.03
+    assert abs(np.corrcoef(stops, misses)[0, 1]) < 0.06
 
 
 def test_what_is_compiled_in_has_no_setting_in_which_worlds_may_differ():
     static = static_config(SwarmConfig(), on_host=True)
     assert not hasattr(static, "arena")
     for part, names in PER_WORLD_FIELDS.items():
-        assert not any(hasattr(getattr(static, part, None), name) for name in names)
+        settings = getattr(static, part, None)
+        assert not any(hasattr(settings, name) for name in names)
 
 
-def test_each_draws_numbers_of_its_own_in_each_step():
-    """What draws with the same key as another, or in another step, errs or decides alike."""
-    n, config = 2, SEQUENTIAL
-    params, state, sight = setup_of(config, n)
+class KeyUser(NamedTuple):
+    """A function that draws random numbers in a step."""
+
+    owner: Any
+    """Module or class that has it."""
+    name: str
+    """Name of the function there."""
+    key_argument: int
+    """Number of its argument that is the key."""
+
+
+KEY_USERS = {
+    "slots": KeyUser(perceive, "draw_first_slots", 1),
+    "turns": KeyUser(decide, "draw_turns", 0),
+    "channel": KeyUser(perceive, "exchange", 4),
+    "stops": KeyUser(perceive, "draw", 0),
+    "task": KeyUser(Cleaning, "advance", 3),
+    "strategy": KeyUser(VectorStrategy, "act", 3),
+    "actuators": KeyUser(decide, "actuate", 4),
+}
+"""All that draws random numbers in a step of cleaning."""
+
+
+def watched(user, keys, use):
+    """Return a patch of a function that notes the key which it is called with first."""
+    function = getattr(user.owner, user.name)
+
+    def note_key(*arguments, **keywords):
+        key = arguments[user.key_argument]
+        keys.setdefault(use, jax.random.key_data(key))
+        return function(*arguments, **keywords)
+
+    return mock.patch.object(user.owner, user.name, note_key)
+
+
+def test_each_use_draws_with_a_key_of_its_own_in_each_step():
+    """Uses that shared a key would err or decide alike."""
+    n_robots = 2
+    config = SwarmConfig(
+        optics=OpticsConfig(baud_rate=1000.0),
+        strategy=StrategyConfig(update_order="sequential"),
+    )
+    robot = read_robot()
+    strategy = VectorStrategy(rules_of(PRESETS["type1"]), 0, config.static, robot)
+    params = params_of(config, strategy, jax.random.key(2), n_robots)
+    swarm = swarm_of(strategy.init(n_robots, params.key), lay((0.0, -60.0)), n_robots)
+    sight = darkness(n_robots, config.optics.n_senders)
 
     @jax.jit
-    def keys(step):
-        found = {}
-
-        def told(name, call, place):
-            def wrapped(*args, **more):
-                found.setdefault(name, jax.random.key_data(args[place]))
-                return call(*args, **more)
-
-            return mock.patch.object(USERS[name][0], USERS[name][1], wrapped)
-
-        begin = StepInputs(jnp.zeros((n, 3)), sight, step, jnp.array(True))
+    def keys_of(step):
+        keys = {}
         with ExitStack() as patches:
-            for name, (owner, call, place) in USERS.items():
-                patches.enter_context(told(name, getattr(owner, call), place))
-            decide.decide(config.static, read_robot(), params, state, begin)
-        return found
+            for use, user in KEY_USERS.items():
+                patches.enter_context(watched(user, keys, use))
+            decide.decide(config.static, robot, params, swarm, inputs_of(sight, step))
+        return keys
 
-    drawn = [keys(step) for step in range(2)]
-    assert drawn[0].keys() == USERS.keys()
-    each = [np.asarray(key).tobytes() for step in drawn for key in step.values()]
-    assert len(set(each)) == len(each) == 2 * len(USERS)
-    assert np.asarray(jax.random.key_data(params.key)).tobytes() not in each
+    keys_of_steps = [keys_of(step) for step in range(2)]
+    assert keys_of_steps[0].keys() == KEY_USERS.keys()
+    keys = [np.asarray(key).tobytes() for of_step in keys_of_steps for key in of_step.values()]
+    assert len(set(keys)) == len(keys) == 2 * len(KEY_USERS)
+    assert np.asarray(jax.random.key_data(params.key)).tobytes() not in keys

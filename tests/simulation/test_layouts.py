@@ -1,4 +1,4 @@
-"""How a run begins: cells, robots, balls, works of adhesion."""
+"""Layouts: free cells of the arena, numbers of robots, and balls of a seed."""
 
 import numpy as np
 import pytest
@@ -12,64 +12,112 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
 PAPER = ArenaConfig()
+N_CELLS = 2376
+"""Free cells of the paper's arena: 49^2 less the 5^2 of the dump."""
 
 
-def generator(seed=0):
-    return np.random.default_rng(seed)
+class TestCells:
+    def test_free_cells_of_the_paper(self):
+        cells = layout.free_cells(PAPER)
+        assert len(cells) == N_CELLS == 49**2 - 5**2
+        assert len(np.unique(cells.round(6), axis=0)) == N_CELLS
+
+        distance = np.abs(cells).max(axis=1)
+        assert distance.max() == pytest.approx(24 * RD)
+        assert distance.min() == pytest.approx(3 * RD)
+
+    @pytest.mark.parametrize(
+        ("density", "n_robots"),
+        [(0.118, 280), (0.132, 314), (0.05, 119), (1.0, N_CELLS), (1e-9, 1)],
+    )
+    def test_density_is_the_share_of_cells_with_robots(self, density, n_robots):
+        assert layout.robots_for(PAPER, density) == n_robots
+
+    @pytest.mark.parametrize("density", [0.0, -0.1, 1.01, np.nan, np.inf])
+    def test_density_has_limits(self, density):
+        with pytest.raises(UserError, match=r"density must be above 0 and at most 1 \(got"):
+            layout.robots_for(PAPER, density)
+
+    @pytest.mark.parametrize("n_robots", [0, -3, N_CELLS + 1])
+    def test_there_is_one_robot_a_cell(self, n_robots):
+        """Fewer robots are the remedy only where there are too many."""
+        remedy = ""
+        if n_robots > N_CELLS:
+            remedy = "; use fewer robots or a larger `arena.size`"
+        says = rf"n_robots must be between 1 and {N_CELLS} .*\(got {n_robots}\){remedy}$"
+        with pytest.raises(UserError, match=says):
+            layout.place_robots(PAPER, n_robots, np.random.default_rng(0))
 
 
-def test_free_cells_of_the_paper():
-    """49^2 cells less the 5^2 of the dump."""
-    cells = layout.free_cells(PAPER)
-    assert len(cells) == 2376
-    assert len(np.unique(cells.round(6), axis=0)) == 2376
-    assert np.abs(cells).max() == pytest.approx(24 * RD)
-    assert np.abs(cells).max(axis=1).min() == pytest.approx(3 * RD)
-
-
-@pytest.mark.parametrize("density, n_robots", [(0.118, 280), (0.132, 314), (0.05, 119), (1.0, 2376), (1e-9, 1)])
-def test_number_of_robots(density, n_robots):
-    assert layout.robots_for(PAPER, density) == n_robots
-
-
-@pytest.mark.parametrize("density", [0.0, -0.1, 1.01, np.nan, np.inf])
-def test_density_has_limits(density):
-    with pytest.raises(UserError, match=r"density must be above 0 and at most 1 \(got"):
-        layout.robots_for(PAPER, density)
-
-
-@pytest.mark.parametrize("n_robots", [0, -3, 2377])
-def test_there_is_room_for_so_many(n_robots):
-    """Fewer robots are the remedy only where there are too many."""
-    remedy = "; use fewer robots or a larger `arena.size`" if n_robots > 2376 else ""
-    with pytest.raises(UserError, match=rf"n_robots must be between 1 and 2376 .*\(got {n_robots}\){remedy}$"):
-        layout.place_robots(PAPER, n_robots, generator())
-
-
-@pytest.mark.parametrize("arena", [PAPER, ArenaConfig(size=10.7, dump_size=2.2, dust_area_size=2, dust_area_offset=4)])
-def test_robots_start_apart_outside_the_dump(arena):
+@pytest.mark.parametrize(
+    ("arena", "yaw_tolerance"),
+    [
+        pytest.param(PAPER, 0.2, id="paper"),
+        pytest.param(
+            ArenaConfig(size=10.7, dump_size=2.2, dust_area_size=2, dust_area_offset=4),
+            0.5,
+            id="fractions of cells",
+        ),
+    ],
+)
+def test_robots_start_apart_outside_the_dump(arena, yaw_tolerance):
+    """There are as many as fit in, and they look in all directions."""
     n_robots = len(layout.free_cells(arena))
-    poses = layout.place_robots(arena, n_robots, generator())
-    gap = np.abs(poses[:, None, :2] - poses[None, :, :2]).max(axis=-1) + 1e9 * np.eye(n_robots)
-    assert gap.min() == pytest.approx(RD)
-    assert [poses[:, 2].min(), poses[:, 2].max()] == pytest.approx([-np.pi, np.pi], abs=0.2 if n_robots > 1000 else 0.5)
-    assert np.abs(poses[:, :2]).max(axis=1).min() > arena.dump_size / 2 * RD
-    assert np.abs(poses[:, :2]).max() + RD / 2 <= arena.size / 2 * RD + 1e-9
+    poses = layout.place_robots(arena, n_robots, np.random.default_rng(0))
+    xy, yaw = poses[:, :2], poses[:, 2]
+
+    gap = np.abs(xy[:, None] - xy[None]).max(axis=-1)
+    of_others = gap[~np.eye(n_robots, dtype=bool)]
+    assert of_others.min() == pytest.approx(RD)
+
+    distance = np.abs(xy).max(axis=1)
+    assert distance.min() > arena.dump_size / 2 * RD
+    assert distance.max() + RD / 2 <= arena.size / 2 * RD + 1e-9
+    assert [yaw.min(), yaw.max()] == pytest.approx([-np.pi, np.pi], abs=yaw_tolerance)
 
 
-@pytest.mark.parametrize("task", [CLEANING, Foraging(sources=3)])
-def test_balls_of_a_seed_are_alike_in_all_worlds(task):
-    """Their radii, between the limits, and their works of adhesion: half as large again at 45 % RH as at 10 %."""
-    arena = ArenaConfig(size=30, n_dust=301, dust_area_size=4, dust_area_offset=8, ball_radius_min=1.4e-5)
-    config = SwarmConfig(arena, gripper=GripperConfig(relative_humidity=45.0, work_tool_object=2e-3))
-    starts = [start_of(config, 3, seed, world, task=task) for seed, world in ((1, 0), (1, 1), (2, 0))]
-    one, two, other = (start.task if task is CLEANING else start.task.items for start in starts)
-    np.testing.assert_array_equal(one.radius, two.radius)
-    assert (one.radius != other.radius).all() and (one.position != two.position).all()
-    assert [one.radius.min(), one.radius.max()] == pytest.approx([1.4e-5, 2.5e-5], rel=0.02)
-    assert one.work_tool_object == pytest.approx(3e-3) and one.work_object_substrate == pytest.approx(1.5 * 14.7e-3)
-    if task is CLEANING:
-        west, east = one.position[:150] / RD, one.position[150:] / RD
+class TestBalls:
+    """Balls of worlds (seed, number) with three robots, at 45 % RH and with radii from 14 um."""
+
+    N_DUST = 301
+    HUMIDITY_FACTOR = 1.5
+    """Works of adhesion at 45 % RH, relative to those at 10 % RH."""
+
+    def balls_of(self, task, seed, world):
+        """Return the balls of a world."""
+        arena = ArenaConfig(
+            size=30,
+            n_dust=self.N_DUST,
+            dust_area_size=4,
+            dust_area_offset=8,
+            ball_radius_min=1.4e-5,
+        )
+        gripper = GripperConfig(relative_humidity=45.0, work_tool_object=2e-3)
+        start = start_of(SwarmConfig(arena, gripper=gripper), 3, seed, world, task=task)
+        return start.task if task is CLEANING else start.task.items
+
+    @pytest.mark.parametrize("task", [CLEANING, Foraging(sources=3)], ids=["cleaning", "foraging"])
+    def test_worlds_of_a_seed_share_radii_but_not_places(self, task):
+        balls = self.balls_of(task, seed=1, world=0)
+        other_world = self.balls_of(task, seed=1, world=1)
+        other_seed = self.balls_of(task, seed=2, world=0)
+        np.testing.assert_array_equal(balls.radius, other_world.radius)
+        assert (balls.position != other_world.position).all()
+        assert (balls.radius != other_seed.radius).all()
+
+    @pytest.mark.parametrize("task", [CLEANING, Foraging(sources=3)], ids=["cleaning", "foraging"])
+    def test_radii_and_works_of_adhesion_are_those_of_the_settings(self, task):
+        balls = self.balls_of(task, seed=1, world=0)
+        radii = [balls.radius.min(), balls.radius.max()]
+        assert radii == pytest.approx([1.4e-5, 2.5e-5], rel=0.02)
+        assert balls.work_tool_object == pytest.approx(self.HUMIDITY_FACTOR * 2e-3)
+        work_object_substrate = self.HUMIDITY_FACTOR * 14.7e-3
+        assert balls.work_object_substrate == pytest.approx(work_object_substrate)
+
+    def test_dust_lies_in_two_areas(self):
+        """One is to the west of the dump, one to the east."""
+        position = self.balls_of(CLEANING, seed=1, world=0).position / RD
+        west, east = position[:150], position[150:]
         for area, middle in ((west, -8), (east, 8)):
             np.testing.assert_allclose(area.min(axis=0), [middle - 2, -2], atol=0.1)
             np.testing.assert_allclose(area.max(axis=0), [middle + 2, 2], atol=0.1)

@@ -1,4 +1,4 @@
-"""Runs that do not fit into memory are refused before it is taken, with both numbers."""
+"""Memory: runs that need more than is free are refused before any of it is taken."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -18,63 +18,99 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.utils.errors import ConfigError
 
 HOST = MujocoSettings()
+GB = 10**9
+BYTES_PER_ROBOT = 1000
+"""Memory of a robot on the host, as the estimate has it."""
 
 
 @pytest.fixture
 def four_gigabytes(monkeypatch):
-    monkeypatch.setattr(memory_limits, "available_memory", lambda: 4_000_000_000)
+    """A host with 4 GB of free memory."""
+    monkeypatch.setattr(memory_limits, "available_memory", lambda: 4 * GB)
 
 
-def test_worlds_that_fit_are_allowed(four_gigabytes):
-    most = 4_000_000_000 // (283 * 1000)
-    check_memory(HOST, most, 283)
-    said = rf"n_worlds must be at most {most} with 283 robots in each, so that the run fits into the 4 GB .* needs 4 GB"
-    with pytest.raises(ConfigError, match=said):
-        check_memory(HOST, most + 1, 283)
-    assert max_worlds(HOST, 283) == 2_000_000_000 // (283 * 1000) and max_worlds(HOST, 10**7) == 1
+class TestHost:
+    def test_worlds_that_fit_are_allowed(self, four_gigabytes):
+        most = 4 * GB // (283 * BYTES_PER_ROBOT)
+        check_memory(HOST, most, 283)
+        says = (
+            rf"n_worlds must be at most {most} with 283 robots in each, so that the run fits into "
+            r"the 4 GB .* needs 4 GB"
+        )
+        with pytest.raises(ConfigError, match=says):
+            check_memory(HOST, most + 1, 283)
+
+    def test_batches_take_half_of_the_free_memory_and_at_least_one_world(self, four_gigabytes):
+        assert max_worlds(HOST, 283) == 2 * GB // (283 * BYTES_PER_ROBOT)
+        assert max_worlds(HOST, 10**7) == 1
+
+    def test_a_run_is_refused_before_anything_is_taken(self, four_gigabytes, small, monkeypatch):
+        """All places for robots count, also empty ones."""
+        monkeypatch.setattr(World, "__post_init__", lambda world: pytest.fail("made a world"))
+        scenario = Scenario(small, robots=1, worlds=1_000_000, steps=3)
+        says = r"needs 10 GB \(got 1000000\); use fewer worlds or robots"
+        with pytest.raises(ConfigError, match=says):
+            Run(scenario, capacity=10, record_worlds=())
+
+    def test_what_robots_remember_counts(self, four_gigabytes, small):
+        def policy(n_numbers):
+            """Return a policy whose robots stand, and remember so many numbers each."""
+
+            def stand(params, obs, memory):
+                return jnp.zeros((len(obs), 2)), memory
+
+            def remember(n_robots):
+                return jnp.zeros((n_robots, n_numbers))
+
+            return PolicyStrategy(stand, (), memory=remember)
+
+        scenario = Scenario(
+            small,
+            strategy=policy(10),
+            robots=10,
+            engine=PlanarSettings(),
+            worlds=100,
+            steps=3,
+        )
+        Run(scenario)
+        says = r"n_worlds must be at most 99 .*; use fewer .*, or let robots remember less"
+        with pytest.raises(ConfigError, match=says):
+            Run(replace(scenario, strategy=policy(1_000_000)))
 
 
-def test_a_run_is_refused_before_anything_is_taken(four_gigabytes, small, monkeypatch):
-    monkeypatch.setattr(World, "__post_init__", lambda world: pytest.fail("a world was made"))
-    """All places for robots count."""
-    with pytest.raises(ConfigError, match=r"needs 10 GB \(got 1000000\); use fewer worlds or robots"):
-        Run(Scenario(small, robots=1, worlds=1_000_000, steps=3), capacity=10, record_worlds=())
+@pytest.mark.parametrize(("impl", "times_host"), [("jax", 25), ("warp", 4)])
+def test_a_gpu_has_memory_of_its_own(four_gigabytes, impl, times_host):
+    """Of each GPU 1 GB is in use, so that two of 4 and 5 GB have 7 GB, and one of 4 GB has 3 GB."""
 
-
-def test_what_robots_remember_counts(four_gigabytes, small):
-    def policy(n_numbers):
-        def apply(params, obs, memory):
-            return jnp.zeros((len(obs), 2)), memory
-
-        return PolicyStrategy(apply, (), memory=lambda n_robots: jnp.zeros((n_robots, n_numbers)))
-
-    scenario = Scenario(small, strategy=policy(10), robots=10, engine=PlanarSettings(), worlds=100, steps=3)
-    Run(scenario)
-    with pytest.raises(ConfigError, match=r"n_worlds must be at most 99 .*; use fewer .*, or let robots remember less"):
-        Run(replace(scenario, strategy=policy(1_000_000)))
-
-
-@pytest.mark.parametrize(("impl", "times"), [("jax", 25), ("warp", 4)])
-def test_a_gpu_has_memory_of_its_own(four_gigabytes, impl, times):
-    def settings(*limits):
-        stats = [{"bytes_limit": limit, "bytes_in_use": 10**9} for limit in limits]
-        devices = [SimpleNamespace(platform="gpu", memory_stats=lambda found=found: found) for found in stats]
+    def settings_with(*limits):
+        devices = [
+            SimpleNamespace(
+                platform="gpu",
+                memory_stats=lambda limit=limit: {"bytes_limit": limit, "bytes_in_use": GB},
+            )
+            for limit in limits
+        ]
         return MjxSettings(impl, devices=tuple(devices))
 
-    n_worlds = int(6e9 / (10 * 1000 * times))
-    check_memory(settings(4 * 10**9, 5 * 10**9), n_worlds, 10)
+    n_robots = 10
+    of_six_gigabytes = int(6 * GB / (n_robots * BYTES_PER_ROBOT * times_host))
+    check_memory(settings_with(4 * GB, 5 * GB), of_six_gigabytes, n_robots)
     with pytest.raises(ConfigError, match="the 3 GB of memory that are free"):
-        check_memory(settings(4 * 10**9), n_worlds, 10)
+        check_memory(settings_with(4 * GB), of_six_gigabytes, n_robots)
 
 
-def test_nothing_is_refused_where_nothing_is_known(monkeypatch):
-    monkeypatch.setattr(memory_limits, "available_memory", lambda: None)
-    check_memory(HOST, 10**9, 1000)
-    assert max_worlds(HOST, 1000) == float("inf")
-    unknown = SimpleNamespace(platform="gpu", memory_stats=lambda: None)
-    check_memory(MjxSettings(devices=(unknown,)), 10**9, 1000)
+class TestUnknownMemory:
+    def test_a_host_refuses_nothing(self, monkeypatch):
+        monkeypatch.setattr(memory_limits, "available_memory", lambda: None)
+        check_memory(HOST, 10**9, 1000)
+        assert max_worlds(HOST, 1000) == float("inf")
+
+    def test_a_device_refuses_nothing(self):
+        silent = SimpleNamespace(platform="gpu", memory_stats=lambda: None)
+        check_memory(MjxSettings(devices=(silent,)), 10**9, 1000)
 
 
 @pytest.mark.parametrize("impl", ["numba", "warp"])
 def test_memory_is_linear_in_robots(impl):
-    assert needed_memory(PlanarSettings(impl=impl), 1, 10_000) == needed_memory(PlanarSettings(impl=impl), 10, 1000)
+    engine = PlanarSettings(impl=impl)
+    assert needed_memory(engine, 1, 10_000) == needed_memory(engine, 10, 1000)

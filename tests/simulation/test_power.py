@@ -1,4 +1,4 @@
-"""Energy on board: what light puts in, what robots draw, and that those without wait."""
+"""Energy on board: light charges capacitors, robots draw on them, and those without energy wait."""
 
 from dataclasses import replace
 
@@ -8,7 +8,13 @@ import pytest
 from support.sensing import lay, place
 from support.worlds import task_inputs
 
-from iswarm_mj.config.swarm import DriveConfig, EnergyConfig, GripperConfig, OpticsConfig, SwarmConfig
+from iswarm_mj.config.swarm import (
+    DriveConfig,
+    EnergyConfig,
+    GripperConfig,
+    OpticsConfig,
+    SwarmConfig,
+)
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.gripper.attempts import Outcomes
@@ -21,126 +27,189 @@ from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD, mm_from_rd
 
 CONFIG = SwarmConfig(drive=DriveConfig(control_period=2.0), energy=EnergyConfig(model="capacitor"))
-"""Steps of two seconds: light puts in 0.96 mJ, and a robot needs 0.68 mJ to act."""
+"""Control steps of 2 s, in which light charges 0.96 mJ, and a robot needs 0.68 mJ to act."""
 FULL = CONFIG.energy.full
-after = jax.jit(power.energy_after_step, static_argnums=0)
+"""Energy of a full capacitor [J]."""
+MESSAGE = 80e-6
+"""Energy of the messages of a control step [J]."""
+WALKING_POWER = 0.3e-3
+"""Power of turning and walking [W]."""
+
+energy_after_step = jax.jit(power.energy_after_step, static_argnums=0)
 
 
-def test_light_fills_a_capacitor_and_no_more():
-    assert pytest.approx(1.8e-3) == FULL
-    found = power.charged(CONFIG, np.array([0.0, 0.9 * FULL]))
-    np.testing.assert_allclose(found, [0.96e-3, FULL], rtol=1e-6)
-    np.testing.assert_allclose(power.voltage(CONFIG.energy, np.array([FULL, FULL / 4])), [60.0, 30.0], rtol=1e-6)
+class TestLight:
+    def test_fills_a_capacitor_and_no_more(self):
+        assert pytest.approx(1.8e-3) == FULL
+        charged = power.charged(CONFIG, np.array([0.0, 0.9 * FULL]))
+        np.testing.assert_allclose(charged, [0.96e-3, FULL], rtol=1e-6)
+
+    def test_voltage_follows_the_root_of_the_energy(self):
+        voltage = power.voltage(CONFIG.energy, np.array([FULL, FULL / 4]))
+        np.testing.assert_allclose(voltage, [60.0, 30.0], rtol=1e-6)
+
+    def test_robots_with_energy_for_a_step_light_their_leds(self):
+        """In the light all have it; without capacitors all that live do."""
+        is_alive = np.ones((1, 3), bool)
+        energy = np.array([[0.67e-3, 0.69e-3, 0.0]])
+        in_the_dark = replace(CONFIG, energy=replace(CONFIG.energy, light_power=0.0))
+        emits_in_the_dark = power.is_emitting(in_the_dark, is_alive, energy)
+        np.testing.assert_array_equal(emits_in_the_dark, [[False, True, False]])
+        np.testing.assert_array_equal(power.is_emitting(CONFIG, is_alive, energy), is_alive)
+        np.testing.assert_array_equal(power.is_emitting(CONFIG, is_alive, None), is_alive)
 
 
-def test_what_robots_draw():
-    """One stands and sends, one walks at full speed, one turns right and walks back, at half; one waits for energy,
-    one charges its tool, one is dead."""
-    command = Command(np.float32([0, 0, -np.pi / 4, 0, 0, 0]), np.float32([0, 0.5 * RD, -0.25 * RD, 0, 0, 0]))
-    charges = np.float32([0, 0, 0, 0, 40**2, 0])
-    energy, alive = np.float32([1e-3, 1e-3, 1e-3, 0.6e-3, 1e-3, 1e-3]), np.arange(6) != 5
-    left = after(CONFIG, energy, command, charges, alive)
-    tool = 10e-12 * 40**2
-    expected = [80e-6, 80e-6 + 1.2 * 0.3e-3, 80e-6 + (0.4 + 0.6) * 0.3e-3, 0.0, 80e-6 + tool, 0.0]
-    np.testing.assert_allclose(energy - left, expected, rtol=1e-5, atol=1e-9)
-    large = replace(CONFIG, energy=replace(CONFIG.energy, tool_capacitance=1e-8))
-    assert after(large, energy, command, 1000 * charges, alive)[4] == 0
+class TestDraw:
+    def test_robots_pay_for_messages_motion_and_tools(self):
+        """Of two seconds a turn at full rate takes 0.8 s, a walk at full speed 1.2 s."""
+        energy, turn, forward, volts, is_alive, expected = np.array(
+            [
+                # energy, turn, forward, tool voltage, alive, drawn
+                (1e-3, 0, 0, 0, True, MESSAGE),  # stands
+                (1e-3, 0, 0.5 * RD, 0, True, MESSAGE + 1.2 * WALKING_POWER),
+                (1e-3, -np.pi / 4, -0.25 * RD, 0, True, MESSAGE + (0.4 + 0.6) * WALKING_POWER),
+                (0.6e-3, 0, 0, 0, True, 0.0),  # waits for energy
+                (1e-3, 0, 0, 40, True, MESSAGE + 10e-12 * 40**2),  # charges its tool
+                (1e-3, 0, 0, 0, False, 0.0),  # is dead
+            ]
+        ).T.astype(np.float32)
+        command = Command(turn, forward)
+        is_alive = is_alive.astype(bool)
+        left = energy_after_step(CONFIG, energy, command, volts**2, is_alive)
+        np.testing.assert_allclose(energy - left, expected, rtol=1e-5, atol=1e-9)
+
+    def test_no_energy_is_below_zero(self):
+        large_tool = replace(CONFIG.energy, tool_capacitance=1e-8)
+        config = replace(CONFIG, energy=large_tool)
+        still = Command(np.zeros(1), np.zeros(1))
+        energy = np.float32([1e-3])
+        charges = np.float32([1000 * 40**2])
+        assert energy_after_step(config, energy, still, charges, np.ones(1, bool))[0] == 0
+
+    def test_the_longest_step_of_slow_messages_takes_the_power_of_full_speed(self):
+        config = SwarmConfig(optics=OpticsConfig(baud_rate=1000.0), energy=EnergyConfig(model="capacitor"))
+        longest = Command(np.zeros(1), np.full(1, mm_from_rd(config.step_length)))
+        energy = np.full(1, 1e-3)
+        left = energy_after_step(config, energy, longest, np.zeros(1), np.ones(1, bool))
+        np.testing.assert_allclose(energy - left, [MESSAGE + 0.6 * WALKING_POWER], rtol=1e-4)
 
 
-AWAY, ON_DUMP = (40, 0, 30), (0, 0, 30)
+AWAY = (40, 0, 30)
+ON_DUMP = (0, 0, 30)
 
 
+@pytest.mark.parametrize("capacitor_voltage", [60.0, 30.0])
 @pytest.mark.parametrize("succeeds", [True, False])
 @pytest.mark.parametrize(
-    ("where", "holds", "picks", "drop_rate", "volts"),
+    ("pose", "holds", "picks", "drop_rate", "tool_voltage"),
     [
-        (AWAY, False, True, 0.0, 40.0),  # it lifts
-        (ON_DUMP, True, True, 0.0, 55.0),  # it releases
-        (AWAY, True, True, 1.0, 0.0),  # the ball falls
-        (AWAY, False, False, 0.0, 0.0),
+        pytest.param(AWAY, False, True, 0.0, 40.0, id="lifts"),
+        pytest.param(ON_DUMP, True, True, 0.0, 55.0, id="releases"),
+        pytest.param(AWAY, True, True, 1.0, 0.0, id="the ball falls"),
+        pytest.param(AWAY, False, False, 0.0, 0.0, id="does not pick"),
     ],
 )
-def test_the_tool_is_charged_to_the_voltage_that_it_uses_in_attempts_alone(
-    where, holds, picks, drop_rate, volts, succeeds
+def test_a_tool_is_charged_to_the_voltage_of_its_attempt_alone(
+    pose, holds, picks, drop_rate, tool_voltage, succeeds, capacitor_voltage
 ):
-    """Or to that of the capacitor, 30 V, if that is less; of the second of two robots, the first is elsewhere."""
+    """Or to that of the capacitor, if it is less.
+
+    Robot 1 has a ball at its tip; robot 0 is elsewhere.
+    """
     config = replace(CONFIG, gripper=GripperConfig(drop_rate=drop_rate))
-    poses, robot, here = np.float32(place((60, 60, 0), where)), read_robot(), np.ones(2, bool)
-    tip = where[0] + robot.probe_tip[0] * np.exp(1j * np.radians(where[2]))
+    robot = read_robot()
+    x, _, heading = pose
+    tip = x + robot.probe_tip[0] * np.exp(1j * np.radians(heading))
     balls = lay((tip.real, tip.imag), holders=[1 if holds else None])
 
-    def decided(gripper, attempts):
+    def decide_attempts(gripper, attempts):
         nothing = np.zeros(1)
         return Outcomes(attempts.lifts & succeeds, attempts.releases & succeeds, nothing > 0, nothing, nothing)
 
     @jax.jit
-    def squared(voltage):
-        inputs = task_inputs(config, poses, robot, picks=here & picks, decide_attempts=decided, voltage=voltage)
-        return update_balls(balls, inputs, jax.random.key(0))[1].tool_voltage_squared
+    def tool_voltage_squared(voltage):
+        inputs = task_inputs(
+            config,
+            np.float32(place((60, 60, 0), pose)),
+            robot,
+            picks=np.full(2, picks),
+            decide_attempts=decide_attempts,
+            voltage=voltage,
+        )
+        _, sensed = update_balls(balls, inputs, jax.random.key(0))
+        return sensed.tool_voltage_squared
 
-    for has in (60.0, 30.0):
-        np.testing.assert_allclose(squared(np.float32([45.0, has])), [0.0, min(volts, has) ** 2])
+    expected = [0.0, min(tool_voltage, capacitor_voltage) ** 2]
+    voltage = np.float32([45.0, capacitor_voltage])
+    np.testing.assert_allclose(tool_voltage_squared(voltage), expected)
 
 
-@pytest.mark.parametrize(
-    ("values", "least"), [({"largest_voltage": 10.0}, "7.6e-06"), ({"capacitance": 1e-8}, "2.11e-07")]
-)
-def test_a_capacitor_too_small_for_a_control_step_is_refused(values, least):
-    with pytest.raises(ConfigError, match=f"energy.capacitance must be at least {least} F .* for the 0.00038 J"):
-        SwarmConfig(energy=EnergyConfig(model="capacitor", **values))
-    SwarmConfig(energy=EnergyConfig(**values))  # of which nothing is taken
-    with pytest.raises(ConfigError, match=r"0.00308 J"):
-        SwarmConfig(drive=DriveConfig(control_period=10.0), energy=EnergyConfig(model="capacitor"))
+class TestTooSmallCapacitors:
+    @pytest.mark.parametrize(
+        ("values", "least"),
+        [({"largest_voltage": 10.0}, "7.6e-06"), ({"capacitance": 1e-8}, "2.11e-07")],
+    )
+    def test_one_too_small_for_a_control_step_is_refused(self, values, least):
+        says = f"energy.capacitance must be at least {least} F .* for the 0.00038 J"
+        with pytest.raises(ConfigError, match=says):
+            SwarmConfig(energy=EnergyConfig(model="capacitor", **values))
+
+    @pytest.mark.parametrize("values", [{"largest_voltage": 10.0}, {"capacitance": 1e-8}])
+    def test_without_capacitors_it_does_not_matter(self, values):
+        SwarmConfig(energy=EnergyConfig(**values))
+
+    def test_longer_control_steps_need_more(self):
+        with pytest.raises(ConfigError, match=r"0.00308 J"):
+            SwarmConfig(drive=DriveConfig(control_period=10.0), energy=EnergyConfig(model="capacitor"))
 
 
 def records_of(config, steps=12, edit=None):
-    """Records (T, N, ...) of a run, and where robots began; the state of the swarm may be edited after 12 steps."""
-    run, found = Run(Scenario(config, robots=30, engine=PlanarSettings(threads=1), seed=3, steps=steps)), []
+    """Return the records (T, N, ...) of a run of 30 robots; `edit` may change it after 12 steps."""
+    engine = PlanarSettings(threads=1)
+    run = Run(Scenario(config, robots=30, engine=engine, seed=3, steps=steps))
+    records = []
     while not run.is_over:
         if run.step == 12:
             run.edit(edit)
-        found.append(jax.tree.map(lambda a: a[0, 0], run.advance()))
-    return jax.tree.map(lambda *parts: np.stack(parts), *found)
+        records.append(jax.tree.map(lambda a: a[0, 0], run.advance()))
+    return jax.tree.map(lambda *parts: np.stack(parts), *records)
 
 
-def lit(config, light_power):
+def with_light(config, light_power):
+    """Return a configuration with capacitors and light."""
     return replace(config, energy=EnergyConfig(model="capacitor", light_power=light_power))
 
 
 def test_in_the_dark_a_swarm_comes_to_rest_and_is_dark(small):
     """Robot 3 dies when all capacitors are empty; the dead do not wait for energy."""
 
-    def die(swarm):
+    def kill_robot_3(swarm):
         return swarm._replace(is_alive=swarm.is_alive & (np.arange(30) != 3))
 
-    record = records_of(lit(small, 0.0), 14, die)
-    energy, waited = record.swarm.energy[:12], record.swarm.steps_without_energy
-    assert (np.diff(energy, axis=0) <= 0).all() and (energy[-1] < 0.38e-3).all()
-    assert not np.any(record.command.forward[11]) and not np.any(record.command.turn[11])
-    assert waited[11].min() >= 1 and not record.links.valid[11].any()
+    record = records_of(with_light(small, 0.0), steps=14, edit=kill_robot_3)
+    energy = record.swarm.energy[:12]
+    energy_of_a_step = 0.38e-3
+    assert (np.diff(energy, axis=0) <= 0).all()
+    assert (energy[-1] < energy_of_a_step).all()
+
+    last_alive = 11
+    assert not np.any(record.command.forward[last_alive])
+    assert not np.any(record.command.turn[last_alive])
+    assert not record.links.valid[last_alive].any()
+
     # Where a robot waits its energy stays as it is.
-    np.testing.assert_array_equal(waited[11], (np.diff(energy, axis=0) == 0).sum(axis=0) + (energy[0] == FULL))
-    assert (waited[13] - waited[11]).tolist() == [0 if robot == 3 else 2 for robot in range(30)]
-
-
-def test_who_lights_its_leds():
-    alive = np.ones((1, 3), bool)
-    np.testing.assert_array_equal(power.is_emitting(CONFIG, alive, None), alive)
-    dark = replace(CONFIG, energy=replace(CONFIG.energy, light_power=0.0))
-    energy = np.array([[0.67e-3, 0.69e-3, 0.0]])
-    np.testing.assert_array_equal(power.is_emitting(dark, alive, energy), [[False, True, False]])
-    np.testing.assert_array_equal(power.is_emitting(CONFIG, alive, energy), alive)
+    waited = record.swarm.steps_without_energy
+    keeps_energy = np.diff(energy, axis=0, prepend=np.float32(FULL)) == 0
+    assert waited[last_alive].min() >= 1
+    np.testing.assert_array_equal(waited[last_alive], keeps_energy.sum(axis=0))
+    waited_since = waited[13] - waited[last_alive]
+    assert waited_since.tolist() == [0 if robot == 3 else 2 for robot in range(30)]
 
 
 def test_in_full_light_no_robot_waits(small):
-    plain, record = records_of(small), records_of(lit(small, 0.01))
+    plain = records_of(small)
+    record = records_of(with_light(small, 0.01))
     np.testing.assert_array_equal(record.poses, plain.poses)
-    assert not np.any(record.swarm.steps_without_energy) and record.links.valid[-1].any()
+    assert not np.any(record.swarm.steps_without_energy)
+    assert record.links.valid[-1].any()
     np.testing.assert_allclose(record.swarm.energy, FULL, rtol=0.3)
-
-
-def test_the_longest_step_of_slow_messages_takes_the_power_of_full_speed():
-    config = SwarmConfig(optics=OpticsConfig(baud_rate=1000.0), energy=EnergyConfig(model="capacitor"))
-    full = Command(np.zeros(1), np.full(1, mm_from_rd(config.step_length)))
-    left = after(config, np.full(1, 1e-3), full, np.zeros(1), np.ones(1, bool))
-    np.testing.assert_allclose(1e-3 - left, [80e-6 + 0.6 * 0.3e-3], rtol=1e-4)

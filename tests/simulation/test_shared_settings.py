@@ -1,4 +1,4 @@
-"""Worlds of one run whose settings differ: each is as a run of its own settings, by one program."""
+"""Settings of worlds: they may differ in some, by one program, and share the others."""
 
 from dataclasses import replace
 
@@ -26,7 +26,7 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
 
 TYPE1 = PRESETS["type1"]
-OTHERS = {
+OTHER_PARTS = {
     "strategy": StrategyConfig(
         dust_range=1.0,
         error_in_sensing=0.1,
@@ -67,50 +67,63 @@ OTHERS = {
 
 
 @pytest.fixture(scope="module")
-def mixed(small):
-    """Configurations of four worlds: small arenas, all parts different, an arena of other places, one reading."""
-    other = replace(small, **OTHERS)
-    places = replace(small, arena=replace(small.arena, dump_size=5, dust_area_size=4, dust_area_offset=5.2))
-    return [small, other, places, replace(small, strategy=INTERPRETATIONS["initial"].strategy)]
+def configs(small):
+    """Configurations of four worlds: small, all parts different, other places, another interpretation."""
+    places = replace(small.arena, dump_size=5, dust_area_size=4, dust_area_offset=5.2)
+    return [
+        small,
+        replace(small, **OTHER_PARTS),
+        replace(small, arena=places),
+        replace(small, strategy=INTERPRETATIONS["initial"].strategy),
+    ]
 
 
-def test_worlds_that_differ_are_each_as_alone(mixed):
-    """Beside worlds of its own kind, since a batch of another size may round otherwise."""
-    worlds = [World(TYPE1, N, config=config) for config in mixed]
-    together = list(records(run_of(mixed[0], worlds=worlds, steps=20)))
-    ends = []
-    for place, config in enumerate(mixed):
-        alike = [World(TYPE1, N)] * len(mixed)
-        for record, its in zip(records(run_of(config, worlds=alike, steps=20)), together, strict=True):
-            np.testing.assert_array_equal(record.poses[0], its.poses[place])
-            np.testing.assert_array_equal(centres(record)[0], centres(its)[place])
-        ends.append(its.poses[place])
-    for k, end in enumerate(ends):
-        assert all(np.abs(end - other).max() > 1 for other in ends[:k])
+def test_worlds_that_differ_are_each_as_alone(configs):
+    """Alone is beside worlds of its own kind, since a batch of another size may round otherwise."""
+    n_steps = 20
+    worlds = [World(TYPE1, N, config=config) for config in configs]
+    together = list(records(run_of(configs[0], worlds=worlds, steps=n_steps)))
+    for row, config in enumerate(configs):
+        alike = [World(TYPE1, N)] * len(configs)
+        alone = records(run_of(config, worlds=alike, steps=n_steps))
+        for record, of_all in zip(alone, together, strict=True):
+            np.testing.assert_array_equal(record.poses[0], of_all.poses[row])
+            np.testing.assert_array_equal(centres(record)[0], centres(of_all)[row])
+
+    last_poses = together[-1].poses
+    for row, poses in enumerate(last_poses):
+        for other_poses in last_poses[:row]:
+            assert np.abs(poses - other_poses).max() > 1
 
 
-def test_one_program_serves_all_settings_in_which_worlds_may_differ(mixed):
-    """Also runs one after the other."""
-    for part, its in OTHERS.items():
-        usual = vars(getattr(mixed[0], part))
-        assert {name for name, value in vars(its).items() if value != usual[name]} == PER_WORLD_FIELDS[part]
+class TestPrograms:
+    @pytest.mark.parametrize("part", OTHER_PARTS)
+    def test_the_parts_above_differ_in_all_that_may(self, small, part):
+        values = vars(getattr(small, part))
+        other_values = vars(OTHER_PARTS[part])
+        differing = {name for name, value in other_values.items() if value != values[name]}
+        assert differing == PER_WORLD_FIELDS[part]
 
-    def run_with(config):
-        scenario = Scenario(config, robots=N, engine=PlanarSettings(1, 1), steps=2)
-        return Run(scenario, capacity=N, record_worlds=())
+    def test_one_serves_all_settings_in_which_worlds_may_differ(self, configs):
+        """Also in runs one after the other."""
 
-    run_with(mixed[0]).advance()
-    for config in mixed[1:]:
-        run = run_with(config)
-        with compilations() as names:
-            run.advance()
-        assert names == []
+        def run_with(config):
+            scenario = Scenario(config, robots=N, engine=PlanarSettings(1, 1), steps=2)
+            return Run(scenario, capacity=N, record_worlds=())
+
+        run_with(configs[0]).advance()
+        for config in configs[1:]:
+            run = run_with(config)
+            with compilations() as names:
+                run.advance()
+            assert names == []
 
 
 @pytest.mark.parametrize(
-    ("chosen", "on_host", "bench"), [("auto", True, "c"), ("auto", False, "mjx"), ("mjx", True, "mjx")]
+    ("chosen", "on_host", "bench"),
+    [("auto", True, "c"), ("auto", False, "mjx"), ("mjx", True, "mjx")],
 )
-def test_trials_run_on_the_bench_of_the_engine_or_the_one_that_is_chosen(chosen, on_host, bench):
+def test_trials_run_on_the_bench_of_the_engine_or_the_chosen_one(chosen, on_host, bench):
     config = SwarmConfig(gripper=GripperConfig(resolution="dynamic", bench=chosen))
     assert static_config(config, on_host).gripper.bench == bench
 
@@ -126,9 +139,9 @@ def test_trials_run_on_the_bench_of_the_engine_or_the_one_that_is_chosen(chosen,
         ("strategy", "message_range", 30.0),
     ],
 )
-def test_what_is_compiled_in_may_not_differ(mixed, part, name, value):
-    small = mixed[0]
+def test_what_is_compiled_in_may_not_differ(small, part, name, value):
     other = replace(small, **{part: replace(getattr(small, part), **{name: value})})
-    with pytest.raises(UserError, match=rf"differs from its run in {part}\.{name}, which all worlds of one run share"):
-        run_of(small, worlds=[World(TYPE1, N, config=other)])
     assert shared_settings(small) != shared_settings(other)
+    says = rf"differs from its run in {part}\.{name}, which all worlds of one run share"
+    with pytest.raises(UserError, match=says):
+        run_of(small, worlds=[World(TYPE1, N, config=other)])

@@ -1,4 +1,4 @@
-"""What becomes of a user's strategy: a pytree, for all worlds, recorded."""
+"""Strategies of users in runs: pytrees, one for each world, stated in results."""
 
 from dataclasses import dataclass, field, replace
 
@@ -18,7 +18,9 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.utils.errors import UserError
 
-HERE = MujocoSettings(1)
+ENGINE = MujocoSettings(1)
+TYPE1 = PRESETS["type1"]
+TYPE2 = PRESETS["type2"]
 
 
 class Still(Strategy):
@@ -32,13 +34,14 @@ class Still(Strategy):
     def picks(self, memory):
         return memory["home"][:, 0] > 0
 
-    def act(self, memory, seen, key):
-        return memory, Command(*jnp.zeros((2, len(seen.at_dust))))
+    def act(self, memory, observation, key):
+        n_robots = len(observation.at_dust)
+        return memory, Command(jnp.zeros(n_robots), jnp.zeros(n_robots))
 
 
 @dataclass
 class Ahead(Still):
-    """Robots that go ahead, as far as their world says."""
+    """Robots that go ahead, the farther the more robots their world has."""
 
     stride: float = 0.1
     steps: int = 1
@@ -52,95 +55,129 @@ class Ahead(Still):
     def for_world(self, config, robot, n_robots):
         return Ahead(self.stride * n_robots * config.drive.loaded_speed)
 
-    def act(self, memory, seen, key):
-        n = len(seen.at_dust)
-        moved = sum(self.stride for _ in range(self.steps))
-        return memory, Command(jnp.zeros(n), jnp.full(n, moved))
+    def act(self, memory, observation, key):
+        n_robots = len(observation.at_dust)
+        distance = sum(self.stride for _ in range(self.steps))
+        return memory, Command(jnp.zeros(n_robots), jnp.full(n_robots, distance))
 
 
-def moved_by(run):
-    """Distances of the robots [mm] in the first step of each world (W, N)."""
+def first_distances(run):
+    """Return the distances of the robots [mm] in the first step of each world (W, N)."""
     record = run.advance()
-    return np.linalg.norm(record.poses[0, ..., :2] - run.start.poses[0, ..., :2], axis=-1)
+    positions = record.poses[0, ..., :2]
+    start = run.start.poses[0, ..., :2]
+    return np.linalg.norm(positions - start, axis=-1)
 
 
-class TestRuns:
-    def test_each_world_gets_its_own(self, small):
+class TestWorlds:
+    def test_each_world_gets_a_strategy_of_its_own(self, small):
         """By its robots, and by its configuration if it has one."""
         slow = replace(small, drive=replace(small.drive, loaded_speed=0.5))
-        worlds = [World(PRESETS["type1"], 2), World(PRESETS["type1"], 5), World(PRESETS["type1"], 5, config=slow)]
-        scenario = Scenario(small, strategy=Ahead(), engine=HERE, worlds=worlds, steps=2)
-        moved = moved_by(Run(scenario, record_worlds=(0, 1, 2)))
-        for world, (n_robots, way) in enumerate(((2, 0.2), (5, 0.5), (5, 0.25))):
-            np.testing.assert_allclose(moved[world, :n_robots], way, atol=0.02)
+        worlds = [World(TYPE1, 2), World(TYPE1, 5), World(TYPE1, 5, config=slow)]
+        scenario = Scenario(small, strategy=Ahead(), engine=ENGINE, worlds=worlds, steps=2)
+        distances = first_distances(Run(scenario, record_worlds=(0, 1, 2)))
+        for world, expected in enumerate((0.2, 0.5, 0.25)):
+            n_robots = worlds[world].n_robots
+            np.testing.assert_allclose(distances[world, :n_robots], expected, atol=0.02)
 
     def test_robots_begin_by_the_key_of_their_world(self, small):
-        class Drawn(Still):
+        class RandomHome(Still):
             def init(self, n_robots, key):
                 return {"home": jax.random.uniform(key, (n_robots, 2))}
 
-        worlds = [World(PRESETS["type1"], 2, seed=seed) for seed in (3, 4)]
-        scenario = Scenario(small, strategy=Drawn(), engine=HERE, worlds=worlds, steps=1)
-        home = Run(scenario, record_worlds=(0, 1)).start.swarm.memory["home"]
-        for world, mine in zip(worlds, home[0], strict=True):
-            np.testing.assert_allclose(mine, jax.random.uniform(world.random_key, (2, 2)))
+        worlds = [World(TYPE1, 2, seed=seed) for seed in (3, 4)]
+        scenario = Scenario(small, strategy=RandomHome(), engine=ENGINE, worlds=worlds, steps=1)
+        start = Run(scenario, record_worlds=(0, 1)).start
+        for world, home in zip(worlds, start.swarm.memory["home"][0], strict=True):
+            np.testing.assert_allclose(home, jax.random.uniform(world.random_key, (2, 2)))
 
-    def test_is_given_in_place_of_a_genome(self, small):
-        run = Run(Scenario(small, strategy=Ahead(0.3), robots=4, engine=HERE, steps=2))
-        stated = {"class": "Ahead", "stride": 0.3, "steps": 1, "per_robot": 0.0}
-        assert run.rules == {"strategy": stated, "task": {"class": "Cleaning"}}
-        one = Run(Scenario(small, strategy=PRESETS["type2"], robots=4, engine=HERE, steps=2))
-        assert one.genome == PRESETS["type2"] and one.strategy is None
+
+class TestResults:
+    def test_state_a_strategy_in_place_of_a_genome(self, small):
+        run = Run(Scenario(small, strategy=Ahead(0.3), robots=4, engine=ENGINE, steps=2))
+        strategy = {"class": "Ahead", "stride": 0.3, "steps": 1, "per_robot": 0.0}
+        assert run.rules == {"strategy": strategy, "task": {"class": "Cleaning"}}
+
+    def test_a_run_has_the_genome_of_its_worlds(self, small):
+        run = Run(Scenario(small, strategy=TYPE2, robots=4, engine=ENGINE, steps=2))
+        assert run.genome == TYPE2
+        assert run.strategy is None
         with pytest.raises(UserError, match="worlds have their own"):
-            Run(Scenario(small, strategy=PRESETS["evolved"], robots=4, worlds=one.worlds, steps=2))
+            Run(Scenario(small, strategy=PRESETS["evolved"], robots=4, worlds=run.worlds, steps=2))
 
     def test_large_arrays_are_stated_by_their_shapes(self):
-        stated = to_json(Ahead(2.0, np.arange(64), np.zeros((5, 13), np.float32)))
-        assert stated == {"class": "Ahead", "stride": 2.0, "steps": list(range(64)), "per_robot": "float32[5, 13]"}
+        strategy = Ahead(2.0, np.arange(64), np.zeros((5, 13), np.float32))
+        assert to_json(strategy) == {
+            "class": "Ahead",
+            "stride": 2.0,
+            "steps": list(range(64)),
+            "per_robot": "float32[5, 13]",
+        }
 
-    def test_defaults_are_those_of_the_command(self, small):
-        run = Run(Scenario(small, strategy=Still(), engine=HERE))
-        assert (run.settings.steps, run.settings.n_robots) == (800, Run(Scenario(small, engine=HERE)).settings.n_robots)
 
-    def test_classes_with_the_same_fields_have_programs_of_their_own(self, small):
+def test_defaults_are_those_of_the_command(small):
+    run = Run(Scenario(small, strategy=Still(), engine=ENGINE))
+    n_robots = Run(Scenario(small, engine=ENGINE)).settings.n_robots
+    assert run.settings.steps == 800
+    assert run.settings.n_robots == n_robots
+
+
+class TestPrograms:
+    @pytest.mark.parametrize("factor", [1, 3])
+    def test_classes_with_the_same_fields_have_their_own(self, small, factor):
         """JAX takes the structures of such dataclasses for equal, although their methods differ."""
 
-        def walks(share):
-            @jax.tree_util.register_dataclass
-            @dataclass(frozen=True)
-            class Walks(Still):
-                stride: object
+        @jax.tree_util.register_dataclass
+        @dataclass(frozen=True)
+        class Walks(Still):
+            stride: object
 
-                def act(self, memory, seen, key):
-                    n = len(seen.at_dust)
-                    return memory, Command(jnp.zeros(n), jnp.full(n, share * self.stride))
+            def act(self, memory, observation, key):
+                n_robots = len(observation.at_dust)
+                distance = jnp.full(n_robots, factor * self.stride)
+                return memory, Command(jnp.zeros(n_robots), distance)
 
-            return Walks(jnp.float32(0.1))
-
-        for share in (1, 3):
-            moved = moved_by(Run(Scenario(small, strategy=walks(share), robots=4, engine=HERE, steps=2)))
-            np.testing.assert_allclose(moved[0], 0.1 * share, atol=0.02)
+        strategy = Walks(jnp.float32(0.1))
+        run = Run(Scenario(small, strategy=strategy, robots=4, engine=ENGINE, steps=2))
+        np.testing.assert_allclose(first_distances(run)[0], 0.1 * factor, atol=0.02)
 
     def test_what_is_no_number_is_compiled_in(self):
-        leaves, structure = jax.tree.flatten(as_strategy(Ahead(0.3, 2, 5.0)))
+        strategy = Ahead(0.3, 2, 5.0)
+        leaves, structure = jax.tree.flatten(as_strategy(strategy))
         assert leaves == [0.3]
-        again = jax.tree.unflatten(structure, leaves)
-        assert again == Ahead(0.3, 2, 5.0)
+        assert jax.tree.unflatten(structure, leaves) == strategy
 
-    def test_refused(self, small):
-        @dataclass
-        class Listed(Still):
-            names: str = ()
 
-        class Attributes(Still):
-            def __init__(self):
-                self.stride = 1.0
+@dataclass
+class Listed(Still):
+    """A strategy whose names should be a tuple."""
 
-        for strategy, words in (
-            (Still, r"is the class Still itself; give an object of it, as Still\(\)"),
-            (Attributes(), r"Attributes has attributes \(stride\) but is not a dataclass; write @dataclass"),
-            (Listed(["a"]), "Listed.names is compiled in and must not change, but is a list; use a tuple"),
-            (3.0, "float is not a strategy, since it does not derive from Strategy"),
-        ):
-            with pytest.raises(UserError, match=words):
-                Run(Scenario(small, strategy=strategy, robots=2, engine=HERE, steps=1))
+    names: str = ()
+
+
+class Attributes(Still):
+    """A strategy with attributes that JAX does not see."""
+
+    def __init__(self):
+        self.stride = 1.0
+
+
+@pytest.mark.parametrize(
+    ("strategy", "says"),
+    [
+        (Still, r"is the class Still itself; give an object of it, as Still\(\)"),
+        (
+            Attributes(),
+            r"Attributes has attributes \(stride\) but is not a dataclass; write @dataclass",
+        ),
+        (
+            Listed(["a"]),
+            "Listed.names is compiled in and must not change, but is a list; use a tuple",
+        ),
+        (3.0, "float is not a strategy, since it does not derive from Strategy"),
+    ],
+    ids=["a class", "no dataclass", "a list", "a number"],
+)
+def test_others_are_refused(small, strategy, says):
+    with pytest.raises(UserError, match=says):
+        Run(Scenario(small, strategy=strategy, robots=2, engine=ENGINE, steps=1))

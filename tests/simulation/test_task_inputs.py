@@ -1,4 +1,4 @@
-"""What a task sees of its run: the run's own values, wherever they differ from the default."""
+"""Inputs of a task: they are the values of its own run, wherever these differ from the defaults."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -15,63 +15,93 @@ from iswarm_mj.tasks.base import Quantity, Task, without_balls
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.units import RD
 
-ARENA = ArenaConfig(
-    size=14, dump_size=3, dust_area_size=3, dust_area_offset=4.5, n_dust=20, obstacles=((4.0, 5.0, 1.0, 0.5, 30.0),)
+SIZE = 14
+CONFIG = SwarmConfig(
+    ArenaConfig(
+        size=SIZE,
+        dump_size=3,
+        dust_area_size=3,
+        dust_area_offset=4.5,
+        n_dust=20,
+        obstacles=((4.0, 5.0, 1.0, 0.5, 30.0),),
+    ),
+    optics=OpticsConfig(error_in_communication=0.2),
+    drive=DriveConfig(error_turn=3.0),
 )
-CONFIG = SwarmConfig(ARENA, optics=OpticsConfig(error_in_communication=0.2), drive=DriveConfig(error_turn=3.0))
-EXPECTED = [14, 7, 7, 7, 3, 4.5, 20, 15e-6, 25e-6, 3, 0.2, 3.0, 0.5]
-"""What `seen` returns in this configuration."""
-CELLS, N, STEPS = 20, 8, 30
+EXPECTED_SETTINGS = [14, 7, 7, 7, 3, 4.5, 20, 15e-6, 25e-6, 3, 0.2, 3.0, 0.5]
+"""Values of `settings_of` in this configuration."""
+N_CELLS = 20
+"""Cells in a row of the grid that robots are to visit."""
 
 
-def seen(inputs):
-    """All of the arena, and some of the conditions and of what is compiled in."""
+def settings_of(inputs):
+    """Return all of the arena, some of the conditions, and one setting that is compiled in."""
     arena = jnp.concatenate([jnp.ravel(jnp.float32(part)) for part in inputs.arena])
-    noise = inputs.conditions
-    others = noise.dump_size, noise.error_in_communication, noise.error_turn, inputs.config.drive.step_length
+    conditions = inputs.conditions
+    others = [
+        conditions.dump_size,
+        conditions.error_in_communication,
+        conditions.error_turn,
+        inputs.config.drive.step_length,
+    ]
     return jnp.concatenate([arena, jnp.array(others)])
+
+
+def cells_of(positions, size, xp):
+    """Return the cells (row, column) of positions (..., 2) [mm] in an arena of a size [rd]."""
+    fraction = positions / (size * RD) + 0.5
+    return xp.floor(fraction * N_CELLS).astype(int)
 
 
 @dataclass(frozen=True)
 class Coverage(Task):
-    """Robots are to visit all cells of the arena; the reward is the sum of what the task sees."""
+    """Robots are to visit all cells of the arena; metrics have the settings that the task sees."""
 
     measured: ClassVar = {
         "cells": Quantity("visited"),
-        **{f"seen_{k}": Quantity("a setting") for k in range(len(EXPECTED))},
+        **{f"setting_{k}": Quantity("a setting") for k in range(len(EXPECTED_SETTINGS))},
     }
 
     def lay_out(self, config, n_robots, rng, shared, cell):
-        state = np.zeros((CELLS, CELLS), bool), np.zeros(len(EXPECTED), np.float32)
+        state = {
+            "is_visited": np.zeros((N_CELLS, N_CELLS), bool),
+            "settings": np.zeros(len(EXPECTED_SETTINGS), np.float32),
+        }
         return place_robots(config.arena, n_robots, rng, cell), state
 
     def goal(self, config, n_robots):
-        return CELLS**2
+        return N_CELLS**2
 
     def advance(self, state, inputs, key):
-        edge = inputs.arena.size * RD
-        row, column = jnp.floor((inputs.poses[:, :2] / edge + 0.5) * CELLS).astype(int).T
-        state = state[0].at[row, column].set(True), seen(inputs)
+        row, column = cells_of(inputs.poses[:, :2], inputs.arena.size, jnp).T
+        state = {
+            "is_visited": state["is_visited"].at[row, column].set(True),
+            "settings": settings_of(inputs),
+        }
         return state, without_balls(len(row))
 
     def progress(self, state):
-        return state[0].sum(dtype=jnp.int32)
-
-    def reward(self, before, after, inputs):
-        return jnp.full(len(inputs.poses), seen(inputs).sum())
+        return state["is_visited"].sum(dtype=jnp.int32)
 
     def metrics(self, state):
-        return {"cells": state[0].sum(), **{f"seen_{k}": value for k, value in enumerate(state[1])}}
-
-
-ENGINE = PlanarSettings(1)
+        settings = {f"setting_{k}": value for k, value in enumerate(state["settings"])}
+        return {"cells": state["is_visited"].sum(), **settings}
 
 
 def test_a_task_counts_in_the_arena_of_its_run():
-    run = Run(Scenario(CONFIG, task=Coverage(), robots=N, engine=ENGINE, seed=2, steps=STEPS))
+    n_robots = 8
+    engine = PlanarSettings(1)
+    scenario = Scenario(CONFIG, task=Coverage(), robots=n_robots, engine=engine, seed=2, steps=30)
+    run = Run(scenario)
     record = ran(run)
-    poses = np.concatenate([run.start.poses, record.poses[:-1]])[..., :2]
-    visited = {tuple(cell) for cell in np.floor((poses.reshape(-1, 2) / (14 * RD) + 0.5) * CELLS).astype(int)}
+
+    # A task sees poses as steps begin.
+    positions = np.concatenate([run.start.poses, record.poses[:-1]])[..., :2]
+    cells = cells_of(positions.reshape(-1, 2), SIZE, np)
+    n_visited = len({tuple(cell) for cell in cells.tolist()})
     metrics = run.metrics()
-    assert len(visited) > 4 * N and metrics["cells"].tolist() == [len(visited)]
-    np.testing.assert_allclose([metrics[f"seen_{k}"][0] for k in range(len(EXPECTED))], EXPECTED, rtol=1e-6)
+    assert n_visited > 4 * n_robots
+    assert metrics["cells"].tolist() == [n_visited]
+
+    settings = [metrics[f"setting_{k}"][0] for k in range(len(EXPECTED_SETTINGS))]
+    np.testing.assert_allclose(settings, EXPECTED_SETTINGS, rtol=1e-6)

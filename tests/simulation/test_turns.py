@@ -1,7 +1,8 @@
-"""Updates one after the other: the same as robot by robot, and how far news comes in a step."""
+"""Sequential updates: robots hear and speak in turn, and news travels within a step."""
 
 from dataclasses import replace
 from functools import cache, partial
+from typing import Any, NamedTuple
 from unittest import mock
 
 import jax
@@ -32,227 +33,312 @@ from iswarm_mj.strategy.signatures import observation_shapes
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.strategy.vectors import after_motion
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import RD
 
 NO_NOISE = OpticsConfig(error_distance_measure=0, error_in_communication=0, p_communication_break=0)
-IN_TURN = StrategyConfig(update_order="sequential")
+SEQUENTIAL = StrategyConfig(update_order="sequential")
 CONDITIONS = conditions_of(SwarmConfig())
+MESSAGE_RANGE = 138.6
+"""Longest vector that a message carries [mm], 49 rd."""
 
 
 def links_of(poses, optics):
-    """Links of one world whose robots hide nobody."""
-    links = find_links(poses[None], read_robot(), replace(optics, line_of_sight=False), lambda *_: None)
+    """Return the links of one world whose robots hide nobody."""
+    see_through = replace(optics, line_of_sight=False)
+    links = find_links(poses[None], read_robot(), see_through, lambda *_: None)
     return Links(*(jnp.asarray(values[0]) for values in links))
 
 
-def in_order(order):
-    """Turns of robots that come in this order."""
+def turns_in_order(order):
+    """Return the turns of robots that come in this order."""
     turns = np.zeros(len(order), np.float32)
     turns[np.asarray(order)] = np.arange(len(order)) / len(order)
     return turns
 
 
-def decided(strategy, config, state, poses, links, key):
-    """Decision of a world's first step in which nobody sees a wall."""
-    n = len(poses)
-    params = params_of(config, strategy, key, n)
-    sight = LightReading(links, jnp.zeros((n, 4), bool))
-    begin = StepInputs(poses, sight, jnp.int32(0), jnp.array(True))
-    return decide.decide(config.static, read_robot(), params, state, begin)
+def fixed_turns(turns):
+    """Return a patch by which robots take these turns in place of random ones."""
+    return mock.patch.object(decide, "draw_turns", lambda key, n_robots: jnp.asarray(turns))
 
 
-N, GAP = 9, 8.0
-
-
-@cache
-def chain(update_order):
-    """A step (state, turns) -> state of N robots in a row, and the state before.
-
-    Each hears the next; the first is on the dump. There is no noise; nobody forgets, or moves to speak of.
-    """
-    strategy, drive = StrategyConfig(update_order=update_order), DriveConfig(step_length=1e-6, max_turn=1e-6)
-    config = SwarmConfig(optics=NO_NOISE, strategy=strategy, drive=drive)
-    strategy = VectorStrategy(rules_of(Genome(p_vector_forget=0.0)), jnp.int32(0), config.static, read_robot())
-    poses = place(*[(k * GAP, 0, 0) for k in range(N)])
-    links, poses = links_of(poses, config.optics), jnp.asarray(poses, jnp.float32)
-
-    @jax.jit
-    def step(state, turns):
-        with mock.patch.object(decide, "draw_turns", lambda key, n: turns):
-            return decided(strategy, config, state, poses, links, jax.random.key(3)).swarm
-
-    return step, swarm_of(strategy.init(N, None), lay((0.0, 60.0)), N)
-
-
-def memory_after(update_order, turns, n_steps=1):
-    """What the robots of the chain know after some steps with the same turns."""
-    step, state = chain(update_order)
-    for _ in range(n_steps):
-        state = step(state, turns)
-    return state.memory
+def first_decision(strategy, config, swarm, poses, links, key):
+    """Return the decision of a world's first step in which nobody sees a wall."""
+    n_robots = len(poses)
+    params = params_of(config, strategy, key, n_robots)
+    sight = LightReading(links, jnp.zeros((n_robots, 4), bool))
+    inputs = StepInputs(poses, sight, step=jnp.int32(0), is_running=jnp.array(True))
+    return decide.decide(config.static, read_robot(), params, swarm, inputs)
 
 
 class TestChain:
-    def test_at_once_news_comes_one_robot_further_in_each_step(self):
-        for n_steps in (1, 2, 5):
-            dump = memory_after("synchronous", np.zeros(N), n_steps).dump
-            assert dump.known.tolist() == [k < n_steps for k in range(N)]
-            assert dump.hop.tolist() == [k if k < n_steps else 0 for k in range(N)]
+    """Robots in a row, each of which hears the next one ahead; the first is on the dump.
 
-    def test_in_the_order_of_the_chain_it_comes_to_its_end(self):
-        """Hop counts and vectors are those of the way; each hop adds half a quantum of the range at most."""
-        dump = memory_after("sequential", in_order(range(N))).dump
-        assert dump.known.all() and dump.hop.tolist() == list(range(N))
-        way = -GAP * np.arange(N)
-        quantum = 49 * np.sqrt(8) / 31
-        assert (abs(dump.vector[:, 0] - way) <= (quantum / 2 + 1e-3) * np.arange(N) + 1e-4).all()
+    There is no noise; nobody forgets, or moves to speak of.
+    """
+
+    N_ROBOTS = 9
+    GAP = 8.0
+    """Distance of neighbours [mm]."""
+
+    @classmethod
+    @cache
+    def step_and_start(cls, update_order):
+        """Return a step (swarm, turns) -> swarm, and the swarm before the first step."""
+        config = SwarmConfig(
+            optics=NO_NOISE,
+            strategy=StrategyConfig(update_order=update_order),
+            drive=DriveConfig(step_length=1e-6, max_turn=1e-6),
+        )
+        rules = rules_of(Genome(p_vector_forget=0.0))
+        strategy = VectorStrategy(rules, jnp.int32(0), config.static, read_robot())
+        poses = place(*[(robot * cls.GAP, 0, 0) for robot in range(cls.N_ROBOTS)])
+        links = links_of(poses, config.optics)
+        poses = jnp.asarray(poses, jnp.float32)
+
+        @jax.jit
+        def step(swarm, turns):
+            with fixed_turns(turns):
+                key = jax.random.key(3)
+                return first_decision(strategy, config, swarm, poses, links, key).swarm
+
+        memory = strategy.init(cls.N_ROBOTS, None)
+        return step, swarm_of(memory, lay((0.0, 60.0)), cls.N_ROBOTS)
+
+    def memory_after(self, update_order, turns, n_steps=1):
+        """Return the memories of the robots after some steps with the same turns."""
+        step, swarm = self.step_and_start(update_order)
+        for _ in range(n_steps):
+            swarm = step(swarm, turns)
+        return swarm.memory
+
+    @pytest.mark.parametrize("n_steps", [1, 2, 5])
+    def test_synchronous_news_comes_one_robot_further_in_each_step(self, n_steps):
+        dump = self.memory_after("synchronous", np.zeros(self.N_ROBOTS), n_steps).dump
+        robots = range(self.N_ROBOTS)
+        assert dump.known.tolist() == [robot < n_steps for robot in robots]
+        assert dump.hop.tolist() == [robot if robot < n_steps else 0 for robot in robots]
+
+    def test_sequential_news_in_the_order_of_the_chain_comes_to_its_end(self):
+        """Each hop adds half a quantum of the message's range at most."""
+        robot = np.arange(self.N_ROBOTS)
+        dump = self.memory_after("sequential", turns_in_order(robot)).dump
+        assert dump.known.all()
+        assert dump.hop.tolist() == robot.tolist()
+
+        quantum = 49 * RD / 31
+        error = abs(dump.vector[:, 0] + self.GAP * robot)
+        assert (error <= (quantum / 2 + 1e-3) * robot + 1e-4).all()
         assert abs(dump.vector[:, 1]).max() < 1e-3
 
-    @pytest.mark.parametrize("turns", [in_order(range(N)[::-1]), np.zeros(N, np.float32)])
-    def test_against_the_order_or_all_in_one_turn_is_at_once(self, turns):
-        one, other = (memory_after(order, turns, 3) for order in ("synchronous", "sequential"))
-        jax.tree.map(np.testing.assert_array_equal, one, other)
+    @pytest.mark.parametrize(
+        "turns",
+        [turns_in_order(range(N_ROBOTS)[::-1]), np.zeros(N_ROBOTS, np.float32)],
+        ids=["against the order", "all at once"],
+    )
+    def test_sequential_news_against_the_order_is_synchronous(self, turns):
+        synchronous = self.memory_after("synchronous", turns, n_steps=3)
+        sequential = self.memory_after("sequential", turns, n_steps=3)
+        jax.tree.map(np.testing.assert_array_equal, synchronous, sequential)
 
 
-def swarm_that_hears(seed):
-    """A crowd with vectors, some of it loaded, some dead; and what its robots sense before news of this step."""
-    config = SwarmConfig(optics=OpticsConfig(independent_bit_errors=True), strategy=IN_TURN)
+class Crowd(NamedTuple):
+    """A crowd before news of this step: some have vectors, are loaded or are scouts."""
+
+    strategy: VectorStrategy
+    memory: RobotMemory
+    links: Links
+    observation: Observation
+    """What the robots sense, with the messages of the previous step."""
+    was_loaded: Any
+    """Robots that were loaded at the end of the previous step."""
+    key: Any
+
+
+def make_crowd(seed):
+    """Return a random crowd."""
+    config = SwarmConfig(optics=OpticsConfig(independent_bit_errors=True), strategy=SEQUENTIAL)
     rng = np.random.default_rng(seed)
     poses = crowd(rng, 0.35, edge=7)
-    n = len(poses)
+    n_robots = len(poses)
 
     def vectors():
-        return remember(rng.uniform(-60, 60, (n, 2)), rng.integers(0, 12, n), rng.random(n) < 0.3)
+        vector = rng.uniform(-60, 60, (n_robots, 2))
+        hop = rng.integers(0, 12, n_robots)
+        return remember(vector, hop, known=rng.random(n_robots) < 0.3)
 
-    memory = RobotMemory(vectors(), vectors(), jnp.asarray(rng.random(n) < 0.1))
-    links, key = links_of(poses, config.optics), jax.random.key(seed)
-    strategy = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(5), config.static, read_robot())
-    was_loaded, is_loaded = jnp.asarray(rng.random((2, n)) < 0.3)
+    def some(share):
+        return jnp.asarray(rng.random(n_robots) < share)
 
-    message, is_heard, distance, *_ = transmit(strategy, links, key, memory, was_loaded)
-    nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), observation_shapes(n, payload=strategy.payload))
-    seen = nothing._replace(
-        is_heard=is_heard,
+    memory = RobotMemory(vectors(), vectors(), some(0.1))
+    links = links_of(poses, config.optics)
+    key = jax.random.key(seed)
+    rules = rules_of(PRESETS["type1"])
+    strategy = VectorStrategy(rules, jnp.int32(5), config.static, read_robot())
+    was_loaded, is_loaded = some(0.3), some(0.3)
+
+    received = transmit(strategy, links, key, memory, was_loaded)
+    shapes = observation_shapes(n_robots, payload=strategy.payload)
+    nothing = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shapes)
+    observation = nothing._replace(
+        is_heard=received.is_heard,
         bearing=links.measured_bearing,
-        distance=distance,
-        led=message.led,
-        payload=message.payload,
+        distance=received.distance,
+        led=received.message.led,
+        payload=received.message.payload,
         is_loaded=is_loaded,
-        at_dust=jnp.asarray(rng.random(n) < 0.1),
-        on_dump=jnp.asarray(rng.random(n) < 0.1),
+        at_dust=some(0.1),
+        on_dump=some(0.1),
     )
-    return strategy, memory, links, seen, was_loaded, key
+    return Crowd(strategy, memory, links, observation, was_loaded, key)
 
 
 @jax.jit
-def transmit(strategy, links, key, memory, loaded):
-    """What arrives of all that robots say."""
-    return exchange(CONDITIONS, payload_for(138.6), strategy.say(memory, loaded), links, key)
+def transmit(strategy, links, key, memory, is_loaded):
+    """Return what arrives of all that robots say."""
+    content = strategy.say(memory, is_loaded)
+    return exchange(CONDITIONS, payload_for(MESSAGE_RANGE), content, links, key)
 
 
 @jax.jit
-def listen(strategy, memory, seen, key):
-    return strategy.listen(memory, seen, key)
+def listen(strategy, memory, observation, key):
+    """Return the memories of robots that hear this."""
+    return strategy.listen(memory, observation, key)
 
 
 @jax.jit
-def hear_all(strategy, memory, seen, turns, links, key):
-    """What all robots hear within a step, by sweeps."""
+def hear_by_sweeps(swarm, turns):
+    """Return what all robots of a crowd hear within a step, as the simulator finds it."""
 
-    def relay(seen):
-        return transmit(strategy, links, key, listen(strategy, memory, seen, key), seen.is_loaded).message
+    def relay(observation):
+        memory = listen(swarm.strategy, swarm.memory, observation, swarm.key)
+        received = transmit(swarm.strategy, swarm.links, swarm.key, memory, observation.is_loaded)
+        return received.message
 
-    return hear_in_turn(seen, turns, links.sender, relay)
+    return hear_in_turn(swarm.observation, turns, swarm.links.sender, relay)
 
 
 @jax.jit
-def take_turn(strategy, links, key, robot, memory, loaded, heard, is_loaded):
-    """One robot hears what the others say now, and speaks from then on of what it has learned."""
+def take_turn(swarm, robot, memory, is_loaded, observation):
+    """Let one robot hear what the others say now; it speaks from then on of what it has learned."""
 
-    def own(new, old):
+    def of_robot(new, old):
         return old.at[robot].set(new[robot])
 
-    message = transmit(strategy, links, key, memory, loaded).message
-    heard = jax.tree.map(own, heard._replace(**message._asdict()), heard)
-    memory = jax.tree.map(own, listen(strategy, memory, heard, key), memory)
-    return memory, own(is_loaded, loaded), heard
+    message = transmit(swarm.strategy, swarm.links, swarm.key, memory, is_loaded).message
+    heard = observation._replace(**message._asdict())
+    observation = jax.tree.map(of_robot, heard, observation)
+    learned = listen(swarm.strategy, memory, observation, swarm.key)
+    memory = jax.tree.map(of_robot, learned, memory)
+    is_loaded = of_robot(swarm.observation.is_loaded, is_loaded)
+    return memory, is_loaded, observation
 
 
-def test_all_at_once_is_one_by_one():
-    """Sweeps give what robots hear if one after the other hears, and speaks from then on of what it has learned."""
-    strategy, memory, links, seen, was_loaded, key = swarm_that_hears(1)
-    n = len(was_loaded)
-    turns = draw_turns(jax.random.key(101), n)
-    at_once = hear_all(strategy, memory, seen, turns, links, key)
-    now, loaded, heard = memory, was_loaded, seen
+def hear_one_by_one(swarm, turns):
+    """Return what all robots of a crowd hear within a step, found as the words say."""
+    memory = swarm.memory
+    is_loaded = swarm.was_loaded
+    observation = swarm.observation
     for robot in np.argsort(turns):
-        now, loaded, heard = take_turn(strategy, links, key, robot, now, loaded, heard, seen.is_loaded)
+        memory, is_loaded, observation = take_turn(swarm, robot, memory, is_loaded, observation)
+    return observation
+
+
+def test_sweeps_give_what_robots_hear_one_by_one():
+    swarm = make_crowd(1)
+    is_heard = np.asarray(swarm.observation.is_heard)
+    turns = draw_turns(jax.random.key(101), len(is_heard))
+    by_sweeps = hear_by_sweeps(swarm, turns)
+    one_by_one = hear_one_by_one(swarm, turns)
+
     for name in Observation._fields:
-        for mine, its in zip(*(jax.tree.leaves(getattr(s, name)) for s in (at_once, heard)), strict=True):
-            where = np.asarray(seen.is_heard)
-            if mine.shape[:2] == where.shape:  # what is not heard means nothing
-                mine, its = np.asarray(mine)[where], np.asarray(its)[where]
-            np.testing.assert_array_equal(mine, its, err_msg=name)
-    news = (np.asarray(at_once.payload["dump"].hop != seen.payload["dump"].hop) & np.asarray(seen.is_heard)).sum()
-    assert (
-        news > 10
-        and (np.asarray(at_once.payload["priority"] != seen.payload["priority"]) & np.asarray(seen.is_heard)).any()
-    )
+        leaves = jax.tree.leaves(getattr(by_sweeps, name))
+        expected_leaves = jax.tree.leaves(getattr(one_by_one, name))
+        for leaf, expected in zip(leaves, expected_leaves, strict=True):
+            # Messages are undefined where nothing is heard.
+            if leaf.shape[:2] == is_heard.shape:
+                leaf = np.asarray(leaf)[is_heard]
+                expected = np.asarray(expected)[is_heard]
+            np.testing.assert_array_equal(leaf, expected, err_msg=name)
+
+    # The step has news, of the dump and of priorities.
+    old, new = swarm.observation.payload, by_sweeps.payload
+    has_news = np.asarray(new["dump"].hop != old["dump"].hop) & is_heard
+    assert has_news.sum() > 10
+    assert (np.asarray(new["priority"] != old["priority"]) & is_heard).any()
 
 
-class Tells(Still):
-    """Robots that pick up balls, say whether they hold one, and remember whether they hear that of others."""
+class TellsLoad(Still):
+    """Robots that pick up balls, tell if they hold one, and count neighbours that tell so."""
 
     payload = Payload({"holds": Flag()})
 
     def say(self, memory, is_loaded):
         return {"holds": is_loaded}
 
-    def listen(self, memory, seen, key):
-        return (seen.payload["holds"] & seen.is_heard).sum(axis=1)
+    def listen(self, memory, observation, key):
+        return (observation.payload["holds"] & observation.is_heard).sum(axis=1)
 
     def picks(self, memory):
         return memory >= 0
 
-    def act(self, memory, seen, key):
-        return self.listen(memory, seen, key), super().act(memory, seen, key)[1]
+    def act(self, memory, observation, key):
+        _, command = super().act(memory, observation, key)
+        return self.listen(memory, observation, key), command
 
 
 @pytest.mark.parametrize("update_order", ["synchronous", "sequential"])
 def test_robots_say_in_their_turn_what_they_have_just_picked_up(update_order):
-    """The ball is at the tip of the first of two."""
+    """A ball is at the tip of the first of two robots."""
     config = SwarmConfig(optics=NO_NOISE, strategy=StrategyConfig(update_order=update_order))
     poses = place((0, 0, 180), (8, 0, 0))
-    state = swarm_of(jnp.arange(2), lay((0.0, 60.0), (-0.9, 0.0)), 2)
-    given = jnp.asarray(poses, jnp.float32), links_of(poses, NO_NOISE), jax.random.key(0)
-    with mock.patch.object(decide, "draw_turns", lambda key, n: jnp.asarray(in_order([0, 1]))):
-        swarm = jax.jit(partial(decided, Tells(), config))(state, *given).swarm
+    swarm = swarm_of(jnp.arange(2), lay((0.0, 60.0), (-0.9, 0.0)), 2)
+    decision = jax.jit(partial(first_decision, TellsLoad(), config))
+    with fixed_turns(turns_in_order([0, 1])):
+        swarm = decision(swarm, jnp.asarray(poses, jnp.float32), links_of(poses, NO_NOISE), jax.random.key(0)).swarm
     assert swarm.is_loaded.tolist() == [True, False]
     assert swarm.memory.tolist() == [0, update_order == "sequential"]
 
 
 def test_what_robots_remember_is_what_they_told_the_others():
     """`act`, which comes last, learns what `listen` said, and then only moves it."""
-    strategy, memory, _, seen, _, key = swarm_that_hears(1)
-    listened, (moved, command) = (jax.jit(f)(memory, seen, key) for f in (strategy.listen, strategy.act))
-    for one, other in ((listened.dust, moved.dust), (listened.dump, moved.dump)):
-        expected = jax.jit(after_motion)(one, command.turn, command.forward)
-        jax.tree.map(np.testing.assert_array_equal, expected, other)
+    swarm = make_crowd(1)
+    strategy = swarm.strategy
+    listened = jax.jit(strategy.listen)(swarm.memory, swarm.observation, swarm.key)
+    moved, command = jax.jit(strategy.act)(swarm.memory, swarm.observation, swarm.key)
+    for place_name in ("dust", "dump"):
+        vector = getattr(listened, place_name)
+        expected = jax.jit(after_motion)(vector, command.turn, command.forward)
+        jax.tree.map(np.testing.assert_array_equal, expected, getattr(moved, place_name))
 
 
 def test_the_order_is_new_in_each_step_and_even():
-    turns = np.asarray(jax.jit(jax.vmap(lambda key: draw_turns(key, 50)))(jax.random.split(jax.random.key(0), 400)))
-    earlier = (turns[:, :, None] < turns[:, None, :]).mean(axis=0)[~np.eye(50, dtype=bool)]
-    assert abs(earlier - 0.5).max() < 5 * 0.5 / np.sqrt(400)
+    """Each robot comes before each other one in half of the steps."""
+    n_steps, n_robots = 400, 50
+    keys = jax.random.split(jax.random.key(0), n_steps)
+    draw = jax.jit(jax.vmap(lambda key: draw_turns(key, n_robots)))
+    turns = np.asarray(draw(keys))
+    comes_before = (turns[:, :, None] < turns[:, None, :]).mean(axis=0)
+    of_pairs = comes_before[~np.eye(n_robots, dtype=bool)]
+    standard_error = 0.5 / np.sqrt(n_steps)
+    assert abs(of_pairs - 0.5).max() < 5 * standard_error
 
 
 def test_a_strategy_that_cannot_pass_on_news_is_refused():
-    config = SwarmConfig(strategy=IN_TURN)
-    able = VectorStrategy(rules_of(PRESETS["type1"]), jnp.int32(0), config.static, read_robot())
-    deaf = type(
-        "Deaf", (Strategy,), {name: getattr(able, name) for name in ("init", "payload", "say", "picks", "act")}
-    )()
-    state = swarm_of(deaf.init(2, None), lay((0.0, 60.0)), 2)
+    config = SwarmConfig(strategy=SEQUENTIAL)
+    rules = rules_of(PRESETS["type1"])
+    papers = VectorStrategy(rules, jnp.int32(0), config.static, read_robot())
+    methods = ("init", "payload", "say", "picks", "act")
+    without_listen = {name: getattr(papers, name) for name in methods}
+    deaf = type("Deaf", (Strategy,), without_listen)()
+
+    swarm = swarm_of(deaf.init(2, None), lay((0.0, 60.0)), 2)
     poses = place((0, 0, 0), (8, 0, 0))
-    arguments = state, jnp.asarray(poses, jnp.float32), links_of(poses, config.optics), jax.random.key(0)
+    decision = partial(first_decision, deaf, config)
     with pytest.raises(UserError, match=r"update_order is sequential, but Deaf has no method listen"):
-        jax.eval_shape(partial(decided, deaf, config), *arguments)
+        jax.eval_shape(
+            decision,
+            swarm,
+            jnp.asarray(poses, jnp.float32),
+            links_of(poses, config.optics),
+            jax.random.key(0),
+        )
