@@ -116,13 +116,18 @@ def test_a_driven_box_pushes_and_is_not_pushed(name):
 
 
 def test_a_run():
-    """Boxes lie elsewhere in each world, robots in teams beside them; the driven one goes as fast as it may."""
+    """Boxes lie at other places in each world, and the driven one moves as fast as it may.
+
+    The robots are teams.
+    """
     teams = Teams({"few": (0.25, Beeclust()), "many": (0.75, Beeclust(2.0))})
     scenario = replace(SCENARIO, strategy=teams, task=Lift(), engine=PlanarSettings(1))
     run = Run(scenario, record_worlds=(0, 1))
     record = ran(run)
     start = run.start.boxes[0]
-    assert not run.faults and np.abs(start[0] - start[1])[:, 1].min() > 0.1 and len(run.config.arena.boxes) == 2
+    assert not run.faults
+    assert len(run.config.arena.boxes) == 2
+    assert np.abs(start[0] - start[1])[:, 1].min() > 0.1
     for world in range(WORLDS):
         np.testing.assert_allclose(poses_of_boxes(run.starts[world].boxes), start[world], atol=1e-5)
         hulls = np.column_stack(
@@ -218,4 +223,6 @@ def test_a_box_that_is_driven_nowhere_is_named():
     run = Run(replace(SCENARIO, task=Lost(), engine=PlanarSettings(1), worlds=1))
     run.advance()
     (fault,) = run.faults
-    assert (fault.robots, fault.boxes) == ((), (0,)) and "the pose of box 0 is not finite" in str(fault)
+    assert (fault.robots, fault.boxes) == ((), (0,)) and "the pose of box 0 is not finite" in str(
+        fault,
+    )

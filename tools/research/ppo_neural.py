@@ -28,7 +28,7 @@ from iswarm_mj.simulation.streams import step_keys
 from iswarm_mj.strategy import controller
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.network import Shape, forward, save_weights
-from iswarm_mj.strategy.neural import PLACES, SHAPE, Perception, first_weights, untrained
+from iswarm_mj.strategy.neural import PLACES, SHAPE, Intent, Perception, first_weights, untrained
 from iswarm_mj.strategy.vector_strategy import payload_for
 from iswarm_mj.utils.units import RD, mm_from_rd
 
@@ -79,9 +79,10 @@ def decide(env, strategy, memory, obs, key, noise):
     """Return the next memories of one world's robots, their action and the sample; `noise` (N, 4) is added."""
     seen = observed(env, obs)
     known = strategy.update_beliefs(memory, seen)
-    numbers, ways = strategy._perceived(known, seen, key)
+    numbers, ways = strategy.perceive(known, seen, key)
     drawn = wanted(strategy, numbers, ways) + noise
-    memory, command = strategy._carried_out(known, seen, drawn[:, :2], drawn[:, 2], drawn[:, 3])
+    intent = Intent(aim=drawn[:, :2], speed=drawn[:, 2], flag=drawn[:, 3])
+    memory, command = strategy.carry_out(known, seen, intent)
     moves = ~(controller.approaches_ball(strategy.picks(known), seen) | seen.waits)
     matters = jnp.column_stack([moves, moves, moves, jnp.ones_like(moves)])
     return memory, acted(env, command, strategy.say(memory, seen.is_loaded)), (numbers, ways, drawn, matters)
