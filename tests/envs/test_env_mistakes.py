@@ -45,10 +45,7 @@ def env():
         ({"goal": 99}, "stop_at must be between 1 and"),
         ({"worlds": np.int64(2**60)}, TOO_MANY_WORLDS),
         ({"worlds": 10**30}, TOO_MANY_WORLDS),
-        (
-            {"engine": "planar"},
-            "engine must be a EngineSettings|engine must be an EngineSettings",
-        ),
+        ({"engine": "planar"}, r"engine must be settings of an engine, as MujocoSettings\(\), "),
         ({"payload": 30}, "payload must be fields, or a number of bits from 0 to 29"),
         ({"payload": {"a": Integer(30)}}, "leave out or shorten fields by 1 bits"),
         ({"payload": "words"}, "a payload is a dictionary"),

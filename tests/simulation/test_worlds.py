@@ -267,7 +267,7 @@ class TestRefusedRuns:
 
     @pytest.mark.parametrize("engine", ["mjx", 3, MujocoSettings], ids=str)
     def test_engines_that_are_no_settings(self, small, engine):
-        says = "engine must be a EngineSettings|engine must be an EngineSettings"
+        says = r"engine must be settings of an engine, as MujocoSettings\(\), "
         with pytest.raises(ConfigError, match=says):
             Run(Scenario(small, strategy=TYPE1, robots=5, engine=engine, steps=3))
 
