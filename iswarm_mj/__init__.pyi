@@ -49,12 +49,12 @@ from .sensors.links import Links as Links
 from .sensors.links import find_links as find_links
 from .sensors.memory import VectorMemory as VectorMemory
 from .sensors.messages import Payload as Payload
-from .simulation.checks import check_engine as check_engine
-from .simulation.checks import check_strategy as check_strategy
-from .simulation.checks import check_task as check_task
 from .simulation.run import Run as Run
 from .simulation.scenario import Scenario as Scenario
 from .simulation.state import StepRecord as StepRecord
+from .simulation.validation import check_engine as check_engine
+from .simulation.validation import check_strategy as check_strategy
+from .simulation.validation import check_task as check_task
 from .simulation.worlds import World as World
 from .strategy.base import Strategy as Strategy
 from .strategy.base import StrategyFactory as StrategyFactory

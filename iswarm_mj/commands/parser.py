@@ -279,7 +279,7 @@ def _find_strategy(words: Sequence[str]) -> Any:
 def _find_task(name: str) -> Any:
     """Return the class of the task that a word names."""
     from iswarm_mj.strategy.library import TASKS, find
-    from iswarm_mj.tasks.signatures import check_methods
+    from iswarm_mj.tasks.validation import check_methods
 
     task = find(TASKS, name)
     check_methods(task)

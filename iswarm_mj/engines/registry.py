@@ -8,7 +8,7 @@ from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
-from iswarm_mj.strategy.library import Offer, find
+from iswarm_mj.strategy.library import PluginKind, find
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.constraints import check, is_whole
 from iswarm_mj.utils.errors import UserError
@@ -18,7 +18,7 @@ ENGINES: dict[str, type[EngineSettings]] = {
 }
 """Settings of each engine by its name."""
 
-OFFER = Offer("engine", "engines", "bytes_per_robot", "glide.py:Glide", "iswarm_mj.EngineSettings")
+OFFER = PluginKind("engine", "engines", "bytes_per_robot", "glide.py:Glide", "iswarm_mj.EngineSettings")
 
 SETTINGS = tuple(dict.fromkeys(f.name for engine in ENGINES.values() for f in fields(engine)))
 """Names of all settings of these engines."""

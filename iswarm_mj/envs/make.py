@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.engines.base import CompiledEngine, Engine
-from iswarm_mj.engines.checked import make_compiled_engine
+from iswarm_mj.engines.validation import make_compiled_engine
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.core import Core, Speaker
 from iswarm_mj.envs.env import Env

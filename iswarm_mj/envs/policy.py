@@ -18,7 +18,7 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.base import Strategy, StrategyFactory
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.tasks.cleaning import CLEANING
-from iswarm_mj.tasks.signatures import usable_task
+from iswarm_mj.tasks.validation import usable_task
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 

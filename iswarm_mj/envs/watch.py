@@ -19,7 +19,7 @@ from iswarm_mj.output.frames import BLOCK_FRAMES, RecordedWorld
 from iswarm_mj.output.offscreen import ArenaRenderer, Shot
 from iswarm_mj.output.rerun_swarm import Recording
 from iswarm_mj.simulation.build import start_record
-from iswarm_mj.simulation.given import to_json
+from iswarm_mj.simulation.stacking import to_json
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.simulation.step import mean_distance
 from iswarm_mj.utils.arrays import Array

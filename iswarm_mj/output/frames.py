@@ -16,7 +16,7 @@ from iswarm_mj.output.trajectory import AREA, METRIC, Scene
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
-from iswarm_mj.strategy.declared import array_name, parts_of
+from iswarm_mj.strategy.attributes import array_name, parts_of
 from iswarm_mj.tasks.base import Look, Quantity, Task
 from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.tasks.layout import no_balls

@@ -250,7 +250,7 @@ class Frames:
     )
     """Distance moved in the control step over its duration, averaged over the robots."""
     memory: Arrays = field(default_factory=dict)
-    """Recorded arrays (T, N, ...) of the robots' memory (`strategy.declared`), lengths in m.
+    """Recorded arrays (T, N, ...) of the robots' memory (`strategy.attributes`), lengths in m.
 
     Those of the paper's strategy are `dust_vector`, the remembered vector to the dust in the
     robot's own frame (x ahead, y left), `dust_known`, the flag of robots that have one, and

@@ -7,7 +7,7 @@ import numpy as np
 from iswarm_mj.output.message_columns import message_columns
 from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.trajectory import Scene
-from iswarm_mj.strategy.declared import parts_of
+from iswarm_mj.strategy.attributes import parts_of
 
 SIDES = ("front", "left", "back", "right")
 

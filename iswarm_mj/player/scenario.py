@@ -7,7 +7,7 @@ from typing import Any, Self
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
-from iswarm_mj.simulation.stated import (
+from iswarm_mj.simulation.scenario_flags import (
     engine_name,
     made_of,
     paths_of,
@@ -15,7 +15,7 @@ from iswarm_mj.simulation.stated import (
     task_name,
     value_at,
 )
-from iswarm_mj.strategy.library import STRATEGIES, TASKS, Offer
+from iswarm_mj.strategy.library import STRATEGIES, TASKS, PluginKind
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError, shown
 
@@ -63,7 +63,7 @@ class PageScenario(Scenario):
         """Return what is at a path; None where there is nothing."""
         return value_at(self, path)
 
-    def named(self, offer: Offer) -> str:
+    def named(self, offer: PluginKind) -> str:
         """Return the name of its strategy or its task, as flags take it."""
         return task_name(self) if offer is TASKS else strategy_name(self)
 

@@ -25,8 +25,8 @@ from iswarm_mj.player.controls import Control, controls, is_live, parsed
 from iswarm_mj.player.faults import Faults
 from iswarm_mj.player.inbox import Inbox
 from iswarm_mj.player.scenario import PageScenario
+from iswarm_mj.simulation.scenario_flags import command_line, is_same, toml
 from iswarm_mj.simulation.state import StepRecord
-from iswarm_mj.simulation.stated import command_line, is_same, toml
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.recorder import Recorder
 

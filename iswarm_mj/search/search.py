@@ -19,7 +19,7 @@ from iswarm_mj.search.rows import Rows, by
 from iswarm_mj.search.seeds import run_seed
 from iswarm_mj.search.settings import SearchPlan
 from iswarm_mj.simulation.scenario import Scenario
-from iswarm_mj.simulation.stated import is_same
+from iswarm_mj.simulation.scenario_flags import is_same
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError

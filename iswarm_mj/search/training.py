@@ -21,8 +21,8 @@ from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.search.journal import journal
 from iswarm_mj.search.plots import draw_learning
 from iswarm_mj.search.settings import TrainingPlan
-from iswarm_mj.simulation.given import to_json
 from iswarm_mj.simulation.scenario import Scenario
+from iswarm_mj.simulation.stacking import to_json
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.genome import TYPE1
@@ -33,7 +33,7 @@ from iswarm_mj.tasks.base import Task, is_scored
 from iswarm_mj.tasks.layout import check_robots
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.rewarded import REWARD, rewarded
-from iswarm_mj.tasks.signatures import check_methods
+from iswarm_mj.tasks.validation import check_methods
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import remove, remove_parts

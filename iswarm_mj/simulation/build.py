@@ -18,10 +18,10 @@ from iswarm_mj.simulation.layouts import Start
 from iswarm_mj.simulation.setup import Setup
 from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.worlds import arenas_of_worlds, conditions_of_worlds, random_keys
+from iswarm_mj.strategy.attributes import led_power
 from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.contract import zeros_of
-from iswarm_mj.strategy.declared import led_power
 from iswarm_mj.strategy.interface import Command
+from iswarm_mj.strategy.shape_checks import zeros_of
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError

@@ -24,8 +24,8 @@ from iswarm_mj.simulation.perceive import (
 )
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import StepKeys, step_keys
+from iswarm_mj.strategy.attributes import led_power, payload_of
 from iswarm_mj.strategy.base import Strategy, is_batch_invariant, overrides
-from iswarm_mj.strategy.declared import led_power, payload_of
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError

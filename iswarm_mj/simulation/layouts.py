@@ -15,7 +15,7 @@ from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.layout import cell_of
-from iswarm_mj.tasks.signatures import check_layout
+from iswarm_mj.tasks.validation import check_layout
 from iswarm_mj.utils.errors import ConfigError, UserError
 
 _SHARED_STREAM = 2**32 - 1

@@ -16,7 +16,7 @@ from iswarm_mj.sensors.message_time import draw_first_slots, sides_on, understoo
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState, WorldParams
 from iswarm_mj.simulation.streams import StepKeys
-from iswarm_mj.strategy.declared import payload_of
+from iswarm_mj.strategy.attributes import payload_of
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.teams import team_numbers
 from iswarm_mj.tasks.base import Sensed, TaskInputs

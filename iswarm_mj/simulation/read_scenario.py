@@ -14,11 +14,11 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.engines.robot_file import as_robot_file
 from iswarm_mj.engines.settings import OF_MACHINE
-from iswarm_mj.simulation.given import plain, to_json
-from iswarm_mj.simulation.stated import default_of, names_of
+from iswarm_mj.simulation.scenario_flags import default_of, names_of
+from iswarm_mj.simulation.stacking import plain, to_json
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome, load_genome
-from iswarm_mj.strategy.library import STRATEGIES, TASKS, Offer, find, find_teams, offered
+from iswarm_mj.strategy.library import STRATEGIES, TASKS, PluginKind, find, find_teams, offered
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -178,7 +178,7 @@ def _of_result(content: Mapping[str, Any], strategy: Any, task: Any, engine: Any
     }
 
 
-def _stated(offer: Offer, stated: Mapping[str, Any], given: Any) -> Any:
+def _stated(offer: PluginKind, stated: Mapping[str, Any], given: Any) -> Any:
     """Return a strategy or a task as a result states it, see `to_json`.
 
     Args:
@@ -215,7 +215,7 @@ def _of_team(stated: Mapping[str, Any]) -> Any:
     return _stated(STRATEGIES, own, None)
 
 
-def _value(offer: Offer, cls: Any, name: str, value: Any) -> Any:
+def _value(offer: PluginKind, cls: Any, name: str, value: Any) -> Any:
     """Return the value of a field of which a result states a number, a text or a list."""
     types = _types_of(cls, name)
     default = default_of(cls, name)
@@ -238,7 +238,7 @@ def _as_tuple(value: Any) -> Any:
     return tuple(map(_as_tuple, value)) if isinstance(value, list) else value
 
 
-def _refuse(offer: Offer, cls: str, name: str) -> NoReturn:
+def _refuse(offer: PluginKind, cls: str, name: str) -> NoReturn:
     """Refuse to make up what a result states only in part, such as large arrays.
 
     Raises:

@@ -8,26 +8,26 @@ import jax
 import numpy as np
 
 from iswarm_mj.config.swarm import SwarmConfig
-from iswarm_mj.engines.checked import check_links
+from iswarm_mj.engines.validation import check_links
 from iswarm_mj.simulation.build import build_loop
 from iswarm_mj.simulation.faults import decode_faults, summarize_faults
-from iswarm_mj.simulation.given import metrics_of, of_all_worlds, of_worlds, to_json
 from iswarm_mj.simulation.layouts import with_boxes_laid
 from iswarm_mj.simulation.memory_limits import check_memory
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.setup import Setup, set_up
 from iswarm_mj.simulation.shared_settings import check_shared_settings
+from iswarm_mj.simulation.stacking import metrics_of, of_all_worlds, of_worlds, to_json
 from iswarm_mj.simulation.state import StepRecord, SwarmState, WorldParams, WorldState
 from iswarm_mj.simulation.worlds import arenas_of_worlds, conditions_of_worlds, vector_strategies
+from iswarm_mj.strategy.attributes import payload_of, recorded_of
 from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import TYPE1, Genome
-from iswarm_mj.strategy.signatures import check_strategies
 from iswarm_mj.strategy.teams import team_sizes
+from iswarm_mj.strategy.validation import check_strategies
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.measures import Measures, measure
-from iswarm_mj.tasks.signatures import as_task
+from iswarm_mj.tasks.validation import as_task
 from iswarm_mj.utils.constraints import check_kind, is_whole, validate
 from iswarm_mj.utils.errors import SimulationFault, shown
 from iswarm_mj.utils.jax_setup import check_jax

@@ -15,8 +15,8 @@ from iswarm_mj.engines.robot_file import as_robot_file, files_of
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.geometry.robot import RobotFile
 from iswarm_mj.simulation.read_scenario import fields_of_result, fields_of_toml
+from iswarm_mj.simulation.scenario_flags import STEPS, toml, values_of
 from iswarm_mj.simulation.settings import RunSettings
-from iswarm_mj.simulation.stated import STEPS, toml, values_of
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import TYPE1, Genome
 from iswarm_mj.tasks.cleaning import CLEANING

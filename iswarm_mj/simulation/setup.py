@@ -9,21 +9,21 @@ import jax
 from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine, Engine
-from iswarm_mj.engines.checked import make_compiled_engine, make_host_engine
 from iswarm_mj.engines.registry import check_settings
 from iswarm_mj.engines.robot_file import check_total, read_robots
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
+from iswarm_mj.engines.validation import make_compiled_engine, make_host_engine
 from iswarm_mj.geometry.robot import RobotFile, Robots
-from iswarm_mj.simulation.given import goal_of, of_worlds
 from iswarm_mj.simulation.layouts import Start, check_boxes, with_boxes_laid
 from iswarm_mj.simulation.memory_limits import check_memory, devices_of
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.shared_settings import static_config
+from iswarm_mj.simulation.stacking import goal_of, of_worlds
 from iswarm_mj.simulation.worlds import World, starts_of
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.layout import cell_of, check_robots
-from iswarm_mj.tasks.signatures import as_task, check_task, usable_task
+from iswarm_mj.tasks.validation import as_task, check_task, usable_task
 from iswarm_mj.utils.constraints import check, check_kind
 from iswarm_mj.utils.jax_setup import check_devices, configure_jax
 

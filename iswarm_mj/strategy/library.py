@@ -22,7 +22,7 @@ from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 from iswarm_mj.utils.files import check_file
 
 
-class Offer(NamedTuple):
+class PluginKind(NamedTuple):
     """What users and packages offer."""
 
     word: str
@@ -46,8 +46,8 @@ class Offer(NamedTuple):
         return f"FILE.py:CLASS, as {self.example}"
 
 
-STRATEGIES = Offer("strategy", "strategies", "act", "walk.py:Walk", "iswarm_mj.Strategy")
-TASKS = Offer("task", "tasks", "lay_out", "gather.py:Gather", "iswarm_mj.Task")
+STRATEGIES = PluginKind("strategy", "strategies", "act", "walk.py:Walk", "iswarm_mj.Strategy")
+TASKS = PluginKind("task", "tasks", "lay_out", "gather.py:Gather", "iswarm_mj.Task")
 
 
 def find_strategy(name: str) -> Any:
@@ -80,7 +80,7 @@ def find_teams(words: Sequence[str]) -> dict[str, tuple[float | int, Any]]:
     return found
 
 
-def find(offer: Offer, name: str, shipped: Mapping[str, Any] | None = None) -> Any:
+def find(offer: PluginKind, name: str, shipped: Mapping[str, Any] | None = None) -> Any:
     """Return a class, or an object whose values are defaults.
 
     Args:
@@ -105,7 +105,7 @@ def find(offer: Offer, name: str, shipped: Mapping[str, Any] | None = None) -> A
         return found.load() if isinstance(found, EntryPoint) else found
 
 
-def offered(offer: Offer, cls: str, names: set[str]) -> str | None:
+def offered(offer: PluginKind, cls: str, names: set[str]) -> str | None:
     """Return the name under which an installed package offers a class with these fields; None without just one."""
     found = []
     for point in entry_points(group=offer.group):
@@ -117,12 +117,12 @@ def offered(offer: Offer, cls: str, names: set[str]) -> str | None:
     return found[0] if len(found) == 1 else None
 
 
-def naming(offer: Offer, cls: str) -> str:
+def naming(offer: PluginKind, cls: str) -> str:
     """Return the flag that names a class which no package offers, or the strategies of teams."""
     return "--strategy NAME=SHARE NAME=SHARE" if cls == "Teams" else f"--{offer.word} FILE.py:{shown(cls)}"
 
 
-def _of_file(offer: Offer, path: Path, name: str) -> Any:
+def _of_file(offer: PluginKind, path: Path, name: str) -> Any:
     module = _imported(offer, path)
     found = getattr(module, name, None) if name else None
     if found is None:
@@ -137,7 +137,7 @@ def _of_file(offer: Offer, path: Path, name: str) -> Any:
     return found
 
 
-def _imported(offer: Offer, path: Path) -> ModuleType:
+def _imported(offer: PluginKind, path: Path) -> ModuleType:
     """Execute a file, which may import others beside it."""
     fault = "does not exist"
     try:
@@ -169,7 +169,7 @@ def _running_script(path: Path) -> ModuleType | None:
     return script if file is not None and Path(file).resolve() == path.resolve() else None
 
 
-class Beside:
+class UserModuleFinder:
     """A finder of modules, asked after all others.
 
     Were the folders in `sys.path`, packages would take users' files for modules that are not installed: numba looks for
@@ -190,10 +190,10 @@ class Beside:
 
 def add_folder(folder: Path) -> None:
     """Let users' code import what is in a folder."""
-    if Beside not in sys.meta_path:
-        sys.meta_path.append(Beside)
-    if str(folder) not in Beside.folders:
-        Beside.folders += (str(folder),)
+    if UserModuleFinder not in sys.meta_path:
+        sys.meta_path.append(UserModuleFinder)
+    if str(folder) not in UserModuleFinder.folders:
+        UserModuleFinder.folders += (str(folder),)
 
 
 def sources(path: Path) -> list[Path]:

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.strategy.base import Strategy, StrategyFactory, overrides
-from iswarm_mj.strategy.contract import check_base
+from iswarm_mj.strategy.shape_checks import check_base
 from iswarm_mj.utils.errors import UserError
 
 

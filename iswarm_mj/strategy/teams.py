@@ -14,8 +14,8 @@ from jaxtyping import Bool, Float, Int32
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.strategy.attributes import payload_of, recorded_of
 from iswarm_mj.strategy.base import Strategy, makes_strategies, overrides
-from iswarm_mj.strategy.declared import payload_of, recorded_of
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.pytrees import as_strategy

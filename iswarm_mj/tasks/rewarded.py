@@ -16,7 +16,7 @@ REWARD = "reward"
 """The metric that such tasks have in addition."""
 
 
-class Earned(NamedTuple):
+class RewardState(NamedTuple):
     """State of a task, and what its robots have earned."""
 
     own: Any
@@ -43,19 +43,19 @@ def _rewarded(kind: Any) -> Any:
 
         def lay_out(self, *args: Any) -> Any:
             poses, state = super().lay_out(*args)
-            return poses, Earned(state, np.zeros((), np.float32))
+            return poses, RewardState(state, np.zeros((), np.float32))
 
-        def advance(self, state: Earned, inputs: Any, key: Array) -> Any:
+        def advance(self, state: RewardState, inputs: Any, key: Array) -> Any:
             new, sensed = super().advance(state.own, inputs, key)
             with user_code(f"{kind.__name__}.reward, here without commands and messages,"):
-                return Earned(new, state.reward + super().reward(state.own, new, inputs).sum()), sensed
+                return RewardState(new, state.reward + super().reward(state.own, new, inputs).sum()), sensed
 
-        def metrics(self, state: Earned) -> Any:
+        def metrics(self, state: RewardState) -> Any:
             return {**super().metrics(state.own), REWARD: state.reward}
 
     def of_own(name: str) -> Any:
         def method(self: Any, *args: Any) -> Any:
-            return getattr(kind, name)(self, *(arg.own if isinstance(arg, Earned) else arg for arg in args))
+            return getattr(kind, name)(self, *(arg.own if isinstance(arg, RewardState) else arg for arg in args))
 
         return method
 

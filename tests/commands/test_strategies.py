@@ -13,7 +13,7 @@ from support.rrd import read
 
 import iswarm_mj
 from iswarm_mj.commands.main import parse
-from iswarm_mj.simulation.stated import command_line
+from iswarm_mj.simulation.scenario_flags import command_line
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.library import STRATEGIES, offered
 from iswarm_mj.utils.units import ROBOT_DIAMETER

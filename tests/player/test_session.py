@@ -24,7 +24,7 @@ from iswarm_mj.simulation.compiled_loop import _advance
 from iswarm_mj.simulation.decide import decide_packed
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
-from iswarm_mj.simulation.stated import toml
+from iswarm_mj.simulation.scenario_flags import toml
 from iswarm_mj.strategy.genome import PRESETS, TYPE1
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust

@@ -23,7 +23,7 @@ from iswarm_mj.envs import PolicyStrategy, parallel_env, single_env, vector_env
 from iswarm_mj.output.results import about
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
-from iswarm_mj.simulation.stated import is_same
+from iswarm_mj.simulation.scenario_flags import is_same
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.library import STRATEGIES, find
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.simulation.given import to_json
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
+from iswarm_mj.simulation.stacking import to_json
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import PRESETS

@@ -29,7 +29,7 @@ from iswarm_mj.strategy.controller import RobotMemory
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.strategy.rules import rules_of
-from iswarm_mj.strategy.signatures import observation_shapes
+from iswarm_mj.strategy.validation import observation_shapes
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.strategy.vectors import after_motion
 from iswarm_mj.utils.errors import UserError

@@ -15,8 +15,8 @@ from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
+from iswarm_mj.strategy.attributes import payload_of
 from iswarm_mj.strategy.beliefs import Belief
-from iswarm_mj.strategy.declared import payload_of
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.network import Shape, forward, load_weights, save_weights
 from iswarm_mj.strategy.neural import DIRECTIONS, N_WEIGHTS, SHIPPED, Neural, untrained

@@ -5,7 +5,7 @@ import sys
 import numba
 import pytest
 
-from iswarm_mj.strategy.library import Beside, find_strategy, find_teams, sources
+from iswarm_mj.strategy.library import UserModuleFinder, find_strategy, find_teams, sources
 
 FILES = {
     "main.py": "import numpy, iswarm_mj.config.swarm\nfrom beside import one\ndef late():\n    import pack.deep as d\n",
@@ -61,7 +61,7 @@ def test_only_users_import_what_is_beside_their_file(tmp_path):
     for name in ("late_twin", "walk_of_a_package"):
         with pytest.raises(ModuleNotFoundError, match=name):
             exec(compile(f"import {name}", numba.__file__, "exec"), in_numba)
-    assert Beside.find_spec("package.late_twin", [str(tmp_path)]) is None
+    assert UserModuleFinder.find_spec("package.late_twin", [str(tmp_path)]) is None
     assert str(tmp_path) not in sys.path
     assert (tmp_path / "twin_of_a_package.py").resolve() in sources(
         tmp_path / "walk_of_a_package.py",

@@ -20,8 +20,8 @@ from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import TYPE1, TYPE2
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.strategy.signatures import observation_shapes
 from iswarm_mj.strategy.teams import Teams, team_numbers
+from iswarm_mj.strategy.validation import observation_shapes
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.errors import UserError
 

@@ -14,7 +14,7 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust, Spots
-from iswarm_mj.tasks.signatures import as_task, check_task
+from iswarm_mj.tasks.validation import as_task, check_task
 from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import RD
 from iswarm_mj.workflows.rollout import rollout

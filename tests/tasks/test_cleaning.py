@@ -11,7 +11,7 @@ from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.measures import PICKED
-from iswarm_mj.tasks.signatures import check_task
+from iswarm_mj.tasks.validation import check_task
 
 
 def test_it_is_a_task(small):

@@ -15,7 +15,7 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.tasks.foraging import Forager, Foraging, draw_in_ring
-from iswarm_mj.tasks.signatures import as_task, check_task
+from iswarm_mj.tasks.validation import as_task, check_task
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 

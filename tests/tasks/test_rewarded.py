@@ -15,7 +15,7 @@ from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.base import overrides
 from iswarm_mj.tasks.base import Quantity, Task, without_balls
 from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.tasks.rewarded import REWARD, Earned, rewarded
+from iswarm_mj.tasks.rewarded import REWARD, RewardState, rewarded
 from iswarm_mj.workflows.rollout import rollout
 
 N, STEPS = 5, 12
@@ -102,7 +102,7 @@ def test_all_else_is_as_it_was():
     plain = Everything()
     made, x = rewarded(plain), jnp.arange(4.0)
     before, after = Seen(x, jnp.int32(2)), Seen(x**2, jnp.int32(7))
-    earned = Earned(after, jnp.float32(-3.5))
+    earned = RewardState(after, jnp.float32(-3.5))
     for method in ("conditions", "survives", "balls"):
         assert overrides(made, Task, method) and (method == "survives") == overrides(
             rewarded(Eastwards()), Task, method
@@ -110,7 +110,7 @@ def test_all_else_is_as_it_was():
     assert made.conditions(earned, 10) == plain.conditions(after, 10) == 17
     assert made.progress(earned) == 7 and made.balls(earned).tolist() == [0, 1]
     assert made.survives(earned).tolist() == [True, True, False, True]
-    rewards = made.reward(Earned(before, jnp.float32(1.0)), earned, None)
+    rewards = made.reward(RewardState(before, jnp.float32(1.0)), earned, None)
     np.testing.assert_array_equal(rewards, plain.reward(before, after, None))
     assert rewards[3] == 4 * 6
     assert made.metrics(earned) == {"taken": 7, REWARD: -3.5}

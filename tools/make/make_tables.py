@@ -18,7 +18,7 @@ from iswarm_mj.output import rerun_entities as names
 from iswarm_mj.output.memory_vectors import UNKNOWN
 from iswarm_mj.output.schema import BALLS, LINKS, ROBOTS
 from iswarm_mj.output.tables import TABLES, memory_columns
-from iswarm_mj.strategy.declared import array_name
+from iswarm_mj.strategy.attributes import array_name
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.vector_strategy import VectorStrategy

@@ -63,7 +63,7 @@ def _begin(w: World, n: int, lane: int, n_lanes: int):
 
 @wp.func
 def _claim(w: World, pair: wp.vec3i, round: int):
-    """Offer a contact's key to both ends."""
+    """PluginKind a contact's key to both ends."""
     key = _key(pair, w.place.shape[0], round)
     wp.atomic_min(w.claim, pair[1], key)
     if pair[0] < w.place.shape[0]:

@@ -11,8 +11,8 @@ from iswarm_mj.engines.base import CompiledEngine, Engine, LightReading, Mapping
 from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.links import Links
-from iswarm_mj.strategy.contract import check_base, compare, shapes_of
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree
+from iswarm_mj.strategy.shape_checks import check_base, compare, shapes_of
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError
 

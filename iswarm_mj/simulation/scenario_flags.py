@@ -17,7 +17,7 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.registry import ENGINES, OFFER
 from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome
-from iswarm_mj.strategy.library import STRATEGIES, TASKS, Offer, find, find_teams, offered
+from iswarm_mj.strategy.library import STRATEGIES, TASKS, PluginKind, find, find_teams, offered
 from iswarm_mj.strategy.teams import Team, Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
@@ -210,7 +210,7 @@ def names_of(given: Any) -> list[str]:
     return [f.name for f in fields(given) if f.init] if is_dataclass(given) else []
 
 
-def made_of(offer: Offer, name: str) -> Any:
+def made_of(offer: PluginKind, name: str) -> Any:
     """Return the strategy or the task of a name, with the defaults of its fields.
 
     Raises:
@@ -230,7 +230,7 @@ def _object(found: Any) -> Any:
 
 
 @cache
-def _name(offer: Offer, cls: type) -> str:
+def _name(offer: PluginKind, cls: type) -> str:
     """How a command line names a class of strategies, tasks or engines."""
     if found := offered(offer, cls.__name__, set(names_of(cls))):
         return found

@@ -11,11 +11,11 @@ import numpy as np
 
 from iswarm_mj.engines.settings import EngineSettings
 from iswarm_mj.simulation.actuate import drive_phases
-from iswarm_mj.simulation.given import of_all_worlds
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.setup import Setup, set_up
+from iswarm_mj.simulation.stacking import of_all_worlds
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.strategy.signatures import check_strategies
+from iswarm_mj.strategy.validation import check_strategies
 from iswarm_mj.utils.errors import UserError
 
 USUAL = Scenario(robots=8)

@@ -10,8 +10,8 @@ from support.tasks import Eastward, Still
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.registry import find_engine
-from iswarm_mj.simulation.checks import check_engine, check_strategy, check_task
 from iswarm_mj.simulation.scenario import Scenario
+from iswarm_mj.simulation.validation import check_engine, check_strategy, check_task
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.aggregation import Beeclust
 from iswarm_mj.utils.errors import UserError

@@ -10,10 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.sensors.messages import Payload
+from iswarm_mj.strategy.attributes import check_recorded, payload_of
 from iswarm_mj.strategy.base import Strategy, overrides
-from iswarm_mj.strategy.contract import check_names, compare, shapes_of
-from iswarm_mj.strategy.declared import check_recorded, payload_of
 from iswarm_mj.strategy.interface import Command, Observation
+from iswarm_mj.strategy.shape_checks import check_names, compare, shapes_of
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError

@@ -16,9 +16,9 @@ from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.arena import arena_of
 from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.strategy.base import overrides
-from iswarm_mj.strategy.contract import check_base, check_names, compare, is_shipped, shapes_of
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree, is_number
+from iswarm_mj.strategy.shape_checks import check_base, check_names, compare, is_shipped, shapes_of
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.base import Sensed, Task, TaskInputs
 from iswarm_mj.utils.errors import UserError

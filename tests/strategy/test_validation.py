@@ -13,14 +13,14 @@ import pytest
 
 from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.sensors.memory import VectorMemory
+from iswarm_mj.strategy.attributes import led_power, parts_of
 from iswarm_mj.strategy.base import Strategy
-from iswarm_mj.strategy.contract import shapes_of
-from iswarm_mj.strategy.declared import led_power, parts_of
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.pytrees import as_strategy
-from iswarm_mj.strategy.signatures import check_strategies
+from iswarm_mj.strategy.shape_checks import shapes_of
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.strategy.user_code import user_code
+from iswarm_mj.strategy.validation import check_strategies
 from iswarm_mj.utils.errors import UserError
 
 N, S = 5, 6
