@@ -1,4 +1,7 @@
-"""Geometry and mass of robots, as plain numbers for every package. Their MJCF files are the only source."""
+"""Geometry and mass of robots, as plain numbers for every package.
+
+Their MJCF files are the only source.
+"""
 
 import math
 from collections.abc import Sequence
@@ -15,24 +18,26 @@ Point = tuple[float, float]
 """Position ahead of and to the left of a robot's centre [mm]."""
 
 RobotFile: TypeAlias = Path | str | Sequence[str] | None
-"""MJCF file of the robots, None for `models/robot.xml`; of several kinds, each file with the number of its robots, as
-("a.xml:200", "b.xml:80")."""
+"""MJCF file of the robots, None for `models/robot.xml`; of several kinds, each file with the number of
+its robots, such as ("a.xml:200", "b.xml:80")."""
 
 SIDES = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
-"""Where the sides of the paper's robot look: 0 front, 1 left, 2 back, 3 right."""
+"""Directions of the sides of the paper's robot: 0 front, 1 left, 2 back, 3 right."""
 
-_FRONT = math.cos(math.radians(45)) - 1e-6  # of the angle within which something looks ahead, or back
+_FRONT = math.cos(math.radians(45)) - 1e-6
+"""Cosine of the angle within which a side looks ahead, or back."""
 
 
 @dataclass(frozen=True)
 class Sides:
-    """Where the S LEDs and the S pairs of photodiodes of a robot look, by default those of the paper's.
+    """Directions of the S LEDs and the S pairs of photodiodes of a robot.
 
-    A side is a number, which an LED and a pair of photodiodes share; they may look in different directions.
+    By default they are those of the paper's robot. A side is a number that an LED and a pair of
+    photodiodes share; they may look in different directions.
 
     Attributes:
         leds: optical axes of the LEDs, unit vectors ahead and to the left.
-        photodiodes: likewise of the pairs of photodiodes.
+        photodiodes: optical axes of the pairs of photodiodes.
     """
 
     leds: tuple[Point, ...] = SIDES
@@ -60,8 +65,9 @@ class Sides:
     @property
     def front(self) -> tuple[bool, ...]:
         """Sides whose photodiodes look ahead, within 45 degrees; or else those that do so most."""
-        most = max(x for x, _ in self.photodiodes) - 1e-6
-        return tuple(x >= min(most, _FRONT) for x, _ in self.photodiodes)
+        foremost = max(x for x, _ in self.photodiodes) - 1e-6
+        limit = min(foremost, _FRONT)
+        return tuple(x >= limit for x, _ in self.photodiodes)
 
     @property
     def front_leds(self) -> tuple[bool, ...]:
@@ -75,26 +81,28 @@ class Sides:
 
 
 def _bearings(axes: tuple[Point, ...]) -> tuple[float, ...]:
+    """Return the directions of optical axes [rad]; multiples of pi / 2 are exact."""
     if axes == SIDES:
         return tuple(side * (math.pi / 2) for side in range(len(SIDES)))
     return tuple(math.atan2(y, x) for x, y in axes)
 
 
 PAPER_SIDES = Sides()
-"""Of the paper's robot."""
+"""Sides of the paper's robot."""
 
 
 class Robots:
-    """The robots of a swarm, of one kind or of several; those of a kind have consecutive numbers.
+    """Robots of a swarm, of one kind or of several; those of a kind have consecutive numbers.
 
-    Hashable, so that they can be static arguments of `jax.jit`. All kinds have the same sides and height.
+    They are hashable, so that they can be static arguments of `jax.jit`. All kinds have the same
+    sides and height.
     """
 
     kinds: tuple["Robot", ...]
     firsts: tuple[int, ...] = (0,)
-    """Number of the first robot of each kind; places beyond the last robot count as the last kind's."""
+    """Index of the first robot of each kind; places beyond the last robot count as the last kind's."""
     sides: Sides
-    """Where LEDs and photodiodes look."""
+    """Directions of LEDs and photodiodes."""
 
     @property
     def circumradius(self) -> float:
@@ -113,56 +121,81 @@ class Robots:
 
     @property
     def optical_offset(self) -> float:
-        """By how much light may begin or end farther from a robot than the middle of a side that faces it [mm].
+        """Largest distance of LEDs and receivers from the middle of their side [mm].
 
-        Of sides that look along the normals of the hull it is the distance from their middle; otherwise, the distance
-        from the robot's centre will do.
+        By so much light may begin or end farther from a robot than the middle of a side that faces
+        it. If sides do not look along the normals of the hull, it is the distance from the robot's
+        centre.
         """
         normals = (*self.sides.leds, *self.sides.photodiodes)
-        sites = [site for kind in self.kinds for site in zip(normals, (*kind.leds, *kind.receivers), strict=True)]
-        if self.sides.is_regular:
-            return max(abs(normal[0] * y - normal[1] * x) for normal, (x, y) in sites)
-        return max(math.hypot(x, y) for _, (x, y) in sites)
+        offsets = []
+        for kind in self.kinds:
+            sites = (*kind.leds, *kind.receivers)
+            for (normal_x, normal_y), (x, y) in zip(normals, sites, strict=True):
+                if self.sides.is_regular:
+                    offsets.append(abs(normal_x * y - normal_y * x))
+                else:
+                    offsets.append(math.hypot(x, y))
+        return max(offsets)
 
     def kind_of(self, which: int | Int[np.ndarray, "N"]) -> Int[np.ndarray, "N"]:
-        """Return the index in `kinds` of the first robots, so many, or of those of these numbers."""
-        return np.searchsorted(self.firsts, np.arange(which) if isinstance(which, int) else which, side="right") - 1
+        """Return the indices of the kinds of robots.
+
+        Args:
+            which: number of robots, from the first one on, or their indices.
+        """
+        indices = np.arange(which) if isinstance(which, int) else which
+        return np.searchsorted(self.firsts, indices, side="right") - 1
 
     def each(self, name: str, which: int | Int[np.ndarray, "N"]) -> Shaped[np.ndarray, "N ..."]:
-        """Return an attribute of `Robot`, as "probe_tip", of the first robots or of those of these numbers."""
-        return np.array([getattr(kind, name) for kind in self.kinds])[self.kind_of(which)]
+        """Return an attribute of each robot.
+
+        Args:
+            name: of the attribute of `Robot`, such as "probe_tip".
+            which: number of robots, from the first one on, or their indices.
+        """
+        values_of_kinds = np.array([getattr(kind, name) for kind in self.kinds])
+        return values_of_kinds[self.kind_of(which)]
 
     def part(self, first: int, size: int) -> "Robots":
         """Return `size` consecutive robots, numbered from 0: a `Robot` if they are of one kind."""
-        begin, end = self.kind_of(np.array([first, first + size - 1])).tolist()
-        if begin == end:
-            return self.kinds[begin]
-        return Mixed(self.kinds[begin : end + 1], (0, *(own - first for own in self.firsts[begin + 1 : end + 1])))
+        first_kind, last_kind = self.kind_of(np.array([first, first + size - 1])).tolist()
+        if first_kind == last_kind:
+            return self.kinds[first_kind]
+        later_firsts = self.firsts[first_kind + 1 : last_kind + 1]
+        firsts = (0, *(index - first for index in later_firsts))
+        return Mixed(self.kinds[first_kind : last_kind + 1], firsts)
 
     @property
     def most_partners(self) -> int:
-        """Robots that touch one at most: half as many again as fit around it with their shorter sides, at its corners
-        too; 12 for square ones of one kind.
+        """Maximum number of robots that touch one: 12 for square ones of one kind.
+
+        It is 1.5 times the number of those that fit around it with their shorter sides, and at its
+        corners.
         """
-        edges = (kind.half_edges[:2] for kind in self.kinds)
-        around = max(2 * (min(two) / self.inradius + max(two) / self.inradius) + 4 for two in edges)
-        return math.ceil(1.5 * around)
+        n_around = []
+        for kind in self.kinds:
+            half_x, half_y = kind.half_edges[:2]
+            shorter = min(half_x, half_y) / self.inradius
+            longer = max(half_x, half_y) / self.inradius
+            n_around.append(2 * (shorter + longer) + 4)
+        return math.ceil(1.5 * max(n_around))
 
 
 @dataclass(frozen=True)
 class Robot(Robots):
-    """A box that stands upright on the floor, with S LEDs and S pairs of photodiodes. Units: mm, mg.
+    """Box that stands upright on the floor, with S LEDs and S pairs of photodiodes.
 
-    It is also a swarm of one kind, its own. `engines.arena.read_robot` reads it from an MJCF file.
+    It is also a swarm of one kind. `engines.robot_file` reads it from an MJCF file.
 
     Attributes:
         half_edges: half the length, width and height [mm].
-        leds: where each side's LED emits, on the surface of the hull [mm].
-        photodiodes: where each side's two photodiodes receive, likewise [mm].
-        probe_tip: the tip of the probe [mm].
-        tip_height: its height above the floor [mm].
-        mass: [mg].
-        sides: where LEDs and photodiodes look.
+        leds: places of the LEDs on the surface of the hull, by side [mm].
+        photodiodes: places of the two photodiodes of each side [mm].
+        probe_tip: place of the tip of the probe [mm].
+        tip_height: height of the tip above the floor [mm].
+        mass: of the robot [mg].
+        sides: directions of LEDs and photodiodes.
     """
 
     half_edges: tuple[float, float, float]
@@ -186,7 +219,7 @@ class Robot(Robots):
 
     @property
     def receivers(self) -> tuple[Point, ...]:
-        """Where each side receives light: halfway between its photodiodes [mm]."""
+        """Places at which the sides receive light: halfway between their photodiodes [mm]."""
         return tuple(((ax + bx) / 2, (ay + by) / 2) for (ax, ay), (bx, by) in self.photodiodes)
 
 
@@ -201,8 +234,8 @@ class Mixed(Robots):
     def __post_init__(self):
         if len({(kind.sides, kind.ray_height) for kind in self.kinds}) > 1:
             raise UserError(
-                "robots of one swarm must have the same height and number of sides, and LEDs and photodiodes that look "
-                "in the same directions; change one of their files."
+                "robots of one swarm must have the same height and number of sides, and LEDs and "
+                "photodiodes that look in the same directions; change one of their files."
             )
         object.__setattr__(self, "sides", self.kinds[0].sides)
 

@@ -1,4 +1,4 @@
-"""Walls of a convex arena as half planes: which corners it has, how far points are beyond them."""
+"""Walls of a convex arena, as half planes."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,9 @@ from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 
 Corner = tuple[float, float]
-"""x and y [rd]."""
+"""Coordinates x and y [rd]."""
+MAX_CORNERS = 32
+"""Maximum number of corners of an arena."""
 
 
 def outline_of(given: Any) -> tuple[Any, ...]:
@@ -24,45 +26,63 @@ def outline_of(given: Any) -> tuple[Any, ...]:
     Raises:
         ConfigError: it is something else, or does not contain the origin.
     """
-    what = "arena.outline"
-    outline = rows_of(what, given, ("x", "y"), "pairs of numbers: width and height, or the corners x and y [rd]")
-    if len(outline) == 2 or len(outline) > 32:
-        raise ConfigError(what, f"{len(outline)} pairs", "width and height, or 3 to 32 corners")
-    corners = corners_of(outline)
+    setting = "arena.outline"
+    form = "pairs of numbers: width and height, or the corners x and y [rd]"
+    outline = rows_of(setting, given, ("x", "y"), form)
+    if len(outline) == 2 or len(outline) > MAX_CORNERS:
+        allowed = f"width and height, or 3 to {MAX_CORNERS} corners"
+        raise ConfigError(setting, f"{len(outline)} pairs", allowed)
     if len(outline) == 1 and min(outline[0]) <= 0:
-        raise ConfigError(what, outline[0], "a width and a height above 0 rd")
-    for number, ((x, y), (x1, y1), (x2, y2)) in enumerate(
-        zip(corners, (*corners[1:], *corners[:1]), (*corners[2:], *corners[:2]), strict=True)
-    ):
-        if (x1 - x) * (y2 - y1) - (y1 - y) * (x2 - x1) <= 0:
-            raise ConfigError(what, corners[(number + 1) % len(corners)], "corners of a convex polygon, in order")
-        if x * y1 - y * x1 <= 0:
-            raise ConfigError(what, ((x, y), (x1, y1)), "walls around the origin, where the dump is")
-    if beyond(np.array(corners), half_planes(corners)).max() > 1e-9 * np.abs(corners).max():
-        raise ConfigError(what, outline, "corners of a convex polygon, once around")
+        raise ConfigError(setting, outline[0], "a width and a height above 0 rd")
+
+    corners = corners_of(outline)
+    following = (*corners[1:], *corners[:1])
+    after_next = (*corners[2:], *corners[:2])
+    for (x, y), (x1, y1), (x2, y2) in zip(corners, following, after_next, strict=True):
+        turns_left = (x1 - x) * (y2 - y1) - (y1 - y) * (x2 - x1) > 0
+        if not turns_left:
+            raise ConfigError(setting, (x1, y1), "corners of a convex polygon, in order")
+        has_origin_left = x * y1 - y * x1 > 0
+        if not has_origin_left:
+            wall = ((x, y), (x1, y1))
+            raise ConfigError(setting, wall, "walls around the origin, where the dump is")
+
+    # A star turns left at each corner, too, but has corners beyond its walls.
+    farthest = beyond(np.array(corners), half_planes(corners)).max()
+    if farthest > 1e-9 * np.abs(corners).max():
+        raise ConfigError(setting, outline, "corners of a convex polygon, once around")
     return outline
 
 
-def rows_of(what: str, given: Any, names: Sequence[str], form: str) -> tuple[tuple[float, ...], ...]:
-    """Return rows of finite numbers with these names as tuples of floats.
+def rows_of(setting: str, given: Any, names: Sequence[str], form: str) -> tuple[tuple[float, ...], ...]:
+    """Return rows of finite numbers as tuples of floats.
+
+    Args:
+        setting: its name, for messages.
+        given: its value.
+        names: of the numbers of a row.
+        form: that the value must have, for messages.
 
     Raises:
-        ConfigError: the setting `what` holds something else than this form.
+        ConfigError: the value has another form, or holds other numbers.
     """
-    given = given.tolist() if isinstance(given, np.ndarray) else given
-    is_list = isinstance(given, Sequence) and not isinstance(given, str)
-    if not is_list or not all(isinstance(one, Sequence) and len(one) == len(names) for one in given):
-        raise ConfigError(what, given, form)
-    for number, one in enumerate(given):
-        if not all(isinstance(value, int | float) and math.isfinite(value) for value in one):
-            raise ConfigError(f"{what}[{number}]", tuple(one), f"finite numbers {', '.join(names)}")
-    return tuple(tuple(map(float, one)) for one in given)
+    rows = given.tolist() if isinstance(given, np.ndarray) else given
+    is_list = isinstance(rows, Sequence) and not isinstance(rows, str)
+    if not is_list or not all(isinstance(row, Sequence) and len(row) == len(names) for row in rows):
+        raise ConfigError(setting, rows, form)
+    for index, row in enumerate(rows):
+        if not all(isinstance(value, int | float) and math.isfinite(value) for value in row):
+            allowed = f"finite numbers {', '.join(names)}"
+            raise ConfigError(f"{setting}[{index}]", tuple(row), allowed)
+    return tuple(tuple(map(float, row)) for row in rows)
 
 
 def corners_of(outline: Sequence[Any]) -> tuple[Corner, ...]:
     """Return the corners of an arena, anticlockwise, see `outline_of`."""
     if len(outline) == 1:
-        x, y = outline[0][0] / 2, outline[0][1] / 2
+        width, height = outline[0]
+        x = width / 2
+        y = height / 2
         return (x, -y), (x, y), (-x, y), (-x, -y)
     return tuple(outline) if area_of(outline) > 0 else tuple(outline[::-1])
 
@@ -75,16 +95,18 @@ def area_of(corners: Sequence[Corner]) -> float:
 
 def half_planes(corners: Sequence[Corner]) -> Float[np.ndarray, "W 3"]:
     """Return the walls from each corner to the next: outward normal x and y, and distance from the origin."""
-    each = np.array(corners)
-    along = np.roll(each, -1, axis=0) - each
+    starts = np.array(corners)
+    along = np.roll(starts, -1, axis=0) - starts
     normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]
-    return np.column_stack([normals, (normals * each).sum(axis=1)]) + 0.0
+    distances = (normals * starts).sum(axis=1)
+    return np.column_stack([normals, distances]) + 0.0  # which makes 0 of -0
 
 
 def beyond(points: Float[Array, "*P 2"], walls: Float[Array, "W 3"]) -> Float[Array, "*P"]:
-    """Return how far points are beyond the walls, negative within; NumPy or JAX."""
+    """Return the distance by which points are beyond the walls, negative within; NumPy or JAX."""
     walls = array_module(points).asarray(walls)
-    return (walls[:, 0] * points[..., :1] + walls[:, 1] * points[..., 1:2] - walls[:, 2]).max(axis=-1)
+    along_normals = walls[:, 0] * points[..., :1] + walls[:, 1] * points[..., 1:2]
+    return (along_normals - walls[:, 2]).max(axis=-1)
 
 
 def in_mm(walls: Float[np.ndarray, "W 3"]) -> Float[np.ndarray, "W 3"]:
