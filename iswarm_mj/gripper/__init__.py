@@ -1,4 +1,4 @@
-"""The electrostatic gripper: force laws, their plugins in MuJoCo, the bench of one ball, and balls in the swarm.
+"""The electrostatic gripper: force laws, MuJoCo plugins, the bench of one ball, balls in the swarm.
 
 The public names are those of `__init__.pyi`, imported when they are first used.
 """

@@ -1,4 +1,4 @@
-"""Attempts to lift and to release balls in the swarm, their outcomes, and the force balance that decides them."""
+"""Attempts to lift and to release balls in the swarm, and the force balance that decides them."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -12,20 +12,20 @@ from iswarm_mj.utils.arrays import Array
 
 
 class Attempts(NamedTuple):
-    """What robots try at K balls in one control step. SI units."""
+    """Attempts of robots at K balls in one control step. SI units."""
 
     lifts: Bool[Array, "K"]
     """A tool tries to lift this ball."""
     releases: Bool[Array, "K"]
     """The robot that holds this ball tries to release it."""
     voltage: Float[Array, "K"]
-    """Of the tool in this attempt [V]."""
+    """Voltage of the tool [V]."""
     radius: Float[Array, "K"]
-    """[m]"""
+    """Radius of the ball [m]."""
     work_tool_object: Float[Array, "K"]
-    """Of this attempt, at the air's humidity [J/m^2]."""
+    """Work of adhesion between tool and ball, at the air's humidity [J/m^2]."""
     work_object_substrate: Float[Array, "K"]
-    """[J/m^2]"""
+    """Work of adhesion between ball and floor, at the air's humidity [J/m^2]."""
     misalignment: Float[Array, "K"]
     """Lateral offset of the tool's axis from the ball's [m]."""
 
@@ -34,12 +34,13 @@ class Outcomes(NamedTuple):
     """Outcomes of attempts at K balls."""
 
     lifted: Bool[Array, "K"]
+    """The ball hangs at the tool."""
     released: Bool[Array, "K"]
     """The ball left the tool and stays on the floor."""
     postponed: Bool[Array, "K"]
     """The attempt was deferred, since all slots of the bench were busy."""
     duration: Float[Array, "K"]
-    """Of the attempt on the bench [s]."""
+    """Duration of the attempt on the bench [s]."""
     impact: Float[Array, "K"]
     """Speed of a released ball as it lands [m/s]; 0 where none lands."""
 
@@ -49,17 +50,29 @@ Decider = Callable[[StaticGripper, Attempts], Outcomes]
 
 
 def by_balance(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
-    """Outcomes by the balance of the forces, without dynamics: the quasi-static surrogate.
+    """Return the outcomes by the force balance, the quasi-static surrogate of trials.
 
-    Where the tool's axis misses the ball by more than the tool's radius, nothing is lifted.
+    A tool whose axis misses the ball by more than the tool's radius lifts nothing. See
+    `laws.detachment.is_grasped` and `is_released`.
     """
-    radius, tool, floor = attempts.radius, attempts.work_tool_object, attempts.work_object_substrate
     reaches = attempts.misalignment < PROBE_RADIUS
-    nothing = jnp.zeros_like(radius)
+    can_lift = is_grasped(
+        attempts.voltage,
+        attempts.radius,
+        attempts.work_tool_object,
+        attempts.work_object_substrate,
+    )
+    can_release = is_released(
+        attempts.voltage,
+        attempts.radius,
+        attempts.work_tool_object,
+        gripper.release_gap,
+    )
+    zeros = jnp.zeros_like(attempts.radius)
     return Outcomes(
-        attempts.lifts & reaches & is_grasped(attempts.voltage, radius, tool, floor),
-        attempts.releases & is_released(attempts.voltage, radius, tool, gripper.release_gap),
-        jnp.zeros_like(attempts.lifts),
-        nothing,
-        nothing,
+        lifted=attempts.lifts & reaches & can_lift,
+        released=attempts.releases & can_release,
+        postponed=jnp.zeros_like(attempts.lifts),
+        duration=zeros,
+        impact=zeros,
     )

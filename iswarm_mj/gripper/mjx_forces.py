@@ -1,4 +1,6 @@
-"""The gripper's forces in MJX, for `impl="jax"` and `impl="warp"` alike: the same laws, and the plugins' attributes.
+"""The gripper's forces in MJX, with the laws and attributes of the plugins.
+
+For `impl="jax"` and `impl="warp"`:
 
     spec = mujoco.MjSpec.from_file("models/bench.xml")
     forces, portable = gripper_forces(spec.compile()), mjx_compatible(spec)
@@ -6,9 +8,10 @@
     state = first_state(forces)
     dx, force = step(forces, mx, dx, state)      # in jit, scan, vmap; next with force.state
 
-MJX has no plugins and drops their forces, so here they enter as `xfrc_applied`. `GripperForces` is a pytree whose
-arrays can be replaced and batched by `vmap`, and so can the radii in the model (`mjx_model.resize`), and the voltages
-and the probe's path in `Data.ctrl`. The docstring of `plugin` describes the forces.
+MJX has no plugins and drops their forces, so here they enter as `xfrc_applied`. `GripperForces` is
+a pytree whose arrays can be replaced and batched by `vmap`, and so can the radii in the model
+(`mjx_model.resize`), and the voltages and the probe's path in `Data.ctrl`. The docstring of
+`plugin` describes the forces.
 """
 
 import math
@@ -18,7 +21,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import mujoco
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from iswarm_mj.engines.mjx.api import mjx
 from iswarm_mj.gripper import contact, plugin
@@ -27,27 +30,28 @@ from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
 from iswarm_mj.gripper.laws.probe_table import tables
 from iswarm_mj.gripper.native.attributes import ATTRIBUTES, ELECTROSTATIC, NUMBER
-from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
+from iswarm_mj.gripper.units import MS, NN, PRESSURE, UG_PER_UM3, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.scalar_backends import in_arrays
 
-_contact, _spline = in_arrays(contact, jnp), in_arrays(spline, jnp)
+_contact = in_arrays(contact, jnp)
+_spline = in_arrays(spline, jnp)
 
 
 class State(NamedTuple):
-    """What a ball keeps from one step to the next; see the docstring of `plugin`."""
+    """State that a ball keeps from one step to the next; see the docstring of `plugin`."""
 
     potential: Float[Array, ""]
     """`contact.ON_PLATE` or `ON_PROBE`; in a circuit the nearer of the two."""
     charge: Float[Array, ""]
-    """In a circuit [fC]."""
+    """Charge of the ball in a circuit [fC]."""
     broken: Float[Array, ""]
     """1 if the oxide of the present contact broke down."""
     before: Float[Array, "P"]
     """Gaps one step earlier [um]."""
     closing: Float[Array, "P"]
-    """Speeds with which they closed then [um/ms]."""
+    """Speeds with which the gaps closed then [um/ms]."""
     rebound: Float[Array, "P"]
     """1 while an impact throws the ball back."""
 
@@ -56,11 +60,11 @@ class Pair(NamedTuple):
     """A ball and a surface that adhere."""
 
     instance: str
-    """Of the adhesion plugin."""
+    """Instance of the adhesion plugin."""
     ball: int
-    """Its geom."""
+    """Geom of the ball."""
     surface: int
-    """Its geom."""
+    """Geom of the surface."""
 
 
 @jax.tree_util.register_dataclass
@@ -69,13 +73,13 @@ class GripperForces:
     """Attributes of a model's plugins: arrays, and static ids.
 
     Attributes:
-        numbers: attributes that are numbers, by instance and name, see `native.attributes.ATTRIBUTES`.
+        numbers: numeric attributes by instance and name, see `native.attributes.ATTRIBUTES`.
         pairs: P pairs of geoms, in the order of the plugin instances.
         circuit: instance of the electrostatic plugin.
         ball, probe, plate: geoms.
         voltage: actuator.
-        plane: whether each geom is a plane.
-        bodies: the body of each geom.
+        plane: True for each geom that is a plane.
+        bodies: body of each geom.
     """
 
     numbers: dict[tuple[str, str], Array]
@@ -89,68 +93,134 @@ class GripperForces:
     bodies: tuple[int, ...] = field(metadata={"static": True})
 
     def having(self, numbers: dict[tuple[str, str], Array]) -> "GripperForces":
-        """The same forces with other values of these numbers."""
+        """Return the same forces with other values of these numbers."""
         return replace(self, numbers=self.numbers | numbers)
+
+    def attributes(self, instance: str) -> dict[str, Array]:
+        """Return the numeric attributes of a plugin instance by name."""
+        return {name: value for (owner, name), value in self.numbers.items() if owner == instance}
 
     @property
     def tool_and_plate(self) -> tuple[int, int]:
-        """Which of the pairs are the ball's with the tool and with the plate."""
+        """Indices of the ball's pairs with the tool and with the plate."""
         surfaces = [pair.surface for pair in self.pairs]
         return surfaces.index(self.probe), surfaces.index(self.plate)
 
 
 def gripper_forces(model: mujoco.MjModel) -> GripperForces:
-    """Forces that a model declares: any number of instances of the adhesion plugin, one of the electrostatic plugin."""
+    """Return the forces that a model declares.
+
+    Args:
+        model: has any number of instances of the adhesion plugin, and one of the electrostatic one.
+
+    Raises:
+        UserError: the model has no instance of the electrostatic plugin, or several.
+    """
     state = mujoco.MjData(model).plugin_state
-    values = {key: state[index] for key, index in plugin.state_indices(model).items()}
+    values = {place: state[index] for place, index in plugin.state_indices(model).items()}
+
     circuits = [instance for instance, name in values if name == "probe"]
-    if len(circuits) != 1:
-        raise UserError(f"The model has {len(circuits)} plugin instances of {ELECTROSTATIC}; give it exactly one.")
-    ids = {name: int(values[circuits[0], name]) for name in ("ball", "probe", "plate", "voltage")}
-    known = {attribute.name for table in ATTRIBUTES.values() for attribute in table if attribute.kind == NUMBER}
+    count = len(circuits)
+    if count != 1:
+        raise UserError(
+            f"The model has {count} plugin instances of {ELECTROSTATIC}; give it exactly one.",
+        )
+    circuit = circuits[0]
+
+    pairs = [
+        Pair(instance, int(values[instance, "ball"]), int(values[instance, "surface"]))
+        for instance, name in values
+        if name == "surface"
+    ]
+    attributes = [attribute for table in ATTRIBUTES.values() for attribute in table]
+    numeric = {attribute.name for attribute in attributes if attribute.kind == NUMBER}
+    numbers: dict[tuple[str, str], Array] = {
+        place: jnp.asarray(value) for place, value in values.items() if place[1] in numeric
+    }
+
+    plane = mujoco.mjtGeom.mjGEOM_PLANE
     return GripperForces(
-        {key: jnp.asarray(value) for key, value in values.items() if key[1] in known},
-        tuple(
-            Pair(it, int(values[it, "ball"]), int(values[it, "surface"])) for it, name in values if name == "surface"
-        ),
-        circuits[0],
-        **ids,
-        plane=tuple(bool(kind == mujoco.mjtGeom.mjGEOM_PLANE) for kind in model.geom_type),
+        numbers=numbers,
+        pairs=tuple(pairs),
+        circuit=circuit,
+        ball=int(values[circuit, "ball"]),
+        probe=int(values[circuit, "probe"]),
+        plate=int(values[circuit, "plate"]),
+        voltage=int(values[circuit, "voltage"]),
+        plane=tuple(bool(kind == plane) for kind in model.geom_type),
         bodies=tuple(model.geom_bodyid.tolist()),
     )
 
 
 def first_state(forces: GripperForces) -> State:
-    """State of a ball after a reset."""
-    zero, zeros = jnp.zeros(()), jnp.zeros(len(forces.pairs))
-    return State(jnp.asarray(contact.ON_PROBE), zero, zero, zeros, zeros, zeros)
+    """Return the state of a ball after a reset."""
+    zero = jnp.zeros(())
+    zeros = jnp.zeros(len(forces.pairs))
+    return State(
+        potential=jnp.asarray(contact.ON_PROBE),
+        charge=zero,
+        broken=zero,
+        before=zeros,
+        closing=zeros,
+        rebound=zeros,
+    )
 
 
 class Force(NamedTuple):
     """The forces at one moment."""
 
     applied: Float[Array, "nbody 6"]
-    """For `xfrc_applied`."""
+    """Forces and torques for `xfrc_applied`."""
     adhesion: Float[Array, "P"]
-    """Towards the surface [nN]."""
+    """Attraction of the ball by each surface [nN]."""
     electrostatic: Float[Array, ""]
-    """Positive towards the probe, negative towards the plate [nN]."""
+    """Electrostatic force, positive towards the probe, negative towards the plate [nN]."""
     gaps: Float[Array, "P"]
-    """Between the pairs [um]."""
+    """Gap of each pair [um]."""
     ball_voltage: Float[Array, ""]
-    """Of the ball against the plate [V]."""
+    """Voltage of the ball against the plate [V]."""
     pulls: tuple[Array, Array]
-    """To probe and plate, whose difference is `electrostatic` [nN]."""
+    """Pulls to probe and plate, whose difference is `electrostatic` [nN]."""
     capacitances: tuple[Array, Array]
-    """Of the ball to probe and plate [fF]."""
+    """Capacitances of the ball to probe and plate [fF]."""
     landing_speed: Float[Array, "P"]
-    """Of contacts that begin, 0 otherwise [um/ms]."""
+    """Closing speed of each contact that begins, 0 for others [um/ms]."""
     state: State
-    """After this step."""
+    """State after this step."""
+
+
+class _Adhesion(NamedTuple):
+    """Adhesion and impact of one pair at one moment."""
+
+    applied: Float[Array, "nbody 6"]
+    """Forces and torques for `xfrc_applied`."""
+    gap: Array
+    """Gap of the pair [um]."""
+    force: Array
+    """Attraction of the ball by the surface [nN]."""
+    rebound: Array
+    """1 while an impact throws the ball back, after this step."""
+    landing_speed: Array
+    """Closing speed of a contact that begins, 0 otherwise [um/ms]."""
+
+
+class _Electrostatics(NamedTuple):
+    """Electrostatic forces on the ball at one moment; pairs are those of probe and plate."""
+
+    applied: tuple[Array, Array]
+    """Forces and torques of both pulls for `xfrc_applied` (nbody, 6)."""
+    gaps: tuple[Array, Array]
+    """Gaps [um]."""
+    capacitances: tuple[Array, Array]
+    """Capacitances of the ball [fF]."""
+    pulls: tuple[Array, Array]
+    """Pulls [nN]."""
+    ball_voltage: Array
+    """Voltage of the ball against the plate [V]."""
 
 
 def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> Force:
-    """Forces at the present positions and the voltage in `data.ctrl`.
+    """Return the forces at the present positions and the voltage in `data.ctrl`.
 
     Args:
         forces: attributes and ids.
@@ -158,69 +228,40 @@ def gripper_force(forces: GripperForces, model: mjx.Model, data: mjx.Data, state
         data: of MJX, whose bodies are where `mjx.kinematics` places them.
         state: as the last call returned it.
     """
-    total = jnp.zeros_like(data.xfrc_applied)
-    mass = model.body_mass[forces.bodies[forces.ball]]
-    adhesion, gaps, rebounds, landings = [], [], [], []
-    for i, (instance, ball, surface) in enumerate(forces.pairs):
-        own = {name: value for (it, name), value in forces.numbers.items() if it == instance}
-        gap, normal = _gap(forces, model, data, ball, surface)
-        radius, before = model.geom_size[ball, 0], state.before[i]
-        work = own["work"] * humidity_factor(own["humidity"]) * (NN / UM)
-        hits = (gap <= 0) & (before > 0)
-        speed = jnp.where(hits, (before - gap) / model.opt.timestep, 1.0)
-        density = mass / (4 / 3 * math.pi * radius**3) * 1e9
-        numbers = own["restitution"], own["yield_pressure"] * PRESSURE, own["modulus"] * PRESSURE
-        ratio = _contact.rebound_ratio(speed * (UM / MS), density, radius * UM, work, *numbers)
-        begins = hits & (ratio > 0)
-        push = jnp.where(begins, mass * (1 + ratio) * speed / model.opt.timestep, 0.0)
-        force = _contact.adhesion_force(work, own["hamaker"] * (NN * UM), radius * UM, gap * UM) / NN
-        force = jnp.where(begins | (state.rebound[i] > 0), 0.0, force)
-        total += _attraction(forces, model, data, (ball, surface), gap, (force - push) * normal)
-        adhesion, gaps = [*adhesion, force], [*gaps, gap]
-        rebounds = [*rebounds, _contact.rebounds_on(begins, state.rebound[i], gap, before)]
-        landings = [*landings, _contact.speed_at_contact(before, gap, state.closing[i], speed)]
-    probe_gap, to_probe = _gap(forces, model, data, forces.ball, forces.probe)
-    plate_gap, to_plate = _gap(forces, model, data, forces.ball, forces.plate)
-    own = {name: value for (it, name), value in forces.numbers.items() if it == forces.circuit}
-    voltage, has_circuit, least = data.ctrl[forces.voltage], own["leak"] > 0, own["contact_gap"]
-    radius, probe_radius = model.geom_size[forces.ball, 0], model.geom_size[forces.probe, 0]
-    splines, axes = (jnp.asarray(table, radius.dtype) for table in tables())
-    pick, above = _spline.shape_of(0, radius, probe_gap, least, probe_radius, splines, axes)
-    release, below = _spline.shape_of(1, radius, plate_gap, least, probe_radius, splines, axes)
-    capacitances = above, below
-    mine = _contact.ball_voltage(has_circuit, state.charge, state.potential, voltage, capacitances, plate_gap)
-    across = voltage - mine
-    up = pick * asymptotic_force(across, jnp.maximum(probe_gap, least) * UM, radius * UM) / NN
-    down = release * asymptotic_force(mine, jnp.maximum(plate_gap, least) * UM, radius * UM) / NN
-    total += _attraction(forces, model, data, (forces.ball, forces.probe), probe_gap, up * to_probe)
-    total += _attraction(forces, model, data, (forces.ball, forces.plate), plate_gap, down * to_plate)
-    broken = _contact.is_broken(across, probe_gap, state.broken, least, own["oxide"] * own["breakdown"])
-    leak = jnp.where(has_circuit, own["leak"], 1.0)
-    conducts = has_circuit & (probe_gap <= 0), has_circuit & (plate_gap <= 0)
-    through = 1 / jnp.where(broken > 0, own["contact"], leak), 1 / own["plate_contact"]
-    flows = [jnp.where(touches, each, 0.0) for touches, each in zip(conducts, through, strict=True)]
-    charge = _contact.relaxed_charge(state.charge, mine, voltage, capacitances, *flows, model.opt.timestep)
-    limits = least, own["off_voltage"]
-    potential = _contact.next_potential(has_circuit, state.potential, mine, voltage, (probe_gap, plate_gap), *limits)
-    broken = jnp.where(has_circuit, broken, state.broken)
-    now = jnp.stack(gaps)
-    closing = (state.before - now) / model.opt.timestep
-    new = State(potential, charge, broken, now, closing, jnp.stack(rebounds))
+    adhesions = [_adhesion(forces, model, data, state, index) for index in range(len(forces.pairs))]
+    electrostatics = _electrostatics(forces, model, data, state)
+
+    applied = jnp.zeros_like(data.xfrc_applied)
+    for part in (*(adhesion.applied for adhesion in adhesions), *electrostatics.applied):
+        applied += part
+
+    gaps = jnp.stack([adhesion.gap for adhesion in adhesions])
+    next_state = _circuit_after_step(forces, model, data, state, electrostatics)._replace(
+        before=gaps,
+        closing=(state.before - gaps) / model.opt.timestep,
+        rebound=jnp.stack([adhesion.rebound for adhesion in adhesions]),
+    )
+    to_probe, to_plate = electrostatics.pulls
     return Force(
-        total,
-        jnp.stack(adhesion),
-        up - down,
-        now,
-        mine,
-        (up, down),
-        capacitances,
-        jnp.stack(landings),
-        new,
+        applied=applied,
+        adhesion=jnp.stack([adhesion.force for adhesion in adhesions]),
+        electrostatic=to_probe - to_plate,
+        gaps=gaps,
+        ball_voltage=electrostatics.ball_voltage,
+        pulls=electrostatics.pulls,
+        capacitances=electrostatics.capacitances,
+        landing_speed=jnp.stack([adhesion.landing_speed for adhesion in adhesions]),
+        state=next_state,
     )
 
 
-def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) -> tuple[mjx.Data, Force]:
-    """One physics step with the gripper's forces; arguments as for `gripper_force`.
+def step(
+    forces: GripperForces,
+    model: mjx.Model,
+    data: mjx.Data,
+    state: State,
+) -> tuple[mjx.Data, Force]:
+    """Take one physics step with the gripper's forces; arguments as for `gripper_force`.
 
     Returns:
         The data, and the force that acted, with the state for the next step.
@@ -229,31 +270,248 @@ def step(forces: GripperForces, model: mjx.Model, data: mjx.Data, state: State) 
     return mjx.step(model, data.replace(xfrc_applied=force.applied)), force
 
 
-def _gap(forces: GripperForces, model: mjx.Model, data: mjx.Data, ball: int, surface: int) -> tuple[Array, Array]:
-    """Gap from a plane or a cylinder to a ball [um], and the unit vector (3,) that points along it to the ball."""
+def _adhesion(
+    forces: GripperForces,
+    model: mjx.Model,
+    data: mjx.Data,
+    state: State,
+    index: int,
+) -> _Adhesion:
+    """Return the adhesion of a pair, and the force m (1 + e) v / dt of an impact in this step.
+
+    A ball that an impact throws back does not adhere, since the restitution e holds that loss.
+    """
+    pair = forces.pairs[index]
+    attributes = forces.attributes(pair.instance)
+    timestep = model.opt.timestep
+    mass = model.body_mass[forces.bodies[forces.ball]]
+    radius = model.geom_size[pair.ball, 0]
+    work = attributes["work"] * humidity_factor(attributes["humidity"]) * (NN / UM)
+
+    gap, normal = _gap(forces, model, data, pair.ball, pair.surface)
+    previous_gap = state.before[index]
+
+    # An impact: the contact begins in this step.
+    hits = (gap <= 0) & (previous_gap > 0)
+    speed = jnp.where(hits, (previous_gap - gap) / timestep, 1.0)
+    restitution = _contact.rebound_ratio(
+        speed=speed * (UM / MS),
+        density=mass / (4 / 3 * math.pi * radius**3) * UG_PER_UM3,
+        radius=radius * UM,
+        work=work,
+        restitution=attributes["restitution"],
+        pressure=attributes["yield_pressure"] * PRESSURE,
+        modulus=attributes["modulus"] * PRESSURE,
+    )
+    is_thrown_back = hits & (restitution > 0)
+    push = jnp.where(is_thrown_back, mass * (1 + restitution) * speed / timestep, 0.0)
+
+    adhesion = _contact.adhesion_force(
+        work=work,
+        hamaker=attributes["hamaker"] * (NN * UM),
+        radius=radius * UM,
+        gap=gap * UM,
+    )
+    is_leaving = is_thrown_back | (state.rebound[index] > 0)
+    force = jnp.where(is_leaving, 0.0, adhesion / NN)
+
+    return _Adhesion(
+        applied=_attraction(
+            forces,
+            model,
+            data,
+            (pair.ball, pair.surface),
+            gap,
+            (force - push) * normal,
+        ),
+        gap=gap,
+        force=force,
+        rebound=_contact.rebounds_on(is_thrown_back, state.rebound[index], gap, previous_gap),
+        landing_speed=_contact.speed_at_contact(previous_gap, gap, state.closing[index], speed),
+    )
+
+
+def _electrostatics(
+    forces: GripperForces,
+    model: mjx.Model,
+    data: mjx.Data,
+    state: State,
+) -> _Electrostatics:
+    """Return the pulls of probe and plate, f pi eps0 U^2 R / D, at the voltage U of each gap."""
+    attributes = forces.attributes(forces.circuit)
+    least_gap = attributes["contact_gap"]
+    radius = model.geom_size[forces.ball, 0]
+    probe_radius = model.geom_size[forces.probe, 0]
+    splines, axes = (jnp.asarray(table, radius.dtype) for table in tables())
+
+    probe_gap, from_probe = _gap(forces, model, data, forces.ball, forces.probe)
+    plate_gap, from_plate = _gap(forces, model, data, forces.ball, forces.plate)
+    pick_shape, to_probe = _spline.shape_of(
+        spline.PICK,
+        radius,
+        probe_gap,
+        least_gap,
+        probe_radius,
+        splines,
+        axes,
+    )
+    release_shape, to_plate = _spline.shape_of(
+        spline.RELEASE, radius, plate_gap, least_gap, probe_radius, splines, axes
+    )
+
+    voltage = data.ctrl[forces.voltage]
+    ball_voltage = _contact.ball_voltage(
+        has_circuit=attributes["leak"] > 0,
+        charge=state.charge,
+        potential=state.potential,
+        voltage=voltage,
+        capacitances=(to_probe, to_plate),
+        plate_gap=plate_gap,
+    )
+
+    pull_of_probe = pick_shape * asymptotic_force(
+        voltage - ball_voltage, jnp.maximum(probe_gap, least_gap) * UM, radius * UM
+    )
+    pull_of_plate = release_shape * asymptotic_force(
+        ball_voltage,
+        jnp.maximum(plate_gap, least_gap) * UM,
+        radius * UM,
+    )
+    up = pull_of_probe / NN
+    down = pull_of_plate / NN
+
+    ball_and_probe = forces.ball, forces.probe
+    ball_and_plate = forces.ball, forces.plate
+    return _Electrostatics(
+        applied=(
+            _attraction(forces, model, data, ball_and_probe, probe_gap, up * from_probe),
+            _attraction(forces, model, data, ball_and_plate, plate_gap, down * from_plate),
+        ),
+        gaps=(probe_gap, plate_gap),
+        capacitances=(to_probe, to_plate),
+        pulls=(up, down),
+        ball_voltage=ball_voltage,
+    )
+
+
+def _circuit_after_step(
+    forces: GripperForces,
+    model: mjx.Model,
+    data: mjx.Data,
+    state: State,
+    electrostatics: _Electrostatics,
+) -> State:
+    """Return the state with the charge, the oxide and the potential after a step."""
+    attributes = forces.attributes(forces.circuit)
+    has_circuit = attributes["leak"] > 0
+    least_gap = attributes["contact_gap"]
+    voltage = data.ctrl[forces.voltage]
+    ball_voltage = electrostatics.ball_voltage
+    probe_gap, plate_gap = electrostatics.gaps
+
+    broken = _contact.is_broken(
+        across=voltage - ball_voltage,
+        probe_gap=probe_gap,
+        broken=state.broken,
+        least_gap=least_gap,
+        strength=attributes["oxide"] * attributes["breakdown"],
+    )
+    leak = jnp.where(has_circuit, attributes["leak"], 1.0)
+    probe_conductance = 1 / jnp.where(broken > 0, attributes["contact"], leak)
+    plate_conductance = 1 / attributes["plate_contact"]
+    charge = _contact.relaxed_charge(
+        charge=state.charge,
+        ball_voltage=ball_voltage,
+        voltage=voltage,
+        capacitances=electrostatics.capacitances,
+        probe_conductance=_where_touching(has_circuit, probe_gap, probe_conductance),
+        plate_conductance=_where_touching(has_circuit, plate_gap, plate_conductance),
+        time=model.opt.timestep,
+    )
+    potential = _contact.next_potential(
+        has_circuit=has_circuit,
+        potential=state.potential,
+        ball_voltage=ball_voltage,
+        voltage=voltage,
+        gaps=electrostatics.gaps,
+        least_gap=least_gap,
+        off_voltage=attributes["off_voltage"],
+    )
+    return state._replace(
+        potential=potential,
+        charge=charge,
+        broken=jnp.where(has_circuit, broken, state.broken),
+    )
+
+
+def _where_touching(
+    has_circuit: Bool[Array, ""], gap: Float[Array, ""], conductance: Float[Array, ""]
+) -> Float[Array, ""]:
+    """Return the conductance of a contact in a circuit, 0 out of contact."""
+    return jnp.where(has_circuit & (gap <= 0), conductance, 0.0)
+
+
+def _gap(
+    forces: GripperForces,
+    model: mjx.Model,
+    data: mjx.Data,
+    ball: int,
+    surface: int,
+) -> tuple[Array, Array]:
+    """Return the gap from a plane or a cylinder to a ball [um].
+
+    Also the unit vector (3,) that points along it to the ball.
+    """
     axis = data.geom_xmat[surface].reshape(3, 3)[:, 2]
     vector = data.geom_xpos[ball] - data.geom_xpos[surface]
-    along = vector @ axis
-    radius = model.geom_size[ball, 0]
+    height = vector @ axis
+    ball_radius = model.geom_size[ball, 0]
     if forces.plane[surface]:
-        return along - radius, axis
-    size, half = model.geom_size[surface, 0], model.geom_size[surface, 2]  # of the prism, see `mjx_compatible`
-    aside = vector - along * axis
-    distance_aside = jnp.sqrt(jnp.maximum(aside @ aside, 1e-12))
-    aside = jnp.where(distance_aside > size, 1 - size / distance_aside, 0.0) * aside
-    vector = (along - jnp.clip(along, -half, half)) * axis + aside
+        return height - ball_radius, axis
+
+    # The size is that of the prism which stands for the cylinder, see `mjx_compatible`.
+    cylinder_radius = model.geom_size[surface, 0]
+    half_length = model.geom_size[surface, 2]
+
+    # From the nearest point of the cylinder: what is left beyond its radius and its ends.
+    sideways = vector - height * axis
+    sideways_distance = jnp.sqrt(jnp.maximum(sideways @ sideways, 1e-12))
+    is_beside = sideways_distance > cylinder_radius
+    share_beyond = jnp.where(is_beside, 1 - cylinder_radius / sideways_distance, 0.0)
+    height_beyond = height - jnp.clip(height, -half_length, half_length)
+    vector = height_beyond * axis + share_beyond * sideways
+
     distance = jnp.sqrt(jnp.maximum(vector @ vector, 1e-12))
-    return distance - radius, vector / distance
+    return distance - ball_radius, vector / distance
 
 
 def _attraction(
-    forces: GripperForces, model: mjx.Model, data: mjx.Data, pair: tuple[int, int], gap: Array, force: Array
+    forces: GripperForces,
+    model: mjx.Model,
+    data: mjx.Data,
+    pair: tuple[int, int],
+    gap: Array,
+    pull: Array,
 ) -> Array:
-    """Forces and torques (nbody, 6) of a pull (3,) of the ball on the surface, and of the surface on the ball."""
-    strength = jnp.sqrt(jnp.maximum(force @ force, 1e-30))
-    point = data.geom_xpos[pair[0]] - (model.geom_size[pair[0], 0] + gap / 2) * force / strength
+    """Return forces and torques (nbody, 6) of a pull that ball and surface exert on each other.
+
+    Args:
+        forces: ids.
+        model: of MJX.
+        data: of MJX.
+        pair: geoms of the ball and of the surface.
+        gap: between them [um].
+        pull: force on the surface (3,), along the normal to the ball [nN]; the ball has the
+            opposite.
+    """
+    ball, _ = pair
+    strength = jnp.sqrt(jnp.maximum(pull @ pull, 1e-30))
+    middle = model.geom_size[ball, 0] + gap / 2
+    point = data.geom_xpos[ball] - middle * pull / strength
+
     total = jnp.zeros_like(data.xfrc_applied)
-    for geom, own in zip(pair, (-force, force), strict=True):
+    for geom, force in zip(pair, (-pull, pull), strict=True):
         body = forces.bodies[geom]
-        total = total.at[body].add(jnp.concatenate([own, jnp.cross(point - data.xipos[body], own)]))
+        torque = jnp.cross(point - data.xipos[body], force)
+        total = total.at[body].add(jnp.concatenate([force, torque]))
     return total

@@ -9,19 +9,24 @@ from iswarm_mj.utils.arrays import Array
 
 
 def mjx_compatible(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile a model that every implementation of MJX accepts, without plugins and flags that MJX-Warp lacks.
+    """Compile a model that every implementation of MJX accepts.
 
-    MJX-Warp needs no such flags, since it has no midphase and never resets by itself. The specification is not changed.
+    It has no plugins, and no flags that MJX-Warp lacks.
 
-    A cylinder becomes a square prism of its width, since MJX searches contacts of spheres and cylinders by descent,
-    which ends 0.1 um off where the sphere is beside the axis. Of a ball beside it along x or y, as a misaligned tool
-    has it, the nearest point is the same, and so is the contact.
+    MJX-Warp needs no such flags, since it has no midphase and never resets by itself. The
+    specification is not changed.
+
+    A cylinder becomes a square prism of its width, since MJX searches contacts of spheres and
+    cylinders by descent, which ends 0.1 um off where the sphere is beside the axis. For a ball
+    beside the axis along x or y, as under a misaligned tool, the nearest point is the same, and so
+    is the contact.
     """
     spec = spec.copy()
     for geom in spec.geoms:
         if geom.type == mujoco.mjtGeom.mjGEOM_CYLINDER:
-            radius, half, _ = geom.size
-            geom.type, geom.size = mujoco.mjtGeom.mjGEOM_BOX, (radius, radius, half)
+            radius, half_length, _ = geom.size
+            geom.type = mujoco.mjtGeom.mjGEOM_BOX
+            geom.size = (radius, radius, half_length)
     for plugin in list(spec.plugins):
         spec.delete(plugin)
     flags = (mujoco.mjtDisableBit.mjDSBL_MIDPHASE, mujoco.mjtDisableBit.mjDSBL_AUTORESET)
@@ -30,17 +35,20 @@ def mjx_compatible(spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def resize(forces: GripperForces, model: mjx.Model, radius: Array) -> mjx.Model:
-    """MJX model whose ball, the only geom of a body with a free joint, has another radius, mass and inertia.
+    """Return an MJX model whose ball has another radius, mass and inertia.
+
+    The ball is the only geom of a body with a free joint.
 
     Args:
         forces: of the model.
         model: of `mjx_compatible`.
-        radius: [um]; for a batch use `vmap`.
+        radius: radius of the ball [um]; for a batch use `vmap`.
     """
     body = forces.bodies[forces.ball]
     dof = int(model.body_dofadr[body])
     ratio = radius / model.geom_size[forces.ball, 0]
-    mass, inertia = ratio**3, ratio**5
+    mass = ratio**3
+    inertia = ratio**5
     loose = jnp.repeat(jnp.stack([1 / mass, 1 / inertia]), 3)
     return model.replace(
         geom_size=model.geom_size.at[forces.ball, 0].set(radius),

@@ -6,10 +6,11 @@ from pathlib import Path
 import mujoco
 import mujoco.batch
 import mujoco.rollout
+import numpy as np
 import pytest
 
 import iswarm_mj.gripper.plugin as plugin
-from iswarm_mj.gripper.native import attributes as state
+from iswarm_mj.gripper.native.callbacks import adhesion_callbacks, electrostatic_callbacks
 from iswarm_mj.utils.errors import UserError
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
@@ -21,20 +22,48 @@ def model():
     return mujoco.MjModel.from_xml_path(str(BENCH))
 
 
-@pytest.mark.parametrize("places", [state.OF_ADHESION, state.OF_ELECTROSTATIC])
-def test_what_callbacks_enclose_has_the_same_bytes_in_every_process(places):
-    """They are part of the key under which numba caches callbacks; a class that pickle cannot name has others."""
-    assert pickle.loads(pickle.dumps(places)) == places
+def enclosed(callback):
+    """Return what a callback has from the function that made it."""
+    return [cell.cell_contents for cell in callback.__wrapped__.__closure__ or ()]
+
+
+@pytest.mark.parametrize("make", [adhesion_callbacks, electrostatic_callbacks])
+def test_what_callbacks_enclose_has_the_same_bytes_in_every_process(make):
+    """It is part of the key under which numba caches callbacks.
+
+    Arrays have the same bytes; an object of a class that pickle cannot name has others.
+    """
+    values = [value for callback in make().values() for value in enclosed(callback)]
+    assert values
+    for value in values:
+        assert isinstance(value, np.ndarray)
+        assert pickle.dumps(value) == pickle.dumps(value.copy())
 
 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('key="work" value="14.7"', 'key="work" value="much"', r'iswarm.adhesion: work is "much"; give the work'),
+        (
+            'key="work" value="14.7"',
+            'key="work" value="much"',
+            r'iswarm.adhesion: work is "much"; give the work',
+        ),
         ('key="work" value="14.7"', 'key="work" value="100%s"', r'work is "100_s"; give'),
-        ('key="humidity" value="10"', 'key="humidity" value="110"', r'humidity is "110"; give .* 0 to 100'),
-        ('key="ball" value="ball"', 'key="ball" value="probe"', r'ball is "probe"; give the name of a sphere'),
-        ('key="voltage" value="voltage"', 'key="voltage" value="volt"', r'voltage is "volt"; give .* an actuator'),
+        (
+            'key="humidity" value="10"',
+            'key="humidity" value="110"',
+            r'humidity is "110"; give .* 0 to 100',
+        ),
+        (
+            'key="ball" value="ball"',
+            'key="ball" value="probe"',
+            r'ball is "probe"; give the name of a sphere',
+        ),
+        (
+            'key="voltage" value="voltage"',
+            'key="voltage" value="volt"',
+            r'voltage is "volt"; give .* an actuator',
+        ),
         ('key="contact_gap"', 'key="gap"', r"gap"),
     ],
 )
@@ -45,5 +74,8 @@ def test_a_wrong_attribute_is_a_load_error_with_a_sentence(old, new, message):
 
 
 def test_unknown_state_fields_are_named(model):
-    with pytest.raises(UserError, match="no 'gaps' of 'adhesion_plate'; choose one of ball of adhesion_plate, "):
+    with pytest.raises(
+        UserError,
+        match="no 'gaps' of 'adhesion_plate'; choose one of ball of adhesion_plate, ",
+    ):
         plugin.state_index(model, "adhesion_plate", "gaps")

@@ -1,8 +1,11 @@
-"""Trials of attempts in a swarm, as a batch inside a program of JAX: the script of `swarm_trials` on benches in MJX."""
+"""Trials of attempts in a swarm as a batch inside a program of JAX.
+
+The script of `swarm_trials` on benches in MJX.
+"""
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -29,129 +32,185 @@ from iswarm_mj.gripper.bench.swarm_trials import (
 )
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
-from iswarm_mj.gripper.mjx_forces import Force, GripperForces, State, first_state, gripper_force, gripper_forces
+from iswarm_mj.gripper.mjx_forces import (
+    Force,
+    GripperForces,
+    State,
+    first_state,
+    gripper_force,
+    gripper_forces,
+)
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
 from iswarm_mj.gripper.units import MS, NN, UM
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.scalar_backends import in_arrays
 
-_laws, _script = in_arrays(leap_laws, jnp), in_arrays(script, jnp)
+_laws = in_arrays(leap_laws, jnp)
+_script = in_arrays(script, jnp)
+
 _STEPS = round(PROTOCOL.watch_time / TIMESTEP)
-"""Physics steps between two looks."""
+"""Number of physics steps between two looks."""
 _LIMIT = max(LIFT_TIME, RELEASE_LIMIT + PROTOCOL.flight_limit)
 """Longest time of a trial [s]."""
 ITERATIONS, LINE_SEARCH = 2, 4
-"""Limits of the contact solver: more change no voltage, and single precision never meets MuJoCo's tolerance."""
+"""Limits of the contact solver.
 
+More change no voltage, and single precision never meets MuJoCo's tolerance.
+"""
+_DISABLED = mujoco.mjtDisableBit.mjDSBL_SPRING | mujoco.mjtDisableBit.mjDSBL_DAMPER
+"""Stages that have nothing to do without plugins; in C the plugins are among them."""
 
-_IDLE = mujoco.mjtDisableBit.mjDSBL_SPRING | mujoco.mjtDisableBit.mjDSBL_DAMPER
-"""Stages that have nothing to do without plugins, which in C are among them."""
+Ready: TypeAlias = tuple[GripperForces, mjx.Model]
+"""Forces and model with the ball of an attempt."""
 
 
 class MjxBench(NamedTuple):
-    """A bench for programs of JAX, whose ball is that of a usual trial."""
+    """A bench for programs of JAX, with a ball of 20 um."""
 
     where: Layout
     """Addresses of the bench's numbers."""
     forces: GripperForces
+    """Forces of the plugins."""
     model: mjx.Model
+    """Model without plugins."""
     data: mjx.Data
-    """At rest, without a voltage."""
+    """Data at rest, without a voltage."""
 
 
 def mjx_bench(timestep: float) -> MjxBench:
     """Return the bench with this time step [s]; numbers are single precision."""
     trial = Trial(20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE)
-    chosen = bench_spec()
-    chosen.option.iterations, chosen.option.ls_iterations = ITERATIONS, LINE_SEARCH
-    chosen.option.disableflags |= int(_IDLE)
-    chosen.option.timestep = timestep / MS
-    for pair in chosen.pairs:
+    spec = bench_spec()
+    spec.option.iterations = ITERATIONS
+    spec.option.ls_iterations = LINE_SEARCH
+    spec.option.disableflags |= int(_DISABLED)
+    spec.option.timestep = timestep / MS
+    for pair in spec.pairs:
         pair.friction[3:] = trial.contacts.rolling / UM
-    model, portable = chosen.compile(), mjx_compatible(chosen)
-    forces = gripper_forces(model).having(single(plugin_numbers(trial)))
-    return MjxBench(layout(model), forces, put_model(portable, "jax"), mjx.make_data(portable, impl="jax"))
+
+    model = spec.compile()
+    portable = mjx_compatible(spec)
+    return MjxBench(
+        where=layout(model),
+        forces=gripper_forces(model).having(single(plugin_numbers(trial))),
+        model=put_model(portable, "jax"),
+        data=mjx.make_data(portable, impl="jax"),
+    )
 
 
 def single(values: Any) -> Any:
-    """Arrays of these numbers in single precision."""
-    return jax.tree.map(lambda a: jnp.asarray(a, None if isinstance(a, bool) else jnp.float32), values)
+    """Return these numbers as arrays in single precision; truth values stay."""
+
+    def as_array(value: Any) -> Array:
+        return jnp.asarray(value, None if isinstance(value, bool) else jnp.float32)
+
+    return jax.tree.map(as_array, values)
 
 
 def watched(
     where: Layout,
-    bench: tuple[GripperForces, mjx.Model],
+    bench: Ready,
     data: mjx.Data,
-    ball: mjx_forces.State,
+    ball: State,
     control: Callable[[Array], Array],
     n_steps: int | Array,
 ) -> tuple[mjx.Data, Force, Watch]:
-    """Take physics steps of one bench and watch its ball; the force is that of the last step.
+    """Take physics steps of one bench and watch its ball.
 
-    `control` gives the `ctrl` (nu,) of a step by its number, from 0.
+    Args:
+        where: addresses of the bench's numbers.
+        bench: forces and model.
+        data: before.
+        ball: state of the ball before.
+        control: returns the `ctrl` (nu,) of a step by its number, from 0.
+        n_steps: number of steps.
+
+    Returns:
+        Data after the steps, forces of the last step, and the events.
     """
     forces, model = bench
-    time, (tool, plate) = model.opt.timestep * MS, forces.tool_and_plate
+    timestep = model.opt.timestep * MS
+    tool, plate = forces.tool_and_plate
 
     def step(k: Array, carry: tuple[mjx.Data, Force, Watch]) -> tuple[mjx.Data, Force, Watch]:
-        data, force, seen = carry
+        data, force, watch = carry
         data, force = mjx_forces.step(forces, model, data.replace(ctrl=control(k)), force.state)
-        gap_tool, gap_plate = force.gaps[tool] * UM, force.gaps[plate] * UM
-        begins = (gap_plate <= 0) & jnp.isinf(seen.first_plate)
-        seen = seen._replace(
-            last_tool=jnp.where(gap_tool <= 0, k * time, seen.last_tool),
-            last_plate=jnp.where(gap_plate <= 0, k * time, seen.last_plate),
-            first_plate=jnp.where(begins, k * time, seen.first_plate),
-            landing_speed=jnp.where(begins, force.landing_speed[plate] * (UM / MS), seen.landing_speed),
+        gap_tool = force.gaps[tool] * UM
+        gap_plate = force.gaps[plate] * UM
+        lands = (gap_plate <= 0) & jnp.isinf(watch.first_plate)
+        landing_speed = force.landing_speed[plate] * (UM / MS)
+        watch = watch._replace(
+            last_tool=jnp.where(gap_tool <= 0, k * timestep, watch.last_tool),
+            last_plate=jnp.where(gap_plate <= 0, k * timestep, watch.last_plate),
+            first_plate=jnp.where(lands, k * timestep, watch.first_plate),
+            landing_speed=jnp.where(lands, landing_speed, watch.landing_speed),
             gap_tool=gap_tool,
             gap_plate=gap_plate,
         )
-        return data, force, seen
+        return data, force, watch
 
+    # The loop carries the forces of the last step, of which only the state matters at first.
     shapes = jax.eval_shape(partial(gripper_force, forces), model, data, ball)
     force = jax.tree.map(lambda a: jnp.zeros(a.shape, a.dtype), shapes)._replace(state=ball)
-    nothing = single(Watch(-jnp.inf, -jnp.inf, jnp.inf, 0.0, jnp.nan, jnp.nan, 0.0, True))
-    data, force, seen = jax.lax.fori_loop(0, n_steps, step, (data, force, nothing))
+    no_event = Watch(
+        last_tool=-jnp.inf,
+        last_plate=-jnp.inf,
+        first_plate=jnp.inf,
+        landing_speed=0.0,
+        gap_tool=jnp.nan,
+        gap_plate=jnp.nan,
+        speed=0.0,
+        finite=True,
+    )
+    data, force, watch = jax.lax.fori_loop(0, n_steps, step, (data, force, single(no_event)))
+
     speed = jnp.linalg.norm(data.qvel[where.ball : where.ball + 3]) * (UM / MS)
-    finite = jnp.isfinite(data.qpos).all() & jnp.isfinite(data.qvel).all()
-    return data, force, seen._replace(speed=speed, finite=finite)
+    is_finite = jnp.isfinite(data.qpos).all() & jnp.isfinite(data.qvel).all()
+    return data, force, watch._replace(speed=speed, finite=is_finite)
 
 
 class Slot(NamedTuple):
     """One trial in progress."""
 
     data: mjx.Data
+    """Data of its bench."""
     ball: State
+    """State of its ball."""
     at: Progress
+    """Progress."""
     time: Array
-    """[s]"""
+    """Time since it began [s]."""
 
 
 def by_batch(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
-    """Outcomes of trials in MJX, `gripper.bench_capacity` at once; the attempts beyond are postponed.
+    """Return the outcomes of trials in MJX, `gripper.bench_capacity` at once.
 
-    The same script and the same laws as in `swarm_trials`, in single precision. A step of the swarm without attempts
-    takes no physics step.
+    Attempts beyond that are postponed. The script and the laws are those of `swarm_trials`, in
+    single precision. A step of the swarm without attempts takes no physics step.
     """
-    made, n_balls = attempts.lifts | attempts.releases, attempts.lifts.shape[0]
-    count = min(gripper.bench_capacity, n_balls)
-    (chosen,) = jnp.nonzero(jnp.asarray(made), size=count, fill_value=n_balls)
-    is_real, place = chosen < n_balls, jnp.minimum(chosen, n_balls - 1)
-    mine = jax.tree.map(lambda a: a[place], attempts)
+    n_balls = attempts.lifts.shape[0]
+    is_tried = attempts.lifts | attempts.releases
+
+    # The first attempts get the slots; a slot without one has an index beyond the balls.
+    n_slots = min(gripper.bench_capacity, n_balls)
+    (ball,) = jnp.nonzero(jnp.asarray(is_tried), size=n_slots, fill_value=n_balls)
+    is_real = ball < n_balls
+    some_ball = jnp.minimum(ball, n_balls - 1)
+    attempts_of_slots = jax.tree.map(lambda a: a[some_ball], attempts)
     with jax.default_matmul_precision("highest"):
-        slots = _run(gripper.release_gap, mine, is_real)
-    good = slots.at.succeeds & ~slots.at.is_faulty & is_real
+        slots = _run(gripper.release_gap, attempts_of_slots, is_real)
+    succeeded = slots.at.succeeds & ~slots.at.is_faulty & is_real
 
-    def back(values: Array, kind: Any) -> Array:
-        return jnp.zeros(n_balls, kind).at[chosen].set(values, mode="drop")
+    def of_balls(values: Array, kind: Any) -> Array:
+        return jnp.zeros(n_balls, kind).at[ball].set(values, mode="drop")
 
-    tried = back(is_real, bool)
+    has_slot = of_balls(is_real, bool)
     return Outcomes(
-        back(good & mine.lifts, bool),
-        back(good & mine.releases, bool),
-        made & ~tried,
-        back(jnp.where(is_real, slots.time, 0.0), jnp.float32),
-        back(jnp.where(is_real, slots.at.speed, 0.0), jnp.float32),
+        lifted=of_balls(succeeded & attempts_of_slots.lifts, bool),
+        released=of_balls(succeeded & attempts_of_slots.releases, bool),
+        postponed=is_tried & ~has_slot,
+        duration=of_balls(jnp.where(is_real, slots.time, 0.0), jnp.float32),
+        impact=of_balls(jnp.where(is_real, slots.at.speed, 0.0), jnp.float32),
     )
 
 
@@ -159,95 +218,171 @@ def _run(gap: float, attempts: Attempts, is_real: Array) -> Slot:
     """Carry M trials to their ends; those that are not real are over at once."""
     with jax.ensure_compile_time_eval():
         bench = mjx_bench(TIMESTEP)
+    n_looks = round(_LIMIT / PROTOCOL.watch_time)
+    begin = jax.vmap(partial(_begin, bench, gap))
+    advance = jax.vmap(partial(_advance, bench, gap))
 
-    def goes_on(carry: tuple[Slot, Int[Array, ""]]) -> Array:
-        return ~carry[0].at.is_over.all() & (carry[1] < round(_LIMIT / PROTOCOL.watch_time))
+    def is_running(carry: tuple[Slot, Int[Array, ""]]) -> Array:
+        slots, look = carry
+        return ~slots.at.is_over.all() & (look < n_looks)
 
-    def loop(carry: tuple[Slot, Int[Array, ""]]) -> tuple[Slot, Int[Array, ""]]:
-        return jax.vmap(partial(_advanced, bench, gap))(attempts, carry[0]), carry[1] + 1
+    def next_look(carry: tuple[Slot, Int[Array, ""]]) -> tuple[Slot, Int[Array, ""]]:
+        slots, look = carry
+        return advance(attempts, slots), look + 1
 
-    slots = jax.vmap(partial(_begin, bench, gap))(attempts)
+    slots = begin(attempts)
     slots = slots._replace(at=slots.at._replace(is_over=~is_real))
-    return jax.lax.while_loop(goes_on, loop, (slots, jnp.int32(0)))[0]
+    slots, _ = jax.lax.while_loop(is_running, next_look, (slots, jnp.int32(0)))
+    return slots
 
 
 def _begin(bench: MjxBench, gap: float, attempt: Attempts) -> Slot:
-    """A trial as it begins, see `swarm_trials`."""
-    where, radius = bench.where, attempt.radius / UM
+    """Place ball and tool of a trial, see `swarm_trials`."""
+    where = bench.where
+    radius = attempt.radius / UM
+
+    # A tool above the ball has pressed it on the plate; a ball to be released hangs at the tool.
     is_pressed = attempt.lifts & (attempt.misalignment < PROBE_RADIUS)
-    lying = jnp.where(is_pressed, PRESSED_GAP, jnp.array(script.first_gaps(PROTOCOL.start_gap)))
+    apart = jnp.array(script.first_gaps(PROTOCOL.start_gap))
     hanging = jnp.array(script.first_gaps(PROTOCOL.start_gap, gap))
-    above, below = jnp.where(attempt.releases, hanging, lying) / UM
-    qpos = bench.data.qpos.at[where.ball + 2].set(radius + below)
-    qpos = qpos.at[where.slide].set(2 * radius + above + below - where.tip_height)
+    lying = jnp.where(is_pressed, PRESSED_GAP, apart)
+    tool_gap, plate_gap = jnp.where(attempt.releases, hanging, lying) / UM
+
+    slide = 2 * radius + tool_gap + plate_gap - where.tip_height
+    qpos = bench.data.qpos.at[where.ball + 2].set(radius + plate_gap)
+    qpos = qpos.at[where.slide].set(slide)
     qpos = qpos.at[where.aside].set(attempt.misalignment / UM)
     ctrl = jnp.zeros_like(bench.data.ctrl).at[where.tip].set(qpos[where.slide])
-    data = bench.data.replace(qpos=qpos, ctrl=ctrl.at[where.aside_servo].set(qpos[where.aside]))
-    ball, at = (single(values) for values in (first_state(bench.forces), START))
-    return Slot(data, ball, at, jnp.where(is_pressed, PRESSED, jnp.float32(0.0)))
+    ctrl = ctrl.at[where.aside_servo].set(qpos[where.aside])
+
+    return Slot(
+        data=bench.data.replace(qpos=qpos, ctrl=ctrl),
+        ball=single(first_state(bench.forces)),
+        at=single(START),
+        time=jnp.where(is_pressed, PRESSED, jnp.float32(0.0)),
+    )
 
 
-def _advanced(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot:
-    """A trial at the next look; what is over keeps its outcome."""
-    where, ready, ramp = bench.where, _ready(bench, attempt), ramp_to(attempt.voltage)
+def _advance(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot:
+    """Carry a trial to the next look; a trial that is over keeps its outcome."""
+    where = bench.where
+    ready = _ready(bench, attempt)
+    ramp = ramp_to(attempt.voltage)
 
     def control(k: Array) -> Array:
         time = slot.time + (k + 1) * TIMESTEP
-        tip, share = _script.setpoint(LIFT, PROTOCOL.start_gap, time)
-        volts = _script.ramp_voltage(PROTOCOL, ramp, slot.at.freed, time)
-        tip = jnp.where(attempt.releases, gap, tip) + 2 * attempt.radius
-        volts = jnp.where(attempt.releases, volts, attempt.voltage * share)
-        return slot.data.ctrl.at[where.tip].set(tip / UM - where.tip_height).at[where.voltage].set(volts)
+        height, share = _script.setpoint(LIFT, PROTOCOL.start_gap, time)
+        tip = jnp.where(attempt.releases, gap, height) + 2 * attempt.radius
+        volts = jnp.where(
+            attempt.releases,
+            _script.ramp_voltage(PROTOCOL, ramp, slot.at.freed, time),
+            attempt.voltage * share,
+        )
+        ctrl = slot.data.ctrl.at[where.tip].set(tip / UM - where.tip_height)
+        return ctrl.at[where.voltage].set(volts)
 
     data, force, watch = watched(where, ready, slot.data, slot.ball, control, _STEPS)
     time = slot.time + _STEPS * TIMESTEP
+
+    # A lift ends after its moves, a release when the ball has come to rest.
     lift = slot.at._replace(
-        succeeds=script.hangs(watch.gap_tool, watch.gap_plate, PROTOCOL), is_over=time >= LIFT_TIME - TIMESTEP / 2
+        succeeds=script.hangs(watch.gap_tool, watch.gap_plate, PROTOCOL),
+        is_over=time >= LIFT_TIME - TIMESTEP / 2,
     )
     release = _script.released(PROTOCOL, ramp, gap / 2, slot.at, watch, slot.time, time)
-    at = jax.tree.map(partial(jnp.where, attempt.releases), release, lift)
-    limits = _script.leap_limits(PROTOCOL, ramp, at, time)
-    limits = tuple(jnp.where(attempt.releases, limit / MS, 0.0) for limit in limits)
-    data, ball, passed = _leapt(bench, ready, data, force, limits)
-    kept = jax.tree.map(partial(jnp.where, slot.at.is_over), (slot.at, slot.time), (at, time + passed))
-    return Slot(data, ball, *kept)
+    progress = jax.tree.map(partial(jnp.where, attempt.releases), release, lift)
 
-
-def _leapt(
-    bench: MjxBench, ready: tuple[GripperForces, mjx.Model], data: mjx.Data, force: Force, limits: tuple[Array, ...]
-) -> tuple[mjx.Data, State, Array]:
-    """Leap over a time after a step, see `SingleBench.leap`: data, ball, and the time [s]."""
-    (forces, model), where, ball = ready, bench.where, force.state
-    gravity = -model.opt.gravity[2]
-    tool, plate = (force.adhesion[k] for k in forces.tool_and_plate)
-    hold = tool - plate - gravity * model.body_mass[forces.bodies[forces.ball]]
-    electric = data.ctrl[where.voltage], force.ball_voltage, ball.charge, *force.capacitances
-    hanging = Hanging(*electric, forces.numbers[forces.circuit, "leak"], *force.pulls, tool, hold)
-    gaps, velocity = _gaps(bench, ready, data), data.qvel[where.ball : where.ball + 3]
-    leap = _laws.leap(hanging, gaps, tuple(velocity), gravity, limits, PROTOCOL.watch_time / MS)
-    is_made = leap.hung + leap.flown > 0
-    path = (leap.flown * velocity).at[2].set(leap.lift)
-    velocity = jnp.where(leap.hung > 0, 0.0, data.qvel).at[where.ball + 2].set(leap.rise)
-    data = data.replace(qpos=data.qpos.at[where.ball : where.ball + 3].add(path), qvel=velocity)
-    now = _gaps(bench, ready, data)
-    own = jnp.stack([now[int(pair.surface != forces.probe)] for pair in forces.pairs])
-    ball = ball._replace(
-        charge=leap.charge,
-        before=jnp.where(is_made, own, ball.before),
-        rebound=jnp.where(is_made, 0.0, ball.rebound),
+    hanging, flying = _script.leap_limits(PROTOCOL, ramp, progress, time)
+    limits = (
+        jnp.where(attempt.releases, hanging / MS, 0.0),
+        jnp.where(attempt.releases, flying / MS, 0.0),
     )
-    return data, ball, (leap.hung + leap.flown) * MS
+    data, ball, leap_time = _leap(bench, ready, data, force, limits)
+
+    keep_if_over = partial(jnp.where, slot.at.is_over)
+    return Slot(
+        data=data,
+        ball=ball,
+        at=jax.tree.map(keep_if_over, slot.at, progress),
+        time=keep_if_over(slot.time, time + leap_time),
+    )
 
 
-def _gaps(bench: MjxBench, ready: tuple[GripperForces, mjx.Model], data: mjx.Data) -> tuple[Array, Array]:
-    """Gaps between the tool's face and a ball below it, and between ball and plate [um]."""
-    where, (forces, model) = bench.where, ready
-    height, radius = data.qpos[where.ball + 2], model.geom_size[forces.ball, 0]
-    return data.qpos[where.slide] + where.tip_height - height - radius, height - radius
+def _leap(
+    bench: MjxBench, ready: Ready, data: mjx.Data, force: Force, limits: tuple[Array, Array]
+) -> tuple[mjx.Data, State, Array]:
+    """Leap over a time after a step, see `SingleBench.leap`.
+
+    Returns:
+        Data, state of the ball, and the time that passed [s].
+    """
+    forces, model = ready
+    ball = bench.where.ball
+    velocity = data.qvel[ball : ball + 3]
+    leap = _laws.leap(
+        ball=_hanging_ball(bench, ready, data, force),
+        gaps=_gaps(bench, ready, data),
+        velocity=tuple(velocity),
+        gravity=-model.opt.gravity[2],
+        limits=limits,
+        period=PROTOCOL.watch_time / MS,
+    )
+
+    path = (leap.flown * velocity).at[2].set(leap.lift)
+    speeds = jnp.where(leap.hung > 0, 0.0, data.qvel).at[ball + 2].set(leap.rise)
+    data = data.replace(qpos=data.qpos.at[ball : ball + 3].add(path), qvel=speeds)
+
+    # The gaps must not take the leap for an impact.
+    time = leap.hung + leap.flown
+    has_leapt = time > 0
+    tool_gap, plate_gap = _gaps(bench, ready, data)
+    gaps = [tool_gap if pair.surface == forces.probe else plate_gap for pair in forces.pairs]
+    state = force.state._replace(
+        charge=leap.charge,
+        before=jnp.where(has_leapt, jnp.stack(gaps), force.state.before),
+        rebound=jnp.where(has_leapt, 0.0, force.state.rebound),
+    )
+    return data, state, time * MS
 
 
-def _ready(bench: MjxBench, attempt: Attempts) -> tuple[GripperForces, mjx.Model]:
-    """Forces and model with an attempt's ball, whose works are those at the air's humidity."""
-    works = {"adhesion_probe": attempt.work_tool_object, "adhesion_plate": attempt.work_object_substrate}
-    forces = bench.forces.having({(surface, "work"): work * (UM / NN) for surface, work in works.items()})
+def _hanging_ball(bench: MjxBench, ready: Ready, data: mjx.Data, force: Force) -> Hanging:
+    """Return what leaps need to know of the ball."""
+    forces, model = ready
+    tool, plate = (force.adhesion[pair] for pair in forces.tool_and_plate)
+    to_probe, to_plate = force.capacitances
+    up, down = force.pulls
+    gravity = -model.opt.gravity[2]
+    mass = model.body_mass[forces.bodies[forces.ball]]
+    return Hanging(
+        voltage=data.ctrl[bench.where.voltage],
+        ball_voltage=force.ball_voltage,
+        charge=force.state.charge,
+        to_probe=to_probe,
+        to_plate=to_plate,
+        leak=forces.numbers[forces.circuit, "leak"],
+        up=up,
+        down=down,
+        adhesion=tool,
+        hold=tool - plate - gravity * mass,
+    )
+
+
+def _gaps(bench: MjxBench, ready: Ready, data: mjx.Data) -> tuple[Array, Array]:
+    """Return the gaps of the ball to the tool's face above it and to the plate [um]."""
+    where = bench.where
+    forces, model = ready
+    radius = model.geom_size[forces.ball, 0]
+    height = data.qpos[where.ball + 2]
+    face = data.qpos[where.slide] + where.tip_height
+    return face - height - radius, height - radius
+
+
+def _ready(bench: MjxBench, attempt: Attempts) -> Ready:
+    """Return forces and model with an attempt's ball; its works are those at the air's humidity."""
+    forces = bench.forces.having(
+        {
+            ("adhesion_probe", "work"): attempt.work_tool_object * (UM / NN),
+            ("adhesion_plate", "work"): attempt.work_object_substrate * (UM / NN),
+        }
+    )
     return forces, resize(forces, bench.model, attempt.radius / UM)

@@ -1,4 +1,7 @@
-"""B benches in MuJoCo's C engine, each with a ball and a tool that can be moved: all at once on a thread pool."""
+"""Benches in MuJoCo's C engine, each with a ball and a tool that can be moved.
+
+All take their physics steps at once, on a thread pool.
+"""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -24,9 +27,21 @@ from iswarm_mj.gripper.bench.script import Mask, Voltages, Watch, first_gaps
 from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.units import MS, UM
 
-SURFACES = "adhesion_probe", "adhesion_plate"
+TOOL, PLATE = "adhesion_probe", "adhesion_plate"
+"""Instances of the adhesion plugin."""
 PART = 4096
-"""Physics steps for which controls are made at once, which limits the memory."""
+"""Number of physics steps for which controls are made at once, which limits the memory."""
+NO_EVENT = Watch(
+    last_tool=-np.inf,
+    last_plate=-np.inf,
+    first_plate=np.inf,
+    landing_speed=0.0,
+    gap_tool=np.nan,
+    gap_plate=np.nan,
+    speed=np.nan,
+    finite=True,
+)
+"""Events on a bench that stands still."""
 
 
 class MujocoBench:
@@ -36,7 +51,9 @@ class MujocoBench:
 
     Attributes:
         model: of the first bench.
-        where: numbers are in its arrays.
+        where: addresses of numbers in MuJoCo's arrays.
+        timestep: time step [s].
+        steps: number of physics steps that were taken, summed over benches.
         recorded: all steps of the first bench, where they are kept.
     """
 
@@ -57,27 +74,34 @@ class MujocoBench:
             threads: 0 for one a core.
             timestep: instead of that of the model [s].
             is_recorded: keep all states of the first bench, for `tracing.trace_of`.
-            hanging: balls hang at the tool instead, so high above the plate [m].
+            hanging: balls hang at the tool instead, at this height above the plate [m].
         """
-        self.recorded: list[Recorded] | None = [] if is_recorded else None
-        models = [_model(timestep, t.radius, t.probe_radius, t.density, t.contacts.rolling) for t in trials]
-        first = self.model = models[0]
-        self.timestep, self.steps = float(first.opt.timestep) * MS, 0
-        self.where, at = layout(first), plugin.state_indices(first)
-        self._gaps = [at["electrostatic", name] for name in ("probe_gap", "plate_gap")]
-        self._last = [at[surface, "last"] for surface in SURFACES]
-        self._first, self._landing = at["adhesion_plate", "first"], at["adhesion_plate", "landing_speed"]
         keep_no_log()
-        self._batch = Batch(first, len(trials), threads)
-        self._qvel, self._ctrl, self._time = (self._batch.bind(name) for name in ("qvel", "ctrl", "time"))
-        self._qpos, self._state = self._batch.bind("qpos"), self._batch.bind("plugin_state")
+        models = [_model_of(trial, timestep) for trial in trials]
+        self.model = models[0]
+        self.timestep = float(self.model.opt.timestep) * MS
+        self.steps = 0
+        self.recorded: list[Recorded] | None = [] if is_recorded else None
+        self.where = layout(self.model)
+        self._at = plugin.state_indices(self.model)
         self._touch = np.array([2 * trial.radius / UM for trial in trials])
+
+        self._batch = Batch(self.model, len(trials), threads)
+        self._qpos = self._batch.bind("qpos")
+        self._qvel = self._batch.bind("qvel")
+        self._ctrl = self._batch.bind("ctrl")
+        self._time = self._batch.bind("time")
+        self._state = self._batch.bind("plugin_state")
         self._batch.set_models(models)
+
+        gaps = first_gaps(start_gap, hanging)
         for i, (model, trial) in enumerate(zip(models, trials, strict=True)):
-            self._qpos[i] = start(model, trial, first_gaps(start_gap, hanging))
-            self._state[i, [at[names] for names in plugin_numbers(trial)]] = list(plugin_numbers(trial).values())
+            self._qpos[i] = start(model, trial, gaps)
+            for place, value in plugin_numbers(trial).items():
+                self._state[i, self._at[place]] = value
+        self._start = self._qpos[:, self.where.aside].copy()
         self._ctrl[:, self.where.tip] = self._qpos[:, self.where.slide]
-        self._ctrl[:, self.where.aside_servo] = self._start = self._qpos[:, self.where.aside].copy()
+        self._ctrl[:, self.where.aside_servo] = self._start
 
     def move(
         self,
@@ -88,67 +112,111 @@ class MujocoBench:
         active: Mask | None = None,
         aside: float | None = None,
     ) -> Watch:
-        """Integrate the physics while the tool moves along `minimum_jerk` and the voltage linearly to their targets.
+        """Take physics steps while tool and voltage go to their targets.
+
+        The tool moves along `minimum_jerk`, the voltage linearly.
 
         Args:
             phase: name of the phase, for recordings.
             duration: rounded to a multiple of the time step [s].
             tip: target height of the tool above its first touch of the ball at rest [m].
             voltage: target voltage, one for all benches or one each (B,) [V].
-            active: (B,) benches of interest; all by default. The others stand still, and their results are meaningless.
+            active: (B,) benches of interest; all by default. The others stand still, and their
+                results are undefined.
             aside: shift of the tool from where it started, by default none in this move [m].
+
+        Returns:
+            Events on the benches during the move.
         """
         ids = np.arange(len(self._touch)) if active is None else np.flatnonzero(active)
         n_steps = max(1, round(duration / self.timestep))
         self.steps += n_steps * len(ids)
-        begin, began = self._ctrl[ids], self._time[ids].reshape(len(ids), 1)
+
+        begin = self._ctrl[ids]
         end = begin.copy()
         end[:, self.where.tip] = self._touch[ids] + tip / UM - self.where.tip_height
         end[:, self.where.voltage] = np.broadcast_to(voltage, len(self._touch))[ids]
         if aside is not None:
             end[:, self.where.aside_servo] = self._start[ids] + aside / UM
-        self._state[ids, self._first] = -1.0
+        stands_still = not (begin != end).any()
+
+        start_time = self._time[ids].reshape(len(ids), 1)
+        self._state[ids, self._at[PLATE, "first"]] = -1.0
         for first in range(0, n_steps, PART):
             part = shares(n_steps)[first : first + PART]
-            control = self._way(begin, end, part) if (begin != end).any() else None
-            before, record = self._batch.state[:1].copy(), () if self.recorded is None else (STATE,)
-            with without_timers():
-                found = self._batch.rollout(len(part), control, record=record, ids=None if active is None else ids)
-            if self.recorded is not None:
-                self.recorded.append(Recorded([phase] * len(part), np.concatenate([before, found[STATE][0]])))
-        return self._watch(ids, began)
+            control = None if stands_still else self._controls(begin, end, part)
+            self._take_steps(phase, len(part), control, None if active is None else ids)
+        return self._watch(ids, start_time)
+
+    def _take_steps(
+        self,
+        phase: str,
+        n_steps: int,
+        control: np.ndarray | None,
+        ids: np.ndarray | None,
+    ) -> None:
+        """Take physics steps on benches with these ids, None: all; record the first bench."""
+        before = self._batch.state[:1].copy()
+        record = () if self.recorded is None else (STATE,)
+        with without_timers():
+            result = self._batch.rollout(n_steps, control, record=record, ids=ids)
+        if self.recorded is not None:
+            states = np.concatenate([before, result[STATE][0]])
+            self.recorded.append(Recorded([phase] * n_steps, states))
 
     def off_axis(self) -> Float[np.ndarray, "B"]:
-        """Return how far each ball is from the tool's axis, along the way aside [m]."""
+        """Return the distance of each ball from the tool's axis, along the way aside [m]."""
         return (self._qpos[:, self.where.ball] - self._qpos[:, self.where.aside]) * UM
 
-    def _way(self, begin: np.ndarray, end: np.ndarray, shares: np.ndarray) -> np.ndarray:
-        """Controls (n, T, nu) at T shares (T, 2) of the way from those at the begin (n, nu) to those at the end."""
-        way = begin[:, None] + shares[:, :1] * (end - begin)[:, None]
+    def _controls(self, begin: np.ndarray, end: np.ndarray, shares: np.ndarray) -> np.ndarray:
+        """Return the controls (n, T, nu) of the steps of a move.
+
+        Args:
+            begin: controls (n, nu) before.
+            end: controls (n, nu) at the end.
+            shares: shares (T, 2) of the way after each step, see `model.shares`.
+        """
+        share_of_voltage = shares[:, :1]
+        share_of_tool = shares[:, 1]
+        way = (end - begin)[:, None]
+        controls = begin[:, None] + share_of_voltage * way
         for servo in (self.where.tip, self.where.aside_servo):
-            way[:, :, servo] = begin[:, None, servo] + shares[:, 1] * (end - begin)[:, None, servo]
-        return way
+            controls[:, :, servo] = begin[:, None, servo] + share_of_tool * way[:, :, servo]
+        return controls
 
     def throw(self, height: float, speed: np.ndarray) -> None:
         """Put the balls at a height above the plate [m], falling at these speeds (B,) [m/s]."""
         self._qpos[:, self.where.ball + 2] += height / UM
         self._qvel[:, self.where.ball + 2] = -speed * MS / UM
 
-    def _watch(self, ids: np.ndarray, began: np.ndarray) -> Watch:
-        """What happened on these benches since they `began` (n, 1) [ms]; the others are calm."""
-        state, velocity = self._state[ids], self._qvel[ids, self.where.ball : self.where.ball + 3]
-        last, first = state[:, self._last] - began, state[:, [self._first]] - began
-        last, first = np.where(last >= 0, last * MS, -np.inf), np.where(first >= 0, first * MS, np.inf)
-        warned = self._batch.warning[ids].any(axis=(1, 2))
-        finite = np.isfinite(self._batch.state[ids]).all(axis=1) & ~warned
-        speeds = state[:, self._landing] * UM / MS, np.sqrt((velocity**2).sum(axis=1)) * UM / MS
-        gaps = state[:, self._gaps] * UM
-        watch = Watch(last[:, 0], last[:, 1], first[:, 0], speeds[0], gaps[:, 0], gaps[:, 1], speeds[1], finite)
-        calm = Watch(-np.inf, -np.inf, np.inf, 0.0, np.nan, np.nan, np.nan, True)
-        full = [np.full(len(self._touch), value) for value in calm]
-        for own, values in zip(full, watch, strict=True):
-            own[ids] = values
-        return Watch(*full)
+    def _watch(self, ids: np.ndarray, start_time: np.ndarray) -> Watch:
+        """Return the events on these benches since a time (n, 1) [ms]; the others have none."""
+        state = self._state[ids]
+        at = self._at
+
+        # Times of contacts that were before the start of the move are below 0 then.
+        since_start = MS * (state - start_time)
+        last_tool = since_start[:, at[TOOL, "last"]]
+        last_plate = since_start[:, at[PLATE, "last"]]
+        first_plate = since_start[:, at[PLATE, "first"]]
+
+        velocity = self._qvel[ids, self.where.ball : self.where.ball + 3]
+        has_warned = self._batch.warning[ids].any(axis=(1, 2))
+        events = Watch(
+            last_tool=np.where(last_tool >= 0, last_tool, -np.inf),
+            last_plate=np.where(last_plate >= 0, last_plate, -np.inf),
+            first_plate=np.where(first_plate >= 0, first_plate, np.inf),
+            landing_speed=state[:, at[PLATE, "landing_speed"]] * UM / MS,
+            gap_tool=state[:, at["electrostatic", "probe_gap"]] * UM,
+            gap_plate=state[:, at["electrostatic", "plate_gap"]] * UM,
+            speed=np.sqrt((velocity**2).sum(axis=1)) * UM / MS,
+            finite=np.isfinite(self._batch.state[ids]).all(axis=1) & ~has_warned,
+        )
+
+        watch = Watch(*(np.full(len(self._touch), value) for value in NO_EVENT))
+        for values, values_of_ids in zip(watch, events, strict=True):
+            values[ids] = values_of_ids
+        return watch
 
     def save(self) -> Float[np.ndarray, "B n"]:
         """Return the state of all benches."""
@@ -159,9 +227,14 @@ class MujocoBench:
         self._batch.state[:] = state
 
 
+def _model_of(trial: Trial, timestep: float | None) -> mujoco.MjModel:
+    """Return the model of a trial's bench; None: with its own time step [s]."""
+    return _model(timestep, trial.radius, trial.probe_radius, trial.density, trial.contacts.rolling)
+
+
 @lru_cache(maxsize=4096)
 def _model(
     timestep: float | None, radius: float, probe_radius: float, density: float, rolling: float
 ) -> mujoco.MjModel:
-    """The bench with these sizes, rolling friction [m], density [kg/m^3] and time step [s], by default its own."""
+    """Return the bench with these sizes, density and rolling friction. SI units."""
     return resized(usual_model(timestep, probe_radius, density, rolling), radius)

@@ -1,4 +1,4 @@
-"""Force-distance curves: the tool approaches a ball, touches it and retracts, at a constant voltage."""
+"""Force-distance curves: the tool approaches a ball, touches it and retracts at a voltage."""
 
 from typing import Any
 
@@ -19,29 +19,46 @@ UNITS = {
     "contact": "N",
     "total": "N",
 }
-"""Columns of a curve and their units. `tip` is the height of the tool's face above its first touch of the ball at rest,
-`gap` that between tool and ball, negative in contact. Forces act on the tool as in an AFM: attraction is negative,
-`contact` positive, and `total` their sum."""
+"""Columns of a curve and their units.
+
+`tip` is the height of the tool's face above its first touch of the ball at rest, `gap` that between
+tool and ball, negative in contact. Forces act on the tool as in an AFM: attraction is negative,
+`contact` positive, and `total` their sum.
+"""
 SLOWDOWN = 4.0
-"""How much slower than in a trial the tool moves."""
+"""Factor by which the tool moves more slowly than in a trial."""
+_DIRECTIONS = {
+    "approach": "approach",
+    "contact": "approach",
+    "retract": "retract",
+    "away": "retract",
+}
+"""Direction of the phases that belong to the curve."""
 
 
 def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[str, Any]]:
-    """Samples of one curve, approach then retract; above its grasp voltage the ball comes along.
+    """Measure one curve, approach then retract; above its grasp voltage the ball comes along.
 
-    The voltage is on from the start [V]. Returns one row per physics step: direction ("approach" or "retract"), and the
-    columns of `UNITS`.
+    Args:
+        trial: the ball.
+        protocol: distances and times of the tool.
+        voltage: on from the start [V].
+
+    Returns:
+        One row per physics step: direction ("approach" or "retract"), and the columns of `UNITS`.
     """
-    bench = MujocoBench([trial], protocol.start_gap, 1, is_recorded=True)
-    far, pressed, peeled = protocol.start_gap, -protocol.press, protocol.peel
+    bench = MujocoBench([trial], protocol.start_gap, threads=1, is_recorded=True)
+    far = protocol.start_gap
+    pressed = -protocol.press
     bench.move("voltage", protocol.rise_time, far, voltage)
     bench.move("approach", SLOWDOWN * protocol.approach_time, pressed, voltage)
     bench.move("contact", protocol.dwell, pressed, voltage)
-    bench.move("retract", SLOWDOWN * protocol.peel_time, peeled, voltage)
+    bench.move("retract", SLOWDOWN * protocol.peel_time, protocol.peel, voltage)
     bench.move("away", SLOWDOWN * protocol.approach_time, far, voltage)
+
     trace = trace_of(bench)
-    directions = {"approach": "approach", "contact": "approach", "retract": "retract", "away": "retract"}
-    adhesion, electrostatic = -trace.adhesion_tool, -np.maximum(0.0, trace.electrostatic)
+    adhesion = -trace.adhesion_tool
+    electrostatic = -np.maximum(0.0, trace.electrostatic)
     columns = {
         "voltage": np.full_like(trace.time, voltage),
         "radius": np.full_like(trace.time, trial.radius),
@@ -52,6 +69,12 @@ def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[s
         "contact": trace.contact_tool,
         "total": adhesion + electrostatic + trace.contact_tool,
     }
-    names = "direction", *columns
-    values = [directions.get(trace.phases[k]) for k in trace.phase], *(column.tolist() for column in columns.values())
-    return [dict(zip(names, row, strict=True)) for row in zip(*values, strict=True) if row[0]]
+
+    rows = []
+    values_of_steps = zip(*(column.tolist() for column in columns.values()), strict=True)
+    for phase, values in zip(trace.phase, values_of_steps, strict=True):
+        name = trace.phases[phase]
+        if name in _DIRECTIONS:
+            row = dict(zip(columns, values, strict=True))
+            rows.append({"direction": _DIRECTIONS[name], **row})
+    return rows

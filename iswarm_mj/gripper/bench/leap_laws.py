@@ -1,6 +1,8 @@
-"""Closed forms of times of a trial that need no physics steps: a ball that hangs while charge flows, one that flies.
+"""Closed forms of the times of a trial that need no physics steps.
 
-Functions of numbers, see `utils.numbers`, for one trial and for batches. Units of the bench.
+A ball that hangs while charge flows, and one that flies. Functions of numbers, see
+`utils.scalar_backends`, for one trial and for batches. Units of the bench: um, ug, ms, nN, V, fC,
+fF, TOhm.
 """
 
 from math import exp, log, sqrt
@@ -13,9 +15,9 @@ from iswarm_mj.utils.arrays import Array, Quantity
 from iswarm_mj.utils.scalar_backends import clip, where, whole
 
 MARGIN = 0.03
-"""Part of the tool's adhesion by which a ball must be held while a leap lasts: with less it is about to leave."""
+"""Share of the tool's adhesion by which a ball must be held; with less it is about to leave."""
 SLACK = 1.1
-"""Factor by which it must be held by more than that before a leap."""
+"""Factor by which the ball must be held by more than `MARGIN` before a leap."""
 REST = 0.2
 """Speed up to which a ball that touches the tool counts as resting [um/ms]."""
 
@@ -24,38 +26,40 @@ class Hanging(NamedTuple):
     """A ball that hangs at rest at the tool, after a physics step."""
 
     voltage: Quantity
-    """Of the tool, constant."""
-    mine: Quantity
-    """Voltage of the ball in that step."""
+    """Voltage of the tool V, constant [V]."""
+    ball_voltage: Quantity
+    """Voltage of the ball in that step [V]."""
     charge: Quantity
+    """Charge of the ball Q [fC]."""
     to_probe: Quantity
-    """Capacitance."""
+    """Capacitance of the ball to the tool C_t [fF]."""
     to_plate: Quantity
-    """Capacitance."""
+    """Capacitance of the ball to the plate C_p [fF]."""
     leak: Quantity
-    """Resistance of the tool's contact."""
+    """Resistance of the tool's contact R [TOhm]."""
     up: Quantity
-    """Pull of the tool's field in that step."""
+    """Pull of the tool's field in that step [nN]."""
     down: Quantity
-    """Pull of the plate's field in that step."""
+    """Pull of the plate's field in that step [nN]."""
     adhesion: Quantity
-    """Of the tool."""
+    """Adhesion of the tool [nN]."""
     hold: Quantity
-    """Adhesion of the tool, less that of the plate, less the weight."""
+    """Adhesion of the tool, less that of the plate, less the weight [nN]."""
 
 
 class Leap(NamedTuple):
-    """Where a ball is after a leap over time; without a leap both times are 0."""
+    """State of a ball after a leap over time; without a leap both times are 0."""
 
     hung: Quantity
-    """Time for which it hung."""
+    """Time for which the ball hung [ms]."""
     flown: Quantity
-    """Time for which it flew."""
+    """Time for which the ball flew [ms]."""
     lift: Quantity
-    """Change of its height."""
+    """Change of its height [um]."""
     rise: Quantity
-    """Its upward speed."""
+    """Its upward speed [um/ms]."""
     charge: Quantity
+    """Its charge [fC]."""
 
 
 def leap(
@@ -66,102 +70,147 @@ def leap(
     limits: tuple[Quantity, Quantity],
     period: Quantity,
 ) -> Leap:
-    """Let charge flow while a ball hangs at rest, or an uncharged one fly on its parabola until it is near a surface.
+    """Let charge flow while a ball hangs at rest, or let an uncharged ball fly on its parabola.
 
-    The depth of a contact follows the force that holds the ball. Nearer than `CLEARANCE` the surfaces pull a ball that
-    flies; farther off they change less than a thousandth of its energy at 1 mm/s.
+    The depth of a contact follows the force that holds the ball. A flight ends at a distance of
+    `CLEARANCE` from tool and plate: nearer they pull the ball, farther off they change less than a
+    thousandth of its energy at 1 mm/s.
 
     Args:
         ball: after a physics step.
-        gaps: to the face of the tool and to the plate.
-        velocity: of the ball along x, y, z.
-        gravity: acceleration.
-        limits: longest times of hanging and of flying; 0: no such leap.
-        period: of which a leap takes a whole multiple.
+        gaps: to the face of the tool and to the plate [um].
+        velocity: of the ball along x, y, z [um/ms].
+        gravity: acceleration [um/ms^2].
+        limits: longest times of hanging and of flying [ms]; 0: no such leap.
+        period: of which a leap takes a whole multiple [ms].
     """
-    (above, below), (x, y, rise) = gaps, velocity
-    rests = (above <= 0) & (below > CLEARANCE) & (x * x + y * y + rise * rise < REST**2)
-    hung = where(rests, _multiple(hanging_time(ball, limits[0], SLACK), period), 0.0)
-    charge, share = after_hanging(ball, hung)
-    flies = (ball.voltage == 0) & (ball.charge == 0) & (above > CLEARANCE) & (below > CLEARANCE)
-    high, low = where(flies, above - CLEARANCE, 1.0), where(flies, below - CLEARANCE, 1.0)
-    flown = clip(flight_time(rise, high, low, gravity), 0.0, limits[1])
-    flown = where(flies, _multiple(flown, period), 0.0)
+    tool_gap, plate_gap = gaps
+    longest_hanging, longest_flight = limits
+    x, y, rise = velocity
+
+    # A ball at rest at the tool hangs.
+    is_slow = x * x + y * y + rise * rise < REST**2
+    rests = (tool_gap <= 0) & (plate_gap > CLEARANCE) & is_slow
+    hanging = _whole_periods(hanging_time(ball, longest_hanging, SLACK), period)
+    hung = where(rests, hanging, 0.0)
+    charge, depth_share = after_hanging(ball, hung)
+
+    # An uncharged ball that is clear of both surfaces flies.
+    is_uncharged = (ball.voltage == 0) & (ball.charge == 0)
+    flies = is_uncharged & (tool_gap > CLEARANCE) & (plate_gap > CLEARANCE)
+    height = where(flies, tool_gap - CLEARANCE, 1.0)
+    depth = where(flies, plate_gap - CLEARANCE, 1.0)
+    flight = clip(flight_time(rise, height, depth, gravity), 0.0, longest_flight)
+    flown = where(flies, _whole_periods(flight, period), 0.0)
+
+    has_hung = hung > 0
     return Leap(
         hung,
         flown,
-        where(hung > 0, above * (1 - share), rise * flown - gravity * flown**2 / 2),
-        where(hung > 0, 0.0, rise - gravity * flown),
-        where(hung > 0, charge, ball.charge),
+        where(has_hung, tool_gap * (1 - depth_share), rise * flown - gravity * flown**2 / 2),
+        where(has_hung, 0.0, rise - gravity * flown),
+        where(has_hung, charge, ball.charge),
     )
 
 
-def _multiple(time: Quantity, period: Quantity) -> Quantity:
-    """The multiple of a period that fits into a time."""
+def _whole_periods(time: Quantity, period: Quantity) -> Quantity:
+    """Return the largest multiple of a period within a time, up to rounding."""
     return whole(time / period + 1e-3) * period
 
 
-def _start(ball: Hanging) -> Quantity:
-    """Voltage of the ball as the leap begins."""
+def _voltage_before(ball: Hanging) -> Quantity:
+    """Return the voltage of the ball as the leap begins, (Q + C_t V) / (C_t + C_p)."""
     return (ball.charge + ball.to_probe * ball.voltage) / (ball.to_probe + ball.to_plate)
 
 
 def _relaxes(ball: Hanging) -> Bool[Array, "..."] | bool:
-    """Whether the ball's voltage is between 0 and the tool's, which it follows."""
-    start = _start(ball)
-    return (ball.leak > 0) & (ball.mine > 0) & (ball.mine < ball.voltage) & (start > 0) & (start < ball.voltage)
+    """Return whether the ball's voltage is between 0 and the tool's, which it follows."""
+    before = _voltage_before(ball)
+    was_between = (ball.ball_voltage > 0) & (ball.ball_voltage < ball.voltage)
+    return (ball.leak > 0) & was_between & (before > 0) & (before < ball.voltage)
 
 
-def _pulls(ball: Hanging) -> tuple[Quantity, Quantity]:
-    """Pulls of the two fields over the squares of their voltages."""
+def _pulls_per_volt2(ball: Hanging) -> tuple[Quantity, Quantity]:
+    """Return the pulls of tool and plate over the squares of their voltages, a and b."""
     relaxes = _relaxes(ball)
-    return (
-        ball.up / where(relaxes, ball.voltage - ball.mine, 1.0) ** 2,
-        ball.down / where(relaxes, ball.mine, 1.0) ** 2,
-    )
+    across = where(relaxes, ball.voltage - ball.ball_voltage, 1.0)
+    below = where(relaxes, ball.ball_voltage, 1.0)
+    return ball.up / across**2, ball.down / below**2
 
 
-def _held(ball: Hanging, volts: Quantity) -> Quantity:
-    """Force that holds the ball at the tool when it has this voltage."""
-    up, down = _pulls(ball)
+def _holding_force(ball: Hanging, volts: Quantity) -> Quantity:
+    """Return the force that holds the ball at its voltage u, hold + a (V - u)^2 - b u^2."""
+    up, down = _pulls_per_volt2(ball)
     return ball.hold + up * (ball.voltage - volts) ** 2 - down * volts**2
 
 
 def hanging_time(ball: Hanging, limit: Quantity, slack: Quantity) -> Quantity:
-    """Time until the ball is held with no more than `MARGIN`, at most `limit`; 0 if no leap is possible.
+    """Return the time until the ball is held with no more than `MARGIN`; 0 if no leap is possible.
 
-    Its voltage follows that of the tool, u' = (V - u) / T, T = (C_t + C_p) R, and with it falls the force that holds
-    it, adhesion + a (V - u)^2 - b u^2 - weight.
+    The ball's voltage follows that of the tool, u' = (V - u) / T, T = (C_t + C_p) R, and with it
+    falls the force that holds it, F(u) = hold + a (V - u)^2 - b u^2. The time until F(u) = F_0 is
+    T ln((V - u_0) / (V - u)), with the root u of the quadratic equation,
+    u = (a V^2 + hold - F_0) / (a V + sqrt((a V)^2 - (a - b) (a V^2 + hold - F_0))).
 
     Args:
         ball: at rest.
-        limit: longest time.
-        slack: `MARGIN` is exceeded at the start by this factor at least.
+        limit: longest time [ms].
+        slack: factor by which the ball must be held by more than `MARGIN` at the start.
     """
-    start, voltage, least, (up, down) = _start(ball), ball.voltage, MARGIN * ball.adhesion, _pulls(ball)
-    can = _relaxes(ball) & (_held(ball, start) > slack * least)
-    square = up * voltage**2 + ball.hold - least
-    inside = (up * voltage) ** 2 - (up - down) * square
-    end = square / where(can, up * voltage + sqrt(where(can & (inside > 0), inside, 0.0)), 1.0)
-    leaves = can & (_held(ball, voltage) <= least) & (start < end) & (end < voltage)
-    share = where(leaves, voltage - start, 1.0) / where(leaves, voltage - end, 1.0)
-    time = where(leaves, ball.leak * (ball.to_probe + ball.to_plate) * log(share), limit)
-    return where(can, where(time < limit, time, limit), 0.0)
+    before = _voltage_before(ball)
+    voltage = ball.voltage
+    least = MARGIN * ball.adhesion
+    up, down = _pulls_per_volt2(ball)
+    can_leap = _relaxes(ball) & (_holding_force(ball, before) > slack * least)
+
+    # Voltage of the ball at which it is held with the least force.
+    constant = up * voltage**2 + ball.hold - least
+    discriminant = (up * voltage) ** 2 - (up - down) * constant
+    root = sqrt(where(can_leap & (discriminant > 0), discriminant, 0.0))
+    end = constant / where(can_leap, up * voltage + root, 1.0)
+
+    # It comes to that voltage if the tool's own does not hold it.
+    is_let_go = _holding_force(ball, voltage) <= least
+    leaves = can_leap & is_let_go & (before < end) & (end < voltage)
+    ratio = where(leaves, voltage - before, 1.0) / where(leaves, voltage - end, 1.0)
+    relaxation = ball.leak * (ball.to_probe + ball.to_plate)
+    time = where(leaves, relaxation * log(ratio), limit)
+    return where(can_leap, where(time < limit, time, limit), 0.0)
 
 
 def after_hanging(ball: Hanging, time: Quantity) -> tuple[Quantity, Quantity]:
-    """Charge of the ball after this time, and the share of its depth in the tool's contact that is left."""
-    start, can = _start(ball), _relaxes(ball)
-    relaxation = where(can, ball.leak * (ball.to_probe + ball.to_plate), 1.0)
-    volts = ball.voltage + (start - ball.voltage) * exp(-time / relaxation)
-    held = _held(ball, start)
-    share = _held(ball, volts) / where(held > 0, held, 1.0)
-    return ball.to_plate * volts - ball.to_probe * (ball.voltage - volts), share
+    """Return the ball's charge after it hung, and the share of its contact's depth that is left.
+
+    Args:
+        ball: before.
+        time: for which it hangs [ms].
+    """
+    before = _voltage_before(ball)
+    relaxation = where(_relaxes(ball), ball.leak * (ball.to_probe + ball.to_plate), 1.0)
+    volts = ball.voltage + (before - ball.voltage) * exp(-time / relaxation)
+    charge = ball.to_plate * volts - ball.to_probe * (ball.voltage - volts)
+
+    force_before = _holding_force(ball, before)
+    share = _holding_force(ball, volts) / where(force_before > 0, force_before, 1.0)
+    return charge, share
 
 
 def flight_time(rise: Quantity, above: Quantity, below: Quantity, gravity: Quantity) -> Quantity:
-    """Time until a ball with this upward speed reaches the height `above` or falls by `below`, both above 0."""
+    """Return the time until a ball has risen by `above` or fallen by `below`, whichever is first.
+
+    Args:
+        rise: its upward speed v [um/ms].
+        above: height h, above 0 [um].
+        below: depth d, above 0 [um].
+        gravity: acceleration g [um/ms^2].
+
+    Returns:
+        2 h / (v + sqrt(v^2 - 2 g h)) if it rises that high, else (v + sqrt(v^2 + 2 g d)) / g [ms].
+    """
     reaches = (rise > 0) & (rise**2 > 2 * gravity * above)
-    up = 2 * above / where(reaches, rise + sqrt(where(reaches, rise**2 - 2 * gravity * above, 0.0)), 1.0)
-    lowest = rise**2 + 2 * gravity * below
-    return where(reaches, up, (rise + sqrt(where(lowest > 0, lowest, 0.0))) / gravity)
+    speed_above = sqrt(where(reaches, rise**2 - 2 * gravity * above, 0.0))
+    time_up = 2 * above / where(reaches, rise + speed_above, 1.0)
+
+    square_below = rise**2 + 2 * gravity * below
+    speed_below = sqrt(where(square_below > 0, square_below, 0.0))
+    return where(reaches, time_up, (rise + speed_below) / gravity)

@@ -1,4 +1,4 @@
-"""The model of the bench, `models/bench.xml`: stripped for speed, sized for a trial, with addresses of its numbers."""
+"""The model of the bench, `models/bench.xml`: stripped for speed and sized for a trial."""
 
 import copy
 import re
@@ -18,12 +18,13 @@ from iswarm_mj.gripper.units import DENSITY, MS, NN, PER_OHM, PRESSURE, UM
 
 
 def bench_spec() -> mujoco.MjSpec:
-    """Specification of the bench, without materials, textures, camera, light and idle stages of the physics step."""
+    """Return the specification of the bench, without looks and idle stages of the physics step."""
     text = (models_directory() / "bench.xml").read_text(encoding="utf-8")
     text = re.sub(r"<asset>.*?</asset>", "", text, flags=re.S)
     text = re.sub(r' material="\w+"|<light .*?/>|<camera .*?/>', "", text)
     spec = mujoco.MjSpec.from_string(text)
-    spec.option.disableflags |= sum(int(flag) for flag in _IDLE)
+    for flag in _IDLE:
+        spec.option.disableflags |= int(flag)
     return spec
 
 
@@ -35,56 +36,58 @@ _IDLE = (
 )
 """Stages of the physics step that have nothing to do on the bench."""
 
-
 STATE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-"""What a recorded state consists of."""
+"""Parts of MuJoCo's state that are recorded."""
 MEMORY = 2**18
-"""Of a bench for contacts and the solver [bytes]; MuJoCo's own choice, 15 MB, takes longer to fill than a trial."""
+"""Memory of a bench for contacts and the solver [bytes].
+
+MuJoCo's own choice, 15 MB, takes longer to fill than a trial.
+"""
 
 
 class Recorded(NamedTuple):
-    """T physics steps of a bench one after the other."""
+    """T successive physics steps of a bench."""
 
     phases: list[str]
-    """Of each step."""
+    """Name of the phase of each step."""
     states: Float[np.ndarray, "T+1 n"]
-    """Of MuJoCo, before the first step and after each of them."""
+    """States of MuJoCo, before the first step and after each of them."""
 
 
 class Layout(NamedTuple):
     """Addresses of the bench's numbers in MuJoCo's arrays."""
 
     ball: int
-    """Of its position in qpos, followed by its quaternion, and of its velocity in qvel."""
+    """Ball's position in qpos, followed by its quaternion, and its velocity in qvel."""
     slide: int
-    """The probe's height in qpos."""
+    """Probe's height in qpos."""
     tip: int
-    """The height's servo in ctrl."""
+    """Servo of the height in ctrl."""
     aside: int
-    """The tool's shift along x in qpos."""
+    """Tool's shift along x in qpos."""
     aside_servo: int
-    """In ctrl."""
+    """Servo of the shift in ctrl."""
     voltage: int
-    """In ctrl."""
+    """Voltage in ctrl."""
     tip_height: float
     """Height of the tip where the slide is at zero [um]."""
 
 
 def layout(model: mujoco.MjModel) -> Layout:
-    """Layout of a bench."""
+    """Return the layout of a bench."""
     return Layout(
-        int(model.joint("ball").qposadr[0]),
-        int(model.joint("probe_z").qposadr[0]),
-        model.actuator("probe_z").id,
-        int(model.joint("probe_x").qposadr[0]),
-        model.actuator("probe_x").id,
-        model.actuator("voltage").id,
-        float(model.body("probe").pos[2]),
+        ball=int(model.joint("ball").qposadr[0]),
+        slide=int(model.joint("probe_z").qposadr[0]),
+        tip=model.actuator("probe_z").id,
+        aside=int(model.joint("probe_x").qposadr[0]),
+        aside_servo=model.actuator("probe_x").id,
+        voltage=model.actuator("voltage").id,
+        tip_height=float(model.body("probe").pos[2]),
     )
 
 
 def sized(spec: mujoco.MjSpec, trial: Trial) -> mujoco.MjModel:
-    """Model with a trial's ball and probe; the trial's other numbers are in `plugin_numbers`."""
+    """Compile the model with a trial's ball and probe; `plugin_numbers` has its other numbers."""
     spec.geom("ball").size[0] = trial.radius / UM
     spec.geom("probe").size[0] = trial.probe_radius / UM
     spec.geom("ball").density = trial.density * DENSITY
@@ -100,18 +103,35 @@ def usual_model(
     density: float = BALL_DENSITY,
     rolling: float = Contacts().rolling,
 ) -> mujoco.MjModel:
-    """The bench with a ball of 20 um of this density [kg/m^3] and this probe [m]; its own time step if None [s]."""
+    """Return the bench with a ball of 20 um.
+
+    Args:
+        timestep: time step [s]; None: that of `models/bench.xml`.
+        probe_radius: radius of the tool [m].
+        density: of the ball [kg/m^3].
+        rolling: see `Contacts.rolling` [m].
+    """
     spec = bench_spec()
     spec.memory = MEMORY
     if timestep is not None:
         spec.option.timestep = timestep / MS
-    contacts = Contacts(rolling=rolling)
-    return sized(spec, Trial(20e-6, 0.0, 0.0, probe_radius=probe_radius, density=density, contacts=contacts))
+    trial = Trial(
+        radius=20e-6,
+        work_tool_object=0.0,
+        work_object_substrate=0.0,
+        probe_radius=probe_radius,
+        density=density,
+        contacts=Contacts(rolling=rolling),
+    )
+    return sized(spec, trial)
 
 
 @lru_cache(maxsize=64)
 def shares(n_steps: int) -> np.ndarray:
-    """Shares (n_steps, 2) of the way after each step of a move: of time and voltage, and of the tool."""
+    """Return the shares (n_steps, 2) of the way after each step of a move.
+
+    The first column is that of time and voltage, the second that of the tool.
+    """
     share = np.arange(1, n_steps + 1) / n_steps
     return np.stack([share, minimum_jerk(share)], axis=1)
 
@@ -119,17 +139,21 @@ def shares(n_steps: int) -> np.ndarray:
 def resized(
     model: mujoco.MjModel, radius: float, into: tuple[mujoco.MjModel, mujoco.MjData] | None = None
 ) -> mujoco.MjModel:
-    """Copy of a bench's model whose ball has another radius [m]; a fifth of the time that compiling takes.
+    """Return a copy of a bench's model whose ball has another radius.
+
+    It takes a fifth of the time of compiling, and a tenth of that into an earlier copy.
 
     Args:
         model: of the bench.
-        radius: of the ball.
-        into: an earlier copy to overwrite, which takes a tenth of that, and data of it, which are to be reset.
+        radius: of the ball [m].
+        into: an earlier copy to overwrite, and data of it, which must be reset then.
     """
     new, data = into or (copy.copy(model), mujoco.MjData(model))
-    geom, body = model.geom("ball").id, model.body("ball").id
+    geom = model.geom("ball").id
+    body = model.body("ball").id
     ratio = radius / UM / float(model.geom_size[geom, 0])
-    new.geom_size[geom, 0] = new.geom_rbound[geom] = radius / UM
+    new.geom_size[geom, 0] = radius / UM
+    new.geom_rbound[geom] = radius / UM
     new.geom_aabb[geom] = model.geom_aabb[geom] * ratio
     new.body_mass[body] = model.body_mass[body] * ratio**3
     new.body_inertia[body] = model.body_inertia[body] * ratio**5
@@ -138,7 +162,7 @@ def resized(
 
 
 def plugin_numbers(trial: Trial) -> dict[tuple[str, str], float]:
-    """Numbers of a trial by instance and field of the plugins' states."""
+    """Return the numbers of a trial by instance and field of the plugins' states."""
     contacts = trial.contacts
     yields = contacts.restitution is None
     impacts = {
@@ -146,28 +170,46 @@ def plugin_numbers(trial: Trial) -> dict[tuple[str, str], float]:
         "yield_pressure": contacts.yield_pressure / PRESSURE if yields else 0.0,
         "humidity": trial.relative_humidity,
     }
-    works = trial.work_object_substrate * UM / NN, trial.work_tool_object * UM / NN
-    moduli = contacts.plate_modulus / PRESSURE, contacts.probe_modulus / PRESSURE
-    numbers = {
-        instance: {"work": work, "modulus": modulus, **impacts}
-        for instance, work, modulus in zip(("adhesion_plate", "adhesion_probe"), works, moduli, strict=True)
+    instances = {
+        "adhesion_plate": {
+            "work": trial.work_object_substrate * UM / NN,
+            "modulus": contacts.plate_modulus / PRESSURE,
+            **impacts,
+        },
+        "adhesion_probe": {
+            "work": trial.work_tool_object * UM / NN,
+            "modulus": contacts.probe_modulus / PRESSURE,
+            **impacts,
+        },
+        "electrostatic": {
+            "contact_gap": trial.contact_gap / UM,
+            "leak": contacts.leak * PER_OHM,
+            "contact": contacts.contact * PER_OHM,
+            "plate_contact": contacts.plate_contact * PER_OHM,
+            "oxide": contacts.oxide / UM,
+            "breakdown": contacts.breakdown * UM,
+        },
     }
-    numbers["electrostatic"] = {
-        "contact_gap": trial.contact_gap / UM,
-        "leak": contacts.leak * PER_OHM,
-        "contact": contacts.contact * PER_OHM,
-        "plate_contact": contacts.plate_contact * PER_OHM,
-        "oxide": contacts.oxide / UM,
-        "breakdown": contacts.breakdown * UM,
-    }
-    return {(instance, name): value for instance, values in numbers.items() for name, value in values.items()}
+    numbers = {}
+    for instance, values in instances.items():
+        for name, value in values.items():
+            numbers[instance, name] = value
+    return numbers
 
 
 def start(model: mujoco.MjModel, trial: Trial, gaps: tuple[float, float]) -> np.ndarray:
-    """Positions (nq,) of ball and tool before a trial, with these gaps of the ball to tool and plate [m]."""
-    where, radius, (above, below) = layout(model), trial.radius / UM, gaps
+    """Return the positions (nq,) of ball and tool before a trial.
+
+    Args:
+        model: of the bench.
+        trial: the ball.
+        gaps: of the ball to tool and plate [m].
+    """
+    where = layout(model)
+    radius = trial.radius / UM
+    tool_gap, plate_gap = gaps
     qpos = np.array(model.qpos0)
-    qpos[where.ball + 2] = radius + below / UM
-    qpos[where.slide] = 2 * radius + (above + below) / UM - where.tip_height
+    qpos[where.ball + 2] = radius + plate_gap / UM
+    qpos[where.slide] = 2 * radius + (tool_gap + plate_gap) / UM - where.tip_height
     qpos[where.aside] = trial.misalignment / UM
     return qpos

@@ -1,7 +1,8 @@
 """The motion and the voltage of the tool in a trial: distances, speeds, limits.
 
-Source: section 3.2.3 for the sequence, the contact, the 5 um gap and the 50 V without contact. Speeds, durations and
-the criterion of a lift are choices: slow enough that half the speed changes no voltage by 1 %.
+Source: section 3.2.3 for the sequence, the contact, the 5 um gap and the 50 V without contact.
+Speeds, durations and the criterion of a lift are choices: slow enough that half the speed changes
+no voltage by 1 %.
 """
 
 import math
@@ -39,15 +40,15 @@ class Protocol:
     acceleration: Annotated[float, Within(0.01, 1e4, "m/s^2")] = 40.0
     """Largest acceleration of a tool that carries a ball by adhesion only [m/s^2]."""
     transport: Annotated[float, Within(0, 500e-6, "m")] = 0.0
-    """Distance of the target aside, to which the tool carries a lifted ball before the release [m]."""
+    """Distance of the target aside, to which the tool carries a lifted ball before release [m]."""
     transport_acceleration: Annotated[float, Within(0.01, 1e3, "m/s^2")] = 0.5
-    """Largest acceleration on the way to the target; with more a ball rolls along the tool [m/s^2]."""
+    """Largest acceleration towards the target; with more a ball rolls along the tool [m/s^2]."""
     off_time: Duration = 0.05e-3
     """Fall time of the voltage with the ball lifted [s]."""
     away: Annotated[float, Within(1e-9, 0.4e-6, "m")] = 0.2e-6
     """Distance from plate or tool beyond which a ball counts as lifted or released [m]."""
     hold_time: Duration = 3e-3
-    """Time for which a lifted ball hangs before the release ramp, so that its charge relaxes [s]."""
+    """Time for which a lifted ball hangs before the ramp, so that its charge relaxes [s]."""
     step_voltage: Annotated[float, Within(2e-3, 200.0, "V")] = 0.25
     """Voltage between two rungs of the staircase [V]."""
     grasp_limit: Voltage = 80.0
@@ -59,7 +60,7 @@ class Protocol:
     release_limit: Voltage = 120.0
     """End of the release ramp [V]."""
     after_release: Literal["cut", "held"] = "cut"
-    """Whether the voltage is cut or held once a ball has left the tool. The paper does not say."""
+    """The voltage is cut or held once a ball has left the tool; the paper does not say which."""
     cut_delay: Annotated[float, Within(0, 0.1, "s")] = 0.0
     """Delay from detecting that the ball left (beyond `away`) to the start of the cut [s]."""
     cut_time: Duration = 0.05e-3
@@ -86,11 +87,14 @@ class Protocol:
 
     @property
     def contact_time(self) -> float:
-        """Time for which the tool keeps a ball on the plate under a rung's voltage, at most [s]."""
+        """Longest time for which the tool keeps a ball on the plate under a rung's voltage [s]."""
         return self.rise_time + self.peel_time
 
     def carry_time(self, distance: float) -> float:
-        """Time to move by a distance [m] with the protocol's acceleration, along `minimum_jerk` [s]."""
+        """Return the time to move by a distance [m] with the protocol's acceleration [s].
+
+        The tool moves along `minimum_jerk`.
+        """
         return (_PEAK * abs(distance) / self.acceleration) ** 0.5
 
     @property
@@ -104,7 +108,7 @@ _PEAK = 10 / 3**0.5
 
 
 def minimum_jerk(share: Array) -> Array:
-    """Fraction of the path at a fraction s of the time, 10 s^3 - 15 s^4 + 6 s^5.
+    """Return the fraction of the path at a fraction s of the time, 10 s^3 - 15 s^4 + 6 s^5.
 
     Source: Flash and Hogan 1985. Speed and acceleration vanish at both ends.
     """
@@ -115,9 +119,10 @@ class Gaps(NamedTuple):
     """Gaps at which each trial is repeated."""
 
     release: tuple[float, ...] = (RELEASE_GAP,)
-    """Between ball and plate at the release [m]."""
+    """Gaps between ball and plate at the release [m]."""
     no_contact: tuple[float, ...] = ()
-    """Between tool and ball in attempts without contact [m]."""
+    """Gaps between tool and ball in attempts without contact [m]."""
 
 
 PAPER_GAPS = Gaps()
+"""Gaps of the paper's experiments."""

@@ -1,4 +1,4 @@
-"""Traces of trials, sample by sample, from the states that a bench recorded; also of attempts that a swarm made."""
+"""Traces of trials, sample by sample, from the states that a bench recorded."""
 
 from typing import NamedTuple
 
@@ -20,20 +20,23 @@ from iswarm_mj.gripper.units import MS, NN, UM
 States = Float[np.ndarray, "T n"]
 
 PHASES = ("approach", "contact", "voltage", "retract", "lift", "off", "ramp", "flight", "rest")
-"""Of lifts, then of releases, in their order."""
+"""Phases of lifts, then those of releases, in their order."""
 
 
 class Trace(NamedTuple):
-    """T samples of one trial, at increasing times. SI units throughout; z up, the plate's surface at z = 0."""
+    """T samples of one trial, at increasing times, in SI units.
+
+    The z axis points up; the plate's surface is at z = 0.
+    """
 
     time: Float[np.ndarray, "T"]
-    """Since the trial began [s]."""
+    """Time since the trial began [s]."""
     phase: Int[np.ndarray, "T"]
     """Indices into `phases`."""
     phases: tuple[str, ...]
     """Names of the phases: approach, ramp, ..."""
     voltage: Float[np.ndarray, "T"]
-    """Of the probe against the plate [V]."""
+    """Voltage of the probe against the plate [V]."""
     probe: Float[np.ndarray, "T 3"]
     """Centre of the tip's face [m]."""
     ball: Float[np.ndarray, "T 3"]
@@ -41,9 +44,9 @@ class Trace(NamedTuple):
     ball_quaternion: Float[np.ndarray, "T 4"]
     """Orientation of the ball, w first."""
     gap_tool: Float[np.ndarray, "T"]
-    """Between probe and ball, negative where they are pressed together [m]."""
+    """Gap between probe and ball, negative where they are pressed together [m]."""
     gap_plate: Float[np.ndarray, "T"]
-    """Between ball and plate, negative where they are pressed together [m]."""
+    """Gap between ball and plate, negative where they are pressed together [m]."""
     adhesion_tool: Float[np.ndarray, "T"]
     """Attraction of the ball by the probe, at least 0 [N]."""
     adhesion_plate: Float[np.ndarray, "T"]
@@ -55,60 +58,75 @@ class Trace(NamedTuple):
     contact_plate: Float[np.ndarray, "T"]
     """Normal force between ball and plate, at least 0 [N]."""
     on_plate_potential: Bool[np.ndarray, "T"]
-    """Whether the ball has the plate's potential; otherwise it has the probe's."""
+    """True if the ball has the plate's potential; otherwise it has the probe's."""
     ball_voltage: Float[np.ndarray, "T"]
-    """Of the ball against the plate [V]."""
+    """Voltage of the ball against the plate [V]."""
     broken: Bool[np.ndarray, "T"]
-    """Whether the oxide of the tool's contact is broken down."""
+    """True if the oxide of the tool's contact is broken down."""
     drive: Float[np.ndarray, "T"]
     """Force of the drive on the tool, upwards [N]."""
     impact_loss: Float[np.ndarray, "T"]
     """Energy lost in an impact from which the ball rebounds [J]; 0 where there is none."""
     radius: float
-    """Of the ball [m]."""
+    """Radius of the ball [m]."""
     probe_radius: float
-    """[m]"""
+    """Radius of the probe [m]."""
     weight: float
-    """Of the ball [N]."""
+    """Weight of the ball [N]."""
     probe_weight: float
-    """Of the probe and what carries it [N]."""
+    """Weight of the probe with its carriage [N]."""
 
 
 def thinned(trace: Trace, limit: int) -> Trace:
-    """Return a trace of about `limit` samples at most, dense where the ball moves or the electrostatic force changes.
+    """Return a trace of about `limit` samples at most.
 
-    Samples are kept at even distances along a path to which time, the ball's height and the force contribute a third
-    each, and so are the first sample of each phase and the last one of the trace.
+    It is dense where the ball moves or the electrostatic force changes: samples are kept at even
+    distances along a path to which time, the ball's height and the force contribute a third each.
+    The first sample of each phase and the last one of the trace are also kept.
     """
     if len(trace.time) <= limit:
         return trace
+
     path = np.zeros(len(trace.time))
     for values in (trace.time, trace.ball[:, 2], trace.electrostatic):
         length = np.cumsum(np.abs(np.diff(values, prepend=values[0])))
         path += length / max(length[-1], np.finfo(float).tiny)
+
     cell = np.floor(path / path[-1] * (limit - 1))
-    is_new = (np.diff(cell, prepend=-1) > 0) | (np.diff(trace.phase, prepend=-1) != 0)
-    is_new[-1] = True
-    arrays = {name: value[is_new] for name, value in trace._asdict().items() if isinstance(value, np.ndarray)}
-    return trace._replace(**arrays)
+    enters_cell = np.diff(cell, prepend=-1) > 0
+    enters_phase = np.diff(trace.phase, prepend=-1) != 0
+    is_kept = enters_cell | enters_phase
+    is_kept[-1] = True
+
+    samples = {}
+    for name, value in trace._asdict().items():
+        if isinstance(value, np.ndarray):
+            samples[name] = value[is_kept]
+    return trace._replace(**samples)
 
 
 def trace_trial(
-    trial: Trial, protocol: Protocol, voltage: float | None, gap: float, timestep: float | None = None
+    trial: Trial,
+    protocol: Protocol,
+    voltage: float | None,
+    gap: float,
+    timestep: float | None = None,
 ) -> Trace:
     """Return the trace of a trial, from the approach to a ball that rests again.
 
     Args:
         trial: the ball.
         protocol: what the tool does.
-        voltage: at which it lifts [V]; None: the highest rung is tried, and the ball is released only if that lifts it.
+        voltage: at which it lifts [V]; None: the highest rung is tried, and the ball is released
+            only if that lifts it.
         gap: to the plate at which the ball is released [m].
         timestep: instead of that of the model [s].
     """
-    bench = MujocoBench([trial], protocol.start_gap, 1, timestep=timestep, is_recorded=True)
-    highest = protocol.highest_rung * protocol.step_voltage
+    if voltage is None:
+        voltage = protocol.highest_rung * protocol.step_voltage
+    bench = MujocoBench([trial], protocol.start_gap, threads=1, timestep=timestep, is_recorded=True)
     touch(bench, protocol)
-    watch = rung(bench, protocol, highest if voltage is None else voltage)
+    watch = rung(bench, protocol, voltage)
     if is_lifted(protocol, watch)[0]:
         hang(bench, protocol, gap)
         release(bench, protocol, np.array([True]), gap, to_the_end=True)
@@ -116,45 +134,72 @@ def trace_trial(
 
 
 def trace_attempt(tried: Tried, gap: float) -> tuple[Trace, bool]:
-    """Trace of an attempt, whose phases are `PHASES`, and whether it succeeded; releases are at a gap [m]."""
-    works = tried.work_tool_object, tried.work_object_substrate
-    trial = Trial(tried.radius, *works, 10.0, misalignment=tried.misalignment)  # whose factor of humidity is 1
+    """Trace an attempt that a swarm made.
+
+    Args:
+        tried: the attempt.
+        gap: between ball and plate at a release [m].
+
+    Returns:
+        The trace, whose phases are `PHASES`, and whether the attempt succeeded.
+    """
+    trial = Trial(
+        radius=tried.radius,
+        work_tool_object=tried.work_tool_object,
+        work_object_substrate=tried.work_object_substrate,
+        relative_humidity=10.0,  # at which the works are, since its factor is 1
+        misalignment=tried.misalignment,
+    )
     bench = MujocoBench(
-        [trial], PROTOCOL.start_gap, 1, TIMESTEP, is_recorded=True, hanging=None if tried.is_lift else gap
+        [trial],
+        PROTOCOL.start_gap,
+        threads=1,
+        timestep=TIMESTEP,
+        is_recorded=True,
+        hanging=None if tried.is_lift else gap,
     )
     if tried.is_lift:
         touch(bench, PROTOCOL)
         watch = rung(bench, PROTOCOL, tried.voltage)
         succeeded = hangs(watch.gap_tool, watch.gap_plate, PROTOCOL)
     else:
-        succeeded = release(bench, PROTOCOL, np.array([True]), gap, ramp_to(tried.voltage)).landed
+        outcome = release(bench, PROTOCOL, np.array([True]), gap, ramp_to(tried.voltage))
+        succeeded = outcome.landed
+
     trace = trace_of(bench)
-    places = np.array([PHASES.index(name) for name in trace.phases])
-    return trace._replace(phase=places[trace.phase], phases=PHASES), bool(succeeded[0])
+    index_in_phases = np.array([PHASES.index(name) for name in trace.phases])
+    trace = trace._replace(phase=index_in_phases[trace.phase], phases=PHASES)
+    return trace, bool(succeeded[0])
 
 
 def trace_of(bench: MujocoBench) -> Trace:
-    """Trace of all physics steps of a recorded bench: each sample is a state, with the forces that act from it on."""
-    recorded, model, where = bench.recorded or [], bench.model, layout(bench.model)
-    before, after = (np.concatenate([part.states[cut] for part in recorded]) for cut in (np.s_[:-1], np.s_[1:]))
+    """Return the trace of all physics steps of a recorded bench.
+
+    Each sample is a state, with the forces that act from it on.
+    """
+    recorded = bench.recorded or []
+    model = bench.model
+    where = layout(model)
+    before = np.concatenate([part.states[:-1] for part in recorded])
+    after = np.concatenate([part.states[1:] for part in recorded])
     names = [name for part in recorded for name in part.phases]
     phases = tuple(dict.fromkeys(names))
-    qpos, control = _part(model, before, "QPOS"), _part(model, after, "CTRL")
-    ball, aside = qpos[:, where.ball : where.ball + 7], qpos[:, where.aside]
+
+    qpos = _part(model, before, "QPOS")
+    control = _part(model, after, "CTRL")
+    ball = qpos[:, where.ball : where.ball + 7]
+    aside = qpos[:, where.aside]
     tip = qpos[:, where.slide] + where.tip_height
 
-    def result(instance: str, field: str, states: States = after) -> Float[np.ndarray, "T"]:
-        return _part(model, states, "PLUGIN")[:, plugin.state_index(model, instance, field)]
+    def result(instance: str, field: str) -> Float[np.ndarray, "T"]:
+        return _result(model, after, instance, field)
 
-    def lost(instance: str) -> Float[np.ndarray, "T"]:
-        """Energy that a rebound costs in each step [fJ], m v^2 (1 - e^2) / 2."""
-        begins = (result(instance, "before", before) > 0) & (result(instance, "gap") <= 0)
-        impulse, mass = result(instance, "impulse"), model.body("ball").mass[0]
-        energy = impulse * (result(instance, "impact_speed") - impulse / mass / 2)
-        return np.where(begins & (result(instance, "rebound") > 0), energy, 0.0)
-
+    loss_at_probe = _impact_loss(model, before, after, "adhesion_probe")
+    loss_at_plate = _impact_loss(model, before, after, "adhesion_plate")
     contacts, drive = _forces(model, before, control)
-    weight, probe_weight = (-model.opt.gravity[2] * model.body(name).mass[0] for name in ("ball", "probe"))
+    gravity = -model.opt.gravity[2]
+    weight = gravity * model.body("ball").mass[0]
+    probe_weight = gravity * model.body("probe").mass[0]
     return Trace(
         time=_part(model, before, "TIME")[:, 0] * MS,
         phase=np.array([phases.index(name) for name in names]),
@@ -174,7 +219,7 @@ def trace_of(bench: MujocoBench) -> Trace:
         ball_voltage=result("electrostatic", "ball_voltage"),
         broken=result("electrostatic", "broken") > 0.5,
         drive=drive[:, where.tip] * NN,
-        impact_loss=(lost("adhesion_probe") + lost("adhesion_plate")) * NN * UM,
+        impact_loss=(loss_at_probe + loss_at_plate) * NN * UM,
         radius=float(model.geom("ball").size[0]) * UM,
         probe_radius=float(model.geom("probe").size[0]) * UM,
         weight=float(weight) * NN,
@@ -182,8 +227,37 @@ def trace_of(bench: MujocoBench) -> Trace:
     )
 
 
+def _result(
+    model: mujoco.MjModel,
+    states: States,
+    instance: str,
+    field: str,
+) -> Float[np.ndarray, "T"]:
+    """Return a number of a plugin instance in each state."""
+    index = plugin.state_index(model, instance, field)
+    return _part(model, states, "PLUGIN")[:, index]
+
+
+def _impact_loss(
+    model: mujoco.MjModel,
+    before: States,
+    after: States,
+    instance: str,
+) -> Float[np.ndarray, "T"]:
+    """Return the energy that a rebound costs in each step, m v^2 (1 - e^2) / 2 [fJ]."""
+    was_apart = _result(model, before, instance, "before") > 0
+    touches = _result(model, after, instance, "gap") <= 0
+    rebounds = _result(model, after, instance, "rebound") > 0
+    speed = _result(model, after, instance, "impact_speed")
+    impulse = _result(model, after, instance, "impulse")
+    mass = model.body("ball").mass[0]
+    # With the impulse m (1 + e) v.
+    energy = impulse * (speed - impulse / mass / 2)
+    return np.where(was_apart & touches & rebounds, energy, 0.0)
+
+
 def _part(model: mujoco.MjModel, states: States, name: str) -> Float[np.ndarray, "T k"]:
-    """Columns of states that hold one of the parts of `mjtState`."""
+    """Return the columns of states that hold one of the parts of `mjtState`."""
     bit = int(getattr(mujoco.mjtState, f"mjSTATE_{name}"))
     first = mujoco.mj_stateSize(model, STATE & (bit - 1))
     return states[:, first : first + mujoco.mj_stateSize(model, bit)]
@@ -192,15 +266,21 @@ def _part(model: mujoco.MjModel, states: States, name: str) -> Float[np.ndarray,
 def _forces(
     model: mujoco.MjModel, states: States, control: Float[np.ndarray, "T nu"]
 ) -> tuple[Float[np.ndarray, "T 2"], Float[np.ndarray, "T nu"]]:
-    """Normal forces of the ball's contacts with tool and plate, and forces of the actuators, in each state [nN]."""
-    data, plate, force = mujoco.MjData(model), model.geom("plate").id, np.zeros(6)
-    contacts, drives = np.zeros((len(states), 2)), np.zeros_like(control)
-    for state, now, contact, drive in zip(states, control, contacts, drives, strict=True):
+    """Return the normal forces of the ball's contacts and the forces of the actuators [nN].
+
+    Contacts are those with tool and plate.
+    """
+    data = mujoco.MjData(model)
+    plate = model.geom("plate").id
+    force = np.zeros(6)
+    contact_forces = np.zeros((len(states), 2))
+    actuator_forces = np.zeros_like(control)
+    for k, state in enumerate(states):
         mujoco.mj_setState(model, data, state, STATE)
-        data.ctrl[:] = now
+        data.ctrl[:] = control[k]
         mujoco.mj_forward(model, data)
         for i, geoms in enumerate(data.contact.geom):
             mujoco.mj_contactForce(model, data, i, force)
-            contact[int(plate in geoms)] += max(0.0, force[0])
-        drive[:] = data.actuator_force
-    return contacts, drives
+            contact_forces[k, int(plate in geoms)] += max(0.0, force[0])
+        actuator_forces[k] = data.actuator_force
+    return contact_forces, actuator_forces

@@ -1,7 +1,7 @@
-"""Adhesion of an elastic sphere to a plane: pull-off forces, and how humidity changes the work of adhesion.
+"""Adhesion of an elastic sphere to a plane: pull-off forces, and the effect of humidity on them.
 
-Forces are positive [N]. Arguments in SI: `radius` R of the sphere [m], work of adhesion `work` W [J/m^2]. Relative
-humidity is a percentage everywhere, 0 to 100.
+Forces are positive [N]. Arguments in SI: `radius` R of the sphere [m], work of adhesion `work` W
+[J/m^2]. Relative humidity is a percentage everywhere, 0 to 100.
 """
 
 import math
@@ -22,21 +22,24 @@ def dmt_pull_off(radius: Quantity, work: Quantity) -> Quantity:
     """Return the pull-off force of a stiff contact, F = 2 pi R W.
 
     Source: Derjaguin, Muller, Toporov 1975; upper bound of Eq. 1. Valid for a Tabor parameter
-    below about 0.1. The bench uses it for both contacts, although they lie in the transition to JKR:
-    with the calibrated works, R = 20 um and z0 = 0.4 to 0.16 nm, Maugis' lambda is 0.10 to 0.24 at the tool
-    and 0.37 to 0.92 at the plate, where Maugis-Dugdale gives 2 to 7 % and 11 to 19 % less. The fitted works
-    absorb this; reduce a work that was measured in another way by as much. With
-    works refitted to Maugis-Dugdale, voltages of the committed trials change by -3.0 to 1.6 %, and no verdict on
-    them (`tests/paper/test_transition.py`), so that a second law would judge nothing else.
+    below about 0.1.
+
+    The bench uses it for both contacts, although they lie in the transition to JKR: with the
+    calibrated works, R = 20 um and z0 = 0.4 to 0.16 nm, Maugis' lambda is 0.10 to 0.24 at the tool
+    and 0.37 to 0.92 at the plate, where Maugis-Dugdale gives 2 to 7 % and 11 to 19 % less. The
+    fitted works absorb this; reduce a work that was measured in another way by this amount. With
+    works refitted to Maugis-Dugdale, voltages of the committed trials change by -3.0 to 1.6 %, and
+    no verdict on them (`tests/paper/test_transition.py`), so that a second law would decide nothing
+    differently.
     """
     return 2 * math.pi * radius * work
 
 
 def van_der_waals_force(hamaker: Quantity, radius: Quantity, gap: Quantity) -> Quantity:
-    """Return the attraction of a sphere to a half-space across a gap, F = 2 A R^3 / (3 z^2 (z + 2 R)^2).
+    """Return the attraction of a sphere to a half-space, F = 2 A R^3 / (3 z^2 (z + 2 R)^2) [N].
 
-    Source: Hamaker 1937, pairwise and without retardation; F -> A R / (6 z^2) for z << R. Too large beyond
-    about 0.1 um, where retardation sets in.
+    Source: Hamaker 1937, pairwise and without retardation; F -> A R / (6 z^2) for z << R. Too large
+    beyond about 0.1 um, where retardation sets in.
 
     Args:
         hamaker: Hamaker constant A [J].
@@ -47,11 +50,16 @@ def van_der_waals_force(hamaker: Quantity, radius: Quantity, gap: Quantity) -> Q
 
 
 def humidity_factor(relative_humidity: Quantity) -> Quantity:
-    """Return the work of adhesion over that at 10 % RH: h = 1 + (RH - 10)/70 above 10 % and 1 + 0.04 (10 - RH) below.
+    """Return the work of adhesion over that at 10 % RH, h.
 
-    Source: empirical, after section 3.2.1 on its ref. 54: least at 10 % RH, twice that in air at 70 to 90 %.
-    Valid for 5 to 90 % RH; of the lower branch only the sign is known.
+    It is h = 1 + (RH - 10) / 70 above 10 % and h = 1 + 0.04 (10 - RH) below.
+
+    Source: empirical, after section 3.2.1 on its ref. 54: least at 10 % RH, twice that in air at 70
+    to 90 %. Valid for 5 to 90 % RH; of the lower branch only the sign is known.
+
+    Args:
+        relative_humidity: RH, 0 to 100 [%].
     """
     xp = array_module(relative_humidity)
-    above = relative_humidity - 10.0
-    return 1 + xp.where(above > 0, above / 70, -0.04 * above)
+    excess = relative_humidity - 10.0
+    return 1 + xp.where(excess > 0, excess / 70, -0.04 * excess)

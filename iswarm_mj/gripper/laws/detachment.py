@@ -1,17 +1,20 @@
 """Voltages that lift or release a ball, and the outcome of a grasp or a release at a voltage.
 
-The default constants are a calibration, not measurements. Fitted to the paper's experiments at 10 % RH:
-W_TO to the release voltages, W_OS to the grasp voltages given D_eff, D_eff to "no lift without contact
-below 50 V", and the two spreads to the widths of the voltage bands. That neither voltage depends on the
-ball's radius is algebra: pull-off and electrical force are proportional to it. The ratio of the two works,
-10.4, is fitted; `roughness` says which roughnesses would make it. The weakest assumption is that the ball stays at the
-substrate's potential while the tool touches it, see `bench.trial`.
+The default constants are a calibration, not measurements. Fitted to the paper's experiments at 10 %
+RH: W_TO to the release voltages, W_OS to the grasp voltages given D_eff, D_eff to "no lift without
+contact below 50 V", and the two spreads to the widths of the voltage bands. Neither voltage depends
+on the ball's radius, since pull-off and electrical force are proportional to it. The ratio of the
+two works, 10.4, is fitted; `roughness` gives the roughnesses that would make it. The weakest
+assumption is that the ball stays at the substrate's potential while the tool touches it, see
+`bench.trial`.
 
-Arguments in SI: `voltage` of the tool against the substrate [V], `radius` of the ball [m], works of adhesion
-`work_tool_object` W_TO and `work_object_substrate` W_OS [J/m^2], `probe_radius` of the tool [m]; `gap` is that between
-tool and ball in a grasp, the effective electrical one, and between ball and substrate in a release [m]. Grasps follow
-Eq. 5 with the weight, releases section 3.2.1, Fig. 2(b), with the weight; both with DMT pull-offs, and valid within
-the range of `probe_table`.
+Arguments in SI: `voltage` of the tool against the substrate [V], `radius` of the ball [m], works of
+adhesion `work_tool_object` W_TO and `work_object_substrate` W_OS [J/m^2], `probe_radius` of the
+tool [m]; `gap` is that between tool and ball in a grasp, the effective electrical one, and between
+ball and substrate in a release [m].
+
+Grasps follow Eq. 5 with the weight, releases section 3.2.1, Fig. 2(b), with the weight; both with
+DMT pull-offs, and valid within the range of `probe_table`.
 """
 
 import math
@@ -40,14 +43,14 @@ RELEASE_GAP = 5e-6
 MELTING_VOLTAGE = 70.0
 """Voltage at which a ball in contact was seen to melt [V]."""
 BALL_DENSITY = 7400.0
-"""Of Sn 96.5 Ag 3.5 solder [kg/m^3]."""
+"""Density of Sn 96.5 Ag 3.5 solder [kg/m^3]."""
 GRAVITY = 9.81
-"""[m/s^2]"""
+"""Acceleration of gravity [m/s^2]."""
 
 EQ3_CONSTANT = math.sqrt(2 / VACUUM_PERMITTIVITY)
-"""sqrt(2 / eps0) = 4.7527e5, what Eqs. 1 (DMT) and 2 give for Eq. 3 [V/sqrt(J/m)]."""
+"""Constant of Eq. 3 by Eqs. 1 (DMT) and 2, sqrt(2 / eps0) = 4.7527e5 [V/sqrt(J/m)]."""
 PRINTED_EQ3_CONSTANT = 5.49e5
-"""The constant as printed in Eq. 3, which equals sqrt(8 / (3 eps0)) and does not follow from Eqs. 1 and 2."""
+"""Constant of Eq. 3 as printed, sqrt(8 / (3 eps0)), which does not follow from Eqs. 1 and 2."""
 
 
 def detachment_voltage(work: Quantity, gap: Quantity, constant: float = EQ3_CONSTANT) -> Quantity:
@@ -64,13 +67,19 @@ def detachment_voltage(work: Quantity, gap: Quantity, constant: float = EQ3_CONS
     return constant * xp.sqrt(work) * xp.sqrt(gap)
 
 
-def ball_weight(radius: Quantity, density: Quantity = BALL_DENSITY, gravity: float = GRAVITY) -> Quantity:
-    """Weight of a ball, 4/3 pi R^3 rho g [N]."""
+def ball_weight(
+    radius: Quantity,
+    density: Quantity = BALL_DENSITY,
+    gravity: float = GRAVITY,
+) -> Quantity:
+    """Return the weight of a ball, 4/3 pi R^3 rho g [N]."""
     return 4 / 3 * math.pi * radius**3 * density * gravity
 
 
 def scattered_work(work: Quantity, variation: Quantity, standard_normal: Quantity) -> Quantity:
-    """Work of adhesion of one trial, log-normal about its median, W exp(z sqrt(ln(1 + cv^2))) [J/m^2].
+    """Return the work of adhesion of one trial, W exp(z sqrt(ln(1 + cv^2))) [J/m^2].
+
+    It is log-normal about its median.
 
     Args:
         work: median [J/m^2].
@@ -86,12 +95,18 @@ def grasp_deficit(
     work_tool_object: Quantity = WORK_TOOL_OBJECT,
     work_object_substrate: Quantity = WORK_OBJECT_SUBSTRATE,
 ) -> Quantity:
-    """Force that the voltage must add to lift a touched ball, F_OS + weight - F_TO; below 0: none is needed [N]."""
+    """Return the force that the voltage must add to lift a touched ball, F_OS + weight - F_TO [N].
+
+    It is below 0 where adhesion suffices.
+    """
     return dmt_pull_off(radius, work_object_substrate - work_tool_object) + ball_weight(radius)
 
 
 def release_deficit(radius: Quantity, work_tool_object: Quantity = WORK_TOOL_OBJECT) -> Quantity:
-    """Force that the voltage must add to drop a held ball, F_TO - weight; below 0 where none is needed [N]."""
+    """Return the force that the voltage must add to drop a held ball, F_TO - weight [N].
+
+    It is below 0 where the weight suffices.
+    """
     return dmt_pull_off(radius, work_tool_object) - ball_weight(radius)
 
 
@@ -103,7 +118,7 @@ def is_grasped(
     gap: Quantity = CONTACT_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
 ) -> bool | Bool[Array, "..."]:
-    """Whether a touching tool lifts the ball, F_C(pick) + F_TO > F_OS + weight."""
+    """Return whether a touching tool lifts the ball, F_C(pick) + F_TO > F_OS + weight (Eq. 5)."""
     force = pick_force(voltage, gap, radius, probe_radius)
     return force > grasp_deficit(radius, work_tool_object, work_object_substrate)
 
@@ -115,8 +130,9 @@ def is_released(
     gap: Quantity = RELEASE_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
 ) -> bool | Bool[Array, "..."]:
-    """Whether a held ball leaves the tool, F_C(release) + weight > F_TO."""
-    return release_force(voltage, gap, radius, probe_radius) > release_deficit(radius, work_tool_object)
+    """Return whether a held ball leaves the tool, F_C(release) + weight > F_TO (Fig. 2b)."""
+    force = release_force(voltage, gap, radius, probe_radius)
+    return force > release_deficit(radius, work_tool_object)
 
 
 def grasp_voltage(
@@ -126,7 +142,9 @@ def grasp_voltage(
     gap: Quantity = CONTACT_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
 ) -> Quantity:
-    """Return the least voltage at which a touching tool lifts the ball; 0 where adhesion suffices [V].
+    """Return the least voltage at which a touching tool lifts the ball [V].
+
+    It is 0 where adhesion suffices.
 
     Args:
         radius: of the ball [m].
@@ -145,7 +163,9 @@ def release_voltage(
     gap: Quantity = RELEASE_GAP,
     probe_radius: Quantity = PROBE_RADIUS,
 ) -> Quantity:
-    """Return the least voltage at which a held ball leaves the tool; 0 where its weight suffices [V].
+    """Return the least voltage at which a held ball leaves the tool [V].
+
+    It is 0 where its weight suffices.
 
     Args:
         radius: of the ball [m].
@@ -158,6 +178,7 @@ def release_voltage(
 
 
 def _least_voltage(deficit: Quantity, force_per_volt2: Quantity) -> Quantity:
+    """Return the voltage whose force is the deficit, 0 where there is none [V]."""
     xp = array_module(deficit, force_per_volt2)
     needed = deficit > 0
     return xp.where(needed, xp.sqrt(xp.where(needed, deficit / force_per_volt2, 1.0)), 0.0)

@@ -1,7 +1,8 @@
 """Electrostatic force on a conducting sphere: alone above a plane, and between a plane and a probe.
 
-Forces are positive [N]. Arguments in SI: `voltage` V between sphere, or probe, and plane [V], closest distance `gap` D
-[m], `radius` R of the sphere and `probe_radius` R_m of the cylindrical probe [m].
+Forces are positive [N]. Arguments in SI: `voltage` V between sphere, or probe, and plane [V],
+closest distance `gap` D [m], `radius` R of the sphere and `probe_radius` R_m of the cylindrical
+probe [m].
 """
 
 import math
@@ -12,14 +13,19 @@ from iswarm_mj.utils.arrays import Quantity
 
 
 def asymptotic_force(voltage: Quantity, gap: Quantity, radius: Quantity) -> Quantity:
-    """Force between a sphere and a plane nearly touching, F = pi eps0 V^2 R / D.
+    """Return the force between a sphere and a plane nearly touching, F = pi eps0 V^2 R / D.
 
     Source: Eq. 2. Valid for D << R; at D/R = 0.25 it is 31 % too high for a bare sphere.
     """
     return math.pi * VACUUM_PERMITTIVITY * voltage**2 * (radius / gap)
 
 
-def release_force(voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity) -> Quantity:
+def release_force(
+    voltage: Quantity,
+    gap: Quantity,
+    radius: Quantity,
+    probe_radius: Quantity,
+) -> Quantity:
     """Return the force towards the plane on a sphere that touches a probe.
 
     F = f(D/R, R_m/R) pi eps0 V^2 R / D, D from the plane.
@@ -27,10 +33,16 @@ def release_force(voltage: Quantity, gap: Quantity, radius: Quantity, probe_radi
     Source: f from boundary elements (sphere and probe at V, plane at 0, probe 20 R long), through
     `probe_table`, whose range is the validity; f -> 1, Eq. 2, for small gaps.
     """
-    return probe_factor("release", gap / radius, probe_radius / radius) * asymptotic_force(voltage, gap, radius)
+    shape = probe_factor("release", gap / radius, probe_radius / radius)
+    return shape * asymptotic_force(voltage, gap, radius)
 
 
-def pick_force(voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius: Quantity) -> Quantity:
+def pick_force(
+    voltage: Quantity,
+    gap: Quantity,
+    radius: Quantity,
+    probe_radius: Quantity,
+) -> Quantity:
     """Return the force towards a probe on a sphere that lies on the plane.
 
     F = f(D/R, R_m/R) pi eps0 V^2 R / D, D from the probe.
@@ -38,4 +50,5 @@ def pick_force(voltage: Quantity, gap: Quantity, radius: Quantity, probe_radius:
     Source: f from boundary elements (probe at V, sphere and plane at 0, probe 20 R long), through
     `probe_table`, whose range is the validity; f -> 1, Eq. 2, for small gaps.
     """
-    return probe_factor("pick", gap / radius, probe_radius / radius) * asymptotic_force(voltage, gap, radius)
+    shape = probe_factor("pick", gap / radius, probe_radius / radius)
+    return shape * asymptotic_force(voltage, gap, radius)

@@ -1,8 +1,9 @@
-"""Shape factor F D / (R pi eps0 V^2) of a sphere between plane and probe, from a table in the package.
+"""Shape factor F D / (R pi eps0 V^2) of a sphere between plane and probe, from a table.
 
-And the ball's capacitances to probe and plate, whose derivatives are the tabulated forces; see `spline.shape_of`.
+Also the ball's capacitances to probe and plate, whose derivatives are the tabulated forces; see
+`spline.shape_of`.
 
-Bicubic spline of ln f in log2(D/R) and log2(R_m/R): twice differentiable. The numbers come from
+Bicubic spline of ln f in log2(D/R) and log2(R_m/R), twice differentiable. The numbers come from
 `tools/make/boundary_elements.py`.
 """
 
@@ -23,8 +24,16 @@ GAP_EXPONENTS = np.arange(-27, 7) / 3
 PROBE_EXPONENTS = np.arange(-18, 10) / 3
 """log2 of R_m/R in the table, 1/64 to 8."""
 
-AXES = np.array([[e[0], e[1] - e[0], len(e), 2.0 ** e[0], 2.0 ** e[-1]] for e in (GAP_EXPONENTS, PROBE_EXPONENTS)])
-"""First exponent, step, number of knots, least and largest ratio of each."""
+
+def _axis(exponents: np.ndarray) -> list[float]:
+    """Return first exponent, step, number of knots, and least and largest ratio of an axis."""
+    first = exponents[0]
+    step = exponents[1] - exponents[0]
+    return [first, step, len(exponents), 2.0**first, 2.0 ** exponents[-1]]
+
+
+AXES = np.array([_axis(GAP_EXPONENTS), _axis(PROBE_EXPONENTS)])
+"""Axes of the table, see `_axis`."""
 
 FILE = "probe_table.csv"
 
@@ -32,9 +41,7 @@ FILE = "probe_table.csv"
 def probe_factor(task: str, gap_ratio: Quantity, probe_ratio: Quantity) -> Quantity:
     """Return the shape factor f = F D / (R pi eps0 V^2); f -> 1 as D/R -> 0.
 
-    Source: boundary elements, good to 2e-4; interpolation adds less than 2e-4. Concrete numbers outside the
-    table raise `UserError`; inside a JAX transformation, where the numbers are unknown, the ratios are
-    clamped to the table's edge.
+    Source: boundary elements, good to 2e-4; interpolation adds less than 2e-4.
 
     Args:
         task: "release" (downwards, probe touching) or "pick" (upwards, plane touching).
@@ -43,6 +50,10 @@ def probe_factor(task: str, gap_ratio: Quantity, probe_ratio: Quantity) -> Quant
 
     Returns:
         f, a pure number.
+
+    Raises:
+        UserError: a ratio is outside the table. Inside a JAX transformation, where the numbers are
+            unknown, the ratios are clamped to the table's edge instead.
     """
     _check("gap over sphere radius", gap_ratio, GAP_EXPONENTS)
     _check("probe radius over sphere radius", probe_ratio, PROBE_EXPONENTS)
@@ -53,6 +64,7 @@ def probe_factor(task: str, gap_ratio: Quantity, probe_ratio: Quantity) -> Quant
 
 
 def _check(name: str, ratio: Quantity, exponents: np.ndarray) -> None:
+    """Raise a UserError if a number that is known is outside an axis of the table."""
     low, high = 2.0 ** exponents[0], 2.0 ** exponents[-1]
     given = np.asarray(ratio) if is_concrete(ratio) else np.ones(1)
     bad = given[~((given >= low * (1 - 1e-6)) & (given <= high * (1 + 1e-6)))]
@@ -65,7 +77,7 @@ def _check(name: str, ratio: Quantity, exponents: np.ndarray) -> None:
 
 @cache
 def spline_coefficients(task: str) -> np.ndarray:
-    """Coefficients of the bicubic spline through ln f, one more on each side than the table has rows."""
+    """Return the coefficients of the bicubic spline through ln f, with a margin of one knot."""
     text = files("iswarm_mj.gripper.laws").joinpath(FILE).read_text(encoding="utf-8")
     column = {"release": 2, "pick": 3}[task]
     factor = np.loadtxt(text.splitlines(), delimiter=",", comments="#", usecols=column)
@@ -73,7 +85,7 @@ def spline_coefficients(task: str) -> np.ndarray:
 
 
 def coefficients_of(values: np.ndarray) -> np.ndarray:
-    """Coefficients of the bicubic spline through the logarithm of positive values at the table's places."""
+    """Return the coefficients of the bicubic spline through ln of values at the table's places."""
     table = np.log(values)
     return np.linalg.solve(_spline_matrix(table.shape[0]), np.pad(table, 1)) @ (
         np.linalg.inv(_spline_matrix(table.shape[1])).T
@@ -81,7 +93,10 @@ def coefficients_of(values: np.ndarray) -> np.ndarray:
 
 
 def _spline_matrix(n: int) -> np.ndarray:
-    """Values of a cubic spline at n knots from its n + 2 coefficients, between two not-a-knot conditions."""
+    """Return the matrix of a cubic spline's n + 2 coefficients.
+
+    Its rows give the values at n knots, between those of two not-a-knot conditions.
+    """
     matrix = np.zeros((n + 2, n + 2))
     for i in range(n):
         matrix[i + 1, i : i + 3] = 1 / 6, 4 / 6, 1 / 6
@@ -91,17 +106,21 @@ def _spline_matrix(n: int) -> np.ndarray:
 
 @cache
 def capacitance_spline(task: str) -> np.ndarray:
-    """Spline coefficients of ln(C / (4 pi eps0 R)), like those of `probe_table.spline_coefficients`.
+    """Return the spline coefficients of ln(C / (4 pi eps0 R)), like `spline_coefficients`.
 
-    The force of `pick_force` or `release_force` on a ball at a fixed voltage is V^2 / 2 times the derivative of C, so
-    that work and energy agree. Source: integral of `probe_factor` from the table's largest gap, 4 R, on. What is left
-    there is a choice: to the plate next to nothing, which the probe takes, and to the probe as much as if the factor
-    fell with the square of the gap. Boundary elements find up to 20 % more to the probe, and to the plate the same
-    within 3 % (`tests/gripper/test_capacitance.py`).
+    The force of `pick_force` or `release_force` on a ball at a fixed voltage is V^2 / 2 times the
+    derivative of C, so that work and energy agree.
+
+    Source: integral of `probe_factor` from the table's largest gap, 4 R, on. The capacitance that
+    is left there is a choice: to the plate nearly none, since the probe shields the ball, and to
+    the probe that of a factor which falls with the square of the gap. Boundary elements find up to
+    20 % more to the probe, and to the plate the same within 3 %
+    (`tests/gripper/test_capacitance.py`).
 
     Args:
         task: "pick", to the probe, or "release", to the plate.
     """
+    # Gauss-Legendre quadrature between each pair of gaps of the table.
     node, weight = np.polynomial.legendre.leggauss(6)
     step = GAP_EXPONENTS[1] - GAP_EXPONENTS[0]
     places = GAP_EXPONENTS[:-1, None] + step * (node + 1) / 2
@@ -109,15 +128,23 @@ def capacitance_spline(task: str) -> np.ndarray:
     # F = f pi eps0 V^2 R / D = V^2 / 2 |dC / dD|, hence dC / d ln(D) = -2 pi eps0 R f.
     parts = math.log(2) / 2 * step / 2 * np.einsum("gnp,n->gp", np.asarray(factor), weight)
     last = 2.0 ** GAP_EXPONENTS[-1]
-    edge = np.asarray(probe_factor(task, last, 2.0**PROBE_EXPONENTS)) / (4 if task == "pick" else 40)
+    edge_divisor = 4 if task == "pick" else 40
+    edge = np.asarray(probe_factor(task, last, 2.0**PROBE_EXPONENTS)) / edge_divisor
     tail = np.cumsum(parts[::-1], axis=0)[::-1]
     return coefficients_of(np.concatenate([tail, np.zeros((1, len(PROBE_EXPONENTS)))]) + edge)
 
 
 def tables() -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients (4, rows + 2, columns + 2) of the splines of `spline.shape_of`, and `probe_table.AXES`.
+    """Return the splines of `spline.shape_of` and their axes.
 
-    Of the forces to pick and to release, then of the capacitances to probe and plate.
+    Returns:
+        Coefficients (4, rows + 2, columns + 2) for the forces to pick and to release, and for the
+        capacitances to probe and plate; and `AXES`.
     """
-    tasks = ("pick", "release")
-    return np.stack([of(task) for of in (spline_coefficients, capacitance_spline) for task in tasks]), AXES
+    splines = [
+        spline_coefficients("pick"),
+        spline_coefficients("release"),
+        capacitance_spline("pick"),
+        capacitance_spline("release"),
+    ]
+    return np.stack(splines), AXES

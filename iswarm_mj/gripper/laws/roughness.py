@@ -1,7 +1,8 @@
-"""Adhesion of real surfaces: roughness lowers the pull-off, a preload that flattens asperities raises it.
+"""Adhesion of real surfaces: roughness lowers the pull-off, a preload raises it.
 
-The calibrated works of adhesion are those of the surfaces as they were, rough ones. To ask what smooth surfaces and a
-stated roughness would give, set the works to those of smooth surfaces and the roughness to what is to be tried.
+The calibrated works of adhesion are those of the surfaces as they were, rough ones. To predict the
+effect of another roughness, set the works to those of smooth surfaces and the roughness to its
+value.
 """
 
 import math
@@ -11,11 +12,14 @@ from iswarm_mj.utils.arrays import Quantity, array_module
 from iswarm_mj.utils.constraints import Above, Within
 
 SEPARATION = 0.3e-9
-"""H_0, distance of surfaces in contact [m]."""
+"""Distance of surfaces in contact, H_0 [m]."""
 
 
 class Surface(NamedTuple):
-    """What a contact is like, beyond its work of adhesion. SI units; the defaults change nothing."""
+    """Properties of a contact beyond its work of adhesion, in SI units.
+
+    The defaults change nothing.
+    """
 
     roughness: Annotated[float, Within(0, 1e-6, "m")] = 0.0
     """Root-mean-square height [m]."""
@@ -32,12 +36,18 @@ class Surface(NamedTuple):
 
 
 def roughness_factor(radius: Quantity, surface: Surface) -> Quantity:
-    """Pull-off from a rough surface over that from a smooth one, at most 1.
+    """Return the pull-off force from a rough surface over that from a smooth one, at most 1.
 
-    Source: Rabinovich et al. 2000, 1 / (1 + 58.14 R rms / lambda^2) + 1 / (1 + 1.817 rms / H_0)^2: a contact with one
-    asperity, and the attraction by the surface beneath it. Valid for asperities that are small against the ball; where
-    they are not it exceeds 1, its limit here. A ball much larger than the asperities adheres by the first term alone,
-    with a force that no longer depends on its radius.
+    It is 1 / (1 + 58.14 R rms / lambda^2) + 1 / (1 + 1.817 rms / H_0)^2: a contact with one
+    asperity, and the attraction by the surface beneath it. A ball much larger than the asperities
+    adheres by the first term alone, with a force that no longer depends on its radius.
+
+    Source: Rabinovich et al. 2000. Valid for asperities that are small against the ball; otherwise
+    it exceeds 1, its limit here.
+
+    Args:
+        radius: of the ball [m].
+        surface: roughness rms, spacing lambda.
     """
     xp = array_module(radius)
     asperity = 1 / (1 + 58.14 * radius * surface.roughness / surface.spacing**2)
@@ -46,7 +56,9 @@ def roughness_factor(radius: Quantity, surface: Surface) -> Quantity:
 
 
 def preloaded_pull_off(work: Quantity, surface: Surface) -> Quantity:
-    """Pull-off of a contact that a preload P flattened, F = (8 pi E* W a^3)^(1/2), pi a^2 H = P [N].
+    """Return the pull-off force of a contact that a preload flattened [N].
+
+    F = (8 pi E* W a^3)^(1/2), with pi a^2 H = P of the preload P and the hardness H.
 
     Source: Maugis and Pollock 1984, a plastic contact that separates in a brittle way.
     """
@@ -55,8 +67,15 @@ def preloaded_pull_off(work: Quantity, surface: Surface) -> Quantity:
 
 
 def effective_work(work: Quantity, radius: Quantity, surface: Surface) -> Quantity:
-    """Work of adhesion whose DMT force 2 pi R W is the pull-off of a real surface, from that of smooth ones [J/m^2]."""
+    """Return the work of adhesion whose DMT force 2 pi R W a real surface has [J/m^2].
+
+    Args:
+        work: of smooth surfaces [J/m^2].
+        radius: of the ball [m].
+        surface: roughness, preload, hysteresis.
+    """
     xp = array_module(work, radius)
     separating = work * (1 + surface.hysteresis)
     rough = separating * roughness_factor(radius, surface)
-    return xp.maximum(rough, preloaded_pull_off(separating, surface) / (2 * math.pi * radius))
+    preloaded = preloaded_pull_off(separating, surface) / (2 * math.pi * radius)
+    return xp.maximum(rough, preloaded)

@@ -1,6 +1,7 @@
-"""MuJoCo's plugin interface from Python and for numba: the struct that is registered, fields of mjModel and mjData.
+"""MuJoCo's plugin interface from Python and for numba.
 
-Both follow the headers of the installed wheel: field names, types and order come from `mujoco.introspect`.
+It consists of the struct that is registered, and of fields of mjModel and mjData. Both follow the
+headers of the installed wheel: field names, types and order come from `mujoco.introspect`.
 """
 
 import ctypes
@@ -19,7 +20,10 @@ from numba.np.numpy_support import carray
 from iswarm_mj.engines.mujoco_library import library
 
 PASSIVE = int(mujoco.mjtPluginCapabilityBit.mjPLUGIN_PASSIVE)
+"""Capability of plugins that compute passive forces."""
 STAGE_POSITION = int(mujoco.mjtStage.mjSTAGE_POS)
+"""Stage of a physics step after which the plugins compute."""
+DOUBLE_BYTES = 8
 
 _SCALARS: dict[str, Any] = {
     "char": ctypes.c_char,
@@ -37,9 +41,23 @@ _SCALARS: dict[str, Any] = {
 }
 
 _CALLBACKS = (
-    *("nstate", "nsensordata", "init", "destroy", "copy", "reset", "compute", "advance", "visualize"),
-    *("actuator_act_dot", "sdf_distance", "sdf_gradient", "sdf_staticdistance", "sdf_attribute", "sdf_aabb"),
+    "nstate",
+    "nsensordata",
+    "init",
+    "destroy",
+    "copy",
+    "reset",
+    "compute",
+    "advance",
+    "visualize",
+    "actuator_act_dot",
+    "sdf_distance",
+    "sdf_gradient",
+    "sdf_staticdistance",
+    "sdf_attribute",
+    "sdf_aabb",
 )
+"""Function pointers at the end of mjpPlugin, in their order."""
 
 
 class Plugin(ctypes.Structure):
@@ -57,15 +75,18 @@ class Plugin(ctypes.Structure):
 
 @cache
 def _layout(struct: str) -> type[ctypes.Structure]:
+    """Return a struct of MuJoCo by its name."""
     return _structure(structs.STRUCTS[struct].fields)
 
 
 def _structure(fields: Any) -> type[ctypes.Structure]:
+    """Return a struct with these fields; those without a name are left out."""
     named = [(field.name, _ctype(field.type)) for field in fields if getattr(field, "name", "")]
     return type("Layout", (ctypes.Structure,), {"_fields_": named})
 
 
 def _ctype(kind: Any) -> Any:
+    """Return the type of a field."""
     if isinstance(kind, ast_nodes.PointerType):
         return ctypes.c_void_p
     if isinstance(kind, ast_nodes.ArrayType):
@@ -83,26 +104,36 @@ def _ctype(kind: Any) -> Any:
 
 
 def register(name: str, attributes: Sequence[str], callbacks: Mapping[str, Any]) -> int:
-    """Register a plugin of passive forces for the life of the process, once; return its slot.
+    """Register a plugin of passive forces for the life of the process, once.
 
-    `callbacks` are those of mjpPlugin -> `numba.cfunc`, or anything else with an `address`.
+    Args:
+        name: of the plugin.
+        attributes: names of its attributes.
+        callbacks: by their names in mjpPlugin, functions with an `address`, as of `numba.cfunc`.
+
+    Returns:
+        Slot of the plugin in MuJoCo's registry.
     """
     lib = library()
     lib.mjp_getPlugin.restype = ctypes.c_void_p
     slot = ctypes.c_int(-1)
     if lib.mjp_getPlugin(name.encode(), ctypes.byref(slot)):
         return slot.value
+
     plugin = Plugin()
     lib.mjp_defaultPlugin(ctypes.byref(plugin))
     plugin.name = name.encode()
     plugin.nattribute = len(attributes)
-    plugin.attributes = (ctypes.c_char_p * len(attributes))(*(attribute.encode() for attribute in attributes))
+    texts = [attribute.encode() for attribute in attributes]
+    plugin.attributes = (ctypes.c_char_p * len(texts))(*texts)
     plugin.capabilityflags = PASSIVE
     plugin.needstage = STAGE_POSITION
     for callback, function in callbacks.items():
         setattr(plugin, callback, function.address)
+
+    # MuJoCo calls the callbacks even after this module is gone.
     kept = (plugin, dict(callbacks))
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(kept))  # MuJoCo calls them even after this module is gone
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(kept))
     return int(lib.mjp_registerPlugin(ctypes.byref(plugin)))
 
 
@@ -110,16 +141,15 @@ compiled = numba.njit(error_model="numpy")
 """Decorator of the functions that the callbacks call."""
 
 
-PLANE, SPHERE, CYLINDER = (
-    int(shape) for shape in (mujoco.mjtGeom.mjGEOM_PLANE, mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CYLINDER)
-)
+PLANE = int(mujoco.mjtGeom.mjGEOM_PLANE)
+SPHERE = int(mujoco.mjtGeom.mjGEOM_SPHERE)
+CYLINDER = int(mujoco.mjtGeom.mjGEOM_CYLINDER)
 """Types of geoms."""
 
 
 class Fields(NamedTuple):
-    """Arrays of mjModel (ints, then `geom_size`) and of mjData."""
+    """Arrays of mjModel and of mjData, as pointers, and two numbers."""
 
-    plugin_stateadr: Any
     geom_type: Any
     geom_bodyid: Any
     body_parentid: Any
@@ -128,7 +158,6 @@ class Fields(NamedTuple):
     body_dofadr: Any
     dof_parentid: Any
     geom_size: Any
-    plugin_state: Any
     ctrl: Any
     geom_xpos: Any
     geom_xmat: Any
@@ -137,24 +166,56 @@ class Fields(NamedTuple):
     qfrc_passive: Any
     body_mass: Any
     timestep: Any
-    """[ms], a number."""
+    """Time step, a number [ms]."""
     time: Any
-    """[ms], a number."""
+    """Time, a number [ms]."""
 
 
 def _struct(name: str, pointers: Sequence[str], number: str) -> Any:
-    """Pointer to mjModel or mjData, of which some pointers and a number of 64 bits are read."""
-    layout, names = _layout(name), [*pointers, number]
+    """Return the type of a pointer to mjModel or mjData.
+
+    Args:
+        name: of the struct.
+        pointers: fields that are read as addresses.
+        number: field that is read as a number of 64 bits.
+    """
+    layout = _layout(name)
+    names = [*pointers, number]
     offsets = [getattr(layout, field).offset for field in names]
-    kinds = [*[np.int64] * len(pointers), np.float64]
-    return types.CPointer(numba.from_dtype(np.dtype({"names": names, "formats": kinds, "offsets": offsets})))
+    formats = [*[np.int64] * len(pointers), np.float64]
+    record = np.dtype({"names": names, "formats": formats, "offsets": offsets})
+    return types.CPointer(numba.from_dtype(record))
 
 
-Model = _struct("mjModel", [*Fields._fields[:9], "body_mass"], "opt")  # the options begin with the time step
-Data = _struct("mjData", Fields._fields[9:16], "time")
+_MODEL_POINTERS = (
+    "plugin_stateadr",
+    "geom_type",
+    "geom_bodyid",
+    "body_parentid",
+    "body_rootid",
+    "body_dofnum",
+    "body_dofadr",
+    "dof_parentid",
+    "geom_size",
+    "body_mass",
+)
+_DATA_POINTERS = (
+    "plugin_state",
+    "ctrl",
+    "geom_xpos",
+    "geom_xmat",
+    "subtree_com",
+    "cdof",
+    "qfrc_passive",
+)
+# The options begin with the time step.
+Model = _struct("mjModel", _MODEL_POINTERS, "opt")
+Data = _struct("mjData", _DATA_POINTERS, "time")
 
 
-def _pointer_to(item: Any) -> Any:
+def pointer_to(item: Any) -> Any:
+    """Return a function for compiled code that casts an address to a pointer to items."""
+
     @intrinsic
     def cast(_typing, _address):
         def generate(context, builder, signature, args):
@@ -165,16 +226,27 @@ def _pointer_to(item: Any) -> Any:
     return cast
 
 
-doubles, ints, characters = (_pointer_to(item) for item in (types.float64, types.int32, types.uint8))
+doubles = pointer_to(types.float64)
+ints = pointer_to(types.int32)
+characters = pointer_to(types.uint8)
 """Casts from an address to a pointer."""
 
 
 @compiled
+def state_address(m, d, instance):
+    """Return the address of a plugin instance's numbers in `plugin_state`."""
+    model = carray(m, 1)[0]
+    data = carray(d, 1)[0]
+    return data.plugin_state + DOUBLE_BYTES * ints(model.plugin_stateadr)[instance]
+
+
+@compiled
 def read_fields(m, d):
-    """Fields of a model and its data."""
-    model, data = carray(m, 1)[0], carray(d, 1)[0]
+    """Return the fields of a model and its data."""
+    model = carray(m, 1)[0]
+    data = carray(d, 1)[0]
+    # By position: numba builds no named tuple by keyword.
     return Fields(
-        ints(model.plugin_stateadr),
         ints(model.geom_type),
         ints(model.geom_bodyid),
         ints(model.body_parentid),
@@ -183,7 +255,6 @@ def read_fields(m, d):
         ints(model.body_dofadr),
         ints(model.dof_parentid),
         doubles(model.geom_size),
-        doubles(data.plugin_state),
         doubles(data.ctrl),
         doubles(data.geom_xpos),
         doubles(data.geom_xmat),

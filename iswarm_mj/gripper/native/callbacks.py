@@ -1,12 +1,13 @@
-"""The gripper's forces as callbacks that Numba compiles: no Python runs in a physics step.
+"""The gripper's forces as callbacks that numba compiles: no Python runs in a physics step.
 
-A plugin instance keeps its whole state in MuJoCo's `plugin_state`: its attributes as numbers, then its results.
-Nothing else is shared, so threads, copies and reloaded states work. The laws are those of `gripper.laws`, compiled
-from the same source or read from the same tables. Units: um, ug, ms, nN, V; the laws take SI.
+A plugin instance keeps its whole state in MuJoCo's `plugin_state`: its attributes as numbers, then
+its results. Nothing else is shared, so threads, copies and reloaded states work. The laws are those
+of `gripper.laws`, compiled from the same source or read from the same tables. Units: um, ug, ms,
+nN, V; the laws take SI.
 """
 
-import math
 from functools import partial
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -19,22 +20,43 @@ from iswarm_mj.gripper.laws import electrostatics, spline
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.probe_table import tables
 from iswarm_mj.gripper.native.abi import PLANE, Data, Model, compiled, read_fields
-from iswarm_mj.gripper.native.attributes import OF_ADHESION, OF_ELECTROSTATIC, raise_error, read_attributes
-from iswarm_mj.gripper.units import MS, NN, PRESSURE, UM
+from iswarm_mj.gripper.native.attributes import (
+    NO_REBOUND,
+    REBOUND_BEGINS,
+    REBOUNDS,
+    adhesion_states,
+    electrostatic_states,
+    raise_error,
+    read_attributes,
+)
+from iswarm_mj.gripper.native.vectors import (
+    cross,
+    dot,
+    minus,
+    norm,
+    plus,
+    scaled,
+    vector_at,
+)
+from iswarm_mj.gripper.units import MS, NN, PRESSURE, UG, UM
 from iswarm_mj.utils.compiled import cached
 from iswarm_mj.utils.scalar_backends import numbers_of
 
-_asymptotic = compiled(electrostatics.asymptotic_force)
+# Callbacks are cached on disk only if each global that they call is a function by itself.
 _contact = numbers_of(contact, {}, compiled)
-# Callbacks are cached on disk if each global that they call is a function by itself.
-_adhesion_force, _rebound_ratio, _rebounds_on = _contact.adhesion_force, _contact.rebound_ratio, _contact.rebounds_on
-_ball_voltage, _relaxed_charge, _speed_at_contact = (
-    _contact.ball_voltage,
-    _contact.relaxed_charge,
-    _contact.speed_at_contact,
-)
+_adhesion_force = _contact.adhesion_force
+_ball_voltage = _contact.ball_voltage
+_is_broken = _contact.is_broken
+_next_potential = _contact.next_potential
+_rebound_ratio = _contact.rebound_ratio
+_rebounds_on = _contact.rebounds_on
+_relaxed_charge = _contact.relaxed_charge
+_speed_at_contact = _contact.speed_at_contact
+_asymptotic_force = compiled(electrostatics.asymptotic_force)
 _shape_of = numbers_of(spline, {}, compiled).shape_of
-_is_broken, _next_potential = _contact.is_broken, _contact.next_potential
+
+PICK = spline.PICK
+RELEASE = spline.RELEASE
 
 _nstate = types.int32(Model, types.int32)
 _init = types.int32(Model, Data, types.int32)
@@ -44,66 +66,87 @@ _advance = types.void(Model, Data, types.int32)
 
 
 @compiled
+def _axis_of(f, geom):
+    """Return the z axis of a geom, the third column of its rotation matrix."""
+    first = 9 * geom
+    return f.geom_xmat[first + 2], f.geom_xmat[first + 5], f.geom_xmat[first + 8]
+
+
+@compiled
 def _gap_to(f, ball, surface):
-    """Gap from a plane or cylinder to a ball [um], and the unit vector that points along it to the ball."""
-    b, s, r = 3 * ball, 3 * surface, 9 * surface
-    x, y, z = f.geom_xpos[b], f.geom_xpos[b + 1], f.geom_xpos[b + 2]
-    x, y, z = x - f.geom_xpos[s], y - f.geom_xpos[s + 1], z - f.geom_xpos[s + 2]
-    ux, uy, uz = f.geom_xmat[r + 2], f.geom_xmat[r + 5], f.geom_xmat[r + 8]
-    along = x * ux + y * uy + z * uz
-    radius = f.geom_size[b]
+    """Return the gap from a plane or cylinder to a ball [um].
+
+    Also the unit vector that points along it to the ball.
+    """
+    axis = _axis_of(f, surface)
+    vector = minus(vector_at(f.geom_xpos, ball), vector_at(f.geom_xpos, surface))
+    height = dot(vector, axis)
+    ball_radius = vector_at(f.geom_size, ball)[0]
     if f.geom_type[surface] == PLANE:
-        return along - radius, ux, uy, uz
-    # The part of the vector beyond the cylinder's half length and radius.
-    x, y, z = x - along * ux, y - along * uy, z - along * uz
-    aside = np.sqrt(x * x + y * y + z * z)
-    beyond = along - min(max(along, -f.geom_size[s + 1]), f.geom_size[s + 1])
-    share = 1 - f.geom_size[s] / aside if aside > f.geom_size[s] else 0.0
-    x, y, z = share * x + beyond * ux, share * y + beyond * uy, share * z + beyond * uz
-    distance = np.sqrt(x * x + y * y + z * z)
+        return height - ball_radius, axis
+
+    # From the nearest point of the cylinder: what is left beyond its radius and its ends.
+    cylinder_radius, half_length, _ = vector_at(f.geom_size, surface)
+    sideways = minus(vector, scaled(height, axis))
+    sideways_distance = norm(sideways)
+    height_beyond = height - min(max(height, -half_length), half_length)
+    share_beyond = 0.0
+    if sideways_distance > cylinder_radius:
+        share_beyond = 1 - cylinder_radius / sideways_distance
+    vector = plus(scaled(share_beyond, sideways), scaled(height_beyond, axis))
+
+    distance = norm(vector)
     scale = 1 / distance if distance > 0 else 0.0
-    return distance - radius, scale * x, scale * y, scale * z
+    return distance - ball_radius, scaled(scale, vector)
 
 
 @compiled
-def _attract(f, ball, surface, gap, nx, ny, nz, force):
+def _attract(f, ball, surface, gap, normal, force):
     """Pull a ball and a surface together, each at the middle of the gap between them."""
-    b = 3 * ball
-    reach = f.geom_size[b] + gap / 2
-    px, py, pz = f.geom_xpos[b] - reach * nx, f.geom_xpos[b + 1] - reach * ny, f.geom_xpos[b + 2] - reach * nz
-    _push(f, f.geom_bodyid[ball], px, py, pz, -force * nx, -force * ny, -force * nz)
-    _push(f, f.geom_bodyid[surface], px, py, pz, force * nx, force * ny, force * nz)
+    reach = vector_at(f.geom_size, ball)[0] + gap / 2
+    point = minus(vector_at(f.geom_xpos, ball), scaled(reach, normal))
+    _push(f, f.geom_bodyid[ball], point, scaled(-force, normal))
+    _push(f, f.geom_bodyid[surface], point, scaled(force, normal))
 
 
 @compiled
-def _push(f, body, px, py, pz, fx, fy, fz):
+def _push(f, body, point, force):
     """Add a force at a point to the generalised forces of the joints that move a body."""
+    # The nearest body up the tree that has joints, by which this one moves.
     while body > 0 and f.body_dofnum[body] == 0:
         body = f.body_parentid[body]
     if body == 0:
         return
-    c = 3 * f.body_rootid[body]
-    rx, ry, rz = px - f.subtree_com[c], py - f.subtree_com[c + 1], pz - f.subtree_com[c + 2]
-    tx, ty, tz = ry * fz - rz * fy, rz * fx - rx * fz, rx * fy - ry * fx
+
+    # A dof's motion axis is six numbers: rotation about the centre of mass of the body's tree,
+    # then translation of that centre.
+    lever = minus(point, vector_at(f.subtree_com, f.body_rootid[body]))
+    torque = cross(lever, force)
     dof = f.body_dofadr[body] + f.body_dofnum[body] - 1
     while dof >= 0:
-        a = 6 * dof
-        turn = f.cdof[a] * tx + f.cdof[a + 1] * ty + f.cdof[a + 2] * tz
-        f.qfrc_passive[dof] += turn + f.cdof[a + 3] * fx + f.cdof[a + 4] * fy + f.cdof[a + 5] * fz
+        rotation = vector_at(f.cdof, 2 * dof)
+        translation = vector_at(f.cdof, 2 * dof + 1)
+        work = dot(rotation, torque)
+        # Summed up one by one, as results have been recorded with this order of rounding.
+        for k in range(3):
+            work += translation[k] * force[k]
+        f.qfrc_passive[dof] += work
         dof = f.dof_parentid[dof]
 
 
 def _callback(signature: Any) -> Any:
-    """Decorator that compiles a C function."""
-    sources, compiler = Path(__file__).parents[1], partial(numba.cfunc, signature)
+    """Return a decorator that compiles a C function."""
+    sources = Path(__file__).parents[1]
+    compiler = partial(numba.cfunc, signature)
     return partial(cached, sources=sources, compiler=compiler, error_model="numpy")
 
 
 def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[str, Any]:
-    """Callbacks that read and check an instance's attributes.
+    """Return the callbacks that read and check an instance's attributes.
 
     Args:
-        texts: (3, n, 256) uint8, for each attribute its name and the error before and after the value given.
+        texts: (3, n, 256) uint8, for each attribute its name and the error before and after the
+            value given.
         table: (n, 4) kind, low, high and default of each attribute.
         start: (k,) results in the state after a reset; they follow the attributes.
 
@@ -119,10 +162,10 @@ def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[
 
     @_callback(_init)
     def init(m, _d, instance):
-        bad = read_attributes(m, instance, texts[0], table, np.empty(n))
-        if bad < 0:
+        invalid = read_attributes(m, instance, texts[0], table, np.empty(n))
+        if invalid < 0:
             return 0
-        raise_error(m, instance, texts[0, bad], texts[1, bad], texts[2, bad])
+        raise_error(m, instance, texts[0, invalid], texts[1, invalid], texts[2, invalid])
         return -1
 
     @_callback(_reset)
@@ -134,104 +177,216 @@ def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[
     return {"nstate": nstate, "init": init, "reset": reset}
 
 
+@compiled
+def _humidity_factor(factors, relative_humidity):
+    """Interpolate the humidity factor linearly between whole percentages of relative humidity."""
+    percent = min(max(relative_humidity, 0.0), 100.0)
+    low = min(int(percent), 99)
+    return factors[low] + (percent - low) * (factors[low + 1] - factors[low])
+
+
+@compiled
+def _note_contact(state, time, timestep, gap):
+    """Note the times of a contact, and the speed with which it began."""
+    state.last = time
+    if state.first < 0:
+        state.first = time
+        speed = (state.before - gap) / timestep
+        state.landing_speed = _speed_at_contact(state.before, gap, state.closing, speed)
+
+
+@compiled
+def _impact_force(state, timestep, gap, work, radius, mass):
+    """Return the force m (1 + e) v / dt of an impact in this step, 0 if the ball stays [nN].
+
+    Args:
+        state: of the instance, in which the impact is noted.
+        timestep: [ms].
+        gap: of ball and surface [um].
+        work: of adhesion [J/m^2].
+        radius: of the ball [m].
+        mass: of the ball [ug].
+    """
+    speed = (state.before - gap) / timestep
+    restitution = _rebound_ratio(
+        speed * (UM / MS),
+        mass * UG / (4 / 3 * pi * radius**3),
+        radius,
+        work,
+        state.restitution,
+        state.yield_pressure * PRESSURE,
+        state.modulus * PRESSURE,
+    )
+    state.impact_speed = speed
+    state.impulse = mass * (1 + restitution) * speed
+    if restitution > 0:
+        state.rebound = REBOUND_BEGINS
+        return mass * (1 + restitution) * speed / timestep
+    return 0.0
+
+
 def adhesion_callbacks() -> dict[str, Any]:
-    """Callbacks of impacts and of adhesion, 2 pi R W h(RH) in contact and van der Waals attraction out of it."""
-    factors, at = np.asarray(humidity_factor(np.arange(101.0))), OF_ADHESION
+    """Return the callbacks of impacts and of adhesion.
+
+    Adhesion is 2 pi R W h(RH) in contact, and van der Waals attraction out of it.
+    """
+    factors = np.asarray(humidity_factor(np.arange(101.0)))
 
     @_callback(_compute)
     def compute(m, d, instance, _capability):
         f = read_fields(m, d)
-        state, s = f.plugin_state, f.plugin_stateadr[instance]
-        ball, surface = int(state[s + at.ball]), int(state[s + at.surface])
-        percent = min(max(state[s + at.humidity], 0.0), 100.0)
-        low = min(int(percent), 99)
-        factor = factors[low] + (percent - low) * (factors[low + 1] - factors[low])
-        work = state[s + at.work] * factor * NN / UM
-        gap, nx, ny, nz = _gap_to(f, ball, surface)
-        radius, mass = f.geom_size[3 * ball] * UM, f.body_mass[f.geom_bodyid[ball]]
-        force = _adhesion_force(work, state[s + at.hamaker] * NN * UM, radius, gap * UM) / NN
-        before, push = state[s + at.before], 0.0
+        state = adhesion_states(m, d, instance)[0]
+        ball = int(state.ball)
+        surface = int(state.surface)
+        radius = vector_at(f.geom_size, ball)[0] * UM
+        mass = f.body_mass[f.geom_bodyid[ball]]
+        work = state.work * _humidity_factor(factors, state.humidity) * NN / UM
+
+        gap, normal = _gap_to(f, ball, surface)
+        push = 0.0
         if gap <= 0:
-            state[s + at.last] = f.time
-            if state[s + at.first] < 0:
-                state[s + at.first] = f.time
-                speeds = state[s + at.closing], (before - gap) / f.timestep
-                state[s + at.landing_speed] = _speed_at_contact(before, gap, speeds[0], speeds[1])
-        if gap <= 0 and before > 0:
-            speed, density = (before - gap) / f.timestep, mass * 1e-9 / (4 / 3 * math.pi * radius**3)
-            pressure, modulus = state[s + at.yield_pressure] * PRESSURE, state[s + at.modulus] * PRESSURE
-            restitution = state[s + at.restitution]
-            ratio = _rebound_ratio(speed * (UM / MS), density, radius, work, restitution, pressure, modulus)
-            if ratio > 0:
-                push = mass * (1 + ratio) * speed / f.timestep
-                state[s + at.rebound] = 2.0
-            state[s + at.impact_speed] = speed
-            state[s + at.impulse] = mass * (1 + ratio) * speed
-        if state[s + at.rebound] > 0:
-            force = 0.0
-        state[s + at.gap], state[s + at.force] = gap, force
+            _note_contact(state, f.time, f.timestep, gap)
+            if state.before > 0:
+                push = _impact_force(state, f.timestep, gap, work, radius, mass)
+
+        # A ball that is thrown back does not adhere, since its restitution holds that loss.
+        is_thrown_back = state.rebound > NO_REBOUND
+        force = 0.0
+        if not is_thrown_back:
+            force = _adhesion_force(work, state.hamaker * NN * UM, radius, gap * UM) / NN
+
+        state.gap = gap
+        state.force = force
         if force != push:
-            _attract(f, ball, surface, gap, nx, ny, nz, force - push)
+            _attract(f, ball, surface, gap, normal, force - push)
 
     @_callback(_advance)
     def advance(m, d, instance):
         f = read_fields(m, d)
-        state, s = f.plugin_state, f.plugin_stateadr[instance]
-        gap, rebound = state[s + at.gap], state[s + at.rebound]
-        state[s + at.rebound] = _rebounds_on(rebound > 1, rebound, gap, state[s + at.before])
-        state[s + at.closing], state[s + at.before] = (state[s + at.before] - gap) / f.timestep, gap
+        state = adhesion_states(m, d, instance)[0]
+        begins = state.rebound > REBOUNDS
+        state.rebound = _rebounds_on(begins, state.rebound, state.gap, state.before)
+        state.closing = (state.before - state.gap) / f.timestep
+        state.before = state.gap
 
     return {"compute": compute, "advance": advance}
 
 
 def electrostatic_callbacks() -> dict[str, Any]:
-    """Callbacks of the force of a voltage on the ball, and of the potential of the ball."""
-    (splines, axes), at = tables(), OF_ELECTROSTATIC
+    """Return the callbacks of the force of a voltage on the ball, and of the ball's potential."""
+    splines, axes = tables()
 
     @_callback(_compute)
     def compute(m, d, instance, _capability):
         f = read_fields(m, d)
-        state, s = f.plugin_state, f.plugin_stateadr[instance]
-        ball, probe, plate = int(state[s + at.ball]), int(state[s + at.probe]), int(state[s + at.plate])
-        voltage = f.ctrl[int(state[s + at.voltage])]
-        probe_gap, px, py, pz = _gap_to(f, ball, probe)
-        plate_gap, nx, ny, nz = _gap_to(f, ball, plate)
-        least, has_circuit = state[s + at.contact_gap], state[s + at.leak] > 0
-        radius, probe_radius = f.geom_size[3 * ball], f.geom_size[3 * probe]
-        pick, to_probe = _shape_of(0, radius, probe_gap, least, probe_radius, splines, axes)
-        release, to_plate = _shape_of(1, radius, plate_gap, least, probe_radius, splines, axes)
-        charge, potential = state[s + at.charge], state[s + at.potential]
-        mine = _ball_voltage(has_circuit, charge, potential, voltage, (to_probe, to_plate), plate_gap)
-        across = voltage - mine
-        up = pick * _asymptotic(across, max(probe_gap, least) * UM, radius * UM) / NN
-        down = release * _asymptotic(mine, max(plate_gap, least) * UM, radius * UM) / NN
+        state = electrostatic_states(m, d, instance)[0]
+        ball = int(state.ball)
+        probe = int(state.probe)
+        plate = int(state.plate)
+        radius = vector_at(f.geom_size, ball)[0]
+        probe_radius = vector_at(f.geom_size, probe)[0]
+        least_gap = state.contact_gap
+        probe_gap, from_probe = _gap_to(f, ball, probe)
+        plate_gap, from_plate = _gap_to(f, ball, plate)
+
+        # Shape factors of the two pulls, and the ball's capacitances.
+        pick_shape, to_probe = _shape_of(
+            PICK,
+            radius,
+            probe_gap,
+            least_gap,
+            probe_radius,
+            splines,
+            axes,
+        )
+        release_shape, to_plate = _shape_of(
+            RELEASE,
+            radius,
+            plate_gap,
+            least_gap,
+            probe_radius,
+            splines,
+            axes,
+        )
+
+        # The tool's voltage falls across the gaps to the probe and to the plate.
+        voltage = f.ctrl[int(state.voltage)]
+        ball_voltage = _ball_voltage(
+            state.leak > 0,
+            state.charge,
+            state.potential,
+            voltage,
+            (to_probe, to_plate),
+            plate_gap,
+        )
+        across = voltage - ball_voltage
+
+        pull_of_probe = pick_shape * _asymptotic_force(
+            across,
+            max(probe_gap, least_gap) * UM,
+            radius * UM,
+        )
+        pull_of_plate = release_shape * _asymptotic_force(
+            ball_voltage,
+            max(plate_gap, least_gap) * UM,
+            radius * UM,
+        )
+        up = pull_of_probe / NN
+        down = pull_of_plate / NN
         if across != 0:
-            _attract(f, ball, probe, probe_gap, px, py, pz, up)
-        if mine != 0:
-            _attract(f, ball, plate, plate_gap, nx, ny, nz, down)
-        state[s + at.ball_voltage], state[s + at.force] = mine, up - down
-        state[s + at.probe_gap], state[s + at.plate_gap] = probe_gap, plate_gap
-        state[s + at.to_probe], state[s + at.to_plate] = to_probe, to_plate
-        state[s + at.up], state[s + at.down] = up, down
+            _attract(f, ball, probe, probe_gap, from_probe, up)
+        if ball_voltage != 0:
+            _attract(f, ball, plate, plate_gap, from_plate, down)
+
+        state.ball_voltage = ball_voltage
+        state.probe_gap = probe_gap
+        state.plate_gap = plate_gap
+        state.to_probe = to_probe
+        state.to_plate = to_plate
+        state.up = up
+        state.down = down
+        state.force = up - down
 
     @_callback(_advance)
     def advance(m, d, instance):
         f = read_fields(m, d)
-        state, s = f.plugin_state, f.plugin_stateadr[instance]
-        voltage, mine = f.ctrl[int(state[s + at.voltage])], state[s + at.ball_voltage]
-        gaps = probe_gap, plate_gap = state[s + at.probe_gap], state[s + at.plate_gap]
-        least, has_circuit = state[s + at.contact_gap], state[s + at.leak] > 0
+        state = electrostatic_states(m, d, instance)[0]
+        voltage = f.ctrl[int(state.voltage)]
+        has_circuit = state.leak > 0
         if has_circuit:
-            strength = state[s + at.oxide] * state[s + at.breakdown]
-            broken = _is_broken(voltage - mine, probe_gap, state[s + at.broken], least, strength)
-            resistance = state[s + at.contact] if broken > 0 else state[s + at.leak]
-            to_probe = 1 / resistance if probe_gap <= 0 else 0.0
-            to_plate = 1 / state[s + at.plate_contact] if plate_gap <= 0 else 0.0
-            capacitances = state[s + at.to_probe], state[s + at.to_plate]
-            charge = state[s + at.charge]
-            charge = _relaxed_charge(charge, mine, voltage, capacitances, to_probe, to_plate, f.timestep)
-            state[s + at.broken], state[s + at.charge] = broken, charge
-        potential, off = state[s + at.potential], state[s + at.off_voltage]
-        state[s + at.potential] = _next_potential(has_circuit, potential, mine, voltage, gaps, least, off)
+            _conduct(state, voltage, f.timestep)
+        state.potential = _next_potential(
+            has_circuit,
+            state.potential,
+            state.ball_voltage,
+            voltage,
+            (state.probe_gap, state.plate_gap),
+            state.contact_gap,
+            state.off_voltage,
+        )
 
     return {"compute": compute, "advance": advance}
+
+
+@compiled
+def _conduct(state, voltage, timestep):
+    """Break the oxide if the voltage does, and let charge flow through the contacts."""
+    state.broken = _is_broken(
+        voltage - state.ball_voltage,
+        state.probe_gap,
+        state.broken,
+        state.contact_gap,
+        state.oxide * state.breakdown,
+    )
+    probe_resistance = state.contact if state.broken > 0 else state.leak
+    probe_conductance = 1 / probe_resistance if state.probe_gap <= 0 else 0.0
+    plate_conductance = 1 / state.plate_contact if state.plate_gap <= 0 else 0.0
+    state.charge = _relaxed_charge(
+        state.charge,
+        state.ball_voltage,
+        voltage,
+        (state.to_probe, state.to_plate),
+        probe_conductance,
+        plate_conductance,
+        timestep,
+    )
