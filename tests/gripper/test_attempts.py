@@ -24,7 +24,7 @@ TIP = 0.9
 
 
 def test_attempts_are_counted():
-    """One ball is lifted at once. Two robots try for the other in vain; the nearer makes attempts."""
+    """One ball is lifted at once. Two robots try for the other in vain; the nearer attempts it."""
     weak = replace(GRIPPER, grasp_voltage=TOO_WEAK)
     balls = lay((40.9, 0), (60.9, 0))
 

@@ -35,7 +35,10 @@ def steps(model, data, duration, **controls):
 
 
 def test_everything_that_carries_units_is_set():
-    model, plain = bench(), mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    model, plain = (
+        bench(),
+        mujoco.MjModel.from_xml_string("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>"),
+    )
     for name in ("timestep", "sleep_tolerance", "ccd_tolerance"):
         assert getattr(model.opt, name) != getattr(plain.opt, name), name
     assert model.opt.gravity[2] == -9.81
@@ -65,7 +68,14 @@ def test_the_ball_sinks_by_less_than_a_hundredth_of_its_radius(radius, held):
 @pytest.mark.parametrize("radius", [15e-6, 25e-6])
 def test_a_resized_model_is_the_one_compiled_at_that_size(radius):
     """But for what nothing on the bench uses: boxes of the midphase, and statistics for the view."""
-    trial = Trial(radius, 0.0, 0.0, probe_radius=16e-6, density=5000.0, contacts=Contacts(rolling=3e-9))
+    trial = Trial(
+        radius,
+        0.0,
+        0.0,
+        probe_radius=16e-6,
+        density=5000.0,
+        contacts=Contacts(rolling=3e-9),
+    )
     ours, theirs = MujocoBench([trial], 5e-6, 1).model, sized(bench_spec(), trial)
     assert theirs.body("ball").mass[0] == pytest.approx(4 / 3 * np.pi * (radius * 1e6) ** 3 * 5e-6)
     assert theirs.geom("probe").size[0] == 16 and (theirs.pair_friction[:, 3:] == 3e-3).all()

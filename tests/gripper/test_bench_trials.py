@@ -12,7 +12,12 @@ from iswarm_mj.gripper.bench.run_trials import hang, release, run_trials, rung, 
 from iswarm_mj.gripper.bench.script import is_lifted
 from iswarm_mj.gripper.bench.tracing import trace_trial
 from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
-from iswarm_mj.gripper.laws.detachment import CONTACT_GAP, PROBE_RADIUS, WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT
+from iswarm_mj.gripper.laws.detachment import (
+    CONTACT_GAP,
+    PROBE_RADIUS,
+    WORK_OBJECT_SUBSTRATE,
+    WORK_TOOL_OBJECT,
+)
 from iswarm_mj.utils.errors import ConfigError
 
 IDEAL = Contacts(leak=0.0, restitution=0.0)
@@ -31,7 +36,15 @@ def random_trials(count, seed=3):
 
 def slowed(protocol, factor):
     """The same protocol with all speeds divided by a factor."""
-    times = ("approach_time", "dwell", "rise_time", "peel_time", "off_time", "hold_time", "rest_time")
+    times = (
+        "approach_time",
+        "dwell",
+        "rise_time",
+        "peel_time",
+        "off_time",
+        "hold_time",
+        "rest_time",
+    )
     longer = {name: factor * getattr(protocol, name) for name in times}
     ramp_rate, acceleration = protocol.ramp_rate / factor, protocol.acceleration / factor**2
     return replace(protocol, **longer, ramp_rate=ramp_rate, acceleration=acceleration)
@@ -47,7 +60,9 @@ def measured(bench, count, protocol=FINE):
     """Grasp and release voltages (2, B)."""
     grasp = staircase(bench, protocol, count)
     hang(bench, protocol, GAP)
-    return np.array([grasp.voltage, release(bench, protocol, np.isfinite(grasp.voltage), GAP).voltage])
+    return np.array(
+        [grasp.voltage, release(bench, protocol, np.isfinite(grasp.voltage), GAP).voltage],
+    )
 
 
 def rungs_that_lift(trial, volts, protocol):
@@ -56,7 +71,10 @@ def rungs_that_lift(trial, volts, protocol):
     return is_lifted(protocol, rung(bench, protocol, volts))
 
 
-@pytest.mark.parametrize("contacts", [Contacts(oxide=30e-9), pytest.param(Contacts(leak=1e12), marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "contacts",
+    [Contacts(oxide=30e-9), pytest.param(Contacts(leak=1e12), marks=pytest.mark.slow)],
+)
 def test_the_grasp_voltage_is_the_first_rung_that_lifts(contacts):
     """Tried rung by rung; above 30 V, where an oxide of 30 nm breaks down, not all lift, nor do they from 50 V on."""
     volts = np.arange(0.0, 80.25, 0.25)
@@ -83,7 +101,10 @@ def test_each_gap_begins_with_the_lifted_ball():
     trials = random_trials(3)
     both, last = (run_trials(trials, QUICK, gaps=Gaps(gaps, ())) for gaps in ((2e-6, GAP), (GAP,)))
     for name in ("voltage", "flight_time", "landing_speed"):
-        np.testing.assert_array_equal(getattr(both.release[GAP], name), getattr(last.release[GAP], name))
+        np.testing.assert_array_equal(
+            getattr(both.release[GAP], name),
+            getattr(last.release[GAP], name),
+        )
     assert (both.release[2e-6].flight_time < both.release[GAP].flight_time).all()
 
 
@@ -111,19 +132,39 @@ def test_parameters_around_the_defaults_break_nothing(seed):
     random = np.random.default_rng(seed)
     numbers = (20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, 30.0, CONTACT_GAP, PROBE_RADIUS)
     contacts = IDEAL if seed % 2 else Contacts(leak=0.0)
-    trial, gap = Trial(*random.uniform(0.7, 1.3, 6) * numbers, contacts=contacts), random.uniform(0.7, 1.3) * GAP
-    names = ("approach_time", "rise_time", "peel_time", "off_time", "hold_time", "rest_time", "ramp_rate")
-    protocol = replace(QUICK, **{name: random.uniform(0.7, 1.3) * getattr(QUICK, name) for name in names})
+    trial, gap = (
+        Trial(*random.uniform(0.7, 1.3, 6) * numbers, contacts=contacts),
+        random.uniform(0.7, 1.3) * GAP,
+    )
+    names = (
+        "approach_time",
+        "rise_time",
+        "peel_time",
+        "off_time",
+        "hold_time",
+        "rest_time",
+        "ramp_rate",
+    )
+    protocol = replace(
+        QUICK,
+        **{name: random.uniform(0.7, 1.3) * getattr(QUICK, name) for name in names},
+    )
     outcomes = run_trials([trial], protocol, Gaps((gap,), (1e-6,)), threads=1)
     grasp, drop, attempt = outcomes.grasp, outcomes.release[gap], outcomes.no_contact[1e-6]
     assert not (grasp.faulty[0] or drop.faulty[0] or attempt.faulty[0]) and drop.landed[0]
     assert 10 < grasp.voltage[0] < 60 and 20 < drop.voltage[0] < protocol.release_limit
 
 
-@pytest.mark.parametrize("small, large", [("peel", "lift"), ("away", "lift"), ("step_voltage", "grasp_limit")])
+@pytest.mark.parametrize(
+    "small, large",
+    [("peel", "lift"), ("away", "lift"), ("step_voltage", "grasp_limit")],
+)
 def test_what_is_smaller_than_something_else(small, large):
     bound = getattr(Protocol(), large) if small == "step_voltage" else 0.35e-6
-    with pytest.raises(ConfigError, match=rf"protocol.{small} must be below `protocol.{large}`, {bound:g} \(got"):
+    with pytest.raises(
+        ConfigError,
+        match=rf"protocol.{small} must be below `protocol.{large}`, {bound:g} \(got",
+    ):
         Protocol(**{large: bound, small: bound})
 
 

@@ -13,13 +13,22 @@ SPHERE = np.loadtxt(Path(__file__).parents[1] / "data/sphere_plane.csv", delimit
 
 def solve_sphere(gap, halvings):
     """Force / (pi eps0 V^2) and capacitance / (4 pi eps0 R) of a sphere alone."""
-    sphere = bem.cut(bem.sphere_curve(1 + gap), (0.0, np.pi), lambda r, z: np.minimum(z, 0.4), halvings)
+    sphere = bem.cut(
+        bem.sphere_curve(1 + gap),
+        (0.0, np.pi),
+        lambda r, z: np.minimum(z, 0.4),
+        halvings,
+    )
     (density,) = bem.charge_densities([sphere], [1.0])
     charge = np.sum(density * 2 * np.pi * (np.cos(sphere.start) - np.cos(sphere.end)))
     return -bem.upward_force(sphere, density) / np.pi, charge / (4 * np.pi)
 
 
-@pytest.mark.parametrize("row", [row for row in SPHERE if row[0] in (0.01, 0.1, 0.5)], ids=lambda row: str(row[0]))
+@pytest.mark.parametrize(
+    "row",
+    [row for row in SPHERE if row[0] in (0.01, 0.1, 0.5)],
+    ids=lambda row: str(row[0]),
+)
 def test_sphere_above_plane_converges_with_order_two(row):
     """Against the exact series."""
     gap, capacitance, force = row
@@ -33,5 +42,12 @@ def test_sphere_above_plane_converges_with_order_two(row):
 @pytest.mark.parametrize("task", ["release", "pick"])
 def test_shipped_table_between_its_points(task):
     rng = np.random.default_rng(5)
-    for gap, probe in zip(2 ** rng.uniform(-8.5, 1, 4), 2 ** rng.uniform(-5.6, 2.3, 4), strict=True):
-        assert probe_factor(task, gap, probe) == pytest.approx(bem.extrapolated_factor(gap, probe, task), rel=4e-4)
+    for gap, probe in zip(
+        2 ** rng.uniform(-8.5, 1, 4),
+        2 ** rng.uniform(-5.6, 2.3, 4),
+        strict=True,
+    ):
+        assert probe_factor(task, gap, probe) == pytest.approx(
+            bem.extrapolated_factor(gap, probe, task),
+            rel=4e-4,
+        )

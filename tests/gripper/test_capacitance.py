@@ -43,8 +43,18 @@ def solved(above, below, share):
     parts = [
         bem.cut(bem.sphere_curve(centre), (0.0, np.pi), sphere_size, 1),
         bem.cut(lambda s: (s, np.full_like(s, bottom)), (0.0, PROBE), probe_size, 1),
-        bem.cut(lambda s: (np.full_like(s, PROBE), bottom + s), (0.0, bem.PROBE_LENGTH), probe_size, 1),
-        bem.cut(lambda s: (PROBE - s, np.full_like(s, bottom + bem.PROBE_LENGTH)), (0.0, PROBE), probe_size, 1),
+        bem.cut(
+            lambda s: (np.full_like(s, PROBE), bottom + s),
+            (0.0, bem.PROBE_LENGTH),
+            probe_size,
+            1,
+        ),
+        bem.cut(
+            lambda s: (PROBE - s, np.full_like(s, bottom + bem.PROBE_LENGTH)),
+            (0.0, PROBE),
+            probe_size,
+            1,
+        ),
     ]
     density = bem.charge_densities(parts, [share, 1.0, 1.0, 1.0])[0]
     rings = 2 * np.pi * (np.cos(parts[0].start) - np.cos(parts[0].end))
@@ -62,7 +72,10 @@ def test_two_forces_make_up_that_of_a_ball_between(gaps, share):
         assert force == pytest.approx(ours / VACUUM_PERMITTIVITY, rel=0.01)
 
 
-@pytest.mark.parametrize(("task", "share", "tolerance"), [("release", 1.0, 0.03), ("pick", 0.0, 0.2)])
+@pytest.mark.parametrize(
+    ("task", "share", "tolerance"),
+    [("release", 1.0, 0.03), ("pick", 0.0, 0.2)],
+)
 def test_charges_are_those_of_boundary_elements(task, share, tolerance):
     for above, below in ((0.01, 0.25), (0.01, 0.05)):
         _, charge = solved(above, below, share)

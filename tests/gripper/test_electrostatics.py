@@ -42,8 +42,16 @@ def test_probe_table_against_another_solver(task, column):
 def test_forces_go_with_voltage_squared_and_not_with_size(task, gap, probe, voltage, scale):
     force = FORCES[task](1.0, gap * R, R, probe * R)
     assert force > 0
-    assert FORCES[task](voltage, gap * R, R, probe * R) == pytest.approx(voltage**2 * force, rel=1e-12)
-    assert FORCES[task](-voltage, gap * R, R, probe * R) == FORCES[task](voltage, gap * R, R, probe * R)
+    assert FORCES[task](voltage, gap * R, R, probe * R) == pytest.approx(
+        voltage**2 * force,
+        rel=1e-12,
+    )
+    assert FORCES[task](-voltage, gap * R, R, probe * R) == FORCES[task](
+        voltage,
+        gap * R,
+        R,
+        probe * R,
+    )
     other = FORCES[task](1.0, gap * R * scale, R * scale, probe * R * scale)
     assert other == pytest.approx(force, rel=1e-12)
 
@@ -74,5 +82,8 @@ def test_concrete_numbers_outside_the_table_are_refused(task, gap, probe):
 def test_traced_numbers_outside_the_table_are_clamped(task):
     clamped = jax.jit(lambda x, y: probe_factor(task, x, y))
     low, high = 2.0 ** GAP_EXPONENTS[0], 2.0 ** PROBE_EXPONENTS[-1]
-    assert float(clamped(0.0, 100.0)) == pytest.approx(float(probe_factor(task, low, high)), rel=1e-5)
+    assert float(clamped(0.0, 100.0)) == pytest.approx(
+        float(probe_factor(task, low, high)),
+        rel=1e-5,
+    )
     assert np.isfinite(jax.grad(clamped)(0.0, 1.0))

@@ -15,7 +15,12 @@ from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.run_trials import run_trials
 from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
-from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
+from iswarm_mj.gripper.laws.detachment import (
+    WORK_OBJECT_SUBSTRATE,
+    WORK_TOOL_OBJECT,
+    grasp_voltage,
+    release_voltage,
+)
 from iswarm_mj.workflows.grasp import measures, summary, trial_rows
 from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
 
@@ -25,7 +30,11 @@ SETTINGS = GraspSettings(tuple(map(str, RADII)), (10.0, 50.0), 2, no_contact_gap
 
 @pytest.fixture(scope="module")
 def rows():
-    outcomes = run_trials([case.trial for case in cases(SETTINGS)], SETTINGS.protocol, gaps=SETTINGS.gaps)
+    outcomes = run_trials(
+        [case.trial for case in cases(SETTINGS)],
+        SETTINGS.protocol,
+        gaps=SETTINGS.gaps,
+    )
     return trial_rows(SETTINGS, cases(SETTINGS), outcomes)
 
 
@@ -55,8 +64,14 @@ def melted(limit, radius=15e-6, **contacts):
         contacts=Contacts(**contacts),
     )
     case = cases(settings)[0]
-    listed = [case._replace(trial=case.trial._replace(work_object_substrate=20 * WORK_OBJECT_SUBSTRATE))]
-    row, *more = trial_rows(settings, listed, run_trials([listed[0].trial], settings.protocol, gaps=settings.gaps))[1:]
+    listed = [
+        case._replace(trial=case.trial._replace(work_object_substrate=20 * WORK_OBJECT_SUBSTRATE)),
+    ]
+    row, *more = trial_rows(
+        settings,
+        listed,
+        run_trials([listed[0].trial], settings.protocol, gaps=settings.gaps),
+    )[1:]
     assert (row.experiment, row.voltage, more) == ("grasp", None, [])
     return row.melted
 
@@ -96,7 +111,12 @@ def test_rows_state_limits_steps_and_what_the_laws_give(rows):
     for row in rows:
         tool, plate = row.work_tool_object, row.work_object_substrate
         *wanted, law = {
-            "no_contact": (50.0, ramp, row.gap, grasp_voltage(row.radius, 0.0, plate, row.gap or 1e-6)),
+            "no_contact": (
+                50.0,
+                ramp,
+                row.gap,
+                grasp_voltage(row.radius, 0.0, plate, row.gap or 1e-6),
+            ),
             "grasp": (80.0, 0.25, 0.0, grasp_voltage(row.radius, tool, plate)),
             "release": (120.0, ramp, 5e-6, release_voltage(row.radius, tool)),
         }[row.experiment]
@@ -109,7 +129,11 @@ def test_measures_are_of_the_voltages_that_were_found(rows):
     lifted = [row for row in rows if row.experiment == "grasp" and row.relative_humidity == 50][:3]
     voltages = [row.voltage for row in lifted]
     (found,) = measures([*lifted, lifted[0]._replace(voltage=None)])
-    shown = {"mean": pytest.approx(np.mean(voltages)), "least": min(voltages), "most": max(voltages)}
+    shown = {
+        "mean": pytest.approx(np.mean(voltages)),
+        "least": min(voltages),
+        "most": max(voltages),
+    }
     about = {"experiment": "grasp", "gap": 0.0, "relative_humidity": 50.0}
     assert found == about | {"trials": 4, "with_voltage": 3, "voltage": shown}
 
@@ -120,7 +144,10 @@ def test_humidities_of_trials_spread_evenly_about_their_setting():
     low, high = np.array([case.trial.relative_humidity for case in cases(settings)]).reshape(2, 400)
     assert low.min() == 0 and low.max() < 4 and 0.2 < np.mean(low == 0) < 0.47
     assert high.min() < 7.05 and high.max() > 12.95 and stats.kstest(high, stats.uniform(7, 6).cdf).pvalue > 0.01
-    assert {case.trial.relative_humidity for case in cases(replace(settings, rh_spread=0.0))} == {1.0, 10.0}
+    assert {case.trial.relative_humidity for case in cases(replace(settings, rh_spread=0.0))} == {
+        1.0,
+        10.0,
+    }
 
 
 @pytest.mark.parametrize("spread", [0.0, 3.0, 10.0])
@@ -133,5 +160,8 @@ def test_the_spread_of_the_humidity_is_a_part_of_the_calibrated_one(spread):
         ("work_object_substrate", WORK_OBJECT_SUBSTRATE, 0.16),
     ):
         works = factor * [getattr(t, name) for t in drawn]
-        assert works.mean() == pytest.approx(median * (1 + variation**2) ** 0.5, rel=3 * variation / 4000**0.5)
+        assert works.mean() == pytest.approx(
+            median * (1 + variation**2) ** 0.5,
+            rel=3 * variation / 4000**0.5,
+        )
         assert works.std() / works.mean() == pytest.approx(variation, rel=0.05)

@@ -72,7 +72,10 @@ YIELDED = np.pi * RADIUS * YIELD_PRESSURE / (2 * MODULUS_PLATE)
 def test_a_ball_yields_where_the_pressure_in_the_centre_does():
     force, approach = elastic(YIELDED)
     speed = (2 * 0.4 * force * approach / MASS) ** 0.5
-    assert yield_speed(YIELD_PRESSURE, MODULUS_PLATE, BALL_DENSITY) == pytest.approx(speed, rel=1e-9)
+    assert yield_speed(YIELD_PRESSURE, MODULUS_PLATE, BALL_DENSITY) == pytest.approx(
+        speed,
+        rel=1e-9,
+    )
 
 
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.1, 0.003])
@@ -93,7 +96,10 @@ def test_the_law_is_a_jkr_contact_that_is_torn_apart():
     assert pytest.approx(MASS / 2 * STICKS**2, rel=5e-3) == TORN
 
 
-@pytest.mark.parametrize(("speed", "restitution"), [(5.0, 0.9), (20.0, 0.3), (140.0, 0.1), (140.0, 0.3)])
+@pytest.mark.parametrize(
+    ("speed", "restitution"),
+    [(5.0, 0.9), (20.0, 0.3), (140.0, 0.1), (140.0, 0.3)],
+)
 def test_the_ball_on_the_bench_loses_what_tears_its_contact_apart(speed, restitution):
     """By its speeds before and after the impact, beyond what the restitution without adhesion takes."""
     model, _, before, after = thrown(speed, restitution)
@@ -104,7 +110,12 @@ def test_the_ball_on_the_bench_loses_what_tears_its_contact_apart(speed, restitu
 
 def thrown(speed, restitution=None, timestep=1e-3):
     """A ball thrown at the plate, far from the tool: model, data, speeds before and after [um/ms]."""
-    trial = Trial(RADIUS, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, contacts=Contacts(leak=0.0, restitution=restitution))
+    trial = Trial(
+        RADIUS,
+        WORK_TOOL_OBJECT,
+        WORK_OBJECT_SUBSTRATE,
+        contacts=Contacts(leak=0.0, restitution=restitution),
+    )
     spec = bench_spec()
     spec.option.timestep, spec.option.gravity = timestep, (0, 0, 0)
     model = sized(spec, trial)
@@ -137,7 +148,11 @@ def test_balls_stay_if_the_voltage_is_cut_and_fly_back_if_it_is_held_or_cut_late
     staircase(bench, protocol, 2)
     hung, lifted = hang(bench, protocol, 5e-6), bench.save()
     found = []
-    for more in ({}, {"after_release": "held", "flight_limit": 1e-3}, {"cut_delay": 0.9e-3, "flight_limit": 1e-3}):
+    for more in (
+        {},
+        {"after_release": "held", "flight_limit": 1e-3},
+        {"cut_delay": 0.9e-3, "flight_limit": 1e-3},
+    ):
         bench.restore(lifted)
         found.append(release(bench, replace(protocol, **more), hung, 5e-6))
     cut, held, late = found

@@ -55,12 +55,17 @@ def at(model, instance, field):
 def floating(text=TEXT):
     """Bench whose probe floats freely, without gravity or contacts."""
     text = re.sub(
-        r'<joint name="probe_x".*?/>\s*<joint name="probe_z".*?/>', '<freejoint name="probe"/>', text, flags=re.S
+        r'<joint name="probe_x".*?/>\s*<joint name="probe_z".*?/>',
+        '<freejoint name="probe"/>',
+        text,
+        flags=re.S,
     )
     text = re.sub(r"<contact>.*?</contact>", "", text, flags=re.S)
     text = re.sub(r"<position .*?/>", "", text)
     text = text.replace('gravity="0 0 -9.81"', 'gravity="0 0 0"')
-    return mujoco.MjModel.from_xml_string(text.replace('joint="probe_z" gainprm', 'joint="probe" gainprm'))
+    return mujoco.MjModel.from_xml_string(
+        text.replace('joint="probe_z" gainprm', 'joint="probe" gainprm'),
+    )
 
 
 def place(model, data, gap_to_probe, gap_to_plate, on_probe):
@@ -113,7 +118,11 @@ def test_electrostatic_force_is_the_laws(model, on_probe):
     data = mujoco.MjData(model)
     random = np.random.default_rng(1)
     for _ in range(100):
-        radius, voltage, gap = random.uniform(10, 30), random.uniform(-80, 80), np.exp(random.uniform(-1.6, 3.2))
+        radius, voltage, gap = (
+            random.uniform(10, 30),
+            random.uniform(-80, 80),
+            np.exp(random.uniform(-1.6, 3.2)),
+        )
         model.geom("ball").size[0] = radius
         model.geom("probe").size[0] = probe = random.uniform(5, 40)
         place(model, data, -0.001 if on_probe else gap, gap if on_probe else -0.001, on_probe)
@@ -125,7 +134,10 @@ def test_electrostatic_force_is_the_laws(model, on_probe):
         expected = (-1 if on_probe else 1) * law(voltage, gap * 1e-6, radius * 1e-6, probe * 1e-6) * 1e9
         assert data.joint("ball").qfrc_passive[2] == pytest.approx(expected, rel=1e-6)
         assert data.joint("ball").qfrc_passive[:2] == pytest.approx(0, abs=1e-12)
-        assert data.joint("probe_z").qfrc_passive == pytest.approx(0 if on_probe else -expected, rel=1e-6)
+        assert data.joint("probe_z").qfrc_passive == pytest.approx(
+            0 if on_probe else -expected,
+            rel=1e-6,
+        )
 
 
 @pytest.mark.parametrize("voltage", [0, 40])
@@ -134,8 +146,14 @@ def test_forces_are_equal_and_opposite(voltage):
     data = mujoco.MjData(model)
     random = np.random.default_rng(2)
     for _ in range(50):
-        data.joint("ball").qpos = [*random.normal(0, 6, 2), random.uniform(19.9, 26), *random.normal(size=4)]
-        probe = data.joint("ball").qpos[:3] + np.array([*random.normal(0, 8, 2), random.uniform(19.9, 24)])
+        data.joint("ball").qpos = [
+            *random.normal(0, 6, 2),
+            random.uniform(19.9, 26),
+            *random.normal(size=4),
+        ]
+        probe = data.joint("ball").qpos[:3] + np.array(
+            [*random.normal(0, 8, 2), random.uniform(19.9, 24)],
+        )
         data.joint("probe").qpos = [*probe, 1, *random.normal(0, 0.1, 3)]
         data.plugin_state[at(model, "electrostatic", "potential")] = 0
         data.plugin_state[at(model, "adhesion_plate", "work")] = 0

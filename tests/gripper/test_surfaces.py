@@ -66,7 +66,10 @@ def test_without_loss_the_time_is_energy_over_power():
     energy = ball_weight(15e-6) / GRAVITY * (HEAT_CAPACITY * MELTING_RISE + LATENT_HEAT)
     supply = Supply(conductance=1e-12)
     assert energy == pytest.approx(10.8e-6, rel=0.02)
-    assert melting_time(70.0, 15e-6, supply) == pytest.approx(energy / contact_power(70.0, supply), rel=1e-3)
+    assert melting_time(70.0, 15e-6, supply) == pytest.approx(
+        energy / contact_power(70.0, supply),
+        rel=1e-3,
+    )
     times = melting_time(np.array([25.0, 47.0, 70.0]), 15e-6, Supply())
     assert np.all(np.isfinite(times)) and times[2] < 1e-3
 
@@ -76,7 +79,10 @@ def test_a_discharge_of_twice_the_loss():
     supply = Supply()
     loss = supply.conductance * MELTING_RISE
     voltage, mass = math.sqrt(2 * loss / contact_power(1.0, supply)), ball_weight(20e-6) / GRAVITY
-    warming, melting = mass * HEAT_CAPACITY / supply.conductance * math.log(2), mass * LATENT_HEAT / loss
+    warming, melting = (
+        mass * HEAT_CAPACITY / supply.conductance * math.log(2),
+        mass * LATENT_HEAT / loss,
+    )
     assert melting_time(voltage, 20e-6, supply) == pytest.approx(warming + melting)
     assert melting_time(0.7 * voltage, 20e-6, supply) == math.inf
 
