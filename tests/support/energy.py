@@ -26,7 +26,7 @@ class EnergyBalance(NamedTuple):
     parts: dict[str, float]
     """Parts over the turnover.
 
-    `joule` is the heat of contacts, `drive` the work of the drive, `contact` that of contact forces,
+    `joule` is the heat of contacts, `drive` the work of the drive, `contact` that of contacts,
     and `impact` the loss in impacts.
     """
 
