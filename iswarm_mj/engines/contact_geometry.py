@@ -1,170 +1,289 @@
 """Where rectangles touch each other and walls, as functions of numbers.
 
-Robots and obstacles are upright boxes, seen from above: rectangles with half edges (hx, hy). MuJoCo finds up to
-four contact points of two boxes, two at each rim; those one above the other are alike, so that one of each remains.
-All functions take and return numbers, so that numba, Warp and JAX can compile them; instead of branches on these they
-have `where`. Units: mm, rad.
+Robots, obstacles and boxes are upright boxes; seen from above they are rectangles. MuJoCo finds
+up to four contact points of two boxes, two at the upper rim and two at the lower one. Points
+above each other are alike, so two remain.
+
+numba, Warp and JAX compile these functions. They take and return numbers and named tuples of
+numbers, and choose between numbers by `where`, since JAX cannot branch on them. Units: mm, rad.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 from numba.extending import register_jitable
 
+X_OF_FIRST = 0
+"""Axis of `separation`: along the first rectangle's heading."""
+X_OF_SECOND = 1
+"""Axis of `separation`: along the second rectangle's heading."""
+Y_OF_FIRST = 2
+"""Axis of `separation`: across the first rectangle's heading."""
+Y_OF_SECOND = 3
+"""Axis of `separation`: across the second rectangle's heading."""
+
+
+class Rectangle(NamedTuple):
+    """Rectangle in the plane."""
+
+    x: float
+    """x of its centre."""
+    y: float
+    """y of its centre."""
+    cos: float
+    """Cosine of its heading."""
+    sin: float
+    """Sine of its heading."""
+    half_x: float
+    """Half its length along the heading."""
+    half_y: float
+    """Half its width across the heading."""
+
+
+class Side(NamedTuple):
+    """Side of a rectangle, seen from the rectangle's centre."""
+
+    normal_x: float
+    """x of its outward normal."""
+    normal_y: float
+    """y of its outward normal."""
+    reach: float
+    """Distance from the centre."""
+    half_width: float
+    """Half its length."""
+
+
+class Overlap(NamedTuple):
+    """Part of an incident side in front of a reference side, in the frame of the latter.
+
+    The coordinate along the reference side grows to the left of its normal, from the middle of
+    the side.
+    """
+
+    start: float
+    """Coordinate of one end."""
+    start_height: float
+    """Height of that end above the reference side, negative inside."""
+    end: float
+    """Coordinate of the other end."""
+    end_height: float
+    """Height of the other end."""
+
+
+class ContactPoints(NamedTuple):
+    """Normal and two points of a contact, the points halfway between both surfaces."""
+
+    normal_x: float
+    """x of the normal, from the first body (or the wall) to the second."""
+    normal_y: float
+    """y of the normal."""
+    x1: float
+    """x of the first point, seen from the centre of the first rectangle."""
+    y1: float
+    """y of the first point."""
+    distance1: float
+    """Distance of the surfaces at the first point, negative where they overlap."""
+    x2: float
+    """x of the second point."""
+    y2: float
+    """y of the second point."""
+    distance2: float
+    """Distance of the surfaces at the second point."""
+
 
 @register_jitable
-def where(condition: Any, one: Any, other: Any) -> Any:
-    """Return one number or the other; each compiler has its own."""
-    return one if condition else other
+def where(condition: Any, if_true: Any, if_false: Any) -> Any:
+    """Return one of two numbers; each compiler has a function of its own for this."""
+    return if_true if condition else if_false
 
 
 @register_jitable
-def separation(
-    dx: float,
-    dy: float,
-    c1: float,
-    s1: float,
-    c2: float,
-    s2: float,
-    hx1: float,
-    hy1: float,
-    hx2: float,
-    hy2: float,
-) -> tuple[float, int]:
-    """Largest gap between two rectangles along the normals of their sides, negative where they overlap.
+def wider_gap(gap: float, axis: int, other_gap: float, other_axis: int) -> tuple[float, int]:
+    """Return the larger of two gaps and its axis, the first ones where the gaps are equal."""
+    is_wider = other_gap > gap
+    return where(is_wider, other_gap, gap), where(is_wider, other_axis, axis)
 
-    Separating axis theorem. Of equal gaps the first one counts, in MuJoCo's order of the axes.
 
-    Args:
-        dx: x of the second's centre less that of the first.
-        dy: likewise y.
-        c1: cosine of the first's heading.
-        s1: sine of it.
-        c2: cosine of the second's heading.
-        s2: sine of it.
-        hx1: half edge of the first along its heading.
-        hy1: half edge across it.
-        hx2: likewise of the second.
-        hy2: likewise.
+@register_jitable
+def separation(first: Rectangle, second: Rectangle) -> tuple[float, int]:
+    """Return the largest gap between two rectangles along the normals of their sides.
+
+    By the separating axis theorem they overlap where it is negative.
 
     Returns:
-        The gap, and the axis along which it occurs: 0 for the x axis of the first, 1 of the second; 2 and 3 for y.
+        The gap; and its axis, such as `X_OF_FIRST`. Of
+        equal gaps the first one counts, in MuJoCo's order of the axes.
     """
-    cos, sin = abs(c1 * c2 + s1 * s2), abs(c1 * s2 - s1 * c2)
-    gap, axis = abs(c1 * dx + s1 * dy) - (hx1 + hx2 * cos + hy2 * sin), 0
-    other = abs(c2 * dx + s2 * dy) - (hx2 + hx1 * cos + hy1 * sin)
-    gap, axis = where(other > gap, other, gap), where(other > gap, 1, axis)
-    other = abs(c1 * dy - s1 * dx) - (hy1 + hx2 * sin + hy2 * cos)
-    gap, axis = where(other > gap, other, gap), where(other > gap, 2, axis)
-    other = abs(c2 * dy - s2 * dx) - (hy2 + hx1 * sin + hy1 * cos)
-    gap, axis = where(other > gap, other, gap), where(other > gap, 3, axis)
-    return gap, axis
+    dx = second.x - first.x
+    dy = second.y - first.y
+    cos = abs(first.cos * second.cos + first.sin * second.sin)
+    sin = abs(first.cos * second.sin - first.sin * second.cos)
+
+    # Along each axis: the distance of the centres less what both rectangles extend towards each
+    # other.
+    extent_x1 = first.half_x + second.half_x * cos + second.half_y * sin
+    gap_x1 = abs(first.cos * dx + first.sin * dy) - extent_x1
+    extent_x2 = second.half_x + first.half_x * cos + first.half_y * sin
+    gap_x2 = abs(second.cos * dx + second.sin * dy) - extent_x2
+    extent_y1 = first.half_y + second.half_x * sin + second.half_y * cos
+    gap_y1 = abs(first.cos * dy - first.sin * dx) - extent_y1
+    extent_y2 = second.half_y + first.half_x * sin + first.half_y * cos
+    gap_y2 = abs(second.cos * dy - second.sin * dx) - extent_y2
+
+    gap, axis = wider_gap(gap_x1, X_OF_FIRST, gap_x2, X_OF_SECOND)
+    gap, axis = wider_gap(gap, axis, gap_y1, Y_OF_FIRST)
+    return wider_gap(gap, axis, gap_y2, Y_OF_SECOND)
 
 
 @register_jitable
-def side_towards(ux: float, uy: float, c: float, s: float, is_along_y: bool) -> tuple[float, float]:
-    """Outward normal of the side of a rectangle with heading (c, s) that looks towards (ux, uy).
+def choose(condition: bool, if_true: Rectangle, if_false: Rectangle) -> Rectangle:
+    """Return one of two rectangles."""
+    return Rectangle(
+        x=where(condition, if_true.x, if_false.x),
+        y=where(condition, if_true.y, if_false.y),
+        cos=where(condition, if_true.cos, if_false.cos),
+        sin=where(condition, if_true.sin, if_false.sin),
+        half_x=where(condition, if_true.half_x, if_false.half_x),
+        half_y=where(condition, if_true.half_y, if_false.half_y),
+    )
+
+
+@register_jitable
+def side_towards(rectangle: Rectangle, x: float, y: float, is_along_y: bool) -> Side:
+    """Return the side of a rectangle that looks towards the direction (x, y).
 
     Args:
-        ux: x of a direction.
-        uy: y of it.
-        c: cosine of the heading.
-        s: sine of it.
-        is_along_y: choose between the sides across the rectangle's y axis, otherwise those across its x axis.
+        rectangle: its centre does not matter.
+        x: x of the direction.
+        y: y of the direction.
+        is_along_y: choose between the sides whose normals are along the rectangle's y axis,
+            otherwise its x axis.
     """
-    nx, ny = where(is_along_y, -s, c), where(is_along_y, c, s)
-    looks_away = nx * ux + ny * uy < 0.0
-    return where(looks_away, -nx, nx), where(looks_away, -ny, ny)
+    axis_x = where(is_along_y, -rectangle.sin, rectangle.cos)
+    axis_y = where(is_along_y, rectangle.cos, rectangle.sin)
+    looks_away = axis_x * x + axis_y * y < 0.0
+    return Side(
+        normal_x=where(looks_away, -axis_x, axis_x),
+        normal_y=where(looks_away, -axis_y, axis_y),
+        reach=where(is_along_y, rectangle.half_y, rectangle.half_x),
+        half_width=where(is_along_y, rectangle.half_x, rectangle.half_y),
+    )
 
 
 @register_jitable
-def rectangle_contact(
-    dx: float,
-    dy: float,
-    c1: float,
-    s1: float,
-    c2: float,
-    s2: float,
-    hx1: float,
-    hy1: float,
-    hx2: float,
-    hy2: float,
-) -> tuple[float, float, float, float, float, float, float, float]:
-    """Contact of two overlapping rectangles: one side's overlap with the other rectangle's nearest side.
+def clip_side(reference: Side, incident: Side, x: float, y: float) -> Overlap:
+    """Return the part of an incident side in front of a reference side.
 
-    The axis of least overlap belongs to the reference rectangle. The side of the other one that faces it most is
-    clipped to the reference's width; its ends are the contact points, halfway between both surfaces.
-
-    Args: as for `separation`.
-
-    Returns:
-        Normal (x, y) from the first to the second; and for each of two points its position (x, y) seen from the
-        first's centre and the distance of the surfaces there, negative where they overlap.
+    Args:
+        reference: a side of one rectangle.
+        incident: the side of another rectangle that faces it most.
+        x: x of the vector from the reference rectangle's centre to that of the incident one.
+        y: y of the vector.
     """
-    _, axis = separation(dx, dy, c1, s1, c2, s2, hx1, hy1, hx2, hy2)
-    of_first, is_along_y = axis % 2 == 0, axis >= 2
-    c, s = where(of_first, c1, c2), where(of_first, s1, s2)
-    hx, hy = where(of_first, hx1, hx2), where(of_first, hy1, hy2)
-    c_other, s_other = where(of_first, c2, c1), where(of_first, s2, s1)
-    hx_other, hy_other = where(of_first, hx2, hx1), where(of_first, hy2, hy1)
-    ax, ay = where(of_first, dx, -dx), where(of_first, dy, -dy)
-    out, across = where(is_along_y, hy, hx), where(is_along_y, hx, hy)
-    ux, uy = side_towards(ax, ay, c, s, is_along_y)  # outward from the reference
+    # The middle of the incident side, from the reference rectangle's centre.
+    middle_x = x + incident.reach * incident.normal_x
+    middle_y = y + incident.reach * incident.normal_y
 
-    faces_along_y = abs(c_other * uy - s_other * ux) > abs(c_other * ux + s_other * uy)
-    ox, oy = side_towards(-ux, -uy, c_other, s_other, faces_along_y)
-    out_other, across_other = where(faces_along_y, hy_other, hx_other), where(faces_along_y, hx_other, hy_other)
-    mx, my = ax + out_other * ox, ay + out_other * oy  # middle of the facing side, from the reference's centre
+    # In the frame of the reference side: coordinates of the middle and of the vector from there
+    # to one end.
+    middle = middle_x * -reference.normal_y + middle_y * reference.normal_x
+    height = middle_x * reference.normal_x + middle_y * reference.normal_y - reference.reach
+    alignment = incident.normal_y * reference.normal_y + incident.normal_x * reference.normal_x
+    tilt = incident.normal_x * reference.normal_y - incident.normal_y * reference.normal_x
+    half = incident.half_width * alignment
+    rise = incident.half_width * tilt
 
-    # Along the reference's side the facing side extends from p to q, where it has heights h and k above it.
-    middle, half = mx * -uy + my * ux, across_other * (oy * uy + ox * ux)
-    height, rise = mx * ux + my * uy - out, across_other * (ox * uy - oy * ux)
-    p, q, h, k = middle - half, middle + half, height - rise, height + rise
+    # Clip both ends to the width of the reference side.
+    start = middle - half
+    end = middle + half
+    clipped_start = min(max(start, -reference.half_width), reference.half_width)
+    clipped_end = min(max(end, -reference.half_width), reference.half_width)
     slope = rise / half
-    p_in, q_in = min(max(p, -across), across), min(max(q, -across), across)
-    h, k = h + slope * (p_in - p), k + slope * (q_in - q)
-    p_out, q_out = out + 0.5 * h, out + 0.5 * k
-    bx, by = where(of_first, 0.0, dx), where(of_first, 0.0, dy)
-    return (
-        where(of_first, ux, -ux),
-        where(of_first, uy, -uy),
-        bx - p_in * uy + p_out * ux,
-        by + p_in * ux + p_out * uy,
-        h,
-        bx - q_in * uy + q_out * ux,
-        by + q_in * ux + q_out * uy,
-        k,
+    return Overlap(
+        start=clipped_start,
+        start_height=height - rise + slope * (clipped_start - start),
+        end=clipped_end,
+        end_height=height + rise + slope * (clipped_end - end),
+    )
+
+
+@register_jitable
+def rectangle_contact(first: Rectangle, second: Rectangle) -> ContactPoints:
+    """Return the contact of two overlapping rectangles.
+
+    The axis of least overlap belongs to the reference rectangle. The side of the other, incident
+    rectangle that faces it most is clipped to the reference side's width; its ends are the
+    contact points.
+    """
+    dx = second.x - first.x
+    dy = second.y - first.y
+    _, axis = separation(first, second)
+    is_of_first = axis % 2 == X_OF_FIRST
+    is_along_y = axis >= Y_OF_FIRST
+    reference = choose(is_of_first, first, second)
+    incident = choose(is_of_first, second, first)
+    x = where(is_of_first, dx, -dx)  # from the reference's centre to the incident one's
+    y = where(is_of_first, dy, -dy)
+
+    side = side_towards(reference, x, y, is_along_y)
+    ux = side.normal_x
+    uy = side.normal_y
+    across = abs(incident.cos * uy - incident.sin * ux)
+    along = abs(incident.cos * ux + incident.sin * uy)
+    facing_side = side_towards(incident, -ux, -uy, across > along)
+    overlap = clip_side(side, facing_side, x, y)
+
+    # Seen from the first rectangle's centre, halfway between both sides.
+    centre_x = where(is_of_first, 0.0, dx)
+    centre_y = where(is_of_first, 0.0, dy)
+    start_out = side.reach + 0.5 * overlap.start_height
+    end_out = side.reach + 0.5 * overlap.end_height
+    return ContactPoints(
+        normal_x=where(is_of_first, ux, -ux),
+        normal_y=where(is_of_first, uy, -uy),
+        x1=centre_x - overlap.start * uy + start_out * ux,
+        y1=centre_y + overlap.start * ux + start_out * uy,
+        distance1=overlap.start_height,
+        x2=centre_x - overlap.end * uy + end_out * ux,
+        y2=centre_y + overlap.end * ux + end_out * uy,
+        distance2=overlap.end_height,
     )
 
 
 @register_jitable
 def wall_contact(
-    gap: float, nx: float, ny: float, c: float, s: float, hx: float, hy: float
-) -> tuple[float, float, float, float, float, float]:
-    """Contact of a rectangle with a wall: its two corners nearest to the wall.
+    gap: float,
+    normal_x: float,
+    normal_y: float,
+    rectangle: Rectangle,
+) -> ContactPoints:
+    """Return the contact of a rectangle with a wall: its two corners nearest to the wall.
 
     Args:
         gap: distance of the rectangle's centre from the wall.
-        nx: x of the wall's normal, into the arena.
-        ny: y of it.
-        c: cosine of the rectangle's heading.
-        s: sine of it.
-        hx: half edge along the heading.
-        hy: half edge across it.
-
-    Returns:
-        For each corner the contact point (x, y) seen from the centre, halfway between corner and wall, and the
-        corner's distance from the wall, negative beyond it.
+        normal_x: x of the wall's normal, into the arena.
+        normal_y: y of the wall's normal.
+        rectangle: its centre does not matter; the points are seen from there.
     """
-    along, left = nx * c + ny * s, ny * c - nx * s
-    a, b = where(along > 0.0, -hx, hx), where(left > 0.0, -hy, hy)
-    faces = hx * abs(along) >= hy * abs(left)
-    a2, b2 = where(faces, a, -a), where(faces, -b, b)
-    d1, d2 = gap + along * a + left * b, gap + along * a2 + left * b2
-    return (
-        a * c - b * s - 0.5 * d1 * nx,
-        a * s + b * c - 0.5 * d1 * ny,
-        d1,
-        a2 * c - b2 * s - 0.5 * d2 * nx,
-        a2 * s + b2 * c - 0.5 * d2 * ny,
-        d2,
+    # The wall's normal in the frame of the rectangle.
+    ahead = normal_x * rectangle.cos + normal_y * rectangle.sin
+    left = normal_y * rectangle.cos - normal_x * rectangle.sin
+
+    # The nearest corner, and the next one along the side that faces the wall most.
+    ahead1 = where(ahead > 0.0, -rectangle.half_x, rectangle.half_x)
+    left1 = where(left > 0.0, -rectangle.half_y, rectangle.half_y)
+    faces_with_x = rectangle.half_x * abs(ahead) >= rectangle.half_y * abs(left)
+    ahead2 = where(faces_with_x, ahead1, -ahead1)
+    left2 = where(faces_with_x, -left1, left1)
+
+    distance1 = gap + ahead * ahead1 + left * left1
+    distance2 = gap + ahead * ahead2 + left * left2
+    return ContactPoints(
+        normal_x=normal_x,
+        normal_y=normal_y,
+        x1=ahead1 * rectangle.cos - left1 * rectangle.sin - 0.5 * distance1 * normal_x,
+        y1=ahead1 * rectangle.sin + left1 * rectangle.cos - 0.5 * distance1 * normal_y,
+        distance1=distance1,
+        x2=ahead2 * rectangle.cos - left2 * rectangle.sin - 0.5 * distance2 * normal_x,
+        y2=ahead2 * rectangle.sin + left2 * rectangle.cos - 0.5 * distance2 * normal_y,
+        distance2=distance2,
     )

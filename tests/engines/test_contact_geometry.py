@@ -1,19 +1,20 @@
-"""Contact points of rectangles, against MuJoCo's, closed forms and brute force. Units: mm."""
+"""Contact points of rectangles, against MuJoCo's and closed forms. Units: mm."""
 
 import mujoco
 import numpy as np
 import pytest
-from scipy.spatial.distance import pdist
 
-from iswarm_mj.engines.contact_geometry import rectangle_contact, separation, wall_contact
-from iswarm_mj.engines.planar.near_pairs import near_pairs
+from iswarm_mj.engines.contact_geometry import (
+    X_OF_FIRST,
+    Rectangle,
+    rectangle_contact,
+    separation,
+    wall_contact,
+)
 
 WALL_X = 8.0
 """Place of the wall."""
-SEARCH_RADIUS = 4.0
-"""Distance of two centres up to which they are near."""
-UNIT_SQUARES = (1.0, 1.0, 1.0, 1.0)
-"""Half edges of two squares."""
+SQUARE = Rectangle(x=0.0, y=0.0, cos=1.0, sin=0.0, half_x=1.0, half_y=1.0)
 
 shapes = pytest.mark.parametrize(
     "half_edges",
@@ -69,9 +70,9 @@ def at_both_rims(centre, points):
     return np.array(sorted(rows)).reshape(-1, 3)
 
 
-def heading(yaw):
-    """Cosine and sine of a yaw."""
-    return np.cos(yaw), np.sin(yaw)
+def rectangle(centre, yaw, half_edges):
+    """Rectangle with this yaw."""
+    return Rectangle(*centre, np.cos(yaw), np.sin(yaw), *half_edges)
 
 
 @pytest.mark.parametrize("second_half_edges", [None, (2.5, 0.3)], ids=["alike", "different"])
@@ -88,9 +89,9 @@ def test_rectangles_touch_where_mujoco_says(half_edges, second_half_edges):
         yaw1, yaw2 = rng.uniform(-np.pi, np.pi, 2)
         if trial % 10 == 0:
             yaw2 = yaw1 + rng.integers(4) * np.pi / 2
-        headings = *heading(yaw1), *heading(yaw2)
-        pair = (*(second - first), *headings, *half_edges, *second_half_edges)
-        gap, _ = separation(*pair)
+        first_hull = rectangle(first, yaw1, half_edges)
+        second_hull = rectangle(second, yaw2, second_half_edges)
+        gap, _ = separation(first_hull, second_hull)
         if gap < -0.95:
             continue  # deeper than the boxes are high, MuJoCo pushes them apart vertically
 
@@ -98,7 +99,7 @@ def test_rectangles_touch_where_mujoco_says(half_edges, second_half_edges):
         assert (gap < 0) == (len(expected) > 0)
         if gap < 0:
             n_touching += 1
-            normal_x, normal_y, *points = rectangle_contact(*pair)
+            normal_x, normal_y, *points = rectangle_contact(first_hull, second_hull)
             np.testing.assert_allclose((normal_x, normal_y), normal, atol=1e-9)
             np.testing.assert_allclose(at_both_rims(first, points), expected, atol=1e-7)
     assert n_touching > 500
@@ -114,53 +115,26 @@ def test_rectangles_touch_walls_where_mujoco_says(half_edges):
         centre = rng.uniform(6, 8.3), -0.2
         is_turned = trial % 10 > 0
         yaw = rng.uniform(-np.pi, np.pi) if is_turned else rng.integers(4) * np.pi / 2
-        points = wall_contact(WALL_X - centre[0], -1.0, 0.0, *heading(yaw), *half_edges)
+        hull = rectangle(centre, yaw, half_edges)
+        _, _, *points = wall_contact(WALL_X - centre[0], -1.0, 0.0, hull)
         expected, _ = scene.contacts([*centre, yaw], far_away)
         np.testing.assert_allclose(at_both_rims(centre, points), expected, atol=1e-7)
 
 
 def test_gaps_by_hand():
     """Two squares side by side, one turned by 45 degrees, and two that overlap."""
-    ahead = (1, 0)
-    left = (0, 1)
-    diagonal = (np.sqrt(0.5), np.sqrt(0.5))
-    assert separation(2.5, 0.3, *ahead, *ahead, *UNIT_SQUARES) == (0.5, 0)
-    gap, _ = separation(0, 3, *ahead, *diagonal, *UNIT_SQUARES)
+    c = np.sqrt(0.5)
+    diagonal = SQUARE._replace(y=3, cos=c, sin=c)
+    turned_left = SQUARE._replace(x=0.2, y=1.9, cos=0, sin=1)
+    assert separation(SQUARE, SQUARE._replace(x=2.5, y=0.3)) == (0.5, X_OF_FIRST)
+    gap, _ = separation(SQUARE, diagonal)
     np.testing.assert_allclose(gap, 2 - np.sqrt(2))
-    gap, _ = separation(0.2, 1.9, *ahead, *left, *UNIT_SQUARES)
+    gap, _ = separation(SQUARE, turned_left)
     assert gap == pytest.approx(-0.1)
 
 
 def test_sides_that_meet_flat_touch_at_the_ends_of_their_overlap():
-    ahead = (1.0, 0.0)
-    normal_x, normal_y, *points = rectangle_contact(1.9, 0.6, *ahead, *ahead, *UNIT_SQUARES)
+    normal_x, normal_y, *points = rectangle_contact(SQUARE, SQUARE._replace(x=1.9, y=0.6))
     assert (normal_x, normal_y) == (1, 0)
     ends = sorted([points[:3], points[3:]])
     np.testing.assert_allclose(ends, [(0.95, -0.4, -0.1), (0.95, 1.0, -0.1)])
-
-
-@pytest.mark.parametrize(("n_robots", "edge"), [(1, 20.0), (2, 5.0), (150, 20.0), (150, 400.0)])
-def test_near_pairs_are_all_pairs_within_the_radius(n_robots, edge):
-    rng = np.random.default_rng(n_robots)
-    poses = np.column_stack([rng.uniform(-22, 22, (n_robots, 2)), np.zeros(n_robots)])
-    pairs = near_pairs(poses, np.ones(n_robots, bool), SEARCH_RADIUS, edge)
-
-    all_pairs = np.column_stack(np.triu_indices(n_robots, 1))
-    is_near = np.zeros(0, bool)
-    if n_robots > 1:
-        is_near = pdist(poses[:, :2]) < SEARCH_RADIUS
-    assert sorted(pairs.tolist()) == all_pairs[is_near].tolist()
-
-
-def test_near_pairs_of_a_heap_are_all_pairs():
-    """A hundred robots at one point: more pairs than the first array has places for."""
-    pairs = near_pairs(np.zeros((100, 3)), np.ones(100, bool), SEARCH_RADIUS, 20.0)
-    assert len(pairs) == 100 * 99 // 2
-
-
-def test_near_pairs_leave_out_who_is_absent_or_not_finite():
-    poses = np.zeros((4, 3))
-    poses[3, 0] = np.nan
-    is_present = np.array([True, False, True, True])
-    pairs = near_pairs(poses, is_present, SEARCH_RADIUS, 20.0)
-    assert pairs.tolist() == [[0, 2]]

@@ -60,14 +60,9 @@ def box_box(first: Geom, second: Geom) -> tuple[Array, Array, Array]:
         first to second.
     """
     offset = second.centre - first.centre
-    normal_x, normal_y, *points = _geometry.rectangle_contact(
-        offset[0],
-        offset[1],
-        *first.rotation[:2, 0],
-        *second.rotation[:2, 0],
-        *first.half_edges[:2],
-        *second.half_edges[:2],
-    )
+    first_hull = _hull(first, 0.0, 0.0)
+    second_hull = _hull(second, offset[0], offset[1])
+    normal_x, normal_y, *points = _geometry.rectangle_contact(first_hull, second_hull)
     is_level = jnp.abs(offset[2]) < first.half_edges[2] + second.half_edges[2]
     distances, positions = _at_both_rims(points, is_level, first)
     return distances, positions, jnp.array([normal_x, normal_y, 0.0])
@@ -83,9 +78,14 @@ def plane_box(plane: Geom, box: Geom) -> tuple[Array, Array, Array]:
     """
     normal = plane.rotation[:2, 2]
     gap = (box.centre[:2] - plane.centre[:2]) @ normal
-    points = _geometry.wall_contact(gap, *normal, *box.rotation[:2, 0], *box.half_edges[:2])
+    _, _, *points = _geometry.wall_contact(gap, *normal, _hull(box, 0.0, 0.0))
     distances, positions = _at_both_rims(points, True, box)
     return distances, positions, jnp.append(normal, 0.0)
+
+
+def _hull(box: Geom, x: Any, y: Any) -> contact_geometry.Rectangle:
+    """Return an upright box, seen from above, with its centre at (x, y)."""
+    return contact_geometry.Rectangle(x, y, *box.rotation[:2, 0], *box.half_edges[:2])
 
 
 def _at_both_rims(

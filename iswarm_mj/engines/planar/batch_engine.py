@@ -1,4 +1,4 @@
-"""The planar engine for NVIDIA GPUs: Warp's kernels inside a program compiled by JAX, all worlds at once."""
+"""The planar engine for NVIDIA GPUs: Warp's kernels in a program of JAX, all worlds at once."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -45,7 +45,9 @@ from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
 
 ROBOTS_PER_WARP = 70
-"""In a world, for each 32 threads of its block."""
+"""Number of a world's robots for each 32 threads of its block."""
+_MOST_WARPS = 8
+_WARP_SIZE = 32  # threads
 
 
 @jax.tree_util.register_dataclass
@@ -54,10 +56,10 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
     """`CompiledEngine` of B worlds at once.
 
     Attributes:
-        plane: the arena.
-        kinds: of the robots and of each box, see `plane.read_kinds`.
+        plane: arena.
+        kinds: kinds of the robots and of each box, see `plane.read_kinds`.
         light: optics.
-        robot: geometry.
+        robot: geometry of the robots.
         on_gpu: for NVIDIA GPUs; on a CPU worlds are computed one after the other.
         solids: walls and obstacles, see `plane.solids_of` [mm].
     """
@@ -75,8 +77,10 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
 
     def place(self, poses: Float[Array, "B NM 3"], is_present: Bool[Array, "B N"]) -> FreeBodies:
         """See `Engine.place`."""
-        poses, there = jnp.asarray(poses, jnp.float32), with_boxes(jnp.asarray(is_present), self.n_boxes)
-        return FreeBodies(poses, jnp.zeros_like(poses), there, work=jnp.zeros(len(poses), jnp.int32))
+        poses = jnp.asarray(poses, jnp.float32)
+        bodies_present = with_boxes(jnp.asarray(is_present), self.n_boxes)
+        work = jnp.zeros(len(poses), jnp.int32)
+        return FreeBodies(poses, jnp.zeros_like(poses), bodies_present, work=work)
 
     @property
     def n_boxes(self) -> int:
@@ -85,60 +89,122 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
 
     def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> LightReading:
         """See `Engine.sense`."""
-        n_worlds, n_robots = len(bodies.poses), self.n_robots(bodies)
+        n_robots = self.n_robots(bodies)
         is_present = bodies.is_present[:, :n_robots] & is_running[:, None]
-        n_threads, radius = self._threads(n_robots), search_radius(self.light, self.plane)
-        plane, kinds, light = words_of(self.plane), self._table(n_robots), words_of(self.light)
-        emits = jnp.asarray(emits, jnp.float32)
-        points = jnp.asarray(points_of(self.robot), jnp.float32)
-        grid = n_cells(self.plane.edge, radius, n_robots)
-        place, end, robot, _ = self._kernel(surroundings.sort_robots, n_threads, 4)(
-            self.poses(bodies),
-            is_present,
-            plane,
-            launch_dims=n_worlds * n_threads,
-            output_dims=surroundings.cell_places(n_worlds, n_robots, grid, n_threads),
-        )
-        n_sides, solids = len(self.robot.sides), solids_with(self._solids(), self.boxes(bodies), self.kinds, self.robot)
-        near = self._kernel(surroundings.look_around, None, 4)(
-            *(place, end, robot, emits, is_present, plane, kinds, light, points, radius),
-            launch_dims=(n_worlds, n_robots),
-            output_dims=surroundings.near_places(n_worlds, n_robots, radius, self.kinds[: len(self.robot.kinds)]),
-        )
-        *links, sees_wall = self._kernel(sight.find_light, None, 6)(
-            *(place, robot, is_present, plane, kinds, light, points, solids, *near),
-            launch_dims=(n_worlds, n_robots, n_sides),
-            output_dims=sight.light_places(n_worlds, n_robots, n_sides, self.light.n_senders),
-        )
+        places, ends, robots = self._sort_robots(bodies, is_present)
+        near = self._look_around(places, ends, robots, emits, is_present)
+        solids = solids_with(self._solids(), self.boxes(bodies), self.kinds, self.robot)
+        *links, sees_wall = self._find_light(places, robots, is_present, solids, near)
         if self.light.n_senders == 1:
             links = [values[..., 0] for values in links]
         return LightReading(Links(*links), sees_wall)
 
-    def move(self, bodies: FreeBodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
+    def _sort_robots(self, bodies: FreeBodies, is_present: Array) -> Sequence[Array]:
+        """Return the outputs of `surroundings.sort_robots`: places, and robots in cells."""
+        n_worlds, n_robots = is_present.shape
+        n_threads = self._threads(n_robots)
+        radius = search_radius(self.light, self.plane)
+        grid = n_cells(self.plane.half_extent, radius, n_robots)
+        shapes = surroundings.cell_shapes(n_worlds, n_robots, grid, n_threads)
+        kernel = self._kernel(surroundings.sort_robots, n_threads, len(shapes))
+        places, ends, robots, _ = kernel(
+            self.poses(bodies),
+            is_present,
+            words_of(self.plane),
+            launch_dims=n_worlds * n_threads,
+            output_dims=shapes,
+        )
+        return places, ends, robots
+
+    def _look_around(
+        self, places: Array, ends: Array, robots: Array, emits: Array, is_present: Array
+    ) -> Sequence[Array]:
+        """Return the outputs of `surroundings.look_around`: the robots near each robot."""
+        n_worlds, n_robots = is_present.shape
+        radius = search_radius(self.light, self.plane)
+        kinds_of_robots = self.kinds[: len(self.robot.kinds)]
+        shapes = surroundings.near_shapes(n_worlds, n_robots, radius, kinds_of_robots)
+        return self._kernel(surroundings.look_around, None, len(shapes))(
+            places,
+            ends,
+            robots,
+            jnp.asarray(emits, jnp.float32),
+            is_present,
+            words_of(self.plane),
+            self._table(n_robots),
+            words_of(self.light),
+            self._points(),
+            radius,
+            launch_dims=(n_worlds, n_robots),
+            output_dims=shapes,
+        )
+
+    def _find_light(
+        self,
+        places: Array,
+        robots: Array,
+        is_present: Array,
+        solids: Array,
+        near: Sequence[Array],
+    ) -> Sequence[Array]:
+        """Return the outputs of `sight.find_light`: the fields of `Links`, and walls in sight."""
+        n_worlds, n_robots = is_present.shape
+        n_sides = len(self.robot.sides)
+        shapes = sight.light_shapes(n_worlds, n_robots, n_sides, self.light.n_senders)
+        return self._kernel(sight.find_light, None, len(shapes))(
+            places,
+            robots,
+            is_present,
+            words_of(self.plane),
+            self._table(n_robots),
+            words_of(self.light),
+            self._points(),
+            solids,
+            *near,
+            launch_dims=(n_worlds, n_robots, n_sides),
+            output_dims=shapes,
+        )
+
+    def move(
+        self,
+        bodies: FreeBodies,
+        phases: Sequence[Phase],
+        is_running: Bool[Array, "B"],
+    ) -> Motion:
         """See `Engine.move`."""
-        walls, n_robots = self._solids()[: self.plane.n_walls, :3], self.n_robots(bodies)
-        return take_phases(bodies, phases, is_running, walls, self.robot, n_robots, self._take_steps)
+        walls = self._solids()[: self.plane.n_walls, :3]
+        n_robots = self.n_robots(bodies)
+        return take_phases(
+            bodies,
+            phases,
+            is_running,
+            walls,
+            self.robot,
+            n_robots,
+            self._take_steps,
+        )
 
     def _take_steps(
         self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[FreeBodies, Array, Array]:
         """See `StepBodies`."""
-        (n_worlds, n_bodies), n_robots, n_walls = bodies.is_present.shape, self.n_robots(bodies), self.plane.n_walls
-        n_threads, grid = self._threads(n_robots), n_cells(self.plane.edge, 2 * self.plane.radius + SKIN, n_robots)
-        areas = [kind.half_x * kind.half_y for kind in self.kinds[: len(self.robot.kinds)]]
-        crowding = math.ceil(max(areas) / min(areas))
-        rooms = physics.rooms(n_robots, n_bodies - n_robots, n_walls, len(self.solids) - n_walls, crowding)
-        sizes = physics.places(touching.shape, n_bodies, grid, n_threads, rooms)
-        touching, poses, velocity, failure, work, *_ = self._kernel(
-            physics.take_steps_in(shared_bytes(n_bodies)), n_threads, len(sizes), "touching"
-        )(
+        n_worlds, n_bodies = bodies.is_present.shape
+        n_robots = self.n_robots(bodies)
+        n_threads = self._threads(n_robots)
+        radius = 2 * self.plane.largest_radius + SKIN
+        grid = n_cells(self.plane.half_extent, radius, n_robots)
+        rooms = self._rooms(n_robots)
+        shapes = physics.output_shapes(touching.shape, n_bodies, grid, n_threads, rooms)
+        function = physics.take_steps_in(shared_bytes(n_bodies))
+        kernel = self._kernel(function, n_threads, len(shapes), "touching")
+        touching, poses, velocity, failure, work, *_ = kernel(
             bodies.poses,
             bodies.velocity,
             targets.astype(jnp.float32),
             bodies.is_present,
             runs,
-            # Worlds in which most colours of contacts were solved go first, lest the others wait for one that began
-            # late (Graham 1969, SIAM J. Appl. Math. 17, 416).
+            # Worlds in which most colours of contacts were solved go first, lest the others wait
+            # for one that began late (Graham 1969, SIAM J. Appl. Math. 17, 416).
             jnp.argsort(-bodies.work).astype(jnp.int32),
             words_of(self.plane),
             self._table(n_robots),
@@ -148,39 +214,75 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
             *rooms,
             touching,
             launch_dims=n_worlds * n_threads,
-            output_dims=sizes,
+            output_dims=shapes,
         )
         return bodies._replace(poses=poses, velocity=velocity, work=work), touching, failure
 
-    def _kernel(self, function: Callable, n_threads: int | None, n_outputs: int, *in_out: str) -> Any:
-        """A kernel as a function of JAX's arrays; `in_out` names arguments that are changed in place."""
+    def _rooms(self, n_robots: int) -> tuple[int, int]:
+        """Return the places for near pairs and contacts of a world."""
+        areas = [kind.half_x * kind.half_y for kind in self.kinds[: len(self.robot.kinds)]]
+        n_walls = self.plane.n_walls
+        return physics.rooms(
+            n_robots=n_robots,
+            n_boxes=self.n_boxes,
+            n_walls=n_walls,
+            n_obstacles=len(self.solids) - n_walls,
+            crowding=math.ceil(max(areas) / min(areas)),
+        )
+
+    def _kernel(
+        self,
+        function: Callable,
+        n_threads: int | None,
+        n_outputs: int,
+        *in_out: str,
+    ) -> Any:
+        """Return a kernel as a function of JAX arrays, see `jax_kernel`."""
         return jax_kernel(function, self.on_gpu, n_threads, n_outputs, *in_out)
 
     def _table(self, n_robots: int) -> Int[np.ndarray, "W"]:
-        """Kinds of N robots, of the boxes and of what is fixed, in words."""
+        """Return the kinds of N robots, of the boxes and of what is fixed, in words."""
         return words_of(*of_bodies(self.kinds, self.robot, n_robots))
 
+    def _points(self) -> Float[Array, "P 2"]:
+        """Return the points and axes of the robots, see `reception.points_of`."""
+        return jnp.asarray(points_of(self.robot), jnp.float32)
+
     def _solids(self) -> Float[Array, "WM 6"]:
-        """Walls and obstacles as an array."""
+        """Return walls and obstacles as an array."""
         return jnp.asarray(self.solids, jnp.float32)
 
     def _threads(self, n_robots: int) -> int:
-        """Threads of a block, which computes a world: about as many as it has contacts; 1 on CPUs."""
-        return 32 * max(1, min(8, round(n_robots / ROBOTS_PER_WARP))) if self.on_gpu else 1
+        """Return the threads of a block, which computes a world: about one a contact; 1 on CPUs."""
+        if not self.on_gpu:
+            return 1
+        n_warps = max(1, min(_MOST_WARPS, round(n_robots / ROBOTS_PER_WARP)))
+        return _WARP_SIZE * n_warps
 
 
-def read_engine(arena: ArenaModel, config: SwarmConfig, platform: str, tolerance: float = FINEST) -> PlanarBatchEngine:
+def read_engine(
+    arena: ArenaModel,
+    config: SwarmConfig,
+    platform: str,
+    tolerance: float = FINEST,
+) -> PlanarBatchEngine:
     """Read the model.
 
     Args:
         arena: compiled; one robot of each kind stands for all.
         config: optics and obstacles.
-        platform: of the devices, as JAX calls it.
+        platform: platform of the devices, as JAX calls it.
         tolerance: see `read_plane`.
 
     Raises:
         UserError: the model has features that this engine does not simulate.
     """
-    solids = tuple(map(tuple, solids_of(arena, config.arena.obstacles).tolist()))
-    light, kinds = read_light(arena.robot, config.optics), read_kinds(arena)
-    return PlanarBatchEngine(read_plane(arena, tolerance), kinds, light, arena.robot, platform != "cpu", solids)
+    solids = solids_of(arena, config.arena.obstacles).tolist()
+    return PlanarBatchEngine(
+        plane=read_plane(arena, tolerance),
+        kinds=read_kinds(arena),
+        light=read_light(arena.robot, config.optics),
+        robot=arena.robot,
+        on_gpu=platform != "cpu",
+        solids=tuple(tuple(row) for row in solids),
+    )

@@ -1,4 +1,4 @@
-"""Compilation of this folder's functions by numba."""
+"""Decorators by which numba compiles this package's functions."""
 
 from functools import partial
 from pathlib import Path
@@ -9,17 +9,19 @@ import numba
 from iswarm_mj.utils import compiled as compilation
 
 compiled = numba.njit(nogil=True)
-"""For functions that other compiled functions call."""
+"""Compile a function that other compiled functions call."""
 
 uncounted: Any = numba.njit(nogil=True, _nrt=False)  # pyright: ignore[reportCallIssue]
-"""For those that allocate nothing and return no arrays. Without this option of numba, which refuses others, each use of
-an array in a tuple counts its owners, and that takes most of the time of light."""
+"""Compile a function that allocates nothing and returns no arrays.
+
+Without this option of numba, each use of an array in a tuple counts its owners, which takes most
+of the time of light."""
 
 inlined = numba.njit(nogil=True, forceinline=True)
-"""For those that are called so often that handing over their arguments, tuples of arrays and numbers, would show."""
+"""Compile a function that is called so often that passing its arguments would take time."""
 
 SOURCES = Path(__file__).parents[1]
 """Folder of the engines."""
 
 cached = partial(compilation.cached, sources=SOURCES, nogil=True)
-"""For those that Python calls."""
+"""Compile a function that Python calls, once for all processes."""

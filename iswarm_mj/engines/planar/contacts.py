@@ -13,21 +13,41 @@ from iswarm_mj.engines.planar.contact_rows import (
     matrix,
     meets_wall,
     overlaps,
+    rectangle_of,
     rows_of,
-    touch_box,
+    touch_body,
+    touch_obstacle,
     touch_wall,
 )
-from iswarm_mj.engines.planar.kinds import place_of, velocity_of
+from iswarm_mj.engines.planar.kinds import obstacle_of, place_of, velocity_of, wall_of
 from iswarm_mj.engines.planar.plane import Plane
 
-_IMPULSES = ("p1", "p2", "before1", "before2")  # now, and as the latest sweep ended
-_INVERSE = ("mass1", "inertia1", "swing1", "mass2", "inertia2", "swing2")  # of both bodies, see `velocity_change`
-_INTEGERS = ("first", "second", "n_rows", "rubs")
-_NUMBERS = (*Rows._fields[1:], "h11", "h12", "h22", *_INVERSE, *_IMPULSES)
+_BODIES = ("first", "second", "n_rows", "has_friction")
+_MATRIX = ("h11", "h12", "h22")
+_INVERSE_MASSES = (
+    "inverse_mass1",
+    "inverse_inertia1",
+    "swing1",  # see `contact_law.velocity_change`
+    "inverse_mass2",
+    "inverse_inertia2",
+    "swing2",
+)
+_IMPULSES = (
+    "impulse1",
+    "impulse2",
+    "last_impulse1",  # as the latest sweep ended
+    "last_impulse2",
+)
+_NUMBERS = (*Rows._fields[1:], *_MATRIX, *_INVERSE_MASSES, *_IMPULSES)
 
-CONTACT = np.dtype([(name, np.int64) for name in _INTEGERS] + [(name, np.float64) for name in _NUMBERS])
-"""A touching pair: two bodies, of which the first may be the last one of all, which is fixed; its `Rows` and H;
-and whether the floor's friction acts on one of them."""
+_TYPES = dict.fromkeys(_BODIES, np.int64) | dict.fromkeys(_NUMBERS, np.float64)
+
+CONTACT = np.dtype(list(_TYPES.items()))
+"""Record of a touching pair.
+
+It has both bodies, of which the first may be the last one of all, which is fixed; the fields of
+`Rows`; the matrix H; the inverse masses of both bodies; the impulses of both rows; and
+`has_friction`, whether the floor's friction acts on one of the bodies."""
 
 
 @uncounted
@@ -42,42 +62,74 @@ def find_contacts(
     solids: np.ndarray,
     contacts: np.ndarray,
 ) -> int:
-    """Write the contacts of N robots and the boxes that come after them, and return their number.
+    """Write the contacts of N robots and of M boxes, which come after them; return their number.
 
     Args:
         pairs: (P, 2) all pairs of robots that may touch.
         n_robots: N.
         places: (N + M, 4) x, y [mm], cosine and sine of the yaw.
-        velocities: (N + M + 1, 3) of robots and boxes, and zero for what is fixed [mm/s, mm/s, rad/s].
-        is_present: (N + M,) bool; the others touch nothing.
+        velocities: (N + M + 1, 3) of robots, boxes, and zero for what is fixed [mm/s, mm/s, rad/s].
+        is_present: (N + M,) bool; the other bodies touch nothing.
         kinds: (N + M + 1,) see `plane.table_of`.
-        plane: the arena.
+        plane: arena.
         solids: (W + O, 6) walls and obstacles, see `plane.solids_of`.
-        contacts: of type CONTACT, the output; (P + (W + O + M) (N + M),) are enough.
+        contacts: output of type CONTACT; (P + (W + O + M) (N + M),) records are enough.
     """
-    n, n_bodies = 0, len(places)
+    n_contacts = 0
+    n_bodies = len(places)
+
+    # Robots with each other, and boxes with robots and boxes.
     for k in range(len(pairs)):
-        i, j = pairs[k]
-        n += _meet(contacts[n], i, j, places, velocities, kinds, plane)
+        first, second = pairs[k]
+        contact = contacts[n_contacts]
+        n_contacts += _meet(contact, first, second, places, velocities, kinds, plane)
     for box in range(n_robots, n_bodies):
-        for other in range(box):
-            if is_present[other]:
-                n += _meet(contacts[n], box, other, places, velocities, kinds, plane)
-    for m in range(plane.n_walls, len(solids)):
-        p, hx, hy = place_of(solids, m), solids[m, 4], solids[m, 5]
-        radius = math.sqrt(hx * hx + hy * hy)
-        for i in range(n_bodies):
-            q = place_of(places, i)
-            if is_present[i] and overlaps(p, hx, hy, radius, q, kinds[i]):
-                touch = touch_box(p, hx, hy, True, q, kinds[i])
-                n += _add(contacts[n], n_bodies, i, touch, velocities, kinds, plane.at_walls, plane.timestep)
-    for i in range(n_bodies):
-        p = place_of(places, i)
-        for wall in range(plane.n_walls):
-            if is_present[i] and meets_wall(p, wall, solids, kinds[i]):
-                touch = touch_wall(p, wall, solids, kinds[i])
-                n += _add(contacts[n], n_bodies, i, touch, velocities, kinds, plane.at_walls, plane.timestep)
-    return n
+        for body in range(box):
+            if is_present[body]:
+                contact = contacts[n_contacts]
+                n_contacts += _meet(contact, box, body, places, velocities, kinds, plane)
+
+    # All bodies with obstacles and walls.
+    law = plane.law_of_solids
+    for row in range(plane.n_walls, len(solids)):
+        obstacle = obstacle_of(solids, row)
+        half_x = obstacle.half_x
+        half_y = obstacle.half_y
+        radius = math.sqrt(half_x * half_x + half_y * half_y)
+        for body in range(n_bodies):
+            kind = kinds[body]
+            hull = rectangle_of(place_of(places, body), kind)
+            if is_present[body] and overlaps(obstacle, radius, hull, kind.radius):
+                touch = touch_obstacle(obstacle, hull)
+                contact = contacts[n_contacts]
+                n_contacts += _write(
+                    contact,
+                    n_bodies,
+                    body,
+                    touch,
+                    velocities,
+                    kinds,
+                    law,
+                    plane.timestep,
+                )
+    for body in range(n_bodies):
+        place = place_of(places, body)
+        for row in range(plane.n_walls):
+            wall = wall_of(solids, row)
+            if is_present[body] and meets_wall(place, kinds[body], wall):
+                touch = touch_wall(place, kinds[body], wall)
+                contact = contacts[n_contacts]
+                n_contacts += _write(
+                    contact,
+                    n_bodies,
+                    body,
+                    touch,
+                    velocities,
+                    kinds,
+                    law,
+                    plane.timestep,
+                )
+    return n_contacts
 
 
 @inlined
@@ -90,16 +142,18 @@ def _meet(
     kinds: np.ndarray,
     plane: Plane,
 ) -> int:
-    """Write a contact of two bodies that move; return 1 if they touch, otherwise 0."""
-    p, q, kind = place_of(places, first), place_of(places, second), kinds[first]
-    if not overlaps(p, kind.half_x, kind.half_y, kind.radius, q, kinds[second]):
+    """Write the contact of two bodies that move; return 1 if they touch, otherwise 0."""
+    first_hull = rectangle_of(place_of(places, first), kinds[first])
+    second_hull = rectangle_of(place_of(places, second), kinds[second])
+    if not overlaps(first_hull, kinds[first].radius, second_hull, kinds[second].radius):
         return 0
-    touch = touch_box(p, kind.half_x, kind.half_y, False, q, kinds[second])
-    return _add(contact, first, second, touch, velocities, kinds, plane.between_robots, plane.timestep)
+    touch = touch_body(first_hull, second_hull)
+    law = plane.law_of_bodies
+    return _write(contact, first, second, touch, velocities, kinds, law, plane.timestep)
 
 
 @inlined
-def _add(
+def _write(
     contact: Any,
     first: int,
     second: int,
@@ -109,18 +163,45 @@ def _add(
     law: ContactLaw,
     timestep: float,
 ) -> int:
-    """Write a contact of two bodies; return 1 if any point touches, otherwise 0."""
-    one, other = kinds[first], kinds[second]
-    weight = one.inverse_weight + other.inverse_weight
-    rows = rows_of(touch, velocity_of(velocities, first), velocity_of(velocities, second), law, weight, timestep)
-    contact.first, contact.second, contact.rubs = first, second, one.grip + other.grip > 0.0
-    contact.n_rows, contact.nx, contact.ny, contact.depth = rows.n_rows, rows.nx, rows.ny, rows.depth
-    contact.arm1, contact.arm2, contact.lever1, contact.lever2 = rows.arm1, rows.arm2, rows.lever1, rows.lever2
-    contact.offset1, contact.offset2 = rows.offset1, rows.offset2
-    contact.softness1, contact.softness2 = rows.softness1, rows.softness2
-    m1, i1, m2, i2 = one.inverse_mass, one.inverse_inertia, other.inverse_mass, other.inverse_inertia
-    contact.mass1, contact.inertia1, contact.swing1 = m1, i1, i1 * one.radius
-    contact.mass2, contact.inertia2, contact.swing2 = m2, i2, i2 * other.radius
-    contact.h11, contact.h12, contact.h22 = matrix(rows, m1, i1, m2, i2)
-    contact.p1 = contact.p2 = contact.before1 = contact.before2 = 0.0
+    """Write the contact of two bodies; return 1 if any point touches, otherwise 0."""
+    kind1 = kinds[first]
+    kind2 = kinds[second]
+    inverse_weight = kind1.inverse_weight + kind2.inverse_weight
+    first_velocity = velocity_of(velocities, first)
+    second_velocity = velocity_of(velocities, second)
+    rows = rows_of(touch, first_velocity, second_velocity, law, inverse_weight, timestep)
+
+    contact.first = first
+    contact.second = second
+    contact.has_friction = kind1.friction_impulse + kind2.friction_impulse > 0.0
+
+    contact.n_rows = rows.n_rows
+    contact.normal_x = rows.normal_x
+    contact.normal_y = rows.normal_y
+    contact.arm1 = rows.arm1
+    contact.arm2 = rows.arm2
+    contact.lever1 = rows.lever1
+    contact.lever2 = rows.lever2
+    contact.offset1 = rows.offset1
+    contact.offset2 = rows.offset2
+    contact.softness1 = rows.softness1
+    contact.softness2 = rows.softness2
+    contact.depth = rows.depth
+
+    mass1 = kind1.inverse_mass
+    mass2 = kind2.inverse_mass
+    inertia1 = kind1.inverse_inertia
+    inertia2 = kind2.inverse_inertia
+    contact.inverse_mass1 = mass1
+    contact.inverse_inertia1 = inertia1
+    contact.swing1 = inertia1 * kind1.radius
+    contact.inverse_mass2 = mass2
+    contact.inverse_inertia2 = inertia2
+    contact.swing2 = inertia2 * kind2.radius
+    contact.h11, contact.h12, contact.h22 = matrix(rows, mass1, inertia1, mass2, inertia2)
+
+    contact.impulse1 = 0.0
+    contact.impulse2 = 0.0
+    contact.last_impulse1 = 0.0
+    contact.last_impulse2 = 0.0
     return 1 if rows.n_rows > 0 else 0

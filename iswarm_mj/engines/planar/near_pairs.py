@@ -1,85 +1,130 @@
-"""Robots near each other, by a grid of square cells."""
+"""Pairs of robots near each other, by a grid of square cells."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from iswarm_mj.engines.planar.compiled import compiled
 
-_FORWARD = ((1, 0), (-1, 1), (0, 1), (1, 1))  # half of the eight cells around one: each pair of cells comes once
+_FORWARD = ((1, 0), (-1, 1), (0, 1), (1, 1))
+"""Half of the eight cells around one, right and up, so that each pair of cells comes once."""
+
+
+class Cells(NamedTuple):
+    """Robots sorted into square cells, each a list that is linked from last to first."""
+
+    last: np.ndarray
+    """(C, C) last robot of each cell, by row and column, -1 in an empty cell."""
+    before: np.ndarray
+    """(N,) robot before each robot in its cell, -1 for the first."""
 
 
 @compiled
-def near_pairs(places: np.ndarray, is_present: np.ndarray, radius: float, edge: float) -> np.ndarray:
-    """Pairs (P, 2) of robots whose centres are less than `radius` apart, in an order that depends on the places alone.
+def near_pairs(
+    places: np.ndarray,
+    is_present: np.ndarray,
+    radius: float,
+    half_extent: float,
+) -> np.ndarray:
+    """Return the pairs (P, 2) of robots whose centres are less than `radius` apart.
+
+    Their order depends on the places alone.
 
     Args:
-        places: (N, 4) of which the first two are x, y [mm].
-        is_present: (N,) bool; the others are in no pair.
-        radius: [mm].
-        edge: distance of the walls from the arena's centre [mm]; robots beyond them count as in the outermost cells.
+        places: (N, 4) of which the first two columns are x, y [mm].
+        is_present: (N,) bool; the other robots are in no pair.
+        radius: distance [mm].
+        half_extent: see `fill_cells` [mm].
     """
     n_robots = len(places)
-    last_in_cell, before = fill_cells(places, is_present, radius, edge)
-    n_cells = len(last_in_cell)
-    pairs, n_pairs = np.empty((4 * n_robots + 16, 2), np.int64), 0
-    for i in range(n_robots):
-        if not is_present[i]:
+    cells = fill_cells(places, is_present, radius, half_extent)
+    n_cells = len(cells.last)
+    pairs = np.empty((4 * n_robots + 16, 2), np.int64)
+    n_pairs = 0
+    for robot in range(n_robots):
+        if not is_present[robot]:
             continue
         if n_pairs + n_robots > len(pairs):
             pairs = np.concatenate((pairs, np.empty_like(pairs)))
-        n_pairs = _add(i, before[i], before, places, radius, pairs, n_pairs)
-        column, row = cell_of(places[i, 0], edge, n_cells), cell_of(places[i, 1], edge, n_cells)
+
+        # Robots before it in its own cell, then all robots of four adjacent cells.
+        before = cells.before
+        n_pairs = _add_pairs(robot, before[robot], before, places, radius, pairs, n_pairs)
+        column = cell_of(places[robot, 0], half_extent, n_cells)
+        row = cell_of(places[robot, 1], half_extent, n_cells)
         for right, up in _FORWARD:
             if 0 <= column + right < n_cells and row + up < n_cells:
-                n_pairs = _add(i, last_in_cell[row + up, column + right], before, places, radius, pairs, n_pairs)
+                last = cells.last[row + up, column + right]
+                n_pairs = _add_pairs(robot, last, before, places, radius, pairs, n_pairs)
     return pairs[:n_pairs]
 
 
 @compiled
-def fill_cells(places: np.ndarray, is_present: np.ndarray, radius: float, edge: float) -> tuple[np.ndarray, np.ndarray]:
-    """Sort robots into square cells at least `radius` wide, so that those within it are in adjacent cells.
+def fill_cells(
+    places: np.ndarray,
+    is_present: np.ndarray,
+    radius: float,
+    half_extent: float,
+) -> Cells:
+    """Sort robots into square cells at least `radius` wide: closer ones are in adjacent cells.
 
-    Args: as for `near_pairs`.
-
-    Returns:
-        The last robot of each cell (C, C), by row and column; and for each robot the one before it in its cell (N,),
-        -1 where there is none.
+    Args:
+        places: (N, 4) of which the first two columns are x, y [mm].
+        is_present: (N,) bool; the other robots are in no cell.
+        radius: distance [mm].
+        half_extent: distance of the walls from the arena's centre [mm]; robots beyond them count
+            as in the outermost cells.
     """
     n_robots = len(places)
-    n_cells = max(1, min(int(2.0 * edge / radius), int(2.0 * np.sqrt(n_robots))))  # along an edge
-    last_in_cell = np.full((n_cells, n_cells), -1, np.int64)
+    n_cells_that_fit = int(2.0 * half_extent / radius)
+    n_cells = max(1, min(n_cells_that_fit, int(2.0 * np.sqrt(n_robots))))  # along an edge
+    last = np.full((n_cells, n_cells), -1, np.int64)
     before = np.full(n_robots, -1, np.int64)
-    for i in range(n_robots):
-        if is_present[i]:
-            column, row = cell_of(places[i, 0], edge, n_cells), cell_of(places[i, 1], edge, n_cells)
-            before[i] = last_in_cell[row, column]
-            last_in_cell[row, column] = i
-    return last_in_cell, before
+    for robot in range(n_robots):
+        if is_present[robot]:
+            column = cell_of(places[robot, 0], half_extent, n_cells)
+            row = cell_of(places[robot, 1], half_extent, n_cells)
+            before[robot] = last[row, column]
+            last[row, column] = robot
+    return Cells(last, before)
 
 
 @compiled
-def cell_of(at: float, edge: float, n_cells: int) -> int:
-    """Index of the cell along an axis; 0 for a coordinate that is not a number."""
-    share = (at + edge) * (n_cells / (2.0 * edge))
-    return int(min(share, n_cells - 1.0)) if share > 0.0 else 0
+def cell_of(coordinate: float, half_extent: float, n_cells: int) -> int:
+    """Return the index of the cell along an axis; 0 for a coordinate that is not a number."""
+    index = (coordinate + half_extent) * (n_cells / (2.0 * half_extent))
+    return int(min(index, n_cells - 1.0)) if index > 0.0 else 0
 
 
 @compiled
-def _add(i: int, j: int, before: np.ndarray, places: np.ndarray, radius: float, pairs: np.ndarray, n_pairs: int) -> int:
-    """Append the pairs of robot i with j and those before it in its cell; return how many pairs there are now."""
-    while j >= 0:
-        dx, dy = places[j, 0] - places[i, 0], places[j, 1] - places[i, 1]
+def _add_pairs(
+    robot: int,
+    last: int,
+    before: np.ndarray,
+    places: np.ndarray,
+    radius: float,
+    pairs: np.ndarray,
+    n_pairs: int,
+) -> int:
+    """Append the pairs of a robot with `last` and those before; return the number of pairs."""
+    neighbour = last
+    while neighbour >= 0:
+        dx = places[neighbour, 0] - places[robot, 0]
+        dy = places[neighbour, 1] - places[robot, 1]
         if dx * dx + dy * dy < radius * radius:
-            pairs[n_pairs, 0], pairs[n_pairs, 1] = min(i, j), max(i, j)
+            pairs[n_pairs, 0] = min(robot, neighbour)
+            pairs[n_pairs, 1] = max(robot, neighbour)
             n_pairs += 1
-        j = before[j]
+        neighbour = before[neighbour]
     return n_pairs
 
 
 @compiled
 def set_places(poses: np.ndarray, places: np.ndarray) -> None:
-    """Write x, y, cosine and sine of the yaw (N, 4) of poses (N, 3)."""
-    for i in range(len(poses)):
-        places[i, 0], places[i, 1] = poses[i, 0], poses[i, 1]
-        places[i, 2], places[i, 3] = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+    """Write the places (N, 4) of poses (N, 3): x, y, cosine and sine of the yaw."""
+    for body in range(len(poses)):
+        places[body, 0] = poses[body, 0]
+        places[body, 1] = poses[body, 1]
+        places[body, 2] = math.cos(poses[body, 2])
+        places[body, 3] = math.sin(poses[body, 2])

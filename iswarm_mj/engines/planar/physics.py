@@ -10,12 +10,13 @@ from iswarm_mj.engines.planar.compiled import cached, compiled, uncounted
 from iswarm_mj.engines.planar.contacts import CONTACT, find_contacts
 from iswarm_mj.engines.planar.near_pairs import near_pairs, set_places
 from iswarm_mj.engines.planar.plane import Plane
-from iswarm_mj.engines.planar.solver import begin_as, rub, solve
+from iswarm_mj.engines.planar.solver import apply_friction, solve, warm_start
 from iswarm_mj.utils.errors import FaultKind
 
 SKIN = 1.5
-"""Near pairs are those whose circumcircles are closer than this; they are found anew where others may have become so
-[mm]."""
+"""Gap between two circumcircles below which robots are a near pair [mm].
+
+Near pairs are searched again once others may have come as close as to touch."""
 
 _FAILED = int(FaultKind.SOLVER_FAILED)
 
@@ -38,23 +39,25 @@ def take_steps(
         worlds: indices of these worlds.
         n_substeps: number of physics steps.
         bodies: `FreeBodies` (B, N + M, ...) of N robots and M boxes, changed.
-        targets: (B, N + M, 3) set points of the servos [mm/s, mm/s, rad/s].
+        targets: (B, N + M, 3) set points of the drives [mm/s, mm/s, rad/s].
         touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are added.
-        failure: (B,) output, bits of `FaultKind`; where the contact solver fails, that ends the steps of the world.
+        failure: (B,) output, bits of `FaultKind`; if the contact solver fails, the world's steps
+            end there.
         solids: (W + O, 6) walls and obstacles, see `plane.solids_of`.
         kinds: (N + M + 1,) see `plane.table_of`.
-        plane: the arena.
+        plane: arena.
     """
     for world in worlds:
+        world_bodies = FreeBodies(
+            bodies.poses[world],
+            bodies.velocity[world],
+            bodies.is_present[world],
+            bodies.overlap[world : world + 1],
+            None,
+        )
         failure[world] = _take_steps(
             n_substeps,
-            FreeBodies(
-                bodies.poses[world],
-                bodies.velocity[world],
-                bodies.is_present[world],
-                bodies.overlap[world : world + 1],
-                None,
-            ),
+            world_bodies,
             targets[world],
             touching[world],
             solids,
@@ -73,75 +76,113 @@ def _take_steps(
     kinds: np.ndarray,
     plane: Plane,
 ) -> int:
-    """As `take_steps`, of one world, without an axis of worlds; return bits of `FaultKind`."""
-    n_bodies, n_robots = len(bodies.poses), touching.shape[1]
-    velocities = np.zeros((n_bodies + 1, 3))  # the last row is that of the walls
+    """Take the steps of one world, see `take_steps`; return bits of `FaultKind`."""
+    n_bodies = len(bodies.poses)
+    n_robots = touching.shape[1]
+    n_boxes = n_bodies - n_robots
+    velocities = np.zeros((n_bodies + 1, 3))  # the last row is that of what is fixed
     _copy(bodies.velocity, velocities)
-    rubs, places = np.zeros((n_bodies, 3)), np.empty((n_bodies, 4))
+    friction = np.zeros((n_bodies, 3))
+    places = np.empty((n_bodies, 4))
     set_places(bodies.poses, places)
-    pairs, contacts, solved = np.empty((0, 2), np.int64), np.empty(0, CONTACT), np.empty(0, CONTACT)
-    moved = np.inf
+
+    pairs = np.empty((0, 2), np.int64)
+    contacts = np.empty(0, CONTACT)
+    solved = np.empty(0, CONTACT)  # contacts of the step before
+    moved = np.inf  # distance that robots may have moved since the near pairs were searched
     for _ in range(n_substeps):
         if 2.0 * moved > SKIN:
-            pairs, moved = near_pairs(places[:n_robots], bodies.is_present, 2.0 * plane.radius + SKIN, plane.edge), 0.0
-            contacts = np.empty(len(pairs) + (len(solids) + n_bodies - n_robots) * n_bodies, CONTACT)
+            radius = 2.0 * plane.largest_radius + SKIN
+            pairs = near_pairs(places[:n_robots], bodies.is_present, radius, plane.half_extent)
+            contacts = np.empty(len(pairs) + (len(solids) + n_boxes) * n_bodies, CONTACT)
+            moved = 0.0
+
+        # Contacts at the places and velocities before the step.
         n_contacts = find_contacts(
-            pairs, n_robots, places, velocities, bodies.is_present, kinds, plane, solids, contacts
+            pairs,
+            n_robots,
+            places,
+            velocities,
+            bodies.is_present,
+            kinds,
+            plane,
+            solids,
+            contacts,
         )
-        found = contacts[:n_contacts]
-        for contact in found:
+        in_contact = contacts[:n_contacts]
+        for contact in in_contact:
             bodies.overlap[0] = max(bodies.overlap[0], contact.depth)
-        for i in range(n_bodies):
-            kind = kinds[i]
-            velocities[i, 0] += kind.drive_x * (targets[i, 0] - velocities[i, 0])
-            velocities[i, 1] += kind.drive_y * (targets[i, 1] - velocities[i, 1])
-            velocities[i, 2] += kind.drive_yaw * (targets[i, 2] - velocities[i, 2])
-        rubs[:] = 0.0
+
+        # Velocities without contacts, then the impulses of contacts and friction.
+        _drive(velocities, targets, kinds)
+        friction[:] = 0.0
         for box in range(n_robots, n_bodies):
-            rub(box, velocities, rubs, kinds)
-        begin_as(solved, found, velocities, rubs, kinds)
-        if not solve(found, velocities, rubs, kinds, plane):
+            apply_friction(box, velocities, friction, kinds)
+        warm_start(solved, in_contact, velocities, friction, kinds)
+        if not solve(in_contact, velocities, friction, kinds, plane):
             return _FAILED
-        solved = found.copy()
+
+        solved = in_contact.copy()
         moved += _integrate(bodies, places, velocities, plane.timestep)
+
     _copy(velocities, bodies.velocity)
     for contact in solved:
         if contact.first < n_robots:
-            _add(touching, contact.first, contact.second)
+            _add_partner(touching, contact.first, contact.second)
     return 0
 
 
 @uncounted
 def _copy(source: np.ndarray, target: np.ndarray) -> None:
-    """Copy rows as far as both have them. An assignment of slices would compile NumPy's message of shapes, too."""
+    """Copy rows as far as both have them.
+
+    An assignment of slices would also compile NumPy's message on shapes.
+    """
     for i in range(min(len(source), len(target))):
         for k in range(source.shape[1]):
             target[i, k] = source[i, k]
 
 
 @uncounted
-def _add(touching: np.ndarray, robot: int, partner: int) -> None:
-    """Add a partner to those of a robot in (K, N), unless it is there: the lesser of two moves on."""
+def _drive(velocities: np.ndarray, targets: np.ndarray, kinds: np.ndarray) -> None:
+    """Move the velocities of all bodies towards the set points of their drives."""
+    for body in range(len(targets)):
+        kind = kinds[body]
+        velocities[body, 0] += kind.drive_x * (targets[body, 0] - velocities[body, 0])
+        velocities[body, 1] += kind.drive_y * (targets[body, 1] - velocities[body, 1])
+        velocities[body, 2] += kind.drive_yaw * (targets[body, 2] - velocities[body, 2])
+
+
+@uncounted
+def _add_partner(touching: np.ndarray, robot: int, partner: int) -> None:
+    """Add a partner to those of a robot in (K, N), highest first, unless it is there."""
     for k in range(len(touching)):
-        found = touching[k, robot]
-        touching[k, robot] = max(found, partner)
-        partner = 0 if found == partner else min(found, partner)
+        listed = touching[k, robot]
+        touching[k, robot] = max(listed, partner)
+
+        # The lesser of the two moves on to the next place.
+        partner = 0 if listed == partner else min(listed, partner)
         if partner == 0:
             break
 
 
 @uncounted
 def _integrate(bodies: Any, places: np.ndarray, velocities: np.ndarray, timestep: float) -> float:
-    """Move the robots of a world with their new velocities; return how far the fastest one went [mm]."""
-    poses, farthest = bodies.poses, 0.0
-    for i in range(len(poses)):
-        if bodies.is_present[i]:
-            dx, dy, turn = timestep * velocities[i, 0], timestep * velocities[i, 1], timestep * velocities[i, 2]
-            poses[i, 0] += dx
-            poses[i, 1] += dy
-            places[i, 0], places[i, 1] = poses[i, 0], poses[i, 1]
+    """Move bodies with their new velocities; return how far the fastest one went [mm]."""
+    poses = bodies.poses
+    farthest = 0.0  # squared
+    for body in range(len(poses)):
+        if bodies.is_present[body]:
+            dx = timestep * velocities[body, 0]
+            dy = timestep * velocities[body, 1]
+            turn = timestep * velocities[body, 2]
+            poses[body, 0] += dx
+            poses[body, 1] += dy
+            places[body, 0] = poses[body, 0]
+            places[body, 1] = poses[body, 1]
             if turn != 0.0:
-                poses[i, 2] += turn
-                places[i, 2], places[i, 3] = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+                poses[body, 2] += turn
+                places[body, 2] = math.cos(poses[body, 2])
+                places[body, 3] = math.sin(poses[body, 2])
             farthest = max(farthest, dx * dx + dy * dy)
     return math.sqrt(farthest)

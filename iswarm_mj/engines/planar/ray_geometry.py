@@ -1,57 +1,85 @@
 """Where rays of light meet rectangles and walls, as functions of numbers. Units: mm."""
 
 import math
+from typing import NamedTuple
 
-from iswarm_mj.engines.planar.kinds import shared
+from iswarm_mj.engines.contact_geometry import Rectangle
+from iswarm_mj.engines.planar.kinds import Wall, shared
+
+
+class Ray(NamedTuple):
+    """Straight path of light: a vector at an origin, in the same frame as what it may meet."""
+
+    x: float
+    """x of the origin."""
+    y: float
+    """y of the origin."""
+    vector_x: float
+    """x of the vector."""
+    vector_y: float
+    """y of the vector."""
 
 
 @shared
-def meets_rectangle(ox: float, oy: float, vx: float, vy: float, c: float, s: float, hx: float, hy: float) -> float:
-    """Share of a ray's vector at which it meets the outline of a rectangle, from inside too; infinite if it never does.
+def into_frame(x: float, y: float, cos: float, sin: float) -> tuple[float, float]:
+    """Return the components of a vector ahead of and to the left of a heading."""
+    return cos * x + sin * y, cos * y - sin * x
 
-    Args:
-        ox: x of the ray's origin, from the rectangle's centre.
-        oy: likewise y.
-        vx: x of the ray's vector.
-        vy: y of it.
-        c: cosine of the rectangle's heading.
-        s: sine of it.
-        hx: half edge along the heading.
-        hy: half edge across it.
+
+@shared
+def meets_rectangle(ray: Ray, rectangle: Rectangle) -> float:
+    """Return the share of a ray's vector at which the ray meets a rectangle's outline.
+
+    A ray that begins inside meets it where it leaves. The share is above 1 beyond the
+    vector's end, and infinite if the ray never meets the outline.
     """
-    enters_x, leaves_x = _between_sides(c * ox + s * oy, c * vx + s * vy, hx)
-    enters_y, leaves_y = _between_sides(c * oy - s * ox, c * vy - s * vx, hy)
-    enters, leaves = max(enters_x, enters_y), min(leaves_x, leaves_y)
+    x = ray.x - rectangle.x
+    y = ray.y - rectangle.y
+    ahead, left = into_frame(x, y, rectangle.cos, rectangle.sin)
+    vector_ahead, vector_left = into_frame(ray.vector_x, ray.vector_y, rectangle.cos, rectangle.sin)
+
+    # The ray is inside where both coordinates are between the sides.
+    enters_x, leaves_x = between_sides(ahead, vector_ahead, rectangle.half_x)
+    enters_y, leaves_y = between_sides(left, vector_left, rectangle.half_y)
+    enters = max(enters_x, enters_y)
+    leaves = min(leaves_x, leaves_y)
     if enters > leaves or leaves < 0.0:
         return math.inf
-    return enters if enters >= 0.0 else leaves
+    if enters >= 0.0:
+        return enters
+    return leaves
 
 
 @shared
-def _between_sides(origin: float, along: float, half: float) -> tuple[float, float]:
-    """Shares of a vector between which one of its coordinates is at most `half` in size."""
+def between_sides(origin: float, along: float, half: float) -> tuple[float, float]:
+    """Return the shares of a vector between which one of its coordinates is at most `half` in size.
+
+    Args:
+        origin: coordinate at which the vector begins.
+        along: component of the vector.
+        half: distance of either side from the origin of the coordinate.
+    """
     if along == 0.0:
         if abs(origin) <= half:
             return -math.inf, math.inf
         return math.inf, -math.inf
-    one, other = (-half - origin) / along, (half - origin) / along
-    return min(one, other), max(one, other)
+    at_lower = (-half - origin) / along
+    at_upper = (half - origin) / along
+    return min(at_lower, at_upper), max(at_lower, at_upper)
 
 
 @shared
-def meets_line(x: float, y: float, vx: float, vy: float, nx: float, ny: float, distance: float) -> float:
-    """Share of a ray's vector at which it meets a wall; 0 if it begins beyond it, infinite if it never does.
+def meets_wall_at(ray: Ray, wall: Wall) -> float:
+    """Return the share of a ray's vector at which the ray meets a wall.
+
+    The share is 0 if the ray begins beyond the wall, and infinite if it never meets it.
 
     Args:
-        x: of the ray's origin, from the arena's centre.
-        y: likewise.
-        vx: x of the ray's vector.
-        vy: y of it.
-        nx: x of the wall's outward normal.
-        ny: y of it.
-        distance: of the wall from the arena's centre.
+        ray: seen from the arena's centre.
+        wall: a wall.
     """
-    gap, along = distance - nx * x - ny * y, nx * vx + ny * vy
+    gap = wall.distance - wall.normal_x * ray.x - wall.normal_y * ray.y
+    along = wall.normal_x * ray.vector_x + wall.normal_y * ray.vector_y
     if gap < 0.0:
         return 0.0
     if along <= 0.0:
@@ -60,23 +88,19 @@ def meets_line(x: float, y: float, vx: float, vy: float, nx: float, ny: float, d
 
 
 @shared
-def is_crossed(ox: float, oy: float, vx: float, vy: float, c: float, s: float, hx: float, hy: float) -> bool:
-    """Whether a straight path of light meets a rectangle; separating axis theorem.
+def is_crossed(ray: Ray, rectangle: Rectangle) -> bool:
+    """Return whether a ray meets a rectangle before its vector ends (separating axis theorem)."""
+    # In the rectangle's frame: half the vector, and the middle of the path.
+    x = ray.x - rectangle.x
+    y = ray.y - rectangle.y
+    half_ahead = 0.5 * (rectangle.cos * ray.vector_x + rectangle.sin * ray.vector_y)
+    half_left = 0.5 * (rectangle.cos * ray.vector_y - rectangle.sin * ray.vector_x)
+    ahead = rectangle.cos * x + rectangle.sin * y + half_ahead
+    left = rectangle.cos * y - rectangle.sin * x + half_left
 
-    Args:
-        ox: x of the path's beginning, from the rectangle's centre.
-        oy: likewise y.
-        vx: x of the vector to its end.
-        vy: y of it.
-        c: cosine of the rectangle's heading.
-        s: sine of it.
-        hx: half edge along the heading.
-        hy: half edge across it.
-    """
-    ux = 0.5 * (c * vx + s * vy)
-    uy = 0.5 * (c * vy - s * vx)
-    x = c * ox + s * oy + ux  # of the path's middle
-    y = c * oy - s * ox + uy
-    is_beside = abs(x * uy - y * ux) > hx * abs(uy) + hy * abs(ux)
-    is_away = abs(x) > hx + abs(ux) or abs(y) > hy + abs(uy)
-    return not (is_beside or is_away)
+    # A gap along the ray's normal, or along one of the rectangle's axes.
+    moment = abs(ahead * half_left - left * half_ahead)
+    is_beside = moment > rectangle.half_x * abs(half_left) + rectangle.half_y * abs(half_ahead)
+    is_away_ahead = abs(ahead) > rectangle.half_x + abs(half_ahead)
+    is_away_left = abs(left) > rectangle.half_y + abs(half_left)
+    return not (is_beside or is_away_ahead or is_away_left)

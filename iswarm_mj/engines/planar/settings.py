@@ -26,14 +26,15 @@ class PlanarSettings(EngineSettings):
     threads: Annotated[int, Within(0, 1024), Needs("impl", ("numba",))] = 0
     """Threads of `numba`, 0 for one per core; the results do not depend on it."""
     refinement: Annotated[int, Within(1, 100)] = 1
-    """Parts into which planar divides each physics step; 1 is the time step of MuJoCo in C. Of 283 cleaning robots two
-    overlap by at most 0.8 mm with 1, 0.2 mm with 4 and 0.1 mm with 10, for 1.5 and 3.4 times the time."""
+    """Parts into which planar divides each physics step; 1 is the time step of MuJoCo in C.
+    Of 283 cleaning robots two overlap by at most 0.8 mm with 1, 0.2 mm with 4 and 0.1 mm with 10,
+    for 1.5 and 3.4 times the time."""
     accuracy: Annotated[float, Within(2e-5, 1)] = 0.01
-    """Accuracy of planar's contact solver: 99 of 100 robots in a crowd end a control step within this distance of the
-    exact solution [mm]. In jams more robots slip to another side."""
+    """Accuracy of planar's contact solver: 99 of 100 robots in a crowd end a control step within
+    this distance of the exact solution [mm]. In jams more robots slip to another side."""
     impl: Literal["numba", "warp"] = "numba"
-    """Implementation: numba (CPUs, 64-bit floats) or warp (NVIDIA GPUs, all worlds in one compiled program, 32-bit
-    floats; on a CPU with one thread)."""
+    """Implementation: numba (CPUs, 64-bit floats) or warp (NVIDIA GPUs, all worlds in one compiled
+    program, 32-bit floats; on a CPU with one thread)."""
     chunk: Annotated[int, Within(1, 10_000), _COMPILED] = 25
     """Control steps per call of the compiled program, with `warp`."""
     devices: Annotated[Devices, _COMPILED] = None
@@ -58,21 +59,29 @@ class PlanarSettings(EngineSettings):
         """See `EngineSettings.host_engine`."""
         from iswarm_mj.engines.planar.engine import PlanarEngine
 
-        one, tolerance = self._one_of_each(model), self._tolerance(model)
-        return lambda n_worlds, n_threads: PlanarEngine(model.config, one, n_threads, tolerance)
+        arena = self._compile_arena(model)
+        tolerance = self._tolerance(model)
+        return lambda n_worlds, n_threads: PlanarEngine(model.config, arena, n_threads, tolerance)
 
     def compiled_engine(self, model: ModelSpec, n_worlds: int, platform: str) -> "CompiledEngine":
         """See `EngineSettings.compiled_engine`."""
         from iswarm_mj.engines.planar.batch_engine import read_engine
 
-        return read_engine(self._one_of_each(model), model.config, platform, self._tolerance(model))
+        arena = self._compile_arena(model)
+        return read_engine(arena, model.config, platform, self._tolerance(model))
 
     def _tolerance(self, model: ModelSpec) -> float:
-        """Change of a velocity that, over a control step, makes the accuracy [mm/s]."""
+        """Return the change of a velocity that, over a control step, makes the accuracy [mm/s]."""
         return self.accuracy / model.config.drive.control_period
 
-    def _one_of_each(self, model: ModelSpec) -> "ArenaModel":
-        """One robot of each kind stands for all."""
+    def _compile_arena(self, model: ModelSpec) -> "ArenaModel":
+        """Return the arena with one robot of each kind, which stands for all."""
         from iswarm_mj.engines.arena import compile_arena
 
-        return compile_arena(model.config, None, np.zeros(0), robot_file=model.robot_file, refinement=self.refinement)
+        return compile_arena(
+            model.config,
+            None,
+            np.zeros(0),
+            robot_file=model.robot_file,
+            refinement=self.refinement,
+        )

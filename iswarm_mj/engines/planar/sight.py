@@ -4,17 +4,27 @@ import numpy as np
 
 from iswarm_mj.engines.base import LightReading
 from iswarm_mj.engines.planar.compiled import cached, inlined, uncounted
-from iswarm_mj.engines.planar.in_sight import View, add_near, link_to, next_in_sight, search_radius, sees_wall
+from iswarm_mj.engines.planar.in_sight import (
+    Scene,
+    View,
+    add_near,
+    led_of,
+    link_to,
+    next_in_sight,
+    search_radius,
+    sees_wall,
+    sender_of,
+)
 from iswarm_mj.engines.planar.kinds import place_of
-from iswarm_mj.engines.planar.near_pairs import cell_of, fill_cells, set_places
+from iswarm_mj.engines.planar.near_pairs import Cells, cell_of, fill_cells, set_places
 from iswarm_mj.engines.planar.plane import Plane
 from iswarm_mj.engines.planar.reception import Light
 from iswarm_mj.sensors.links import Links
 
 
-def empty_sight(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> LightReading:
-    """Light reading of robots that see nothing, to be filled by `sense`; links have the shape (B, N, S, K)."""
-    shape = n_worlds, n_robots, n_sides, n_senders
+def empty_reading(n_worlds: int, n_robots: int, n_sides: int, n_senders: int) -> LightReading:
+    """Return the reading of robots that see nothing, for `sense`; links are (B, N, S, K)."""
+    shape = (n_worlds, n_robots, n_sides, n_senders)
     links = Links(
         sender=np.zeros(shape, np.int32),
         valid=np.zeros(shape, np.bool_),
@@ -31,7 +41,7 @@ def sense(
     poses: np.ndarray,
     emits: np.ndarray,
     is_present: np.ndarray,
-    sight: LightReading,
+    reading: LightReading,
     light: Light,
     points: np.ndarray,
     solids: np.ndarray,
@@ -45,91 +55,130 @@ def sense(
         poses: (B, N + M, 3) x, y [mm] and yaw [rad] of robots and boxes.
         emits: (B, N) power of the LEDs, from 0 to 1; dark robots still block light.
         is_present: (B, N + M) bool; the others neither send nor receive nor block light.
-        sight: of all worlds, the output.
+        reading: output, of all worlds.
         light: optics.
         points: (K 5 S, 2) see `reception.points_of`.
         solids: (B, W + M, 6) walls, obstacles and boxes, see `plane.solids_with`.
-        kinds: (N,) of the robots.
-        plane: the arena.
+        kinds: (N,) kinds of the robots.
+        plane: arena.
     """
     n_robots = emits.shape[1]
     places = np.empty((n_robots, 4))
-    near, effective = np.empty((n_robots, 1), np.int64), np.empty((n_robots, 1))
+    near = np.empty((n_robots, 1), np.int64)
+    effective = np.empty((n_robots, 1))
     within = search_radius(light, plane)
     for world in worlds:
         set_places(poses[world, :n_robots], places)
-        cells = fill_cells(places, is_present[world], within, plane.edge)
-        empty = View(places, near, effective, -1, 0, 0, 0, kinds)
-        _sense_world(world, empty, cells, within, emits, is_present, sight, light, points, solids, plane)
+        cells = fill_cells(places, is_present[world], within, plane.half_extent)
+        nobody = View(places, kinds, near, effective, -1, 0, 0, 0)
+        scene = Scene(light, points, plane, solids[world])
+        _sense_world(world, nobody, cells, within, emits, is_present, reading, scene)
 
 
 @uncounted
 def _sense_world(
     world: int,
-    empty: View,
-    cells: tuple[np.ndarray, np.ndarray],
+    nobody: View,
+    cells: Cells,
     within: float,
     emits: np.ndarray,
     is_present: np.ndarray,
-    sight: LightReading,
-    light: Light,
-    points: np.ndarray,
-    solids: np.ndarray,
-    plane: Plane,
+    reading: LightReading,
+    scene: Scene,
 ) -> None:
-    """As `sense`, in one world, with a view of nobody, and the cells of robots within the search radius [mm]."""
-    links, own = sight.links, solids[world]
-    for i in range(len(empty.places)):
-        if not is_present[world, i]:
+    """Find the light in one world.
+
+    Args:
+        world: index of the world.
+        nobody: view of no robot, whose arrays all views use.
+        cells: robots in cells that are at least `within` wide.
+        within: see `search_radius` [mm].
+        emits: see `sense`.
+        is_present: see `sense`.
+        reading: see `sense`.
+        scene: optics and arena.
+    """
+    links = reading.links
+    n_sides = links.sender.shape[2]
+    for robot in range(len(nobody.places)):
+        if not is_present[world, robot]:
             continue
-        view = View(empty.places, empty.near, empty.effective, i, 0, 0, 0, empty.kinds)
-        n_heard, n_near = _look_around(view, cells, within, emits[world], light, points, plane)
-        view = View(empty.places, empty.near, empty.effective, i, 0, n_heard, n_near, empty.kinds)
-        for side in range(links.sender.shape[2]):
-            distance, code = -1.0, -1
-            for rank in range(light.n_senders):
-                distance, code = next_in_sight(view, side, distance, code, light, points, plane, own)
+        view = _view(nobody, robot, 0, 0)
+        n_lit, n_near = _look_around(view, cells, within, emits[world], scene)
+        view = _view(nobody, robot, n_lit, n_near)
+        for side in range(n_sides):
+            effective = -1.0
+            code = -1
+            for rank in range(scene.light.n_senders):
+                effective, code = next_in_sight(view, side, effective, code, scene)
                 if code < 0:
                     break
-                here = world, i, side, rank
-                links.sender[here], links.valid[here], links.led[here] = code >> 6, True, code & 7
-                links.measured_bearing[here], links.true_distance[here] = link_to(view, code, light, points)
-            sight.sees_wall[world, i, side] = sees_wall(view, side, light, points, plane, own)
+                bearing, distance = link_to(view, code, scene.light, scene.points)
+                links.sender[world, robot, side, rank] = sender_of(code)
+                links.valid[world, robot, side, rank] = True
+                links.led[world, robot, side, rank] = led_of(code)
+                links.measured_bearing[world, robot, side, rank] = bearing
+                links.true_distance[world, robot, side, rank] = distance
+            reading.sees_wall[world, robot, side] = sees_wall(view, side, scene)
+
+
+@inlined
+def _view(nobody: View, robot: int, n_lit: int, n_near: int) -> View:
+    """Return the view of a robot in the arrays of another view."""
+    return View(
+        places=nobody.places,
+        kinds=nobody.kinds,
+        near=nobody.near,
+        effective=nobody.effective,
+        receiver=robot,
+        column=0,
+        n_lit=n_lit,
+        n_near=n_near,
+    )
 
 
 @inlined
 def _look_around(
     view: View,
-    cells: tuple[np.ndarray, np.ndarray],
+    cells: Cells,
     within: float,
     emits: np.ndarray,
-    light: Light,
-    points: np.ndarray,
-    plane: Plane,
+    scene: Scene,
 ) -> tuple[int, int]:
-    """Write the robots `within` this distance of a receiver [mm] into its view; return `n_heard` and `n_near`.
+    """Write the robots within a distance of a receiver into its view; return `n_lit` and `n_near`.
 
     Args:
-        view: of the receiver, still empty.
-        cells: of all robots, at least as wide.
-        within: [mm].
+        view: view of the receiver, still empty.
+        cells: robots in cells that are at least `within` wide.
+        within: distance [mm].
         emits: (N,) power of the LEDs.
-        light: optics.
-        points: see `sense`.
-        plane: robots and walls.
+        scene: optics and arena.
     """
-    (last_in_cell, before), n_heard, n_near, p = cells, 0, 0, place_of(view.places, view.i)
-    n_cells = len(last_in_cell)
-    column, row = cell_of(p[0], plane.edge, n_cells), cell_of(p[1], plane.edge, n_cells)
+    n_lit = 0
+    n_near = 0
+    receiver = place_of(view.places, view.receiver)
+    n_cells = len(cells.last)
+    column = cell_of(receiver.x, scene.plane.half_extent, n_cells)
+    row = cell_of(receiver.y, scene.plane.half_extent, n_cells)
     for up in range(max(row - 1, 0), min(row + 2, n_cells)):
         for right in range(max(column - 1, 0), min(column + 2, n_cells)):
-            j = int(last_in_cell[up, right])
-            while j >= 0:
-                q = place_of(view.places, j)
-                dx, dy = q[0] - p[0], q[1] - p[1]
-                squared = dx * dx + dy * dy
-                if j != view.i and squared <= within * within:
-                    n_heard = add_near(view, n_heard, n_near, j, squared, emits[j], light, points)
+            robot = int(cells.last[up, right])
+            while robot >= 0:
+                place = place_of(view.places, robot)
+                dx = place.x - receiver.x
+                dy = place.y - receiver.y
+                squared_distance = dx * dx + dy * dy
+                if robot != view.receiver and squared_distance <= within * within:
+                    n_lit = add_near(
+                        view,
+                        n_lit,
+                        n_near,
+                        robot,
+                        squared_distance,
+                        emits[robot],
+                        scene.light,
+                        scene.points,
+                    )
                     n_near += 1
-                j = int(before[j])
-    return n_heard, n_near
+                robot = int(cells.before[robot])
+    return n_lit, n_near

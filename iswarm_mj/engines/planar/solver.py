@@ -1,4 +1,4 @@
-"""The contact impulses of one world, by block Gauss-Seidel sweeps over its contacts with momentum."""
+"""The contact impulses of one world, by block Gauss-Seidel sweeps with momentum."""
 
 from typing import Any
 
@@ -6,163 +6,278 @@ import numpy as np
 
 from iswarm_mj.engines.planar.compiled import compiled, inlined, uncounted
 from iswarm_mj.engines.planar.contact_law import velocity_change
-from iswarm_mj.engines.planar.contact_rows import held, relaxed
+from iswarm_mj.engines.planar.contact_rows import Friction, floor_friction, relaxed
 from iswarm_mj.engines.planar.islands import find_islands
 from iswarm_mj.engines.planar.kinds import velocity_of
 from iswarm_mj.engines.planar.plane import Plane
 
 MOST_MOMENTUM = 0.9
-"""Share of the latest change by which all impulses move on, at most; nearer 1, rounding grows in 32-bit floats."""
+"""Largest share of the latest change by which all impulses move on.
 
+Nearer 1, rounding grows in 32-bit floats."""
 
 _SAME_SIDE = 0.9
-"""Cosine of the angle between two contacts' normals above which the bodies touch at the same sides."""
+"""Cosine of the angle between two normals below which bodies touch at other sides."""
 
 
 @compiled
-def begin_as(
-    before: np.ndarray, contacts: np.ndarray, velocities: np.ndarray, rubs: np.ndarray, kinds: np.ndarray
+def warm_start(
+    earlier_contacts: np.ndarray,
+    contacts: np.ndarray,
+    velocities: np.ndarray,
+    friction: np.ndarray,
+    kinds: np.ndarray,
 ) -> None:
     """Give contacts the impulses that the same sides of the same bodies had in the step before.
 
     In jams, which last, that halves the sweeps of fine steps.
 
     Args:
-        before: (D,) contacts of the step before, solved.
-        contacts: (C,) without impulses.
-        velocities: see `solve_island`.
-        rubs: likewise.
-        kinds: likewise.
+        earlier_contacts: (D,) contacts of the step before, solved.
+        contacts: (C,) contacts without impulses, changed.
+        velocities: see `solve_island`, changed.
+        friction: see `solve_island`, changed.
+        kinds: see `solve_island`.
     """
-    latest, earlier = np.full(len(velocities), -1), np.empty(len(before), np.int64)  # by the second body
-    for k in range(len(before)):
-        earlier[k], latest[before[k].second] = latest[before[k].second], k
+    # A linked list of the earlier contacts of each second body, from the last to the first.
+    last_of_body = np.full(len(velocities), -1)
+    previous = np.empty(len(earlier_contacts), np.int64)
+    for k in range(len(earlier_contacts)):
+        second = earlier_contacts[k].second
+        previous[k] = last_of_body[second]
+        last_of_body[second] = k
+
     for k in range(len(contacts)):
         contact: Any = contacts[k]
-        m = latest[contact.second]
+        m = last_of_body[contact.second]
         while m >= 0:
-            old: Any = before[m]
-            if old.first == contact.first and old.nx * contact.nx + old.ny * contact.ny > _SAME_SIDE:
-                p1, p2 = old.p1, old.p2
-                if contact.n_rows == 1:
-                    p1, p2 = p1 + p2, 0.0
-                elif old.n_rows == 1:
-                    p1, p2 = 0.5 * p1, 0.5 * p1
-                _set_impulses(contact, p1, p2, velocities)
-                if contact.rubs:
-                    _rub_both(contact.first, contact.second, velocities, rubs, kinds)
-                contact.before1, contact.before2 = p1, p2
+            earlier: Any = earlier_contacts[m]
+            cos = earlier.normal_x * contact.normal_x + earlier.normal_y * contact.normal_y
+            if earlier.first == contact.first and cos > _SAME_SIDE:
+                _take_impulses(contact, earlier, velocities, friction, kinds)
                 break
-            m = earlier[m]
+            m = previous[m]
+
+
+@inlined
+def _take_impulses(
+    contact: Any,
+    earlier: Any,
+    velocities: np.ndarray,
+    friction: np.ndarray,
+    kinds: np.ndarray,
+) -> None:
+    """Give a contact the impulses of an earlier one, which may have another number of rows."""
+    impulse1 = earlier.impulse1
+    impulse2 = earlier.impulse2
+    if contact.n_rows == 1:
+        impulse1 = impulse1 + impulse2
+        impulse2 = 0.0
+    elif earlier.n_rows == 1:
+        impulse2 = 0.5 * impulse1
+        impulse1 = 0.5 * impulse1
+    _set_impulses(contact, impulse1, impulse2, velocities)
+    if contact.has_friction:
+        _apply_friction_to_both(contact.first, contact.second, velocities, friction, kinds)
+    contact.last_impulse1 = impulse1
+    contact.last_impulse2 = impulse2
 
 
 @compiled
-def solve(contacts: np.ndarray, velocities: np.ndarray, rubs: np.ndarray, kinds: np.ndarray, plane: Plane) -> bool:
-    """Find the impulses of all contacts (C,) and change the velocities accordingly, island by island.
+def solve(
+    contacts: np.ndarray,
+    velocities: np.ndarray,
+    friction: np.ndarray,
+    kinds: np.ndarray,
+    plane: Plane,
+) -> bool:
+    """Find the impulses of all contacts (C,) and change the velocities, island by island.
 
     Args: as for `solve_island`.
 
     Returns:
-        Whether the sweeps of all islands converged.
+        True if the sweeps of all islands converged.
     """
-    order, first = find_islands(contacts, len(velocities) - 1)
+    order, begins = find_islands(contacts, len(velocities) - 1)
     converged = True
-    for k in range(len(first) - 1):
-        converged = converged and solve_island(order[first[k] : first[k + 1]], contacts, velocities, rubs, kinds, plane)
+    for k in range(len(begins) - 1):
+        members = order[begins[k] : begins[k + 1]]
+        converged = converged and solve_island(
+            members,
+            contacts,
+            velocities,
+            friction,
+            kinds,
+            plane,
+        )
     return converged
 
 
 @uncounted
 def solve_island(
-    members: np.ndarray, contacts: np.ndarray, velocities: np.ndarray, rubs: np.ndarray, kinds: np.ndarray, plane: Plane
+    members: np.ndarray,
+    contacts: np.ndarray,
+    velocities: np.ndarray,
+    friction: np.ndarray,
+    kinds: np.ndarray,
+    plane: Plane,
 ) -> bool:
     """Find the impulses of some contacts and change the velocities accordingly.
 
-    Each sweep solves contact after contact exactly while the others stay, which descends on the strictly convex dual
-    problem and converges. Where many robots push each other that takes thousands of sweeps; momentum makes it ten times
-    faster. It grows from sweep to sweep (Nesterov 1983, Soviet Math. Dokl. 27, 372), begins anew where it leads uphill
-    (the gradient scheme of O'Donoghue & Candes 2015, Found. Comput. Math. 15, 715), and ends for good in the middle of
-    all sweeps.
+    Each sweep solves contact after contact exactly while the others stay, which descends on the
+    strictly convex dual problem and converges. Where many robots push each other that takes
+    thousands of sweeps; momentum makes it ten times faster. It grows from sweep to sweep
+    (Nesterov 1983, Soviet Math. Dokl. 27, 372), starts again where it leads uphill (the gradient
+    scheme of O'Donoghue & Candes 2015, Found. Comput. Math. 15, 715), and stops for good after
+    half of all sweeps.
 
     Args:
         members: indices of the contacts that are solved.
-        contacts: (C,) of type CONTACT.
+        contacts: (C,) of type CONTACT, changed.
         velocities: (N + M + 1, 3), on entry with the contacts' impulses so far [mm/s, mm/s, rad/s].
-        rubs: (N + M, 3) impulses of the floor's friction so far, which are in the velocities, too.
+        friction: (N + M, 3) impulses of the floor's friction so far, which are in the velocities,
+            too.
         kinds: (N + M + 1,) see `plane.table_of`.
         plane: limits of the sweeps.
 
     Returns:
-        Whether the sweeps converged.
+        True if the sweeps converged.
     """
-    downhill = 0  # sweeps since momentum led uphill
+    n_downhill = 0  # sweeps since momentum led uphill
+    is_single = len(members) == 1 and not contacts[members[0]].has_friction  # one sweep is exact
     for sweep in range(1, plane.max_sweeps + 1):
-        change, uphill = 0.0, 0.0
+        change = 0.0
+        uphill = 0.0
         for k in members:
             contact: Any = contacts[k]
-            first, second = velocity_of(velocities, contact.first), velocity_of(velocities, contact.second)
-            h = contact.h11, contact.h12, contact.h22
-            p1, p2 = relaxed(contact, *h, contact.p1, contact.p2, first, second)
-            change = max(change, _change(contact, p1, p2))
-            uphill += (contact.p1 - p1) * (p1 - contact.before1) + (contact.p2 - p2) * (p2 - contact.before2)
-            _set_impulses(contact, p1, p2, velocities)
-            if contact.rubs:
-                _rub_both(contact.first, contact.second, velocities, rubs, kinds)
-        if change <= plane.tolerance or (len(members) == 1 and not contacts[members[0]].rubs):
+            contact_change, contact_uphill = _relax(contact, velocities, friction, kinds)
+            change = max(change, contact_change)
+            uphill += contact_uphill
+        if change <= plane.tolerance or is_single:
             return True
-        downhill = downhill + 1 if uphill <= 0.0 and 2 * sweep <= plane.max_sweeps else 0
-        momentum = min(MOST_MOMENTUM, downhill / (downhill + 2.0)) if sweep > 1 else 0.0
+
+        may_go_on = uphill <= 0.0 and 2 * sweep <= plane.max_sweeps
+        n_downhill = n_downhill + 1 if may_go_on else 0
+        momentum = min(MOST_MOMENTUM, n_downhill / (n_downhill + 2.0)) if sweep > 1 else 0.0
         for k in members:
             contact = contacts[k]
-            p1, p2 = contact.p1, contact.p2
-            if momentum > 0.0:
-                ahead1, ahead2 = p1 + momentum * (p1 - contact.before1), p2 + momentum * (p2 - contact.before2)
-                _set_impulses(contact, ahead1, ahead2, velocities)
-                if contact.rubs:
-                    _rub_both(contact.first, contact.second, velocities, rubs, kinds)
-            contact.before1, contact.before2 = p1, p2
+            _move_on(contact, momentum, velocities, friction, kinds)
     return False
 
 
 @inlined
-def _change(contact: Any, p1: float, p2: float) -> float:
-    """By how much a velocity changes at most if the impulses are replaced."""
-    d1, d2 = p1 - contact.p1, p2 - contact.p2
-    arms, levers = (contact.arm1, contact.arm2), (contact.lever1, contact.lever2)
-    return velocity_change(d1, d2, *arms, *levers, contact.mass1, contact.swing1, contact.mass2, contact.swing2)
+def _relax(
+    contact: Any,
+    velocities: np.ndarray,
+    friction: np.ndarray,
+    kinds: np.ndarray,
+) -> tuple[float, float]:
+    """Solve the rows of a contact while all others stay.
+
+    Returns:
+        Largest change of a velocity [mm/s]; and the slope of the dual problem along the latest
+        momentum, positive where momentum led uphill.
+    """
+    old1 = contact.impulse1
+    old2 = contact.impulse2
+    new1, new2 = relaxed(
+        contact,
+        contact.h11,
+        contact.h12,
+        contact.h22,
+        old1,
+        old2,
+        velocity_of(velocities, contact.first),
+        velocity_of(velocities, contact.second),
+    )
+    change = _change(contact, new1 - old1, new2 - old2)
+    uphill1 = (old1 - new1) * (new1 - contact.last_impulse1)
+    uphill2 = (old2 - new2) * (new2 - contact.last_impulse2)
+    _set_impulses(contact, new1, new2, velocities)
+    if contact.has_friction:
+        _apply_friction_to_both(contact.first, contact.second, velocities, friction, kinds)
+    return change, uphill1 + uphill2
 
 
 @inlined
-def _set_impulses(contact: Any, p1: float, p2: float, velocities: np.ndarray) -> None:
+def _move_on(
+    contact: Any,
+    momentum: float,
+    velocities: np.ndarray,
+    friction: np.ndarray,
+    kinds: np.ndarray,
+) -> None:
+    """Let a contact's impulses move on by a share of what they changed in the latest sweep."""
+    impulse1 = contact.impulse1
+    impulse2 = contact.impulse2
+    if momentum > 0.0:
+        ahead1 = impulse1 + momentum * (impulse1 - contact.last_impulse1)
+        ahead2 = impulse2 + momentum * (impulse2 - contact.last_impulse2)
+        _set_impulses(contact, ahead1, ahead2, velocities)
+        if contact.has_friction:
+            _apply_friction_to_both(contact.first, contact.second, velocities, friction, kinds)
+    contact.last_impulse1 = impulse1
+    contact.last_impulse2 = impulse2
+
+
+@inlined
+def _change(contact: Any, change1: float, change2: float) -> float:
+    """Return the largest change of a velocity by changes of a contact's impulses [mm/s]."""
+    impulse = change1 + change2
+    arm_impulse = contact.arm1 * change1 + contact.arm2 * change2
+    lever_impulse = contact.lever1 * change1 + contact.lever2 * change2
+    first = velocity_change(impulse, arm_impulse, contact.inverse_mass1, contact.swing1)
+    second = velocity_change(impulse, lever_impulse, contact.inverse_mass2, contact.swing2)
+    return max(first, second)
+
+
+@inlined
+def _set_impulses(contact: Any, impulse1: float, impulse2: float, velocities: np.ndarray) -> None:
     """Replace the impulses of a contact, and change the velocities of its bodies accordingly."""
-    first, second = velocities[contact.first], velocities[contact.second]
-    d1, d2 = p1 - contact.p1, p2 - contact.p2
-    push = d1 + d2
-    first[0] -= contact.mass1 * contact.nx * push
-    first[1] -= contact.mass1 * contact.ny * push
-    first[2] -= contact.inertia1 * (contact.arm1 * d1 + contact.arm2 * d2)
-    second[0] += contact.mass2 * contact.nx * push
-    second[1] += contact.mass2 * contact.ny * push
-    second[2] += contact.inertia2 * (contact.lever1 * d1 + contact.lever2 * d2)
-    contact.p1, contact.p2 = p1, p2
+    change1 = impulse1 - contact.impulse1
+    change2 = impulse2 - contact.impulse2
+    push = change1 + change2
+    arm_impulse = contact.arm1 * change1 + contact.arm2 * change2
+    lever_impulse = contact.lever1 * change1 + contact.lever2 * change2
+
+    first = velocities[contact.first]
+    first[0] -= contact.inverse_mass1 * contact.normal_x * push
+    first[1] -= contact.inverse_mass1 * contact.normal_y * push
+    first[2] -= contact.inverse_inertia1 * arm_impulse
+    second = velocities[contact.second]
+    second[0] += contact.inverse_mass2 * contact.normal_x * push
+    second[1] += contact.inverse_mass2 * contact.normal_y * push
+    second[2] += contact.inverse_inertia2 * lever_impulse
+    contact.impulse1 = impulse1
+    contact.impulse2 = impulse2
 
 
 @uncounted
-def _rub_both(first: int, second: int, velocities: np.ndarray, rubs: np.ndarray, kinds: np.ndarray) -> None:
+def _apply_friction_to_both(
+    first: int, second: int, velocities: np.ndarray, friction: np.ndarray, kinds: np.ndarray
+) -> None:
     """Let the floor's friction act on both bodies of a contact, of which the first may be fixed."""
-    if first < len(rubs):
-        rub(first, velocities, rubs, kinds)
-    rub(second, velocities, rubs, kinds)
+    if first < len(friction):
+        apply_friction(first, velocities, friction, kinds)
+    apply_friction(second, velocities, friction, kinds)
 
 
 @uncounted
-def rub(body: int, velocities: np.ndarray, rubs: np.ndarray, kinds: np.ndarray) -> None:
+def apply_friction(
+    body: int,
+    velocities: np.ndarray,
+    friction: np.ndarray,
+    kinds: np.ndarray,
+) -> None:
     """Let the floor's friction stop a body as far as it can; arguments as for `solve_island`."""
-    kind, v = kinds[body], velocity_of(velocities, body)
-    if kind.grip == 0.0:
+    kind = kinds[body]
+    if kind.friction_impulse == 0.0:
         return
-    x, y, turn = held(kind, v, rubs[body, 0], rubs[body, 1], rubs[body, 2])
-    velocities[body, 0] += kind.inverse_mass * (x - rubs[body, 0])
-    velocities[body, 1] += kind.inverse_mass * (y - rubs[body, 1])
-    velocities[body, 2] += kind.inverse_inertia * (turn - rubs[body, 2])
-    rubs[body, 0], rubs[body, 1], rubs[body, 2] = x, y, turn
+    old = Friction(friction[body, 0], friction[body, 1], friction[body, 2])
+    new = floor_friction(kind, velocity_of(velocities, body), old)
+    velocities[body, 0] += kind.inverse_mass * (new.x - old.x)
+    velocities[body, 1] += kind.inverse_mass * (new.y - old.y)
+    velocities[body, 2] += kind.inverse_inertia * (new.yaw - old.yaw)
+    friction[body, 0] = new.x
+    friction[body, 1] = new.y
+    friction[body, 2] = new.yaw

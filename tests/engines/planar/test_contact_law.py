@@ -1,4 +1,4 @@
-"""MuJoCo's contact law: its own numbers, and what complementarity demands. Units: mm, mg, s."""
+"""MuJoCo's contact law: MuJoCo's own numbers, and complementarity. Units: mm, mg, s."""
 
 import itertools
 
@@ -8,7 +8,13 @@ import pytest
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
-from iswarm_mj.engines.planar.contact_law import impedance, offset, regularisation, two_impulses, velocity_change
+from iswarm_mj.engines.planar.contact_law import (
+    impedance,
+    offset,
+    regularisation,
+    two_impulses,
+    velocity_change,
+)
 from iswarm_mj.engines.planar.plane import read_kinds, read_plane
 
 SOFTNESS = {
@@ -17,72 +23,96 @@ SOFTNESS = {
     "impedance that grows": ([0.3, 1.3], [0.6, 0.97, 0.3, 0.3, 3.0]),
     "linearly": ([0.25, 1.0], [0.5, 0.9, 0.2, 0.5, 1.0]),
 }
+"""MuJoCo's `solref` and `solimp` of the robots."""
+N_CONTACTS = 8
+"""Contact points of MuJoCo at two pairs of sides that touch: four each."""
 
 
 @pytest.mark.parametrize(("solref", "solimp"), SOFTNESS.values(), ids=SOFTNESS.keys())
 @pytest.mark.parametrize("overlap", [0.003, 0.07, 0.25])
 def test_rows_are_those_of_mujoco(solref, solimp, overlap):
-    """Two robots and a wall; the walls keep their own softness, with which the robots' is mixed."""
+    """Two robots and a wall; walls keep their own softness, with which the robots' is mixed."""
 
     def tune(spec):
         for geom in spec.geoms:
             if geom.name.endswith("hull"):
-                geom.solref, geom.solimp, geom.solmix = solref, solimp, 3.0
+                geom.solref = solref
+                geom.solimp = solimp
+                geom.solmix = 3.0
 
     arena = compile_arena(SwarmConfig(), 2, np.zeros(0), tune=tune)
-    plane, model, weight = read_plane(arena), arena.model, read_kinds(arena)[0].inverse_weight
+    model = arena.model
+    plane = read_plane(arena)
+    inverse_weight = read_kinds(arena)[0].inverse_weight
+
+    # One robot in the wall, the other one in the first.
     data = mujoco.MjData(model)
-    data.qpos[arena.qpos] = [(plane.edge - 1 + overlap, 0, 0), (plane.edge - 3 + 2 * overlap, 0.3, 0)]
+    wall = plane.half_extent
+    data.qpos[arena.qpos] = [(wall - 1 + overlap, 0, 0), (wall - 3 + 2 * overlap, 0.3, 0)]
     data.qvel[arena.qpos] = [(0.8, 0.1, 0.4), (1.3, -0.2, -0.3)]
     mujoco.mj_forward(model, data)
-    assert data.ncon == 8
     velocity = np.zeros(data.nefc)
     mujoco.mj_mulJacVec(model, data, velocity, data.qvel)
+    assert data.ncon == N_CONTACTS
+
     for contact in data.contact:
+        row = contact.efc_address
         is_at_wall = contact.geom[0] in arena.walls
-        row, law = contact.efc_address, plane.at_walls if is_at_wall else plane.between_robots
-        d, distance = impedance(contact.dist, law), contact.dist
+        law = plane.law_of_solids if is_at_wall else plane.law_of_bodies
+        d = impedance(contact.dist, law)
         np.testing.assert_allclose(d, data.efc_KBIP[row, 2], rtol=1e-12)
-        np.testing.assert_allclose(
-            regularisation(d, weight if is_at_wall else 2 * weight), data.efc_R[row] / 2, rtol=1e-9
-        )
-        shift = offset(d, distance, velocity[row], law, plane.timestep)
-        np.testing.assert_allclose(shift, -(velocity[row] + plane.timestep * data.efc_aref[row]), rtol=1e-9, atol=1e-12)
+
+        # Each of our rows stands for two of MuJoCo's.
+        weight = inverse_weight if is_at_wall else 2 * inverse_weight
+        np.testing.assert_allclose(regularisation(d, weight), data.efc_R[row] / 2, rtol=1e-9)
+
+        row_offset = offset(d, contact.dist, velocity[row], law, plane.timestep)
+        expected = -(velocity[row] + plane.timestep * data.efc_aref[row])
+        np.testing.assert_allclose(row_offset, expected, rtol=1e-9, atol=1e-12)
 
 
 def test_two_rows_are_solved_exactly():
     """Of all four sets of rows that may push, the one that contradicts nothing."""
     rng = np.random.default_rng(3)
-    pushing = set()
+    pushing_sets = set()
     for _ in range(500):
         root, w = rng.normal(size=(2, 2)), rng.normal(size=2)
         matrix = root @ root.T + 0.01 * np.eye(2)
         before = rng.exponential(size=2) * rng.integers(0, 2, size=2)
-        p = np.array(two_impulses(*before, *(w + matrix @ before), matrix[0, 0], matrix[0, 1], matrix[1, 1], True))
-        left = w + matrix @ p
-        assert (p >= 0).all() and (left >= -1e-9).all()
-        np.testing.assert_allclose(p * left, 0, atol=1e-9)
-        pushing.add(tuple((p > 0).tolist()))
-    assert pushing == set(itertools.product([False, True], repeat=2))
+        w_before = w + matrix @ before
+        elements = matrix[0, 0], matrix[0, 1], matrix[1, 1]
+        impulses = np.array(two_impulses(*before, *w_before, *elements, True))
 
-
-def test_velocity_changes_by_hand():
-    """Of points on the circumcircles of bodies with other masses and arms: the fastest of them, somewhere around."""
-    rng, around = np.random.default_rng(4), np.exp(1j * np.linspace(0, 2 * np.pi, 3601))
-    first_is_faster = []
-    for _ in range(100):
-        impulses, arms, levers = rng.normal(size=(3, 2))
-        changes, given = [], []
-        for arm in (arms, levers):
-            mass, inertia, radius = rng.uniform(0.1, 2.0, 3)
-            changes.append(np.abs(mass * impulses.sum() + 1j * inertia * radius * (arm @ impulses) * around).max())
-            given += [mass, inertia * radius]
-        first_is_faster.append(changes[0] > changes[1])
-        assert velocity_change(*impulses, *arms, *levers, *given) == pytest.approx(max(changes), rel=1e-5)
-    assert 20 < sum(first_is_faster) < 80
+        left_side = w + matrix @ impulses
+        assert (impulses >= 0).all()
+        assert (left_side >= -1e-9).all()
+        np.testing.assert_allclose(impulses * left_side, 0, atol=1e-9)
+        pushing_sets.add(tuple((impulses > 0).tolist()))
+    assert pushing_sets == set(itertools.product([False, True], repeat=2))
 
 
 @pytest.mark.parametrize(("w", "impulse"), [(-3.0, 3.5), (1.0, 1.5), (5.0, 0.0)])
 def test_one_row_is_solved_whatever_the_second_says(w, impulse):
     """w + 2 (q - 2) = 0, unless the impulse q would be negative."""
     assert two_impulses(2.0, 0.0, w, -7.0, 2.0, 0.3, 1.0, False) == (impulse, 0.0)
+
+
+def test_velocity_changes_of_the_fastest_point():
+    """Of points on the circumcircles of bodies with other masses and arms, somewhere around."""
+    rng = np.random.default_rng(4)
+    around = np.exp(1j * np.linspace(0, 2 * np.pi, 3601))
+    first_is_faster = []
+    for _ in range(100):
+        impulses, arms, levers = rng.normal(size=(3, 2))
+        expected = []
+        changes = []
+        for arm in (arms, levers):
+            mass, inertia, radius = rng.uniform(0.1, 2.0, 3)
+            push = impulses.sum()
+            moment = arm @ impulses
+            velocities = mass * push + 1j * inertia * radius * moment * around
+            expected.append(np.abs(velocities).max())
+            changes.append(velocity_change(push, moment, mass, inertia * radius))
+        first_is_faster.append(expected[0] > expected[1])
+        assert max(changes) == pytest.approx(max(expected), rel=1e-5)
+    assert 20 < sum(first_is_faster) < 80

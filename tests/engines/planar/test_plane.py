@@ -1,4 +1,4 @@
-"""What the planar engine reads from a model, and which models it refuses."""
+"""Numbers that the planar engine reads from a model, and models that it refuses."""
 
 import math
 
@@ -7,12 +7,28 @@ import pytest
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
-from iswarm_mj.engines.planar.plane import read_kinds, read_plane
+from iswarm_mj.engines.planar.plane import Kind, read_kinds, read_plane
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
+PAPERS_ROBOT = Kind(
+    half_x=1,
+    half_y=1,
+    radius=math.sqrt(2),
+    inverse_mass=0.1,
+    inverse_inertia=0.15,
+    inverse_weight=1 / 15,
+    drive_x=1,
+    drive_y=1,
+    drive_yaw=1,
+    friction_impulse=0,
+    friction_angular_impulse=0,
+    first_point=0,
+)
+
 
 def arena_with(change=None, n_robots=2):
+    """Return a compiled arena whose model a function has changed."""
     arena = compile_arena(SwarmConfig(), n_robots, np.zeros(0))
     if change is not None:
         change(arena.model, arena)
@@ -20,49 +36,64 @@ def arena_with(change=None, n_robots=2):
 
 
 def test_numbers_are_those_of_the_robot():
-    plane, kinds = read_plane(arena_with()), read_kinds(arena_with())
-    assert kinds == (pytest.approx((1, 1, math.sqrt(2), 0.1, 0.15, 1 / 15, 1, 1, 1, 0, 0, 0)),)
-    assert (plane.radius, plane.edge, plane.timestep) == pytest.approx((math.sqrt(2), 24.5 * RD, 0.1))
+    arena = arena_with()
+    plane = read_plane(arena)
+    assert read_kinds(arena) == (pytest.approx(PAPERS_ROBOT),)
+    assert plane.largest_radius == pytest.approx(math.sqrt(2))
+    assert plane.half_extent == pytest.approx(24.5 * RD)
+    assert plane.timestep == pytest.approx(0.1)
 
 
-def test_one_robot_stands_for_all():
-    """Of each kind."""
-    for read in (read_plane, read_kinds):
-        one, five = (np.hstack(read(arena_with(n_robots=n))) for n in (1, 5))
-        np.testing.assert_allclose(one, five, rtol=1e-12)
+@pytest.mark.parametrize("read", [read_plane, read_kinds])
+def test_one_robot_stands_for_all_of_its_kind(read):
+    of_one = np.hstack(read(arena_with(n_robots=1)))
+    of_five = np.hstack(read(arena_with(n_robots=5)))
+    np.testing.assert_allclose(of_one, of_five, rtol=1e-12)
 
 
-def set_array(name, value, which):
+def set_array(name, value, index_in):
+    """Return a change of an array of the model, at an index that a function finds in the arena."""
+
     def change(model, arena):
-        getattr(model, name)[which(arena)] = value
+        getattr(model, name)[index_in(arena)] = value
 
     return change
 
 
-def hull(arena):
+def second_hull(arena):
     return arena.hull[1]
 
 
-def joint(arena):
+def second_body(arena):
+    return arena.body[1]
+
+
+def second_slide_along_x(arena):
     return arena.qpos[1, 0]
 
 
+def third_wall(arena):
+    return arena.walls[2]
+
+
 REFUSED = {
-    "condim 1": set_array("geom_condim", 3, hull),
-    "margin": set_array("geom_margin", 0.1, hull),
-    "gap": set_array("geom_gap", 0.1, hull),
-    "positive solref": set_array("geom_solref", -100.0, hull),
-    "same solimp": set_array("geom_solimp", 0.5, hull),
-    "same solmix": set_array("geom_solmix", 2.0, hull),
-    "same priority": set_array("geom_priority", 1, lambda arena: arena.walls[2]),
-    "adhesion": set_array("geom_adhesion", 1.0, hull),
-    "centre of mass": set_array("body_ipos", 0.1, lambda arena: arena.body[1]),
-    "same mass of a robot along x and y": set_array("dof_M0", 20.0, joint),
-    "collide with each other": set_array("geom_contype", 0, hull),
+    "condim 1": set_array("geom_condim", 3, second_hull),
+    "margin": set_array("geom_margin", 0.1, second_hull),
+    "gap": set_array("geom_gap", 0.1, second_hull),
+    "positive solref": set_array("geom_solref", -100.0, second_hull),
+    "same solimp": set_array("geom_solimp", 0.5, second_hull),
+    "same solmix": set_array("geom_solmix", 2.0, second_hull),
+    "same priority": set_array("geom_priority", 1, third_wall),
+    "adhesion": set_array("geom_adhesion", 1.0, second_hull),
+    "centre of mass": set_array("body_ipos", 0.1, second_body),
+    "same mass of a robot along x and y": set_array("dof_M0", 20.0, second_slide_along_x),
+    "collide with each other": set_array("geom_contype", 0, second_hull),
 }
+"""Changes of a model, by the requirement that they break."""
 
 
-@pytest.mark.parametrize(("says", "change"), REFUSED.items(), ids=REFUSED.keys())
-def test_models_that_it_cannot_simulate_are_refused(says, change):
-    with pytest.raises(UserError, match=f"planar engine requires .*{says}.*; .* engine mujoco or mjx"):
+@pytest.mark.parametrize(("requirement", "change"), REFUSED.items(), ids=REFUSED.keys())
+def test_models_that_it_cannot_simulate_are_refused(requirement, change):
+    message = f"planar engine requires .*{requirement}.*; .* engine mujoco or mjx"
+    with pytest.raises(UserError, match=message):
         read_plane(arena_with(change))

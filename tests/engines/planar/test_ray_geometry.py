@@ -5,43 +5,75 @@ import math
 import numpy as np
 import pytest
 
-from iswarm_mj.engines.planar.ray_geometry import meets_line, meets_rectangle
+from iswarm_mj.engines.contact_geometry import Rectangle
+from iswarm_mj.engines.planar.kinds import Wall
+from iswarm_mj.engines.planar.ray_geometry import Ray, meets_rectangle, meets_wall_at
+
+SQUARE = Rectangle(x=0, y=0, cos=1, sin=0, half_x=1, half_y=1)
+EAST = Wall(normal_x=1, normal_y=0, distance=10)
+SOUTH = Wall(normal_x=0, normal_y=-1, distance=10)
+OBLIQUE = Wall(normal_x=0.6, normal_y=0.8, distance=6)
+
+HALF_EDGES = 1.4, 0.6
+"""Half edges of the rectangle that is sampled."""
+N_SAMPLES = 4001
+"""Points of a ray that are sampled."""
 
 
-def test_rays_by_hand():
-    c = math.sqrt(0.5)
-    assert meets_rectangle(-5, 0.5, 8, 0, 1, 0, 1, 1) == 0.5
-    assert meets_rectangle(-5, 0, 5, 0, c, c, 1, 1) == pytest.approx(1 - math.sqrt(2) / 5)
-    assert meets_rectangle(-5, 0.8, 1, 0, 1, 0, 2, 0.5) == math.inf  # beside it
-    assert meets_rectangle(-5, 0, -1, 0, 1, 0, 1, 1) == math.inf  # behind
-    assert meets_rectangle(-5, 0, 1, 0, 1, 0, 1, 1) == 4  # beyond the vector's end
-    assert meets_rectangle(0.5, 0, 1, 0, 1, 0, 1, 1) == 0.5  # from inside, as MuJoCo has it
+class TestRectangles:
+    def test_a_ray_meets_the_side_that_it_reaches_first(self):
+        assert meets_rectangle(Ray(-5, 0.5, 8, 0), SQUARE) == 0.5
+
+    def test_a_ray_meets_a_corner(self):
+        c = math.sqrt(0.5)
+        turned = SQUARE._replace(cos=c, sin=c)
+        assert meets_rectangle(Ray(-5, 0, 5, 0), turned) == pytest.approx(1 - math.sqrt(2) / 5)
+
+    def test_a_ray_beside_or_behind_meets_nothing(self):
+        flat = SQUARE._replace(half_x=2, half_y=0.5)
+        assert meets_rectangle(Ray(-5, 0.8, 1, 0), flat) == math.inf
+        assert meets_rectangle(Ray(-5, 0, -1, 0), SQUARE) == math.inf
+
+    def test_a_share_may_lie_beyond_the_vectors_end(self):
+        assert meets_rectangle(Ray(-5, 0, 1, 0), SQUARE) == 4
+
+    def test_a_ray_from_inside_meets_the_side_where_it_leaves(self):
+        """As MuJoCo has it."""
+        assert meets_rectangle(Ray(0.5, 0, 1, 0), SQUARE) == 0.5
+
+    def test_rays_enter_where_sampled_points_do(self):
+        rng = np.random.default_rng(4)
+        n_hits = 0
+        for _ in range(300):
+            origin, vector = rng.uniform(-4, 4, 2), rng.uniform(-8, 8, 2)
+            yaw = rng.uniform(-3, 3)
+            cos, sin = np.cos(yaw), np.sin(yaw)
+            rectangle = Rectangle(0.0, 0.0, cos, sin, *HALF_EDGES)
+            share = meets_rectangle(Ray(*origin, *vector), rectangle)
+
+            points = origin + np.linspace(0, 1, N_SAMPLES)[:, None] * vector
+            local = np.stack([points @ [cos, sin], points @ [-sin, cos]], axis=-1)
+            is_inside = (np.abs(local) <= HALF_EDGES).all(axis=1)
+            n_hits += is_inside.any()
+            is_beyond = is_inside if not is_inside[0] else ~is_inside
+            if is_inside.any() and is_beyond.any():
+                expected = is_beyond.argmax() / (N_SAMPLES - 1)
+                assert share == pytest.approx(expected, abs=3e-4)
+            else:
+                assert share > 1  # no ray of these cuts a corner between two samples
+        assert n_hits > 50
 
 
-def test_rays_enter_where_sampled_points_do():
-    rng = np.random.default_rng(4)
-    hits = 0
-    for _ in range(300):
-        origin, vector, yaw = rng.uniform(-4, 4, 2), rng.uniform(-8, 8, 2), rng.uniform(-3, 3)
-        c, s = np.cos(yaw), np.sin(yaw)
-        points = origin + np.linspace(0, 1, 4001)[:, None] * vector
-        local = np.stack([points @ [c, s], points @ [-s, c]], axis=-1)
-        inside = np.flatnonzero((np.abs(local) <= [1.4, 0.6]).all(axis=1))
-        share = meets_rectangle(*origin, *vector, c, s, 1.4, 0.6)
-        if len(inside):
-            hits += 1
-            outside = np.flatnonzero((np.abs(local) > [1.4, 0.6]).any(axis=1))
-            first = inside[0] if inside[0] else outside[0] if len(outside) else None
-            assert share > 1 if first is None else share == pytest.approx(first / 4000, abs=3e-4)
-        else:
-            assert share > 1  # no ray of these cuts a corner between two samples
-    assert hits > 50
+class TestWalls:
+    def test_a_ray_meets_the_wall_in_front(self):
+        assert meets_wall_at(Ray(0, 0, 5, 1), EAST) == 2
+        assert meets_wall_at(Ray(2, -9, 0, -4), SOUTH) == 0.25
+        assert meets_wall_at(Ray(8, 9, 4, 1), EAST) == 0.5
+        assert meets_wall_at(Ray(2, 0, 8, 6), OBLIQUE) == pytest.approx(0.5)
 
+    def test_a_ray_from_beyond_a_wall_meets_it_at_once(self):
+        assert meets_wall_at(Ray(10.1, 0, -1, 0), EAST) == 0
 
-def test_walls_by_hand():
-    assert meets_line(0, 0, 5, 1, 1, 0, 10) == 2
-    assert meets_line(2, -9, 0, -4, 0, -1, 10) == 0.25
-    assert meets_line(8, 9, 4, 1, 1, 0, 10) == 0.5
-    assert meets_line(2, 0, 8, 6, 0.6, 0.8, 6) == pytest.approx(0.5)  # askew
-    assert meets_line(10.1, 0, -1, 0, 1, 0, 10) == 0  # from beyond it
-    assert meets_line(0, 0, -1, 5, 1, 0, 10) == meets_line(0, 0, 0, 5, 1, 0, 10) == math.inf
+    def test_a_ray_that_leads_away_or_along_meets_no_wall(self):
+        assert meets_wall_at(Ray(0, 0, -1, 5), EAST) == math.inf
+        assert meets_wall_at(Ray(0, 0, 0, 5), EAST) == math.inf

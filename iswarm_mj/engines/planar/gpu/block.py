@@ -1,6 +1,6 @@
-"""What the threads of a block do together: one block computes one world.
+"""Cooperation of the threads of a block; one block computes one world.
 
-On a CPU a block has a single thread, and none of this has anything to do.
+On a CPU a block has a single thread, and none of these functions does anything.
 """
 
 import warp as wp
@@ -22,12 +22,12 @@ asm volatile("bar.sync 1, %0;" ::"r"(n_threads) : "memory");
 #endif
 """)
 def barrier_of(n_threads: int):
-    """As `barrier`, for the first threads of the block, a multiple of 32."""
+    """Wait for the first `n_threads` of the block, a multiple of 32, as `barrier` does for all."""
     ...
 
 
 NO_SUM = wp.constant(wp.int64(-9223372036854775807))
-"""What `sum_if_any` returns where no flag is set."""
+"""Result of `sum_if_any` if no flag is set."""
 
 
 @wp.func_native("""
@@ -48,14 +48,15 @@ return flag ? value : -9223372036854775807LL;
 #endif
 """)
 def sum_if_any(flag: bool, value: wp.int64, n_threads: int) -> wp.int64:
-    """Sum over the first threads if a flag is set in any of them, in whole numbers so that their order does not matter.
+    """Return the sum over the first `n_threads` if any of them sets its flag, else `NO_SUM`.
 
-    A barrier for these threads, too; another one has to come before the next sum.
+    The sum is of whole numbers, so that the order of the threads does not matter. It is a barrier
+    for these threads, too; another one has to come before the next sum.
     """
     ...
 
 
 @wp.func
 def threads_for(n: int) -> int:
-    """Number of threads of the block that share n tasks, a multiple of 32 on a GPU."""
+    """Return the number of threads of the block that share n tasks, a multiple of 32 on a GPU."""
     return wp.min((n + 31) // 32 * 32, wp.block_dim())

@@ -1,81 +1,126 @@
-"""Contacts of one world: the robots near each other, the pairs that touch, and what the solver needs of each, see
-`planar.contact_rows`.
+"""Contacts of one world: near pairs of robots, touching pairs of bodies, and their rows.
+
+The rules are those of `planar.contact_rows`.
 """
 
 import warp as wp
 
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.cells import around, fill
-from iswarm_mj.engines.planar.gpu.functions import rows
+from iswarm_mj.engines.planar.gpu.functions import Velocity, place_of, rows, shared
 from iswarm_mj.engines.planar.gpu.records import Record, record_of
-from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, World
+from iswarm_mj.engines.planar.gpu.world import FAILURE, N_CONTACTS, N_NEAR, NO_COLOUR, World
 from iswarm_mj.utils.errors import FaultKind
 
-_TOO_MANY = wp.constant(int(FaultKind.TOO_MANY_CONTACTS))
+_TOO_MANY_CONTACTS = wp.constant(int(FaultKind.TOO_MANY_CONTACTS))
 _TOO_MANY_PAIRS = wp.constant(int(FaultKind.TOO_MANY_PAIRS))
-_overlaps, _meets_wall, _rows_of, _Touch = rows.overlaps, rows.meets_wall, rows.rows_of, rows.Touch
-_touch_wall, _touch_box = rows.touch_wall, rows.touch_box
+_meets_wall = rows.meets_wall
+_obstacle_of = shared.obstacle_of
+_overlaps = rows.overlaps
+_rectangle_of = rows.rectangle_of
+_rows_of = rows.rows_of
+_touch_body = rows.touch_body
+_touch_obstacle = rows.touch_obstacle
+_touch_wall = rows.touch_wall
+_Touch = rows.Touch
+_wall_of = shared.wall_of
 
 
 @wp.func
 def find_near_pairs(w: World, radius: float, lane: int):
-    """List the pairs of robots whose centres are less than `radius` apart [mm], each once, in any order."""
+    """List the pairs of robots whose centres are less than `radius` apart [mm], in any order."""
     if lane == 0:
-        w.count[N_NEAR] = 0
-    fill(w.cells, w.place, w.is_present, lane)
-    for i in range(lane, w.n_robots, wp.block_dim()):
-        if w.is_present[i]:
-            p = w.place[i]
+        w.counts[N_NEAR] = 0
+    fill(w.cells, w.places, w.is_present, lane)
+    for robot in range(lane, w.n_robots, wp.block_dim()):
+        if w.is_present[robot]:
+            place = w.places[robot]
             for up in range(-1, 2):
-                span = around(p, w.cells, up)
-                for at in range(span[0], span[1]):
-                    j = w.cells.robot[at]
-                    if j > i and j < w.n_robots:
-                        dx, dy = w.place[j][0] - p[0], w.place[j][1] - p[1]
+                span = around(place, w.cells, up)
+                for index in range(span[0], span[1]):
+                    neighbour = w.cells.robots[index]
+                    if neighbour > robot and neighbour < w.n_robots:
+                        dx = w.places[neighbour][0] - place[0]
+                        dy = w.places[neighbour][1] - place[1]
                         if dx * dx + dy * dy < radius * radius:
-                            _add_near(w, wp.vec2i(i, j))
+                            _append_near(w, robot, neighbour)
     barrier()
 
 
 @wp.func
-def _add_near(w: World, pair: wp.vec2i):
-    at = wp.atomic_add(w.count, N_NEAR, 1)
-    if at < w.near.shape[0]:
-        w.near[at] = pair
+def _append_near(w: World, first: int, second: int):
+    """Append a pair to the near pairs, or note that there is no room."""
+    index = wp.atomic_add(w.counts, N_NEAR, 1)
+    if index < w.near_pairs.shape[0]:
+        w.near_pairs[index] = wp.vec2i(first, second)
     else:
-        wp.atomic_or(w.count, FAILURE, _TOO_MANY_PAIRS)
+        wp.atomic_or(w.counts, FAILURE, _TOO_MANY_PAIRS)
 
 
 @wp.func
 def find_contacts(w: World, lane: int):
     """List the pairs of bodies that touch, in any order."""
     if lane == 0:
-        w.count[N_CONTACTS] = 0
+        w.counts[N_CONTACTS] = 0
     barrier()
-    n_walls, n_bodies = w.plane[0].n_walls, w.place.shape[0]
-    for k in range(lane, wp.min(w.count[N_NEAR], w.near.shape[0]), wp.block_dim()):
-        _meet(w, w.near[k])
-    for i in range(lane, n_bodies, wp.block_dim()):
-        if w.is_present[i]:
-            here, kind = w.place[i], w.kinds[i]
-            for wall in range(n_walls):
-                if _meets_wall(here, wall, w.solids, kind):
-                    _append(w, wp.vec2i(n_bodies + wall, i))
-            for m in range(n_walls, w.solids.shape[0]):
-                hx, hy = w.solids[m, 4], w.solids[m, 5]
-                if _overlaps(_box(w, m), hx, hy, wp.sqrt(hx * hx + hy * hy), here, kind):
-                    _append(w, wp.vec2i(n_bodies + m, i))
-            for box in range(wp.max(w.n_robots, i + 1), n_bodies):
-                _meet(w, wp.vec2i(box, i))
+    n_near = wp.min(w.counts[N_NEAR], w.near_pairs.shape[0])
+    for k in range(lane, n_near, wp.block_dim()):
+        pair = w.near_pairs[k]
+        _meet(w, pair[0], pair[1])
+
+    n_bodies = w.places.shape[0]
+    for body in range(lane, n_bodies, wp.block_dim()):
+        if w.is_present[body]:
+            _meet_solids(w, body)
+            for box in range(wp.max(w.n_robots, body + 1), n_bodies):
+                _meet(w, box, body)
     barrier()
 
 
 @wp.func
-def _meet(w: World, pair: wp.vec2i):
+def _meet(w: World, first: int, second: int):
     """List a pair of bodies if they touch."""
-    first = w.kinds[pair[0]]
-    if _overlaps(w.place[pair[0]], first.half_x, first.half_y, first.radius, w.place[pair[1]], w.kinds[pair[1]]):
-        _append(w, pair)
+    kind1 = w.kinds[first]
+    kind2 = w.kinds[second]
+    hull1 = _rectangle_of(place_of(w.places, first), kind1)
+    hull2 = _rectangle_of(place_of(w.places, second), kind2)
+    if _overlaps(hull1, kind1.radius, hull2, kind2.radius):
+        _append_contact(w, first, second)
+
+
+@wp.func
+def _meet_solids(w: World, body: int):
+    """List the pairs of a body and the walls and obstacles that it touches."""
+    n_bodies = w.places.shape[0]
+    n_walls = w.plane[0].n_walls
+    place = place_of(w.places, body)
+    kind = w.kinds[body]
+    for row in range(n_walls):
+        if _meets_wall(place, kind, _wall_of(w.solids, row)):
+            _append_contact(w, n_bodies + row, body)
+    for row in range(n_walls, w.solids.shape[0]):
+        obstacle = _obstacle_of(w.solids, row)
+        half_x = obstacle.half_x
+        half_y = obstacle.half_y
+        radius = wp.sqrt(half_x * half_x + half_y * half_y)
+        if _overlaps(obstacle, radius, _rectangle_of(place, kind), kind.radius):
+            _append_contact(w, n_bodies + row, body)
+
+
+@wp.func
+def _append_contact(w: World, first: int, second: int):
+    """Append a pair to the contacts, or note that there is no room."""
+    index = wp.atomic_add(w.counts, N_CONTACTS, 1)
+    if index < w.contacts.shape[0]:
+        w.contacts[index] = wp.vec3i(first, second, NO_COLOUR)
+    else:
+        wp.atomic_or(w.counts, FAILURE, _TOO_MANY_CONTACTS)
+
+
+@wp.func
+def n_contacts(w: World) -> int:
+    """Return the number of contacts in the list."""
+    return wp.min(w.counts[N_CONTACTS], w.contacts.shape[0])
 
 
 @wp.func
@@ -87,44 +132,63 @@ def set_contacts(w: World, lane: int):
 
 
 @wp.func
-def n_contacts(w: World) -> int:
-    """Number of contacts in the list."""
-    return wp.min(w.count[N_CONTACTS], w.found.shape[0])
-
-
-@wp.func
-def _append(w: World, pair: wp.vec2i):
-    at = wp.atomic_add(w.count, N_CONTACTS, 1)
-    if at < w.found.shape[0]:
-        w.found[at] = wp.vec3i(pair[0], pair[1], -1)
-    else:
-        wp.atomic_or(w.count, FAILURE, _TOO_MANY)
-
-
-@wp.func
-def _box(w: World, m: int) -> wp.vec4:
-    """Where obstacle m is, counted with the walls."""
-    return wp.vec4(w.solids[m, 0], w.solids[m, 1], w.solids[m, 2], w.solids[m, 3])
-
-
-@wp.func
 def _set_contact(w: World, k: int):
     """Compute the rows of contact k."""
-    record, n_bodies, plane = record_of(w, k), w.place.shape[0], w.plane[0]
-    first, second = record[0].first, record[0].second
-    at = wp.min(first, n_bodies)
-    q, touch, one, other = w.place[second], _Touch(), w.kinds[at], w.kinds[second]
-    law = wp.where(first < n_bodies, plane.between_robots, plane.at_walls)
-    if first < n_bodies:
-        touch = _touch_box(w.place[first], one.half_x, one.half_y, False, q, other)
-    elif first < n_bodies + plane.n_walls:
-        touch = _touch_wall(q, first - n_bodies, w.solids, other)
-    else:
-        m = first - n_bodies
-        touch = _touch_box(_box(w, m), w.solids[m, 4], w.solids[m, 5], True, q, other)
-    weight = one.inverse_weight + other.inverse_weight
-    own = _rows_of(touch, w.velocity[at], w.velocity[second], law, weight, plane.timestep)
+    record = record_of(w, k)
+    first = record[0].first
+    second = record[0].second
+    n_bodies = w.places.shape[0]
+    plane = w.plane[0]
+    row1 = wp.min(first, n_bodies)  # all that is fixed shares the last row of kinds and velocities
+    kind1 = w.kinds[row1]
+    kind2 = w.kinds[second]
+
+    law = wp.where(first < n_bodies, plane.law_of_bodies, plane.law_of_solids)
+    touch = _touch(w, first, second)
+    inverse_weight = kind1.inverse_weight + kind2.inverse_weight
+    velocity1 = velocity_in(w.velocities[row1])
+    velocity2 = velocity_in(w.velocities[second])
+    rows = _rows_of(touch, velocity1, velocity2, law, inverse_weight, plane.timestep)
     record[0] = Record(
-        own.nx, own.ny, own.arm1, own.arm2, own.lever1, own.lever2, own.offset1, own.offset2,
-        own.softness1, own.softness2, 0.0, 0.0, 0.0, 0.0, own.n_rows, first, second,
-    )  # fmt: skip
+        normal_x=rows.normal_x,
+        normal_y=rows.normal_y,
+        arm1=rows.arm1,
+        arm2=rows.arm2,
+        lever1=rows.lever1,
+        lever2=rows.lever2,
+        offset1=rows.offset1,
+        offset2=rows.offset2,
+        softness1=rows.softness1,
+        softness2=rows.softness2,
+        impulse1=0.0,
+        impulse2=0.0,
+        last_impulse1=0.0,
+        last_impulse2=0.0,
+        n_rows=rows.n_rows,
+        first=first,
+        second=second,
+    )
+
+
+@wp.func
+def _touch(w: World, first: int, second: int) -> _Touch:
+    """Return how the bodies of a contact touch."""
+    n_bodies = w.places.shape[0]
+    row = first - n_bodies  # in the table of solids
+    place2 = place_of(w.places, second)
+    kind2 = w.kinds[second]
+    hull2 = _rectangle_of(place2, kind2)
+    touch = _Touch()
+    if first < n_bodies:
+        touch = _touch_body(_rectangle_of(place_of(w.places, first), w.kinds[first]), hull2)
+    elif row < w.plane[0].n_walls:
+        touch = _touch_wall(place2, kind2, _wall_of(w.solids, row))
+    else:
+        touch = _touch_obstacle(_obstacle_of(w.solids, row), hull2)
+    return touch
+
+
+@wp.func
+def velocity_in(velocity: wp.vec4) -> Velocity:
+    """Return an element of `World.velocities` without the number of the sweep."""
+    return Velocity(velocity[0], velocity[1], velocity[2])

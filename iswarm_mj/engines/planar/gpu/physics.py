@@ -1,4 +1,4 @@
-"""Physics steps of many worlds on a GPU, one block each: contacts, impulses, Euler integration."""
+"""Physics steps of many worlds on a GPU, one block of threads for each world."""
 
 import functools
 from collections.abc import Callable
@@ -9,15 +9,23 @@ import warp as wp
 from iswarm_mj.engines.planar import physics
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.colours import MAX_COLOURS, colour_contacts
-from iswarm_mj.engines.planar.gpu.contacts import find_contacts, find_near_pairs, n_contacts, set_contacts
+from iswarm_mj.engines.planar.gpu.contacts import (
+    find_contacts,
+    find_near_pairs,
+    n_contacts,
+    set_contacts,
+)
 from iswarm_mj.engines.planar.gpu.functions import kinds_in, plane_in
-from iswarm_mj.engines.planar.gpu.memory import Memory, lay_out, own_bytes, shared_memory
+from iswarm_mj.engines.planar.gpu.memory import Memory, lay_out, layout_bytes, shared_memory
 from iswarm_mj.engines.planar.gpu.records import record_of
-from iswarm_mj.engines.planar.gpu.solver import rub, solve
+from iswarm_mj.engines.planar.gpu.solver import apply_friction, solve
 from iswarm_mj.engines.planar.gpu.world import FAILURE, World, heading
 
 _SKIN = wp.constant(physics.SKIN)
-_BOXES_AT_ONCE = 4  # obstacles that all bodies of a world touch on average, at most
+_FAR = wp.constant(1.0e9)  # a distance that makes the first step search near pairs [mm]
+_OBSTACLES_AT_ONCE = 4  # most obstacles that all bodies of a world touch on average
+_NEAR_PER_ROBOT = 24  # near pairs and contacts for each robot: more than any crowd has
+_CONTACTS_PER_ROBOT = 8
 
 
 @functools.cache
@@ -44,165 +52,231 @@ def take_steps_in(n_shared: int) -> Callable:
         new_velocities: wp.array2d(dtype=wp.vec3),
         failure: wp.array(dtype=int),
         work: wp.array(dtype=int),
-        own: wp.array2d(dtype=wp.vec4),
+        block_memory: wp.array2d(dtype=wp.vec4),
     ):
-        """Take physics steps of B worlds, one block each.
+        """Take physics steps of B worlds, one block for each.
 
         Args:
             poses: (B, N + M) x, y [mm] and yaw [rad] of robots and boxes.
-            velocities: (B, N + M) [mm/s, mm/s, rad/s].
-            targets: (B, N + M) set points of the drives, likewise.
+            velocities: (B, N + M) velocities [mm/s, mm/s, rad/s].
+            targets: (B, N + M) set points of the drives [mm/s, mm/s, rad/s].
             is_present: (B, N + M) the others stay where they are, and touch nothing.
             runs: (B,) the other worlds stay as they are.
             order: (B,) worlds in the order in which blocks begin with them.
-            plane_words: see `functions.words_of`.
-            kind_words: likewise, (N + M + 1,) of `plane.table_of`.
+            plane_words: arena, see `functions.words_of`.
+            kind_words: (N + M + 1,) kinds of `plane.of_bodies`, see `functions.words_of`.
             solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
             n_substeps: number of physics steps.
             n_cells: cells along an edge of the arena.
             room_near: places for pairs of robots near each other.
             room_contacts: places for contacts.
-            touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are added.
+            touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are
+                added.
             new_poses: (B, N + M) output.
             new_velocities: (B, N + M) output.
             failure: (B,) output, bits of `FaultKind`.
             work: (B,) output, see `engines.base.FreeBodies`.
-            own: (B, M) memory of the blocks.
+            block_memory: (B, M) memory of the blocks.
         """
-        world, lane = order[wp.tid() // wp.block_dim()], wp.tid() % wp.block_dim()
-        plane_at, n_bodies = plane_in(plane_words), poses.shape[1]
-        plane = plane_at[0]
-        m = Memory()
-        m.own = own[world].ptr
-        m.room = n_shared
-        m.shared = shared()
-        if m.shared == wp.uint64(0):
-            m.shared = m.own
-        w = lay_out(m, n_bodies, n_cells, wp.block_dim(), room_near, room_contacts, plane.edge)
-        w.is_present = is_present[world]
-        w.plane = plane_at
-        w.kinds = kinds_in(kind_words, n_bodies + 1)
-        w.n_robots = touching.shape[2]
-        w.solids = solids
+        world = order[wp.tid() // wp.block_dim()]
+        lane = wp.tid() % wp.block_dim()
+        n_bodies = poses.shape[1]
         if not runs[world]:
-            for i in range(lane, n_bodies, wp.block_dim()):
-                new_poses[world, i] = poses[world, i]
-                new_velocities[world, i] = velocities[world, i]
+            for body in range(lane, n_bodies, wp.block_dim()):
+                new_poses[world, body] = poses[world, body]
+                new_velocities[world, body] = velocities[world, body]
             if lane == 0:
                 failure[world] = 0
                 work[world] = 0
             return
+
+        plane_at = plane_in(plane_words)
+        plane = plane_at[0]
+        memory = Memory()
+        memory.own = block_memory[world].ptr
+        memory.n_shared = n_shared
+        memory.shared = shared()
+        if memory.shared == wp.uint64(0):
+            memory.shared = memory.own
+        w = lay_out(memory, n_bodies, n_cells, wp.block_dim(), room_near, room_contacts)
+        w.cells.half_extent = plane.half_extent
+        w.n_robots = touching.shape[2]
+        w.is_present = is_present[world]
+        w.plane = plane_at
+        w.kinds = kinds_in(kind_words, n_bodies + 1)
+        w.solids = solids
+
         _begin(w, poses[world], velocities[world], lane)
-        moved, n_solved = float(1.0e9), int(0)
+        n_solved = int(0)  # colours that the solver went through
+        moved = float(_FAR)  # distance that robots may have moved since near pairs were searched
         for step in range(n_substeps):
             if 2.0 * moved > _SKIN:
-                find_near_pairs(w, 2.0 * plane.radius + _SKIN, lane)
+                find_near_pairs(w, 2.0 * plane.largest_radius + _SKIN, lane)
                 moved = 0.0
+
+            # Contacts at the places and velocities before the step.
             find_contacts(w, lane)
             colour_contacts(w, lane)
             set_contacts(w, lane)
-            for i in range(lane, n_bodies, wp.block_dim()):
-                old, kind = _velocity(w, i), w.kinds[i]
-                share = wp.vec3(kind.drive_x, kind.drive_y, kind.drive_yaw)
-                v = old + wp.cw_mul(share, targets[world, i] - old)
-                w.velocity[i] = wp.vec4(v[0], v[1], v[2], 0.0)
-                if kind.grip > 0.0:
-                    w.rubs[i] = wp.vec4()
-                    w.velocity[i] = rub(w, i, kind, w.velocity[i])
-                    w.rubbed[i] = w.rubs[i]
-                w.before[i] = w.velocity[i]
+
+            # Velocities without contacts, then the impulses of contacts and friction.
+            _drive(w, targets[world], lane)
             barrier()
             n_solved += solve(w, lane)
             barrier()
+
             _integrate(w, plane.timestep, lane)
             moved += wp.sqrt(w.farthest[0])
             if step == n_substeps - 1:
-                _mark(w, touching[world], lane)
+                _mark_touching(w, touching[world], lane)
             barrier()
-        for i in range(lane, n_bodies, wp.block_dim()):
-            new_poses[world, i] = wp.vec3(w.place[i][0], w.place[i][1], w.yaw[i])
-            new_velocities[world, i] = _velocity(w, i)
+
+        for body in range(lane, n_bodies, wp.block_dim()):
+            place = w.places[body]
+            new_poses[world, body] = wp.vec3(place[0], place[1], w.yaw[body])
+            new_velocities[world, body] = _velocity(w, body)
         if lane == 0:
-            failure[world] = w.count[FAILURE]
+            failure[world] = w.counts[FAILURE]
             work[world] = n_solved
 
     return take_steps
 
 
 @wp.func
-def _begin(w: World, poses: wp.array(dtype=wp.vec3), velocities: wp.array(dtype=wp.vec3), lane: int):
-    """Copy the state into the world's own memory."""
+def _begin(
+    w: World,
+    poses: wp.array(dtype=wp.vec3),
+    velocities: wp.array(dtype=wp.vec3),
+    lane: int,
+):
+    """Copy the state of the bodies into the memory of the block."""
     n_bodies = poses.shape[0]
-    for i in range(lane, n_bodies, wp.block_dim()):
-        p = poses[i]
-        h = heading(p[2])
-        w.place[i] = wp.vec4(p[0], p[1], h[0], h[1])
-        w.yaw[i] = p[2]
-        v = velocities[i]
-        w.velocity[i] = wp.vec4(v[0], v[1], v[2], 0.0)
+    for body in range(lane, n_bodies, wp.block_dim()):
+        pose = poses[body]
+        direction = heading(pose[2])
+        w.places[body] = wp.vec4(pose[0], pose[1], direction[0], direction[1])
+        w.yaw[body] = pose[2]
+        velocity = velocities[body]
+        w.velocities[body] = wp.vec4(velocity[0], velocity[1], velocity[2], 0.0)
     if lane == 0:
-        w.velocity[n_bodies] = wp.vec4(0.0, 0.0, 0.0, 0.0)
-        w.before[n_bodies] = wp.vec4(0.0, 0.0, 0.0, 0.0)
-        w.count[FAILURE] = 0
+        w.velocities[n_bodies] = wp.vec4(0.0, 0.0, 0.0, 0.0)
+        w.last_velocities[n_bodies] = wp.vec4(0.0, 0.0, 0.0, 0.0)
+        w.counts[FAILURE] = 0
         w.farthest[0] = 0.0
     barrier()
 
 
 @wp.func
-def _velocity(w: World, i: int) -> wp.vec3:
-    v = w.velocity[i]
-    return wp.vec3(v[0], v[1], v[2])
+def _drive(w: World, targets: wp.array(dtype=wp.vec3), lane: int):
+    """Move all velocities towards the set points of the drives, then let friction act on them."""
+    for body in range(lane, w.places.shape[0], wp.block_dim()):
+        kind = w.kinds[body]
+        old = _velocity(w, body)
+        share = wp.vec3(kind.drive_x, kind.drive_y, kind.drive_yaw)
+        new = old + wp.cw_mul(share, targets[body] - old)
+        w.velocities[body] = wp.vec4(new[0], new[1], new[2], 0.0)
+        if kind.friction_impulse > 0.0:
+            w.friction[body] = wp.vec4()
+            w.velocities[body] = apply_friction(w, body, kind, w.velocities[body])
+            w.last_friction[body] = w.friction[body]
+        w.last_velocities[body] = w.velocities[body]
+
+
+@wp.func
+def _velocity(w: World, body: int) -> wp.vec3:
+    """Return the velocity of a body without the number of the sweep."""
+    velocity = w.velocities[body]
+    return wp.vec3(velocity[0], velocity[1], velocity[2])
 
 
 @wp.func
 def _integrate(w: World, timestep: float, lane: int):
-    """Move the robots with their new velocities, and note how far the fastest one went, squared."""
+    """Move the bodies with their new velocities, and note how far the fastest one went, squared."""
     if lane == 0:
         w.farthest[0] = 0.0
     barrier()
     farthest = float(0.0)
-    for i in range(lane, w.place.shape[0], wp.block_dim()):
-        if w.is_present[i]:
-            p, step = w.place[i], timestep * _velocity(w, i)
-            h = wp.vec2(p[2], p[3])
+    for body in range(lane, w.places.shape[0], wp.block_dim()):
+        if w.is_present[body]:
+            place = w.places[body]
+            step = timestep * _velocity(w, body)
+            direction = wp.vec2(place[2], place[3])
             if step[2] != 0.0:
-                w.yaw[i] = w.yaw[i] + step[2]
-                h = heading(w.yaw[i])
-            w.place[i] = wp.vec4(p[0] + step[0], p[1] + step[1], h[0], h[1])
+                w.yaw[body] = w.yaw[body] + step[2]
+                direction = heading(w.yaw[body])
+            x = place[0] + step[0]
+            y = place[1] + step[1]
+            w.places[body] = wp.vec4(x, y, direction[0], direction[1])
             farthest = wp.max(farthest, step[0] * step[0] + step[1] * step[1])
     wp.atomic_max(w.farthest, 0, farthest)
     barrier()
 
 
 @wp.func
-def _mark(w: World, touching: wp.array2d(dtype=int), lane: int):
-    """Add the pairs of robots in contact, the same way in any order: the lesser of two partners moves on."""
-    for c in range(lane, n_contacts(w), wp.block_dim()):
-        record = record_of(w, c)
+def _mark_touching(w: World, touching: wp.array2d(dtype=int), lane: int):
+    """Add the pairs of robots in contact to (K, N), the highest partners first, in any order."""
+    for contact in range(lane, n_contacts(w), wp.block_dim()):
+        record = record_of(w, contact)
         first = record[0].first
         if first < touching.shape[1] and record[0].n_rows > 0:
-            partner, k = int(record[0].second), int(0)
+            partner = int(record[0].second)
+            k = int(0)
             while partner > 0 and k < touching.shape[0]:
-                found = wp.atomic_max(touching, k, first, partner)
-                partner = wp.where(found == partner, 0, wp.min(found, partner))
+                # The lesser of two partners moves on to the next place.
+                listed = wp.atomic_max(touching, k, first, partner)
+                partner = wp.where(listed == partner, 0, wp.min(listed, partner))
                 k += 1
 
 
-def rooms(n_robots: int, n_boxes: int, n_walls: int, n_obstacles: int, crowding: int) -> tuple[int, int]:
-    """Places for near pairs and for contacts: for all that there are, or for more a body than any crowd has.
+def rooms(
+    n_robots: int,
+    n_boxes: int,
+    n_walls: int,
+    n_obstacles: int,
+    crowding: int,
+) -> tuple[int, int]:
+    """Return the places for near pairs and for contacts of a world.
 
-    The crowding is the area of the largest robot over that of the smallest.
+    They are enough for all pairs, or for more than any crowd has.
+
+    Args:
+        n_robots: number of robots.
+        n_boxes: number of boxes.
+        n_walls: number of walls.
+        n_obstacles: number of obstacles.
+        crowding: area of the largest robot over that of the smallest.
     """
-    pairs, crowd = n_robots * (n_robots - 1) // 2, crowding * n_robots
-    fixed = (n_walls + min(n_obstacles, _BOXES_AT_ONCE)) * (n_robots + n_boxes)
-    return max(1, min(pairs, 24 * crowd)), max(1, min(pairs, 8 * crowd)) + fixed + MAX_COLOURS * n_boxes
+    n_pairs = n_robots * (n_robots - 1) // 2
+    crowd = crowding * n_robots
+    room_near = max(1, min(n_pairs, _NEAR_PER_ROBOT * crowd))
+    with_robots = max(1, min(n_pairs, _CONTACTS_PER_ROBOT * crowd))
+    n_solids = n_walls + min(n_obstacles, _OBSTACLES_AT_ONCE)
+    with_solids = n_solids * (n_robots + n_boxes)
+    with_boxes = MAX_COLOURS * n_boxes
+    return room_near, with_robots + with_solids + with_boxes
 
 
-def places(
+def output_shapes(
     touching: tuple[int, ...], n_bodies: int, n_cells: int, n_threads: int, rooms: tuple[int, int]
 ) -> dict[str, Any]:
-    """Sizes of the outputs of `take_steps`, from that of the partners (B, K, N), and with these `rooms`."""
-    n_worlds, bodies = touching[0], (touching[0], n_bodies)
-    n_bytes = own_bytes(n_bodies, n_cells, n_threads, *rooms)
-    sizes = {"touching": touching, "new_poses": bodies, "new_velocities": bodies}
-    return sizes | {"failure": n_worlds, "work": n_worlds, "own": (n_worlds, -(-n_bytes // 16))}
+    """Return the shapes of the outputs of `take_steps`.
+
+    Args:
+        touching: shape (B, K, N) of the partners.
+        n_bodies: number of robots and boxes.
+        n_cells: cells along an edge of the arena.
+        n_threads: threads of a block.
+        rooms: see `rooms`.
+    """
+    n_worlds = touching[0]
+    bodies = (n_worlds, n_bodies)
+    n_bytes = layout_bytes(n_bodies, n_cells, n_threads, *rooms)
+    n_vectors = -(-n_bytes // 16)
+    return {
+        "touching": touching,
+        "new_poses": bodies,
+        "new_velocities": bodies,
+        "failure": n_worlds,
+        "work": n_worlds,
+        "block_memory": (n_worlds, n_vectors),
+    }

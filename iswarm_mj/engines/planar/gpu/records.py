@@ -1,29 +1,53 @@
-"""What the solver needs of each contact, in records of 17 words: of an odd number, so that the records of neighbouring
-threads lie in different banks of the shared memory.
+"""What the solver needs of each contact, in records of 17 words.
+
+An odd number of words lets the records of neighbouring threads lie in different banks of shared
+memory.
 """
 
 import warp as wp
 
 from iswarm_mj.engines.planar.contact_rows import Rows
+from iswarm_mj.engines.planar.gpu.functions import rows
 from iswarm_mj.engines.planar.gpu.world import World
 
-_NUMBERS = (*Rows._fields[1:-1], "p1", "p2", "before1", "before2")
+_NUMBERS = (*Rows._fields[1:-1], "impulse1", "impulse2", "last_impulse1", "last_impulse2")
 _INTEGERS = ("n_rows", "first", "second")
+_TYPES = dict.fromkeys(_NUMBERS, float) | dict.fromkeys(_INTEGERS, int)
 
-Record = wp.struct(
-    type("Record", (), {"__annotations__": dict.fromkeys(_NUMBERS, float) | dict.fromkeys(_INTEGERS, int)})
-)
-"""The `Rows` of a contact without their depth; its impulses now and as the latest sweep ended; and its bodies: two
-robots, or N plus the number of a wall or, after the walls, of an obstacle, and a robot."""
+Record = wp.struct(type("Record", (), {"__annotations__": _TYPES}))
+"""Record of a contact.
 
-RECORD_BYTES = 4 * len(_NUMBERS + _INTEGERS)
-_BYTES = wp.constant(wp.uint64(RECORD_BYTES))
+It has the fields of `Rows` except the depth; the impulses of both rows now and as the latest
+sweep ended; and the bodies as in `World.contacts`."""
+
+RECORD_BYTES = 4 * len(_TYPES)
+_RECORD_BYTES = wp.constant(wp.uint64(RECORD_BYTES))
+_Rows = rows.Rows
 
 
 @wp.func
 def record_of(w: World, k: int):
-    """(1,) the record of contact k, in the order of the colours."""
-    address = w.first + _BYTES * wp.uint64(k)
-    if k >= w.n_first:
-        address = w.others + _BYTES * wp.uint64(k - w.n_first)
+    """Return the record of contact k, in the order of the colours, as an array (1,)."""
+    address = w.shared_records + _RECORD_BYTES * wp.uint64(k)
+    if k >= w.n_shared_records:
+        address = w.other_records + _RECORD_BYTES * wp.uint64(k - w.n_shared_records)
     return wp.array(ptr=address, shape=(1,), dtype=Record)
+
+
+@wp.func
+def rows_in(record: Record) -> _Rows:
+    """Return the rows in a record, without their depth."""
+    return _Rows(
+        n_rows=record.n_rows,
+        normal_x=record.normal_x,
+        normal_y=record.normal_y,
+        arm1=record.arm1,
+        arm2=record.arm2,
+        lever1=record.lever1,
+        lever2=record.lever2,
+        offset1=record.offset1,
+        offset2=record.offset2,
+        softness1=record.softness1,
+        softness2=record.softness2,
+        depth=0.0,
+    )
