@@ -1,4 +1,4 @@
-"""The pattern of a robot's light: laws of the lobe and of the distance, the threshold, and agreement with links."""
+"""The pattern of a robot's light: its threshold agrees with the links between robots."""
 
 import math
 from dataclasses import replace
@@ -12,17 +12,26 @@ from iswarm_mj.engines.arena import read_robot
 from iswarm_mj.sensors.optics import receive
 from iswarm_mj.utils.units import mm_from_rd
 
-ROBOT, OPTICS = read_robot(), OpticsConfig(mode="power")
-FRONT = np.ones(2000), np.zeros(2000)
+ROBOT = read_robot()
+OPTICS = OpticsConfig(mode="power")
+N_PLACES = 2000
+AHEAD = np.ones(N_PLACES), np.zeros(N_PLACES)
+"""Direction of the sender's LED."""
 
 
 @pytest.mark.parametrize("radius", [2.0, 3.5, 6.0])
 def test_the_threshold_is_where_robots_stop_to_hear(radius):
-    """Random places around the sender, and receivers that face it."""
+    """Receivers stand at random places around the sender and face it."""
     optics = replace(OPTICS, communication_radius=radius)
     rng = np.random.default_rng(0)
-    distance, angle = rng.uniform(1, 8, 2000), rng.uniform(-math.pi, math.pi, 2000)
-    dx, dy = -mm_from_rd(distance) * np.cos(angle), -mm_from_rd(distance) * np.sin(angle)
-    heard = receive(dx, dy, (-np.cos(angle), -np.sin(angle)), FRONT, ROBOT, optics).effective_distance < np.inf
-    np.testing.assert_array_equal(light(distance, angle, ROBOT, optics) > 1, heard)
-    assert 0.02 < heard.mean() < 0.7
+    distance = rng.uniform(1, 8, N_PLACES)
+    angle = rng.uniform(-math.pi, math.pi, N_PLACES)
+
+    dx = -mm_from_rd(distance) * np.cos(angle)
+    dy = -mm_from_rd(distance) * np.sin(angle)
+    towards_sender = -np.cos(angle), -np.sin(angle)
+    reception = receive(dx, dy, towards_sender, AHEAD, ROBOT, optics)
+    is_heard = reception.effective_distance < np.inf
+
+    np.testing.assert_array_equal(light(distance, angle, ROBOT, optics) > 1, is_heard)
+    assert 0.02 < is_heard.mean() < 0.7

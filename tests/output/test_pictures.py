@@ -1,4 +1,4 @@
-"""Pictures and videos of runs: any number of robots, in the colours of their states, and clear errors."""
+"""Pictures and videos of runs: any number of robots, colours of their states, and clear errors."""
 
 import subprocess
 import sys
@@ -13,7 +13,8 @@ from support.files import full_disk
 from support.opengl import needs_opengl, of_colour
 from support.recorded import write_run
 
-from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
+from iswarm_mj.config.arena import ArenaConfig
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.geometry.walls import area_of
 from iswarm_mj.output import video
 from iswarm_mj.output.loading import load
@@ -24,37 +25,44 @@ from iswarm_mj.output.video import RATE, write_video
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER, mm_from_rd
 
-N = 330
+N_ROBOTS = 330
 """More than 280: MuJoCo's memory for collisions must not limit a picture."""
+SIZE = 400
+"""Width and height of the picture from above [pixels]."""
+OBLIQUE_SIZES = [(120, 200), (320, 100)]
+FILM_SIZE = (640, 480)
+SMALL_SHOT = Shot(size=(64, 64))
 
 
 @pytest.fixture(scope="module")
 def directory(tmp_path_factory):
-    """A run's directory with one frame: robots on a grid, the first third loaded, the second scouts."""
+    """Directory of a run with one frame of robots on a grid: loaded ones, scouts, others."""
     out = tmp_path_factory.mktemp("run")
-    grid = np.stack(np.meshgrid(np.arange(22), np.arange(15)), axis=-1).reshape(-1, 2)[:N]
-    pose = np.column_stack([(grid - [10.5, 7]) * 5e-3, np.zeros(N)])
-    pose[:, 1] += 1e-3 * np.sign(pose[:, 1])
-    kind = np.arange(N) * 3 // N
+    x, y = np.meshgrid(np.arange(22), np.arange(15))
+    grid = np.column_stack([x.ravel(), y.ravel()])[:N_ROBOTS]
+    pose = np.column_stack([(grid - [10.5, 7]) * 5e-3, np.zeros(N_ROBOTS)])
+    pose[:, 1] += 1e-3 * np.sign(pose[:, 1])  # away from the axis
+    third = np.arange(N_ROBOTS) * 3 // N_ROBOTS
     return write_run(
         out,
         step=np.array([0]),
         pose=pose[None].astype(np.float32),
-        is_loaded=(kind == 0)[None],
-        scene_is_scout=kind == 1,
+        is_loaded=(third == 0)[None],
+        scene_is_scout=third == 1,
         scene_ball_radius=np.full(2, 2e-5),
         ball_position=np.full((1, 2, 3), 2e-5),
         delivered=np.array([0]),
     )
 
 
-OBLIQUE, SIZE, FILM = [(120, 200), (320, 100)], 400, (640, 480)
-
-
 @pytest.fixture(scope="module")
 def drawn(directory, small, tmp_path_factory):
-    """Directory of pictures of the run and of an emptier one, and of a film, drawn in a process of their own."""
-    out, few = tmp_path_factory.mktemp("drawn"), write_run(tmp_path_factory.mktemp("few"))
+    """Directory of pictures and of a film, which a process of its own draws.
+
+    The film shows a robot that walks to the right, and is loaded from step 2 on.
+    """
+    out = tmp_path_factory.mktemp("drawn")
+    few_robots = write_run(tmp_path_factory.mktemp("few"))
     pose = np.array([[[x, 0.008, 0.0]] for x in (-0.012, 0.0, 0.012, 0.012)], np.float32)
     write_run(
         out,
@@ -66,61 +74,78 @@ def drawn(directory, small, tmp_path_factory):
         scene_ball_radius=np.array([2e-5]),
         ball_position=np.tile(np.float32([0.015, -0.015, 2e-5]), (4, 1, 1)),
     )
-    lines = [f"picture {directory} --step 0 --width {SIZE} --height {SIZE} --out {out}/above.png"]
-    lines += [
-        f"picture {few} --step 0 --camera oblique --width {w} --height {h} --out {out}/{w}x{h}.png" for w, h in OBLIQUE
-    ]
-    lines += [
-        f"video {out} --steps 2 --camera above --width {FILM[0]} --height {FILM[1]} --title robot --out {out}/a.mp4"
-    ]
-    code = "import sys; from iswarm_mj.commands.main import main; [main(line.split()) for line in sys.argv[1:]]"
+
+    above = f"picture {directory} --step 0 --width {SIZE} --height {SIZE} --out {out}/above.png"
+    lines = [above]
+    for width, height in OBLIQUE_SIZES:
+        size = f"--width {width} --height {height}"
+        path = f"{out}/{width}x{height}.png"
+        lines.append(f"picture {few_robots} --step 0 --camera oblique {size} --out {path}")
+    width, height = FILM_SIZE
+    flags = f"--steps 2 --camera above --width {width} --height {height} --title robot"
+    lines.append(f"video {out} {flags} --out {out}/a.mp4")
+
+    code = """
+import sys
+from iswarm_mj.commands.main import main
+for line in sys.argv[1:]:
+    main(line.split())
+"""
     done = subprocess.run([sys.executable, "-c", code, *lines], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     return out
 
 
 @needs_opengl
-@pytest.mark.parametrize(("width", "height"), OBLIQUE)
+@pytest.mark.parametrize(("width", "height"), OBLIQUE_SIZES)
 def test_the_oblique_camera_shows_the_whole_arena(drawn, width, height):
-    """Between arena and edge of the picture there is the plain surface around, which is bright; walls are dark."""
+    """Its walls are dark, the surface around is bright; and the arena fills the picture."""
     with Image.open(drawn / f"{width}x{height}.png") as image:
         grey = np.asarray(image.convert("L")).astype(int)
     edges = np.concatenate([grey[0], grey[-1], grey[:, 0], grey[:, -1]])
     assert edges.min() > 150 > 120 > grey.min()
-    dark = np.argwhere(grey < 120)
-    assert max(np.ptp(dark[:, 0]) / height, np.ptp(dark[:, 1]) / width) > 0.8  # and it fills the picture
+    row, column = np.nonzero(grey < 120)
+    assert max(np.ptp(row) / height, np.ptp(column) / width) > 0.8
 
 
 @needs_opengl
-def test_picture_shows_the_robots_in_the_colours_of_their_states(drawn):
+def test_a_picture_shows_the_robots_in_the_colours_of_their_states(drawn):
     with Image.open(drawn / "above.png") as image:
         pixels = np.asarray(image.convert("RGB")).astype(int)
     assert pixels.shape == (SIZE, SIZE, 3)
-    high, low = int(SIZE * (0.5 - 12.5 / 148)), int(SIZE * (0.5 + 12.5 / 148))  # between the three kinds of robots
-    for colour, rows in ((EMPTY, slice(0, high)), (SCOUT, slice(high, low)), (LOADED, slice(low, SIZE))):
-        found = of_colour(pixels, colour)
-        assert found[rows].sum() > 0.7 * found.sum() > 500
+
+    # The rows of pixels between the three groups of robots, at 12.5 of 148 mm from the middle.
+    upper_border = int(SIZE * (0.5 - 12.5 / 148))
+    lower_border = int(SIZE * (0.5 + 12.5 / 148))
+    for colour, rows in (
+        (EMPTY, slice(0, upper_border)),
+        (SCOUT, slice(upper_border, lower_border)),
+        (LOADED, slice(lower_border, SIZE)),
+    ):
+        has_colour = of_colour(pixels, colour)
+        assert has_colour[rows].sum() > 0.7 * has_colour.sum() > 500
 
 
 @needs_opengl
 def test_a_run_is_filmed(drawn):
-    """Two frames a step, step 2 as the last one once; a robot that turns blue when it is loaded."""
-    frames = decoded(drawn / "a.mp4", FILM)[0].astype(int)
+    """There are two frames a step, and one of the last, step 2; a loaded robot turns blue."""
+    frames, _ = decoded(drawn / "a.mp4", FILM_SIZE)
     assert len(frames) == 5
-    upper = frames[:, :236]  # above the dump and the dust areas; the caption is grey
+    upper = frames[:, :236].astype(int)  # above the dump and the dust areas; the caption is grey
 
     def columns(frame, colour):
         return np.nonzero(of_colour(frame, colour))[1]
 
     empty = [columns(frame, EMPTY) for frame in upper[:4]]
-    assert all(len(found) > 4 for found in empty)
-    assert np.diff([found.mean() for found in empty]) == pytest.approx([empty[1].mean() - empty[0].mean()] * 3, abs=2)
-    assert empty[2].mean() == pytest.approx(320, abs=3)
+    assert all(len(pixels) > 4 for pixels in empty)
+    middles = [pixels.mean() for pixels in empty]
+    assert np.diff(middles) == pytest.approx([middles[1] - middles[0]] * 3, abs=2)
+    assert middles[2] == pytest.approx(320, abs=3)
     assert len(columns(upper[4], LOADED)) > 4 and len(columns(upper[4], EMPTY)) <= 2
 
 
 class WithoutOpenGL:
-    """MuJoCo's renderer, which other tests use in processes of their own, without OpenGL."""
+    """Replacement of MuJoCo's renderer, which needs no OpenGL and has a scene for further geoms."""
 
     def __init__(self, model, height, width, max_geom):
         self.scene = mujoco.MjvScene(model, max_geom)
@@ -129,95 +154,159 @@ class WithoutOpenGL:
         return lambda *_: None
 
 
-def test_a_stage_shows_robots_balls_and_areas_between_two_steps(tmp_path, monkeypatch):
-    """A quarter of the way from step 1 to 2; in the colours of recordings, and balls 15 times as large as they are."""
-    monkeypatch.setattr("mujoco.Renderer", WithoutOpenGL)
-    rng, names = np.random.default_rng(3), ["spot", "ring"]
-    areas = {f"area_{name}": rng.uniform(1e-3, 9e-3, (3, 2, 3)) for name in names}
-    about = {"names": names, "shapes": ["square", "disc"], "colours": [[10, 20, 30], [40, 50, 60]]}
-    more = areas | {f"scene_area_{part}": np.array(values) for part, values in about.items()}
-    more |= {"is_loaded": np.arange(12).reshape(3, 4) == 6, "scene_is_scout": np.arange(4) > 2}
-    more |= {"scene_dust_areas": np.zeros((0, 4)), "ball_position": rng.uniform(0, 9e-3, (3, 2, 3)).astype(np.float32)}
-    run = load(write_run(tmp_path, **more))
-    with ArenaRenderer(run.config, run.arrays, Shot(size=(64, 64))) as stage:
-        stage.show(run.arrays, 1, 0.25)
-        model, data, drawn = stage.arena.model, stage.data, stage.visual_scene
-    pose, balls = (
-        1e3 * (0.75 * run.arrays[name][1] + 0.25 * run.arrays[name][2]) for name in ("pose", "ball_position")
+class TestRenderer:
+    """What is rendered a quarter of the way from step 1 to step 2."""
+
+    SPOTS, RINGS = np.random.default_rng(3).uniform(1e-3, 9e-3, (2, 3, 2, 3))
+    """Two squares and two discs in each of three frames: x, y and half width or radius [m]."""
+    AREAS = {"area_spot": SPOTS, "area_ring": RINGS}  # noqa: RUF012, which no test changes
+    COLOURS = ((10, 20, 30), (40, 50, 60))
+
+    @pytest.fixture
+    def run(self, tmp_path):
+        """A run of four robots: the third is loaded in step 1, the fourth is a scout."""
+        rng = np.random.default_rng(4)
+        return load(
+            write_run(
+                tmp_path,
+                **self.AREAS,
+                scene_area_names=np.array(["spot", "ring"]),
+                scene_area_shapes=np.array(["square", "disc"]),
+                scene_area_colours=np.array(self.COLOURS),
+                is_loaded=np.arange(12).reshape(3, 4) == 6,
+                scene_is_scout=np.arange(4) > 2,
+                scene_dust_areas=np.zeros((0, 4)),
+                ball_position=rng.uniform(0, 9e-3, (3, 2, 3)).astype(np.float32),
+            )
+        )
+
+    @pytest.fixture
+    def renderer(self, run, monkeypatch):
+        monkeypatch.setattr("mujoco.Renderer", WithoutOpenGL)
+        with ArenaRenderer(run.config, run.arrays, SMALL_SHOT) as renderer:
+            renderer.show(run.arrays, 1, 0.25)
+            yield renderer
+
+    def between_steps(self, values):
+        """Values a quarter of the way from step 1 to step 2, lengths in mm."""
+        return 1e3 * (0.75 * values[1] + 0.25 * values[2])
+
+    def test_robots_and_balls_move_straight(self, renderer, run):
+        pose = self.between_steps(run.arrays["pose"])
+        hulls = [renderer.data.geom(f"robot{robot}/substrate").xpos[:2] for robot in range(4)]
+        np.testing.assert_allclose(hulls, pose[:, :2], atol=1e-5)
+        balls = self.between_steps(run.arrays["ball_position"])
+        positions = renderer.data.mocap_pos[renderer.arena.mocap]
+        np.testing.assert_allclose(positions, balls, atol=1e-5)
+
+    def test_robots_have_the_colours_of_their_states(self, renderer):
+        model = renderer.arena.model
+        colours = [model.geom(f"robot{robot}/substrate").rgba[:3] for robot in range(4)]
+        expected = [rgb(colour) for colour in (EMPTY, EMPTY, LOADED, SCOUT)]
+        np.testing.assert_allclose(255 * np.array(colours), expected, atol=1e-3)
+
+    def test_balls_are_15_times_as_large_as_they_are(self, renderer):
+        ball = renderer.arena.model.geom("ball1/ball")
+        assert ball.size[0] == pytest.approx(15 * 2e-2)
+
+    def test_dump_and_dust_look_as_in_recordings(self, renderer):
+        """Above all, dust is not blue like loaded robots; areas that the task lacks are hidden."""
+        model = renderer.arena.model
+        for material, colour in (("dump", DUMP), ("dust", DUST)):
+            shown = 255 * model.material(material).rgba[:3]
+            np.testing.assert_allclose(shown, rgb(colour), atol=1e-3)
+        assert model.geom("dump").size[0] > 1
+        assert model.geom("dust_west").size[0] < 1e-5
+
+    def test_areas_of_the_task_are_painted(self, renderer):
+        scene = renderer.visual_scene
+        geoms = scene.geoms[: scene.ngeom]
+        box = mujoco.mjtGeom.mjGEOM_BOX
+        cylinder = mujoco.mjtGeom.mjGEOM_CYLINDER
+        assert [geom.type for geom in geoms] == [box, box, cylinder, cylinder]
+        places = 1e3 * np.concatenate([areas[1] for areas in self.AREAS.values()])
+        shown = [[*geom.pos[:2], geom.size[0]] for geom in geoms]
+        np.testing.assert_allclose(shown, places, rtol=1e-5)
+        colours = [255 * geom.rgba[:3] for geom in geoms[::2]]
+        np.testing.assert_allclose(colours, self.COLOURS, atol=1e-3)
+
+    def test_there_is_room_for_all_areas_beside_all_bodies(self, run, monkeypatch):
+        """A task may have any number of areas; MuJoCo has room for a fixed number of geoms."""
+        renderer_of_mujoco = MagicMock()
+        monkeypatch.setattr("mujoco.Renderer", renderer_of_mujoco)
+        many = np.tile(self.SPOTS, (1, 500, 1))
+        arrays = {**run.arrays, "area_spot": many}
+        with ArenaRenderer(run.config, arrays, SMALL_SHOT) as renderer:
+            n_bodies = renderer.arena.model.ngeom
+        max_geom = renderer_of_mujoco.call_args.kwargs["max_geom"]
+        assert max_geom == n_bodies + 1000 + 2
+
+
+class TestFloor:
+    """The floor ends at the walls, in pictures and in what recordings and the page draw."""
+
+    @pytest.fixture(params=[((0, -12), (12, -4), (5, 13), (-12, 2)), ((20, 30),)])
+    def run(self, request, tmp_path):
+        """A run in an arena with other corners."""
+        arena = ArenaConfig(outline=request.param, n_dust=2, dump_size=4, dust_area_size=2, dust_area_offset=5)
+        corners = np.array(arena.corners) * ROBOT_DIAMETER
+        changes = {"scene_corners": corners, "scene_arena_size": np.array(0.1)}
+        return load(write_run(tmp_path, SwarmConfig(arena), **changes))
+
+    def test_it_is_a_mesh_as_large_as_the_arena(self, run):
+        corners = mm_from_rd(np.array(run.config.arena.corners))
+        vertices, triangles = floor(run.scene)
+        np.testing.assert_allclose(vertices[:, :2], corners)
+        first, second, third = vertices[triangles].swapaxes(0, 1)
+        areas = np.cross(second - first, third - first)[:, 2] / 2
+        assert areas.min() > 0 and areas.sum() == pytest.approx(area_of(corners))
+
+    def test_pictures_show_this_mesh(self, run, monkeypatch):
+        monkeypatch.setattr("mujoco.Renderer", MagicMock())
+        with ArenaRenderer(run.config, run.arrays, SMALL_SHOT) as renderer:
+            model = renderer.arena.model
+            geom = model.geom("floor")
+            rotation = np.zeros(9)
+            mujoco.mju_quat2Mat(rotation, geom.quat)
+            shown = model.mesh_vert @ rotation.reshape(3, 3).T + geom.pos
+        top = shown[np.isclose(shown[:, 2], -0.004, atol=1e-6)][:, :2]
+        vertices, _ = floor(run.scene)
+        expected = np.sort(vertices[:, :2], axis=0)
+        np.testing.assert_allclose(np.sort(top, axis=0), expected, atol=1e-4)
+
+
+class TestErrors:
+    @pytest.mark.parametrize(
+        ("camera", "step", "out", "message"),
+        [
+            ("side", 0, "a.png", "camera must be above or oblique"),
+            ("above", 3, "a.png", "0 to 2"),
+            ("above", 0, "a.mp5", r"a name ending in \.png or \.jpg"),
+        ],
     )
-    hulls = [f"robot{robot}/substrate" for robot in range(4)]
-    np.testing.assert_allclose([data.geom(name).xpos[:2] for name in hulls], pose[:, :2], atol=1e-5)
-    colours = [rgb(colour) for colour in (EMPTY, EMPTY, LOADED, SCOUT)]
-    np.testing.assert_allclose([255 * model.geom(name).rgba[:3] for name in hulls], colours, atol=1e-3)
-    np.testing.assert_allclose(data.mocap_pos[stage.arena.mocap], balls, atol=1e-5)
-    assert model.geom("ball1/ball").size[0] == pytest.approx(15 * 2e-2)
-    for material, colour in (("dump", DUMP), ("dust", DUST)):  # above all, dust is not blue as loaded robots are
-        np.testing.assert_allclose(255 * model.material(material).rgba[:3], rgb(colour), atol=1e-3)
-    assert model.geom("dump").size[0] > 1 > 1e-5 > model.geom("dust_west").size[0]  # of which the task has none
-    shown = drawn.geoms[: drawn.ngeom]
-    box, cylinder = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_CYLINDER
-    assert [geom.type for geom in shown] == [box, box, cylinder, cylinder]
-    places = 1e3 * np.concatenate([areas[f"area_{name}"][1] for name in names])
-    np.testing.assert_allclose([[*geom.pos[:2], geom.size[0]] for geom in shown], places, rtol=1e-5)
-    np.testing.assert_allclose([255 * geom.rgba[:3] for geom in shown[::2]], about["colours"], atol=1e-3)
+    def test_wrong_arguments_are_named(self, tmp_path, camera, step, out, message):
+        shot = Shot(camera, size=(64, 64))
+        with pytest.raises(UserError, match=message):
+            render(write_run(tmp_path), step, shot, tmp_path / out)
+
+    @pytest.mark.parametrize("is_video", [False, True])
+    def test_arrays_that_do_not_fit_are_not_drawn(self, tmp_path, is_video):
+        run = write_run(tmp_path, scene_area_shapes=np.array(["disc"]))
+        with pytest.raises(UserError, match="the recorded arrays do not fit each other"):
+            if is_video:
+                write_video(run, tmp_path / "a.mp4", SMALL_SHOT)
+            else:
+                render(run, 1, SMALL_SHOT, tmp_path / "a.png")
+        assert not list(tmp_path.glob("a.*"))
 
 
-@pytest.mark.parametrize("corners", [((0, -12), (12, -4), (5, 13), (-12, 2)), ((20, 30),)])
-def test_the_floor_ends_at_the_walls(corners, tmp_path, monkeypatch):
-    """In pictures, and in what recordings and the page draw: as large as the arena, with corners at its corners."""
-    monkeypatch.setattr("mujoco.Renderer", MagicMock())
-    arena = ArenaConfig(outline=corners, n_dust=2, dump_size=4, dust_area_size=2, dust_area_offset=5)
-    frames = {"scene_corners": np.array(arena.corners) * ROBOT_DIAMETER, "scene_arena_size": np.array(0.1)}
-    run = load(write_run(tmp_path, SwarmConfig(arena), **frames))
-    vertices, triangles = floor(run.scene)
-    np.testing.assert_allclose(vertices[:, :2], mm_from_rd(np.array(arena.corners)))
-    first, second, third = vertices[triangles].swapaxes(0, 1)
-    area = np.cross(second - first, third - first)[:, 2] / 2
-    assert area.min() > 0 and area.sum() == pytest.approx(area_of(mm_from_rd(np.array(arena.corners))))
-    with ArenaRenderer(run.config, run.arrays, Shot(size=(64, 64))) as stage:
-        model = stage.arena.model
-        geom = model.geom("floor")
-        turned = np.zeros(9)
-        mujoco.mju_quat2Mat(turned, geom.quat)
-        seen = model.mesh_vert @ turned.reshape(3, 3).T + geom.pos
-    top = seen[np.isclose(seen[:, 2], -0.004, atol=1e-6)][:, :2]
-    np.testing.assert_allclose(np.sort(top, axis=0), np.sort(vertices[:, :2], axis=0), atol=1e-4)
-
-
-@pytest.mark.parametrize(
-    ("shot", "step", "out", "says"),
-    [
-        ("side", 0, "a.png", "camera must be above or oblique"),
-        ("above", 3, "a.png", "0 to 2"),
-        ("above", 0, "a.mp5", r"a name ending in \.png or \.jpg"),
-    ],
-)
-def test_what_a_run_does_not_have_is_refused(tmp_path, shot, step, out, says):
-    with pytest.raises(UserError, match=says):
-        render(write_run(tmp_path), step, Shot(shot, size=(64, 64)), tmp_path / out)
-
-
-@pytest.mark.parametrize("is_video", [False, True])
-def test_arrays_that_do_not_fit_are_not_drawn(tmp_path, is_video):
-    run = write_run(tmp_path, scene_area_shapes=np.array(["disc"]))
-    with pytest.raises(UserError, match="the recorded arrays do not fit each other"):
-        if is_video:
-            write_video(run, tmp_path / "a.mp4", Shot(size=(64, 64)))
-        else:
-            render(run, 1, Shot(size=(64, 64)), tmp_path / "a.png")
-    assert not list(tmp_path.glob("a.*"))
-
-
-def test_a_run_that_ended_early_is_shown_at_its_end(directory, tmp_path, monkeypatch):
-    monkeypatch.setattr("iswarm_mj.output.offscreen.ArenaRenderer", Blank)
-    assert render(directory, None, Shot(size=(64, 64)), tmp_path / "a.png") == 0
-
-
-class Blank:
-    """In place of a stage: a picture that does not compress."""
+class NoiseRenderer:
+    """Replacement of a renderer, with pictures that cannot be compressed."""
 
     def __init__(self, config, frames, shot, *_):
-        self.rng, self.shape = np.random.default_rng(0), (shot.size[1], shot.size[0], 3)
+        width, height = shot.size
+        self.rng = np.random.default_rng(0)
+        self.shape = (height, width, 3)
 
     def __enter__(self):
         return self
@@ -229,32 +318,71 @@ class Blank:
         return self.rng.integers(0, 255, self.shape, np.uint8)
 
 
+def test_a_run_that_ended_early_is_shown_at_its_end(directory, tmp_path, monkeypatch):
+    monkeypatch.setattr("iswarm_mj.output.offscreen.ArenaRenderer", NoiseRenderer)
+    assert render(directory, None, SMALL_SHOT, tmp_path / "a.png") == 0
+
+
 def decoded(path, size):
     """Frames (T, height, width, 3) and the description of a video."""
+    width, height = size
     reader = imageio_ffmpeg.read_frames(str(path))
-    about = next(reader)
-    frames = [np.frombuffer(frame, np.uint8).reshape(size[1], size[0], 3) for frame in reader]
-    return np.array(frames), about
+    description = next(reader)
+    frames = [np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader]
+    return np.array(frames), description
 
 
-def test_a_video_that_fails_leaves_the_old_one(tmp_path_factory, tmp_path, monkeypatch):
-    """Whatever the reason, and without a temporary file. Above are the title, the step, and metrics of the task."""
-    about = {"scene_metric_names": ["share"], "scene_metric_units": [""], "scene_metric_descriptions": [""]}
-    run, out = write_run(tmp_path_factory.mktemp("run"), **about, metric_share=[0.1, 0.25, 0.5]), tmp_path / "a.mp4"
-    said, captioned = [], video._captioned
-    monkeypatch.setattr(video, "_captioned", lambda pixels, lines: (said.append(lines), captioned(pixels, lines))[1])
-    out.write_bytes(b"old")
+class TestVideo:
+    """A video of a run of three frames, whose task has a metric."""
 
-    monkeypatch.setattr("iswarm_mj.output.video.ArenaRenderer", Blank)
-    film = Shot(size=(320, 240)), 24
-    with pytest.raises(UserError, match=r"^ffmpeg could not write"), full_disk(20_000):
-        write_video(run, out, *film)
-    assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"] and out.read_bytes() == b"old"
-    said.clear()
-    write_video(run, out, *film, steps=99, title="few")
-    assert said[::24] == [["few", f"step {step}", f"share {share}"] for step, share in enumerate((0.1, 0.25, 0.5))]
-    frames, about = decoded(out, (320, 240))
-    assert len(frames) == 49  # of all steps, which are fewer
-    assert about["codec"] == "h264" and about["pix_fmt"].startswith("yuv420p") and about["fps"] == RATE
-    data = out.read_bytes()
-    assert data.index(b"moov") < data.index(b"mdat"), "the index comes first, so that it plays while it loads"
+    SHOT = Shot(size=(320, 240))
+    FRAMES_PER_STEP = 24
+    SHARES = (0.1, 0.25, 0.5)
+
+    @pytest.fixture
+    def run(self, tmp_path_factory, monkeypatch):
+        monkeypatch.setattr("iswarm_mj.output.video.ArenaRenderer", NoiseRenderer)
+        return write_run(
+            tmp_path_factory.mktemp("run"),
+            scene_metric_names=["share"],
+            scene_metric_units=[""],
+            scene_metric_descriptions=[""],
+            metric_share=list(self.SHARES),
+        )
+
+    def test_one_that_fails_leaves_the_old_one_and_no_other_file(self, run, tmp_path):
+        out = tmp_path / "a.mp4"
+        out.write_bytes(b"old")
+        with pytest.raises(UserError, match=r"^ffmpeg could not write"), full_disk(20_000):
+            write_video(run, out, self.SHOT, self.FRAMES_PER_STEP)
+        assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"]
+        assert out.read_bytes() == b"old"
+
+    def test_captions_have_title_step_and_metrics(self, run, tmp_path, monkeypatch):
+        captions = []
+        add_caption = video._captioned
+
+        def keep_and_add(pixels, lines):
+            captions.append(lines)
+            return add_caption(pixels, lines)
+
+        monkeypatch.setattr(video, "_captioned", keep_and_add)
+        out = tmp_path / "a.mp4"
+        write_video(run, out, self.SHOT, self.FRAMES_PER_STEP, title="few")
+        assert captions[:: self.FRAMES_PER_STEP] == [
+            ["few", f"step {step}", f"share {share}"] for step, share in enumerate(self.SHARES)
+        ]
+
+    def test_all_steps_are_shown_where_there_are_fewer(self, run, tmp_path):
+        out = tmp_path / "a.mp4"
+        write_video(run, out, self.SHOT, self.FRAMES_PER_STEP, steps=99)
+        frames, description = decoded(out, self.SHOT.size)
+        assert len(frames) == 2 * self.FRAMES_PER_STEP + 1
+        assert description["codec"] == "h264" and description["fps"] == RATE
+        assert description["pix_fmt"].startswith("yuv420p")
+
+    def test_the_index_comes_first_so_that_it_plays_while_it_loads(self, run, tmp_path):
+        out = tmp_path / "a.mp4"
+        write_video(run, out, self.SHOT, self.FRAMES_PER_STEP)
+        data = out.read_bytes()
+        assert data.index(b"moov") < data.index(b"mdat")

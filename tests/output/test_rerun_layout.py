@@ -9,40 +9,62 @@ from support.swarm_recording import make_frames, make_scene, write
 from iswarm_mj.output.rerun_swarm import shown_lanes, swarm_views
 
 
-def test_lanes_by_default_are_of_living_robots_from_the_first_to_the_last():
+def test_lanes_are_of_living_robots_from_the_first_to_the_last():
     scene = make_scene(40)._replace(is_alive=np.arange(40) > 9)
-    chosen = shown_lanes(scene)
-    assert len(chosen) == 8 and (chosen[0], chosen[-1]) == (10, 39)
-    assert shown_lanes(make_scene(3)) == (0, 1, 2)
-    assert shown_lanes(make_scene(3)._replace(is_alive=np.zeros(3, bool))) == ()
+    lanes = shown_lanes(scene)
+    assert len(lanes) == 8 and (lanes[0], lanes[-1]) == (10, 39)
 
 
-def test_views_hide_what_others_show():
-    views = swarm_views(make_scene()).contents[0].contents
-    hidden = {
-        view.name: {n for n, own in view.visualizer_overrides.items() if isinstance(own, rrb.EntityBehavior)}
-        for view in views
-    }
-    dust, dump, links, trails = "world/memory/dust", "world/memory/dump", "world/links", "world/trails"
-    bare = {dust, dump, links, trails, "world/balls/marker"}
+def test_a_small_swarm_has_a_lane_for_each_living_robot():
+    scene = make_scene(3)
+    assert shown_lanes(scene) == (0, 1, 2)
+    assert shown_lanes(scene._replace(is_alive=np.zeros(3, bool))) == ()
+
+
+@pytest.fixture
+def arena_views():
+    """Views of the arena by name."""
+    tabs = swarm_views(make_scene()).contents[0]
+    return {view.name: view for view in tabs.contents}
+
+
+def test_views_hide_what_others_show(arena_views):
+    hidden = {}
+    for name, view in arena_views.items():
+        overrides = view.visualizer_overrides.items()
+        hidden[name] = {entity for entity, look in overrides if isinstance(look, rrb.EntityBehavior)}
+
+    dust = "world/memory/dust"
+    dump = "world/memory/dump"
+    links = "world/links"
+    trails = "world/trails"
+    all_but_robots = {dust, dump, links, trails, "world/balls/marker"}
     assert hidden == {
         "Arena (mm)": {dust, dump},
         "Vectors: dust (mm)": {dump, links, trails},
         "Vectors: dump (mm)": {dust, links, trails},
-        **{f"Hop counts: {name}": bare for name in ("dust", "dump")},
+        "Hop counts: dust": all_but_robots,
+        "Hop counts: dump": all_but_robots,
         "Links and ids": {dust, dump, trails},
     }
-    coloured = {view.name: view.visualizer_overrides.get("world/robots/body") for view in views}
-    for name in ("dust", "dump"):
-        assert coloured[f"Hop counts: {name}"].mappings[0].source_component == f"{name}_hop_colour"
+
+
+@pytest.mark.parametrize("name", ["dust", "dump"])
+def test_hop_counts_colour_the_robots(arena_views, name):
+    overrides = arena_views[f"Hop counts: {name}"].visualizer_overrides
+    (mapping,) = overrides["world/robots/body"].mappings
+    assert mapping.source_component == f"{name}_hop_colour"
 
 
 @pytest.mark.parametrize("teams", [(), ("home", "guests")])
 def test_the_legend_names_teams(tmp_path, teams):
-    scene = make_scene(6, 1)._replace(team_names=teams, team_sizes=(4, 2)[: len(teams)])
+    sizes = (4, 2)[: len(teams)]
+    scene = make_scene(6, 1)._replace(team_names=teams, team_sizes=sizes)
     write(tmp_path / "a.rrd", scene, make_frames(scene, 2), cuts=())
+
     chunks = RrdReader(tmp_path / "a.rrd").stream().to_chunks()
-    (row,) = (row for c in chunks if c.entity_path == "/legend" for row in c.to_record_batch().to_pylist())
+    (legend,) = [chunk for chunk in chunks if chunk.entity_path == "/legend"]
+    (row,) = legend.to_record_batch().to_pylist()
     text = row["TextDocument:text"][0]
     assert ("by group: home, guests; darker: loaded" in text) == bool(teams)
     assert ("orange empty" in text) != bool(teams)

@@ -1,4 +1,4 @@
-"""Frames on disk become the file that all at once would have become."""
+"""Frames on disk become the file that all of them at once would have become."""
 
 import io
 
@@ -11,34 +11,50 @@ from iswarm_mj.output.trajectory import TRAJECTORY
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.recorder import FrameStore
 
+SCENE = make_scene(3, 2)
 
-def made(n_frames, seed):
-    """Frames of any values, also with an array that is not in C's order."""
-    frames = make_frames(make_scene(3, 2), n_frames, seed)
-    frames.memory["turned"] = np.random.default_rng(seed).normal(size=(n_frames, 3)).T.copy().T
+
+def make_block(n_frames, seed):
+    """Frames of any values, also with an array that is not in C order."""
+    frames = make_frames(SCENE, n_frames, seed)
+    values = np.random.default_rng(seed).normal(size=(n_frames, 3))
+    frames.memory["turned"] = values.T.copy().T
     return frames
 
 
-def stored(tmp_path, blocks):
-    store = FrameStore(tmp_path)
+def store_of(directory, blocks):
+    store = FrameStore(directory)
     for block in blocks:
         store.append(block)
     return store
 
 
 def test_the_file_is_that_of_numpy(tmp_path):
-    blocks, wanted = [made(n, n) for n in (1, 64, 64, 7)], io.BytesIO()
-    stored(tmp_path, blocks).write(make_scene(3, 2), {})
-    together = {name: np.ascontiguousarray(values) for name, values in joined(blocks).arrays().items()}
-    np.savez(wanted, **together, **make_scene(3, 2).arrays(), about=np.bytes_(b"{}"))
-    assert (tmp_path / TRAJECTORY).read_bytes() == wanted.getvalue()
+    blocks = [make_block(n_frames, seed=n_frames) for n_frames in (1, 64, 64, 7)]
+    store_of(tmp_path, blocks).write(SCENE, {})
+
+    expected = io.BytesIO()
+    arrays = joined(blocks).arrays()
+    contiguous = {name: np.ascontiguousarray(values) for name, values in arrays.items()}
+    np.savez(expected, **contiguous, **SCENE.arrays(), about=np.bytes_(b"{}"))
+    assert (tmp_path / TRAJECTORY).read_bytes() == expected.getvalue()
 
 
-def test_a_full_disk_ends_with_a_sentence_and_keeps_what_was_there(tmp_path):
-    store, block = stored(tmp_path, [made(64, 2)]), made(64, 3)
-    with full_disk(3000), pytest.raises(UserError, match=r"cannot be written \(File too large\); make room"):
-        store.append(block)
-    for wanted in ([made(64, 2)], [made(64, 2), block]):
-        store.write(make_scene(3, 2), {})
-        np.testing.assert_array_equal(np.load(tmp_path / TRAJECTORY)["pose"], joined(wanted).pose)
-        store.append(block)  # there is room again
+def test_a_full_disk_ends_with_a_sentence_and_keeps_the_frames_before(tmp_path):
+    first = make_block(64, seed=2)
+    second = make_block(64, seed=3)
+    store = store_of(tmp_path, [first])
+    message = r"cannot be written \(File too large\); make room"
+    with full_disk(3000), pytest.raises(UserError, match=message):
+        store.append(second)
+    assert_written(store, tmp_path, [first])
+
+    store.append(second)  # there is space again
+    assert_written(store, tmp_path, [first, second])
+
+
+def assert_written(store, directory, blocks):
+    """Check that a trajectory of a store has the poses of these blocks."""
+    store.write(SCENE, {})
+    with np.load(directory / TRAJECTORY) as file:
+        np.testing.assert_array_equal(file["pose"], joined(blocks).pose)

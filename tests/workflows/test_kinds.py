@@ -1,4 +1,4 @@
-"""Two kinds of robots in one swarm: they clean, are recorded and drawn; swarms that cannot be are refused."""
+"""Two kinds of robots in one swarm: they clean, are recorded and drawn, and fit together."""
 
 import re
 from dataclasses import dataclass, replace
@@ -28,11 +28,19 @@ from iswarm_mj.tasks.aggregation import Aggregation, Spots
 from iswarm_mj.tasks.foraging import Forager
 from iswarm_mj.utils.errors import ConfigError, UserError
 
-N = 20  # eight of the first kind
+N = 20
+"""Number of robots, of which eight are of the first kind."""
+SIZES = [[2e-3, 2e-3, 1e-3], [2.4e-3, 1.6e-3, 1e-3]]
+"""Size of each kind [m]."""
+LAST_OF_FIRST_KIND = 7
+FIRST_OF_SECOND_KIND = 8
+BORDER = [LAST_OF_FIRST_KIND, FIRST_OF_SECOND_KIND]
+SMALL_SHOT = Shot(size=(64, 64))
 
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
+    """Files of both kinds with their numbers of robots."""
     return two_kinds(tmp_path_factory.mktemp("kinds"), N)
 
 
@@ -45,35 +53,63 @@ def out(files, tmp_path_factory):
     return out
 
 
-def test_both_kinds_clean_with_their_own_tools(files, out):
-    run, content = iswarm_mj.load(out), result(out)
-    assert content["n_robots"] == N and content["robot"]["file"] == list(files)
-    assert [kind["mass"] for kind in content["robot"]["kinds"]] == [10, 30]
-    assert run.robot_file == files
-    kinds = run.robots["kind"].to_numpy()[:N]
-    assert kinds.tolist() == [0] * 8 + [1] * 12 == run.scene.kind.tolist()
-    np.testing.assert_allclose(run.scene.robot_size[[7, 8]], [[2e-3, 2e-3, 1e-3], [2.4e-3, 1.6e-3, 1e-3]])
-    step, ball = np.nonzero(run.arrays["ball_state"] == 1)
-    holder = run.arrays["ball_holder"][step, ball]
-    pose, at = run.arrays["pose"][step, holder], run.arrays["ball_position"][step, ball, :2]
-    away = np.exp(-1j * pose[:, 2]) * ((at - pose[:, :2]) @ [1, 1j]) * 1e3
-    assert {0, 1} == set(kinds[holder]) and (holder == 9).any()
-    np.testing.assert_allclose(away, np.where(kinds[holder] == 0, 0.9, 1.1 + 0.1j), atol=1e-4)
+@pytest.fixture(scope="module")
+def run(out):
+    return iswarm_mj.load(out)
 
 
-def test_recordings_and_pictures_show_both_hulls(files, out, monkeypatch):
-    """Pictures need the files of the run: their arena has the hull of each robot."""
-    monkeypatch.setattr("mujoco.Renderer", MagicMock())
-    run = iswarm_mj.load(out)
-    sizes = {one.name: one.look for one in entities(run.scene)}[ROBOTS].half_sizes.as_arrow_array().to_pylist()
-    np.testing.assert_allclose([sizes[7], sizes[8]], [[1, 1, 0.5], [1.2, 0.8, 0.5]])
-    corners = outlines(np.zeros((N, 3)), run.scene.robot_size[:, :2])
-    np.testing.assert_allclose(np.ptp(corners, axis=1)[[7, 8]], [[2e-3, 2e-3], [2.4e-3, 1.6e-3]])
-    with ArenaRenderer(run.config, run.arrays, Shot(size=(64, 64)), run.robot_file) as stage:
-        for robot, size in ((7, [1, 1]), (8, HALF)):
-            np.testing.assert_allclose(stage.arena.model.geom(f"robot{robot}/substrate").size[:2], size)
-    with pytest.raises(UserError, match="must be as large as those of the run"):
-        ArenaRenderer(run.config, run.arrays, Shot(size=(64, 64)), files[::-1])
+class TestRun:
+    def test_results_name_both_files(self, files, out, run):
+        content = result(out)
+        assert content["n_robots"] == N
+        assert content["robot"]["file"] == list(files)
+        assert [kind["mass"] for kind in content["robot"]["kinds"]] == [10, 30]
+        assert run.robot_file == files
+
+    def test_trajectories_have_the_kind_and_size_of_each_robot(self, run):
+        kinds = [0] * 8 + [1] * 12
+        assert run.robots["kind"].to_pylist()[:N] == kinds == run.scene.kind.tolist()
+        np.testing.assert_allclose(run.scene.robot_size[BORDER], SIZES)
+
+    def test_both_kinds_hold_balls_with_their_own_tools(self, run):
+        """The tool of the second kind is farther ahead, and to the left."""
+        step, ball = np.nonzero(run.arrays["ball_state"] == 1)
+        holder = run.arrays["ball_holder"][step, ball]
+        kind = run.scene.kind[holder]
+        assert {0, 1} == set(kind) and (holder == 9).any()
+
+        pose = run.arrays["pose"][step, holder]
+        offset = run.arrays["ball_position"][step, ball, :2] - pose[:, :2]
+        in_own_frame = np.exp(-1j * pose[:, 2]) * (offset @ [1, 1j]) * 1e3
+        tools = np.where(kind == 0, 0.9, 1.1 + 0.1j)
+        np.testing.assert_allclose(in_own_frame, tools, atol=1e-4)
+
+
+class TestDrawings:
+    """Recordings, plans and pictures show the hulls of both kinds."""
+
+    def test_recordings(self, run):
+        looks = {entity.name: entity.look for entity in entities(run.scene)}
+        half_sizes = np.array(looks[ROBOTS].half_sizes.as_arrow_array().to_pylist())
+        np.testing.assert_allclose(half_sizes[BORDER], [[1, 1, 0.5], [1.2, 0.8, 0.5]])
+
+    def test_plans(self, run):
+        corners = outlines(np.zeros((N, 3)), run.scene.robot_size[:, :2])
+        extents = np.ptp(corners, axis=1)
+        np.testing.assert_allclose(extents[BORDER], [size[:2] for size in SIZES])
+
+    def test_pictures(self, run, monkeypatch):
+        monkeypatch.setattr("mujoco.Renderer", MagicMock())
+        renderer = ArenaRenderer(run.config, run.arrays, SMALL_SHOT, run.robot_file)
+        with renderer:
+            for robot, half_size in ((LAST_OF_FIRST_KIND, [1, 1]), (FIRST_OF_SECOND_KIND, HALF)):
+                hull = renderer.arena.model.geom(f"robot{robot}/substrate")
+                np.testing.assert_allclose(hull.size[:2], half_size)
+
+    def test_pictures_need_the_files_of_the_run(self, files, run, monkeypatch):
+        monkeypatch.setattr("mujoco.Renderer", MagicMock())
+        with pytest.raises(UserError, match="must be as large as those of the run"):
+            ArenaRenderer(run.config, run.arrays, SMALL_SHOT, files[::-1])
 
 
 def test_a_run_continues_from_its_results(out, tmp_path, monkeypatch):
@@ -102,14 +138,24 @@ class Still(Strategy):
         return memory, Command(jnp.zeros_like(memory), jnp.zeros_like(memory))
 
 
-def test_teams_of_one_kind_are_given_its_robot(files):
-    robots = read_robots(files)
-    made = Teams({"small": (8, Forager()), "large": (12, Forager())}).for_world(SMALL, robots, N)
-    assert [team.strategy.reach for team in made.teams] == [0.9, 1.1]
-    made = Teams({"some": (10, Still()), "others": (10, Still())}).for_world(SMALL, robots, N)
-    assert [team.strategy.masses for team in made.teams] == [(10.0,) * 8 + (30.0,) * 2, (30.0,) * 10]
-    with pytest.raises(UserError, match="one length; make each kind of robots a team, or set"):
-        Forager().for_world(SMALL, robots, N)
+class TestTeams:
+    def test_those_of_one_kind_get_its_robot(self, files):
+        robots = read_robots(files)
+        teams = Teams({"small": (8, Forager()), "large": (12, Forager())})
+        in_world = teams.for_world(SMALL, robots, N)
+        assert [team.strategy.reach for team in in_world.teams] == [0.9, 1.1]
+
+    def test_those_of_several_kinds_get_all_their_robots(self, files):
+        robots = read_robots(files)
+        teams = Teams({"some": (10, Still()), "others": (10, Still())})
+        in_world = teams.for_world(SMALL, robots, N)
+        masses = [team.strategy.masses for team in in_world.teams]
+        assert masses == [(10.0,) * 8 + (30.0,) * 2, (30.0,) * 10]
+
+    def test_a_strategy_for_one_kind_asks_for_teams(self, files):
+        message = "one length; make each kind of robots a team, or set"
+        with pytest.raises(UserError, match=message):
+            Forager().for_world(SMALL, read_robots(files), N)
 
 
 @pytest.mark.parametrize(("x", "fits"), [(2.2, True), (2.1, False)])
@@ -132,7 +178,7 @@ class Counts(Aggregation):
         return Spots(state.east, shares), super().advance(state, inputs, key)[1]
 
 
-def test_tasks_are_told_the_kind_of_each_robot(files):
+def test_tasks_know_the_kind_of_each_robot(files):
     run = Run(
         Scenario(
             SMALL,
@@ -145,11 +191,12 @@ def test_tasks_are_told_the_kind_of_each_robot(files):
         )
     )
     run.advance()
-    assert run.metrics()["bright"] == pytest.approx(0.6) and run.metrics()["dim"] == 1
+    assert run.metrics()["bright"] == pytest.approx(0.6)
+    assert run.metrics()["dim"] == 1
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("arguments", "message"),
     [
         (["a.xml:12", "b.xml:8", "--robots=24"], "--robots must be as many as the kinds .* together, 20"),
         (["a.xml:12", "b.xml:0"], "--robot must be a file, or FILE:ROBOTS with at least one robot for each"),
@@ -158,14 +205,15 @@ def test_tasks_are_told_the_kind_of_each_robot(files):
         (["a.xml:12", f"{models_directory()}/robot6.xml:8"], "must have the same height and number of sides"),
     ],
 )
-def test_swarms_that_cannot_be_are_refused(words, says, tmp_path, monkeypatch, capfd):
+def test_swarms_that_cannot_be_are_refused(arguments, message, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     for name in ("a.xml", "b.xml"):
         (tmp_path / name).write_text((models_directory() / "robot.xml").read_text())
-    assert re.search(says, refused(capfd, tmp_path, "clean", *FLAGS, "--robot", *words))
+    error = refused(capfd, tmp_path, "clean", *FLAGS, "--robot", *arguments)
+    assert re.search(message, error)
 
 
-@pytest.mark.parametrize("given", [[], ["a.xml:0"], ["a.xml:2.5"], [(3, 2)], ("a.xml:3", "b.xml"), 3])
-def test_files_that_are_none_are_refused(given):
+@pytest.mark.parametrize("robot_file", [[], ["a.xml:0"], ["a.xml:2.5"], [(3, 2)], ("a.xml:3", "b.xml"), 3])
+def test_files_that_are_none_are_refused(robot_file):
     with pytest.raises(ConfigError, match="robot_file must be"):
-        as_robot_file(given)
+        as_robot_file(robot_file)
