@@ -1,4 +1,4 @@
-"""Derivatives of short rollouts in MJX-JAX: against closed forms, and against differences in double precision."""
+"""Derivatives of short rollouts in MJX-JAX, against closed forms and differences. Units: mm, s."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -30,21 +30,29 @@ from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.profiling import Stopwatch
 from iswarm_mj.utils.units import RD
 
-SMALL = SwarmConfig(arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2))
+SMALL = SwarmConfig(
+    arena=ArenaConfig(size=10, dump_size=2, dust_area_size=1, dust_area_offset=3.5, n_dust=2),
+)
 APART = [[-6, -6, 0.3], [6, -5, 2.0], [-5, 6, -1.0], [5, 5, -2.5]]
 CROWD = [[-2, 0, 0.1], [2, 0.4, 3.0], [0.3, 3, -1.5], [-0.4, -3.2, 1.5]]
-BOXES = (0, -2, 0.5, 0.5, 0, 1e-5, 8e-4), (0, 3, 0.5, 0.4, 0, 1e-5, 0.5)
-"""One that slides when a robot pushes it, and one that stays."""
+SLIDING_BOX = (0, -2, 0.5, 0.5, 0, 1e-5, 8e-4)
+ROUGH_BOX = (0, 3, 0.5, 0.4, 0, 1e-5, 0.5)
+"""Box that stays when a robot pushes it."""
 TURNS = np.random.default_rng(0).uniform(-0.3, 0.3, (4, 4))
-USUAL = np.array([1.1, 0.3])
+"""Turns of the robots in four control steps [rad]."""
+PARAMETERS = np.array([1.1, 0.3])
 """Distance that a robot walks in a control step [mm], and time constant of contacts [s]."""
 
 
-def moved(arena, poses, parameters):
-    """Poses after four control steps, and the pairs that touched in each."""
+def roll_out(arena, poses, parameters):
+    """Return poses after four control steps, and the pairs that touched in each."""
     stride, time_constant = parameters
     solref = arena.model.geom_solref.at[:, 0].set(time_constant)
-    engine = MjxEngine(replace(arena, model=arena.model.replace(geom_solref=solref)), SMALL, is_masked=False)
+    engine = MjxEngine(
+        replace(arena, model=arena.model.replace(geom_solref=solref)),
+        SMALL,
+        is_masked=False,
+    )
 
     def step(bodies, turn):
         phases = drive_phases(SMALL.drive, Command(turn, jnp.full_like(turn, stride)))
@@ -57,13 +65,13 @@ def moved(arena, poses, parameters):
 
 
 def distance(arena, poses, parameters):
-    """Mean square of the robots' distances from the dump's centre [mm^2]; the pairs that touched."""
-    ends, touching = moved(arena, poses, parameters)
+    """Return the mean square distance from the dump's centre [mm^2], and the pairs that touched."""
+    ends, touching = roll_out(arena, poses, parameters)
     return (ends[:, :2] ** 2).sum(axis=-1).mean(), touching
 
 
 def slope_of(arena, derivative):
-    """Program for the derivatives of `distance`, its value, and the pairs that touched."""
+    """Return a program for the derivatives of `distance`, its value, and the pairs that touched."""
 
     def measure(parameters, poses):
         value, touching = distance(arena, poses, parameters)
@@ -72,15 +80,15 @@ def slope_of(arena, derivative):
     program = jax.jit(derivative(measure, has_aux=True))
 
     def slope(poses, parameters):
-        found, (value, touching) = program(parameters, poses)
-        return np.asarray(found), float(value), np.asarray(touching)
+        derivatives, (value, touching) = program(parameters, poses)
+        return np.asarray(derivatives), float(value), np.asarray(touching)
 
     return slope
 
 
 @pytest.fixture(scope="module")
 def double():
-    """Derivatives, value and pairs in double precision, with a solver that stops by rounding."""
+    """Return `slope_of` in double precision, with a solver that stops by rounding."""
     with jax.enable_x64(True):
         arena = compile_mjx_arena(SMALL, len(CROWD), "jax", 1)
         arena = replace(arena, model=arena.model.tree_replace({"opt.tolerance": jnp.asarray(0.0)}))
@@ -94,12 +102,12 @@ def double():
 
 
 def test_without_contacts_it_is_the_closed_form(double):
-    slope, _, touching = double(APART, USUAL)
+    slope, _, touching = double(APART, PARAMETERS)
     assert not touching.any()
     poses = np.array(APART)
     yaw = poses[:, 2] + np.cumsum(TURNS, axis=0)
     ahead = np.stack([np.cos(yaw).sum(axis=0), np.sin(yaw).sum(axis=0)], axis=-1)
-    ends = poses[:, :2] + USUAL[0] * ahead
+    ends = poses[:, :2] + PARAMETERS[0] * ahead
     expected = [(2 * ends * ahead).sum(axis=-1).mean(), 0.0]
     # The gain of the servos is rounded to float32.
     np.testing.assert_allclose(slope, expected, rtol=1e-6, atol=1e-12)
@@ -107,47 +115,60 @@ def test_without_contacts_it_is_the_closed_form(double):
 
 def test_with_contacts_it_agrees_with_differences(double):
     h = 1e-4
-    slope, _, touching = double(CROWD, USUAL)
+    slope, _, touching = double(CROWD, PARAMETERS)
     assert touching.any(axis=(1, 2)).all()
     differences = []
-    for e in h * np.eye(2):
-        above, below = double(CROWD, USUAL + e), double(CROWD, USUAL - e)
-        np.testing.assert_array_equal(above[2], touching)  # no contact begins or ends in between
-        np.testing.assert_array_equal(below[2], touching)
-        differences.append((above[1] - below[1]) / (2 * h))
+    for change in h * np.eye(2):
+        _, above, touching_above = double(CROWD, PARAMETERS + change)
+        _, below, touching_below = double(CROWD, PARAMETERS - change)
+        differences.append((above - below) / (2 * h))
+
+        # No contact begins or ends in between.
+        np.testing.assert_array_equal(touching_above, touching)
+        np.testing.assert_array_equal(touching_below, touching)
     assert min(np.abs(differences)) > 0.1
     np.testing.assert_allclose(slope, differences, rtol=3e-5)
 
 
 def test_of_boxes_that_are_pushed_it_agrees_with_differences():
-    """Friction lets go of one of them, which goes with its robot; in single precision."""
-    config = replace(SMALL, arena=replace(SMALL.arena, boxes=BOXES))
-    engine, start = MjxEngine(compile_mjx_arena(config, 2, "jax", 1), config, is_masked=False), poses_of_boxes(BOXES)
-    poses = jnp.asarray(np.concatenate([start - [start[0, 0] + RD / 2 + 0.95, 0, 0], start]), jnp.float32)
+    """Friction yields at one of them, which goes with its robot; in single precision."""
+    boxes = (SLIDING_BOX, ROUGH_BOX)
+    config = replace(SMALL, arena=replace(SMALL.arena, boxes=boxes))
+    engine = MjxEngine(compile_mjx_arena(config, 2, "jax", 1), config, is_masked=False)
+    box_poses = poses_of_boxes(boxes)
+    robot_poses = box_poses - [box_poses[0, 0] + RD / 2 + 0.95, 0, 0]
+    poses = jnp.asarray(np.concatenate([robot_poses, box_poses]), jnp.float32)
 
     def ends(speed):
         phase = Phase(12, lambda robots: jnp.zeros_like(robots).at[:, 0].set(speed))
-        x = engine.move(engine.place(poses, jnp.ones(2, bool)), [phase], jnp.bool_(True)).bodies.poses[2:, 0]
-        return x, x
+        bodies = engine.place(poses, jnp.ones(2, bool))
+        motion = engine.move(bodies, [phase], jnp.bool_(True))
+        box_x = motion.bodies.poses[2:, 0]
+        return box_x, box_x
 
     program = jax.jit(jax.jacfwd(ends, has_aux=True))
-    (slopes, _), (_, above), (_, below) = map(program, (1.8, 1.9, 1.7))
-    assert slopes[0] > 1 and abs(slopes[1]) < 1e-3
+    slopes, _ = program(1.8)
+    _, above = program(1.9)
+    _, below = program(1.7)
+    assert slopes[0] > 1
+    assert abs(slopes[1]) < 1e-3
     np.testing.assert_allclose(slopes, (above - below) / 0.2, atol=1e-3)
 
 
 @pytest.mark.slow
 def test_in_single_precision_and_in_reverse(double):
-    """Of a drive alone, in the precision of all runs: to 5 % in a crowd, and the same by reverse mode."""
+    """In the precision of all runs: to 5 % in a crowd, and the same by reverse mode."""
     arena = compile_mjx_arena(SMALL, len(CROWD), "jax", 1)
     forward, reverse = slope_of(arena, jax.jacfwd), slope_of(arena, jax.jacrev)
-    parameters = jnp.asarray(USUAL, jnp.float32)
+    parameters = jnp.asarray(PARAMETERS, jnp.float32)
     for poses, tolerance in ((APART, 1e-5), (CROWD, 0.05)):
-        expected, single = double(poses, USUAL)[0], jnp.asarray(poses, jnp.float32)
-        ahead, back = forward(single, parameters)[0], reverse(single, parameters)[0]
-        print(expected, ahead, back)
-        np.testing.assert_allclose(ahead, expected, rtol=tolerance, atol=1e-5)
-        np.testing.assert_allclose(back, ahead, rtol=1e-2, atol=1e-5)
+        expected, _, _ = double(poses, PARAMETERS)
+        single = jnp.asarray(poses, jnp.float32)
+        by_forward, _, _ = forward(single, parameters)
+        by_reverse, _, _ = reverse(single, parameters)
+        print(expected, by_forward, by_reverse)
+        np.testing.assert_allclose(by_forward, expected, rtol=tolerance, atol=1e-5)
+        np.testing.assert_allclose(by_reverse, by_forward, rtol=1e-2, atol=1e-5)
 
 
 @jax.tree_util.register_dataclass
@@ -178,31 +199,40 @@ class Paced(Strategy):
 
 @pytest.mark.slow
 def test_through_whole_control_steps():
-    """Sight, messages, noise and decisions included: the mean square of displacements, against differences."""
+    """The mean square displacement, with sight, messages, noise and decisions."""
     n_robots = len(APART)
+    n_steps = 3
     rules = rules_of(PRESETS["type1"], SMALL.strategy)
     papers = VectorStrategy(rules, jnp.asarray(0), SMALL.static, read_robot())
     strategy = Paced(papers, jnp.float32(1))
     start = start_of(SMALL, n_robots, 0, 0)._replace(poses=np.array(APART))
     world = World(PRESETS["type1"], n_robots, start=start)
-    many = jax.tree.map(lambda a: jnp.asarray(a)[None], strategy)
-    scenario = Scenario(SMALL, engine=MjxSettings(chunk=1), worlds=[world], steps=3)
+    strategies = jax.tree.map(lambda values: jnp.asarray(values)[None], strategy)
+    scenario = Scenario(SMALL, engine=MjxSettings(chunk=1), worlds=[world], steps=n_steps)
     setup = set_up(scenario, scenario.settings())
-    loop, _ = build_loop(setup, many, Stopwatch())
+    loop, _ = build_loop(setup, strategies, Stopwatch())
     params, state, engine = loop.on_first_device()
-    params, state = jax.tree.map(lambda a: a[0], (params, state))
+    params, state = jax.tree.map(lambda values: values[0], (params, state))
 
-    def spread(pace):
-        mine = params._replace(strategy=replace(params.strategy, pace=pace))
+    def mean_square_displacement(pace):
+        paced = params._replace(strategy=replace(params.strategy, pace=pace))
+        stepper = Stepper(
+            engine,
+            SMALL,
+            partial(decide, SMALL, engine.robot, paced),
+            records=False,
+        )
 
         def step(state, k):
-            stepper = Stepper(engine, SMALL, partial(decide, SMALL, engine.robot, mine), records=False)
-            return control_step(stepper, mine, state, k, jnp.int32(3))[0], None
+            new_state, _ = control_step(stepper, paced, state, k, jnp.int32(n_steps))
+            return new_state, None
 
-        end, _ = jax.lax.scan(step, state, jnp.arange(3))
-        return ((end.bodies.poses - state.bodies.poses)[:, :2] ** 2).sum(axis=-1).mean()
+        end, _ = jax.lax.scan(step, state, jnp.arange(n_steps))
+        displacement = (end.bodies.poses - state.bodies.poses)[:, :2]
+        return (displacement**2).sum(axis=-1).mean()
 
-    value, slope = jax.jit(spread), jax.jit(jax.jacfwd(spread))
+    value = jax.jit(mean_square_displacement)
+    slope = jax.jit(jax.jacfwd(mean_square_displacement))
     h, pace = 0.01, 0.9
     difference = (value(pace + h) - value(pace - h)) / (2 * h)
     assert difference > 0.1

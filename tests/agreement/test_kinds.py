@@ -1,4 +1,4 @@
-"""Robots of two kinds in one swarm: hulls of 2 x 2 and 2.4 x 1.6 mm, 10 and 30 mg. Units: mm, mg, s."""
+"""Robots of two kinds in one swarm: 2 x 2 mm, 10 mg and 2.4 x 1.6 mm, 30 mg. Units: mm, mg, s."""
 
 from dataclasses import replace
 
@@ -18,89 +18,116 @@ from iswarm_mj.geometry.robot import Mixed
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import UserError
 
-N = 60
+N_ROBOTS = 60
+LIGHT, HEAVY = 10.0, 30.0
+"""Masses of both kinds."""
+TIMESTEP = 0.1
 
 
 @pytest.fixture(scope="module")
-def file(tmp_path_factory):
-    return two_kinds(tmp_path_factory.mktemp("kinds"), N)
+def robot_files(tmp_path_factory):
+    """Return the files of 24 light and 36 heavy robots, with their numbers."""
+    return two_kinds(tmp_path_factory.mktemp("kinds"), N_ROBOTS)
 
 
-def few(file):
-    """One robot of the first kind and two of the second."""
-    return numbered([path for path, _ in files_of(file)], 1, 2)
+def paths_of(robot_files):
+    return [path for path, _ in files_of(robot_files)]
 
 
-def engines(file, n_worlds, n_robots):
-    """The engines by their names; planar ones from one robot of each kind."""
-    arena, one = (compile_arena(SMALL, n, np.zeros(0), robot_file=file) for n in (n_robots, None))
-    planar = PlanarEngine(SMALL, one, 1)
+def engines(robot_files, n_worlds, n_robots):
+    """Return the engines by their names; planar ones are read from one robot of each kind."""
+    all_robots = compile_arena(SMALL, n_robots, np.zeros(0), robot_file=robot_files)
+    one_of_each = compile_arena(SMALL, None, np.zeros(0), robot_file=robot_files)
+    planar = PlanarEngine(SMALL, one_of_each, 1)
     planar.plane = planar.plane._replace(tolerance=1e-9)
     return {
-        "mujoco": MujocoEngine(SMALL, arena, n_worlds, 1, n_robots),
+        "mujoco": MujocoEngine(SMALL, all_robots, n_worlds, 1, n_robots),
         "numba": planar,
-        "warp": read_engine(one, SMALL, jax.default_backend()),
+        "warp": read_engine(one_of_each, SMALL, jax.default_backend()),
     }
 
 
-@pytest.mark.parametrize("name", ["mujoco", "numba", "warp"])
-def test_kinds_of_different_mass_exchange_momentum(file, name):
-    """The last robot of the first kind and the second of the second one meet head-on, overlapping by 0.05 mm.
+@pytest.mark.parametrize(("name", "atol"), [("mujoco", 1e-9), ("numba", 1e-9), ("warp", 2e-3)])
+def test_kinds_of_different_mass_exchange_momentum(robot_files, name, atol):
+    """A light robot and the second of two heavy ones meet head-on, overlapping by 0.05 mm.
 
-    Drives reach their set points in the physics step, so that momentum beyond those comes from the contact alone.
+    Drives reach their set points in the physics step, so that momentum beyond those comes from the
+    contact alone.
     """
-    engine = engines(few(file), 1, 3)[name]
-    poses = [[(-1.0, 0.0, 0.0), (8.0, 8.0, 0.0), (1.15, 0.0, np.pi)]]
-    velocity = np.array([[(1.4, 0, 0), (0, 0.5, 0), (-1.0, 0, 0)]])
-    steps = np.asarray(engine.poses(moved(engine, placed(engine, poses), velocity, 1).bodies)) - poses
-    gained = np.array([10.0, 30.0, 30.0])[:, None] * (steps[0] / 0.1 - velocity[0])[:, :2]
+    masses = np.array([LIGHT, HEAVY, HEAVY])
+    engine = engines(numbered(paths_of(robot_files), 1, 2), 1, len(masses))[name]
+    poses = np.array([[(-1.0, 0.0, 0.0), (8.0, 8.0, 0.0), (1.15, 0.0, np.pi)]])
+    set_points = np.array([[(1.4, 0, 0), (0, 0.5, 0), (-1.0, 0, 0)]])
+    bodies = moved(engine, placed(engine, poses), set_points, 1).bodies
+    velocities = (np.asarray(engine.poses(bodies)) - poses)[0] / TIMESTEP
+    gained = masses[:, None] * (velocities - set_points[0])[:, :2]
     assert gained[2, 0] > 5
-    np.testing.assert_allclose(gained.sum(axis=0), 0, atol=2e-3 if name == "warp" else 1e-9)
-    np.testing.assert_allclose(gained[1], 0, atol=2e-3 if name == "warp" else 1e-9)
+    np.testing.assert_allclose(gained.sum(axis=0), 0, atol=atol)
+    np.testing.assert_allclose(gained[1], 0, atol=atol)
 
 
 def test_a_file_twice_is_one_kind():
     """Bit by bit, in motion and light."""
-    path, poses = models_directory() / "robot.xml", np.stack([place_robots(SMALL.arena, N, np.random.default_rng(5))])
-    found = []
-    for file in (path, numbered((path, path), 20, N - 20)):
-        engine = PlanarEngine(SMALL, compile_arena(SMALL, None, np.zeros(0), robot_file=file), 1)
-        motion = moved(engine, placed(engine, poses), (1.0, 0.3, 0.4))
-        found.append((motion.bodies.poses, engine.sense(motion.bodies, np.ones((1, N)), np.ones(1, bool))))
-    assert jax.tree.all(jax.tree.map(np.array_equal, *found)) and found[0][1].links.valid.sum() > 20
+    path = models_directory() / "robot.xml"
+    poses = place_robots(SMALL.arena, N_ROBOTS, np.random.default_rng(5))[None]
+    outcomes = []
+    for robot_files in (path, numbered((path, path), 20, N_ROBOTS - 20)):
+        arena = compile_arena(SMALL, None, np.zeros(0), robot_file=robot_files)
+        engine = PlanarEngine(SMALL, arena, 1)
+        bodies = moved(engine, placed(engine, poses), (1.0, 0.3, 0.4)).bodies
+        reading = engine.sense(bodies, np.ones((1, N_ROBOTS)), np.ones(1, bool))
+        outcomes.append((bodies.poses, reading))
+    assert jax.tree.all(jax.tree.map(np.array_equal, *outcomes))
+    _, reading = outcomes[0]
+    assert reading.links.valid.sum() > 20
 
 
 class TestRobots:
-    def test_have_consecutive_numbers(self, file):
-        robots = read_robots(file)
-        assert robots.kind_of(np.array([0, 23, 24, 59, 80])).tolist() == [0, 0, 1, 1, 1]
-        three = read_robots(numbered([path for path, _ in (*files_of(file), *files_of(file)[:1])], 2, 3, 4))
+    def test_have_consecutive_numbers(self, robot_files):
+        robots = read_robots(robot_files)
+        kinds = robots.kind_of(np.array([0, 23, 24, 59, 80]))
+        assert kinds.tolist() == [0, 0, 1, 1, 1]
+
+        light, heavy = paths_of(robot_files)
+        three = read_robots(numbered([light, heavy, light], 2, 3, 4))
         assert three.kind_of(9).tolist() == [0, 0, 1, 1, 1, 2, 2, 2, 2]
-        np.testing.assert_allclose(robots.each("probe_tip", np.array([23, 24])), [[0.9, 0], [1.1, 0.1]])
-        assert robots.each("mass", np.array([24, 0])).tolist() == [30, 10]
-        assert robots.circumradius == pytest.approx(np.hypot(*HALF)) and robots.inradius == 0.8
 
-    def test_of_one_kind_are_a_robot(self, file):
-        robots, heavy = read_robots(file), read_robot(files_of(file)[1][0])
-        assert robots.part(24, 5) == heavy and robots.part(0, 24) == read_robot()
-        some = robots.part(20, 10)
-        assert some.kinds == robots.kinds and some.kind_of(10).tolist() == [0] * 4 + [1] * 6
+    def test_have_attributes_of_their_kinds(self, robot_files):
+        robots = read_robots(robot_files)
+        tips = robots.each("probe_tip", np.array([23, 24]))
+        np.testing.assert_allclose(tips, [[0.9, 0], [1.1, 0.1]])
+        assert robots.each("mass", np.array([24, 0])).tolist() == [HEAVY, LIGHT]
+        assert robots.circumradius == pytest.approx(np.hypot(*HALF))
+        assert robots.inradius == 0.8
 
-    def test_of_several_kinds_have_no_tip_in_common(self, file):
-        with pytest.raises(AttributeError, match=r'no probe_tip in common; use each\("probe_tip", n_robots\)'):
-            _ = read_robots(file).probe_tip
+    def test_of_one_kind_are_a_robot(self, robot_files):
+        robots = read_robots(robot_files)
+        assert robots.part(24, 5) == read_robot(paths_of(robot_files)[1])
+        assert robots.part(0, 24) == read_robot()
 
-    def test_must_look_alike(self, file):
-        one = read_robot()
-        for other in (
-            read_robot(models_directory() / "robot6.xml"),
-            replace(one, half_edges=(1, 1, 0.4)),
-        ):
-            with pytest.raises(UserError, match="same height and number of sides, and LEDs and photodiodes that look"):
-                Mixed((one, other), (0, 1))
+        of_both = robots.part(20, 10)
+        assert of_both.kinds == robots.kinds
+        assert of_both.kind_of(10).tolist() == [0] * 4 + [1] * 6
 
-    def test_that_touch_one_are_bounded(self, file):
-        """Around a large one there is room for more small ones than around their like."""
-        one = read_robot()
-        large = replace(one, half_edges=(3.0, 3.0, 0.5))
-        assert one.most_partners == large.most_partners == 12 and Mixed((one, large), (0, 1)).most_partners == 24
+    def test_of_several_kinds_have_no_tip_in_common(self, robot_files):
+        message = r'no probe_tip in common; use each\("probe_tip", n_robots\)'
+        with pytest.raises(AttributeError, match=message):
+            _ = read_robots(robot_files).probe_tip
+
+    @pytest.mark.parametrize("difference", ["sides", "height"])
+    def test_must_look_alike(self, difference):
+        papers = read_robot()
+        others = {
+            "sides": read_robot(models_directory() / "robot6.xml"),
+            "height": replace(papers, half_edges=(1, 1, 0.4)),
+        }
+        message = "same height and number of sides, and LEDs and photodiodes that look"
+        with pytest.raises(UserError, match=message):
+            Mixed((papers, others[difference]), (0, 1))
+
+    def test_that_touch_one_are_bounded(self):
+        """Around a large robot there is room for more small ones than around one of their size."""
+        papers = read_robot()
+        large = replace(papers, half_edges=(3.0, 3.0, 0.5))
+        assert papers.most_partners == large.most_partners == 12
+        assert Mixed((papers, large), (0, 1)).most_partners == 24

@@ -1,6 +1,10 @@
-"""Grasp and release in the C engine, in MJX-JAX and in MJX-Warp: one decision, that of the laws."""
+"""Grasp and release in the C engine, in MJX-JAX and in MJX-Warp: one decision, that of the laws.
+
+Units: um, mJ/m^2, V, as in `models/bench.xml`.
+"""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,90 +21,144 @@ from iswarm_mj.gripper.mjx_forces import first_state, gripper_forces, step
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
-FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
+FULL_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 N_TRIALS = 50
 SHARES = (0.995, 1.005)
-START = 45.0
-"""Height of the tip where the probe's slide is 0 [um]."""
-RETRACTED = np.concatenate([np.full(100, -0.003), np.linspace(-0.003, 0.02, 300), np.linspace(0.02, 0.4, 200)])
-"""Shift of the probe against first touch in a grasp [um]."""
+"""Voltages below and above the threshold, as shares of it."""
+TIP_AT_ZERO = 45.0
+"""Height of the tip where the probe's slide is 0."""
+TOUCH = 2e-4
+"""How deep the ball is in what it touches at the start."""
+LIFTED = 5.0
+"""Height of the ball above the plate before it is released."""
+PULL_UP = np.concatenate(
+    [
+        np.full(100, -0.003),
+        np.linspace(-0.003, 0.02, 300),
+        np.linspace(0.02, 0.4, 200),
+    ]
+)
+"""Shift of the probe against first touch in a grasp."""
+HOLD = np.zeros(400)
+"""Shift of the probe in a release."""
 
 
-def trials(task):
-    """Radii, works (plate, probe), voltages, starts and paths of balls on both sides of their thresholds (2 N, ...)."""
-    random = np.random.default_rng(6)
-    radius = np.tile(random.uniform(15, 25, N_TRIALS), 2)
-    work = np.tile(np.array([14.7, 1.41]) * np.exp(random.normal(0, [0.16, 0.12], (N_TRIALS, 2))), (2, 1))
+class Trials(NamedTuple):
+    """Trials of balls, N below their thresholds and the same N above (2 N, ...)."""
+
+    radius: np.ndarray
+    """Radius of the ball."""
+    work: np.ndarray
+    """(2 N, 2) work of adhesion on the plate and on the probe."""
+    voltage: np.ndarray
+    """Voltage of the probe."""
+    height: np.ndarray
+    """Height of the ball above the plate at the start."""
+    tip: np.ndarray
+    """Slide of the probe at the start."""
+    path: np.ndarray
+    """(2 N, T) slide of the probe in each step."""
+
+
+def draw_trials(task):
+    """Return trials of a task on both sides of the thresholds of the laws."""
+    rng = np.random.default_rng(6)
+    radius = np.tile(rng.uniform(15, 25, N_TRIALS), 2)
+    scatter = np.exp(rng.normal(0, [0.16, 0.12], (N_TRIALS, 2)))
+    work = np.tile(np.array([14.7, 1.41]) * scatter, (2, 1))
     share = np.repeat(SHARES, N_TRIALS)
-    os, to = work.T * 1e-3
+    work_plate, work_probe = work.T * 1e-3  # J/m^2
+    radius_si = radius * 1e-6  # m
     if task == "grasp":
-        voltage = share * grasp_voltage(radius * 1e-6, to, os)
-        height, path = np.zeros_like(radius), RETRACTED
+        voltage = share * grasp_voltage(radius_si, work_probe, work_plate)
+        height = np.zeros_like(radius)
+        shift = PULL_UP
     else:
-        height, path = np.full_like(radius, 5.0), np.zeros(400)
-        voltage = share * release_voltage(radius * 1e-6, to)
-    tip = height + 2 * radius - START
-    return radius, work, voltage, height, tip, tip[:, None] + path
+        voltage = share * release_voltage(radius_si, work_probe)
+        height = np.full_like(radius, LIFTED)
+        shift = HOLD
+    tip = height + 2 * radius - TIP_AT_ZERO
+    return Trials(radius, work, voltage, height, tip, tip[:, None] + shift)
 
 
-def c_engine(task):
-    """Gap between ball and plate (2 N,) at the end."""
-    states, controls, models = [], [], []
-    for radius, work, voltage, height, tip, path in zip(*trials(task), strict=True):
+def gaps_in_c(task):
+    """Return the gaps between balls and plate (2 N,) at the end, in the C engine."""
+    trials = draw_trials(task)
+    models, states, controls = [], [], []
+    for trial in zip(*trials, strict=True):
+        radius, (work_plate, work_probe), voltage, height, tip, path = trial
+        is_on_probe = height > 0
         spec = mujoco.MjSpec.from_file(str(BENCH))
         spec.geom("ball").size[0] = radius
-        models.append(spec.compile())
-        data = mujoco.MjData(models[-1])
-        data.joint("ball").qpos[2] = height + radius + (2e-4 if height else -2e-4)
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        data.joint("ball").qpos[2] = height + radius + (TOUCH if is_on_probe else -TOUCH)
         data.joint("probe_z").qpos = tip
-        for instance, w in zip(("adhesion_plate", "adhesion_probe"), work, strict=True):
-            data.plugin_state[plugin.state_index(models[-1], instance, "work")] = w
-        data.plugin_state[plugin.state_index(models[-1], "electrostatic", "potential")] = height > 0
-        states.append(np.zeros(mujoco.mj_stateSize(models[-1], FULL)))
-        mujoco.mj_getState(models[-1], data, states[-1], FULL)
+        for instance, field, value in (
+            ("adhesion_plate", "work", work_plate),
+            ("adhesion_probe", "work", work_probe),
+            ("electrostatic", "potential", is_on_probe),
+        ):
+            data.plugin_state[plugin.state_index(model, instance, field)] = value
+
+        state = np.zeros(mujoco.mj_stateSize(model, FULL_STATE))
+        mujoco.mj_getState(model, data, state, FULL_STATE)
+        models.append(model)
+        states.append(state)
         controls.append(np.stack([0 * path, path, np.full_like(path, voltage)], axis=1))
-    result, _ = mujoco.rollout.rollout(models, [mujoco.MjData(models[0])] * 1, np.array(states), np.array(controls))
-    return result[:, -1, 1 + 2] - trials(task)[0]
+    one_thread = [mujoco.MjData(models[0])]
+    result, _ = mujoco.rollout.rollout(models, one_thread, np.array(states), np.array(controls))
+    height_index = 1 + 2  # of the ball, after the time
+    return result[:, -1, height_index] - trials.radius
 
 
-def in_mjx(task, impl):
-    """Gap between ball and plate (2 N,) at the end."""
+def gaps_in_mjx(task, impl):
+    """Return the gaps between balls and plate (2 N,) at the end, in MJX."""
     spec = mujoco.MjSpec.from_file(str(BENCH))
-    forces, portable = gripper_forces(spec.compile()), mjx_compatible(spec)
+    forces = gripper_forces(spec.compile())
+    portable = mjx_compatible(spec)
     size = {"naconmax": 8 * N_TRIALS, "njmax": 20} if impl == "warp" else {}
-    mx, dx = mjx.put_model(portable, impl=impl), mjx.make_data(portable, impl=impl, **size)
+    model = mjx.put_model(portable, impl=impl)
+    data = mjx.make_data(portable, impl=impl, **size)
 
-    def run(radius, work, voltage, height, tip, path):
-        lifted = height > 0
-        works = {(f"adhesion_{surface}", "work"): work[k] for k, surface in enumerate(("plate", "probe"))}
-        model, mine = resize(forces, mx, radius), forces.having(works)
-        z = height + radius + jnp.where(lifted, 2e-4, -2e-4)
-        start = dx.replace(qpos=dx.qpos.at[2].set(z).at[8].set(tip))
+    def gap_of(trial):
+        is_on_probe = trial.height > 0
+        works = {
+            ("adhesion_plate", "work"): trial.work[0],
+            ("adhesion_probe", "work"): trial.work[1],
+        }
+        trial_model = resize(forces, model, trial.radius)
+        trial_forces = forces.having(works)
+        z = trial.height + trial.radius + jnp.where(is_on_probe, TOUCH, -TOUCH)
+        start = data.replace(qpos=data.qpos.at[2].set(z).at[8].set(trial.tip))
 
         def advance(carry, probe_z):
             data, ball = carry
-            data = data.replace(ctrl=jnp.stack([0 * probe_z, probe_z, voltage]))
-            data, force = step(mine, model, data, ball)
+            control = jnp.stack([0 * probe_z, probe_z, trial.voltage])
+            data = data.replace(ctrl=control)
+            data, force = step(trial_forces, trial_model, data, ball)
             return (data, force.state), None
 
-        ball = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), first_state(mine))
-        ball = ball._replace(potential=jnp.where(lifted, ON_PROBE, ON_PLATE))
-        (data, _), _ = jax.lax.scan(advance, (start, ball), path)
-        return data.qpos[2] - radius
+        ball = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), first_state(trial_forces))
+        ball = ball._replace(potential=jnp.where(is_on_probe, ON_PROBE, ON_PLATE))
+        (end, _), _ = jax.lax.scan(advance, (start, ball), trial.path)
+        return end.qpos[2] - trial.radius
 
-    return np.asarray(jax.jit(jax.vmap(run))(*(jnp.asarray(column, jnp.float32) for column in trials(task))))
+    single = jax.tree.map(lambda values: jnp.asarray(values, jnp.float32), draw_trials(task))
+    return np.asarray(jax.jit(jax.vmap(gap_of))(single))
 
 
-def decided(task, gap):
-    """Whether each ball was grasped, or released (2, N)."""
-    return (gap > 0.2 if task == "grasp" else gap < 4).reshape(2, N_TRIALS)
+def assert_decided_as_the_laws(task, gaps):
+    """Assert that balls above their thresholds were grasped or released, and no others."""
+    is_done = gaps > 0.2 if task == "grasp" else gaps < 4
+    below, above = is_done.reshape(2, N_TRIALS)
+    assert not below.any()
+    assert above.all()
 
 
 @pytest.mark.parametrize("task", ["grasp", "release"])
 def test_the_plugin_decides_as_the_laws(task):
-    below, above = decided(task, c_engine(task))
-    assert not below.any()
-    assert above.all()
+    assert_decided_as_the_laws(task, gaps_in_c(task))
 
 
 @pytest.mark.slow
@@ -109,6 +167,4 @@ def test_the_plugin_decides_as_the_laws(task):
 def test_mjx_decides_as_the_laws(task, impl):
     if impl == "warp":
         pytest.importorskip("warp")
-    below, above = decided(task, in_mjx(task, impl))
-    assert not below.any()
-    assert above.all()
+    assert_decided_as_the_laws(task, gaps_in_mjx(task, impl))

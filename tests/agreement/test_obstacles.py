@@ -1,4 +1,4 @@
-"""Walls and obstacles in the files of a run. Units: mm, s."""
+"""Walls and obstacles in the files of a run."""
 
 from dataclasses import replace
 
@@ -15,19 +15,37 @@ from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.units import RD
 from iswarm_mj.workflows.clean import run_swarm
 
-
-def arena_with(*boxes, n_dust=2):
-    return replace(SMALL.arena, obstacles=boxes, dust_area_size=2, dust_area_offset=5.5, n_dust=n_dust)
+OUTLINE = ((-7.0, -5.0), (1.0, -8.0), (8.0, -3.0), (6.0, 6.0), (-6.0, 6.0))
+OBSTACLES = ((2.0, 3.0, 1.5, 0.3, 25.0),)
+"""x, y, half edges [rd] and yaw [deg]."""
+CONFIG = SwarmConfig(
+    replace(
+        SMALL.arena,
+        size=49.0,
+        outline=OUTLINE,
+        obstacles=OBSTACLES,
+        dust_area_offset=4,
+        dust_area_size=1,
+        n_dust=2,
+    )
+)
 
 
 def test_recordings_show_walls_and_obstacles(tmp_path):
-    outline, boxes = ((-7.0, -5.0), (1.0, -8.0), (8.0, -3.0), (6.0, 6.0), (-6.0, 6.0)), ((2.0, 3.0, 1.5, 0.3, 25.0),)
-    config = SwarmConfig(replace(arena_with(*boxes), size=49.0, outline=outline, dust_area_offset=4, dust_area_size=1))
-    run_swarm(Run(Scenario(config, robots=12, engine=PlanarSettings(1), steps=2)), tmp_path)
-    saved, shown = load(tmp_path), read(tmp_path / "clean.rrd")
-    assert saved.config == config
-    np.testing.assert_allclose(saved.scene.corners, 1e-3 * RD * np.array(outline))
-    middles, half = (np.array(shown["/world/arena/walls"][f"Boxes3D:{name}"]) for name in ("centers", "half_sizes"))
-    np.testing.assert_allclose(beyond(middles[:, :2], in_mm(config.arena.walls)), half[:, 0], atol=1e-4)
-    half = np.array(shown["/world/arena/obstacles"]["Boxes3D:half_sizes"])
-    np.testing.assert_allclose(half[:, :2], RD * np.array(boxes)[:, 2:4], rtol=1e-6)
+    scenario = Scenario(CONFIG, robots=12, engine=PlanarSettings(1), steps=2)
+    run_swarm(Run(scenario), tmp_path)
+    saved = load(tmp_path)
+    shown = read(tmp_path / "clean.rrd")
+    assert saved.config == CONFIG
+    np.testing.assert_allclose(saved.scene.corners, 1e-3 * RD * np.array(OUTLINE))
+
+    # Slabs whose inner sides are the walls.
+    walls = shown["/world/arena/walls"]
+    centres = np.array(walls["Boxes3D:centers"])
+    half_sizes = np.array(walls["Boxes3D:half_sizes"])
+    distances = beyond(centres[:, :2], in_mm(CONFIG.arena.walls))
+    np.testing.assert_allclose(distances, half_sizes[:, 0], atol=1e-4)
+
+    half_sizes = np.array(shown["/world/arena/obstacles"]["Boxes3D:half_sizes"])
+    half_edges = RD * np.array(OBSTACLES)[:, 2:4]
+    np.testing.assert_allclose(half_sizes[:, :2], half_edges, rtol=1e-6)

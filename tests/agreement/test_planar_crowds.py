@@ -1,10 +1,13 @@
-"""The planar engine, at MuJoCo's time step, against MuJoCo in C: one control step of crowds of cleaning runs.
+"""The planar engine, at MuJoCo's time step, against MuJoCo in C: crowds of cleaning runs.
 
-`pytest -m slow tests/agreement/test_planar_crowds.py -s` prints what was found.
+Bodies are taken from runs in C before some control steps, and take each of these with the planar
+engine. `pytest -m slow tests/agreement/test_planar_crowds.py -s` prints the differences. Units:
+mm, rad.
 """
 
 from dataclasses import replace
 from functools import cache
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -22,34 +25,55 @@ from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
 
 pytestmark = pytest.mark.slow
-AT_STEPS, N_WORLDS, ALLOWED = (50, 100, 150, 200, 250, 300), 2, 0.02
+
+AT_STEPS = (50, 100, 150, 200, 250, 300)
+N_WORLDS = 2
+ALLOWED = 0.02
+"""Largest difference of a pose."""
+SMALL_DIFFERENCE = 1e-3
+"""Difference beyond which 1 % of the poses may be."""
 CONFIG = SwarmConfig()
 GENOME = replace(PRESETS["type1"], use_hop_count=False)
-"""Swarms that have not delivered all balls by step 300."""
+"""Genome of swarms that have not delivered all balls by step 300."""
+
+
+class Crowd(NamedTuple):
+    """Control step of worlds in C."""
+
+    poses: np.ndarray
+    """(B, N, 3) before the step."""
+    velocities: np.ndarray
+    """(B, N, 3) before the step."""
+    phases: list
+    """Phases of the step."""
+    ends: np.ndarray
+    """(B, N, 3) poses after the step."""
+    touching: np.ndarray
+    """Pairs in contact, see `Motion.touching`."""
 
 
 @cache
 def crowds(n_robots):
-    """Bodies, set points of the servos, and where MuJoCo ends, of B control steps from N_WORLDS runs in C.
+    """Return control steps from N_WORLDS runs in C."""
+    recorded = []
+    steps_of_engine = {}
+    move_in_c = MujocoEngine.move
 
-    Returns:
-        Poses and velocities (B, N, 3) before, phases' set points for each control step, poses after (B, N, 3) and pairs
-        in contact, see `Motion.touching`.
-    """
-    found, step = [], {}
-    in_c = MujocoEngine.move
-
-    def watched(engine, bodies, phases, running):
-        step[id(engine)] = now = step.get(id(engine), 0) + 1
-        poses, velocities = bodies.poses.copy(), engine._qvel[:, engine._arena.qpos]
-        motion = in_c(engine, bodies, phases, running)
-        if now in AT_STEPS:
-            assert running.all() and not motion.fault.any()
-            found.append((poses, velocities, phases, motion.bodies.poses, motion.touching))
+    def move_and_record(engine, bodies, phases, running):
+        step = steps_of_engine.get(id(engine), 0) + 1
+        steps_of_engine[id(engine)] = step
+        poses = bodies.poses.copy()
+        velocities = engine._qvel[:, engine._arena.qpos]
+        motion = move_in_c(engine, bodies, phases, running)
+        if step in AT_STEPS:
+            assert running.all()
+            assert not motion.fault.any()
+            ends = motion.bodies.poses
+            recorded.append(Crowd(poses, velocities, phases, ends, motion.touching))
         return motion
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(MujocoEngine, "move", watched)
+        patch.setattr(MujocoEngine, "move", move_and_record)
         scenario = Scenario(
             CONFIG,
             strategy=GENOME,
@@ -62,40 +86,46 @@ def crowds(n_robots):
         run = Run(scenario, record_worlds=())
         while not run.is_over:
             run.advance()
-    assert sum(len(crowd[0]) for crowd in found) == len(AT_STEPS) * N_WORLDS
-    return found
+    assert sum(len(crowd.poses) for crowd in recorded) == len(AT_STEPS) * N_WORLDS
+    return recorded
 
 
-def moved(impl, poses, velocities, phases):
-    """Motion of these bodies in the planar engine, at MuJoCo's time step."""
-    arena, present = compile_arena(CONFIG, 1, np.zeros(0)), np.ones(poses.shape[:2], bool)
+def move_in_planar(impl, crowd):
+    """Return the motion of a crowd in the planar engine, at MuJoCo's time step."""
+    arena = compile_arena(CONFIG, 1, np.zeros(0))
     if impl == "numba":
         engine = PlanarEngine(CONFIG, arena, 1)
     else:
         engine = batch_engine.read_engine(arena, CONFIG, jax.default_backend())
-    bodies = engine.place(poses, present)
-    bodies = bodies._replace(velocity=np.asarray(velocities, bodies.poses.dtype))
-    return jax.tree.map(np.asarray, engine.move(bodies, phases, np.ones(len(poses), bool)))
+    bodies = engine.place(crowd.poses, np.ones(crowd.poses.shape[:2], bool))
+    velocity = np.asarray(crowd.velocities, bodies.poses.dtype)
+    bodies = bodies._replace(velocity=velocity)
+    motion = engine.move(bodies, crowd.phases, np.ones(len(crowd.poses), bool))
+    return jax.tree.map(np.asarray, motion)
 
 
 @pytest.mark.parametrize("impl", ["numba", "warp"])
 @pytest.mark.parametrize("n_robots", [283, 785])
 def test_crowds_of_runs_end_where_mujoco_ends(n_robots, impl):
+    """With 32 bits rounding decides between equal faces of some pairs."""
     if impl == "warp":
         pytest.importorskip("warp")
-    distances, n_touching = [], []
-    for poses, velocities, phases, ends, touching in crowds(n_robots):
-        here = moved(impl, poses, velocities, phases)
-        assert not here.fault.any()
-        distances.append(np.abs(here.bodies.poses - ends).max(axis=-1))
-        np.testing.assert_array_equal(here.touching, touching)
-        n_touching += pairs_of(touching).sum(axis=(1, 2)).tolist()
-    found = np.array(distances)
+    differences = []
+    n_touching = []
+    for crowd in crowds(n_robots):
+        motion = move_in_planar(impl, crowd)
+        assert not motion.fault.any()
+        differences.append(np.abs(motion.bodies.poses - crowd.ends).max(axis=-1))
+        np.testing.assert_array_equal(motion.touching, crowd.touching)
+        n_touching += pairs_of(crowd.touching).sum(axis=(1, 2)).tolist()
+
+    differences = np.array(differences)
+    n_different = (differences > SMALL_DIFFERENCE).sum()
     print(
-        f"{n_robots} robots, {impl}: {found.max():.1e} mm or rad, {(found > 1e-3).sum()} beyond 0.001 of {found.size}"
+        f"{n_robots} robots, {impl}: {differences.max():.1e} mm or rad, "
+        f"{n_different} beyond {SMALL_DIFFERENCE} of {differences.size}"
     )
     if impl == "numba":
-        assert found.max() <= ALLOWED
-    assert (found > 1e-3).sum() <= 0.01 * found.size and min(
-        n_touching
-    ) > 10  # with 32 bits rounding decides between equal faces
+        assert differences.max() <= ALLOWED
+    assert n_different <= 0.01 * differences.size
+    assert min(n_touching) > 10

@@ -1,7 +1,7 @@
 """Whole runs of the planar engine against those of MuJoCo in C, as samples of one distribution.
 
-`pytest -m slow tests/agreement/test_planar_runs.py -s` prints means and p. The rule was fixed before the runs: they
-agree if p is above 0.01 in each of three Kolmogorov-Smirnov tests.
+`pytest -m slow tests/agreement/test_planar_runs.py -s` prints means and p. The rule was fixed
+before the runs: they agree if p is above 0.01 in each of three Kolmogorov-Smirnov tests.
 """
 
 from functools import cache
@@ -19,7 +19,14 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.tasks.layout import robots_for
 
 pytestmark = pytest.mark.slow
-N_WORLDS, GOAL, EARLY, STEPS = 24, 66, 150, 800
+
+N_WORLDS = 24
+GOAL = 66
+"""Number of deliveries that finish a run."""
+EARLY = 150
+"""Control step after which deliveries are counted."""
+STEPS = 800
+LEAST_P = 0.01
 ENGINES = {
     "numba": PlanarSettings(),
     "warp": PlanarSettings(impl="warp"),
@@ -30,8 +37,9 @@ ENGINES = {
 
 @cache
 def outcomes(engine, preset, seed):
-    """Samples of N_WORLDS runs until GOAL deliveries."""
-    config, genome = SwarmConfig(), PRESETS[preset]
+    """Return samples of N_WORLDS runs until GOAL deliveries, by the names of their measures."""
+    config = SwarmConfig()
+    genome = PRESETS[preset]
     n_robots = robots_for(config.arena, genome.density_of_robots)
     scenario = Scenario(
         config,
@@ -44,16 +52,16 @@ def outcomes(engine, preset, seed):
         goal=GOAL,
     )
     run = Run(scenario, record_worlds=())
-    early = None
+    early_deliveries = None
     while not run.is_over:
         run.advance()
-        if early is None and run.step >= EARLY:
-            early = run.progress()
+        if early_deliveries is None and run.step >= EARLY:
+            early_deliveries = run.progress()
     run.raise_faults()
     measures = [run.measures(world) for world in range(N_WORLDS)]
     return {
         "finishing time": [m.finished_at or STEPS for m in measures],
-        f"deliveries after {EARLY} steps": early,
+        f"deliveries after {EARLY} steps": early_deliveries,
         "collisions": [m.collisions for m in measures],
     }
 
@@ -61,11 +69,17 @@ def outcomes(engine, preset, seed):
 @pytest.mark.parametrize("preset", ["type1", "type2"])
 @pytest.mark.parametrize("engine", ["numba", "warp", "numba, finer time step"])
 def test_runs_are_distributed_as_those_of_mujoco(engine, preset):
-    """The worlds of other seeds than in C, so that the samples are independent."""
+    """The worlds have other seeds than in C, so that the samples are independent."""
     if engine == "warp":
         pytest.importorskip("warp")
-    ours, theirs = outcomes(engine, preset, 100), outcomes("C", preset, 200)
-    found = {what: float(ks_2samp(ours[what], theirs[what]).pvalue) for what in ours}
-    for what, p in found.items():
-        print(f"{preset}, {engine}: {what} {np.mean(ours[what]):.1f}, in C {np.mean(theirs[what]):.1f}, p = {p:.2g}")
-    assert min(found.values()) > 0.01
+    samples = outcomes(engine, preset, seed=100)
+    samples_in_c = outcomes("C", preset, seed=200)
+    p_values = {}
+    for name, sample in samples.items():
+        sample_in_c = samples_in_c[name]
+        p_values[name] = float(ks_2samp(sample, sample_in_c).pvalue)
+        print(
+            f"{preset}, {engine}: {name} {np.mean(sample):.1f}, "
+            f"in C {np.mean(sample_in_c):.1f}, p = {p_values[name]:.2g}"
+        )
+    assert min(p_values.values()) > LEAST_P
