@@ -1,4 +1,4 @@
-"""What is changed while a run goes on: settings, dead robots, balls. With it a run can be repeated bit by bit."""
+"""Changes while a run goes on, of settings, robots and balls, by which it can be repeated bit by bit."""
 
 from collections.abc import Callable
 from functools import partial
@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.geometry.walls import beyond
 from iswarm_mj.gripper.handling import Balls
@@ -14,17 +15,27 @@ from iswarm_mj.simulation.state import SwarmState
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import mm_from_rd
 
-EDITS = KILL, REVIVE, BALL = "kill", "revive", "ball"
+KILL = "kill"
+REVIVE = "revive"
+BALL = "ball"
+EDITS = (KILL, REVIVE, BALL)
 """Changes that are no settings: of a robot by its number; a ball comes to lie at x,y [rd]."""
+_MOST_DIGITS = 9
+"""Most digits of the number of a control step."""
 
 
 class Change(NamedTuple):
-    """A change after so many control steps, as text `40:p_vector_forget=0.5`, `52:kill=17` or `60:ball=3.5,-2`."""
+    """A change between two control steps.
+
+    As text it is like `40:p_vector_forget=0.5`, `52:kill=17` or `60:ball=3.5,-2`.
+    """
 
     step: int
+    """Control steps before the change."""
     what: str
     """Name of a setting, or one of `KILL`, `REVIVE` and `BALL`."""
     value: str
+    """New value of the setting, number of the robot, or place of the ball."""
 
     def __str__(self) -> str:
         return f"{self.step}:{self.what}={self.value}"
@@ -38,64 +49,108 @@ class Change(NamedTuple):
         """
         step, _, rest = text.partition(":")
         what, equals, value = rest.partition("=")
-        if not (step.isascii() and step.isdigit() and len(step) < 10 and what and equals):
+        is_step = step.isascii() and step.isdigit() and len(step) <= _MOST_DIGITS
+        if not (is_step and what and equals):
             raise UserError(f"a change must be STEP:SETTING=VALUE, as 40:p_vector_forget=0.5 (got {text!r})")
         return cls(int(step), what.replace("-", "_"), value)
 
 
 def edit(run: Run, change: Change) -> Callable[[SwarmState], SwarmState]:
-    """Return what changes the robots or the balls of a run's first world, for `Run.edit`.
+    """Return the function that changes the robots or the balls of a run's first world.
+
+    `Run.edit` takes it.
 
     Raises:
         UserError: there is no such robot or place, or there are no balls.
     """
     if change.what == BALL:
-        balls = run.task.balls(run.starts[0].task)
-        if balls is None or not np.size(balls.radius):
-            raise UserError(f"{type(run.task).__name__} has no balls; click on a robot instead")
-        place = np.array(_numbers(change, float, 2, "a place, as 60:ball=3.5,-2"))
-        if not beyond(place, run.config.arena.walls) <= 0:
-            raise UserError(f"a ball must lie within the walls (got {change})")
-        return partial(_with_ball, np.array(mm_from_rd(place), np.float32), run)
+        place = _place_of_ball(run, change)
+        return partial(_drop_ball, run, place)
     (robot,) = _numbers(change, int, 1, "a robot by its number")
-    if not 0 <= robot < run.settings.n_robots:
-        raise UserError(f"there is no robot {robot}; they are numbered 0 to {run.settings.n_robots - 1}")
-    return partial(_with_life, robot, change.what == REVIVE)
+    n_robots = run.settings.n_robots
+    if not 0 <= robot < n_robots:
+        raise UserError(f"there is no robot {robot}; they are numbered 0 to {n_robots - 1}")
+    return partial(_set_alive, robot, change.what == REVIVE)
 
 
-def _numbers(change: Change, kind: Callable[[str], Any], n: int, words: str) -> list[Any]:
-    """So many numbers that the value of a change consists of."""
+def _place_of_ball(run: Run, change: Change) -> Float[np.ndarray, "2"]:
+    """Return the place at which a change drops a ball [mm].
+
+    Raises:
+        UserError: the task has no balls, or there is no such place within the walls.
+    """
+    balls = run.task.balls(run.starts[0].task)
+    if balls is None or not np.size(balls.radius):
+        raise UserError(f"{type(run.task).__name__} has no balls; click on a robot instead")
+    place = np.array(_numbers(change, float, 2, "a place, as 60:ball=3.5,-2"))
+    is_within = beyond(place, run.config.arena.walls) <= 0  # False where it is not a number
+    if not is_within:
+        raise UserError(f"a ball must lie within the walls (got {change})")
+    return np.array(mm_from_rd(place), np.float32)
+
+
+def _numbers(change: Change, kind: Callable[[str], Any], n: int, meaning: str) -> list[Any]:
+    """Return the numbers of which the value of a change consists.
+
+    Args:
+        change: change whose value has commas between its numbers.
+        kind: type of the numbers.
+        n: how many there must be.
+        meaning: what they are, for the error.
+
+    Raises:
+        UserError: the value does not consist of so many numbers.
+    """
     try:
-        found = list(map(kind, change.value.split(",")))
+        numbers = [kind(text) for text in change.value.split(",")]
     except ValueError:
-        found = []
-    if len(found) != n:
-        raise UserError(f"the change {change} must name {words}")
-    return found
+        numbers = []
+    if len(numbers) != n:
+        raise UserError(f"the change {change} must name {meaning}")
+    return numbers
 
 
-def _with_life(robot: int, is_alive: bool, swarm: SwarmState) -> SwarmState:
+def _set_alive(robot: int, is_alive: bool, swarm: SwarmState) -> SwarmState:
+    """Return a swarm in whose first world a robot is alive or dead."""
     alive = np.array(swarm.is_alive)
     alive[0, robot] = is_alive
     return swarm._replace(is_alive=alive)
 
 
-def _with_ball(place: np.ndarray, run: Run, swarm: SwarmState) -> SwarmState:
-    """The delivered ball that is farthest from a place, or else the farthest one on the floor, lies there."""
+def _drop_ball(run: Run, place: Float[np.ndarray, "2"], swarm: SwarmState) -> SwarmState:
+    """Return a swarm in whose first world another ball lies at a place [mm].
+
+    It is the farthest one of the delivered balls, or else of those on the floor.
+
+    Raises:
+        UserError: robots hold all balls.
+    """
     balls: Any = run.task.balls(swarm.task)
-    delivered, held = np.asarray(balls.is_delivered[0]), np.asarray(balls.is_held[0])
-    free = delivered if delivered.any() else ~held
-    if not free.any():
+    is_delivered = np.asarray(balls.is_delivered[0])
+    is_held = np.asarray(balls.is_held[0])
+    is_free = is_delivered if is_delivered.any() else ~is_held
+    if not is_free.any():
         raise UserError("robots hold all balls; wait until one is delivered")
     distance = np.linalg.norm(np.asarray(balls.position[0]) - place, axis=-1)
-    ball = int(np.argmax(np.where(free, distance, -1.0)))
+    ball = int(np.argmax(np.where(is_free, distance, -1.0)))
 
-    def laid(part: Any) -> Any:
-        if not isinstance(part, Balls):
-            return part
-        position, delivered, wait = (np.array(a) for a in (part.position, part.is_delivered, part.wait))
-        position[0, ball], delivered[0, ball], wait[0, ball] = place, False, 0
-        return part._replace(position=position, is_delivered=delivered, wait=wait)
+    def is_balls(part: Any) -> bool:
+        return isinstance(part, Balls)
 
-    moved = jax.tree.map(laid, swarm.task, is_leaf=lambda part: isinstance(part, Balls))  # wherever they are in it
-    return swarm._replace(task=moved)
+    def put_ball(part: Any) -> Any:
+        return _with_ball_at(part, ball, place) if is_balls(part) else part
+
+    # A task may keep its balls anywhere in its state.
+    task = jax.tree.map(put_ball, swarm.task, is_leaf=is_balls)
+    return swarm._replace(task=task)
+
+
+def _with_ball_at(balls: Balls, ball: int, place: Float[np.ndarray, "2"]) -> Balls:
+    """Return balls of which one lies on the floor at a place [mm], in the first world."""
+    position = np.array(balls.position)
+    is_delivered = np.array(balls.is_delivered)
+    wait = np.array(balls.wait)
+    position[0, ball] = place
+    is_delivered[0, ball] = False
+    wait[0, ball] = 0
+    return balls._replace(position=position, is_delivered=is_delivered, wait=wait)

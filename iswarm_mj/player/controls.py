@@ -1,4 +1,4 @@
-"""Controls of the page, found from what settings declare: their types, ranges, choices and docstrings."""
+"""Controls of the page, from what settings declare: types, ranges, choices and docstrings."""
 
 import math
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from dataclasses import fields, is_dataclass
 from importlib.metadata import entry_points
 from typing import Any, NamedTuple
 
-from iswarm_mj.engines.registry import ENGINES, OFFER
+from iswarm_mj.engines.registry import ENGINES
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.simulation.settings import RunSettings
@@ -20,26 +20,33 @@ from iswarm_mj.utils.errors import ConfigError, UserError
 
 AT_START = {"density_of_robots", "fraction_scouts"}
 """Parameters of the genome that a world has from its start."""
+USUAL_MOST_ROBOTS = 200_000
+"""Largest number of robots, unless density and arena make more."""
 _HIDDEN = {"obstacles", "bench", "bench_capacity"}
+"""Settings without a control: clicks put obstacles, and pages need no other bench."""
 
 
 class Control(NamedTuple):
     """A setting as the page offers it."""
 
     name: str
-    """As a flag, as `optics.baud_rate`."""
+    """Name of the setting as flags have it, such as `optics.baud_rate`."""
     group: str
-    """Heading under which it stands."""
+    """Heading under which the control stands."""
     value: Any
-    """bool, int, float, or a word; None where a number is left to a rule."""
+    """Present value: bool, int, float, or a word; None where a number is left to a rule."""
     low: float = -math.inf
+    """Least value."""
     high: float = math.inf
+    """Largest value."""
     choices: tuple[str, ...] = ()
+    """Words that can be chosen, for a setting that is a word."""
     unit: str = ""
+    """Unit of the value."""
     text: str = ""
-    """Its docstring."""
+    """Docstring of the setting."""
     is_live: bool = False
-    """Changes at once; others wait for a reset."""
+    """The setting changes at once; others wait for a reset."""
     step: float = 0.0
     """Least difference of values on a slider; 0 for a 200th of the range."""
 
@@ -47,7 +54,7 @@ class Control(NamedTuple):
         """Return a value that somebody sent, as a value of this setting.
 
         Args:
-            value: of any type, since it may come from anywhere.
+            value: anything, since any browser may have sent it.
 
         Raises:
             ConfigError: it is none of the choices, of another type, or out of range.
@@ -79,16 +86,22 @@ class Control(NamedTuple):
 
 
 def is_live(scenario: PageScenario, name: str) -> bool:
-    """Whether a setting may change while a run goes on: what programs take as arrays, see `PER_WORLD_FIELDS`."""
+    """Return whether a setting may change while a run goes on.
+
+    Those may that compiled programs take as arrays (`PER_WORLD_FIELDS`, `Conditions`, `Rules`).
+    """
     match scenario.paths().get(name):
-        case ("config", group, own):
-            rules = Rules._fields if scenario.genome and group == "strategy" else ()
-            return own in PER_WORLD_FIELDS[group] and (own in Conditions._fields or own in rules)
-        case ("strategy", own) if scenario.genome:
-            return own in Rules._fields and own not in AT_START
-        case ("strategy" | "task" as part, own):
+        case ("config", group, field_name):
+            has_rules = scenario.genome and group == "strategy"
+            is_rule = has_rules and field_name in Rules._fields
+            is_array = field_name in Conditions._fields or is_rule
+            return field_name in PER_WORLD_FIELDS[group] and bool(is_array)
+        case ("strategy", field_name) if scenario.genome:
+            return field_name in Rules._fields and field_name not in AT_START
+        case ("strategy" | "task" as part, field_name):
             cls = type(getattr(scenario, part))
-            return not is_static_field(cls, next(f for f in fields(cls) if f.name == own))
+            (declaration,) = [f for f in fields(cls) if f.name == field_name]
+            return not is_static_field(cls, declaration)
     return False
 
 
@@ -96,32 +109,42 @@ def controls(scenario: PageScenario, start: PageScenario | None = None) -> list[
     """Return the controls of all settings that have an effect in a scenario.
 
     Args:
-        scenario: whose values they show.
-        start: whose strategy, task and engine can be chosen, too, beside those that packages offer.
+        scenario: scenario whose values they show.
+        start: scenario whose strategy, task and engine can be chosen, too, beside those that
+            packages offer.
     """
-    found = [
-        Control(
-            name="seed",
-            group="World",
-            value=scenario.seed,
-            low=0,
-            high=2**32 - 2,
-            text=field_docs(RunSettings)["seed"],
-        ),
-        _choice_of_part("task", TASKS.group, scenario, start, "What the robots do."),
-        _choice_of_part("strategy", STRATEGIES.group, scenario, start, "How."),
-        Control(
-            name="robots",
-            group="World",
-            value=scenario.n_robots,
-            low=1,
-            high=max(200_000, scenario.n_robots),  # a dense swarm in a large arena has more
-            text="Number of robots.",
-        ),
-        _choice_of_part("engine", OFFER.group, scenario, start, "Physics engine."),
+    return _controls_of_run(scenario, start) + _controls_of_parts(scenario)
+
+
+def _controls_of_run(scenario: PageScenario, start: PageScenario | None) -> list[Control]:
+    """Return the controls of seed, task, strategy, number of robots, and engine."""
+    seed = Control(
+        name="seed",
+        group="World",
+        value=scenario.seed,
+        low=0,
+        high=2**32 - 2,
+        text=field_docs(RunSettings)["seed"],
+    )
+    robots = Control(
+        name="robots",
+        group="World",
+        value=scenario.n_robots,
+        low=1,
+        high=max(USUAL_MOST_ROBOTS, scenario.n_robots),
+        text="Number of robots.",
+    )
+    return [
+        seed,
+        _choice_of_part("task", scenario, start, "What the robots do."),
+        _choice_of_part("strategy", scenario, start, "How."),
+        robots,
+        _choice_of_part("engine", scenario, start, "Physics engine."),
     ]
 
-    # Settings of the strategy and of the task, then those of the configuration.
+
+def _controls_of_parts(scenario: PageScenario) -> list[Control]:
+    """Return the controls of settings of the strategy, the task and the configuration."""
     unused: set[str] = set(scenario.task.unused)
     if scenario.genome is None:
         unused.add("strategy")
@@ -134,6 +157,7 @@ def controls(scenario: PageScenario, start: PageScenario | None = None) -> list[
         if group not in unused:
             parts.append((f"{group}.", part, group.capitalize()))
 
+    found = []
     for prefix, part, group in parts:
         for control in declared(part):
             name = prefix + control.name
@@ -143,38 +167,60 @@ def controls(scenario: PageScenario, start: PageScenario | None = None) -> list[
     return found
 
 
-def _choice_of_part(name: str, group: str, scenario: PageScenario, start: PageScenario | None, text: str) -> Control:
+def _choice_of_part(
+    name: str,
+    scenario: PageScenario,
+    start: PageScenario | None,
+    text: str,
+) -> Control:
     """Return the control that chooses a strategy, a task or an engine by its name.
 
     Args:
-        name: of the part.
-        group: of entry points of installed packages.
-        scenario: that has a part of this kind.
-        start: that has another one, perhaps of a user's file.
-        text: explains the control.
+        name: name of the setting.
+        scenario: scenario whose part is chosen at present.
+        start: scenario that has another one, perhaps of a user's file.
+        text: explanation of the control.
     """
     names = [scenario.get(name)]
     if start is not None:
         names.append(start.get(name))
-    names += ENGINES if name == "engine" else sorted(point.name for point in entry_points(group=group))
-    return Control(name=name, group="World", value=names[0], choices=tuple(dict.fromkeys(names)), text=text)
+    if name == "engine":
+        names += ENGINES
+    else:
+        group = (TASKS if name == "task" else STRATEGIES).group
+        names += sorted(point.name for point in entry_points(group=group))
+    distinct = tuple(dict.fromkeys(names))
+    return Control(name=name, group="World", value=names[0], choices=distinct, text=text)
 
 
-def declared(given: Any) -> Iterator[Control]:
+def declared(settings: Any) -> Iterator[Control]:
     """Yield the controls of the fields of a dataclass that are numbers, flags or words."""
-    cls = type(given)
-    for f in fields(given) if is_dataclass(given) else ():
-        value = getattr(given, f.name)
-        limits = constraint_of(cls, f.name)
+    if not is_dataclass(settings):
+        return
+    cls = type(settings)
+    for f in fields(settings):
+        value = getattr(settings, f.name)
         words = choices(cls, f.name)
-        if f.name in _HIDDEN or not f.init or not (words or isinstance(value, bool | int | float)):
+        can_be_shown = words or isinstance(value, bool | int | float)
+        if f.name in _HIDDEN or not f.init or not can_be_shown:
             continue
 
-        # Whole numbers do where fields are floats, and are changed to other floats.
-        if isinstance(value, int) and not isinstance(value, bool) and type_of(cls, f.name) is float:
+        # Users may write a whole number where a field is a float, and move it to other floats.
+        is_whole = isinstance(value, int) and not isinstance(value, bool)
+        if is_whole and type_of(cls, f.name) is float:
             value = float(value)
-        low, high, unit = (limits.low, limits.high, limits.unit) if limits else (-math.inf, math.inf, "")
-        yield Control(f.name, "", value, low, high, words, unit, field_docs(cls).get(f.name, ""))
+
+        control = Control(
+            name=f.name,
+            group="",
+            value=value,
+            choices=words,
+            text=field_docs(cls).get(f.name, ""),
+        )
+        limits = constraint_of(cls, f.name)
+        if limits:
+            control = control._replace(low=limits.low, high=limits.high, unit=limits.unit)
+        yield control
 
 
 def parsed(scenario: PageScenario, name: str, text: str) -> Any:
@@ -183,11 +229,13 @@ def parsed(scenario: PageScenario, name: str, text: str) -> Any:
     Raises:
         UserError: the setting cannot change so, or the text is no value of its type.
     """
-    live = {one.name: one.value for one in controls(scenario) if one.is_live}
-    if name not in live:
-        raise UserError(f"{name} cannot change while the run goes on; {', '.join(live)} can")
-    kind = type(live[name])
+    values = {control.name: control.value for control in controls(scenario) if control.is_live}
+    if name not in values:
+        raise UserError(f"{name} cannot change while the run goes on; {', '.join(values)} can")
+    kind = type(values[name])
     try:
-        return {"true": True, "false": False}[text] if kind is bool else kind(text)
+        if kind is bool:
+            return {"true": True, "false": False}[text]
+        return kind(text)
     except (KeyError, ValueError):
-        raise ConfigError(name, text, f"like {str(live[name]).lower()}") from None
+        raise ConfigError(name, text, f"like {str(values[name]).lower()}") from None

@@ -5,8 +5,8 @@ import traceback
 from iswarm_mj.strategy.user_code import is_users
 from iswarm_mj.utils.errors import SimulationFault, UserError, printable
 
-MOST = 300
-"""Characters of an exception's message that are shown."""
+MOST_CHARACTERS = 300
+"""Characters of an exception's message that are shown at most."""
 
 
 class Faults:
@@ -40,9 +40,11 @@ class Faults:
 
 def describe(error: BaseException) -> str:
     """Return type, message and, where it comes from a user's file, the line of an exception."""
-    message = printable(str(error).strip().partition("\n")[0])[:MOST]
-    text = ": ".join(filter(None, [type(error).__name__, message]))
-    frames = traceback.extract_tb(error.__traceback__)
-    users = [frame for frame in frames if is_users(frame.filename)]
-    place = f" ({users[-1].filename}, line {users[-1].lineno})" if users else ""
-    return f"{text}{place}; the terminal shows more, and Reset begins again"
+    first_line = str(error).strip().partition("\n")[0]
+    text = type(error).__name__
+    if first_line:
+        text += f": {printable(first_line)[:MOST_CHARACTERS]}"
+    users_frames = [frame for frame in traceback.extract_tb(error.__traceback__) if is_users(frame.filename)]
+    if users_frames:
+        text += f" ({users_frames[-1].filename}, line {users_frames[-1].lineno})"
+    return f"{text}; the terminal shows more, and Reset begins again"

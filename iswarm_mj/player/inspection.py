@@ -1,4 +1,4 @@
-"""What one robot knows, hears and says, as text."""
+"""Text on one robot: what it knows, hears and says."""
 
 from typing import Any
 
@@ -10,57 +10,85 @@ from iswarm_mj.output.trajectory import Scene
 from iswarm_mj.strategy.attributes import parts_of
 
 SIDES = ("front", "left", "back", "right")
+"""Names of the sides of robots that have four."""
+_MOST_NUMBERS = 8
+"""Numbers of an array that are shown at most."""
 
 
-def described(scene: Scene, frames: Frames, memory: Any, robot: int) -> str:
+def describe_robot(scene: Scene, frames: Frames, memory: Any, robot: int) -> str:
     """Return what a robot knows, hears and says after a control step, in Markdown.
 
     Args:
-        scene: of the world.
+        scene: constants of the world.
         frames: one frame.
-        memory: of the strategy, arrays (1, 1, N, ...).
-        robot: its number.
+        memory: memory of the strategy, arrays (1, 1, N, ...).
+        robot: number of the robot.
     """
-    x, y, yaw = frames.pose[0, robot]
-    turn, forward = frames.command[0, robot]
-    kind = "scout" if scene.is_scout[robot] else scene.team_names[scene.team[robot]] if scene.team_names else "robot"
+    parts = parts_of(memory).items()
+    remembered = [f"| {name} | {_text(part[0, 0, robot])} |" for name, part in parts]
+    message = [f"| {name} | {value} |" for name, value in _message_of(scene, frames, robot)]
     lines = [
-        f"**{kind.capitalize()} {robot}**{', loaded' if frames.is_loaded[0, robot] else ''}",
-        f"At {x * 1e3:.1f}, {y * 1e3:.1f} mm, heading {np.degrees(yaw) % 360:.0f}°. "
-        f"It turned by {np.degrees(turn):.0f}° and walked {forward * 1e3:.2f} mm.",
-        "",
-        "| remembers | |",
-        "|---|---|",
-        *(f"| {name} | {_text(part[0, 0, robot])} |" for name, part in parts_of(memory).items()),
-        "",
-        "| says | |",
-        "|---|---|",
-        *(f"| {name} | {value} |" for name, value in _said(scene, frames, robot)),
-        "",
-        "| hears | robot | at [mm] | |",
-        "|---|---|---|---|",
+        *_describe_pose(scene, frames, robot),
+        *("", "| remembers | |", "|---|---|"),
+        *remembered,
+        *("", "| says | |", "|---|---|"),
+        *message,
+        *("", "| hears | robot | at [mm] | |", "|---|---|---|---|"),
+        *_describe_links(scene, frames, robot),
     ]
-    for side in np.flatnonzero(frames.link_valid[0, robot]):
-        sender, distance = frames.link_sender[0, robot, side], frames.link_distance[0, robot, side] * 1e3
-        name = SIDES[side] if frames.link_valid.shape[-1] == len(SIDES) else f"side {side}"
-        words = "damaged"
-        if frames.link_heard[0, robot, side]:
-            words = ", ".join(f"{key} {value}" for key, value in _said(scene, frames, sender))
-        lines.append(f"| {name} | {sender} | {distance:.1f} | {words} |")
     return "\n".join(lines)
 
 
-def _said(scene: Scene, frames: Frames, robot: int) -> list[tuple[str, str]]:
-    found = [(column, np.ma.asarray(values)[0, robot]) for column, values in message_columns(scene, frames.message)]
+def _describe_pose(scene: Scene, frames: Frames, robot: int) -> list[str]:
+    """Return lines on what a robot is, where it is, and how it moved."""
+    if scene.is_scout[robot]:
+        kind = "scout"
+    elif scene.team_names:
+        kind = scene.team_names[scene.team[robot]]
+    else:
+        kind = "robot"
+    load = ", loaded" if frames.is_loaded[0, robot] else ""
+
+    x, y, yaw = frames.pose[0, robot]
+    turn, forward = frames.command[0, robot]
+    heading = np.degrees(yaw) % 360
     return [
-        (column.name.removeprefix("said_"), f"{_text(value)} {column.unit}".strip())
-        for column, value in found
-        if value is not np.ma.masked
+        f"**{kind.capitalize()} {robot}**{load}",
+        f"At {x * 1e3:.1f}, {y * 1e3:.1f} mm, heading {heading:.0f}°. "
+        f"It turned by {np.degrees(turn):.0f}° and walked {forward * 1e3:.2f} mm.",
     ]
 
 
+def _describe_links(scene: Scene, frames: Frames, robot: int) -> list[str]:
+    """Return rows of a table: side, sender, distance and message of each robot that is heard."""
+    n_sides = frames.link_valid.shape[-1]
+    rows = []
+    for side in np.flatnonzero(frames.link_valid[0, robot]):
+        name = SIDES[side] if n_sides == len(SIDES) else f"side {side}"
+        sender = frames.link_sender[0, robot, side]
+        distance = frames.link_distance[0, robot, side] * 1e3
+        message = "damaged"
+        if frames.link_heard[0, robot, side]:
+            fields = _message_of(scene, frames, sender)
+            message = ", ".join(f"{field} {value}" for field, value in fields)
+        rows.append(f"| {name} | {sender} | {distance:.1f} | {message} |")
+    return rows
+
+
+def _message_of(scene: Scene, frames: Frames, robot: int) -> list[tuple[str, str]]:
+    """Return names and values of the fields that the message of a robot has."""
+    fields = []
+    for column, values in message_columns(scene, frames.message):
+        value = np.ma.asarray(values)[0, robot]
+        if value is not np.ma.masked:
+            name = column.name.removeprefix("said_")
+            fields.append((name, f"{_text(value)} {column.unit}".strip()))
+    return fields
+
+
 def _text(value: Any) -> str:
-    numbers = np.atleast_1d(np.asarray(value)).ravel()[:8]
+    """Return the first numbers or flags of an array, with commas in between."""
+    numbers = np.atleast_1d(np.asarray(value)).ravel()[:_MOST_NUMBERS]
     if numbers.dtype == bool:
         return ", ".join("yes" if number else "no" for number in numbers)
     return ", ".join(f"{number:.4g}" for number in numbers)

@@ -1,9 +1,10 @@
-"""The page: a server on this machine alone, threads that simulate the swarm and the bench, and one that draws."""
+"""The page: a server on this machine alone, and threads that simulate and draw."""
 
 import io
 import math
 import threading
 import time
+from collections.abc import Callable
 from contextlib import redirect_stdout
 from functools import partial
 from typing import Any
@@ -11,46 +12,53 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.output import shapes
-from iswarm_mj.player import view as look
 from iswarm_mj.player.guard import Guard
 from iswarm_mj.player.panel import GRIPPER, THEME, Panel
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
-from iswarm_mj.player.view import SwarmView
+from iswarm_mj.player.view import SwarmView, aim, light
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.utils.constraints import check, check_kind, is_whole
 from iswarm_mj.utils.errors import UserError
 
 PORT = 8080
-"""Where the page is; the first port from there on that is free."""
+"""First port that is tried."""
 _NARROW = """<style>@media (max-width: 36em) {
 #root { height: 45% !important; }
 #root .mantine-Paper-root[style*="fixed"] { width: 100% !important; max-height: 55% !important; }
 #root [style*="20em"] { width: 100% !important; }
 }</style>"""
-"""In a narrow window the panel lies beneath the arena, and not on it."""
+"""Style by which the panel lies beneath the arena, and not on it, in a narrow window."""
 MOST_MESSAGES = 3
-"""Errors that are shown at a time at most, the latest ones."""
+"""Largest number of errors that are shown at a time, the latest ones."""
 LAST_PORT = 64_535
 """Last port to begin with: viser tries 1000, and would wait without end beyond 65535."""
-FRAME_S, PANEL_S = 1 / 25, 0.3
-"""Between two drawings of the swarm, and of the panel [s]."""
+FRAME_S = 1 / 25
+"""Time between two drawings of the swarm [s]."""
+PANEL_S = 0.3
+"""Time between two drawings of the panel [s]."""
+IDLE_S = 0.005
+"""Pause of a thread that has nothing to do [s]."""
 CLOSE_S = 2.0
-"""How long `Page.close` waits for the end of a control step [s]."""
+"""Time that `Page.close` waits for the end of a control step [s]."""
+_MOST_STEPS_BEHIND = 3
+"""Largest number of control steps between what is drawn and the latest one."""
+_RADIUS_OF_CLICK = 0.8
+"""Largest distance between a click and the robot that is meant, in lengths of a robot."""
 
 
 def open_server(port: int = PORT) -> Any:
     """Return a viser server that listens to this machine alone, for those who know its `url`.
 
     Args:
-        port: the first one that is tried; the server takes the next free one.
+        port: first port that is tried; the server takes the next free one.
 
     Raises:
         UserError: the port is out of range, or viser has a version that cannot be guarded.
     """
     is_port = is_whole(port) and 1024 <= port <= LAST_PORT
     check("port", port, f"a whole number from 1024 to {LAST_PORT}", is_port)
-    import viser
+    import viser  # which takes a second
 
     class Server(viser.ViserServer):
         url: str
@@ -81,41 +89,63 @@ class Page:
     """A session in the browser; a notebook shows it, a script calls `wait`, and `close` ends it.
 
     Attributes:
-        session: that is shown.
+        session: session that is shown.
         url: address of the page; whoever knows it can use the page, on this machine alone.
     """
 
     def __init__(self, session: Session, port: int = PORT):
-        """Open the page."""
-        self.session, self._server = session, open_server(port)
+        """Open the page.
+
+        Args:
+            session: session that is shown.
+            port: first port that is tried.
+
+        Raises:
+            UserError: see `open_server`.
+        """
+        self.session = session
+        self._server = open_server(port)
         self.url = self._server.url
         session.shown = 0.0
+
+        # What browsers show.
         server = self._server
         server.gui.configure_theme(**THEME)
         server.gui.add_html(_NARROW)
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(380)
-        look.light(server.scene)
-        look.aim(server.initial_camera, session.scene)
+        light(server.scene)
+        aim(server.initial_camera, session.scene)
         self._panel = Panel(server, session)
         self._panel.rebuild()
-        self._shown = self._panel.looks.value
-        self._version, self._time, self._panel_at = session.version, time.monotonic(), -math.inf
         server.scene.on_click()(self._clicked)
         server.on_client_connect(self._connected)
+
+        # What was drawn, and when.
+        self._drawn_content = self._panel.content.value
+        self._drawn_version = session.version
+        self._drawn_at = time.monotonic()
+        self._panel_at = -math.inf
+
+        # The threads.
         self._error: BaseException | None = None
         self._stop = threading.Event()
-        works = session.work, self._panel.bench.work, self._tick
-        self._threads = [threading.Thread(target=self._loop, args=(work,), daemon=True) for work in works]
-        for thread in self._threads:
+        self._threads = []
+        for work in (session.work, self._panel.bench.work, self._tick):
+            thread = threading.Thread(target=self._loop, args=(work,), daemon=True)
+            self._threads.append(thread)
             thread.start()
 
-    def _loop(self, work: Any) -> None:
-        """Work until the page ends; what the work raises is shown, and does not end the page."""
+    def _loop(self, work: Callable[[], bool]) -> None:
+        """Work until the page ends; what the work raises is shown, and does not end the page.
+
+        Args:
+            work: returns whether there was something to do.
+        """
         while not self._stop.is_set():
             try:
                 if not work():
-                    time.sleep(0.005)
+                    time.sleep(IDLE_S)
             except (Exception, SystemExit) as error:
                 if self.session.faults.is_new(error):
                     self.session.fail(error)
@@ -125,7 +155,11 @@ class Page:
                 self._stop.set()
 
     def wait(self) -> None:
-        """Serve until an exception, such as that of Ctrl-C, then close; raise what ended the simulation."""
+        """Serve until an exception, such as that of Ctrl-C, then close.
+
+        Raises:
+            BaseException: what ended the simulation.
+        """
         try:
             while not self._stop.wait(0.2):
                 pass
@@ -135,10 +169,11 @@ class Page:
             raise self._error
 
     def close(self) -> None:
-        """End the session, complete its recording, and close the page; do not wait for a compiler."""
+        """End the session, complete its recording, and close the page; wait for no compiler."""
         self._stop.set()
 
-        # A thread that compiles or takes a long step goes on; it ends with the process, or after its step.
+        # A thread that compiles or takes a long step goes on. It ends with the process, or after
+        # its step.
         end = time.monotonic() + CLOSE_S
         for thread in self._threads:
             thread.join(max(0.0, end - time.monotonic()))
@@ -152,10 +187,11 @@ class Page:
         return f'<iframe src="{self.url}" width="100%" height="640" style="{style}"></iframe>'
 
     def _tick(self) -> bool:
-        """Draw what is due; return whether the next drawing is due, too."""
+        """Draw what is due; return False, as the next drawing is never due at once."""
         now = time.monotonic()
-        if now - self._time >= FRAME_S:
-            elapsed, self._time = now - self._time, now
+        elapsed = now - self._drawn_at
+        if elapsed >= FRAME_S:
+            self._drawn_at = now
             with self.session.lock:
                 self._draw(now, elapsed)
         return False
@@ -165,9 +201,14 @@ class Page:
 
         Args:
             now: time [s].
-            elapsed: since the last drawing [s].
+            elapsed: time since the last drawing [s].
         """
-        parts = [self._begin_view, self._turn, partial(self._draw_swarm, elapsed), self._show_messages]
+        parts = [
+            self._begin_view,
+            self._turn,
+            partial(self._draw_swarm, elapsed),
+            self._show_messages,
+        ]
         if self._panel.bench.root.visible:
             parts.append(self._panel.bench.show)
         if now - self._panel_at > PANEL_S:
@@ -183,11 +224,12 @@ class Page:
 
     def _begin_view(self) -> None:
         """Make a new view after a reset, and let the present one follow changes of settings."""
-        session, before = self.session, self._panel.view
-        if session.version == self._version:
+        session = self.session
+        before = self._panel.view
+        if session.version == self._drawn_version:
             before.follow(session.scene)
             return
-        self._version = session.version
+        self._drawn_version = session.version
         session.shown = 0.0
         view = SwarmView(self._server.scene, session.scene)
         view.by = before.by
@@ -197,18 +239,28 @@ class Page:
         self._panel.rebuild()
 
     def _draw_swarm(self, elapsed: float) -> None:
-        """Draw the swarm between two control steps, some seconds after the last drawing."""
+        """Draw the swarm between two control steps.
+
+        Args:
+            elapsed: time since the last drawing [s].
+        """
         session = self.session
-        past = list(session.snapshots)
-        latest = past[-1].step
+        snapshots = list(session.snapshots)
+        latest = snapshots[-1].step
+
+        # What is shown follows the latest control step at the speed that is wanted and possible.
         speed = self._panel.speed
         if session.is_playing:
             speed = min(speed, session.rate)
-        session.shown = min(latest, max(session.shown + elapsed * speed, latest - 3))
-        past = [one for one in past if one.step < session.shown + 1]
-        share = session.shown - past[-1].step + 1
+        shown = session.shown + elapsed * speed
+        session.shown = min(latest, max(shown, latest - _MOST_STEPS_BEHIND))
+
+        # The last of these is the one after the time that is shown.
+        past = [snapshot for snapshot in snapshots if snapshot.step < session.shown + 1]
+        after = past[-1]
+        share = session.shown - after.step + 1
         with self._server.atomic():
-            self._panel.view.show([one.frames for one in past], share, past[-1].energy)
+            self._panel.view.show([snapshot.frames for snapshot in past], share, after.energy)
 
     def _show_messages(self) -> None:
         """Show the latest errors in all browsers, each once, and the settings that they left."""
@@ -222,15 +274,15 @@ class Page:
             self._panel.synchronise()
 
     def _turn(self) -> None:
-        """Show the swarm or the bench, if somebody has chosen the other, and let all browsers look at it."""
-        chosen = self._panel.looks.value
-        if chosen == self._shown:
+        """Show the swarm or the bench, whichever is chosen, and let all browsers look at it."""
+        chosen = self._panel.content.value
+        if chosen == self._drawn_content:
             return
-        self._shown = chosen
+        self._drawn_content = chosen
         is_bench = chosen == GRIPPER
         self._panel.bench.turn(is_bench)
         self._panel.view.root.visible = not is_bench
-        look.aim(self._server.initial_camera, self.session.scene, is_low=is_bench)
+        aim(self._server.initial_camera, self.session.scene, is_low=is_bench)
         for client in self._server.get_clients().values():
             self._aim(client)
 
@@ -247,28 +299,48 @@ class Page:
 
     def _aim(self, client: Any) -> None:
         """Let a browser look at what is shown, all of it."""
-        look.aim(client.camera, self.session.scene, client.camera.aspect, self._panel.bench.root.visible)
+        is_bench = self._panel.bench.root.visible
+        aim(client.camera, self.session.scene, client.camera.aspect, is_low=is_bench)
 
     def _clicked(self, event: Any) -> None:
-        """Find the place on the robots' tops that was clicked on; impossible rays hit nothing."""
-        try:
-            origin, way = np.array([event.ray_origin, event.ray_direction], float)
-            _, _, slope = way
-            x0, y0, z0 = origin
-        except (TypeError, ValueError):
-            return
-        if not (slope < 0 and self._panel.view.root.visible):
+        """Act on a click on the arena; impossible rays hit nothing."""
+        if not self._panel.view.root.visible:
             return
         scene = self.session.scene
-        length, height = scene.length * shapes.MILLIMETRES, scene.height * shapes.MILLIMETRES
-        with np.errstate(over="ignore", invalid="ignore"):
-            distance = (height / 2 - z0) / slope
-            x, y = x0 + distance * way[0], y0 + distance * way[1]
-        if np.isfinite([x, y]).all():
-            try:
-                self._panel.clicked(float(x), float(y), 0.8 * length)
-            except UserError as error:
-                self.session.messages.put(str(error))
+        height = scene.height * shapes.MILLIMETRES
+        place = _place_of_ray(event.ray_origin, event.ray_direction, height / 2)
+        if place is None:
+            return
+        radius = _RADIUS_OF_CLICK * scene.length * shapes.MILLIMETRES
+        try:
+            self._panel.clicked(*place, radius)
+        except UserError as error:
+            self.session.messages.put(str(error))
+
+
+def _place_of_ray(origin: Any, direction: Any, height: float) -> tuple[float, float] | None:
+    """Return the place x, y where a ray from above passes a height; None if it does not.
+
+    Args:
+        origin: point of the ray, which a browser has sent.
+        direction: direction of the ray, which a browser has sent.
+        height: z of the place, in units of the origin.
+    """
+    try:
+        start, ahead = np.array([origin, direction], float)
+        _, _, slope = ahead
+        start_x, start_y, start_z = start
+    except (TypeError, ValueError):
+        return None
+    if not slope < 0:
+        return None
+    with np.errstate(over="ignore", invalid="ignore"):
+        distance = (height - start_z) / slope
+        x = start_x + distance * ahead[0]
+        y = start_y + distance * ahead[1]
+    if not np.isfinite([x, y]).all():
+        return None
+    return float(x), float(y)
 
 
 def play(scenario: Scenario, *, port: int = PORT) -> Page:

@@ -1,4 +1,4 @@
-"""The panel beside the swarm: buttons, controls made from declared settings, plots, and a robot's memory."""
+"""The panel beside the swarm: buttons, controls of settings, plots, and the memory of a robot."""
 
 import math
 from pathlib import Path
@@ -15,43 +15,51 @@ from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.changes import BALL, KILL, REVIVE
 from iswarm_mj.player.controls import Control
 from iswarm_mj.player.inputs import Inputs
-from iswarm_mj.player.inspection import described
+from iswarm_mj.player.inspection import describe_robot
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
 from iswarm_mj.player.settings_tabs import SettingsTabs
 from iswarm_mj.player.view import SwarmView
-from iswarm_mj.player.widgets import AXIS, copied, show, spots
-from iswarm_mj.strategy.library import STRATEGIES, TASKS
+from iswarm_mj.player.widgets import AXIS, copyable, show, spots
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
-SELECT, DROP, LIFE = "select a robot", "drop a ball", "kill or revive a robot"
-REMOVE, BUILD = "remove a robot (at the next reset)", "put or take away an obstacle (at the next reset)"
-"""What a click on the arena does."""
-SWARM, GRIPPER = "the swarm", "the gripper's bench"
-"""What the scene shows."""
+SELECT = "select a robot"
+DROP = "drop a ball"
+LIFE = "kill or revive a robot"
+REMOVE = "remove a robot (at the next reset)"
+BUILD = "put or take away an obstacle (at the next reset)"
+CLICK_EFFECTS = (SELECT, DROP, LIFE, REMOVE, BUILD)
+"""Effects of a click on the arena."""
+SWARM = "the swarm"
+GRIPPER = "the gripper's bench"
+"""Contents of the scene."""
 THEME = {"show_logo": False, "show_share_button": False}
+"""Settings of viser's page."""
 FASTEST = 60
-"""Control steps a second at most."""
+"""Largest number of control steps a second."""
+_PREPARING = "Preparing the first control step, which is compiled once for each number of robots."
+_OBSTACLE_HALF_EDGE = 1.0
+"""Half the edge of an obstacle that a click puts [rd]."""
 
 
 class Panel:
     """Controls of a session; each is the same in all browsers.
 
     Attributes:
-        view: of the swarm.
-        looks: choice of what the scene shows.
-        bench: of the gripper.
+        view: nodes of the swarm.
+        content: input that chooses what the scene shows, `SWARM` or `GRIPPER`.
+        bench: bench of the gripper.
         speed: control steps a second that are wanted.
-        click: what a click on the arena does.
+        click: effect of a click on the arena, one of `CLICK_EFFECTS`.
     """
 
     def __init__(self, server: Any, session: Session):
         """Draw the swarm, and make the controls.
 
         Args:
-            server: of viser.
-            session: that they act on.
+            server: viser server of the page.
+            session: session on which the controls act.
         """
         gui = server.gui
         self._gui = gui
@@ -59,34 +67,38 @@ class Panel:
         self._inputs = Inputs(server, refused=session.messages.put, failed=session.fail)
         self.view = SwarmView(server.scene, session.scene)
         self.click = SELECT
-        self._ways = (arrays.STATE,)
-        self._shown: tuple[Any, ...] = ()
+        self._ways_to_colour = (arrays.STATE,)
+        self._plotted: tuple[int, int] | None = None
         self._plots: dict[str, Any] = {}
 
         self._add_run_controls()
         tabs = gui.add_tab_group()
         with tabs.add_tab("Watch"):
             self._add_watch_tab()
-        rules, world = tabs.add_tab("Rules"), tabs.add_tab("World")
+        rules = tabs.add_tab("Rules")
         with rules:
             gui.add_markdown("These settings change at once.")
+        world = tabs.add_tab("World")
         with world:
             gui.add_markdown("These wait for **Reset**.")
         self._settings = SettingsTabs(gui, self._inputs, session, rules, world)
-        self._compared = (session.wanted, session.now)
-        self._chosen = _chosen(session.wanted)
+        self._shown_scenarios = (session.wanted, session.now)
+        self._shown_parts = _names_of_parts(session.wanted)
         self._pending: list[str] = []
         with tabs.add_tab("Robot"):
-            self._robot = gui.add_markdown("Click on a robot: here it shows what it knows, hears and says.")
+            hint = "Click on a robot: here it shows what it knows, hears and says."
+            self._robot = gui.add_markdown(hint)
         with tabs.add_tab("Gripper"):
-            self.bench = Bench(server, self._inputs, session.scene.arena_size * MILLIMETRES / 6)
+            size = session.scene.arena_size * MILLIMETRES / 6
+            self.bench = Bench(server, self._inputs, size)
         with tabs.add_tab("Share"):
             self._add_share_tab()
 
     def _add_run_controls(self) -> None:
-        """Add what stands above the tabs."""
+        """Add the controls above the tabs."""
         session = self._session
-        self.looks = self._inputs.add(_choice("show", (SWARM, GRIPPER)))
+        inputs = self._inputs
+        self.content = inputs.add(_choice("show", (SWARM, GRIPPER)))
 
         def toggle() -> None:
             session.is_playing = not session.is_playing
@@ -95,34 +107,49 @@ class Panel:
             session.is_playing = False
             session.advance()
 
-        self._play = self._inputs.add_button("Play", lambda _: session.post(toggle), icon="player-play", color="green")
-        acts = {"Step": step, "Reset": session.reset}
-        self._inputs.add_buttons(_choice("run", tuple(acts)), lambda name: session.post(acts[name]))
+        self._play = inputs.add_button(
+            "Play",
+            lambda _: session.post(toggle),
+            icon="player-play",
+            color="green",
+        )
+        actions = {"Step": step, "Reset": session.reset}
+        buttons = _choice("run", tuple(actions))
+        inputs.add_buttons(buttons, lambda name: session.post(actions[name]))
 
         speed = Control("speed", "", 10, low=1, high=FASTEST, unit="steps/s")
         self.speed = float(speed.value)
-        self._inputs.add(speed, lambda value: setattr(self, "speed", float(value)))
+        inputs.add(speed, lambda value: setattr(self, "speed", float(value)))
         self._status = self._gui.add_markdown("")
 
     def _add_watch_tab(self) -> None:
-        """Add what is drawn, its legend, and the plots."""
-        gui, inputs = self._gui, self._inputs
-        self._colour = inputs.add(_choice("colour by", (arrays.STATE,)), lambda value: setattr(self.view, "by", value))
-        self._draws = inputs.add_buttons(_choice("draw", ("links", "trails")), lambda name: self.view.toggle(name))
-        inputs.add(
-            _choice("a click can", (SELECT, DROP, LIFE, REMOVE, BUILD)),
-            lambda value: setattr(self, "click", value),
-        )
-        inputs.add(
-            Control("dark page", "", False),
-            lambda value: gui.configure_theme(dark_mode=value, **THEME),
-        )
+        """Add the choices of what is drawn, the legend, and the plots."""
+        gui = self._gui
+        inputs = self._inputs
+
+        def colour_by(way: str) -> None:
+            self.view.by = way
+
+        def toggle(name: str) -> None:
+            self.view.toggle(name)
+
+        def set_click(effect: str) -> None:
+            self.click = effect
+
+        def set_dark(is_dark: bool) -> None:
+            gui.configure_theme(dark_mode=is_dark, **THEME)
+
+        self._colour = inputs.add(_choice("colour by", (arrays.STATE,)), colour_by)
+        self._draws = inputs.add_buttons(_choice("draw", ("links", "trails")), toggle)
+        inputs.add(_choice("a click can", CLICK_EFFECTS), set_click)
+        inputs.add(Control("dark page", "", False), set_dark)
         self._legend = gui.add_html("")
-        self._graphs = gui.add_folder("Plots over control steps")
+        self._plot_folder = gui.add_folder("Plots over control steps")
 
     def _add_share_tab(self) -> None:
         """Add the command, the file and the recording."""
-        gui, session = self._gui, self._session
+        gui = self._gui
+        session = self._session
         self._repeats = gui.add_markdown("")
         self._command = gui.add_html("")
 
@@ -160,12 +187,14 @@ class Panel:
 
     def rebuild(self) -> None:
         """Show the controls, the ways to colour and the plots of the present run."""
-        session, view = self._session, self.view
+        session = self._session
+        view = self.view
         self._settings.rebuild()
         self._settings.synchronise()
         snapshot = session.snapshots[-1]
-        self._ways = tuple(arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy))
-        self._inputs.offer(self._colour, self._ways)
+        ways = arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy)
+        self._ways_to_colour = tuple(ways)
+        self._inputs.offer(self._colour, self._ways_to_colour)
         view.by = self._colour.value
         self._inputs.offer(self._draws, ("links", "trails", *view.vectors))
 
@@ -180,77 +209,117 @@ class Panel:
         self._settings.synchronise()
 
     def clicked(self, x: float, y: float, radius: float) -> None:
-        """Act on a click on the floor at a place [mm]; robots nearer than a radius are meant."""
+        """Act on a click on the floor.
+
+        Args:
+            x: place [mm].
+            y: place [mm].
+            radius: largest distance of a robot that is meant [mm].
+
+        Raises:
+            UserError: too many clicks wait.
+        """
         session = self._session
         with session.lock:  # no reset comes between the robots and the view
-            positions = session.snapshots[-1].frames.pose[0, :, :2] * 1e3
-            distance = np.linalg.norm(positions - np.array([x, y]), axis=-1)
-            robot = int(distance.argmin())
-            is_hit = distance[robot] <= radius
+            robot = self._robot_near(x, y, radius)
             if self.click == SELECT:
-                self.view.selected = robot if is_hit else None
+                self.view.selected = robot
 
-        def drop() -> None:
-            session.change(BALL, f"{x / RD:.3f},{y / RD:.3f}")
+        if self.click == DROP:
+            session.post(lambda: session.change(BALL, f"{x / RD:.3f},{y / RD:.3f}"))
+        elif self.click == BUILD:
+            session.post(lambda: self._build(x / RD, y / RD))
+        elif self.click == LIFE and robot is not None:
+            session.post(lambda: self._kill_or_revive(robot))
+        elif self.click == REMOVE and robot is not None:
+            session.post(self._remove_robot)
 
-        def build() -> None:
-            arena = session.wanted.config.arena
-            session.want("arena.obstacles", _built(arena, x / RD, y / RD))
+    def _robot_near(self, x: float, y: float, radius: float) -> int | None:
+        """Return the robot that is nearest to a place [mm]; None if it is farther than a radius."""
+        positions = self._session.snapshots[-1].frames.pose[0, :, :2] * 1e3
+        distances = np.linalg.norm(positions - np.array([x, y]), axis=-1)
+        robot = int(distances.argmin())
+        return robot if distances[robot] <= radius else None
 
-        def kill_or_revive() -> None:
-            is_dead = robot < len(session.is_alive) and not session.is_alive[robot]
-            session.change(REVIVE if is_dead else KILL, str(robot))
+    def _build(self, x: float, y: float) -> None:
+        """Let the next reset put an obstacle at a place [rd], or take away those that cover it."""
+        session = self._session
+        obstacles = _with_obstacle_at(session.wanted.config.arena, x, y)
+        session.want("arena.obstacles", obstacles)
 
-        def remove() -> None:
-            session.want("robots", max(1, session.wanted.n_robots - 1))
-            self.synchronise()
+    def _kill_or_revive(self, robot: int) -> None:
+        """Kill a robot, or revive it if it is dead."""
+        session = self._session
+        is_dead = robot < len(session.is_alive) and not session.is_alive[robot]
+        session.change(REVIVE if is_dead else KILL, str(robot))
 
-        acts = {DROP: drop, BUILD: build}
-        if is_hit:
-            acts |= {LIFE: kill_or_revive, REMOVE: remove}
-        if self.click in acts:
-            session.post(acts[self.click])
+    def _remove_robot(self) -> None:
+        """Let the next reset begin with one robot fewer."""
+        session = self._session
+        session.want("robots", max(1, session.wanted.n_robots - 1))
+        self.synchronise()
 
     def update(self) -> None:
         """Show the state of the session; a few times a second."""
-        session, view = self._session, self.view
-        settings = (session.wanted, session.now)
-        if any(one is not other for one, other in zip(settings, self._compared, strict=True)):
-            self._compared = settings
-            self._take_settings(session.wanted)
-
-        label, icon, colour = "Play", "player-play", "green"
-        if session.is_playing:
-            label, icon, colour = "Pause", "player-pause", "orange"
-        if self._play.label != label:
-            self._play.label, self._play.icon, self._play.color = label, icon, colour
+        session = self._session
+        self._show_settings()
+        self._show_play_button()
         show(self._status, "content", self._describe_run())
-        if view.by not in self._ways:  # chosen while another task came
-            view.by = self._ways[0]
-            show(self._colour, "value", view.by)
-        legend = arrays.legend(session.scene, view.by, session.is_alive)
-        show(self._legend, "content", spots(legend))
+        self._show_legend()
         self._show_command()
         if self._shown_recording != (session.is_recording, session.recording):
             self._show_recording()  # which a reset, or areas that move, have ended
-        if view.selected is not None:
-            snapshot = session.snapshots[-1]
-            memory = snapshot.record.swarm.memory
-            text = described(session.scene, snapshot.frames, memory, view.selected)
-            show(self._robot, "content", text)
-        key = (session.version, session.step)
-        if key != self._shown:
-            self._shown = key
+        self._show_robot()
+        step = (session.version, session.step)
+        if step != self._plotted:
+            self._plotted = step
             self._draw_plots()
 
-    def _take_settings(self, wanted: PageScenario) -> None:
+    def _show_play_button(self) -> None:
+        """Let the button say what a click on it does."""
+        label, icon, colour = "Play", "player-play", "green"
+        if self._session.is_playing:
+            label, icon, colour = "Pause", "player-pause", "orange"
+        if self._play.label != label:
+            self._play.label = label
+            self._play.icon = icon
+            self._play.color = colour
+
+    def _show_legend(self) -> None:
+        """Show what the colours mean."""
+        session = self._session
+        view = self.view
+        if view.by not in self._ways_to_colour:  # chosen while another task came
+            view.by = self._ways_to_colour[0]
+            show(self._colour, "value", view.by)
+        legend = arrays.legend(session.scene, view.by, session.is_alive)
+        show(self._legend, "content", spots(legend))
+
+    def _show_robot(self) -> None:
+        """Show what the selected robot knows, hears and says, if there is one."""
+        session = self._session
+        selected = self.view.selected
+        if selected is None:
+            return
+        snapshot = session.snapshots[-1]
+        memory = snapshot.record.swarm.memory
+        text = describe_robot(session.scene, snapshot.frames, memory, selected)
+        show(self._robot, "content", text)
+
+    def _show_settings(self) -> None:
         """Show the inputs of changed settings, and what waits for a reset."""
+        wanted = self._session.wanted
+        now = self._session.now
+        shown_wanted, shown_now = self._shown_scenarios
+        if wanted is shown_wanted and now is shown_now:
+            return
+        self._shown_scenarios = (wanted, now)
         self._settings.rebuild()
-        chosen = _chosen(wanted)
-        if chosen != self._chosen:
+        parts = _names_of_parts(wanted)
+        if parts != self._shown_parts:
             # Another strategy brings its own values. Otherwise inputs show what browsers sent,
             # which the session may not have taken yet: a slider would jump back while it is moved.
-            self._chosen = chosen
+            self._shown_parts = parts
             self._settings.synchronise()
         self._pending = self._session.pending
         is_built = "obstacles" in self._pending
@@ -259,11 +328,12 @@ class Panel:
     def _describe_run(self) -> str:
         """Return what the run is and what it waits for, in Markdown."""
         session = self._session
-        names = [Path(session.now.named(offer)).name for offer in (TASKS, STRATEGIES)]
+        task = Path(session.now.get("task")).name
+        strategy = Path(session.now.get("strategy")).name
         n_robots = session.run.settings.n_robots
-        lines = [f"**step {session.step}** · {n_robots} robots · {', '.join(names)}"]
+        lines = [f"**step {session.step}** · {n_robots} robots · {task}, {strategy}"]
         if session.is_busy and math.isinf(session.rate):
-            lines.append("Preparing the first control step, which is compiled once for each number of robots.")
+            lines.append(_PREPARING)
         elif math.isfinite(session.rate):
             lines[0] += f" · up to {session.rate:.0f} steps/s"
         if session.run.is_over:
@@ -275,7 +345,7 @@ class Panel:
     def _show_command(self) -> None:
         """Show the command that repeats the run, or why there is none."""
         try:
-            command = copied(self._session.command())
+            command = copyable(self._session.command())
             text = "This command repeats the run so far, bit by bit."
         except UserError as error:
             command = ""
@@ -284,27 +354,33 @@ class Panel:
         show(self._command, "content", command)
 
     def _draw_plots(self) -> None:
+        """Plot each metric over the control steps, once there are two."""
         lines = {name: list(values) for name, values in self._session.lines.items()}
-        n = min(map(len, lines.values()))  # another thread adds to them
-        steps = np.array(lines.pop("step")[-n:])
+        n_steps = min(len(values) for values in lines.values())  # another thread adds to them
+        steps = np.array(lines.pop("step")[-n_steps:])
         for name, values in lines.items():
-            data = (steps, np.array(values[-n:]))
+            data = (steps, np.array(values[-n_steps:]))
             if name in self._plots:
                 self._plots[name].data = data
-            elif n > 1:
-                with self._graphs:
-                    self._plots[name] = self._gui.add_uplot(
-                        data,
-                        ({"label": "step"}, {"label": name, "stroke": BLUE, "width": 2, "points": {"show": False}}),
-                        title=name.replace("_", " "),
-                        scales={"x": {"time": False}},
-                        legend={"show": False},
-                        axes=(AXIS, AXIS),
-                        height=130,
-                    )
+            elif n_steps > 1:
+                with self._plot_folder:
+                    self._plots[name] = self._add_plot(name, data)
+
+    def _add_plot(self, name: str, data: tuple[np.ndarray, np.ndarray]) -> Any:
+        """Add the plot of a metric, without a legend."""
+        line = {"label": name, "stroke": BLUE, "width": 2, "points": {"show": False}}
+        return self._gui.add_uplot(
+            data,
+            ({"label": "step"}, line),
+            title=name.replace("_", " "),
+            scales={"x": {"time": False}},
+            legend={"show": False},
+            axes=(AXIS, AXIS),
+            height=130,
+        )
 
 
-def _chosen(scenario: PageScenario) -> tuple[str, ...]:
+def _names_of_parts(scenario: PageScenario) -> tuple[str, ...]:
     """Return the names of strategy, task and engine."""
     return scenario.get("strategy"), scenario.get("task"), scenario.get("engine")
 
@@ -314,8 +390,17 @@ def _choice(name: str, choices: tuple[str, ...]) -> Control:
     return Control(name, "", value=choices[0], choices=choices)
 
 
-def _built(arena: ArenaConfig, x: float, y: float) -> tuple[Obstacle, ...]:
-    """Obstacles of an arena with another one of 2 x 2 rd at a place [rd], or without those that cover it."""
+def _with_obstacle_at(arena: ArenaConfig, x: float, y: float) -> tuple[Obstacle, ...]:
+    """Return the obstacles of an arena with another one, or without those that cover its place.
+
+    Args:
+        arena: arena with its obstacles.
+        x: place of the new one [rd].
+        y: place of the new one [rd].
+    """
     point = np.array([[x, y]])
-    left = tuple(one for one in arena.obstacles if distances(point, numbers([one]))[0] > 0)
-    return left if len(left) < len(arena.obstacles) else (*left, (round(x, 2), round(y, 2), 1.0, 1.0, 0.0))
+    others = tuple(box for box in arena.obstacles if distances(point, numbers([box]))[0] > 0)
+    if len(others) < len(arena.obstacles):
+        return others
+    half_edge = _OBSTACLE_HALF_EDGE
+    return (*others, (round(x, 2), round(y, 2), half_edge, half_edge, 0.0))

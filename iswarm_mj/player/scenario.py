@@ -15,14 +15,14 @@ from iswarm_mj.simulation.scenario_flags import (
     task_name,
     value_at,
 )
-from iswarm_mj.strategy.library import STRATEGIES, TASKS, PluginKind
+from iswarm_mj.strategy.library import STRATEGIES, TASKS
 from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError, shown
 
-STEPS = 1_000_000
-"""Control steps of a run at most."""
-_OWN = ("seed", "robots")
-"""Settings that are fields of a scenario, and of no part of it."""
+MOST_STEPS = 1_000_000
+"""Largest number of control steps of a run."""
+_WITHOUT_PART = ("seed", "robots")
+"""Settings that are fields of the scenario itself, and of no part of it."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class PageScenario(Scenario):
             raise UserError("the page shows one world; give a scenario with worlds=1")
         if scenario.goal is not None:
             raise UserError("the page goes on for as long as it is watched; give a scenario without goal")
-        values: dict[str, Any] = {one.name: getattr(scenario, one.name) for one in fields(Scenario)}
+        values: dict[str, Any] = {f.name: getattr(scenario, f.name) for f in fields(Scenario)}
         values["steps"] = Scenario.steps
         return cls(**values)
 
@@ -53,19 +53,15 @@ class PageScenario(Scenario):
         Raises:
             UserError: settings that do not fit each other.
         """
-        return Run(replace(self, steps=STEPS, engine=self.engine.in_chunks(1)))
+        return Run(replace(self, steps=MOST_STEPS, engine=self.engine.in_chunks(1)))
 
     def paths(self) -> dict[str, tuple[str, ...]]:
-        """Return where settings are that are fields of its parts, as attributes of attributes."""
+        """Return the path of attributes to each setting that is a field of a part, by its name."""
         return paths_of(self)
 
     def at(self, path: Iterable[str]) -> Any:
-        """Return what is at a path; None where there is nothing."""
+        """Return the value at a path of attributes; None where there is none."""
         return value_at(self, path)
-
-    def named(self, offer: PluginKind) -> str:
-        """Return the name of its strategy or its task, as flags take it."""
-        return task_name(self) if offer is TASKS else strategy_name(self)
 
     def get(self, name: str) -> Any:
         """Return the value of a setting."""
@@ -84,33 +80,43 @@ class PageScenario(Scenario):
             UserError: there is no such setting, or the value is out of range.
         """
         if name == "engine":
-            return self if value == engine_name(self.engine) else replace(self, engine=find_engine(value).usual())
+            if value == engine_name(self.engine):
+                return self
+            return replace(self, engine=find_engine(value).usual())
         if name == "strategy":
             return replace(self, strategy=made_of(STRATEGIES, value), strategy_name=value)
         if name == "task":
             return replace(self, task=made_of(TASKS, value), task_name=value)
-        path = self.paths().get(name, (name,) if name in _OWN else ())
+        path = (name,) if name in _WITHOUT_PART else self.paths().get(name, ())
         if not path:
-            strategy, task = type(self.strategy).__name__, type(self.task).__name__
+            strategy = type(self.strategy).__name__
+            task = type(self.task).__name__
             raise UserError(f"{strategy} and {task} have no setting {shown(name)}")
-        before = replace(self, robots=None) if name == "density_of_robots" else self
+        before = self
+        if name == "density_of_robots":
+            before = replace(self, robots=None)  # which would outweigh the density
         with user_code(type(self.at(path[:-1])).__name__):
-            return _with(before, path, value)
+            return _with_value(before, path, value)
 
     def with_part(self, name: str, other: Scenario) -> Self:
         """Return this scenario with the strategy, the task or the engine of another one."""
-        found = {name: getattr(other, name)}
+        changed = {name: getattr(other, name)}
         if name != "engine":
-            found[f"{name}_name"] = getattr(other, f"{name}_name")
-        return replace(self, **found)
+            changed[f"{name}_name"] = getattr(other, f"{name}_name")
+        return replace(self, **changed)
 
     def shares(self, name: str, other: "PageScenario") -> bool:
         """Return whether a setting belongs to parts of the same class in two scenarios."""
-        path, other_path = self.paths().get(name, ()), other.paths().get(name, ())
-        return path == other_path and type(self.at(path[:-1])) is type(other.at(path[:-1]))
+        path = self.paths().get(name, ())
+        if path != other.paths().get(name, ()):
+            return False
+        part = path[:-1]
+        return type(self.at(part)) is type(other.at(part))
 
 
-def _with(given: Any, path: tuple[str, ...], value: Any) -> Any:
-    """A dataclass in which something else is at a path."""
+def _with_value(settings: Any, path: tuple[str, ...], value: Any) -> Any:
+    """Return a dataclass with another value at a path of attributes."""
     name, *rest = path
-    return replace(given, **{name: _with(getattr(given, name), tuple(rest), value) if rest else value})
+    if rest:
+        value = _with_value(getattr(settings, name), tuple(rest), value)
+    return replace(settings, **{name: value})

@@ -1,13 +1,19 @@
-"""What the page draws of a swarm, as arrays in millimetres: robots, balls, lines and arrows between two steps."""
+"""Arrays in millimetres that pages and replays draw: robots, balls and lines between two steps."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, UInt8
+from jaxtyping import Bool, Float, Int8, UInt8
 
 from iswarm_mj.output import shapes
-from iswarm_mj.output.memory_vectors import hop_colours, hop_counts, names_without_vectors, recorded_vectors
+from iswarm_mj.output.frames import FIXED_AREAS
+from iswarm_mj.output.memory_vectors import (
+    hop_colours,
+    hop_counts,
+    names_without_vectors,
+    recorded_vectors,
+)
 from iswarm_mj.output.message_columns import shown_fields
 from iswarm_mj.output.palette import Rgb
 from iswarm_mj.output.schema import Frames
@@ -17,122 +23,200 @@ from iswarm_mj.output.trajectory import AREA, Scene
 STATE, ENERGY = "state", "energy"
 """Ways to colour robots; others are `hops to NAME`, `says NAME` and `remembers NAME`."""
 DEAD: Rgb = (70, 70, 70)
+"""Colour of dead robots."""
 _TOP = 15
 """Hop count whose colour is the brightest."""
+_HELD = 1
+"""State of balls that a robot holds, in `Frames.ball_state`."""
 
 
 class Moment(NamedTuple):
-    """What is shown at a time between two control steps."""
+    """Places and colours at a time between two control steps."""
 
     centre: Float[np.ndarray, "N 3"]
-    """Of the robots."""
+    """Centres of the robots [mm]."""
     yaw: Float[np.ndarray, "N"]
+    """Headings of the robots [rad]."""
     ball: Float[np.ndarray, "K 3"]
+    """Centres of the balls [mm]; those that are held are above their robots."""
     ball_colour: UInt8[np.ndarray, "K 3"]
+    """Colours of the balls, by their states."""
     boxes: Float[np.ndarray, "M 5"]
-    """x, y, half edges and yaw [rad] of the boxes that robots push."""
+    """x, y, half edges [mm] and yaw [rad] of the boxes that robots push."""
     areas: dict[str, Float[np.ndarray, "A 3"]]
-    """x, y and half the width, or the radius, of the task's areas by their names."""
+    """x, y and half the width, or the radius [mm], of the task's areas by their names."""
 
 
 def moment(scene: Scene, before: Frames, after: Frames, share: float) -> Moment:
-    """Return what is shown after a share of a control step; poses in between are interpolated."""
+    """Return what is drawn after a share of a control step; poses in between are interpolated.
+
+    Args:
+        scene: constants of the world.
+        before: frame before the step.
+        after: frame after the step.
+        share: share of the step that has passed, from 0 to 1.
+    """
     pose = before.pose + np.float32(share) * (after.pose - before.pose)
-    centre = shapes.centres(scene, pose)[0]
-    balls = [shapes.ball_centres(scene, frames)[0][0] for frames in (before, after)]
-    is_there = np.linalg.norm(balls[1] - balls[0], axis=-1, keepdims=True) < 5 * scene.length * 1e3
-    ball = np.where(is_there, balls[0] + share * (balls[1] - balls[0]), balls[1])
-    held = after.ball_state[0] == 1
-    ball[held, 2] += 1.2 * scene.height * shapes.MILLIMETRES
-    colours = np.array([colour for *_, colour in BALL_CLASSES], np.uint8)
+    boxes_before = shapes.pushed_boxes(scene, before)[0]
+    boxes_after = shapes.pushed_boxes(scene, after)[0]
+    ball_colours = np.array([colour for *_, colour in BALL_CLASSES], np.uint8)
     areas = {name: after.task[AREA + name][0] * shapes.MILLIMETRES for name in scene.area_names}
-    first, then = (shapes.pushed_boxes(scene, frames)[0] for frames in (before, after))
     return Moment(
-        centre,
-        pose[0, :, 2],
-        ball.astype(np.float32),
-        colours[after.ball_state[0]],
-        first + share * (then - first),
-        areas,
+        centre=shapes.centres(scene, pose)[0],
+        yaw=pose[0, :, 2],
+        ball=_balls_between(scene, before, after, share),
+        ball_colour=ball_colours[after.ball_state[0]],
+        boxes=boxes_before + share * (boxes_after - boxes_before),
+        areas=areas,
     )
 
 
-def arrows(scene: Scene, frames: Frames, centre: Float[np.ndarray, "N 3"]) -> dict[str, Float[np.ndarray, "M 2 3"]]:
-    """Return the ends of the arrows of what robots remember, by the names of the vectors."""
-    found = {}
+def _balls_between(
+    scene: Scene,
+    before: Frames,
+    after: Frames,
+    share: float,
+) -> Float[np.ndarray, "K 3"]:
+    """Return the centres of the balls after a share of a control step [mm]."""
+    start = shapes.ball_centres(scene, before)[0][0]
+    end = shapes.ball_centres(scene, after)[0][0]
+
+    # A ball that a task puts elsewhere does not fly there.
+    distance = np.linalg.norm(end - start, axis=-1, keepdims=True)
+    stays = distance < 5 * scene.length * 1e3
+    balls = np.where(stays, start + share * (end - start), end)
+
+    is_held = after.ball_state[0] == _HELD
+    balls[is_held, 2] += 1.2 * scene.height * shapes.MILLIMETRES
+    return balls.astype(np.float32)
+
+
+def areas_differ(scene: Scene, other: Scene) -> bool:
+    """Return whether the dump or a dust area has another place or size in another scene."""
+    return any(not np.array_equal(getattr(scene, name), getattr(other, name)) for name in FIXED_AREAS)
+
+
+def arrows(
+    scene: Scene,
+    frames: Frames,
+    centre: Float[np.ndarray, "N 3"],
+) -> dict[str, Float[np.ndarray, "M 2 3"]]:
+    """Return the ends of the arrows of what robots remember, by the names of the vectors.
+
+    Args:
+        scene: constants of the world.
+        frames: one frame.
+        centre: centres of the robots [mm].
+    """
+    ends = {}
     for vector in recorded_vectors(scene.memory):
-        origins, ways, _ = shapes.arrows(scene, frames, vector, centre[None])
-        found[vector.stem] = np.stack([origins, origins + ways], axis=1)
-    return found
+        origins, directions, _ = shapes.arrows(scene, frames, vector, centre[None])
+        ends[vector.stem] = np.stack([origins, origins + directions], axis=1)
+    return ends
 
 
 def trails(scene: Scene, past: Sequence[Frames]) -> Float[np.ndarray, "S 2 3"]:
     """Return the segments of the trails of robots that are loaded in the last of some frames."""
-    history = shapes.centres(scene, np.concatenate([frames.pose for frames in past]))
-    points, lengths = shapes.trails(past[-1].is_loaded, history, len(past) - 1)
+    poses = np.concatenate([frames.pose for frames in past])
+    history = shapes.centres(scene, poses)
+    points, n_points = shapes.trails(past[-1].is_loaded, history, len(past) - 1)
+
+    # The points of all trails follow each other; no segment begins at the last one of a trail.
     is_last = np.zeros(len(points), bool)
-    is_last[np.cumsum(lengths) - 1] = True
+    is_last[np.cumsum(n_points) - 1] = True
     starts = np.flatnonzero(~is_last)
     return np.stack([points[starts], points[starts + 1]], axis=1)
 
 
-def numbers_of(scene: Scene, frames: Frames, energy: np.ndarray | None) -> dict[str, Float[np.ndarray, "N"]]:
-    """Return what robots can be coloured by other than `STATE`, as numbers from 0 to 15, -1 for none.
+def colour_values(
+    scene: Scene,
+    frames: Frames,
+    energy: np.ndarray | None,
+) -> dict[str, Float[np.ndarray, "N"]]:
+    """Return what robots can be coloured by other than `STATE`: numbers from 0 to 15, -1 for none.
 
     Args:
-        scene: of the world.
+        scene: constants of the world.
         frames: one frame.
-        energy: in the capacitors (N,) [J]; None where there are none.
+        energy: energy in the capacitors (N,) [J]; None where there are none.
     """
-    hops = {
-        f"hops to {v.stem}": hop_counts(frames, v)[0]
-        for v in recorded_vectors(scene.memory)
-        if v.hop in scene.memory_names
-    }
-    said = {f"says {name.removeprefix('said_')}": v[0] for name, v in shown_fields(scene, frames.message).items()}
-    remembered = {f"remembers {name}": frames.memory[name][0] for name in names_without_vectors(scene)}
-    known = {ENERGY: energy} if energy is not None else {}
-    return hops | {way: _scaled(values) for way, values in (said | remembered | known).items()}
+    values = {}
+    for vector in recorded_vectors(scene.memory):
+        if vector.hop in scene.memory_names:
+            values[f"hops to {vector.stem}"] = hop_counts(frames, vector)[0]
+    for name, field in shown_fields(scene, frames.message).items():
+        values[f"says {name.removeprefix('said_')}"] = _scaled(field[0])
+    for name in names_without_vectors(scene):
+        values[f"remembers {name}"] = _scaled(frames.memory[name][0])
+    if energy is not None:
+        values[ENERGY] = _scaled(energy)
+    return values
 
 
 def _scaled(values: Any) -> Float[np.ndarray, "N"]:
-    found = np.asarray(values, float).reshape(len(values), -1)[:, 0]
-    low, high = found.min(), found.max()
-    return _TOP * (found - low) / (high - low) if high > low else 0 * found
+    """Return the first number of each robot, with the least one at 0 and the largest one at 15."""
+    numbers = np.asarray(values, float).reshape(len(values), -1)[:, 0]
+    low = numbers.min()
+    high = numbers.max()
+    if high > low:
+        return _TOP * (numbers - low) / (high - low)
+    return 0 * numbers
 
 
 def ways_to_colour(scene: Scene, frames: Frames, energy: np.ndarray | None = None) -> list[str]:
     """Return the ways in which the robots of a scene can be coloured."""
-    return [STATE, *numbers_of(scene, frames, energy)]
+    return [STATE, *colour_values(scene, frames, energy)]
 
 
-def colours(scene: Scene, frames: Frames, by: str, energy: np.ndarray | None = None) -> UInt8[np.ndarray, "N 3"]:
+def colours(
+    scene: Scene,
+    frames: Frames,
+    by: str,
+    energy: np.ndarray | None = None,
+) -> UInt8[np.ndarray, "N 3"]:
     """Return the colours of the robots; the dead are dark grey.
 
     Args:
-        scene: of the world.
+        scene: constants of the world.
         frames: one frame.
         by: one of `ways_to_colour`.
-        energy: in the capacitors (N,) [J], where there are some.
+        energy: energy in the capacitors (N,) [J], where there are some.
     """
     if by == STATE:
-        classes = robot_classes(scene, frames.is_loaded, frames.has_priority)[0]
-        colours = {place: colour for place, _, colour in shown_classes(scene)}
-        found = np.array([colours[place] for place in classes.tolist()], np.uint8)
+        class_of_robot = robot_classes(scene, frames.is_loaded, frames.has_priority)[0]
+        colour_of_class = {number: colour for number, _, colour in shown_classes(scene)}
+        living = np.array([colour_of_class[number] for number in class_of_robot.tolist()], np.uint8)
     else:
-        words = hop_colours(np.rint(numbers_of(scene, frames, energy)[by]).astype(np.int8))
-        found = np.stack([words >> 24, words >> 16 & 255, words >> 8 & 255], axis=-1).astype(np.uint8)
-    return np.where(frames.is_alive[0, :, None], found, np.array(DEAD, np.uint8))
+        values = colour_values(scene, frames, energy)[by]
+        living = _colours_of_hops(np.rint(values).astype(np.int8))
+    is_alive = frames.is_alive[0, :, None]
+    return np.where(is_alive, living, np.array(DEAD, np.uint8))
+
+
+def _colours_of_hops(hops: Int8[np.ndarray, "N"]) -> UInt8[np.ndarray, "N 3"]:
+    """Return red, green and blue of hop counts, which Rerun takes as one number."""
+    rgba = hop_colours(hops)
+    return np.stack([rgba >> 24, rgba >> 16 & 255, rgba >> 8 & 255], axis=-1).astype(np.uint8)
 
 
 def legend(scene: Scene, by: str, is_alive: Bool[np.ndarray, "..."]) -> list[tuple[str, Rgb]]:
-    """Return what the colours mean: labels and colours of robots and balls."""
+    """Return what the colours mean: labels and colours of robots and balls.
+
+    Args:
+        scene: constants of the world.
+        by: one of `ways_to_colour`.
+        is_alive: robots in one or several control steps; dead ones have an entry.
+    """
+    entries: list[tuple[str, Rgb]] = []
     if by == STATE:
-        robots = [(label, colour) for _, label, colour in shown_classes(scene)]
+        entries += [(label, colour) for _, label, colour in shown_classes(scene)]
     else:
-        words = hop_colours(np.array([-1, 0, 5, 10, 15], np.int8))
-        names = ("none", "0 or least", "", "", "15 or most")
-        robots = [(n, (int(w) >> 24, int(w) >> 16 & 255, int(w) >> 8 & 255)) for n, w in zip(names, words, strict=True)]
-    robots += [] if np.all(is_alive) else [("dead", DEAD)]
-    balls = [(f"ball {label}", colour) for _, label, colour in BALL_CLASSES] if len(scene.ball_radius) else []
-    return robots + balls
+        labels = {-1: "none", 0: "0 or least", 5: "", 10: "", 15: "15 or most"}
+        spectrum = _colours_of_hops(np.array([*labels], np.int8))
+        for label, (red, green, blue) in zip(labels.values(), spectrum.tolist(), strict=True):
+            entries.append((label, (red, green, blue)))
+    if not np.all(is_alive):
+        entries.append(("dead", DEAD))
+    if len(scene.ball_radius):
+        entries += [(f"ball {label}", colour) for _, label, colour in BALL_CLASSES]
+    return entries

@@ -1,4 +1,4 @@
-"""A run that can be played with: a plain object that one thread works on, and that others post to."""
+"""An interactive run: one thread works on it, and others post to it."""
 
 import copy
 import itertools
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from iswarm_mj.output.frames import FIXED_AREAS, RecordedWorld
+from iswarm_mj.output.frames import RecordedWorld
 from iswarm_mj.output.schema import ARRAYS, Frames
 from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import METRIC
@@ -25,6 +25,7 @@ from iswarm_mj.player.controls import Control, controls, is_live, parsed
 from iswarm_mj.player.faults import Faults
 from iswarm_mj.player.inbox import Inbox
 from iswarm_mj.player.scenario import PageScenario
+from iswarm_mj.player.scene import areas_differ
 from iswarm_mj.simulation.scenario_flags import command_line, is_same, toml
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.utils.errors import UserError
@@ -32,8 +33,8 @@ from iswarm_mj.workflows.recorder import Recorder
 
 AHEAD = 2
 """Control steps that are computed ahead of what is shown, so that motion stays smooth."""
-LONGEST = 4000
-"""Control steps that are plotted, the latest ones."""
+MOST_PLOTTED = 4000
+"""Largest number of control steps that are plotted, the latest ones."""
 MOST_RECORDINGS = 100
 """Recordings that a session makes at most; each is a file and takes some memory."""
 
@@ -44,7 +45,7 @@ class Snapshot(NamedTuple):
     frames: Frames
     """One frame."""
     record: StepRecord
-    """(1, 1, ...)."""
+    """Record of the step, arrays (1, 1, ...)."""
 
     @property
     def step(self) -> int:
@@ -53,26 +54,30 @@ class Snapshot(NamedTuple):
 
     @property
     def energy(self) -> np.ndarray | None:
-        """In the robots' capacitors (N,) [J]; None where they have none."""
+        """Energy in the robots' capacitors (N,) [J]; None where they have none."""
         energy = self.record.swarm.energy
-        return None if energy is None else np.asarray(energy)[0, 0]
+        if energy is None:
+            return None
+        return np.asarray(energy)[0, 0]
 
 
 class Session:
-    """A run, what was changed in it, and what its latest control steps looked like.
+    """A run, the changes made in it, and a picture of its latest control steps.
 
     Attributes:
+        run: the run, whose first world is played with.
+        world: what is recorded and drawn of that world.
         start: scenario with which the run began.
-        now: with the settings that were changed since.
-        wanted: also with those that wait for a reset.
-        made: changes of this run, in their order.
+        now: scenario with the settings that were changed since.
+        wanted: scenario with those, too, that wait for a reset.
+        changes: changes of this run so far, in their order.
         waiting: changes that are still to be made.
         is_playing: control steps are taken one after the other.
         is_busy: something is computed at present.
         shown: control step that is shown at present; infinite where nobody watches.
-        snapshots: the latest ones.
+        snapshots: latest control steps.
         lines: numbers after each step by the names of metrics, and `step`.
-        version: counts resets.
+        version: number of runs so far, one more after each reset.
         messages: one-line errors for whoever plays.
         rate: control steps a second that could be computed; infinite until two were.
         faults: exceptions that were shown.
@@ -81,31 +86,40 @@ class Session:
         lock: held while another run takes the place of the present one, and by whoever draws.
     """
 
-    def __init__(self, scenario: PageScenario, changes: Sequence[Change] = (), out: Path = Path("runs/play")):
+    def __init__(
+        self,
+        scenario: PageScenario,
+        changes: Sequence[Change] = (),
+        out: Path = Path("runs/play"),
+    ):
         """Begin a run.
 
         Args:
-            scenario: of the run.
-            changes: to be made in it.
+            scenario: scenario of the run.
+            changes: changes to be made in it.
             out: directory for recordings.
 
         Raises:
             UserError: settings or changes that do not fit each other.
         """
-        self._first = changed = scenario
-        for change in changes:
-            if change.what not in EDITS:
-                changed = changed.set(change.what, parsed(changed, change.what, change.value))
-        self.wanted, self.waiting, self._out = scenario, sorted(changes, key=lambda change: change.step), out
-        self.version, self.is_playing, self.is_busy, self.shown, self.rate = 0, False, False, math.inf, math.inf
+        _check_changes(scenario, changes)
+        self._initial = scenario
+        self._out = out
+        self.wanted = scenario
+        self.waiting = sorted(changes, key=lambda change: change.step)
+        self.version = 0
+        self.is_playing = False
+        self.is_busy = False
+        self.shown = math.inf
+        self.rate = math.inf
         self.messages: SimpleQueue[str] = SimpleQueue()
-        self.lock = Lock()
+        self.faults = Faults()
         self.inbox = Inbox()
+        self.lock = Lock()
         self.recording: Path | None = None
         self._n_recordings = 0
         self._recorder: Recorder | None = None
         self._recording_lock = Lock()
-        self.faults = Faults()
         self._begin(scenario)
         for change in self.waiting:
             if change.what in EDITS:
@@ -118,9 +132,12 @@ class Session:
         frames = world.frames([run.start])
         self.stop_recording()
         with self.lock:
-            self.start = self.now = self.wanted = scenario
-            self.made: list[Change] = []
-            self.run, self.world = run, world
+            self.start = scenario
+            self.now = scenario
+            self.wanted = scenario
+            self.changes: list[Change] = []
+            self.run = run
+            self.world = world
             self.snapshots: deque[Snapshot] = deque(maxlen=TRAIL_FRAMES + AHEAD + 2)
             self.lines: dict[str, deque[float]] = {}
             self.version += 1
@@ -140,14 +157,14 @@ class Session:
 
     @property
     def is_alive(self) -> np.ndarray:
-        """Which robots are (N,), those just killed left out."""
+        """Robots that are alive (N,), without those just killed."""
         return self.snapshots[-1].frames.is_alive[0]
 
     def post(self, call: Callable[[], None], control: str | None = None) -> None:
         """Have something done between two control steps, by the thread that works on this session.
 
         Args:
-            call: to be made.
+            call: what is done.
             control: unique name of the control that the call sets; None for a click.
 
         Raises:
@@ -164,9 +181,13 @@ class Session:
         What goes wrong is shown to whoever plays, and pauses the run.
         """
         worked = False
-        while (call := self.inbox.take()) is not None:
-            self._succeeds(call)
-            worked = True
+
+        # No more calls than wait now, so that no flood of them stops the run.
+        for _ in range(len(self.inbox)):
+            call = self.inbox.take()
+            if call is not None:
+                self._succeeds(call)
+                worked = True
 
         # Nothing has happened yet: settings need not wait for a reset.
         if not self.step and not is_same(self.wanted, self.start):
@@ -180,7 +201,7 @@ class Session:
         return worked
 
     def _succeeds(self, call: Callable[[], None]) -> bool:
-        """Call something; return whether it raised no exception, which whoever plays would see."""
+        """Return whether a call raised no exception; whoever plays sees those it raises."""
         self.is_busy = True
         try:
             call()
@@ -204,13 +225,16 @@ class Session:
         if self.run.is_over:
             return
         while self.waiting and self.waiting[0].step <= self.step:
-            self.change(*self.waiting.pop(0)[1:])
+            due = self.waiting.pop(0)
+            self.change(due.what, due.value)
+
         began = time.perf_counter()
         record = self.run.advance()
-        took = time.perf_counter() - began
+        duration = time.perf_counter() - began
         if self.step:  # the first step compiles
-            self._laps.append(took)
+            self._laps.append(duration)
             self.rate = 1 / median(self._laps)
+
         assert record is not None  # world 0 is recorded
         self._append(self.world.frames([record]), record)
         with self._recording_lock:
@@ -225,7 +249,8 @@ class Session:
         Raises:
             UserError: they do not fit each other; the present run goes on, with its settings.
         """
-        wanted, self.wanted = self.wanted, self.now
+        wanted = self.wanted
+        self.wanted = self.now  # unless the reset succeeds
         self.rate = math.inf
         is_other_program = not is_same(replace(wanted, seed=self.now.seed), self.now)
         if self.step and is_other_program:
@@ -241,16 +266,22 @@ class Session:
         A rule that both have is one of what runs, and `change` carries it into what waits. Only
         names of controls are unique among the live ones, and among the others.
         """
-        now, wanted = self.now, self.wanted  # which another thread replaces
-        rules = [control for control in controls(now, self._first) if control.is_live]
+        now = self.now  # once, as another thread replaces both
+        wanted = self.wanted
+        rules = [control for control in controls(now, self._initial) if control.is_live]
         carried = {rule.name for rule in rules if wanted.shares(rule.name, now)}
-        waiting = [one for one in controls(wanted, self._first) if one.name not in carried]
-        return rules + [control._replace(is_live=False) for control in waiting]
+        waiting = [
+            control._replace(is_live=False)
+            for control in controls(wanted, self._initial)
+            if control.name not in carried
+        ]
+        return rules + waiting
 
     @property
     def pending(self) -> list[str]:
         """Labels of what the next reset changes."""
-        now, wanted = self.now, self.wanted  # which another thread replaces
+        now = self.now  # once, as another thread replaces both
+        wanted = self.wanted
         present = {control.name: control.value for control in controls(now)}
         labels = []
         for control in controls(wanted):
@@ -267,10 +298,13 @@ class Session:
         Raises:
             UserError: there is none, it is out of range, or it contradicts another one.
         """
-        if self.step and is_live(self.now, name):
-            self.change(name, str(value).lower() if isinstance(value, bool) else str(value))
-        else:
+        if not (self.step and is_live(self.now, name)):
             self.want(name, value)
+            return
+        text = str(value)
+        if isinstance(value, bool):
+            text = text.lower()
+        self.change(name, text)
 
     def want(self, name: str, value: Any) -> None:
         """Change a setting of what waits for the next reset.
@@ -281,22 +315,38 @@ class Session:
         Raises:
             UserError: there is none, it is out of range, or it contradicts another one.
         """
-        if name in ("strategy", "task", "engine") and value == self._first.get(name):
-            self.wanted = self.wanted.with_part(name, self._first)
+        is_part = name in ("strategy", "task", "engine")
+        if is_part and value == self._initial.get(name):
+            self.wanted = self.wanted.with_part(name, self._initial)
         else:
             self.wanted = self.wanted.set(name, value)
 
     def change(self, what: str, value: str) -> None:
-        """Change a setting that may change while the run goes on, a robot or a ball; see `Change`."""
+        """Change a setting that may change while the run goes on, a robot or a ball.
+
+        Args:
+            what: see `Change`.
+            value: see `Change`.
+
+        Raises:
+            UserError: there is no such setting, robot or place, or the value is out of range.
+        """
         change = Change(self.step, what, value)
         if what in EDITS:
             self.run.edit(edit(self.run, change))
-            last, alive = self.snapshots[-1], np.asarray(self.run.arrays()[1].swarm.is_alive)
-            self.snapshots[-1] = last._replace(frames=replace(last.frames, is_alive=alive[:1]))
+            self._show_deaths()
         else:
             self._change_setting(what, value)
-            self.made = [one for one in self.made if one[:2] != change[:2]]
-        self.made.append(change)
+            # A setting that changes again before the next step had no effect in between.
+            self.changes = [each for each in self.changes if each[:2] != change[:2]]
+        self.changes.append(change)
+
+    def _show_deaths(self) -> None:
+        """Let the latest snapshot have the robots that are alive now."""
+        _, state = self.run.arrays()
+        is_alive = np.asarray(state.swarm.is_alive)[:1]
+        latest = self.snapshots[-1]
+        self.snapshots[-1] = latest._replace(frames=replace(latest.frames, is_alive=is_alive))
 
     def _change_setting(self, name: str, text: str) -> None:
         """Change a setting of the run, and of what waits if that has it, too; both or none."""
@@ -312,11 +362,13 @@ class Session:
             self._follow_areas()
 
     def _follow_areas(self) -> None:
-        """Take in areas on the floor that settings have moved; a recording has them from its start."""
+        """Take in areas on the floor that settings have moved, and complete the recording then.
+
+        A recording has these areas from its start.
+        """
         before = self.world.scene
         self.world = RecordedWorld.of_run(self.run, 0)
-        after = self.world.scene
-        if any(not np.array_equal(getattr(before, name), getattr(after, name)) for name in FIXED_AREAS):
+        if areas_differ(before, self.world.scene):
             self.stop_recording()
 
     def _append(self, frames: Frames, record: StepRecord) -> None:
@@ -324,8 +376,9 @@ class Session:
         self.snapshots.append(Snapshot(frames, record))
         arrays = frames.arrays()
         for name in ("step", *self.run.task.measured, "collisions", "mean_speed"):
-            line = self.lines.setdefault(name, deque(maxlen=LONGEST))
-            line.append(float(arrays[name if name in ARRAYS else METRIC + name][0]))
+            line = self.lines.setdefault(name, deque(maxlen=MOST_PLOTTED))
+            array = name if name in ARRAYS else METRIC + name
+            line.append(float(arrays[array][0]))
 
     def values(self) -> dict[str, Any]:
         """Return the settings and changes that reproduce the run so far, by the names of flags.
@@ -333,18 +386,25 @@ class Session:
         Raises:
             UserError: no flag can state one of them.
         """
-        own = self.start.values()
-        if self.made:
-            return own | {"changes": tuple(map(str, self.made))}
-        return own | {"steps": max(1, self.step)}
+        values = self.start.values()
+        if self.changes:
+            return values | {"changes": tuple(str(change) for change in self.changes)}
+        return values | {"steps": max(1, self.step)}
+
+    @property
+    def _subcommand(self) -> str:
+        """Name of the command of `iswarm` that reproduces the run so far."""
+        return "play" if self.changes else "run"
 
     def command(self) -> str:
-        """Return a command that reproduces the run so far: `iswarm run`, or `iswarm play` where something changed.
+        """Return a command that reproduces the run so far.
+
+        It is `iswarm run`, or `iswarm play` where something changed.
 
         Raises:
             UserError: no flag can state one of its settings.
         """
-        return command_line("play" if self.made else "run", self.values())
+        return command_line(self._subcommand, self.values())
 
     def toml(self) -> str:
         """Return a file for --config of that command.
@@ -352,7 +412,7 @@ class Session:
         Raises:
             UserError: no key can state one of its settings.
         """
-        return f"# iswarm {'play' if self.made else 'run'} --config FILE\n{toml(self.values())}"
+        return f"# iswarm {self._subcommand} --config FILE\n{toml(self.values())}"
 
     @property
     def is_recording(self) -> bool:
@@ -368,7 +428,8 @@ class Session:
         if self.is_recording:
             return
         if self._n_recordings >= MOST_RECORDINGS:
-            raise UserError(f"this page has made {MOST_RECORDINGS} recordings, as many as it can; start another page")
+            limit = f"this page has made {MOST_RECORDINGS} recordings, as many as it can"
+            raise UserError(f"{limit}; start another page")
         self._out.mkdir(parents=True, exist_ok=True)
         numbers = itertools.count(1)
         path = next(path for path in map(self._recording_path, numbers) if not path.exists())
@@ -393,3 +454,15 @@ class Session:
             recorder, self._recorder = self._recorder, None
             if recorder is not None:
                 recorder.save()
+
+
+def _check_changes(scenario: PageScenario, changes: Sequence[Change]) -> None:
+    """Check the settings that some changes state.
+
+    Raises:
+        UserError: there is no such setting, or a value is out of range.
+    """
+    for change in changes:
+        if change.what not in EDITS:
+            value = parsed(scenario, change.what, change.value)
+            scenario = scenario.set(change.what, value)

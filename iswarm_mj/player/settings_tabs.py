@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from iswarm_mj.player.controls import Control
 from iswarm_mj.player.inputs import Inputs
@@ -10,9 +10,17 @@ from iswarm_mj.player.session import Session
 from iswarm_mj.player.widgets import show
 
 _OPEN = ("Rules of", "World", "Task")
-"""How the names of folders begin that are open at first."""
+"""Beginnings of the names of folders that are open at first."""
 _AFTER_TEXT = 1e6
-"""Place of the first folder; viser numbers what has no place given."""
+"""Place of the first folder in its tab: viser numbers what has no place of its own from below."""
+
+
+class _FolderKey(NamedTuple):
+    """Tab and name of a folder."""
+
+    is_live: bool
+    """The folder is in the tab of rules, which change at once."""
+    name: str
 
 
 @dataclass
@@ -20,9 +28,11 @@ class _Folder:
     """A folder of a tab with its inputs."""
 
     controls: list[Control]
+    """Controls of the inputs."""
     handle: Any
+    """Folder of viser."""
     inputs: dict[str, Any] = field(default_factory=dict)
-    """By the names of the controls."""
+    """Inputs by the names of their controls."""
 
 
 class SettingsTabs:
@@ -43,13 +53,13 @@ class SettingsTabs:
         self._session = session
         self._rules = rules
         self._world = world
-        self._folders: dict[tuple[bool, str], _Folder] = {}
+        self._folders: dict[_FolderKey, _Folder] = {}
 
     def rebuild(self) -> None:
         """Show an input for each present setting; folders whose settings stay are left alone."""
         wanted = _grouped(self._session.controls())
-        for key in [*self._folders]:
-            if _kinds(wanted.get(key, [])) != _kinds(self._folders[key].controls):
+        for key, folder in [*self._folders.items()]:
+            if _kinds(wanted.get(key, [])) != _kinds(folder.controls):
                 self._remove(key)
         for order, (key, controls) in enumerate(wanted.items()):
             if key not in self._folders:
@@ -58,22 +68,28 @@ class SettingsTabs:
     def synchronise(self) -> None:
         """Show the values of the present settings."""
         for key, controls in _grouped(self._session.controls()).items():
-            inputs = self._folders[key].inputs if key in self._folders else {}
+            folder = self._folders.get(key)
+            if folder is None:
+                continue
             for control in controls:
-                if control.name in inputs:
-                    show(inputs[control.name], "value", control.value)
+                if control.name in folder.inputs:
+                    show(folder.inputs[control.name], "value", control.value)
 
-    def _remove(self, key: tuple[bool, str]) -> None:
+    def _remove(self, key: _FolderKey) -> None:
+        """Remove a folder and its inputs."""
         folder = self._folders.pop(key)
         for handle in folder.inputs.values():
             self._inputs.forget(handle)
         folder.handle.remove()  # and with it all inputs
 
-    def _add(self, key: tuple[bool, str], controls: list[Control], order: int) -> None:
-        is_live, group = key
-        with self._rules if is_live else self._world:
-            is_open = group.startswith(_OPEN)
-            handle = self._gui.add_folder(group, order=_AFTER_TEXT + order, expand_by_default=is_open)
+    def _add(self, key: _FolderKey, controls: list[Control], order: int) -> None:
+        """Add a folder with an input for each of some controls, at its place in the tab."""
+        with self._rules if key.is_live else self._world:
+            handle = self._gui.add_folder(
+                key.name,
+                order=_AFTER_TEXT + order,
+                expand_by_default=key.name.startswith(_OPEN),
+            )
         folder = _Folder(controls, handle)
         with handle:
             for control in controls:
@@ -87,12 +103,13 @@ class SettingsTabs:
         self._session.post(lambda: change(control.name, value), control=f"{tab} {control.name}")
 
 
-def _grouped(controls: list[Control]) -> dict[tuple[bool, str], list[Control]]:
-    """Return the controls of each folder, by its tab and its name."""
-    found: dict[tuple[bool, str], list[Control]] = {}
+def _grouped(controls: list[Control]) -> dict[_FolderKey, list[Control]]:
+    """Return the controls of each folder."""
+    folders: dict[_FolderKey, list[Control]] = {}
     for control in controls:
-        found.setdefault((control.is_live, control.group), []).append(control)
-    return found
+        key = _FolderKey(control.is_live, control.group)
+        folders.setdefault(key, []).append(control)
+    return folders
 
 
 def _kinds(controls: list[Control]) -> list[Control]:

@@ -9,7 +9,6 @@ from jaxtyping import Float
 
 from iswarm_mj.geometry.obstacles import Obstacle
 from iswarm_mj.output import shapes
-from iswarm_mj.output.frames import FIXED_AREAS
 from iswarm_mj.output.memory_vectors import recorded_vectors
 from iswarm_mj.output.palette import BOX, FLOOR, GREEN, PINK, SKY, WALL, YELLOW, rgb
 from iswarm_mj.output.schema import Frames
@@ -19,91 +18,182 @@ from iswarm_mj.player.widgets import show
 from iswarm_mj.utils.units import RD
 
 _ROOT = "/swarm"
-_HEARD = (95, 95, 105)
-_FLAT = np.zeros((1, 2, 3), np.float32)
+_GREY = (95, 95, 105)
+_RING_COLOUR = (20, 20, 20)
+_ARROW_COLOURS = (SKY, YELLOW, GREEN, PINK)
+"""Colours of the arrows, one for each remembered vector in turn."""
+_NO_LINE = np.zeros((1, 2, 3), np.float32)
 """A line of no length, since a node cannot have none."""
 _GRAIN = 64
 """Parts of a millimetre, and of 1, that replays tell apart."""
+
+_FIELD_OF_VIEW = np.radians(35)
+_FROM_ABOVE = (0.0, -0.5, 0.866)
+"""Direction from the arena to a camera that looks at all of it."""
+_FROM_THE_SIDE = (0.0, -0.93, 0.37)
+_MARGIN = 0.53
+"""Half edge of the square that a camera shows, in edges of the arena."""
 
 
 class SwarmView:
     """Nodes of one world.
 
     Attributes:
+        scene: constants of the world.
         by: what colours robots, one of `scene.ways_to_colour`.
         shows: which of `links`, `trails` and the names of vectors are drawn.
-        root: node of all.
-        nodes: of the robots, hulls and fronts.
+        root: parent of all nodes.
+        nodes: nodes of the robots, hulls and fronts.
         selected: robot with a ring; None for none.
-        is_coarse: numbers are rounded, and lines drawn after whole steps alone, so that replays are small.
+        is_coarse: numbers are rounded, and lines drawn after whole steps alone, so that replays
+            are small.
     """
 
     def __init__(self, drawn: Any, scene: Scene):
-        """Draw what stands still.
+        """Draw what stands still, and make nodes for what moves.
 
         Args:
             drawn: scene of a viser server.
             scene: constants of the world.
         """
-        self.scene, self.by, self.shows, self.selected = scene, arrays.STATE, {"links"}, None
+        self.scene = scene
+        self.by = arrays.STATE
+        self.shows = {"links"}
+        self.selected: int | None = None
         self.is_coarse = False
-        self._drawn, self._step = drawn, None
+        self._drawn = drawn
+        self._drawn_state: tuple[Any, ...] | None = None
+        self._length = scene.length * shapes.MILLIMETRES
+        self._height = scene.height * shapes.MILLIMETRES
+
         drawn.remove_by_name(_ROOT)
         self.root = drawn.add_frame(_ROOT, show_axes=False)
-        drawn.add_mesh_simple(f"{_ROOT}/floor", *shapes.floor(scene), color=rgb(FLOOR), side="double")
+        floor = shapes.floor(scene)
+        drawn.add_mesh_simple(f"{_ROOT}/floor", *floor, color=rgb(FLOOR), side="double")
         self._draw_standing()
-        length, height = scene.length * shapes.MILLIMETRES, scene.height * shapes.MILLIMETRES
-        self._height, n, k = height, len(scene.is_alive), len(scene.ball_radius)
+        self.nodes = self._add_robots()
+        self._balls = self._add_balls()
+        self._boxes = self._add_boxes()
+        self._areas = self._add_areas()
+        self._lines = self._add_lines()
+        self._arrows = self._add_arrows()
+        self._wished = self._batch("wished", self._box(), 0, rgb(WALL), opacity=0.4)
+        self._ring = self._add_ring()
+
+    def _add_robots(self) -> dict[str, Any]:
+        """Add a hull for each robot, and a mark at its front; both are scaled by its size."""
+        n_robots = len(self.scene.is_alive)
         front = trimesh.creation.box((0.2, 0.5, 0.1))
         front.apply_translation((0.36, 0, 0.5))
-        sizes = np.broadcast_to(np.float32(scene.robot_size * shapes.MILLIMETRES), (n, 3))
-        self.nodes = {
-            "robots": self._batch("robots", trimesh.creation.box((1, 1, 1)), n, (0, 0, 0), batched_scales=sizes),
-            "fronts": self._batch("fronts", front, n, (255, 255, 255), batched_scales=sizes),
+        size = np.float32(self.scene.robot_size * shapes.MILLIMETRES)
+        sizes = np.broadcast_to(size, (n_robots, 3))
+        hull = trimesh.creation.box((1, 1, 1))
+        return {
+            "robots": self._batch("robots", hull, n_robots, (0, 0, 0), batched_scales=sizes),
+            "fronts": self._batch("fronts", front, n_robots, (255, 255, 255), batched_scales=sizes),
         }
-        ball, radii = trimesh.creation.icosphere(1, 0.25 * length), np.float32(scene.ball_radius)
-        self._balls = self._batch("balls", ball, k, (0, 0, 0), batched_scales=radii / radii.mean()) if k else None
-        self._boxes = (
-            self._batch("boxes", trimesh.creation.box((2, 2, height)), 0, rgb(BOX)) if len(scene.boxes) else None
-        )
-        self._areas = {
-            name: self._batch(f"areas/{name}", _flat(shape), 0, colour)
-            for name, shape, colour in zip(scene.area_names, scene.area_shapes, scene.area_colours, strict=True)
-        }
-        lines = {"heard": _HEARD, "damaged": rgb(PINK), "trails": rgb(SKY)}
-        self._lines = {
-            name: drawn.add_line_segments(f"{_ROOT}/{name}", _FLAT, colour, thickness=1.5, thickness_units="screen")
-            for name, colour in lines.items()
-        }
-        hues = (SKY, YELLOW, GREEN, PINK)
-        self._arrows = {
-            vector.stem: drawn.add_arrows(
-                f"{_ROOT}/{vector.stem}",
-                _FLAT,
-                linear(np.array(rgb(hues[k % len(hues)]), np.uint8)),
-                shaft_radius=0.04 * length,
-                head_radius=0.12 * length,
-                head_length=0.25 * length,
+
+    def _add_balls(self) -> Any:
+        """Add the balls, which are drawn enlarged; None where there are none."""
+        radii = np.asarray(self.scene.ball_radius, np.float32)
+        if not len(radii):
+            return None
+        ball = trimesh.creation.icosphere(1, 0.25 * self._length)
+        scales = radii / radii.mean()
+        return self._batch("balls", ball, len(radii), (0, 0, 0), batched_scales=scales)
+
+    def _add_boxes(self) -> Any:
+        """Add a node for the boxes that robots push; None where there are none."""
+        if not len(self.scene.boxes):
+            return None
+        return self._batch("boxes", self._box(), 0, rgb(BOX))
+
+    def _add_areas(self) -> dict[str, Any]:
+        """Add a node for the areas of each kind that may change in a control step."""
+        scene = self.scene
+        nodes = {}
+        for name, shape, colour in zip(
+            scene.area_names,
+            scene.area_shapes,
+            scene.area_colours,
+            strict=True,
+        ):
+            nodes[name] = self._batch(f"areas/{name}", _flat(shape), 0, colour)
+        return nodes
+
+    def _add_lines(self) -> dict[str, Any]:
+        """Add nodes for links and trails, whose lines are as thick at any distance."""
+        colours = {"heard": _GREY, "damaged": rgb(PINK), "trails": rgb(SKY)}
+        return {
+            name: self._drawn.add_line_segments(
+                f"{_ROOT}/{name}", _NO_LINE, colour, thickness=1.5, thickness_units="screen"
             )
-            for k, vector in enumerate(recorded_vectors(scene.memory))
+            for name, colour in colours.items()
         }
-        self._wished = self._batch("wished", trimesh.creation.box((2, 2, height)), 0, rgb(WALL), opacity=0.4)
-        ring = trimesh.creation.annulus(0.85 * length, 1.0 * length, 0.1)
-        self._ring = drawn.add_mesh_simple(
-            f"{_ROOT}/ring", ring.vertices, ring.faces, color=(20, 20, 20), visible=False
+
+    def _add_arrows(self) -> dict[str, Any]:
+        """Add nodes for the arrows of each vector that robots remember."""
+        nodes = {}
+        for k, vector in enumerate(recorded_vectors(self.scene.memory)):
+            colour = np.array(rgb(_ARROW_COLOURS[k % len(_ARROW_COLOURS)]), np.uint8)
+            nodes[vector.stem] = self._drawn.add_arrows(
+                f"{_ROOT}/{vector.stem}",
+                _NO_LINE,
+                linear(colour),
+                shaft_radius=0.04 * self._length,
+                head_radius=0.12 * self._length,
+                head_length=0.25 * self._length,
+            )
+        return nodes
+
+    def _add_ring(self) -> Any:
+        """Add the ring around the selected robot, which is hidden at first."""
+        ring = trimesh.creation.annulus(0.85 * self._length, 1.0 * self._length, 0.1)
+        return self._drawn.add_mesh_simple(
+            f"{_ROOT}/ring", ring.vertices, ring.faces, color=_RING_COLOUR, visible=False
+        )
+
+    def _box(self) -> trimesh.Trimesh:
+        """Return a box as high as a robot, with half edges of 1 mm."""
+        return trimesh.creation.box((2, 2, self._height))
+
+    def _batch(
+        self,
+        name: str,
+        mesh: trimesh.Trimesh,
+        n_instances: int,
+        colour: tuple[int, int, int],
+        **more: Any,
+    ) -> Any:
+        """Add a node with instances of a mesh, which all have one colour until each has its own."""
+        turns = np.tile(np.array([1, 0, 0, 0], np.float32), (n_instances, 1))
+        places = np.zeros((n_instances, 3), np.float32)
+        return self._drawn.add_batched_meshes_simple(
+            f"{_ROOT}/{name}",
+            mesh.vertices,
+            mesh.faces,
+            turns,
+            places,
+            batched_colors=linear(np.array(colour, np.uint8)),
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+            flat_shading=True,
+            **more,
         )
 
     def follow(self, scene: Scene) -> None:
-        """Take in the constants of the world after settings have changed, and draw its dump and dust areas anew.
+        """Take in the constants of the world after settings have changed.
+
+        The dump and the dust areas are drawn again where they have moved.
 
         Args:
-            scene: of the same world.
+            scene: constants of the same world.
         """
         if scene is self.scene:
             return
         before, self.scene = self.scene, scene
-        is_moved = [not np.array_equal(getattr(before, name), getattr(scene, name)) for name in FIXED_AREAS]
-        if any(is_moved):
+        if arrays.areas_differ(before, scene):
             self._draw_standing()
 
     def _draw_standing(self) -> None:
@@ -133,14 +223,6 @@ class SwarmView:
         places = np.array(obstacles, float).reshape(-1, 5) * [RD, RD, RD, RD, np.pi / 180]
         _lay(self._wished, places, self._height / 2)
 
-    def _batch(self, name: str, mesh: trimesh.Trimesh, n: int, colour: tuple[int, int, int], **more: Any) -> Any:
-        turns, places = np.tile(np.array([1, 0, 0, 0], np.float32), (n, 1)), np.zeros((n, 3), np.float32)
-        colours = linear(np.array(colour, np.uint8))  # one for all, until each has its own
-        return self._drawn.add_batched_meshes_simple(
-            f"{_ROOT}/{name}", mesh.vertices, mesh.faces, turns, places, batched_colors=colours, lod="off",
-            cast_shadow=False, receive_shadow=False, flat_shading=True, **more,
-        )  # fmt: skip
-
     def show(
         self,
         past: Sequence[Frames],
@@ -151,73 +233,115 @@ class SwarmView:
 
         Args:
             past: frames of one step each, of which the last two are those before and after.
-            share: of the step that has passed.
-            energy: in the robots' capacitors [J], where there are some.
+            share: share of the step that has passed.
+            energy: energy in the robots' capacitors [J], where they have some.
         """
-        scene, after = self.scene, past[-1]
-        now = arrays.moment(scene, past[-2] if len(past) > 1 else after, after, share)
-        half, zero = now.yaw / 2, np.zeros_like(now.yaw)
-        turns = np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+        after = past[-1]
+        before = past[-2] if len(past) > 1 else after
+        now = arrays.moment(self.scene, before, after, share)
+        self._draw_bodies(now)
+        if not self.is_coarse or share in (0, 1):
+            self._draw_lines(past, now)
+        self._draw_ring(now)
+
+        # What follows changes with the control step, or with what is chosen on the page.
+        step = int(after.step[0])
+        state = (step, self.by, frozenset(self.shows), after.is_alive.tobytes())
+        if state != self._drawn_state:
+            self._drawn_state = state
+            self._draw_step(after, now, energy)
+
+    def _draw_bodies(self, now: arrays.Moment) -> None:
+        """Draw robots, balls and boxes where they are."""
+        half_yaw = now.yaw / 2
+        zero = np.zeros_like(now.yaw)
+        turns = np.stack([np.cos(half_yaw), zero, zero, np.sin(half_yaw)], axis=-1)
         for node in self.nodes.values():
-            node.batched_positions, node.batched_wxyzs = self._rounded(now.centre), self._rounded(turns)
+            node.batched_positions = self._rounded(now.centre)
+            node.batched_wxyzs = self._rounded(turns)
         if self._balls is not None:
             self._balls.batched_positions = self._rounded(now.ball)
         if self._boxes is not None:
             _lay(self._boxes, now.boxes, self._height / 2)
-        if not self.is_coarse or share in (0, 1):
-            self._draw_lines(past, now)
-        if self._ring.visible != (self.selected is not None):
-            self._ring.visible = self.selected is not None
-        if self.selected is not None:
-            self._ring.position = (*now.centre[self.selected, :2], 0.1)
-        key = (int(after.step[0]), self.by, frozenset(self.shows), after.is_alive.tobytes())
-        if key == self._step:
-            return
-        self._step = key
-        self.nodes["robots"].batched_colors = linear(arrays.colours(scene, after, self.by, energy))
-        if self._balls is not None:
-            self._balls.batched_colors = linear(now.ball_colour)
-        ends = arrays.arrows(scene, after, now.centre)
-        for stem, node in self._arrows.items():
-            is_shown = stem in self.shows and len(ends[stem]) > 0
-            show(node, "points", ends[stem] if is_shown else _FLAT)
-        for name, node in self._areas.items():
-            places = now.areas[name]
-            _lay(node, np.column_stack([places, places[:, 2], np.zeros(len(places))]), 1.5 * shapes.SHEET)
 
     def _draw_lines(self, past: Sequence[Frames], now: arrays.Moment) -> None:
-        """Links and trails."""
-        lines = {name: _FLAT for name in self._lines}
+        """Draw links and trails."""
+        lines = {name: _NO_LINE for name in self._lines}
         if "links" in self.shows:
-            ends, heard = shapes.link_ends(past[-1], now.centre[None]), past[-1].link_heard[past[-1].link_valid]
-            lines |= {"heard": ends[heard], "damaged": ends[~heard]}
+            after = past[-1]
+            ends = shapes.link_ends(after, now.centre[None])
+            is_heard = after.link_heard[after.link_valid]
+            lines["heard"] = ends[is_heard]
+            lines["damaged"] = ends[~is_heard]
         if "trails" in self.shows:
             lines["trails"] = arrays.trails(self.scene, past)
         for name, node in self._lines.items():
-            show(node, "points", self._rounded(lines[name] if len(lines[name]) else _FLAT))
+            points = lines[name] if len(lines[name]) else _NO_LINE
+            show(node, "points", self._rounded(points))
+
+    def _draw_ring(self, now: arrays.Moment) -> None:
+        """Draw the ring around the selected robot, if there is one."""
+        is_visible = self.selected is not None
+        if self._ring.visible != is_visible:
+            self._ring.visible = is_visible
+        if self.selected is not None:
+            x, y, _ = now.centre[self.selected]
+            self._ring.position = (x, y, 0.1)
+
+    def _draw_step(
+        self,
+        after: Frames,
+        now: arrays.Moment,
+        energy: Float[np.ndarray, "N"] | None,
+    ) -> None:
+        """Draw what changes from control step to control step: colours, arrows and areas."""
+        robot_colours = arrays.colours(self.scene, after, self.by, energy)
+        self.nodes["robots"].batched_colors = linear(robot_colours)
+        if self._balls is not None:
+            self._balls.batched_colors = linear(now.ball_colour)
+
+        ends = arrays.arrows(self.scene, after, now.centre)
+        for stem, node in self._arrows.items():
+            is_shown = stem in self.shows and len(ends[stem]) > 0
+            show(node, "points", ends[stem] if is_shown else _NO_LINE)
+
+        for name, node in self._areas.items():
+            x, y, half_width = now.areas[name].T
+            places = np.column_stack([x, y, half_width, half_width, np.zeros_like(x)])
+            _lay(node, places, 1.5 * shapes.SHEET)
 
     def _rounded(self, values: np.ndarray) -> np.ndarray:
-        return np.round(values * _GRAIN) / np.float32(_GRAIN) if self.is_coarse else values
+        """Return values as they are, or rounded where the view is coarse."""
+        if not self.is_coarse:
+            return values
+        return np.round(values * _GRAIN) / np.float32(_GRAIN)
 
 
 def _flat(shape: str) -> trimesh.Trimesh:
-    """An area of half width or radius 1."""
+    """Return an area of half width or radius 1 mm."""
     if shape == "disc":
         return trimesh.creation.cylinder(1.0, shapes.SHEET, sections=48)
     return trimesh.creation.box((2.0, 2.0, shapes.SHEET))
 
 
 def _lay(node: Any, places: Float[np.ndarray, "M 5"], z: float) -> None:
-    """Put the instances of a node, squares or discs of half width 1, at x, y, half widths [mm] and yaws [rad]."""
+    """Put the instances of a node, squares or discs of half width 1 mm, at some places.
+
+    Args:
+        node: of viser, with instances.
+        places: x, y, half widths [mm] and yaw [rad] of each instance.
+        z: height of their middles [mm].
+    """
     x, y, half_x, half_y, yaw = places.T
     zero = np.zeros_like(x)
     show(node, "batched_positions", np.column_stack([x, y, zero + z]))
-    show(node, "batched_wxyzs", np.column_stack([np.cos(yaw / 2), zero, zero, np.sin(yaw / 2)]))
+    turns = np.column_stack([np.cos(yaw / 2), zero, zero, np.sin(yaw / 2)])
+    show(node, "batched_wxyzs", turns)
     show(node, "batched_scales", np.column_stack([half_x, half_y, zero + 1]))
 
 
 def linear(colours: np.ndarray) -> np.ndarray:
-    """Return colours of instances and arrows, which viser 1.1 takes for linear ones and not for those of a screen."""
+    """Return colours of a screen as linear ones, for which viser 1.1 takes those of instances."""
     return np.rint(255 * (colours / 255) ** 2.2).astype(np.uint8)
 
 
@@ -233,18 +357,45 @@ def aim(camera: Any, scene: Scene, aspect: float = 4 / 3, is_low: bool = False) 
     """Point a camera at the whole arena, or from the side at what stands in its middle.
 
     Args:
-        camera: of a browser, or the initial one of a server.
+        camera: camera of a browser, or the initial one of a server.
         scene: constants of the world.
         aspect: width of the picture over its height.
         is_low: look at the middle from the side.
     """
     size = scene.arena_size * shapes.MILLIMETRES
-    target, from_ = ((0, 0, 0.12 * size), (0, -0.93, 0.37)) if is_low else ((0, -0.06 * size, 0), (0, -0.5, 0.866))
-    camera.fov = np.radians(35)
-    right, ahead = np.array([1.0, 0, 0]), -np.array(from_)
-    corners = 0.53 * size * np.array([(x, y, 0) for x in (-1, 1) for y in (-1, 1)]) - target
-    high = np.tan(camera.fov / 2)  # of what is seen, over its distance
-    needed = np.maximum(np.abs(corners @ right) / (aspect * high), np.abs(corners @ np.cross(right, ahead)) / high)
-    away = 0.9 * size if is_low else float(max(needed - corners @ ahead))
-    camera.position = tuple(target - away * ahead)  # which moves what a camera looks at
+    camera.fov = _FIELD_OF_VIEW
+    if is_low:
+        target = (0, 0, 0.12 * size)
+        backwards = np.array(_FROM_THE_SIDE)
+        distance = 0.9 * size
+    else:
+        target = (0, -0.06 * size, 0)
+        backwards = np.array(_FROM_ABOVE)
+        distance = _distance_to_see_all(size, target, -backwards, aspect)
+    camera.position = tuple(target + distance * backwards)  # this also moves what a camera looks at
     camera.look_at = target
+
+
+def _distance_to_see_all(
+    size: float,
+    target: tuple[float, float, float],
+    ahead: Float[np.ndarray, "3"],
+    aspect: float,
+) -> float:
+    """Return the distance from its target at which a camera sees all corners of the arena [mm].
+
+    Args:
+        size: edge of the arena [mm].
+        target: point that the camera looks at [mm].
+        ahead: unit vector in which it looks; x is to the right in the picture.
+        aspect: width of the picture over its height.
+    """
+    corners = _MARGIN * size * np.array([(x, y, 0) for x in (-1, 1) for y in (-1, 1)]) - target
+    right = np.array([1.0, 0, 0])
+    up = np.cross(right, ahead)
+
+    # Half the height of the picture at distance 1; a corner that is nearer needs more of it.
+    half_height = np.tan(_FIELD_OF_VIEW / 2)
+    across = np.abs(corners @ right) / (aspect * half_height)
+    along = np.abs(corners @ up) / half_height
+    return float(max(np.maximum(across, along) - corners @ ahead))

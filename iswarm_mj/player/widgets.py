@@ -11,32 +11,50 @@ from iswarm_mj.player.controls import Control
 
 _LINE = {"stroke": "rgba(128,128,128,.4)", "width": 1}
 AXIS = {"stroke": "#888", "grid": _LINE, "ticks": _LINE}
-"""Of a plot, visible on a light and on a dark page."""
+"""Axis of a plot, visible on a light and on a dark page."""
 _WIDEST = 400.0
-"""Range that a slider can show."""
+"""Widest range for which an input is a slider."""
 
 
 def widget(gui: Any, control: Control) -> Any:
-    """Return an input for a control: a choice, a box to tick, a slider, or a number where the range is wide.
+    """Return an input for a control.
+
+    That is a choice, a box to tick, a slider, or a number where the range is wide.
 
     Args:
         gui: of a viser server.
-        control: a setting.
+        control: setting that the input shows.
     """
-    label, value, hint = control.label, control.value, control.text or None
+    label = control.label
+    value = control.value
+    hint = control.text or None
     if control.choices:
         return gui.add_dropdown(label, control.choices, initial_value=value, hint=hint)
     if isinstance(value, bool):
         return gui.add_checkbox(label, value, hint=hint)
-
-    is_whole = isinstance(value, int)
     if control.high - control.low <= _WIDEST:
-        step = control.step or (1 if is_whole else (control.high - control.low) / 200)
+        step = _slider_step(control)
         return gui.add_slider(label, control.low, control.high, step, value, hint=hint)
     low = None if math.isinf(control.low) else control.low
     high = None if math.isinf(control.high) else control.high
-    step = 1 if is_whole else 10.0 ** math.floor(math.log10(abs(value) or 1.0) - 1)
+    step = _number_step(control)
     return gui.add_number(label, value, min=low, max=high, step=step, hint=hint)
+
+
+def _slider_step(control: Control) -> float:
+    """Return the least difference of values on a slider."""
+    if control.step:
+        return control.step
+    if isinstance(control.value, int):
+        return 1
+    return (control.high - control.low) / 200
+
+
+def _number_step(control: Control) -> float:
+    """Return by how much the arrows of a number change it: about a tenth."""
+    if isinstance(control.value, int):
+        return 1
+    return 10.0 ** math.floor(math.log10(abs(control.value) or 1.0) - 1)
 
 
 def show(handle: Any, name: str, value: Any) -> None:
@@ -47,19 +65,28 @@ def show(handle: Any, name: str, value: Any) -> None:
 
 def spots(entries: list[tuple[str, Rgb]], title: str = "") -> str:
     """Return a legend of labels and colours after a title, in HTML."""
-    found = "".join(
-        f'<span style="white-space:nowrap;margin-right:.8em"><span style="display:inline-block;width:.8em;height:.8em;'
-        f'border-radius:2px;margin-right:.3em;background:rgb{colour}"></span>{html.escape(label)}</span> '
-        for label, colour in entries
-        if label
+    labels = "".join(_spot(label, colour) for label, colour in entries if label)
+    style = "font-size:.8em;line-height:1.6;padding:.3em .8em"
+    return f'<div style="{style}"><b>{html.escape(title)}</b> {labels}</div>'
+
+
+def _spot(label: str, colour: Rgb) -> str:
+    """Return a coloured square and a label, in HTML."""
+    square = "display:inline-block;width:.8em;height:.8em;border-radius:2px;margin-right:.3em"
+    return (
+        f'<span style="white-space:nowrap;margin-right:.8em">'
+        f'<span style="{square};background:rgb{colour}"></span>{html.escape(label)}</span> '
     )
-    return f'<div style="font-size:.8em;line-height:1.6;padding:.3em .8em"><b>{html.escape(title)}</b> {found}</div>'
 
 
-def copied(text: str) -> str:
-    """A command with a button that copies it."""
-    copy = "navigator.clipboard.writeText(this.previousElementSibling.textContent);this.textContent='Copied'"
-    style = "white-space:pre-wrap;word-break:break-word;font-size:.8em;margin:0 0 .4em;padding:.5em;border-radius:4px"
-    shown = f'<pre style="{style};background:rgba(128,128,128,.15)">{html.escape(text)}</pre>'
+def copyable(text: str) -> str:
+    """Return a command with a button that copies it, in HTML."""
+    style = (
+        "white-space:pre-wrap;word-break:break-word;font-size:.8em;margin:0 0 .4em;padding:.5em;"
+        "border-radius:4px;background:rgba(128,128,128,.15)"
+    )
+    take = "navigator.clipboard.writeText(this.previousElementSibling.textContent)"
+    copy = f"{take};this.textContent='Copied'"
+    command = f'<pre style="{style}">{html.escape(text)}</pre>'
     button = f'<button onclick="{copy}" style="cursor:pointer;padding:.2em .8em">Copy</button>'
-    return f'<div style="padding:.3em .8em">{shown}{button}</div>'
+    return f'<div style="padding:.3em .8em">{command}{button}</div>'

@@ -284,7 +284,7 @@ def test_whoever_takes_the_port_of_an_ended_page_learns_nothing_of_the_next_one(
             tab.goto(following.url)
             tab.wait_for_function("document.querySelector('canvas') !== null")
             assert tab.evaluate("navigator.serviceWorker.controller") is None
-            assert len(following.get_clients()) == 1
+            wait(lambda: len(following.get_clients()) == 1)
             time.sleep(2)  # in which the tab that is left open may connect
             secret = urlsplit(following.url).path.strip("/")
             assert not any(secret in path for path in attacker.paths)

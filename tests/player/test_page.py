@@ -77,7 +77,7 @@ def test_resets_while_it_draws(played, monkeypatch):
     session, frames = played.session, RecordedWorld.frames
     monkeypatch.setattr(RecordedWorld, "frames", lambda *given: (time.sleep(0.5), frames(*given))[1])
     session.post(lambda: (session.set("robots", 12), session.reset()))
-    wait(lambda: session.version > 1 and played._version == session.version)
+    wait(lambda: session.version > 1 and played._drawn_version == session.version)
     time.sleep(1)
     assert played._error is None and len(session.is_alive) == 12
 
@@ -105,7 +105,7 @@ def test_clicks_select_kill_and_drop(played):
     ended = Event()
     session.post(ended.set)
     assert ended.wait(60)  # the page's own thread works
-    assert [change.what for change in session.made] == ["kill", "ball"]
+    assert [change.what for change in session.changes] == ["kill", "ball"]
     assert not session.is_alive[5] and session.run.settings.n_robots == 20
     panel.update()
     assert "**Reset** applies: robots, obstacles." in panel._status.content
@@ -130,14 +130,14 @@ def test_what_is_drawn_lies_between_two_steps(played, monkeypatch):
 def test_the_bench_draws_the_curve_of_its_sliders_and_a_trial(played):
     bench = played._panel.bench
     before = bench._curve.data
-    bench._moved("relative_humidity", 50.0)
+    bench._move("relative_humidity", 50.0)
     wait(lambda: bench._curve.data is not before)
     np.testing.assert_array_equal(bench._curve.data, BenchSettings(relative_humidity=50.0).curve())
     works = [bench._handles["work_object_substrate"].value]
-    bench._moved("plate_material", "silica")
+    bench._move("plate_material", "silica")
     works.append(bench._handles["work_object_substrate"].value)
     assert works[1] == pytest.approx(works[0] * (0.26 / 2.42) ** 0.5)
-    bench._moved("plate_material", "steel")
+    bench._move("plate_material", "steel")
     bench._due.add("trial")
     wait(lambda: bench.trace is not None)
     assert bench.trace.voltage.max() >= 40
@@ -232,7 +232,7 @@ def test_materials_that_contradict_each_other_leave_the_controls_as_they_were(pl
     bench._handles["tool_material"].value = "polystyrene"
     monkeypatch.setattr(BenchSettings, "changed", refuse)
     with pytest.raises(UserError, match="refused"):
-        bench._moved("tool_material", "polystyrene")
+        bench._move("tool_material", "polystyrene")
     assert bench._handles["tool_material"].value == "aluminium" == bench.settings.tool_material
 
 
@@ -249,7 +249,7 @@ def test_faults_of_drawing_and_of_the_bench_leave_the_page_alive(played, monkeyp
         wait(lambda: steps[0] > 20)
         patch.setattr(BenchSettings, "trace", lambda _: [][0])
         panel.bench._due.add("trial")
-        wait(lambda: panel.bench._said.content == "The trial failed.")
+        wait(lambda: panel.bench._text.content == "The trial failed.")
         session.post(session.advance)
         wait(lambda: "**step 1**" in panel._status.content)
     session.post(session.reset)

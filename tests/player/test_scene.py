@@ -17,7 +17,7 @@ from iswarm_mj.output.palette import LOADED, rgb
 from iswarm_mj.output.shapes import TRAIL_FRAMES, link_ends
 from iswarm_mj.output.swarm_classes import BALL_CLASSES
 from iswarm_mj.player import scene as arrays
-from iswarm_mj.player.inspection import described
+from iswarm_mj.player.inspection import describe_robot
 from iswarm_mj.player.page import close_server, open_server
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
@@ -117,7 +117,7 @@ def test_what_a_robot_knows_hears_and_says():
     own |= {f"link_{name}": values for name, values in links.items()}
     frames = replace(make_frames(scene, 1), **{name: values[None] for name, values in own.items()})
     memory = {"age": np.arange(4.0)[None, None], "is_odd": np.arange(4)[None, None] % 2 > 0}
-    assert described(scene, frames, memory, 2).splitlines() == [
+    assert describe_robot(scene, frames, memory, 2).splitlines() == [
         "**Scout 2**, loaded",
         "At 1.0, -2.0 mm, heading 270°. It turned by 30° and walked 0.15 mm.",
         *("", "| remembers | |", "|---|---|", "| age | 2 |", "| is_odd | no |"),

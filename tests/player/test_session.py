@@ -104,7 +104,7 @@ def test_a_setting_changes_the_world_and_what_is_copied_repeats_it(tmp_path):
     session.change("kill", "4")
     session.change("ball", "2.5,-1.5")
     steps(session, 3)
-    assert [str(change) for change in session.made] == [
+    assert [str(change) for change in session.changes] == [
         "2:p_vector_forget=0.75",
         "2:optics.error_in_communication=0.5",
         "2:use_hop_count=false",
@@ -128,7 +128,7 @@ def test_what_is_copied_of_another_task_and_strategy_repeats_it(tmp_path):
     session.set("spot_radius", 3.0)  # of the task, while it runs
     steps(session, 3)
     np.testing.assert_allclose(session.snapshots[-1].frames.task["area_bright"][..., 2], 0.75 * before[..., 2])
-    assert [str(change) for change in session.made] == ["4:spot_radius=3.0"]
+    assert [str(change) for change in session.changes] == ["4:spot_radius=3.0"]
     assert_copies_repeat(session, tmp_path / "play.toml")
 
 
@@ -343,7 +343,7 @@ def test_impossible_changes_begin_no_session_and_change_nothing_later(begun, wor
     before = state(begun.run)
     begun.post(lambda: begun.change(change.what, change.value))
     begun.work()
-    assert begun.messages.get_nowait() and not begun.made
+    assert begun.messages.get_nowait() and not begun.changes
     for a, b in zip(before, state(begun.run), strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -446,7 +446,7 @@ def test_earlier_changes_of_a_setting_are_kept():
     session.change("p_vector_forget", "0.5")
     session.advance()
     session.change("p_vector_forget", "0.6")
-    assert [str(change) for change in session.made] == ["1:p_vector_forget=0.5", "2:p_vector_forget=0.6"]
+    assert [str(change) for change in session.changes] == ["1:p_vector_forget=0.5", "2:p_vector_forget=0.6"]
 
 
 def test_balls_are_refused_where_a_task_has_none():
