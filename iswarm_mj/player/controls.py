@@ -157,14 +157,14 @@ def _controls_of_parts(scenario: PageScenario) -> list[Control]:
         if group not in unused:
             parts.append((f"{group}.", part, group.capitalize()))
 
-    found = []
+    settings: list[Control] = []
     for prefix, part, group in parts:
         for control in declared(part):
             name = prefix + control.name
             if name not in unused:
                 is_rule = is_live(scenario, name)
-                found.append(control._replace(name=name, group=group, is_live=is_rule))
-    return found
+                settings.append(control._replace(name=name, group=group, is_live=is_rule))
+    return settings
 
 
 def _choice_of_part(

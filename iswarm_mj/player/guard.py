@@ -274,15 +274,15 @@ class Guard:
 
         # The whole path is compared, without a guess what other forms of it might mean.
         path, _, query = request.path.partition("?")
-        given = path.removesuffix("/").encode(errors="replace")
-        if not hmac.compare_digest(given, f"/{self.secret}".encode()):
+        path_bytes = path.removesuffix("/").encode(errors="replace")
+        if not hmac.compare_digest(path_bytes, f"/{self.secret}".encode()):
             return "Open the whole address that `iswarm play` printed, or `Page.url` in Python."
 
         # viser's client loads what parameters name, which a website might choose. It adds the
         # address of its own websocket itself.
         parameters = parse_qsl(query, keep_blank_values=True)
-        own = ("websocket", f"ws://{host}/{self.secret}")
-        if query and parameters != [own]:
+        own_websocket = ("websocket", f"ws://{host}/{self.secret}")
+        if query and parameters != [own_websocket]:
             return "Open the address without what stands behind the question mark."
         return None
 
@@ -291,10 +291,11 @@ def _knows_messages() -> bool:
     """Return whether viser's messages have the fields that pass; others would all be dropped."""
     from viser import _messages
 
-    return all(
-        {field.name for field in fields(getattr(_messages, kind.__name__))} == set(kind.__struct_fields__)
-        for kind in (GuiUpdateMessage, ViewerCameraMessage, ScenePointerMessage)
-    )
+    for kind in (GuiUpdateMessage, ViewerCameraMessage, ScenePointerMessage):
+        of_viser = getattr(_messages, kind.__name__)
+        if {field.name for field in fields(of_viser)} != set(kind.__struct_fields__):
+            return False
+    return True
 
 
 class _Connection(ServerConnection):

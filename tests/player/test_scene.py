@@ -38,26 +38,33 @@ def session():
 
 
 def last(session):
+    """Return the scene of a session, and its frames before and after the latest step."""
     before, after = [snapshot.frames for snapshot in session.snapshots][-2:]
     return session.scene, before, after
 
 
 def test_robots_and_balls_are_where_the_engine_has_them(session):
     scene, before, after = last(session)
-    shown = arrays.moment(scene, before, after, 1.0)
+    drawn = arrays.moment(scene, before, after, 1.0)
     _, state = session.run.arrays()
-    np.testing.assert_allclose(shown.centre[:, :2], state.bodies.poses[0, :, :2], atol=1e-4)
-    np.testing.assert_allclose(shown.yaw, state.bodies.poses[0, :, 2], atol=1e-5)
-    np.testing.assert_allclose(shown.centre[:, 2], 0.5)
+    poses = state.bodies.poses[0]
+    np.testing.assert_allclose(drawn.centre[:, :2], poses[:, :2], atol=1e-4)
+    np.testing.assert_allclose(drawn.yaw, poses[:, 2], atol=1e-5)
+    np.testing.assert_allclose(drawn.centre[:, 2], 0.5)
+
     balls = session.run.task_state
-    lying = ~balls.is_held[0]
-    np.testing.assert_allclose(shown.ball[lying, :2], balls.position[0][lying], atol=1e-3)
-    above = np.where(lying, 0.0, 1.2)  # on top of its robot
-    np.testing.assert_allclose(shown.ball[:, 2], 1e3 * after.ball_position[0, :, 2] + above, atol=1e-5)
-    assert 0 < lying.sum() < len(lying)
-    colours = {label: colour for _, label, colour in BALL_CLASSES}
-    expected = np.where(balls.is_held[0], 1, np.where(balls.is_delivered[0], 2, 0))
-    np.testing.assert_array_equal(shown.ball_colour, np.array(list(colours.values()))[expected])
+    is_free = ~balls.is_held[0]
+    assert 0 < is_free.sum() < len(is_free)
+    np.testing.assert_allclose(drawn.ball[is_free, :2], balls.position[0][is_free], atol=1e-3)
+    lift = np.where(is_free, 0.0, 1.2)  # a held ball is drawn on top of its robot
+    height = 1e3 * after.ball_position[0, :, 2] + lift
+    np.testing.assert_allclose(drawn.ball[:, 2], height, atol=1e-5)
+
+    lying, held, delivered = [colour for _, _, colour in BALL_CLASSES]
+    expected = np.full((len(is_free), 3), lying)
+    expected[balls.is_delivered[0]] = delivered
+    expected[balls.is_held[0]] = held
+    np.testing.assert_array_equal(drawn.ball_colour, expected)
 
 
 @pytest.fixture
@@ -71,23 +78,33 @@ def test_lines_lead_to_senders_that_are_heard_or_damaged(session, server):
     scene, before, after = last(session)
     view = SwarmView(server.scene, scene)
     view.show([before, after], 1.0)
-    ends, heard = link_ends(after, shapes.centres(scene, after.pose)), after.link_heard[after.link_valid]
-    assert 0 < heard.sum() != (~heard).sum() > 0
-    for name, which in (("heard", heard), ("damaged", ~heard)):
-        np.testing.assert_allclose(view._lines[name].points, ends[which], atol=1e-5)
+    ends = link_ends(after, shapes.centres(scene, after.pose))
+    is_heard = after.link_heard[after.link_valid]
+    assert 0 < is_heard.sum() != (~is_heard).sum() > 0
+    np.testing.assert_allclose(view._lines["heard"].points, ends[is_heard], atol=1e-5)
+    np.testing.assert_allclose(view._lines["damaged"].points, ends[~is_heard], atol=1e-5)
 
 
 def test_boxes_are_turned_where_they_are_pushed_and_obstacles_where_they_are_wished(server):
     scene = make_scene(4, 2)
-    frames, view = make_frames(scene, 2), SwarmView(server.scene, scene)
+    frames = make_frames(scene, 2)
+    view = SwarmView(server.scene, scene)
     view.show([frames[:1], frames[1:]], 0.25)
     view.wish([(4.0, -4.0, 0.8, 0.5, 30.0)])
-    pose = [1e3, 1e3, 1] * (0.75 * frames.box_pose[0, 0] + 0.25 * frames.box_pose[1, 0])
-    wished = np.array([4 * RD, -4 * RD, np.pi / 6]), [0.8 * RD, 0.5 * RD, 1]
-    for node, (x, y, yaw), sizes in ((view._boxes, pose, [2, 1, 1]), (view._wished, *wished)):
-        np.testing.assert_allclose(node.batched_positions, [[x, y, 0.5]], rtol=1e-5)
-        np.testing.assert_allclose(node.batched_wxyzs, [[np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]], atol=1e-6)
-        np.testing.assert_allclose(node.batched_scales, [sizes], rtol=1e-5)
+
+    pose_in_m = 0.75 * frames.box_pose[0, 0] + 0.25 * frames.box_pose[1, 0]
+    assert_lies(view._boxes, pose=[1e3, 1e3, 1] * pose_in_m, half_sizes=[2, 1, 1])
+    pose_of_wish = [4 * RD, -4 * RD, np.pi / 6]
+    assert_lies(view._wished, pose=pose_of_wish, half_sizes=[0.8 * RD, 0.5 * RD, 1])
+
+
+def assert_lies(node, *, pose, half_sizes):
+    """Check that the only instance of a node has a pose x, y [mm], yaw [rad], and half sizes [mm]."""
+    x, y, yaw = pose
+    turn = [np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]
+    np.testing.assert_allclose(node.batched_positions, [[x, y, 0.5]], rtol=1e-5)
+    np.testing.assert_allclose(node.batched_wxyzs, [turn], atol=1e-6)
+    np.testing.assert_allclose(node.batched_scales, [half_sizes], rtol=1e-5)
 
 
 @pytest.mark.parametrize("aspect", [0.5, 2.0])
@@ -140,57 +157,83 @@ def test_the_dump_is_drawn_as_large_as_it_becomes(server):
     session.set("arena.dump_size", 3.0)
     session.set("arena.dump_size", 4.0)
     view.follow(session.scene)
-    (dump,) = [node for name, node in server.scene._handle_from_node_name.items() if name.endswith("/dump/0")]
+    nodes = server.scene._handle_from_node_name
+    dump = nodes["/swarm/dump/0"]
     np.testing.assert_allclose(dump.dimensions[:2], 4.0 * RD, rtol=1e-6)
 
 
 def test_robots_and_the_balls_that_they_carry_are_between_two_steps(session):
     """Balls that a robot holds before and after; a robot goes 1 mm at most."""
     n_moved = 0
-    for one, other in itertools.pairwise(session.snapshots):
-        shown = [arrays.moment(session.scene, one.frames, other.frames, share) for share in (0.0, 0.25, 1.0)]
-        centres, (first, middle, end) = [moment.centre for moment in shown], [moment.ball for moment in shown]
-        np.testing.assert_allclose(centres[1], 0.75 * centres[0] + 0.25 * centres[2], atol=1e-4)
-        np.testing.assert_allclose(centres[0][:, :2], one.frames.pose[0, :, :2] * 1e3, atol=1e-4)
-        held = (one.frames.ball_state[0] == 1) & (other.frames.ball_state[0] == 1)
-        np.testing.assert_allclose(middle[held], 0.75 * first[held] + 0.25 * end[held], atol=1e-4)
-        n_moved += (np.linalg.norm(end[held] - first[held], axis=-1) > 0.2).sum()
+    for snapshot, next_snapshot in itertools.pairwise(session.snapshots):
+        before, after = snapshot.frames, next_snapshot.frames
+        start, middle, end = [arrays.moment(session.scene, before, after, share) for share in (0.0, 0.25, 1.0)]
+        mean_centre = 0.75 * start.centre + 0.25 * end.centre
+        np.testing.assert_allclose(middle.centre, mean_centre, atol=1e-4)
+        np.testing.assert_allclose(start.centre[:, :2], before.pose[0, :, :2] * 1e3, atol=1e-4)
+
+        is_held = (before.ball_state[0] == 1) & (after.ball_state[0] == 1)
+        mean_ball = 0.75 * start.ball + 0.25 * end.ball
+        np.testing.assert_allclose(middle.ball[is_held], mean_ball[is_held], atol=1e-4)
+        distance = np.linalg.norm(end.ball - start.ball, axis=-1)
+        n_moved += (is_held & (distance > 0.2)).sum()
     assert n_moved > 10
 
 
 def test_arrows_are_what_robots_remember_turned_to_the_arena(session):
     n_known = 0
     for snapshot in session.snapshots:
-        shown = arrays.moment(session.scene, snapshot.frames, snapshot.frames, 1.0)
-        found = arrays.arrows(session.scene, snapshot.frames, shown.centre)
-        assert set(found) == {"dust", "dump"}
-        for name, ends in found.items():
+        drawn = arrays.moment(session.scene, snapshot.frames, snapshot.frames, 1.0)
+        arrows = arrays.arrows(session.scene, snapshot.frames, drawn.centre)
+        assert set(arrows) == {"dust", "dump"}
+        for name, ends in arrows.items():
             memory = getattr(snapshot.record.swarm.memory, name)
-            known = np.asarray(memory.known)[0, 0]
-            (x, y), c, s = np.asarray(memory.vector)[0, 0][known].T, *(f(shown.yaw[known]) for f in (np.cos, np.sin))
-            turned = np.stack([c * x - s * y, s * x + c * y], axis=-1)
-            np.testing.assert_allclose((ends[:, 1] - ends[:, 0])[:, :2], turned, atol=1e-3)
+            is_known = np.asarray(memory.known)[0, 0]
+            x, y = np.asarray(memory.vector)[0, 0][is_known].T
+            cos, sin = np.cos(drawn.yaw[is_known]), np.sin(drawn.yaw[is_known])
+            turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+            direction = ends[:, 1] - ends[:, 0]
+            np.testing.assert_allclose(direction[:, :2], turned, atol=1e-3)
             n_known += len(ends)
     assert n_known > 0
 
 
-def test_colours_of_states_deaths_and_hops(session):
+VIOLET, GREY, TEAL, LIME = (68, 1, 84), (170, 170, 170), (33, 145, 140), (253, 231, 37)
+"""Colours of 0 hops, of none, of 8 and of 15."""
+
+
+def test_colours_of_states_and_deaths(session):
     scene, _, after = last(session)
-    alive = np.ones(20, bool)
-    alive[1] = False
-    found = arrays.colours(scene, replace(after, is_alive=alive[None]), arrays.STATE)
-    loaded = after.is_loaded[0] & ~after.has_priority[0] & alive
-    assert (found[loaded] == rgb(LOADED)).all() and tuple(found[1]) == arrays.DEAD
-    assert arrays.ways_to_colour(scene, after, np.ones(20)) == ["state", "hops to dust", "hops to dump", "energy"]
-    known = {"dust_hop": np.arange(20)[None] % 16, "dust_known": np.arange(20)[None] != 1}
-    hops = arrays.colours(scene, replace(after, memory=after.memory | known), "hops to dust")
-    grades = [(68, 1, 84), (170, 170, 170), (33, 145, 140), (253, 231, 37)]
-    assert [tuple(colour) for colour in hops[[0, 1, 8, 15]].tolist()] == grades
+    is_alive = np.ones(20, bool)
+    is_alive[1] = False
+    colours = arrays.colours(scene, replace(after, is_alive=is_alive[None]), arrays.STATE)
+    is_loaded = after.is_loaded[0] & ~after.has_priority[0] & is_alive
+    assert (colours[is_loaded] == rgb(LOADED)).all()
+    assert tuple(colours[1]) == arrays.DEAD
+
+
+def test_colours_of_hops_and_energy(session):
+    scene, _, after = last(session)
+    ways = arrays.ways_to_colour(scene, after, np.ones(20))
+    assert ways == ["state", "hops to dust", "hops to dump", "energy"]
+
+    numbers = np.arange(20)[None]
+    memory = after.memory | {"dust_hop": numbers % 16, "dust_known": numbers != 1}
+    hops = arrays.colours(scene, replace(after, memory=memory), "hops to dust")
+    assert [tuple(colour) for colour in hops[[0, 1, 8, 15]].tolist()] == [VIOLET, GREY, TEAL, LIME]
+
     energy = arrays.colours(scene, after, "energy", np.arange(7.0, 27.0))
-    assert len(np.unique(energy, axis=0)) == 16 and energy[[0, 19]].tolist() == hops[[0, 15]].tolist()
-    legend = arrays.legend(scene, "energy", alive)
-    told = dict(zip(("none", "0 or least", "15 or most"), (grades[place] for place in (1, 0, 3)), strict=True))
-    assert dict(legend).items() >= {**told, "dead": arrays.DEAD}.items()
+    assert len(np.unique(energy, axis=0)) == 16
+    assert [tuple(colour) for colour in energy[[0, 19]].tolist()] == [VIOLET, LIME]
+
+
+def test_the_legend_explains_the_colours_and_the_dead(session):
+    is_alive = np.arange(20) != 1
+    legend = dict(arrays.legend(session.scene, "energy", is_alive))
+    assert legend["none"] == GREY
+    assert legend["0 or least"] == VIOLET
+    assert legend["15 or most"] == LIME
+    assert legend["dead"] == arrays.DEAD
 
 
 def test_trails_end_at_loaded_robots(session):
@@ -207,12 +250,18 @@ def test_hulls_are_drawn_with_their_sizes(tmp_path, server):
     session = Session(PageScenario(CONFIG, engine=PlanarSettings(), robot_file=two_kinds(tmp_path, 6)))
     session.advance()
     view = SwarmView(server.scene, session.scene)
-    view.show([one.frames for one in session.snapshots], 1.0)
-    hull, front = view.nodes["robots"], view.nodes["fronts"]
-    for sizes in (hull.batched_scales, front.batched_scales):
-        drawn = np.ptp(hull.vertices, axis=0) * sizes
-        np.testing.assert_allclose(drawn[[1, 3]], [[2.0, 2.0, 1.0], [2.4, 1.6, 1.0]], atol=1e-6)
+    view.show([snapshot.frames for snapshot in session.snapshots], 1.0)
+    hull = view.nodes["robots"]
+    front = view.nodes["fronts"]
+    for scales in (hull.batched_scales, front.batched_scales):
+        sizes = np.ptp(hull.vertices, axis=0) * scales
+        np.testing.assert_allclose(sizes[[1, 3]], [[2.0, 2.0, 1.0], [2.4, 1.6, 1.0]], atol=1e-6)
+
+    # The quaternion turns by the yaw.
     w, _, _, z = hull.batched_wxyzs[1]
     yaw = session.snapshots[-1].frames.pose[0, 1, 2]
     np.testing.assert_allclose([w * w - z * z, 2 * w * z], [np.cos(yaw), np.sin(yaw)], atol=1e-5)
-    assert front.vertices[:, 0].min() > 0.2 and front.vertices[:, 0].max() < 0.5  # ahead of the centre, on the hull
+
+    # The front lies ahead of the centre, on the hull.
+    assert front.vertices[:, 0].min() > 0.2
+    assert front.vertices[:, 0].max() < 0.5
