@@ -7,11 +7,14 @@ import sys
 
 
 def main() -> None:
-    """Run the command of this process's arguments; until its handlers are set, an interruption ends it silently."""
+    """Run the command of this process's arguments; until its handlers are set, an interruption ends
+    it silently."""
     _open_standard_streams()
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    gc.set_threshold(50_000, 20, 20)  # tracing makes many objects that stay: the default takes 1 of 5.5 s of a start
+    gc.set_threshold(
+        50_000, 20, 20
+    )  # tracing makes many objects that stay: the default takes 1 of 5.5 s of a start
     from iswarm_mj.commands.main import main as run
 
     run()

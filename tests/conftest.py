@@ -1,4 +1,5 @@
-"""One small arena for all tests that run a swarm: JAX compiles once for each configuration and number of robots."""
+"""One small arena for all tests that run a swarm: JAX compiles once for each configuration and
+number of robots."""
 
 import gc
 import os
@@ -57,7 +58,8 @@ CHECKED = [
         "output.rerun_trial",
     )
 ]
-"""Modules whose annotations, shapes included, are checked at every call; none that numba compiles."""
+"""Modules whose annotations, shapes included, are checked at every call; none that numba
+compiles."""
 install_import_hook(CHECKED, "support.types.check")
 
 from hypothesis import settings
@@ -90,7 +92,8 @@ def pytest_configure(config):
 MOST_MEMORY = max(1.5e9, psutil.virtual_memory().total / 8)
 """Of a process, with compiled programs that files of tests share, from which on they go [bytes]."""
 REGROWTH = 0.5e9
-"""Since the system gets little back when they go, by how much it grows until they go again [bytes]."""
+"""Since the system gets little back when they go, by how much it grows until they go again
+[bytes]."""
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -128,6 +131,8 @@ def few_pixels(monkeypatch):
     savefig = Figure.savefig
 
     def save(drawing, path, format, metadata):
-        savefig(drawing, path, format=format, metadata=metadata, dpi=20) if format == "png" else path.touch()
+        savefig(
+            drawing, path, format=format, metadata=metadata, dpi=20
+        ) if format == "png" else path.touch()
 
     monkeypatch.setattr(Figure, "savefig", save)

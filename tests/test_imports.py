@@ -1,4 +1,5 @@
-"""What importing a part of the package loads. Who may import whom: the contracts of import-linter in pyproject.toml."""
+"""What importing a part of the package loads. Who may import whom: the contracts of import-linter
+in pyproject.toml."""
 
 import ast
 import importlib
@@ -42,16 +43,26 @@ for words in (["--help"], ["clean", "--help"], ["bench", "--help-all"]):
 def test_laws_settings_workers_and_help_are_light():
     """They load neither engine, nor JAX, nor a viewer."""
     light = [f"gripper.laws.{name}" for name in LAWS]
-    light += ["config.swarm", "output.trajectory", "strategy.genome", "utils.pool", "utils.jax_setup"]
+    light += [
+        "config.swarm",
+        "output.trajectory",
+        "strategy.genome",
+        "utils.pool",
+        "utils.jax_setup",
+    ]
     code = "".join(f"import iswarm_mj.{name}\n" for name in light) + HELP
     assert not {"jax", "mujoco", "rerun", "scipy", "matplotlib", "trimesh"} & loaded(code)
 
 
 def test_simulation_does_without_the_bench_and_mjx():
     """Large parts, which take longer to import than all else together, and only some runs need."""
-    modules = [f"iswarm_mj.simulation.{path.stem}" for path in MODULES if path.parent.name == "simulation"]
+    modules = [
+        f"iswarm_mj.simulation.{path.stem}" for path in MODULES if path.parent.name == "simulation"
+    ]
     found = loaded(f"import {', '.join(modules)}")
-    assert [name for name in found if name.startswith(("iswarm_mj.gripper.bench", "mujoco.mjx"))] == []
+    assert [
+        name for name in found if name.startswith(("iswarm_mj.gripper.bench", "mujoco.mjx"))
+    ] == []
 
 
 MODULES = sorted(Path(iswarm_mj.__file__).parent.rglob("*.py"))
@@ -62,7 +73,9 @@ def test_a_package_offers_what_its_stub_names(package):
     """At run time, in `dir`, and to type checkers, for which a stub imports each name as itself."""
     offering = importlib.import_module(package)
     stub = ast.parse(Path(offering.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
-    imported = [alias for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names]
+    imported = [
+        alias for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names
+    ]
     assert [alias.name for alias in imported if alias.asname != alias.name] == []
     names = sorted(alias.name for alias in imported)
     assert names == sorted(offering.__all__) == sorted(dir(offering))

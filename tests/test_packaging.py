@@ -20,7 +20,11 @@ REQUIRED = {r.name: r for r in map(Requirement, PROJECT["dependencies"])}
 _EXTRAS = PROJECT["optional-dependencies"]
 EXTRA = {r.name: r for r in map(Requirement, (*_EXTRAS["dev"], *_EXTRAS["docs"]))}
 
-MODELS = [p.relative_to(ROOT).as_posix() for p in (ROOT / "models").rglob("*") if p.suffix in (".xml", ".obj")]
+MODELS = [
+    p.relative_to(ROOT).as_posix()
+    for p in (ROOT / "models").rglob("*")
+    if p.suffix in (".xml", ".obj")
+]
 
 FROM_ELSEWHERE = """
 import numpy as np
@@ -47,7 +51,9 @@ def sdist(tmp_path_factory):
     """Unpacked source archive."""
     folder = tmp_path_factory.mktemp("sdist")
     with tarfile.open(build(ROOT, folder, "sdist")) as archive:
-        archive.extractall(folder, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))  # since 3.11.4
+        archive.extractall(
+            folder, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {})
+        )  # since 3.11.4
     return folder / f"iswarm_mj-{PROJECT['version']}"
 
 
@@ -71,7 +77,12 @@ def test_both_archives_hold_the_data_unchanged(sdist, wheel):
         "paper/report/topics.csv",
         "paper/report/templates/report.html",
     ]
-    assert {"models/arena.xml", "models/robot.xml", "models/ball.xml", "models/meshes/leg.obj"} <= set(MODELS)
+    assert {
+        "models/arena.xml",
+        "models/robot.xml",
+        "models/ball.xml",
+        "models/meshes/leg.obj",
+    } <= set(MODELS)
     for name in (*MODELS, *(f"iswarm_mj/{name}" for name in data)):
         original = (ROOT / name).read_bytes()
         assert (sdist / name).read_bytes() == original
@@ -85,7 +96,10 @@ def test_both_archives_hold_the_data_unchanged(sdist, wheel):
 def test_the_wheel_holds_all_modules_and_nothing_else(wheel):
     modules = {p.relative_to(ROOT).as_posix() for p in (ROOT / "iswarm_mj").rglob("*.py")}
     assert {p.relative_to(wheel).as_posix() for p in wheel.rglob("*.py")} == modules
-    assert {p.name for p in wheel.iterdir()} == {"iswarm_mj", f"iswarm_mj-{PROJECT['version']}.dist-info"}
+    assert {p.name for p in wheel.iterdir()} == {
+        "iswarm_mj",
+        f"iswarm_mj-{PROJECT['version']}.dist-info",
+    }
 
 
 @pytest.mark.slow
@@ -116,8 +130,14 @@ def test_the_lock_satisfies_the_requirements():
     locked = re.findall(r"^([a-z0-9][a-z0-9.-]*)==([^\s;]+)", lock, re.MULTILINE)
     names = {name for name, _ in locked}
     for requirement in (*REQUIRED.values(), *EXTRA.values()):
-        assert requirement.name in names, f"{requirement} is not in the lock file: remake it, see CONTRIBUTING.md"
+        assert requirement.name in names, (
+            f"{requirement} is not in the lock file: remake it, see CONTRIBUTING.md"
+        )
     for name, number in locked:
         wanted = REQUIRED.get(name, EXTRA.get(name))
-        assert wanted is None or wanted.specifier.contains(number), f"{name} {number} is locked, {wanted} is required"
-    assert not re.search(r"^--|://| @ |file:", lock, re.MULTILINE), "the lock names a place to download from"
+        assert wanted is None or wanted.specifier.contains(number), (
+            f"{name} {number} is locked, {wanted} is required"
+        )
+    assert not re.search(r"^--|://| @ |file:", lock, re.MULTILINE), (
+        "the lock names a place to download from"
+    )

@@ -1,4 +1,5 @@
-"""The public names: pages, examples and notebooks do with them, and docs/api.md lists them and nothing else."""
+"""The public names: pages, examples and notebooks do with them, and docs/api.md lists them and
+nothing else."""
 
 import ast
 import importlib
@@ -21,10 +22,20 @@ ENGINE = ROOT / "tests/data/teleport.py"
 
 
 def public_names(package):
-    """Return the module that defines each public name of a package, without the packages among them."""
+    """Return the module that defines each public name of a package, without the packages among
+    them."""
     stub = Path(importlib.import_module(package).__file__).with_suffix(".pyi")
-    imports = [node for node in ast.parse(stub.read_text(encoding="utf-8")).body if isinstance(node, ast.ImportFrom)]
-    return {alias.name: f"{package}.{node.module}" for node in imports if node.module for alias in node.names}
+    imports = [
+        node
+        for node in ast.parse(stub.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ImportFrom)
+    ]
+    return {
+        alias.name: f"{package}.{node.module}"
+        for node in imports
+        if node.module
+        for alias in node.names
+    }
 
 
 NAMES = {package: public_names(package) for package in PACKAGES}
@@ -35,10 +46,14 @@ def programs_of_page(path):
     """Return the Python of a page: its blocks, and what its commands pass to `python -c`."""
     programs = []
     for _, language, block in re.findall(
-        r"^( *)```(python|bash|sh)\b[^\n]*\n(.*?)^\1```", path.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+        r"^( *)```(python|bash|sh)\b[^\n]*\n(.*?)^\1```",
+        path.read_text(encoding="utf-8"),
+        re.DOTALL | re.MULTILINE,
     ):
         block = textwrap.dedent(block)
-        programs += [block] if language == "python" else re.findall(r'python -c "(.*?)"', block, re.DOTALL)
+        programs += (
+            [block] if language == "python" else re.findall(r'python -c "(.*?)"', block, re.DOTALL)
+        )
     return programs
 
 
@@ -46,18 +61,26 @@ def programs_of_notebook(path):
     """Return the cells of a notebook with code, without its commands."""
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     sources = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
-    return ["\n".join(line for line in source.splitlines() if line[:1] not in ("%", "!")) for source in sources]
+    return [
+        "\n".join(line for line in source.splitlines() if line[:1] not in ("%", "!"))
+        for source in sources
+    ]
 
 
 def programs_of(path):
     """Return the Python in a file for users."""
     if path.suffix == ".md":
         return programs_of_page(path)
-    return programs_of_notebook(path) if path.suffix == ".ipynb" else [path.read_text(encoding="utf-8")]
+    return (
+        programs_of_notebook(path)
+        if path.suffix == ".ipynb"
+        else [path.read_text(encoding="utf-8")]
+    )
 
 
 def private_uses(program):
-    """Return what a program imports of the package, or uses as its attribute, that is not public."""
+    """Return what a program imports of the package, or uses as its attribute, that is not
+    public."""
     nodes = list(ast.walk(ast.parse(program)))
     used, names_of_root = [], set()
     for node in nodes:
@@ -67,7 +90,9 @@ def private_uses(program):
             names_of_root |= {alias.asname or "iswarm_mj" for alias in modules}
         elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "iswarm_mj":
             offered = NAMES.get(node.module, {})
-            used += [f"{node.module}.{alias.name}" for alias in node.names if alias.name not in offered]
+            used += [
+                f"{node.module}.{alias.name}" for alias in node.names if alias.name not in offered
+            ]
 
     offered = {*NAMES["iswarm_mj"], "envs", "gripper", "__version__"}
     for node in nodes:
@@ -95,15 +120,22 @@ def test_users_need_no_private_name(path):
 
 def test_private_names_are_found():
     """In each way of importing them."""
-    assert private_uses("from iswarm_mj.config.swarm import SwarmConfig") == ["iswarm_mj.config.swarm.SwarmConfig"]
+    assert private_uses("from iswarm_mj.config.swarm import SwarmConfig") == [
+        "iswarm_mj.config.swarm.SwarmConfig"
+    ]
     assert private_uses("from iswarm_mj import SwarmConfig, config") == ["iswarm_mj.config"]
     assert private_uses("import iswarm_mj.gripper.plugin") == ["iswarm_mj.gripper.plugin"]
-    assert private_uses("import iswarm_mj as im\nim.load('runs')\nim.output.load('runs')") == ["iswarm_mj.output"]
-    assert programs_of_page(ROOT / "docs/gripper.md")[-1].startswith("from iswarm_mj.gripper import")
+    assert private_uses("import iswarm_mj as im\nim.load('runs')\nim.output.load('runs')") == [
+        "iswarm_mj.output"
+    ]
+    assert programs_of_page(ROOT / "docs/gripper.md")[-1].startswith(
+        "from iswarm_mj.gripper import"
+    )
 
 
 def documentation_of(module, name):
-    """Return the docstring of what a module defines; None where it defines no such name, or says nothing of it."""
+    """Return the docstring of what a module defines; None where it defines no such name, or says
+    nothing of it."""
     body = ast.parse(Path(find_spec(module).origin).read_text(encoding="utf-8")).body
     for node, following in zip(body, [*body[1:], None], strict=True):
         if isinstance(node, ast.ClassDef | ast.FunctionDef) and node.name == name:
@@ -117,12 +149,16 @@ def documentation_of(module, name):
 
 @pytest.mark.parametrize(("package", "name", "module"), ALL, ids=lambda value: value)
 def test_a_public_name_is_there_and_documented(package, name, module):
-    assert getattr(importlib.import_module(package), name) is getattr(importlib.import_module(module), name)
+    assert getattr(importlib.import_module(package), name) is getattr(
+        importlib.import_module(module), name
+    )
     assert documentation_of(module, name)
 
 
 def test_the_reference_lists_the_public_names_and_nothing_else():
-    listed = re.findall(r"^::: (\S+)$", (ROOT / "docs/api.md").read_text(encoding="utf-8"), re.MULTILINE)
+    listed = re.findall(
+        r"^::: (\S+)$", (ROOT / "docs/api.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
     assert sorted(listed) == sorted(f"{package}.{name}" for package, name, _ in ALL)
 
 

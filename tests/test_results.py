@@ -1,4 +1,5 @@
-"""What is said of the checked-in results, in findings and on pages, is what the code says of their tables."""
+"""What is said of the checked-in results, in findings and on pages, is what the code says of their
+tables."""
 
 import csv
 from dataclasses import fields
@@ -14,7 +15,12 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.tables import read_table, write_csv
 
 ROOT = Path(__file__).parents[1]
-PAGES = ["README.md", "CONTRIBUTING.md", "results/README.md", *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md"))]
+PAGES = [
+    "README.md",
+    "CONTRIBUTING.md",
+    "results/README.md",
+    *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md")),
+]
 ENGINES = ("results/default", "results/mujoco")
 REMEDY = "run `iswarm reproduce --tables`"
 
@@ -25,7 +31,8 @@ def tables():
 
 
 @pytest.mark.parametrize(
-    "results", [f"results/{name}" for name in ("default", "initial", "mujoco", "cells", "stops", "selected")]
+    "results",
+    [f"results/{name}" for name in ("default", "initial", "mujoco", "cells", "stops", "selected")],
 )
 def test_findings_are_what_the_code_says_of_the_tables(tmp_path, results, tables):
     made = [topic for topic in tables.topics(results) if topic.results]
@@ -39,14 +46,22 @@ def test_findings_are_what_the_code_says_of_the_tables(tmp_path, results, tables
 @pytest.mark.parametrize("part", ["hop-count", "density"])
 def test_both_engines_give_each_statement_the_same_verdict(part):
     planar, mujoco = (
-        {row["claim"]: row["verdict"] for row in csv.DictReader((ROOT / at / part / FINDINGS).open())} for at in ENGINES
+        {
+            row["claim"]: row["verdict"]
+            for row in csv.DictReader((ROOT / at / part / FINDINGS).open())
+        }
+        for at in ENGINES
     )
     assert planar == mujoco and len(planar) >= 4
 
 
 def test_evolutions_begin_as_random_search_does():
-    """The first generation of both is drawn by the same numbers; its runs were worlds of other batches."""
-    first, drawn = [], ("replicate", "individual", "n_robots", "seed", *(field.name for field in fields(Genome)))
+    """The first generation of both is drawn by the same numbers; its runs were worlds of other
+    batches."""
+    first, drawn = (
+        [],
+        ("replicate", "individual", "n_robots", "seed", *(field.name for field in fields(Genome))),
+    )
     for method in ("paper", "random"):
         rows, _ = read_table(ROOT / "results/default" / f"evolve-{method}" / "evolution.parquet")
         first.append([[row[name] for name in drawn] for row in rows if row["generation"] == 0])

@@ -1,4 +1,5 @@
-"""The documentation: its tables are those of the code, its commands work, the site builds without the network."""
+"""The documentation: its tables are those of the code, its commands work, the site builds without
+the network."""
 
 import importlib
 import os
@@ -26,7 +27,9 @@ def commands(page):
     blocks = re.findall(r"```bash\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
     lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
     parts = [part for line in lines for part in re.split(r"\s&&\s", line)]
-    return [shlex.split(part, comments=True) for part in parts if part.strip().startswith("iswarm ")]
+    return [
+        shlex.split(part, comments=True) for part in parts if part.strip().startswith("iswarm ")
+    ]
 
 
 ALL = [(page.name, shlex.join(words)) for page in PAGES for words in commands(page)]
@@ -55,7 +58,9 @@ def test_what_a_page_names_exists(page):
     assert [name for name in named if not (ROOT / name).exists()] == []
     assert named or page.name != "architecture.md"
     blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    for module, names in re.findall(r"^from (iswarm_mj[\w.]*) import (.+)$", "\n".join(blocks), re.MULTILINE):
+    for module, names in re.findall(
+        r"^from (iswarm_mj[\w.]*) import (.+)$", "\n".join(blocks), re.MULTILINE
+    ):
         found = importlib.import_module(module)
         assert all(hasattr(found, name.strip()) for name in names.split(","))
 
@@ -64,12 +69,18 @@ def test_what_a_page_names_exists(page):
 def example(tmp_path, monkeypatch):
     """A directory with the files that pages name."""
     strategies = (ROOT / "docs/strategies.md").read_text(encoding="utf-8")
-    (tmp_path / "walk.py").write_text(re.search(r"```python\n(# walk.py.*?)```", strategies, re.S)[1])
+    (tmp_path / "walk.py").write_text(
+        re.search(r"```python\n(# walk.py.*?)```", strategies, re.S)[1]
+    )
     tasks = (ROOT / "docs/tasks.md").read_text(encoding="utf-8")
-    (tmp_path / "gather.py").write_text(re.search(r"```python\n(# gather.py.*?)```", tasks, re.S)[1])
+    (tmp_path / "gather.py").write_text(
+        re.search(r"```python\n(# gather.py.*?)```", tasks, re.S)[1]
+    )
     (tmp_path / "boxes.toml").write_text(re.search(r"```toml\n(.*?)```", tasks, re.S)[1])
     policies = (ROOT / "docs/policies.md").read_text(encoding="utf-8")
-    (tmp_path / "turner.py").write_text(re.search(r"```python\n(# turner.py.*?)```", policies, re.S)[1])
+    (tmp_path / "turner.py").write_text(
+        re.search(r"```python\n(# turner.py.*?)```", policies, re.S)[1]
+    )
     start = (ROOT / "docs/quick-start.md").read_text(encoding="utf-8")
     (tmp_path / "run.toml").write_text(re.search(r"```toml\n(.*?)```", start, re.S)[1])
     training = (ROOT / "docs/training.md").read_text()
@@ -87,14 +98,23 @@ def example(tmp_path, monkeypatch):
     return tmp_path
 
 
-INSTALLED = ("--strategy type2", "--strategy neural", "runs/neural", "--task aggregation", "--task foraging")
-"""Parts of commands that need the package to be installed, not only to be found, or what such a command writes."""
+INSTALLED = (
+    "--strategy type2",
+    "--strategy neural",
+    "runs/neural",
+    "--task aggregation",
+    "--task foraging",
+)
+"""Parts of commands that need the package to be installed, not only to be found, or what such a
+command writes."""
 
 
 @pytest.mark.parametrize(("page", "command"), ALL)
 def test_commands_are_understood(page, command, example, monkeypatch):
     words = shlex.split(command)[1:]
-    if any(part in command for part in INSTALLED) or ("--config" in words and "result.json" in command):
+    if any(part in command for part in INSTALLED) or (
+        "--config" in words and "result.json" in command
+    ):
         pytest.skip("needs what another command writes; the slow test runs it")
     if "--help" in words:
         with pytest.raises(SystemExit) as end:
@@ -133,17 +153,25 @@ def shortened(words, flags):
 
 def run(arguments):
     command = [sys.executable, "-m", "iswarm_mj", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    done = subprocess.run(
+        command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)}
+    )
     assert done.returncode == 0, f"{shlex.join(arguments)}: {done.stderr}"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if commands(page)], ids=lambda page: page.name
+)
 def test_commands_run(page, example):
     """One after the other, as a reader types them, with fewer steps and runs."""
     run(["clean", "--steps", "101"])  # what pages look at
     for words in commands(page):
-        if "--help" in words or words[1] == "play" or any(part in shlex.join(words) for part in INSTALLED):
+        if (
+            "--help" in words
+            or words[1] == "play"
+            or any(part in shlex.join(words) for part in INSTALLED)
+        ):
             continue  # a page is there until it is interrupted
         more = QUICK.get(words[1], "").split() if "--force-curve" not in words else []
         if "--worlds" in words and "--worlds" not in more:
@@ -157,16 +185,27 @@ def test_commands_run(page, example):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["quick-start.md", "strategies.md", "tasks.md", "files.md", "environments.md"])
+@pytest.mark.parametrize(
+    "name", ["quick-start.md", "strategies.md", "tasks.md", "files.md", "environments.md"]
+)
 def test_python_runs(name, example):
-    """Blocks as a reader copies them, with fewer steps and robots, after the page's commands for what they load."""
+    """Blocks as a reader copies them, with fewer steps and robots, after the page's commands for
+    what they load."""
     page = ROOT / "docs" / name
     text = page.read_text(encoding="utf-8")
     files = ("# walk", "# gather")
-    blocks = [block for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if not block.startswith(files)]
+    blocks = [
+        block
+        for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+        if not block.startswith(files)
+    ]
     made = {words[-1]: words[1:] for words in commands(page) if words[-2] == "--out"}
     for out in sorted(set(re.findall(r'"(runs/\w+)"', "".join(blocks)))):
-        run(shortened(made.get(out, ["clean", "--engine", "planar"]), ["--robots", "20", "--steps", "12"]))
+        run(
+            shortened(
+                made.get(out, ["clean", "--engine", "planar"]), ["--robots", "20", "--steps", "12"]
+            )
+        )
     for block in blocks:
         for old, new in (
             ("steps=200", "steps=3"),
@@ -180,7 +219,9 @@ def test_python_runs(name, example):
         ):
             block = block.replace(old, new)
         environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(example)])}
-        done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, env=environment)
+        done = subprocess.run(
+            [sys.executable, "-c", block], capture_output=True, text=True, env=environment
+        )
         assert done.returncode == 0, f"{block}: {done.stderr}"
     assert blocks
 
@@ -202,8 +243,12 @@ class TestSite:
         pages = sorted(site.glob("*.html"))
         assert len(pages) >= len(PAGES) - 1
         for page in pages:
-            loaded = re.findall(r"<(?:script|img|link|iframe)\b[^>]*>", page.read_text(encoding="utf-8"))
-            assert [tag for tag in loaded if re.search(r"""(?:src|href)=["']?(?:https?:)?//""", tag)] == []
+            loaded = re.findall(
+                r"<(?:script|img|link|iframe)\b[^>]*>", page.read_text(encoding="utf-8")
+            )
+            assert [
+                tag for tag in loaded if re.search(r"""(?:src|href)=["']?(?:https?:)?//""", tag)
+            ] == []
 
     def test_figures_and_reference_are_there(self, site):
         assert list((site / "figures").rglob("*.png"))

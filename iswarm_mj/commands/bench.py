@@ -1,4 +1,5 @@
-"""`iswarm bench`: where the time and the memory of a control step go, on this machine, for every engine."""
+"""`iswarm bench`: where the time and the memory of a control step go, on this machine, for every
+engine."""
 
 import json
 import os
@@ -24,7 +25,8 @@ class Bench(Swarm):
     steps: Annotated[int, Within(1, 100_000)] = 200
     """Number of timed control steps."""
     warm_up: Annotated[int, Within(1, 100_000)] = 20
-    """Control steps before the timing; in compiled programs, whole chunks, of which the first compiles."""
+    """Control steps before the timing; in compiled programs, whole chunks, of which the first
+    compiles."""
 
     def run(self) -> None:
         """Run the command."""
@@ -38,8 +40,8 @@ class Bench(Swarm):
 def bench(run: Any, warm_up: int) -> dict[str, Any]:
     """Time control steps after a warm-up, print one JSON line and return its content.
 
-    Times are milliseconds per control step of all worlds together: the median over the calls of the whole, and of each
-    stage.
+    Times are milliseconds per control step of all worlds together: the median over the calls of the
+    whole, and of each stage.
 
     Args:
         run: a `Run` at its start, with enough steps for the warm-up and those that are timed.
@@ -53,7 +55,9 @@ def bench(run: Any, warm_up: int) -> dict[str, Any]:
     run.raise_faults()
     n_worlds, step_s, memory = len(run.worlds), float(np.median(steps_s)), run.peak_memory_gb()
     drive, refinement = run.config.drive, run.identity.get("refinement", 1)
-    n_physics = n_worlds * run.settings.n_robots * (drive.turn_substeps + drive.walk_substeps) * refinement
+    n_physics = (
+        n_worlds * run.settings.n_robots * (drive.turn_substeps + drive.walk_substeps) * refinement
+    )
     content = {
         **run.identity,
         **({} if run.robot_file is None else {"robot": run.robot_file}),
@@ -76,7 +80,8 @@ def bench(run: Any, warm_up: int) -> dict[str, Any]:
 
 
 def _time(run: Any, warm_up: int) -> tuple[float, list[float]]:
-    """Take all steps; return the time of the first call, and per control step that of each call after the warm-up."""
+    """Take all steps; return the time of the first call, and per control step that of each call
+    after the warm-up."""
     laps: list[float] = []
     first_call_s = 0.0
     while not run.is_over:
@@ -100,6 +105,8 @@ def processor() -> str:
     """Name of the processor, as reported by the system."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-        return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+        return next(
+            line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")
+        )
     except (OSError, StopIteration):
         return platform.processor() or platform.machine()

@@ -17,7 +17,17 @@ _DYNAMIC = Needs("has_trials", why="without `gripper.resolution` dynamic")
 class Clean(Swarm):
     """Run the cleaning swarm and write result.json, trajectory.npz and clean.rrd (open it with `rerun`)."""
 
-    MAIN: ClassVar = ("steps", "robots", "genome", "controller", "seed", "worlds", "engine", "record", "out")
+    MAIN: ClassVar = (
+        "steps",
+        "robots",
+        "genome",
+        "controller",
+        "seed",
+        "worlds",
+        "engine",
+        "record",
+        "out",
+    )
 
     steps: Annotated[int, constraint_of(RunSettings, "steps")] = 800
     """Control steps at most."""
@@ -30,8 +40,8 @@ class Clean(Swarm):
     record_worlds: Annotated[tuple[int, ...], Within(0), _RECORDED] = (0,)
     """Worlds to record; the files of all but the first of them go into world-N."""
     record_grasps: Annotated[int, Within(0, 10_000), _RECORDED, _DYNAMIC] = 0
-    """Attempts to lift or release whose trials on the bench are recorded beside the arena, the first so many;
-    with --gripper.resolution dynamic."""
+    """Attempts to lift or release whose trials on the bench are recorded beside the arena, the
+    first so many; with --gripper.resolution dynamic."""
 
     @property
     def has_trials(self) -> bool:
@@ -43,7 +53,12 @@ class Clean(Swarm):
         """Progress that finishes a world; None for the task's own."""
         n_dust = self.arena.n_dust
         stop_at = n_dust if self.stop_at is None else self.stop_at
-        check("stop_at", stop_at, f"between 1 and the number of balls, {n_dust}", 1 <= stop_at <= n_dust)
+        check(
+            "stop_at",
+            stop_at,
+            f"between 1 and the number of balls, {n_dust}",
+            1 <= stop_at <= n_dust,
+        )
         return stop_at
 
     def run(self) -> None:
@@ -66,7 +81,17 @@ class Clean(Swarm):
 class Run(WithTask, Clean):
     """Run a swarm with any task and write result.json, trajectory.npz and run.rrd (open it with `rerun`)."""
 
-    MAIN: ClassVar = ("task_name", "controller", "steps", "robots", "seed", "worlds", "engine", "record", "out")
+    MAIN: ClassVar = (
+        "task_name",
+        "controller",
+        "steps",
+        "robots",
+        "seed",
+        "worlds",
+        "engine",
+        "record",
+        "out",
+    )
 
     stop_at: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
     """Finish with this progress of the task; by default when nothing is left to do."""

@@ -37,7 +37,9 @@ def settings(command: Any) -> Iterator[Setting]:
 
     for name in field_names:
         value = getattr(command, name)
-        is_group = (is_dataclass(value) and not isinstance(value, type)) or hasattr(value, "_fields")
+        is_group = (is_dataclass(value) and not isinstance(value, type)) or hasattr(
+            value, "_fields"
+        )
         if is_group:
             prefix = "" if name in _WITHOUT_PREFIX else f"{name}."
             for setting in settings(value):
@@ -61,7 +63,10 @@ def with_defaults(command: Any) -> Any:
 
 def changed(command: Any) -> list[str]:
     """Return the names of the settings that differ from their defaults."""
-    default_of = {(setting.name, type(setting.owner)): setting.value for setting in settings(with_defaults(command))}
+    default_of = {
+        (setting.name, type(setting.owner)): setting.value
+        for setting in settings(with_defaults(command))
+    }
     names = []
     for setting in settings(command):
         default = default_of.get((setting.name, type(setting.owner)), setting.value)

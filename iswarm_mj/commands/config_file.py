@@ -50,7 +50,9 @@ class ConfigFile:
             return cls(path, _values_of_result(path, content, given_flags), True)
         return cls(path, read_toml(path, _REMEDY, what="--config "), False)
 
-    def arguments(self, command: str, defaults: Mapping[str, Any], given_flags: Collection[str]) -> list[str]:
+    def arguments(
+        self, command: str, defaults: Mapping[str, Any], given_flags: Collection[str]
+    ) -> list[str]:
         """Return the values as arguments of a command.
 
         Those of flags that are given, or that given ones exclude, are left out.
@@ -64,9 +66,12 @@ class ConfigFile:
             UserError: a key is no flag, or a value cannot be an argument.
         """
         if "ball_material" in self.values and self.is_result and command != "grasp":
-            raise UserError(f"--config {self.path} is of iswarm grasp, which repeats it; iswarm {command} cannot")
+            raise UserError(
+                f"--config {self.path} is of iswarm grasp, which repeats it; iswarm {command} cannot"
+            )
         default_of_flag = {
-            flag(setting).removeprefix("--").replace("-", "_"): default for setting, default in defaults.items()
+            flag(setting).removeprefix("--").replace("-", "_"): default
+            for setting, default in defaults.items()
         }
         self._refuse_unknown(command, default_of_flag)
 
@@ -147,7 +152,9 @@ def _values_of_result(path: Path, content: Any, given_flags: Collection[str]) ->
         default = None if name in ("settings", "config") else {}
         values = content.get(name, default) if isinstance(content, dict) else None
         if not isinstance(values, dict):
-            raise UserError(f"--config {path} is not the result.json of a run of a swarm; name one that is")
+            raise UserError(
+                f"--config {path} is not the result.json of a run of a swarm; name one that is"
+            )
         return values
 
     if part("grasp"):
@@ -195,5 +202,7 @@ def _values_of_plugin(
     name = offered(plugin_kind, str(class_name), set(values))
     if name is None:
         remedy = naming(plugin_kind, str(class_name))
-        raise UserError(f"--config {path} is of the {kind} {shown(class_name)}; name it by {remedy}")
+        raise UserError(
+            f"--config {path} is of the {kind} {shown(class_name)}; name it by {remedy}"
+        )
     return {**values, kind: name}

@@ -32,7 +32,9 @@ class Evolve(SearchPlan, ManyRunsOptions):
         from iswarm_mj.simulation.scenario import Scenario
 
         if self.method != "paper":
-            rates = [f"operators.{f.name}" for f in fields(Operators) if not f.name.startswith("density")]
+            rates = [
+                f"operators.{f.name}" for f in fields(Operators) if not f.name.startswith("density")
+            ]
             refuse_changed(self, rates, f"with `method` {self.method}")
         execution = self.execution
         scenario = Scenario(self.config, engine=execution.engine, seed=self.seed, steps=self.steps)

@@ -8,7 +8,12 @@ from typing import Any, ClassVar
 
 import tyro
 
-from iswarm_mj.commands.command_settings import changed, refuse_changed, with_defaults, without_effect
+from iswarm_mj.commands.command_settings import (
+    changed,
+    refuse_changed,
+    with_defaults,
+    without_effect,
+)
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.strategy.genome import load_genome
@@ -19,7 +24,18 @@ from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 class Experiment(ManyRunsOptions):
     """Run an experiment of the paper or beyond it: table, statistics, figures. Finished runs are kept for next time."""
 
-    MAIN: ClassVar = ("name", "list", "quick", "genome", "reading", "seed", "engine", "workers", "again", "out")
+    MAIN: ClassVar = (
+        "name",
+        "list",
+        "quick",
+        "genome",
+        "reading",
+        "seed",
+        "engine",
+        "workers",
+        "again",
+        "out",
+    )
 
     name: tyro.conf.Positional[str] = ""
     """Name of the experiment; --list shows all."""
@@ -28,7 +44,8 @@ class Experiment(ManyRunsOptions):
     quick: bool = False
     """A version of about a minute, with fewer and shorter runs."""
     genome: str = "type1"
-    """A preset or a JSON file with the genome of the swarm; the experiment types uses all presets."""
+    """A preset or a JSON file with the genome of the swarm; the experiment types uses all
+    presets."""
     again: bool = False
     """Repeat runs that --out already holds."""
     out: Path | None = None
@@ -40,7 +57,11 @@ class Experiment(ManyRunsOptions):
         from iswarm_mj.paper.studies.registry import EXPERIMENTS, listing
 
         if self.list:
-            refuse_changed(self, [name for name in changed(self) if name not in ("list", "name")], "with `list`")
+            refuse_changed(
+                self,
+                [name for name in changed(self) if name not in ("list", "name")],
+                "with `list`",
+            )
             if self.name:
                 raise UserError(f"--list takes no name; leave out {self.name}")
             print(listing())
@@ -52,7 +73,9 @@ class Experiment(ManyRunsOptions):
             raise UserError(f"there is no experiment {shown(self.name)!r}{similar}; {remedy}")
         plan = Plan(self.config, load_genome(self.genome), self.seed, self.quick)
         self._check_varied(EXPERIMENTS[self.name], plan)
-        out = self.out or Path("runs/experiments") / (f"{self.name}-quick" if self.quick else self.name)
+        out = self.out or Path("runs/experiments") / (
+            f"{self.name}-quick" if self.quick else self.name
+        )
         run_experiment(EXPERIMENTS[self.name], plan, out, self.execution, self.again)
 
     def _check_varied(self, experiment: Any, plan: Any) -> None:

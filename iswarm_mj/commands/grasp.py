@@ -11,10 +11,28 @@ from iswarm_mj.utils.constraints import Needs, Within, check
 from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 _PROTOCOL = ("start_gap", "approach_time", "press", "dwell", "rise_time", "peel", "peel_time")
-_BALL = ("radius", "rh", "work_tool_object", "work_object_substrate", "probe_radius", "ball_density")
+_BALL = (
+    "radius",
+    "rh",
+    "work_tool_object",
+    "work_object_substrate",
+    "probe_radius",
+    "ball_density",
+)
 _BALL += ("ball_material", "tool_material", "plate_material", "tip_curvature")
-_PARTS = {"protocol": _PROTOCOL, "tool": Surface._fields, "plate": Surface._fields, "contacts": Contacts._fields}
-OF_CURVES = {*_BALL, "force_curve", "voltages", "out", *(f"{part}.{name}" for part in _PARTS for name in _PARTS[part])}
+_PARTS = {
+    "protocol": _PROTOCOL,
+    "tool": Surface._fields,
+    "plate": Surface._fields,
+    "contacts": Contacts._fields,
+}
+OF_CURVES = {
+    *_BALL,
+    "force_curve",
+    "voltages",
+    "out",
+    *(f"{part}.{name}" for part in _PARTS for name in _PARTS[part]),
+}
 """Settings that force-distance curves follow."""
 
 
@@ -25,10 +43,15 @@ class Grasp(GraspSettings):
     MAIN: ClassVar = ("radius", "rh", "repeats", "seed", "record", "force_curve", "voltages", "out")
 
     record: Annotated[tuple[int, ...], Within(0)] = (0,)
-    """Indices of the trials to record, ordered by radius, then humidity, then repeat; none if empty."""
+    """Indices of the trials to record, ordered by radius, then humidity, then repeat; none if
+    empty."""
     force_curve: bool = False
     """Write force-distance curves of the radii at the first humidity instead of running trials."""
-    voltages: Annotated[tuple[float, ...], Within(0, 200, "V"), Needs("force_curve")] = (0.0, 10.0, 20.0)
+    voltages: Annotated[tuple[float, ...], Within(0, 200, "V"), Needs("force_curve")] = (
+        0.0,
+        10.0,
+        20.0,
+    )
     """Voltages of the force-distance curves [V]."""
     out: Path = Path("runs/grasp")
     """Directory for the results; those of an earlier run in it are replaced."""
@@ -39,8 +62,15 @@ class Grasp(GraspSettings):
 
         if self.force_curve:
             given = changed(self)
-            refuse_changed(self, [name for name in given if name not in OF_CURVES], "with `force_curve`")
-            check("rh", self.rh, "one relative humidity with `force_curve`", len(self.rh) == 1 or "rh" not in given)
+            refuse_changed(
+                self, [name for name in given if name not in OF_CURVES], "with `force_curve`"
+            )
+            check(
+                "rh",
+                self.rh,
+                "one relative humidity with `force_curve`",
+                len(self.rh) == 1 or "rh" not in given,
+            )
             check(
                 "tip_curvature",
                 self.tip_curvature,
@@ -48,9 +78,19 @@ class Grasp(GraspSettings):
                 self.tip_curvature is None,
             )
             n_curves = len(self.radii) * len(self.voltages)
-            check("voltages", self.voltages, "such that there are 1 to 100 curves in all", 1 <= n_curves <= 100)
+            check(
+                "voltages",
+                self.voltages,
+                "such that there are 1 to 100 curves in all",
+                1 <= n_curves <= 100,
+            )
             run_force_curves(self, self.voltages, self.out)
             return
         for number in self.record:
-            check("record", number, f"the index of a trial, 0 to {self.n_trials - 1}", number < self.n_trials)
+            check(
+                "record",
+                number,
+                f"the index of a trial, 0 to {self.n_trials - 1}",
+                number < self.n_trials,
+            )
         run_grasp(self, self.out, tuple(dict.fromkeys(self.record)))

@@ -25,8 +25,9 @@ class ConfigOptions(SwarmConfig):
     """The configuration, one group of flags for each of its parts; and the engine, whose flags have no group."""
 
     reading: Literal["paper", "initial", "selected"] = "paper"
-    """Interpretation of the paper's rules, which sets the defaults of the flags below: closest to its words, that of
-    the first version of this simulator, or what Fig. 17 and the penalties in Table 2 select."""
+    """Interpretation of the paper's rules, which sets the defaults of the flags below: closest to
+    its words, that of the first version of this simulator, or what Fig. 17 and the penalties in
+    Table 2 select."""
     maze: Path | None = None
     """A picture whose dark pixels are obstacles, stretched over the arena."""
     engine: EngineName = "mujoco"
@@ -63,10 +64,13 @@ class ManyRunsOptions(ConfigOptions):
 
     seed: Seed = 0
     """Seed of all random numbers."""
-    workers: Annotated[Workers, Needs("in_processes", why="with runs in batches, which take one process")] = 0
+    workers: Annotated[
+        Workers, Needs("in_processes", why="with runs in batches, which take one process")
+    ] = 0
     """Worker processes, except for batches; 0 for one per core. The results do not depend on it."""
     backend: Literal["processes", "ray"] = "processes"
-    """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install 'iswarm-mj[cluster]')."""
+    """Workers on this machine, or on the Ray cluster at RAY_ADDRESS (pip install
+    'iswarm-mj[cluster]')."""
 
     @property
     def execution(self) -> Any:
@@ -77,7 +81,12 @@ class ManyRunsOptions(ConfigOptions):
         """
         from iswarm_mj.search.pool import Execution
 
-        check("engine", self.engine, "one that is installed, since workers import it", ":" not in self.engine)
+        check(
+            "engine",
+            self.engine,
+            "one that is installed, since workers import it",
+            ":" not in self.engine,
+        )
         refuse_changed(self, ["threads"], "with many runs, each of which has one")
         return Execution(self.engine_settings, self.workers, self.backend)
 

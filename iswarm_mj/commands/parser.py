@@ -208,7 +208,9 @@ def explained(cli: Callable[..., Any], *arguments: Any, **settings: Any) -> Any:
     except AssertionError as error:
         if "Shell should be" not in str(error):
             raise
-        raise UserError(f"there are completions for the shells bash, zsh, tcsh and fish ({error})") from None
+        raise UserError(
+            f"there are completions for the shells bash, zsh, tcsh and fish ({error})"
+        ) from None
     except SystemExit:
         if text := errors.getvalue():
             raise UserError(_sentence(text, settings["prog"])) from None

@@ -19,7 +19,17 @@ from iswarm_mj.utils.signals import saved
 class Play(WithTask):
     """Show a swarm in the browser while it runs, and change its rules, noise, robots and balls."""
 
-    MAIN: ClassVar = ("task_name", "controller", "robots", "genome", "seed", "engine", "port", "changes", "out")
+    MAIN: ClassVar = (
+        "task_name",
+        "controller",
+        "robots",
+        "genome",
+        "seed",
+        "engine",
+        "port",
+        "changes",
+        "out",
+    )
 
     worlds: Annotated[int, Within(1, 1)] = 1
     """The page shows one world."""
@@ -28,8 +38,8 @@ class Play(WithTask):
     open: bool = True
     """Open the page in the browser, where there is one."""
     changes: tuple[str, ...] = ()
-    """What changes after so many control steps: STEP:SETTING=VALUE, STEP:kill=ROBOT, STEP:revive=ROBOT or
-    STEP:ball=X,Y [rd]."""
+    """What changes after so many control steps: STEP:SETTING=VALUE, STEP:kill=ROBOT,
+    STEP:revive=ROBOT or STEP:ball=X,Y [rd]."""
     out: Path = Path("runs/play")
     """Directory for recordings that are made on the page."""
 

@@ -82,7 +82,9 @@ class Video(RenderOptions):
     def __post_init__(self):
         super().__post_init__()
         for name in ("width", "height"):
-            check(name, getattr(self, name), "an even number of pixels", getattr(self, name) % 2 == 0)
+            check(
+                name, getattr(self, name), "an even number of pixels", getattr(self, name) % 2 == 0
+            )
         check_name(self.out, ".mp4")
 
     def run(self) -> None:
@@ -91,7 +93,9 @@ class Video(RenderOptions):
         from iswarm_mj.output.offscreen import Shot
 
         shot = Shot(self.camera, (self.width, self.height), fine=False)
-        video.write_video(self.directory, self.out, shot, self.frames_per_step, self.steps, self.title)
+        video.write_video(
+            self.directory, self.out, shot, self.frames_per_step, self.steps, self.title
+        )
         print(f"video of {self.directory}: {self.out}")
 
 

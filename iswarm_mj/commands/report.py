@@ -17,7 +17,8 @@ class Report:
     """Put all results beside the paper's statements, on one HTML page."""
 
     results: tuple[Path, ...] = (Path("runs"),)
-    """Directories with results of `iswarm experiment`, `iswarm evolve` and `iswarm grasp`, at any depth."""
+    """Directories with results of `iswarm experiment`, `iswarm evolve` and `iswarm grasp`, at any
+    depth."""
     out: Path = Path("report.html")
     """The page, which embeds its figures."""
 
@@ -53,7 +54,8 @@ class Reproduce(ManyRunsOptions):
     tables: bool = False
     """Rewrite the findings and the tables from existing results, without runs."""
     quick: bool = False
-    """A trial of some minutes with few and short runs, away from the results and without tables in README and docs."""
+    """A trial of some minutes with few and short runs, away from the results and without tables in
+    README and docs."""
     again: Annotated[bool, Needs("list", (False,))] = False
     """Make also what is there, from the beginning."""
     replicates: Annotated[Repeats, Needs("quick", (False,))] = 16
@@ -61,11 +63,14 @@ class Reproduce(ManyRunsOptions):
     trials: Annotated[int, Within(1, 10_000), Needs("quick", (False,))] = 20
     """Grasps at each radius and humidity."""
     results: Path | None = None
-    """Directory of the results: results/default by default, and runs/reproduce-quick/results with --quick."""
+    """Directory of the results: results/default by default, and runs/reproduce-quick/results with
+    --quick."""
     out: Path | None = None
-    """Directory in which they are made, with all that is not kept, and of report.html; runs/reproduce by default."""
+    """Directory in which they are made, with all that is not kept, and of report.html;
+    runs/reproduce by default."""
     pages: tuple[Path, ...] | None = None
-    """Markdown files whose tables are written; README.md, docs/*.md and results/README.md by default, if they exist."""
+    """Markdown files whose tables are written; README.md, docs/*.md and results/README.md by
+    default, if they exist."""
 
     def __post_init__(self):
         validate(self)
@@ -97,6 +102,10 @@ class Reproduce(ManyRunsOptions):
             return self.pages or ()
         return [
             path
-            for path in (Path("README.md"), *sorted(Path("docs").glob("*.md")), Path("results/README.md"))
+            for path in (
+                Path("README.md"),
+                *sorted(Path("docs").glob("*.md")),
+                Path("results/README.md"),
+            )
             if path.is_file()
         ]

@@ -22,8 +22,9 @@ class RobotOptions:
     """Of what robots a swarm consists."""
 
     robot: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE[:ROBOTS]")] = ()
-    """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and photodiodes. Several
-    share the swarm as kinds, with the number of the robots of each: a.xml:200 b.xml:80."""
+    """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and
+    photodiodes. Several share the swarm as kinds, with the number of the robots of each: a.xml:200
+    b.xml:80."""
 
     @property
     def robot_file(self) -> Any:
@@ -38,9 +39,12 @@ class RobotOptions:
 class TaskOptions:
     """What the robots are to do."""
 
-    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = None
-    """What the robots are to do, cleaning by default: a class in a file, or the name under which an installed package
-    offers one (entry points iswarm_mj.tasks); its fields become flags, see --task ... --help."""
+    task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = (
+        None
+    )
+    """What the robots are to do, cleaning by default: a class in a file, or the name under which an
+    installed package offers one (entry points iswarm_mj.tasks); its fields become flags, see --task
+    ... --help."""
     own_task: Any = None
     """The task with the values of its flags, where `task_name` names one."""
 
@@ -56,13 +60,16 @@ class TaskOptions:
 class Swarm(ConfigOptions, RobotOptions):
     """Settings that the commands on a swarm share."""
 
-    controller: Annotated[tuple[str, ...], tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = ()
-    """What the robots do in place of the genome's strategy: a class in a file, or the name under which an installed
-    package offers one (entry points iswarm_mj.strategies); its fields become flags, see --strategy ... --help. Several
-    share the swarm as teams, with the share or number of the robots of each: a.py:A=0.7 type2=0.3."""
+    controller: Annotated[
+        tuple[str, ...], tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")
+    ] = ()
+    """What the robots do in place of the genome's strategy: a class in a file, or the name under
+    which an installed package offers one (entry points iswarm_mj.strategies); its fields become
+    flags, see --strategy ... --help. Several share the swarm as teams, with the share or number of
+    the robots of each: a.py:A=0.7 type2=0.3."""
     genome: Annotated[str, Needs("controller", ((),), "with `strategy`")] = "type1"
-    """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the parameters; each is a flag,
-    too, see --genome ... --help."""
+    """A preset (type1 or type2 of the paper's Table 2, or evolved), or a JSON file of the
+    parameters; each is a flag, too, see --genome ... --help."""
     robots: Annotated[int | None, constraint_of(RunSettings, "n_robots")] = None
     """Number of robots; by default it follows from the density."""
     density: Annotated[float | None, Above(0, 1)] = None
@@ -72,7 +79,8 @@ class Swarm(ConfigOptions, RobotOptions):
     worlds: Annotated[int, constraint_of(RunSettings, "n_worlds")] = 1
     """Number of independent worlds, simulated together."""
     own: Any = None
-    """The strategy with the values of its flags: what `controller` names, or else the genome, an object of `Genome`."""
+    """The strategy with the values of its flags: what `controller` names, or else the genome, an
+    object of `Genome`."""
 
     def __post_init__(self):
         validate(self)
@@ -112,7 +120,9 @@ class Swarm(ConfigOptions, RobotOptions):
             return
         word = self.robot[0]
         if word.isdigit() and not Path(word).exists():
-            raise UserError(f"--robot must be a file in MJCF (got {word}); perhaps you meant --robots {word}.")
+            raise UserError(
+                f"--robot must be a file in MJCF (got {word}); perhaps you meant --robots {word}."
+            )
 
     def _number_by_density(self) -> int:
         """Return the number of robots that follows from `density`, or from the genome's."""
@@ -156,7 +166,8 @@ class Swarm(ConfigOptions, RobotOptions):
 
 
 def run_of(scenario: Any, record_worlds: tuple[int, ...] = ()) -> Any:
-    """Return the `Run` of a scenario at its start, and say that robots are placed if that takes long."""
+    """Return the `Run` of a scenario at its start, and say that robots are placed if that takes
+    long."""
     from iswarm_mj.simulation.run import Run
 
     n_worlds = scenario.n_worlds

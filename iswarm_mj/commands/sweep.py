@@ -27,7 +27,9 @@ from iswarm_mj.utils.constraints import check, spaced, validate
 from iswarm_mj.utils.errors import SimulationFault, UserError
 
 MAX_RUNS = 10_000
-_FORM = "FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as density=0.1:0.4:7 or genome=type1,evolved"
+_FORM = (
+    "FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as density=0.1:0.4:7 or genome=type1,evolved"
+)
 _COMMANDS: dict[str, type] = {"clean": Clean, "run": Run}
 _SWITCHES = ("--again", "-h", "--help", "--help-all", "--help_all")
 """Flags of the sweep itself that take no value."""
@@ -44,7 +46,8 @@ class Sweep:
     command: tyro.conf.Positional[Literal["clean", "run"]] = "clean"
     """The command whose flags vary."""
     over: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FLAG=VALUES")] = ()
-    """What varies, each with each: FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as density=0.1:0.4:7."""
+    """What varies, each with each: FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as
+    density=0.1:0.4:7."""
     again: tyro.conf.FlagCreatePairsOff[bool] = False
     """Repeat runs that --out already holds."""
     out: Path = Path("runs/sweep")
@@ -80,7 +83,9 @@ class Sweep:
 
         faults = [row["fault"] for row in rows if row["fault"]]
         if faults:
-            raise SimulationFault(f"{len(faults)} of {len(rows)} worlds had a fault, the first: {faults[0]}")
+            raise SimulationFault(
+                f"{len(faults)} of {len(rows)} worlds had a fault, the first: {faults[0]}"
+            )
 
     def _variants(self, over: dict[str, list[str]]) -> list[Any]:
         """Return the runs, one for each combination of values.

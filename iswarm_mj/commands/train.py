@@ -20,8 +20,11 @@ class Train(TrainingPlan, TaskOptions, ConfigOptions, RobotOptions):
         *("spread", "seed", "engine", "out", "again"),
     )
 
-    controller: Annotated[str, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = "neural"
-    """What is trained: a strategy with weights; its fields become flags, see --strategy ... --help."""
+    controller: Annotated[str, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = (
+        "neural"
+    )
+    """What is trained: a strategy with weights; its fields become flags, see --strategy ...
+    --help."""
     engine: EngineName = "planar"
     out: Path = Path("runs/train")
     """Directory for the results. A training in it goes on."""
@@ -39,4 +42,12 @@ class Train(TrainingPlan, TaskOptions, ConfigOptions, RobotOptions):
         plan = {f.name: getattr(self, f.name) for f in fields(TrainingPlan)}
         training = Training(**plan, config=self.config)
         engine = self.engine_settings.for_batches()
-        train(training, strategy, self.out, engine, task=self.task, robot_file=self.robot_file, again=self.again)
+        train(
+            training,
+            strategy,
+            self.out,
+            engine,
+            task=self.task,
+            robot_file=self.robot_file,
+            again=self.again,
+        )

@@ -50,9 +50,14 @@ class TeamFlags(NamedTuple):
         from iswarm_mj.strategy.teams import Teams
 
         def make(**strategies: Any) -> Any:
-            return Teams({name: (share, strategies[name]) for name, (share, _) in self.teams.items()})
+            return Teams(
+                {name: (share, strategies[name]) for name, (share, _) in self.teams.items()}
+            )
 
-        flags = [_plugin_flags(name, strategy, tyro.conf.arg()) for name, strategy in self.strategies.items()]
+        flags = [
+            _plugin_flags(name, strategy, tyro.conf.arg())
+            for name, strategy in self.strategies.items()
+        ]
         return StructConstructorSpec(make, tuple(flags))
 
 

@@ -12,8 +12,9 @@ _USED = Needs("model", ("capacitor",))
 class EnergyConfig:
     """A capacitor on board that light charges, and its consumers.
 
-    The paper names "a capacitor up to the desired voltage level" of 20 to 40 V and negligible costs of manipulation
-    (section 5); it gives no capacitance, no power and no cost of walking and LEDs. All values are choices.
+    The paper names "a capacitor up to the desired voltage level" of 20 to 40 V and negligible costs
+    of manipulation (section 5); it gives no capacitance, no power and no cost of walking and LEDs.
+    All values are choices.
     """
 
     model: Literal["none", "capacitor"] = "none"
@@ -40,14 +41,18 @@ class EnergyConfig:
         return self.capacitance * self.largest_voltage**2 / 2
 
     def of_step(self, period: float) -> float:
-        """Energy that a robot needs to act in a control step of this period [s]: messages and a walk [J]."""
+        """Energy that a robot needs to act in a control step of this period [s]: messages and a
+        walk [J]."""
         return self.message_energy + self.walking_power * period
 
     def check_step(self, period: float) -> None:
         """Raise a ConfigError if robots can never act in a control step of this period [s]."""
         needed, volts = self.of_step(period), self.largest_voltage
         least = 2 * needed / volts**2
-        limit = (
-            f"at least {least:.3g} F with `energy.largest_voltage` {volts:g}, for the {needed:g} J of a control step"
+        limit = f"at least {least:.3g} F with `energy.largest_voltage` {volts:g}, for the {needed:g} J of a control step"
+        check(
+            "energy.capacitance",
+            self.capacitance,
+            limit,
+            self.model == "none" or self.capacitance >= least,
         )
-        check("energy.capacitance", self.capacitance, limit, self.model == "none" or self.capacitance >= least)

@@ -1,8 +1,10 @@
-"""Settings that programs are compiled for: the part of a configuration that all worlds of a run share.
+"""Settings that programs are compiled for: the part of a configuration that all worlds of a run
+share.
 
-Programs take everything else as arrays (`sensors.conditions`, `sensors.arena`, `strategy.rules`), so runs of different
-settings share a compiled program, and nothing in a control step can read a value that is not its world's. The classes
-of `config` derive from those here and add what may differ.
+Programs take everything else as arrays (`sensors.conditions`, `sensors.arena`, `strategy.rules`),
+so runs of different settings share a compiled program, and nothing in a control step can read a
+value that is not its world's. The classes of `config` derive from those here and add what may
+differ.
 """
 
 import math
@@ -15,9 +17,10 @@ from iswarm_mj.utils.constraints import Above, Needs, Within, check, validate
 LONGEST_STEP, LARGEST_TURN = 0.085, 30.0
 """Motion of a robot in one physics step at most [rd, deg].
 
-Contacts part robots that overlap, by pushing them back the way they came, unless in MuJoCo they overlap by more than
-their height: then it pushes them up. Within these limits crowds that fill the arena and press upon each other at full
-speed do not (`tests/engines/test_longest_steps.py`); with 0.092 rd, or 45 degrees, robots come out on the other side.
+Contacts part robots that overlap, by pushing them back the way they came, unless in MuJoCo they
+overlap by more than their height: then it pushes them up. Within these limits crowds that fill the
+arena and press upon each other at full speed do not (`tests/engines/test_longest_steps.py`); with
+0.092 rd, or 45 degrees, robots come out on the other side.
 """
 
 
@@ -36,9 +39,10 @@ class StaticDrive:
     max_turn: Annotated[float, Above(0, 180, "deg")] = 90.0
     """Largest turn in one control step [deg]; a choice."""
     locations: Literal["free", "cells"] = "free"
-    """Robots walk wherever contacts let them (`free`); or there is one robot in each of the arena's `cells` of 1 rd, of
-    which one lies about the centre: a robot whose step would end in a cell where another one stands stays where it is,
-    which counts as a collision. Section 4.6.2: "49 x 49 = 2401 possible robot locations"; it does not say more."""
+    """Robots walk wherever contacts let them (`free`); or there is one robot in each of the arena's
+    `cells` of 1 rd, of which one lies about the centre: a robot whose step would end in a cell
+    where another one stands stays where it is, which counts as a collision. Section 4.6.2: "49 x 49
+    = 2401 possible robot locations"; it does not say more."""
 
     def __post_init__(self):
         validate(self, "drive")
@@ -50,7 +54,12 @@ class StaticDrive:
         n_steps, amount = getattr(self, name), getattr(self, whole)
         least = math.ceil(amount / largest - 1e-9)
         limit = f"so that a robot moves by at most {largest:g} {unit} in a physics step"
-        check(f"drive.{name}", n_steps, f"at least {least} with `drive.{whole}` {amount:g}, {limit}", n_steps >= least)
+        check(
+            f"drive.{name}",
+            n_steps,
+            f"at least {least} with `drive.{whole}` {amount:g}, {limit}",
+            n_steps >= least,
+        )
 
     @property
     def timestep(self) -> float:
@@ -59,7 +68,8 @@ class StaticDrive:
 
     @property
     def walk_time(self) -> float:
-        """Part of a control step in which a robot walks, at the speed of `step_length` in that time [s]."""
+        """Part of a control step in which a robot walks, at the speed of `step_length` in that time
+        [s]."""
         return self.walk_substeps * self.timestep
 
 
@@ -68,7 +78,8 @@ N_LEDS = 4
 MESSAGE_BITS = 32
 """Length of a message (Table 1)."""
 SENDERS_IN_SIGHT = 5
-"""Nearest senders in sight of a side that engines report where messages take time; others neither jam nor are heard."""
+"""Nearest senders in sight of a side that engines report where messages take time; others neither
+jam nor are heard."""
 _IN_SLOTS = Needs("baud_rate")
 _IN_TRIALS = Needs("resolution", ("dynamic",))
 
@@ -78,7 +89,8 @@ class StaticOptics:
     """Reach, beams and timing of the light, as they are compiled in."""
 
     mode: Literal["sector", "power"] = "sector"
-    """How links are decided: by range and beam cones as in the paper (`sector`), or by received power (`power`)."""
+    """How links are decided: by range and beam cones as in the paper (`sector`), or by received
+    power (`power`)."""
     communication_radius: Annotated[float, Above(0, 20, "rd")] = 3.5
     """Range on the axis of a beam (Table 1) [rd]."""
     led_beam_aperture: Annotated[float, Within(1, 90, "deg")] = 60.0
@@ -86,32 +98,44 @@ class StaticOptics:
     photodiode_aperture: Annotated[float, Within(1, 90, "deg"), Needs("mode", ("sector",))] = 90.0
     """Full width of a side's photodiode sector in `sector` mode [deg]."""
     photodiode_splay: Annotated[float, Within(1, 44, "deg"), Needs("mode", ("power",))] = 30.0
-    """Angle between each of a side's two photodiodes and the side's normal in `power` mode [deg]."""
+    """Angle between each of a side's two photodiodes and the side's normal in `power` mode
+    [deg]."""
     line_of_sight: bool = True
     """A robot between two others blocks their link."""
     wall_range: Annotated[float, Within(0, 10, "rd")] = 1.5
     """Distance at which a robot detects walls by its own reflected light [rd]."""
     baud_rate: Annotated[float, Within(0, 1e6, "bit/s")] = 0.0
-    """Bit rate of an LED [bit/s]. 0: messages take no time and do not interfere. Otherwise all robots stop in each
-    control step for a window of `slots`, each as long as one message ("they frequently stop in order to emit some light
-    impulses", section 4.1). The paper gives no rate."""
+    """Bit rate of an LED [bit/s]. 0: messages take no time and do not interfere. Otherwise all
+    robots stop in each control step for a window of `slots`, each as long as one message ("they
+    frequently stop in order to emit some light impulses", section 4.1). The paper gives no rate."""
     slots: Annotated[int, Within(4, 64), _IN_SLOTS] = 8
-    """Slots of the window for messages. A robot lights its LEDs in four consecutive slots ("the LEDs will be serially
-    activated", section 4.1); it draws the first in each control step."""
+    """Slots of the window for messages. A robot lights its LEDs in four consecutive slots ("the
+    LEDs will be serially activated", section 4.1); it draws the first in each control step."""
     photodiodes_while_emitting: Annotated[Literal["front", "none", "all"], _IN_SLOTS] = "front"
-    """Sides that listen while a robot emits ("all photodiodes off, except those on the front side of the robot in order
-    to detect an obstacle", section 4.1). A side whose own LED is lit detects walls but receives no message."""
+    """Sides that listen while a robot emits ("all photodiodes off, except those on the front side
+    of the robot in order to detect an obstacle", section 4.1). A side whose own LED is lit detects
+    walls but receives no message."""
     serial_photodiodes: Annotated[bool, _IN_SLOTS] = False
     """A silent robot listens with one side after the other, a slot each, instead of with all."""
     capture_ratio: Annotated[float, Within(0, 100), _IN_SLOTS] = 0.0
-    """The nearest of several senders in a slot is heard if the others are at least this many times as far away; 0:
-    never."""
+    """The nearest of several senders in a slot is heard if the others are at least this many times
+    as far away; 0: never."""
 
     def __post_init__(self):
         validate(self, "optics")
-        check("optics.capture_ratio", self.capture_ratio, "0 or at least 1", not 0 < self.capture_ratio < 1)
+        check(
+            "optics.capture_ratio",
+            self.capture_ratio,
+            "0 or at least 1",
+            not 0 < self.capture_ratio < 1,
+        )
         ever_listens = self.slots > N_LEDS or self.photodiodes_while_emitting != "none"
-        check("optics.slots", self.slots, "at least 5, for robots that do not listen while they emit", ever_listens)
+        check(
+            "optics.slots",
+            self.slots,
+            "at least 5, for robots that do not listen while they emit",
+            ever_listens,
+        )
 
     @property
     def window(self) -> float:
@@ -133,15 +157,19 @@ class StaticGripper:
     tool_reach: Annotated[float, Above(0, 1e-3, "m")] = 0.2e-3
     """Reach of the tool from its rest position, in two degrees of freedom [m]."""
     resolution: Literal["quasi-static", "dynamic"] = "quasi-static"
-    """What decides about attempts to pick up and release: a force balance (`quasi-static`) or trials (`dynamic`)."""
+    """What decides about attempts to pick up and release: a force balance (`quasi-static`) or
+    trials (`dynamic`)."""
     bench: Annotated[Literal["auto", "c", "mjx"], _IN_TRIALS] = "auto"
-    """Where trials run: MuJoCo in C, or a batch in MJX; `auto`: C with engines on the CPU, MJX with compiled ones."""
+    """Where trials run: MuJoCo in C, or a batch in MJX; `auto`: C with engines on the CPU, MJX with
+    compiled ones."""
     bench_capacity: Annotated[int, Within(1, 1024), _IN_TRIALS] = 8
     """Trials per world and control step in MJX; further robots try again in the next step."""
     tool_error: Annotated[float, Within(0, 1e-4, "m")] = 0.0
-    """Standard deviation of the tool's position relative to the ball, per axis and attempt [m]; see docs/gripper.md."""
+    """Standard deviation of the tool's position relative to the ball, per axis and attempt [m]; see
+    docs/gripper.md."""
     grasp_time: Annotated[float, Within(0, 1000, "s")] = 0.0
-    """Time of an attempt to pick up a ball, charging the tool included [s]; rounded to whole control steps."""
+    """Time of an attempt to pick up a ball, charging the tool included [s]; rounded to whole
+    control steps."""
     release_time: Annotated[float, Within(0, 1000, "s")] = 0.0
     """Time of an attempt to release a ball [s]."""
 
@@ -156,9 +184,9 @@ class StaticStrategy:
     message_range: Annotated[float, Above(0, 1000, "rd")] = 49.0
     """Longest vector that a message can carry [rd]."""
     update_order: Literal["synchronous", "sequential"] = "synchronous"
-    """`synchronous`: robots receive the messages of the previous control step. `sequential`: they receive, decide and
-    send one after the other, in a random order each step, so they also hear messages of the same step. All move at the
-    same time."""
+    """`synchronous`: robots receive the messages of the previous control step. `sequential`: they
+    receive, decide and send one after the other, in a random order each step, so they also hear
+    messages of the same step. All move at the same time."""
 
     def __post_init__(self):
         validate(self, "strategy")
@@ -168,8 +196,8 @@ class StaticStrategy:
 class StaticConfig:
     """All settings that control steps are compiled for.
 
-    It has no arena, noise, voltages or rules: these may differ between worlds, and steps read them from `TaskInputs`,
-    `Conditions` and `Rules`.
+    It has no arena, noise, voltages or rules: these may differ between worlds, and steps read them
+    from `TaskInputs`, `Conditions` and `Rules`.
     """
 
     drive: StaticDrive

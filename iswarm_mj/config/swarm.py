@@ -1,7 +1,8 @@
-"""The configuration of a cleaning run: every parameter that is not evolved, with its limits and unit.
+"""The configuration of a cleaning run: every parameter that is not evolved, with its limits and
+unit.
 
-Defaults marked "Table 1" are those of the paper (Valdastri et al. 2006). The others are choices of this simulator
-where the paper gives no value. An object outside its limits raises `ConfigError`.
+Defaults marked "Table 1" are those of the paper (Valdastri et al. 2006). The others are choices of
+this simulator where the paper gives no value. An object outside its limits raises `ConfigError`.
 """
 
 from dataclasses import dataclass, field
@@ -26,15 +27,17 @@ class DriveConfig(StaticDrive):
     """Motion of a robot in one control step: it turns on the spot, then walks straight ahead."""
 
     error_turn: Annotated[float, Within(0, 180, "deg")] = 0.0
-    """Standard deviation of the executed turn about the command [deg]. The paper has no such error."""
+    """Standard deviation of the executed turn about the command [deg]. The paper has no such
+    error."""
     error_step: Annotated[float, Within(0, 1)] = 0.0
-    """Relative standard deviation of the distance walked, clipped at `step_length`. The paper has no such error."""
+    """Relative standard deviation of the distance walked, clipped at `step_length`. The paper has
+    no such error."""
     stop_share: Annotated[float, Within(0, 1)] = 0.0
-    """Probability that a robot stays where it is in a control step, to emit: "they frequently stop in order to emit
-    some light impulses" (section 4.1). The paper gives no rate."""
+    """Probability that a robot stays where it is in a control step, to emit: "they frequently stop
+    in order to emit some light impulses" (section 4.1). The paper gives no rate."""
     turn_share: Annotated[float, Within(0, 1)] = 0.0
-    """Share of a control step that a turn of `max_turn` takes, and smaller turns in proportion; the robot walks in the
-    rest. 0: it walks as far however it turns. The paper does not say."""
+    """Share of a control step that a turn of `max_turn` takes, and smaller turns in proportion; the
+    robot walks in the rest. 0: it walks as far however it turns. The paper does not say."""
     loaded_speed: Annotated[float, Above(0, 1)] = 1.0
     """Speed of a robot that carries a ball, relative to that of others. The paper does not say."""
 
@@ -48,11 +51,11 @@ class OpticsConfig(StaticOptics):
     error_in_communication: Annotated[float, Within(0, 0.9)] = 0.10
     """Probability that a message arrives with a wrong bit (Table 1: 10 %)."""
     independent_bit_errors: bool = False
-    """Bits flip independently, so that messages with two wrong bits pass the parity check; otherwise at most one bit
-    flips. The paper does not say."""
+    """Bits flip independently, so that messages with two wrong bits pass the parity check;
+    otherwise at most one bit flips. The paper does not say."""
     parity_check: bool = True
-    """Robots discard messages whose parity, or another check that the strategy declares, fails; otherwise they accept
-    damaged messages. Not in the paper; docs/readings.md supports it."""
+    """Robots discard messages whose parity, or another check that the strategy declares, fails;
+    otherwise they accept damaged messages. Not in the paper; docs/readings.md supports it."""
     p_communication_break: Annotated[float, Within(0, 1)] = 0.10
     """Probability per step that a link fails (Table 1)."""
 
@@ -62,9 +65,11 @@ class GripperConfig(StaticGripper):
     """Electrostatic tool and calibrated adhesion (section 3.2 of the paper), in SI units."""
 
     grasp_voltage: Annotated[float, Within(0, 69, "V", "70 V melts the ball")] = 40.0
-    """Voltage for picking up a ball [V]: the upper end of the 20-40 V that the paper considers feasible on board."""
+    """Voltage for picking up a ball [V]: the upper end of the 20-40 V that the paper considers
+    feasible on board."""
     release_voltage: Annotated[float, Within(0, 69, "V", "70 V melts the ball")] = 55.0
-    """Voltage for releasing a ball [V]: above the 37-47 V that releases took, below the 70 V that melts the ball."""
+    """Voltage for releasing a ball [V]: above the 37-47 V that releases took, below the 70 V that
+    melts the ball."""
     relative_humidity: Annotated[float, Within(0, 100, "%")] = 10.0
     """Relative humidity of the air [%]: 10 % is "the optimal condition" (section 3.2.3)."""
     work_tool_object: Annotated[float, Above(0, 10, "J/m^2")] = 1.41e-3
@@ -72,12 +77,14 @@ class GripperConfig(StaticGripper):
     work_object_substrate: Annotated[float, Above(0, 10, "J/m^2")] = 14.7e-3
     """Median work of adhesion between ball and floor at 10 % RH, calibrated [J/m^2]."""
     spread_tool_object: Annotated[float, Within(0, 2)] = 0.12
-    """Coefficient of variation of `work_tool_object` from attempt to attempt (log-normal), calibrated."""
+    """Coefficient of variation of `work_tool_object` from attempt to attempt (log-normal),
+    calibrated."""
     spread_object_substrate: Annotated[float, Within(0, 2)] = 0.16
-    """Coefficient of variation of `work_object_substrate` from attempt to attempt (log-normal), calibrated."""
+    """Coefficient of variation of `work_object_substrate` from attempt to attempt (log-normal),
+    calibrated."""
     drop_rate: Annotated[float, Within(0, 1)] = 0.0
-    """Probability per step that a carried ball falls. Section 4.2: "there is the risk of dropping the particle",
-    without a rate; see docs/readings.md."""
+    """Probability per step that a carried ball falls. Section 4.2: "there is the risk of dropping
+    the particle", without a rate; see docs/readings.md."""
 
 
 @dataclass(frozen=True)
@@ -87,20 +94,23 @@ class StrategyConfig(StaticStrategy):
     dust_range: Annotated[float, Above(0, 5, "rd")] = 0.75
     """Distance from the robot's centre within which it senses a ball [rd]."""
     error_in_sensing: Annotated[float, Within(0, 1)] = 0.0
-    """Probability per step that a robot senses neither the dust nor the dump that it is at. Section 4.2: the simulator
-    "allows one to simulate noise" on sensing; Table 1 has no such error."""
+    """Probability per step that a robot senses neither the dust nor the dump that it is at. Section
+    4.2: the simulator "allows one to simulate noise" on sensing; Table 1 has no such error."""
     avoidance_sides: Literal["front", "all"] = "front"
-    """Sides used to avoid robots and walls. Section 4.1: "each robot will keep all photodiodes off, except those on the
-    front side of the robot in order to detect an obstacle"."""
+    """Sides used to avoid robots and walls. Section 4.1: "each robot will keep all photodiodes off,
+    except those on the front side of the robot in order to detect an obstacle"."""
     avoidance_course: Literal["any", "crossing", "oncoming"] = "any"
-    """Neighbours that a robot avoids, by the LED that it sees: `any`; `oncoming`, which show their front; `crossing`,
-    which adds those that show a side. Section 4.1: the "LED-codes received inform the robots about the walking
-    direction", and robots turn "if a collision route is detected"; it does not say which codes mean one."""
+    """Neighbours that a robot avoids, by the LED that it sees: `any`; `oncoming`, which show their
+    front; `crossing`, which adds those that show a side. Section 4.1: the "LED-codes received
+    inform the robots about the walking direction", and robots turn "if a collision route is
+    detected"; it does not say which codes mean one."""
     priority_repulsion: Literal["higher", "scaled"] = "higher"
-    """Repulsion by robots with the priority flag: `higher` than that by others wherever there is one, or `scaled` with
-    their shorter distance to keep, so higher only near contact. Section 4.1: they "have higher repellent forces"."""
+    """Repulsion by robots with the priority flag: `higher` than that by others wherever there is
+    one, or `scaled` with their shorter distance to keep, so higher only near contact. Section 4.1:
+    they "have higher repellent forces"."""
     avoids_at_dust: bool = False
-    """Robots that approach a ball avoid others. The paper does not say; crowds then keep them away from balls."""
+    """Robots that approach a ball avoid others. The paper does not say; crowds then keep them away
+    from balls."""
     random_turn: Annotated[float, Within(0, 180, "deg")] = 30.0
     """Largest turn of a random move, to either side [deg]. Section 4.1: "walk often randomly"."""
     scouts_pick: bool = False
@@ -114,9 +124,11 @@ class StrategyConfig(StaticStrategy):
     forget_on_arrival: bool = True
     """A robot forgets a vector that led it to a place without dust or dump."""
     odometry_error_turn: Annotated[float, Within(0, 180, "deg")] = 0.0
-    """Standard deviation of the turn in a robot's dead reckoning [deg]. The paper has no such error."""
+    """Standard deviation of the turn in a robot's dead reckoning [deg]. The paper has no such
+    error."""
     odometry_error_step: Annotated[float, Within(0, 1)] = 0.0
-    """Relative standard deviation of the distance in a robot's dead reckoning. The paper has no such error."""
+    """Relative standard deviation of the distance in a robot's dead reckoning. The paper has no
+    such error."""
 
 
 @dataclass(frozen=True)
@@ -134,7 +146,12 @@ class SwarmConfig:
         validate(self)
         window, walk = self.optics.window, self.drive.walk_time
         limit = f"high enough for {self.optics.slots} slots to take less than the {walk:g} s in which robots walk"
-        check("optics.baud_rate", self.optics.baud_rate, f"{limit}, and not {window:g} s", window < walk)
+        check(
+            "optics.baud_rate",
+            self.optics.baud_rate,
+            f"{limit}, and not {window:g} s",
+            window < walk,
+        )
         self.energy.check_step(self.drive.control_period)
 
     @property
@@ -157,11 +174,13 @@ class SwarmConfig:
 INTERPRETATIONS = {
     "paper": SwarmConfig(),
     "initial": SwarmConfig(
-        ArenaConfig(dust_area_offset=16.0), strategy=StrategyConfig(avoidance_sides="all", priority_repulsion="scaled")
+        ArenaConfig(dust_area_offset=16.0),
+        strategy=StrategyConfig(avoidance_sides="all", priority_repulsion="scaled"),
     ),
     "selected": SwarmConfig(
         strategy=StrategyConfig(avoidance_course="crossing"), gripper=GripperConfig(drop_rate=0.01)
     ),
 }
-"""Interpretations of the paper's rules: as it states them, as in the first version of this simulator, and as Fig. 17
-and the penalties in Table 2 select them by the rule in docs/readings.md."""
+"""Interpretations of the paper's rules: as it states them, as in the first version of this
+simulator, and as Fig. 17 and the penalties in Table 2 select them by the rule in
+docs/readings.md."""

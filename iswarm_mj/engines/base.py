@@ -32,9 +32,11 @@ class Phase(NamedTuple):
     n_substeps: int
     """Of `config.drive.timestep` each."""
     velocity: Callable[[Array], Array]
-    """From the poses (*B, N, 3) as the phase begins to world velocities (*B, N, 3) [mm/s, mm/s, rad/s]."""
+    """From the poses (*B, N, 3) as the phase begins to world velocities (*B, N, 3) [mm/s, mm/s,
+    rad/s]."""
     boxes: Float[Array, "*B M 3"] | None = None
-    """Velocities of driven boxes, likewise; those of others have no effect. None: they stand still."""
+    """Velocities of driven boxes, likewise; those of others have no effect. None: they stand
+    still."""
 
 
 class Motion(NamedTuple):
@@ -42,8 +44,8 @@ class Motion(NamedTuple):
 
     bodies: Any
     touching: Int[Array, "*B K N"]
-    """int32, the robots of higher index in contact with each robot at the end of any phase, highest first, then 0; in
-    a heap the highest `Robots.most_partners`."""
+    """int32, the robots of higher index in contact with each robot at the end of any phase, highest
+    first, then 0; in a heap the highest `Robots.most_partners`."""
     fault: Int[Array, "*B"]
     """Bits of `FaultKind`; 0 if nothing went wrong."""
     robot: Int[Array, "*B"]
@@ -53,7 +55,8 @@ class Motion(NamedTuple):
 def find_lost(
     poses: Float[Array, "*B N 3"], is_present: Bool[Array, "*B N"], walls: Float[Array, "W 3"]
 ) -> tuple[Int[Array, "*B"], Int[Array, "*B"]]:
-    """Return faults of poses that are not finite or beyond the walls, as bits of `FaultKind`, and the first robot.
+    """Return faults of poses that are not finite or beyond the walls, as bits of `FaultKind`, and
+    the first robot.
 
     Args:
         poses: x, y [mm] and yaw [rad].
@@ -79,10 +82,11 @@ class FreeBodies(NamedTuple):
     is_present: Bool[Array, "*B NM"]
     """The others stay where they are, and touch and hide nothing."""
     overlap: Any = None
-    """(B,) deepest overlap of bodies with each other and with walls since the latest control step began [mm]; None
-    where the engine does not look for it."""
+    """(B,) deepest overlap of bodies with each other and with walls since the latest control step
+    began [mm]; None where the engine does not look for it."""
     work: Any = None
-    """(B,) what an engine that begins with the slowest worlds counted in the latest phase of each."""
+    """(B,) what an engine that begins with the slowest worlds counted in the latest phase of
+    each."""
 
 
 class BoxesMixin(ABC):
@@ -112,16 +116,20 @@ def with_boxes(of_robots: Shaped[Array, "*B N"], n_boxes: int) -> Shaped[Array, 
     return xp.concatenate([of_robots, xp.ones((*of_robots.shape[:-1], n_boxes), bool)], axis=-1)
 
 
-def set_points(phase: Phase, poses: Float[Array, "*B NM 3"], n_robots: int) -> Float[Array, "*B NM 3"]:
-    """Return the velocities that the drives of robots and boxes hold in a phase which begins at these poses."""
+def set_points(
+    phase: Phase, poses: Float[Array, "*B NM 3"], n_robots: int
+) -> Float[Array, "*B NM 3"]:
+    """Return the velocities that the drives of robots and boxes hold in a phase which begins at
+    these poses."""
     xp, robots = array_module(poses), phase.velocity(poses[..., :n_robots, :])
     boxes = xp.zeros_like(poses[..., n_robots:, :]) if phase.boxes is None else phase.boxes
     return xp.concatenate([robots, boxes], axis=-2) if boxes.size else robots
 
 
 StepBodies = Callable[[Any, Array, int, Array, Array], tuple[Any, Array, Array]]
-"""Takes the physics steps of a phase: bodies, set points of their drives (*B, N, 3) [mm/s, mm/s, rad/s], number of
-steps, worlds that take them (*B,), pairs in contact so far -> bodies, pairs in contact, bits of `FaultKind` (*B,)."""
+"""Takes the physics steps of a phase: bodies, set points of their drives (*B, N, 3) [mm/s, mm/s,
+rad/s], number of steps, worlds that take them (*B,), pairs in contact so far -> bodies, pairs in
+contact, bits of `FaultKind` (*B,)."""
 
 
 def take_phases(
@@ -133,10 +141,12 @@ def take_phases(
     n_robots: int,
     step_bodies: StepBodies,
 ) -> Motion:
-    """Take the steps of one phase after the other, as `Engine.move` must; a fault ends those of its world.
+    """Take the steps of one phase after the other, as `Engine.move` must; a fault ends those of its
+    world.
 
     Args:
-        bodies: a named tuple of arrays or None, the first axes those of worlds; has `poses` and `is_present`.
+        bodies: a named tuple of arrays or None, the first axes those of worlds; has `poses` and
+            `is_present`.
         phases: what the robots do.
         is_running: which worlds move.
         walls: see `utils.walls.half_planes` [mm].
@@ -154,8 +164,11 @@ def take_phases(
     return finish_motion(bodies, moved, touching, fault, is_running, walls)
 
 
-def finish_motion(bodies: Any, moved: Any, touching: Array, fault: Array, is_running: Array, walls: Array) -> Motion:
-    """Outcome of a motion to `moved`: robots that got lost are faults too, and worlds with faults keep their bodies.
+def finish_motion(
+    bodies: Any, moved: Any, touching: Array, fault: Array, is_running: Array, walls: Array
+) -> Motion:
+    """Outcome of a motion to `moved`: robots that got lost are faults too, and worlds with faults
+    keep their bodies.
 
     Args: as for `take_phases`; `fault` is what occurred on the way.
     """
@@ -173,11 +186,12 @@ def finish_motion(bodies: Any, moved: Any, touching: Array, fault: Array, is_run
 class Engine(ABC, Generic[Bodies]):
     """Rigid-body physics and light of worlds with N robots each. Units: mm, mg, s, rad.
 
-    An engine of your own derives from this class, or from `CompiledEngine`, has an attribute `robot`, and writes the
-    four methods; `take_phases` and `sensors.links.find_links` help with two of them.
+    An engine of your own derives from this class, or from `CompiledEngine`, has an attribute
+    `robot`, and writes the four methods; `take_phases` and `sensors.links.find_links` help with two
+    of them.
 
-    An engine acts on one world, and is mapped over worlds by `jax.vmap`, or on B worlds at once, and all arrays have a
-    leading axis; `*B` stands for either.
+    An engine acts on one world, and is mapped over worlds by `jax.vmap`, or on B worlds at once,
+    and all arrays have a leading axis; `*B` stands for either.
     """
 
     robot: Robots
@@ -187,8 +201,8 @@ class Engine(ABC, Generic[Bodies]):
     def place(self, poses: Float[Array, "*B NM 3"], is_present: Bool[Array, "*B N"]) -> Bodies:
         """Return robots, and boxes after them, at rest at x, y [mm] and yaw [rad].
 
-        Robots that are not present neither touch nor hide anything. Only engines whose settings say `has_boxes` are
-        given boxes.
+        Robots that are not present neither touch nor hide anything. Only engines whose settings say
+        `has_boxes` are given boxes.
         """
 
     @abstractmethod
@@ -201,20 +215,23 @@ class Engine(ABC, Generic[Bodies]):
 
         Args:
             bodies: where the robots are.
-            emits: (*B, N) bool, which robots send light, or the power of their LEDs, from 0 to 1; dark ones still stand
-                in the way.
+            emits: (*B, N) bool, which robots send light, or the power of their LEDs, from 0 to 1;
+                dark ones still stand in the way.
             is_running: which worlds need an answer; that of the others is undefined.
         """
 
     @abstractmethod
-    def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "*B"]) -> Motion:
+    def move(
+        self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "*B"]
+    ) -> Motion:
         """Take the physics steps of some phases, one after the other.
 
         A world that does not run, or in which a fault occurs, keeps its bodies.
         """
 
     def boxes(self, bodies: Bodies) -> Float[Array, "*B M 3"] | None:
-        """Return x, y [mm] and yaw [rad] of the boxes (`ArenaConfig.boxes`), yaw not wrapped; None without boxes."""
+        """Return x, y [mm] and yaw [rad] of the boxes (`ArenaConfig.boxes`), yaw not wrapped; None
+        without boxes."""
         return None
 
 
@@ -225,8 +242,8 @@ def boxes_of(engine: Engine, bodies: Any) -> Float[Array, "*B M 3"] | None:
 
 
 Mapping = Literal["batch", "vmap", "in turn"]
-"""How a compiled program goes through its worlds: the engine acts on all at once, or on one, and is mapped over them,
-or computes one after the other."""
+"""How a compiled program goes through its worlds: the engine acts on all at once, or on one, and is
+mapped over them, or computes one after the other."""
 
 
 class CompiledEngine(Engine[Bodies]):

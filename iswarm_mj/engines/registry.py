@@ -18,7 +18,9 @@ ENGINES: dict[str, type[EngineSettings]] = {
 }
 """Settings of each engine by its name."""
 
-OFFER = PluginKind("engine", "engines", "bytes_per_robot", "glide.py:Glide", "iswarm_mj.EngineSettings")
+OFFER = PluginKind(
+    "engine", "engines", "bytes_per_robot", "glide.py:Glide", "iswarm_mj.EngineSettings"
+)
 
 SETTINGS = tuple(dict.fromkeys(f.name for engine in ENGINES.values() for f in fields(engine)))
 """Names of all settings of these engines."""
@@ -46,8 +48,12 @@ def find_engine(name: str) -> type[EngineSettings]:
         UserError: there is no such engine, or the file cannot be imported.
     """
     found = find(OFFER, name, ENGINES)
-    if not (isinstance(found, type) and issubclass(found, EngineSettings) and hasattr(found, "name")):
-        raise UserError(f"engine {name} must be a subclass of EngineSettings with a name; see {OFFER.base}")
+    if not (
+        isinstance(found, type) and issubclass(found, EngineSettings) and hasattr(found, "name")
+    ):
+        raise UserError(
+            f"engine {name} must be a subclass of EngineSettings with a name; see {OFFER.base}"
+        )
     return found
 
 
@@ -55,7 +61,8 @@ def check_settings(settings: EngineSettings) -> None:
     """Check what the settings of a user's engine say of it, which those of this package say right.
 
     Raises:
-        UserError: one of them is not of the kind that `EngineSettings` says, or no method makes the engine.
+        UserError: one of them is not of the kind that `EngineSettings` says, or no method makes the
+            engine.
     """
     if settings.is_shipped:
         return
@@ -72,5 +79,8 @@ def check_settings(settings: EngineSettings) -> None:
 
 def described() -> str:
     """Return the names of all engines, each with the first line of its docstring."""
-    texts = {name: (engine.__doc__ or "").partition("\n")[0].rstrip(".") for name, engine in ENGINES.items()}
+    texts = {
+        name: (engine.__doc__ or "").partition("\n")[0].rstrip(".")
+        for name, engine in ENGINES.items()
+    }
     return ", ".join(f"{name} ({text})" for name, text in texts.items())

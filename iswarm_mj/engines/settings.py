@@ -40,11 +40,13 @@ class ModelSpec(NamedTuple):
 class EngineSettings(ABC):
     """Settings of an engine: a frozen dataclass whose fields, with defaults and docstrings, become flags of commands.
 
-    `--engine` shows the first line of the class's docstring. A field has an effect where its `Needs` are met.
+    `--engine` shows the first line of the class's docstring. A field has an effect where its
+    `Needs` are met.
 
-    An engine acts on the host, one control step at a time on NumPy arrays, or inside programs that JAX compiles, which
-    take a chunk of control steps. A class that can do one of these defines `host_engine` or `compiled_engine`; settings
-    of compiled engines have fields `chunk` (control steps of a call) and `devices`.
+    An engine acts on the host, one control step at a time on NumPy arrays, or inside programs that
+    JAX compiles, which take a chunk of control steps. A class that can do one of these defines
+    `host_engine` or `compiled_engine`; settings of compiled engines have fields `chunk` (control
+    steps of a call) and `devices`.
     """
 
     name: ClassVar[str]
@@ -55,7 +57,9 @@ class EngineSettings(ABC):
     def __post_init__(self):
         validate(self)
         if getattr(self, "impl", None) == "warp" and importlib.util.find_spec("warp") is None:
-            raise UserError("`impl` warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'.")
+            raise UserError(
+                "`impl` warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'."
+            )
         devices = getattr(self, "devices", None)
         is_given = isinstance(devices, tuple) and len(devices) > 0
         check("devices", devices, "a tuple of JAX devices, or None", devices is None or is_given)
@@ -83,11 +87,13 @@ class EngineSettings(ABC):
 
     @classmethod
     def usual(cls) -> Self:
-        """Return the settings for this machine, which are the defaults of the flags: on an NVIDIA GPU with Warp."""
+        """Return the settings for this machine, which are the defaults of the flags: on an NVIDIA
+        GPU with Warp."""
         return cls(**{"impl": "warp"} if "warp" in choices(cls, "impl") and can_use_warp() else {})
 
     def for_batches(self) -> Self:
-        """Return these settings with the contact buffers, if any, with which batches of many runs begin."""
+        """Return these settings with the contact buffers, if any, with which batches of many runs
+        begin."""
         return self
 
     def host_engine(self, model: ModelSpec) -> "Callable[[int, int], Engine]":
@@ -105,5 +111,6 @@ class EngineSettings(ABC):
         raise TypeError(f"{type(self).__name__} has no compiled engine")
 
     def in_chunks(self, steps: int) -> Self:
-        """Return these settings with so many control steps in a call, where the engine takes several."""
+        """Return these settings with so many control steps in a call, where the engine takes
+        several."""
         return replace(self, **({"chunk": steps} if hasattr(self, "chunk") else {}))

@@ -1,4 +1,5 @@
-"""Engines of users: each answer is checked as it comes, so that a mistake is one sentence and no run goes wrong."""
+"""Engines of users: each answer is checked as it comes, so that a mistake is one sentence and no
+run goes wrong."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple, get_args
@@ -27,8 +28,11 @@ class Size(NamedTuple):
     robot: Robots
 
 
-def make_host_engine(settings: EngineSettings, model: ModelSpec, robot: Robots) -> Callable[[int, int], Any]:
-    """Return what makes an engine on the host for a number of worlds and of threads; `robot` is that of the model.
+def make_host_engine(
+    settings: EngineSettings, model: ModelSpec, robot: Robots
+) -> Callable[[int, int], Any]:
+    """Return what makes an engine on the host for a number of worlds and of threads; `robot` is
+    that of the model.
 
     Raises:
         UserError: it is a user's, and makes none.
@@ -50,7 +54,8 @@ def make_host_engine(settings: EngineSettings, model: ModelSpec, robot: Robots) 
 def make_compiled_engine(
     settings: EngineSettings, model: ModelSpec, robot: Robots, n_worlds: int, platform: str
 ) -> Any:
-    """Return an engine for programs of JAX, see `EngineSettings.compiled_engine` and `make_host_engine`.
+    """Return an engine for programs of JAX, see `EngineSettings.compiled_engine` and
+    `make_host_engine`.
 
     Raises:
         UserError: it is a user's, and is none.
@@ -65,8 +70,11 @@ def make_compiled_engine(
     return found
 
 
-def _checked(engine: Any, maker: str, base: type, model: ModelSpec, robot: Robots) -> "CheckedEngine":
-    """Return a user's engine as one that checks itself; it must derive from a base class and have the run's robots."""
+def _checked(
+    engine: Any, maker: str, base: type, model: ModelSpec, robot: Robots
+) -> "CheckedEngine":
+    """Return a user's engine as one that checks itself; it must derive from a base class and have
+    the run's robots."""
     if engine is None or isinstance(engine, type):
         got = "None" if engine is None else f"the class {engine.__name__} itself"
         raise UserError(f"{maker} must return an engine, see iswarm_mj.Engine (got {got})")
@@ -76,7 +84,9 @@ def _checked(engine: Any, maker: str, base: type, model: ModelSpec, robot: Robot
         own = engine.robot
     if not isinstance(own, Robots) or own != robot:
         got = "others" if isinstance(own, Robots) else f"a {type(own).__name__}"
-        raise UserError(f"{name}.robot must be the robots of the run, read_robots(model.robot_file) (got {got})")
+        raise UserError(
+            f"{name}.robot must be the robots of the run, read_robots(model.robot_file) (got {got})"
+        )
     return CheckedEngine(engine, Size(model.capacity, model.config.optics.n_senders, robot))
 
 
@@ -115,7 +125,9 @@ class CheckedEngine(CompiledEngine):
                 got = type(leaf).__name__ if shape is None else f"shape {shape}"
                 part = f"{jax.tree_util.keystr(path)} of " if path else ""
                 worlds = f" with a first axis of worlds, {axes[0]}," if axes else ""
-                raise UserError(f"{self.name}.place must return arrays{worlds} as {part}its bodies (got {got})")
+                raise UserError(
+                    f"{self.name}.place must return arrays{worlds} as {part}its bodies (got {got})"
+                )
         self._check_poses(bodies, axes)
         return bodies
 
@@ -129,15 +141,24 @@ class CheckedEngine(CompiledEngine):
 
     def sense(self, bodies: Any, emits: Any, is_running: Any) -> LightReading:
         """See `Engine.sense`."""
-        sight, sizes = self._called("sense", bodies, emits, is_running), self._sizes(is_running.shape)
+        sight, sizes = (
+            self._called("sense", bodies, emits, is_running),
+            self._sizes(is_running.shape),
+        )
         more = (self._size.n_senders,) * (self._size.n_senders > 1)
         links: dict[str, Any] = {
             name: jax.ShapeDtypeStruct((*its.shape, *more), its.dtype)
             for name, its in shapes_of(Links, **sizes).items()
         }
-        compare(f"{self.name}.sense", sight, LightReading(Links(**links), **shapes_of(LightReading, **sizes)))
+        compare(
+            f"{self.name}.sense",
+            sight,
+            LightReading(Links(**links), **shapes_of(LightReading, **sizes)),
+        )
         if isinstance(sight.links.sender, np.ndarray):
-            check_links(f"{self.name}.sense", sight.links, self._size.n_robots, len(self.robot.sides))
+            check_links(
+                f"{self.name}.sense", sight.links, self._size.n_robots, len(self.robot.sides)
+            )
         return sight
 
     def move(self, bodies: Any, phases: Any, is_running: Any) -> Motion:
@@ -156,21 +177,31 @@ class CheckedEngine(CompiledEngine):
             return getattr(self._engine, method)(*given)
 
     def _sizes(self, axes: tuple[int, ...]) -> dict[str, Any]:
-        return {"B": axes, "N": self._size.n_robots, "S": len(self.robot.sides), "K": self.robot.most_partners}
+        return {
+            "B": axes,
+            "N": self._size.n_robots,
+            "S": len(self.robot.sides),
+            "K": self.robot.most_partners,
+        }
 
     def _check_poses(self, bodies: Any, axes: tuple[int, ...]) -> None:
         """Check what `poses` says of bodies that were placed or moved; either precision will do."""
         poses = self.poses(bodies)
         is_double = getattr(poses, "dtype", None) == np.float64
         shape = (*axes, self._size.n_robots, 3)
-        compare(f"{self.name}.poses", poses, jax.ShapeDtypeStruct(shape, jnp.float64 if is_double else jnp.float32))
+        compare(
+            f"{self.name}.poses",
+            poses,
+            jax.ShapeDtypeStruct(shape, jnp.float64 if is_double else jnp.float32),
+        )
 
 
 def check_links(method: str, links: Links, n_robots: int, n_sides: int) -> None:
     """Check the values of links of N robots with S sides, as NumPy arrays of any shape.
 
     Raises:
-        UserError: where a link is valid, sender or LED do not exist, or bearing or distance is no number.
+        UserError: where a link is valid, sender or LED do not exist, or bearing or distance is no
+            number.
     """
     there, most = np.asarray(links.valid), {"sender": n_robots - 1, "led": n_sides - 1}
     for name in ("sender", "led", "measured_bearing", "true_distance"):
@@ -178,4 +209,6 @@ def check_links(method: str, links: Links, n_robots: int, n_sides: int) -> None:
         is_bad = (values < 0) | (values > most[name]) if name in most else ~np.isfinite(values)
         if is_bad.any():
             wanted = f"a {name} from 0 to {most[name]}" if name in most else f"a finite {name}"
-            raise UserError(f"{method} must return {wanted} where a link is valid (got {values[is_bad][0]})")
+            raise UserError(
+                f"{method} must return {wanted} where a link is valid (got {values[is_bad][0]})"
+            )

@@ -196,7 +196,9 @@ class Core:
         )
         return episode, poses
 
-    def auto_reset(self, episode: Episode, is_new: Bool[Array, ""]) -> tuple[Episode, Float[Array, "NM 3"]]:
+    def auto_reset(
+        self, episode: Episode, is_new: Bool[Array, ""]
+    ) -> tuple[Episode, Float[Array, "NM 3"]]:
         """Return the episode, or a new one if it is over, and the poses of the new one."""
         new_episode, poses = self.begin(episode.next_key)
         return jax.tree.map(partial(jnp.where, is_new), new_episode, episode), poses
@@ -284,7 +286,10 @@ class Core:
         is_faulty = world.fault.bits != 0
         is_late = step >= self.steps
         reward = self._reward(params.task, swarm.task, perceived, intent)
-        metrics = {name: jnp.asarray(value) for name, value in params.task.metrics(perceived.swarm.task).items()}
+        metrics = {
+            name: jnp.asarray(value)
+            for name, value in params.task.metrics(perceived.swarm.task).items()
+        }
         next_episode = Episode(
             world=world,
             key=episode.key,
@@ -328,7 +333,9 @@ class Core:
         keys = step_keys(params.key, step)
         return perceive(self.static_config, self.robot, params, swarm, inputs, outputs, keys)
 
-    def _reward(self, task: Task, task_before: Any, perceived: Perceived, intent: Intent) -> Float[Array, "N"]:
+    def _reward(
+        self, task: Task, task_before: Any, perceived: Perceived, intent: Intent
+    ) -> Float[Array, "N"]:
         """Return each robot's reward for the change of the task, and for what it did and said."""
         task_inputs = perceived.task_inputs._replace(
             command=intent.drive.command, message=perceived.received.bits[:, 0]

@@ -37,7 +37,9 @@ class Env:
         dt: duration of a step [s].
     """
 
-    def __init__(self, core: Core, engine: CompiledEngine | Engine, n_worlds: int | None, on_host: bool):
+    def __init__(
+        self, core: Core, engine: CompiledEngine | Engine, n_worlds: int | None, on_host: bool
+    ):
         """Compile nothing yet; `on_host` says whether the engine computes on the host."""
         self.core = core
         self.n_worlds = n_worlds

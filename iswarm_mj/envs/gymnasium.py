@@ -27,7 +27,9 @@ def installed() -> Iterator[None]:
         yield
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
-        raise UserError(f"this environment needs {package}; run pip install 'iswarm-mj[marl]'") from None
+        raise UserError(
+            f"this environment needs {package}; run pip install 'iswarm-mj[marl]'"
+        ) from None
 
 
 with installed():
@@ -183,7 +185,9 @@ class SwarmVectorEnv(VectorEnv):
         obs, reward, terminated, truncated, info = self.step_robots(actions)
         return obs, reward.sum(axis=1), terminated, truncated, info
 
-    def step_robots(self, actions: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
+    def step_robots(
+        self, actions: Any
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict]:
         """Take a control step, and return what `step` does with the reward of each robot (B, N)."""
         state = self.current_state("step")
         shape = (self.num_envs, self.env.n_robots, self.env.action_size)
@@ -205,7 +209,9 @@ class SwarmVectorEnv(VectorEnv):
         is_bad = ~(np.abs(actions) <= 1.0 + _ACTION_TOLERANCE)
         if is_bad.any():
             place = tuple(int(index) for index in np.argwhere(is_bad)[0])
-            raise UserError(f"an action must lie between -1 and 1 (got {actions[place]} at {place}); clip it")
+            raise UserError(
+                f"an action must lie between -1 and 1 (got {actions[place]} at {place}); clip it"
+            )
 
     def current_state(self, method: str) -> State:
         """Return the state of the episodes.
@@ -260,7 +266,9 @@ class SwarmEnv(gymnasium.Env):
         self.observation_space = self._vector_env.single_observation_space
         self.action_space = self._vector_env.single_action_space
 
-    def reset(self, *, seed: int | None = None, options: dict | None = None) -> tuple[np.ndarray, dict]:
+    def reset(
+        self, *, seed: int | None = None, options: dict | None = None
+    ) -> tuple[np.ndarray, dict]:
         """Begin an episode, see `SwarmVectorEnv.reset`."""
         obs, _ = self._vector_env.reset(seed=seed)
         super().reset(seed=None if seed is None else int(seed))

@@ -33,7 +33,9 @@ MAX_STARTS = 100_000
 """Largest number of layouts in which episodes begin."""
 
 
-def make_env(scenario: Scenario | None = None, *, payload: Any = None, n_starts: int = 64, **fields: Any) -> Env:
+def make_env(
+    scenario: Scenario | None = None, *, payload: Any = None, n_starts: int = 64, **fields: Any
+) -> Env:
     """Return an environment in which each robot of a swarm has actions, observations and a reward.
 
     It takes all of a scenario but its strategy, in whose place robots are told what to do. With
@@ -66,7 +68,9 @@ def scenario_of(scenario: Any, fields: Mapping[str, Any]) -> Scenario:
         check_kind("scenario", scenario, Scenario)
         if fields:
             name = next(iter(fields))
-            raise UserError(f"`{name}` is given beside a scenario, which has it; set it in the scenario")
+            raise UserError(
+                f"`{name}` is given beside a scenario, which has it; set it in the scenario"
+            )
         return scenario
 
     known = Scenario.__dataclass_fields__
@@ -149,7 +153,9 @@ def prepare_env(scenario: Scenario, *, payload: Any = None, n_starts: int = 64) 
             "an environment begins in `n_starts` layouts of a seed; give a scenario with a number of worlds"
         )
     if scenario.config.strategy.update_order != "synchronous":
-        raise UserError("strategy.update_order is sequential, but robots of an environment act at once; leave it out")
+        raise UserError(
+            "strategy.update_order is sequential, but robots of an environment act at once; leave it out"
+        )
     is_number = is_whole(n_starts) and 1 <= n_starts <= MAX_STARTS
     check("n_starts", n_starts, f"a whole number from 1 to {MAX_STARTS}", is_number)
 

@@ -33,7 +33,9 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.agents: list[str] = []
 
         # Each agent has spaces of its own, since spaces hold random generators.
-        self.observation_spaces = {agent: box_of(prepared.observations) for agent in self.possible_agents}
+        self.observation_spaces = {
+            agent: box_of(prepared.observations) for agent in self.possible_agents
+        }
         self.action_spaces = {agent: box_of(prepared.actions) for agent in self.possible_agents}
 
     def observation_space(self, agent: str) -> Space:

@@ -106,7 +106,9 @@ class Policy(Strategy):
         """Return that all robots pick up balls."""
         return memory["picks"]
 
-    def act(self, memory: dict[str, Any], observation: Observation, key: Array) -> tuple[dict[str, Any], Command]:
+    def act(
+        self, memory: dict[str, Any], observation: Observation, key: Array
+    ) -> tuple[dict[str, Any], Command]:
         """Return the policy's commands, and remember its messages.
 
         An action that is not finite is a fault.
@@ -129,7 +131,9 @@ class Policy(Strategy):
         for name, values in observation.sensed.items():
             size = int(np.prod(values.shape[1:], dtype=int))
             senses[name] = (self.task.senses[name], size)
-        return tables.observation_rows(self.config, self.robot, self.payload, senses, dust_range=self.dust_range)
+        return tables.observation_rows(
+            self.config, self.robot, self.payload, senses, dust_range=self.dust_range
+        )
 
     def _apply(self, obs: Float[Array, "N D"], memory: Any) -> tuple[Any, Any]:
         """Return the actions and the next memory of the policy."""
@@ -142,4 +146,6 @@ def _check_shape(action: Any, n_robots: int, rows: list[Row]) -> None:
     """Raise a UserError unless a policy's actions are (N, A)."""
     shape = (n_robots, sum(row.size for row in rows))
     if jnp.shape(action) != shape:
-        raise UserError(f"a policy must return actions {shape}, of robots and their numbers (got {jnp.shape(action)})")
+        raise UserError(
+            f"a policy must return actions {shape}, of robots and their numbers (got {jnp.shape(action)})"
+        )

@@ -298,7 +298,10 @@ def encode_observation(table: list[Row], seen: Observation) -> Float[Array, "N D
 def split(table: list[Row], numbers: Array) -> dict[str, Array]:
     """Return the rows of observations or actions (..., D) by their names (..., size)."""
     stops = np.cumsum([row.size for row in table])
-    return {row.name: numbers[..., stop - row.size : stop] for row, stop in zip(table, stops, strict=True)}
+    return {
+        row.name: numbers[..., stop - row.size : stop]
+        for row, stop in zip(table, stops, strict=True)
+    }
 
 
 def action_rows(config: SwarmConfig | StaticConfig, payload: Payload) -> list[Row]:
@@ -321,9 +324,13 @@ def action_rows(config: SwarmConfig | StaticConfig, payload: Payload) -> list[Ro
     return [turn, forward, *messages]
 
 
-def _action_row(name: str, size: int, description: str, convert: Callable[[Float[Array, "N K"]], Any]) -> Row:
+def _action_row(
+    name: str, size: int, description: str, convert: Callable[[Float[Array, "N K"]], Any]
+) -> Row:
     """Return a row of an action."""
-    return Row(name=name, size=size, unit="", low=-1, high=1, description=description, convert=convert)
+    return Row(
+        name=name, size=size, unit="", low=-1, high=1, description=description, convert=convert
+    )
 
 
 def _message_row(name: str, field: Field) -> Row:
@@ -368,7 +375,9 @@ def _vector_row(name: str, field: Vector) -> Row:
     return _action_row(name, 4, description, vector)
 
 
-def decode_action(table: list[Row], action: Float[Array, "N A"]) -> tuple[Command, dict[str, Any], Bool[Array, "N"]]:
+def decode_action(
+    table: list[Row], action: Float[Array, "N A"]
+) -> tuple[Command, dict[str, Any], Bool[Array, "N"]]:
     """Return commands and messages of robots, and which robots have actions that are not finite.
 
     Args:
@@ -400,9 +409,15 @@ def check_action(action: Any, shape: tuple[int, ...]) -> Array:
         values = action if isinstance(action, jax.Array) else np.asarray(action)
         kind = np.dtype(values.dtype).kind
     except (TypeError, ValueError):
-        raise UserError(f"an action must be an array of numbers from -1 to 1 (got a {type(action).__name__})") from None
+        raise UserError(
+            f"an action must be an array of numbers from -1 to 1 (got a {type(action).__name__})"
+        ) from None
     if kind not in "fiu":
-        raise UserError(f"an action must hold numbers from -1 to 1 (got {values.dtype}); convert it to float32")
+        raise UserError(
+            f"an action must hold numbers from -1 to 1 (got {values.dtype}); convert it to float32"
+        )
     if values.shape != shape:
-        raise UserError(f"an action must have the shape {shape}, of robots and their numbers (got {values.shape})")
+        raise UserError(
+            f"an action must have the shape {shape}, of robots and their numbers (got {values.shape})"
+        )
     return values.astype(np.float32)

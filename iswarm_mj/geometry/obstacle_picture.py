@@ -62,7 +62,8 @@ def boxes_of_picture(path: Path, width: float, height: float) -> tuple[Obstacle,
 def rectangles(dark: Bool[np.ndarray, "H W"]) -> Int[np.ndarray, "K 4"]:
     """Return rectangles that cover what is dark: first column and row, and those after the last.
 
-    A run of dark pixels of a row continues in the next row if it begins and ends at the same columns.
+    A run of dark pixels of a row continues in the next row if it begins and ends at the same
+    columns.
     """
     closed = []
     first_row_of: dict[tuple[int, int], int] = {}  # by the first column, and that after the last

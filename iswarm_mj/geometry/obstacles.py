@@ -178,8 +178,11 @@ def overlap(first: Float[Array, "*P 6"], second: Float[Array, "*P 6"]) -> Bool[A
     return meet_along_axes_of(first, second) & meet_along_axes_of(second, first)
 
 
-def distances(points: Float[np.ndarray, "*B P 2"], boxes: Float[np.ndarray, "*B M 6"]) -> Float[np.ndarray, "*B P"]:
-    """Return the distance of points from the nearest of the boxes: 0 inside, infinite without any."""
+def distances(
+    points: Float[np.ndarray, "*B P 2"], boxes: Float[np.ndarray, "*B M 6"]
+) -> Float[np.ndarray, "*B P"]:
+    """Return the distance of points from the nearest of the boxes: 0 inside, infinite without
+    any."""
     x, y, cos, sin, half_x, half_y = np.moveaxis(boxes, -1, 0)[..., None, :]
     dx = points[..., :1] - x
     dy = points[..., 1:] - y

@@ -18,8 +18,8 @@ Point = tuple[float, float]
 """Position ahead of and to the left of a robot's centre [mm]."""
 
 RobotFile: TypeAlias = Path | str | Sequence[str] | None
-"""MJCF file of the robots, None for `models/robot.xml`; of several kinds, each file with the number of
-its robots, such as ("a.xml:200", "b.xml:80")."""
+"""MJCF file of the robots, None for `models/robot.xml`; of several kinds, each file with the number
+of its robots, such as ("a.xml:200", "b.xml:80")."""
 
 SIDES = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))
 """Directions of the sides of the paper's robot: 0 front, 1 left, 2 back, 3 right."""
@@ -100,7 +100,8 @@ class Robots:
 
     kinds: tuple["Robot", ...]
     firsts: tuple[int, ...] = (0,)
-    """Index of the first robot of each kind; places beyond the last robot count as the last kind's."""
+    """Index of the first robot of each kind; places beyond the last robot count as the last
+    kind's."""
     sides: Sides
     """Directions of LEDs and photodiodes."""
 
@@ -211,7 +212,8 @@ class Robot(Robots):
 
     @property
     def yaw_inertia(self) -> float:
-        """Moment of inertia about the vertical axis through the centre of a homogeneous box, m (a^2 + b^2) / 3.
+        """Moment of inertia about the vertical axis through the centre of a homogeneous box, m (a^2
+        + b^2) / 3.
 
         The unit is mg mm^2; a and b are half edges.
         """
@@ -241,4 +243,6 @@ class Mixed(Robots):
 
     def __getattr__(self, name: str) -> Any:
         """Raise an AttributeError: the kinds may differ in it."""
-        raise AttributeError(f'robots of several kinds have no {name} in common; use each("{name}", n_robots)')
+        raise AttributeError(
+            f'robots of several kinds have no {name} in common; use each("{name}", n_robots)'
+        )

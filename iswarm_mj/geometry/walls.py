@@ -21,7 +21,8 @@ def outline_of(given: Any) -> tuple[Any, ...]:
     """Return the outline of an arena as tuples of floats.
 
     Args:
-        given: width and height of a rectangle, as one pair, or the corners of a convex polygon [rd].
+        given: width and height of a rectangle, as one pair, or the corners of a convex polygon
+            [rd].
 
     Raises:
         ConfigError: it is something else, or does not contain the origin.
@@ -54,7 +55,9 @@ def outline_of(given: Any) -> tuple[Any, ...]:
     return outline
 
 
-def rows_of(setting: str, given: Any, names: Sequence[str], form: str) -> tuple[tuple[float, ...], ...]:
+def rows_of(
+    setting: str, given: Any, names: Sequence[str], form: str
+) -> tuple[tuple[float, ...], ...]:
     """Return rows of finite numbers as tuples of floats.
 
     Args:
@@ -94,7 +97,8 @@ def area_of(corners: Sequence[Corner]) -> float:
 
 
 def half_planes(corners: Sequence[Corner]) -> Float[np.ndarray, "W 3"]:
-    """Return the walls from each corner to the next: outward normal x and y, and distance from the origin."""
+    """Return the walls from each corner to the next: outward normal x and y, and distance from the
+    origin."""
     starts = np.array(corners)
     along = np.roll(starts, -1, axis=0) - starts
     normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]

@@ -123,8 +123,12 @@ class RecordedWorld:
 
         record = jax.tree.map(join, *records)
         parts = parts_of(record.swarm.memory)
-        memory = {array_name(name): _in_si(parts[name], unit) for name, unit in self._recorded.items()}
-        return Frames.from_record(self._observed(record), memory=memory, task=self._read_task(record.swarm.task))
+        memory = {
+            array_name(name): _in_si(parts[name], unit) for name, unit in self._recorded.items()
+        }
+        return Frames.from_record(
+            self._observed(record), memory=memory, task=self._read_task(record.swarm.task)
+        )
 
     def _scene(self, start: StepRecord, number: int, payload: Payload) -> Scene:
         """Return the constants of the world.
@@ -180,7 +184,9 @@ class RecordedWorld:
         balls = self._task.balls(record.swarm.task)
         if balls is None:
             n_steps = len(record.poses)
-            balls = jax.tree.map(lambda values: np.zeros((n_steps, *values.shape), values.dtype), no_balls())
+            balls = jax.tree.map(
+                lambda values: np.zeros((n_steps, *values.shape), values.dtype), no_balls()
+            )
         centres = np.asarray(ball_centres(balls, record.poses, self._robot))
         return Observed(record, balls, centres)
 
@@ -190,7 +196,9 @@ def _check_memory_names(recorded: Mapping[str, str]) -> None:
     reserved = {*ARRAYS, *NUMPY_NAMES}
     for name in map(array_name, recorded):
         if name in reserved or name.startswith((AREA, METRIC)):
-            reason = f"what is recorded of the memory cannot be called {name}, as trajectories have that"
+            reason = (
+                f"what is recorded of the memory cannot be called {name}, as trajectories have that"
+            )
             raise UserError(f"{reason}; rename it")
 
 
@@ -258,12 +266,16 @@ def task_reader(task: Task, config: SwarmConfig) -> Callable[[Any], dict[str, np
         for rows in steps.reshape(n_blocks, BLOCK_FRAMES):
             block = jax.tree.map(lambda values, rows=rows: np.asarray(values)[rows], state)
             blocks.append(read_block(block))
-        return {name: np.concatenate([block[name] for block in blocks])[:n_steps] for name in blocks[0]}
+        return {
+            name: np.concatenate([block[name] for block in blocks])[:n_steps] for name in blocks[0]
+        }
 
     return read
 
 
-def _fixed_areas(task: Task, config: SwarmConfig, state: Any) -> dict[str, Float[np.ndarray, "A 4"]]:
+def _fixed_areas(
+    task: Task, config: SwarmConfig, state: Any
+) -> dict[str, Float[np.ndarray, "A 4"]]:
     """Return x_min, y_min, x_max, y_max [m] of the dump and of dust areas, where the task has them.
 
     Args:

@@ -150,7 +150,9 @@ class SavedRun:
         """Return a table of all recorded worlds."""
         self._check_recorded()
         with self.explained():
-            tables = [make_table(name, self._arrays[world], scene) for world, scene in self.scenes.items()]
+            tables = [
+                make_table(name, self._arrays[world], scene) for world, scene in self.scenes.items()
+            ]
             # Values are null where a world lacks a column.
             return pa.concat_tables(tables, promote_options="default")
 
@@ -161,7 +163,9 @@ class SavedRun:
             yield
         except _MISFIT_ERRORS as error:
             cause = str(error).partition("\n")[0]
-            raise UserError(f"{self.path}: the recorded arrays do not fit each other ({cause}); {REMEDY}.") from error
+            raise UserError(
+                f"{self.path}: the recorded arrays do not fit each other ({cause}); {REMEDY}."
+            ) from error
 
     def _check_recorded(self) -> None:
         """Raise a UserError if no world was recorded."""
@@ -287,7 +291,9 @@ def _checked_about(path: Path, content: Any) -> dict[str, Any]:
         content: the description.
     """
     if not isinstance(content, dict) or not isinstance(content.get("config"), dict):
-        raise UserError(f"{path} is not the {path.name} of a run, for it has no `config`; {REMEDY}.")
+        raise UserError(
+            f"{path} is not the {path.name} of a run, for it has no `config`; {REMEDY}."
+        )
     return content
 
 
@@ -315,7 +321,9 @@ def read_trajectory(path: Path) -> dict[str, np.ndarray]:
         raise UserError(f"{path} is cut off or no file of arrays ({error}); {REMEDY}.") from None
     for name in (*_ARRAY_TYPES, *further_names):
         if name not in arrays:
-            raise UserError(f"{path} is not the {TRAJECTORY} of a run, for it has no array `{name}`; {REMEDY}.")
+            raise UserError(
+                f"{path} is not the {TRAJECTORY} of a run, for it has no array `{name}`; {REMEDY}."
+            )
     _check_arrays(path, arrays)
     return arrays
 
@@ -336,7 +344,9 @@ def _check_arrays(path: Path, arrays: Arrays) -> None:
         axes = arrays["pose"].shape[:n_axes]
         for name in arrays[SCENE + field_name].tolist():
             if arrays[prefix + name].shape[:n_axes] != axes:
-                raise UserError(f"{path}: `{prefix + name}` is not there for each step and robot; {REMEDY}.")
+                raise UserError(
+                    f"{path}: `{prefix + name}` is not there for each step and robot; {REMEDY}."
+                )
 
     # Steps from 0, and finite places and sizes.
     steps = arrays["step"]
@@ -346,7 +356,9 @@ def _check_arrays(path: Path, arrays: Arrays) -> None:
         is_size = name.startswith(SCENE)
         least = 0.0 if is_size else -np.inf
         if not np.all(np.isfinite(arrays[name]) & (arrays[name] > least)):
-            raise UserError(f"{path}: `{name}` does not hold finite numbers above {least}; {REMEDY}.")
+            raise UserError(
+                f"{path}: `{name}` does not hold finite numbers above {least}; {REMEDY}."
+            )
 
 
 def read_about(path: Path, arrays: Arrays) -> dict[str, Any]:

@@ -53,7 +53,9 @@ def message_columns(
             yield column, numbers
 
 
-def shown_fields(scene: Scene, messages: UInt32[np.ndarray, "T N"]) -> dict[str, Shaped[np.ndarray, "T N"]]:
+def shown_fields(
+    scene: Scene, messages: UInt32[np.ndarray, "T N"]
+) -> dict[str, Shaped[np.ndarray, "T N"]]:
     """Return the fields that recordings and the page show, by the names of their columns.
 
     Vectors are left out, and `priority`, which they show otherwise.
@@ -68,7 +70,11 @@ def shown_fields(scene: Scene, messages: UInt32[np.ndarray, "T N"]) -> dict[str,
             names.add(MESSAGE_PREFIX + name)
     if not names:  # most messages have vectors only, and decoding takes time
         return {}
-    return {column.name: values for column, values in message_columns(scene, messages) if column.name in names}
+    return {
+        column.name: values
+        for column, values in message_columns(scene, messages)
+        if column.name in names
+    }
 
 
 def _numbers(field: Field, values: Any) -> list[np.ndarray]:

@@ -87,7 +87,9 @@ class ArenaRenderer:
         data: state of the model.
     """
 
-    def __init__(self, config: SwarmConfig, frames: Arrays, shot: Shot, robot_file: RobotFile = None):
+    def __init__(
+        self, config: SwarmConfig, frames: Arrays, shot: Shot, robot_file: RobotFile = None
+    ):
         """Compile the arena and start OpenGL.
 
         Args:
@@ -134,7 +136,9 @@ class ArenaRenderer:
         """The `mujoco.MjvScene` that was rendered last."""
         return self._renderer.scene
 
-    def show(self, frames: Arrays, step: int, part: float = 0.0) -> UInt8[np.ndarray, "height width 3"]:
+    def show(
+        self, frames: Arrays, step: int, part: float = 0.0
+    ) -> UInt8[np.ndarray, "height width 3"]:
         """Return the pixels of robots, balls, boxes and areas of the task after a control step.
 
         Args:
@@ -181,7 +185,9 @@ class ArenaRenderer:
         needed.
         """
         scene_with_balls = self._scene._replace(ball_radius=np.zeros(1))
-        colours = {number: _fractions(colour) for number, _, colour in shown_classes(scene_with_balls)}
+        colours = {
+            number: _fractions(colour) for number, _, colour in shown_classes(scene_with_balls)
+        }
         class_of_robot = robot_classes(self._scene, is_loaded, np.zeros_like(is_loaded))
         for robot, number in enumerate(class_of_robot.tolist()):
             geom = self.arena.model.geom(f"robot{robot}/substrate")
@@ -215,7 +221,9 @@ def _compile(config: SwarmConfig, frames: Arrays, scene: Scene, robot_file: Robo
     name_of_file = robot_file or "models/robot.xml"
     tune = partial(_lay_floor, scene) if config.arena.outline else None
     try:
-        arena = compile_arena(config, n_robots, frames["scene_ball_radius"], True, tune, as_robot_file(robot_file))
+        arena = compile_arena(
+            config, n_robots, frames["scene_ball_radius"], True, tune, as_robot_file(robot_file)
+        )
     except ValueError as error:
         reason = " ".join(str(error).split())
         raise UserError(f"the robots of {name_of_file} cannot be drawn ({reason})") from None
@@ -255,7 +263,9 @@ def _fractions(colour: tuple[int, int, int]) -> Float[np.ndarray, "3"]:
     return np.array(colour) / 255
 
 
-def _interpolated(values: Float[np.ndarray, "T *shape"], step: int, part: float) -> Float[np.ndarray, "*shape"]:
+def _interpolated(
+    values: Float[np.ndarray, "T *shape"], step: int, part: float
+) -> Float[np.ndarray, "*shape"]:
     """Return values at a fraction of the way from a step to the next."""
     start = values[step].astype(float)
     if part == 0:  # the last step has no next one
@@ -304,7 +314,11 @@ def _start_renderer(model: Any, size: tuple[int, int], max_geom: int) -> mujoco.
 
 def _draw_without_display() -> None:
     """Make MuJoCo draw by EGL where there is no display, unless the user chose otherwise."""
-    if sys.platform == "linux" and not os.environ.get("DISPLAY") and not os.environ.get("MUJOCO_GL"):
+    if (
+        sys.platform == "linux"
+        and not os.environ.get("DISPLAY")
+        and not os.environ.get("MUJOCO_GL")
+    ):
         from mujoco.rendering.classic import gl_context
 
         os.environ["MUJOCO_GL"] = "egl"

@@ -100,7 +100,10 @@ def draw_force_curve(curves: Sequence[Rows], settings: Mapping[str, Any], out: P
     lowest_force = min(-1.0, *(float(column_array(rows, "total").min()) * NN for rows in curves))
     smallest_gap = min(float(column_array(rows, "gap").min()) * _NM for rows in curves)
 
-    with figure(out / "force_curve", columns=2, size=(4.3, 3.6), caption=_caption(settings)) as (whole, magnified):
+    with figure(out / "force_curve", columns=2, size=(4.3, 3.6), caption=_caption(settings)) as (
+        whole,
+        magnified,
+    ):
         for axes, title in (
             (whole, "(a) near contact"),
             (magnified, "(b) attraction, magnified"),

@@ -58,7 +58,9 @@ def figure(
                 drawing.savefig(part, format=suffix[1:], metadata=metadata)
 
 
-def blank(rows: int = 1, columns: int = 1, size: tuple[float, float] = (4.5, 3.2)) -> tuple[Figure, list[Axes]]:
+def blank(
+    rows: int = 1, columns: int = 1, size: tuple[float, float] = (4.5, 3.2)
+) -> tuple[Figure, list[Axes]]:
     """Return a figure and its empty axes, see `figure` for the arguments."""
     width, height = size
     drawing = Figure(figsize=(width * columns, height * rows), layout="constrained")

@@ -57,7 +57,9 @@ def _draw_areas(axes: Axes, frames: Arrays) -> None:
     areas += [(area, DUST) for area in frames["scene_dust_areas"]]
     for rectangle, colour in areas:
         left, low, right, high = rectangle * _MM
-        patch = Rectangle((left, low), right - left, high - low, color=colour, linewidth=0, zorder=0)
+        patch = Rectangle(
+            (left, low), right - left, high - low, color=colour, linewidth=0, zorder=0
+        )
         axes.add_patch(patch)
 
 
@@ -134,13 +136,18 @@ def _add_legend(axes: Axes) -> None:
         ("scout", SCOUT, "s"),
         ("dust", _BALL, "."),
     )
-    handles = [Line2D([], [], color=colour, marker=mark, linestyle="", label=label) for label, colour, mark in marks]
+    handles = [
+        Line2D([], [], color=colour, marker=mark, linestyle="", label=label)
+        for label, colour, mark in marks
+    ]
     handles.append(Line2D([], [], color=EMPTY, linewidth=0.8, label="vector followed"))
     handles.append(Line2D([], [], color=GREY, label="link"))
     axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=6, fontsize=8)
 
 
-def outlines(pose: Float[np.ndarray, "N 3"], size: Float[np.ndarray, "*#N 2"]) -> Float[np.ndarray, "N 4 2"]:
+def outlines(
+    pose: Float[np.ndarray, "N 3"], size: Float[np.ndarray, "*#N 2"]
+) -> Float[np.ndarray, "N 4 2"]:
     """Return the corners of rectangles.
 
     Args:
@@ -151,7 +158,9 @@ def outlines(pose: Float[np.ndarray, "N 3"], size: Float[np.ndarray, "*#N 2"]) -
     return pose[:, None, :2] + rotate(corners, pose[:, 2:])
 
 
-def vector_lines(pose: Float[np.ndarray, "N 3"], vector: Float[np.ndarray, "N 2"]) -> Float[np.ndarray, "N 2 2"]:
+def vector_lines(
+    pose: Float[np.ndarray, "N 3"], vector: Float[np.ndarray, "N 2"]
+) -> Float[np.ndarray, "N 2 2"]:
     """Return lines from robots at these poses along vectors in their own frames."""
     start = pose[:, :2]
     return np.stack([start, start + rotate(vector, pose[:, 2])], axis=1)

@@ -210,7 +210,9 @@ def _caption(rows: Rows, humidities: Sequence[float]) -> str:
     return caption
 
 
-def _draw_humidity(axes: Axes, rows: Rows, law: Callable[..., Quantity], colour: str, marker: str) -> None:
+def _draw_humidity(
+    axes: Axes, rows: Rows, law: Callable[..., Quantity], colour: str, marker: str
+) -> None:
     """Draw the trials at one humidity, their means where all have a voltage, and the law.
 
     Args:
@@ -254,7 +256,9 @@ def _draw_humidity(axes: Axes, rows: Rows, law: Callable[..., Quantity], colour:
     for row in sorted(rows, key=lambda row: row["radius"]):
         voltages_by_radius.setdefault(row["radius"], []).append(row["voltage"])
     means = [
-        (radius * UM, np.mean(voltages)) for radius, voltages in voltages_by_radius.items() if None not in voltages
+        (radius * UM, np.mean(voltages))
+        for radius, voltages in voltages_by_radius.items()
+        if None not in voltages
     ]
     if means:
         x, y = zip(*means, strict=True)

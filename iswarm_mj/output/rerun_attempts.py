@@ -89,7 +89,10 @@ class AttemptView:
             [[*balls[tried.ball], _MARK_HEIGHT] for tried in attempts],
             radii=rr.Radius.ui_points(9.0),
             colors=[_colour(tried) for tried in attempts],
-            labels=[f"attempt {number}: {outcome(tried)}" for number, tried in enumerate(attempts, start=first_number)],
+            labels=[
+                f"attempt {number}: {outcome(tried)}"
+                for number, tried in enumerate(attempts, start=first_number)
+            ],
         )
         self._set_time((step - 1) * self._period, step - 1)
         self._stream.log(MARKS, marks)
@@ -152,7 +155,8 @@ def layout(scene: Scene) -> rrb.Blueprint:
         rr.TimeRangeBoundary.cursor_relative(seconds=_PLOT_SPAN / 2),
     )
     plots = [
-        rerun_trial.plot(name, ROOT, corner="LeftTop", span=near_cursor) for name in ("voltage", "gaps", "attraction")
+        rerun_trial.plot(name, ROOT, corner="LeftTop", span=near_cursor)
+        for name in ("voltage", "gaps", "attraction")
     ]
     log = rrb.TextLogView(origin=LOG, name="Attempts; a click on a time shows its grasp")
     below = rrb.Horizontal(

@@ -216,7 +216,9 @@ def _number_labels(n: int) -> list[str]:
 
 def _task_areas(scene: Scene) -> Iterator[Entity]:
     """Yield the areas that the task adds."""
-    for name, colour, shape in zip(scene.area_names, scene.area_colours, scene.area_shapes, strict=True):
+    for name, colour, shape in zip(
+        scene.area_names, scene.area_colours, scene.area_shapes, strict=True
+    ):
         if shape == "disc":
             look = rr.Cylinders3D.from_fields(colors=colour, fill_mode="solid")
             moving = partial(_discs, AREA + name)
@@ -381,7 +383,9 @@ def _ball_markers(scene: Scene, block: Block) -> Shape:
     return _ball_points(markers, block.frames, {})
 
 
-def _ball_points(positions: Float[np.ndarray, "T K 3"], frames: Frames, values: Mapping[str, np.ndarray]) -> Shape:
+def _ball_points(
+    positions: Float[np.ndarray, "T K 3"], frames: Frames, values: Mapping[str, np.ndarray]
+) -> Shape:
     """Return points in the colours of the balls' states."""
     states = frames.ball_state
     class_ids = (states.reshape(-1) + classes.BALL_CLASS_OFFSET).astype(np.uint16)
@@ -453,7 +457,9 @@ def _discs(array: str, block: Block) -> Shape:
     return Shape(discs, n_areas)
 
 
-def _area_places(array: str, block: Block) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P"], int]:
+def _area_places(
+    array: str, block: Block
+) -> tuple[Float[np.ndarray, "P 3"], Float[np.ndarray, "P"], int]:
     """Return centres and half widths of areas in all frames, and the number of areas of a frame."""
     places = block.frames.task[array].astype(np.float64) * MILLIMETRES
     x, y, half = places.reshape(-1, 3).T

@@ -95,7 +95,9 @@ class RrdFile:
         stream: stream of the recording, to which entities are sent.
     """
 
-    def __init__(self, application: str, path: Path, layout: rrb.Blueprint, name_in_errors: str | Path = ""):
+    def __init__(
+        self, application: str, path: Path, layout: rrb.Blueprint, name_in_errors: str | Path = ""
+    ):
         """Open the file.
 
         Args:
@@ -287,7 +289,9 @@ def time_series(
         more: further settings of the view.
     """
     start, end = span
-    legend = rrb.PlotLegend(corner=getattr(rrb.Corner2D, corner or "LeftTop"), visible=corner is not None)
+    legend = rrb.PlotLegend(
+        corner=getattr(rrb.Corner2D, corner or "LeftTop"), visible=corner is not None
+    )
     return rrb.TimeSeriesView(
         origin=origin,
         name=name,

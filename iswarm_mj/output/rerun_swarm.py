@@ -198,7 +198,10 @@ def layout(scene: Scene) -> rrb.Blueprint:
 def swarm_views(scene: Scene) -> rrb.Horizontal:
     """Return the arena on the left; time series and states above the legend on the right."""
     tabs = [_plots(scene), _states()]
-    memory = [views.time_series(f"{swarm.MEMORY}/{name}", name, corner=None) for name in names_without_vectors(scene)]
+    memory = [
+        views.time_series(f"{swarm.MEMORY}/{name}", name, corner=None)
+        for name in names_without_vectors(scene)
+    ]
     if memory:
         tabs.append(rrb.Vertical(*memory, name="Memory of each robot"))
     legend = rrb.TextDocumentView(origin=LEGEND_ENTITY, name="Legend")
@@ -269,7 +272,9 @@ def _arena(scene: Scene) -> rrb.Tabs:
     return rrb.Tabs(*tabs, active_tab=0)
 
 
-def _view_from_above(scene: Scene, name: str, hidden: Iterable[str], robots: Any = None) -> rrb.Spatial3DView:
+def _view_from_above(
+    scene: Scene, name: str, hidden: Iterable[str], robots: Any = None
+) -> rrb.Spatial3DView:
     """Return a view of the arena from above, slightly from the south.
 
     Args:

@@ -132,7 +132,9 @@ def send_trace(stream: rr.RecordingStream, trace: Trace, index: Index, root: str
         stream.send_columns(root + entity, times, columns, strict=True)
 
 
-def _columns_of_block(archetype: Any, fields: Mapping[str, np.ndarray], block: slice) -> list[rr.ComponentColumn]:
+def _columns_of_block(
+    archetype: Any, fields: Mapping[str, np.ndarray], block: slice
+) -> list[rr.ComponentColumn]:
     """Return the columns of some samples of an entity.
 
     Args:
@@ -194,17 +196,23 @@ def static_entities(trace: Trace) -> Iterator[tuple[str, Any]]:
     plate_size = (4 * radius, 4 * radius, 1)
     yield (
         PLATE,
-        rr.Boxes3D(centers=[(0, 0, -1)], half_sizes=[plate_size], colors=rgb(WALL), fill_mode="solid"),
+        rr.Boxes3D(
+            centers=[(0, 0, -1)], half_sizes=[plate_size], colors=rgb(WALL), fill_mode="solid"
+        ),
     )
     yield (
         PROBE,
-        rr.Cylinders3D.from_fields(lengths=PROBE_LENGTH, radii=probe_radius, colors=rgb(PALE), fill_mode="solid"),
+        rr.Cylinders3D.from_fields(
+            lengths=PROBE_LENGTH, radii=probe_radius, colors=rgb(PALE), fill_mode="solid"
+        ),
     )
     yield BALL, rr.Points3D.from_fields(radii=radius, show_labels=False)
     yield BALL_MARK, rr.Points3D.from_fields(colors=_MARK_COLOUR, radii=0.08 * radius)
     yield (
         SHADOW,
-        rr.Cylinders3D.from_fields(lengths=0.1, radii=0.6 * radius, colors=_SHADOW_COLOUR, fill_mode="solid"),
+        rr.Cylinders3D.from_fields(
+            lengths=0.1, radii=0.6 * radius, colors=_SHADOW_COLOUR, fill_mode="solid"
+        ),
     )
     arrow_colours = [rgb(YELLOW), rgb(GREEN), rgb(ORANGE)]
     yield FORCES, rr.Arrows3D.from_fields(colors=arrow_colours, radii=0.04 * radius)
@@ -240,7 +248,9 @@ _PLOT_TITLES = {
 """Titles of plots, by the first part of the names of their lines."""
 
 
-def plot(name: str, root: str = "", corner: str | None = None, title: str = "", **more: Any) -> rrb.TimeSeriesView:
+def plot(
+    name: str, root: str = "", corner: str | None = None, title: str = "", **more: Any
+) -> rrb.TimeSeriesView:
     """Return the plot of some lines.
 
     Args:

@@ -102,9 +102,14 @@ def _measures(run: Run) -> dict[str, Any]:
     measures = [run.measures(world) for world in range(settings.n_worlds)]
     task = run.task
     names = Measures._fields if is_scored(task) else ("collisions", "finished_at")
-    content = {name: _listed(run, [getattr(of_world, name) for of_world in measures]) for name in names}
+    content = {
+        name: _listed(run, [getattr(of_world, name) for of_world in measures]) for name in names
+    }
     if is_scored(task):
-        scores = [task.fitness(of_world, run.config, settings.n_robots, settings.steps) for of_world in measures]
+        scores = [
+            task.fitness(of_world, run.config, settings.n_robots, settings.steps)
+            for of_world in measures
+        ]
         content["n_dust"] = run.config.arena.n_dust
         content["fitness"] = _listed(run, scores)
     return content
@@ -112,7 +117,10 @@ def _measures(run: Run) -> dict[str, Any]:
 
 def _metrics(run: Run) -> dict[str, Any]:
     """Return the metrics of the task."""
-    return {name: _listed(run, [_finite_or_none(value) for value in values]) for name, values in run.metrics().items()}
+    return {
+        name: _listed(run, [_finite_or_none(value) for value in values])
+        for name, values in run.metrics().items()
+    }
 
 
 def _seconds(run: Run) -> dict[str, float | None]:

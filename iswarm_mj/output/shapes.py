@@ -134,7 +134,9 @@ def fronts(
     return points
 
 
-def ball_centres(scene: Scene, frames: Frames) -> tuple[Float[np.ndarray, "T K 3"], Float[np.ndarray, "T K 3"]]:
+def ball_centres(
+    scene: Scene, frames: Frames
+) -> tuple[Float[np.ndarray, "T K 3"], Float[np.ndarray, "T K 3"]]:
     """Return the centres of the balls, and those of their markers, which lie above the robots."""
     balls = frames.ball_position * np.float32(MILLIMETRES)
     markers = balls + np.array([0, 0, MARKER_HEIGHT * scene.height * MILLIMETRES])

@@ -142,7 +142,9 @@ def possible_states(scene: Scene) -> list[State]:
     """Return the states that robots of this scene can have."""
     has_balls = len(scene.ball_radius) > 0
     recorded = {"", *(vector.name for vector in recorded_vectors(scene.memory))}
-    return [state for state in STATES if state.vector in recorded and (has_balls or not state.is_loaded)]
+    return [
+        state for state in STATES if state.vector in recorded and (has_balls or not state.is_loaded)
+    ]
 
 
 def states_of(scene: Scene, frames: Frames) -> UInt8[np.ndarray, "T N"]:

@@ -73,7 +73,9 @@ def _distance(arrays: Arrays) -> Float[np.ndarray, "T N S"]:
 
 _DERIVED: dict[str, Columns] = {
     "steps": [(Column("time", "s", "time at the end of the step"), _time)],
-    "links": [(Column("distance", "m", "distance between the centres as the step began"), _distance)],
+    "links": [
+        (Column("distance", "m", "distance between the centres as the step began"), _distance)
+    ],
 }
 """Columns that are computed from several quantities."""
 
@@ -144,7 +146,9 @@ def memory_columns(memory: Iterable[tuple[str, str, int]]) -> Columns:
             columns_of_part = _vector_columns(name, unit, vector_of[name])
         else:
             names_of_numbers = [name] if size == 1 else [f"{name}_{k}" for k in range(size)]
-            columns_of_part = [Column(name_of_number, unit, "remembered") for name_of_number in names_of_numbers]
+            columns_of_part = [
+                Column(name_of_number, unit, "remembered") for name_of_number in names_of_numbers
+            ]
         for place, column in enumerate(columns_of_part):
             columns.append((column, _memory_getter(name, place)))
     return columns
@@ -206,7 +210,9 @@ def _user_columns(table: str, arrays: Arrays, scene: Scene) -> Iterator[tuple[st
             yield "metric_", Column(name, unit, description), itemgetter(METRIC + name)
 
 
-def _with_distinct_names(columns: Columns, user_columns: Iterable[tuple[str, Column, Get]]) -> Columns:
+def _with_distinct_names(
+    columns: Columns, user_columns: Iterable[tuple[str, Column, Get]]
+) -> Columns:
     """Return columns and those of strategy and task, renamed by their prefixes as far as needed."""
     taken = {WORLD.name, *(column.name for column, _ in columns)}
     all_columns = list(columns)

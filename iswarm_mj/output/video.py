@@ -79,7 +79,9 @@ def encode(pictures: Iterable[np.ndarray], out: Path, size: tuple[int, int]) -> 
     """
     width, height = size
     input_flags = f"-f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {RATE} -i -"
-    output_flags = f"-an -c:v libx264 -pix_fmt yuv420p -crf {RATE_FACTOR} -movflags +faststart -f mp4"
+    output_flags = (
+        f"-an -c:v libx264 -pix_fmt yuv420p -crf {RATE_FACTOR} -movflags +faststart -f mp4"
+    )
     command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-y"]
     command += [*input_flags.split(), *output_flags.split(), f"file:{out}"]
     with TemporaryFile() as log:
@@ -89,7 +91,9 @@ def encode(pictures: Iterable[np.ndarray], out: Path, size: tuple[int, int]) -> 
     if status:
         # The first message names the cause.
         reason = messages[0] if messages else f"it ended with status {status}"
-        raise UserError(f"ffmpeg could not write the video ({reason}); make room or choose another `out`")
+        raise UserError(
+            f"ffmpeg could not write the video ({reason}); make room or choose another `out`"
+        )
 
 
 def _pipe(pictures: Iterable[np.ndarray], command: list[str], log: IO[bytes]) -> int:

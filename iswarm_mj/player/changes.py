@@ -1,4 +1,5 @@
-"""Changes while a run goes on, of settings, robots and balls, by which it can be repeated bit by bit."""
+"""Changes while a run goes on, of settings, robots and balls, by which it can be repeated bit by
+bit."""
 
 from collections.abc import Callable
 from functools import partial
@@ -51,7 +52,9 @@ class Change(NamedTuple):
         what, equals, value = rest.partition("=")
         is_step = step.isascii() and step.isdigit() and len(step) <= _MOST_DIGITS
         if not (is_step and what and equals):
-            raise UserError(f"a change must be STEP:SETTING=VALUE, as 40:p_vector_forget=0.5 (got {text!r})")
+            raise UserError(
+                f"a change must be STEP:SETTING=VALUE, as 40:p_vector_forget=0.5 (got {text!r})"
+            )
         return cls(int(step), what.replace("-", "_"), value)
 
 

@@ -44,7 +44,9 @@ def describe(error: BaseException) -> str:
     text = type(error).__name__
     if first_line:
         text += f": {printable(first_line)[:MOST_CHARACTERS]}"
-    users_frames = [frame for frame in traceback.extract_tb(error.__traceback__) if is_users(frame.filename)]
+    users_frames = [
+        frame for frame in traceback.extract_tb(error.__traceback__) if is_users(frame.filename)
+    ]
     if users_frames:
         text += f" ({users_frames[-1].filename}, line {users_frames[-1].lineno})"
     return f"{text}; the terminal shows more, and Reset begins again"

@@ -17,9 +17,11 @@ class Film:
     speed: Annotated[float, Within(0.1, 1000, "1/s")] = 8.0
     """Control steps a second."""
     frames_per_step: Annotated[float, Within(0.001, 24)] = 2.0
-    """Pictures for each control step; more are smoother, and the file is larger; below 1 not all steps are shown."""
+    """Pictures for each control step; more are smoother, and the file is larger; below 1 not all
+    steps are shown."""
     colour_by: str = "state"
-    """What colours the robots: state; or hops to, says or remembers, and a name, as "hops to dust"."""
+    """What colours the robots: state; or hops to, says or remembers, and a name, as "hops to
+    dust"."""
     draw: tuple[str, ...] = ("links",)
     """Of links, trails and the names of vectors that robots remember."""
     title: str = ""

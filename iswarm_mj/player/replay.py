@@ -80,7 +80,9 @@ def _frames_of(run: SavedRun) -> Frames:
     known = {*ARRAYS, *run.scene.memory_names}
     of_task = (AREA, METRIC)
     arrays = run.arrays.items()
-    return Frames.from_arrays({name: a for name, a in arrays if name in known or name.startswith(of_task)})
+    return Frames.from_arrays(
+        {name: a for name, a in arrays if name in known or name.startswith(of_task)}
+    )
 
 
 def _last_step(film: Film, end: int) -> int:

@@ -39,10 +39,16 @@ class PageScenario(Scenario):
         Raises:
             UserError: it has several worlds or a goal, which the page does not.
         """
-        if not isinstance(scenario.worlds, int) or scenario.worlds != 1 or scenario.strategy_per_world:
+        if (
+            not isinstance(scenario.worlds, int)
+            or scenario.worlds != 1
+            or scenario.strategy_per_world
+        ):
             raise UserError("the page shows one world; give a scenario with worlds=1")
         if scenario.goal is not None:
-            raise UserError("the page goes on for as long as it is watched; give a scenario without goal")
+            raise UserError(
+                "the page goes on for as long as it is watched; give a scenario without goal"
+            )
         values: dict[str, Any] = {f.name: getattr(scenario, f.name) for f in fields(Scenario)}
         values["steps"] = Scenario.steps
         return cls(**values)

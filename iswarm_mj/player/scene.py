@@ -93,7 +93,9 @@ def _balls_between(
 
 def areas_differ(scene: Scene, other: Scene) -> bool:
     """Return whether the dump or a dust area has another place or size in another scene."""
-    return any(not np.array_equal(getattr(scene, name), getattr(other, name)) for name in FIXED_AREAS)
+    return any(
+        not np.array_equal(getattr(scene, name), getattr(other, name)) for name in FIXED_AREAS
+    )
 
 
 def arrows(

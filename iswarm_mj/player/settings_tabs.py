@@ -93,7 +93,9 @@ class SettingsTabs:
         folder = _Folder(controls, handle)
         with handle:
             for control in controls:
-                folder.inputs[control.name] = self._inputs.add(control, partial(self._move, control))
+                folder.inputs[control.name] = self._inputs.add(
+                    control, partial(self._move, control)
+                )
         self._folders[key] = folder
 
     def _move(self, control: Control, value: Any) -> None:

@@ -26,17 +26,25 @@ class Best(NamedTuple):
 
 
 def best_of(rows: Rows) -> Best:
-    """Genome with the highest mean fitness over all its runs, among those with at least `RUNS_OF_THE_BEST` runs.
+    """Genome with the highest mean fitness over all its runs, among those with at least
+    `RUNS_OF_THE_BEST` runs.
 
-    One run says little about a genome, and the luckiest of many runs even less. If no genome has enough runs, all of
-    them are compared.
+    One run says little about a genome, and the luckiest of many runs even less. If no genome has
+    enough runs, all of them are compared.
     """
     runs = {values: [row["fitness"] for row in mine] for values, mine in by(rows, *_NAMES).items()}
-    known = {values: fitness for values, fitness in runs.items() if len(fitness) >= RUNS_OF_THE_BEST} or runs
+    known = {
+        values: fitness for values, fitness in runs.items() if len(fitness) >= RUNS_OF_THE_BEST
+    } or runs
     values = max(known, key=lambda v: float(np.mean(known[v])))
     return Best(Genome(*values), float(np.mean(known[values])), len(known[values]))
 
 
 def by_replicate(rows: Rows) -> list[Sequence[Row]]:
-    """Rows of each replicate, in the order of their numbers; tables without that column have one."""
-    return [mine for _, mine in sorted(by(rows, "replicate").items())] if "replicate" in rows[0] else [rows]
+    """Rows of each replicate, in the order of their numbers; tables without that column have
+    one."""
+    return (
+        [mine for _, mine in sorted(by(rows, "replicate").items())]
+        if "replicate" in rows[0]
+        else [rows]
+    )

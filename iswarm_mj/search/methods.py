@@ -2,26 +2,32 @@
 
 The paper's evolution, and two others for comparison. Nothing here runs a swarm.
 
-A search is a generator: it yields the individuals of a generation and is sent their fitness. Its random numbers depend
-on the seed and the generation only, so that the same fitness values lead to the same genomes when it is repeated.
+A search is a generator: it yields the individuals of a generation and is sent their fitness. Its
+random numbers depend on the seed and the generation only, so that the same fitness values lead to
+the same genomes when it is repeated.
 
-Source of the paper's "Evolutionary Strategy": Valdastri et al. (2006), section 4.6, which specifies: the best two pass
-unchanged; parents are drawn with probabilities proportional to their fitness; dependent mutation at a rate of 0.5
-within +-0.05 of the parent's value; independent mutation at a rate of 0.05; crossover at a rate of 0.2, half of it
-intermediate, half taking each value from one parent or the other. Choices where it is silent:
+Source of the paper's "Evolutionary Strategy": Valdastri et al. (2006), section 4.6, which
+specifies: the best two pass unchanged; parents are drawn with probabilities proportional to their
+    fitness; dependent mutation at a rate of 0.5
+within +-0.05 of the parent's value; independent mutation at a rate of 0.05; crossover at a rate of
+0.2, half of it intermediate, half taking each value from one parent or the other. Choices where it
+is silent:
 
-- Crossover comes first, then dependent, then independent mutation; both kinds of mutation apply to each parameter
-  independently. In a crossover that is not intermediate, each parameter comes from either parent with equal
-  probability. The second parent is drawn like the first, and may be the same.
-- "+-0.05 of the parent's parameter value" is read as an absolute difference; `relative_span` reads it as a share of the
-  value.
+- Crossover comes first, then dependent, then independent mutation; both kinds of mutation apply to
+  each parameter independently. In a crossover that is not intermediate, each parameter comes from
+  either parent with equal probability. The second parent is drawn like the first, and may be the
+  same.
+- "+-0.05 of the parent's parameter value" is read as an absolute difference; `relative_span` reads
+  it as a share of the value.
 - A mutation that leaves the range ends at its limit: Table 2 has a value of 1.00.
-- A dependent mutation flips a Boolean, which gives as many swarms without hop counts as the paper counts, 484 of 1200;
-  `boolean_mutation` has other choices. An intermediate crossover takes a Boolean from either parent.
-- A fitness below zero counts as zero; if none is above zero, all swarms are equally probable. The elite takes part in
-  the draw.
-- Densities lie within 0.01 and 0.33, that of "the biggest swarm that was tested during the evolutionary run", of 785
-  robots. All other parameters lie within 0 and 1, distances in units of the sensory radius.
+- A dependent mutation flips a Boolean, which gives as many swarms without hop counts as the paper
+  counts, 484 of 1200; `boolean_mutation` has other choices. An intermediate crossover takes a
+  Boolean from either parent.
+- A fitness below zero counts as zero; if none is above zero, all swarms are equally probable. The
+  elite takes part in the draw.
+- Densities lie within 0.01 and 0.33, that of "the biggest swarm that was tested during the
+  evolutionary run", of 785 robots. All other parameters lie within 0 and 1, distances in units of
+  the sensory radius.
 """
 
 from collections.abc import Generator, Sequence
@@ -54,36 +60,45 @@ class Operators:
     """Probability that a parameter mutates to a value near its own; for a Boolean see
     `boolean_mutation`."""
     span: Share = 0.05
-    """Largest difference from its own value in a dependent mutation. Section 4.6: "the span of mutation was +-0.05 of
-    the parent's parameter value"."""
+    """Largest difference from its own value in a dependent mutation. Section 4.6: "the span of
+    mutation was +-0.05 of the parent's parameter value"."""
     relative_span: bool = False
-    """The span is a share of the parent's value instead of an absolute difference. "+-0.05 of the parent's parameter
-    value" can mean either. The default is absolute since the paper writes 0.05 and not 5 %, as it does for the errors
-    of Table 1, and since a value near zero would hardly move otherwise. The spread of its swarms does not tell: with
-    either, and a fitness that depends on hop counts alone, the fraction of scouts has a standard deviation of 0.19
-    within an evolution (median of 40), as independent mutations and the first generation decide it."""
+    """The span is a share of the parent's value instead of an absolute difference. "+-0.05 of the
+    parent's parameter value" can mean either. The default is absolute since the paper writes 0.05
+    and not 5 %, as it does for the errors of Table 1, and since a value near zero would hardly move
+    otherwise. The spread of its swarms does not tell: with either, and a fitness that depends on
+    hop counts alone, the fraction of scouts has a standard deviation of 0.19 within an evolution
+    (median of 40), as independent mutations and the first generation decide it."""
     boolean_mutation: Literal["flip", "redraw", "keep"] = "flip"
-    """What a dependent mutation does to a Boolean: flip it, redraw it (true or false with equal probability), or keep
-    it. Section 4.6 has a span "of the parent's parameter value" only, which says nothing of Booleans. Its counts say
-    more: 464 of 525 and 20 of 675 swarms, 484 of 1200, had no hop counts, though few of these were fit. With a fitness
-    that depends on hop counts alone, flips give 481 (standard deviation 18 over 40 evolutions), redrawn values 288
-    (14), kept ones 36 (7)."""
+    """What a dependent mutation does to a Boolean: flip it, redraw it (true or false with equal
+    probability), or keep it. Section 4.6 has a span "of the parent's parameter value" only, which
+    says nothing of Booleans. Its counts say
+    more: 464 of 525 and 20 of 675 swarms, 484 of 1200, had no hop counts, though few of these were
+        fit. With a fitness
+    that depends on hop counts alone, flips give 481 (standard deviation 18 over 40 evolutions),
+    redrawn values 288 (14), kept ones 36 (7)."""
     independent_rate: Share = 0.05
     """Probability that a parameter is drawn anew from its whole range."""
     crossover_rate: Share = 0.2
     """Probability that an offspring has two parents."""
     intermediate_share: Share = 0.5
-    """Share of the crossovers that average both parents; in the others each value comes from one of them."""
+    """Share of the crossovers that average both parents; in the others each value comes from one of
+    them."""
     density_min: Annotated[float, Above(0, 1)] = 0.01
     """Smallest density of robots; 24 robots in the paper's arena."""
     density_max: Annotated[float, Above(0, 1)] = 0.33
-    """Largest density of robots, that of the paper's biggest swarm; at 1, 2376 robots stand in the paper's arena, and
-    generations take many times as long."""
+    """Largest density of robots, that of the paper's biggest swarm; at 1, 2376 robots stand in the
+    paper's arena, and generations take many times as long."""
 
     def __post_init__(self):
         validate(self, "operators")
         is_ordered = self.density_min <= self.density_max
-        check("operators.density_max", self.density_max, "at least `operators.density_min`", is_ordered)
+        check(
+            "operators.density_max",
+            self.density_max,
+            "at least `operators.density_min`",
+            is_ordered,
+        )
 
 
 class Individual(NamedTuple):
@@ -127,7 +142,9 @@ def ranges(operators: Operators) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def random_vector(operators: Operators, rng: np.random.Generator, shape: tuple[int, ...] = ()) -> np.ndarray:
+def random_vector(
+    operators: Operators, rng: np.random.Generator, shape: tuple[int, ...] = ()
+) -> np.ndarray:
     """Draw values (*shape, P) uniformly from their ranges.
 
     Booleans are true or false with equal probability.
@@ -136,7 +153,9 @@ def random_vector(operators: Operators, rng: np.random.Generator, shape: tuple[i
     return np.where(IS_BOOLEAN, vector > 0.5, vector)
 
 
-def random_population(operators: Operators, size: int, rng: np.random.Generator) -> list[Individual]:
+def random_population(
+    operators: Operators, size: int, rng: np.random.Generator
+) -> list[Individual]:
     """Draw a first generation."""
     return [Individual(to_genome(random_vector(operators, rng)), "random") for _ in range(size)]
 
@@ -260,7 +279,9 @@ def _cmaes(operators: Operators, size: int, seed: int) -> Proposals:
             individuals.append(Individual(to_genome(np.clip(vector, low, high)), "cmaes"))
 
         fitness = yield individuals
-        search.tell([(learnt, -value) for (_, learnt), value in zip(candidates, fitness, strict=True)])
+        search.tell(
+            [(learnt, -value) for (_, learnt), value in zip(candidates, fitness, strict=True)]
+        )
 
 
 def _new_cmaes(start: np.ndarray, size: int, rng: np.random.Generator) -> Any:

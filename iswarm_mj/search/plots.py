@@ -17,9 +17,9 @@ BLUE, ORANGE = "#4477aa", "#d55e00"
 
 
 def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
-    """Draw Fig. 14(a), fitness over the generations: the best so far of each replicate as a thin line and their median
-    as a thick one; the median and the range of the generations' means. Swarms that do not deliver all of n balls get
-    40 n - 20 points at most, the dashed line."""
+    """Draw Fig. 14(a), fitness over the generations: the best so far of each replicate as a thin
+    line and their median as a thick one; the median and the range of the generations' means. Swarms
+    that do not deliver all of n balls get 40 n - 20 points at most, the dashed line."""
     searches = by_replicate(rows)
     fitness = [_fitness_of_generations(search_rows) for search_rows in searches]
     n_generations = len(fitness[0])
@@ -36,10 +36,18 @@ def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
         axes.plot(numbers, best.T, color=BLUE, linewidth=0.7, alpha=0.4)
         axes.plot([], [], color=BLUE, linewidth=0.7, alpha=0.6, label="best so far of a search")
         axes.plot(numbers, np.median(best, axis=0), color=BLUE, linewidth=2.4, label="their median")
-        axes.fill_between(numbers, means.min(axis=0), means.max(axis=0), color=ORANGE, alpha=0.15, linewidth=0)
+        axes.fill_between(
+            numbers, means.min(axis=0), means.max(axis=0), color=ORANGE, alpha=0.15, linewidth=0
+        )
         label = "mean of a generation, median and range"
         axes.plot(numbers, np.median(means, axis=0), color=ORANGE, linewidth=1.6, label=label)
-        axes.axhline(40 * n_dust - 20, color="0.3", linestyle="--", linewidth=0.8, label="most without the last ball")
+        axes.axhline(
+            40 * n_dust - 20,
+            color="0.3",
+            linestyle="--",
+            linewidth=0.8,
+            label="most without the last ball",
+        )
         axes.set(xlabel="generation", ylabel="fitness [points]")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, fontsize=8)
@@ -47,7 +55,10 @@ def draw_fitness(rows: Rows, n_dust: int, path: Path) -> None:
 
 def _fitness_of_generations(rows: Rows) -> list[Sequence[float]]:
     """Return the fitness of the runs of each generation of one search."""
-    return [[row["fitness"] for row in generation] for _, generation in sorted(by(rows, "generation").items())]
+    return [
+        [row["fitness"] for row in generation]
+        for _, generation in sorted(by(rows, "generation").items())
+    ]
 
 
 def draw_learning(rows: Rows, path: Path) -> None:
@@ -56,7 +67,9 @@ def draw_learning(rows: Rows, path: Path) -> None:
     generation = columns["generation"]
     caption = "Lines: means of a generation; band: from its worst to its best candidate."
     with figure(path, columns=2, size=(3.6, 3.0), caption=caption) as (left, right):
-        left.fill_between(generation, columns["worst"], columns["best"], color=BLUE, alpha=0.2, linewidth=0)
+        left.fill_between(
+            generation, columns["worst"], columns["best"], color=BLUE, alpha=0.2, linewidth=0
+        )
         left.plot(generation, columns["mean"], color=BLUE)
         left.set_ylabel("fitness [points]")
         for name, hue in (("picked", ORANGE), ("delivered", BLUE)):

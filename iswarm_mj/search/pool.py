@@ -28,7 +28,8 @@ from iswarm_mj.utils.pool import Backend, unordered
 from iswarm_mj.utils.progress import Progress
 
 CAPACITY_STEP = 64
-"""Jobs share a compiled program if their numbers of robots round up to the same multiple of this."""
+"""Jobs share a compiled program if their numbers of robots round up to the same multiple of
+this."""
 
 
 @dataclass(frozen=True)
@@ -112,12 +113,16 @@ def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
     """
     if execution.in_batches:
         return run_batches(jobs, execution.settings)
-    longest_first = sorted(enumerate(jobs), key=lambda numbered: -numbered[1].n_robots * numbered[1].steps)
+    longest_first = sorted(
+        enumerate(jobs), key=lambda numbered: -numbered[1].n_robots * numbered[1].steps
+    )
     arguments = ((index, job, execution.settings) for index, job in longest_first)
     return unordered(run_numbered, arguments, execution.workers, execution.backend)
 
 
-def run_missing(jobs: Mapping[Key, Job], journal: Journal, execution: Execution, bar: Progress) -> list[Outcome]:
+def run_missing(
+    jobs: Mapping[Key, Job], journal: Journal, execution: Execution, bar: Progress
+) -> list[Outcome]:
     """Run the jobs that are not in a journal, add them to it, and return the outcomes of all."""
     missing = [key for key in jobs if key not in journal.entries]
     with closing(run_jobs([jobs[key] for key in missing], execution)) as finished:
@@ -220,7 +225,9 @@ def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes
             yield from zip(batch, found, strict=True)
 
 
-def _fitting_batches(indices: Sequence[int], jobs: Sequence[Job], engine: EngineSettings) -> list[list[int]]:
+def _fitting_batches(
+    indices: Sequence[int], jobs: Sequence[Job], engine: EngineSettings
+) -> list[list[int]]:
     """Divide jobs into the fewest batches that the memory has room for, of nearly equal size."""
     largest = max(jobs[index].n_robots for index in indices)
     n_jobs = len(indices)

@@ -14,7 +14,8 @@ def select(rows: Rows, **labels: object) -> list[Row]:
 
 
 def by(rows: Rows, *columns: str) -> dict:
-    """Return the rows by the values of a column, or of several as a tuple, in the order of their first rows."""
+    """Return the rows by the values of a column, or of several as a tuple, in the order of their
+    first rows."""
     groups: dict = {}
     for row in rows:
         key = tuple(row[name] for name in columns)

@@ -28,7 +28,8 @@ class SearchPlan:
     evaluations: Repeats = 1
     """Runs of each swarm in each generation; its fitness is their mean."""
     replicates: Repeats = 1
-    """Independent repetitions of the search, each with its own seed; a generation of all is one set of runs."""
+    """Independent repetitions of the search, each with its own seed; a generation of all is one set
+    of runs."""
     method: Method = "paper"
     """The paper's evolution, CMA-ES with margin, or random search."""
     operators: Operators = field(default_factory=Operators)
@@ -36,7 +37,12 @@ class SearchPlan:
     def __post_init__(self):
         validate(self)
         elite = self.operators.elite
-        check("operators.elite", elite, "below `population`", elite < self.population or self.method != "paper")
+        check(
+            "operators.elite",
+            elite,
+            "below `population`",
+            elite < self.population or self.method != "paper",
+        )
 
 
 @dataclass(frozen=True)
@@ -46,8 +52,8 @@ class TrainingPlan:
     robots: Annotated[tuple[int, ...], constraint_of(RunSettings, "n_robots")] = (160, 280)
     """Numbers of robots, of which the worlds of a candidate have one each, in turn."""
     sizes: Annotated[tuple[float, ...], constraint_of(ArenaConfig, "size")] = ()
-    """Edges of the arenas in which each candidate's worlds run, one after the other, with as many robots per area; by
-    default that of `arena.size` [rd]."""
+    """Edges of the arenas in which each candidate's worlds run, one after the other, with as many
+    robots per area; by default that of `arena.size` [rd]."""
     steps: Steps = 200
     """Control steps of a world."""
     generations: Generations = 30
@@ -57,7 +63,8 @@ class TrainingPlan:
     worlds: Repeats = 2
     """Worlds per candidate, the same for all of a generation; its fitness is their mean."""
     validation: Repeats = 8
-    """Worlds in which the mean of the search is tried after each tenth generation; the best mean is kept."""
+    """Worlds in which the mean of the search is tried after each tenth generation; the best mean is
+    kept."""
     spread: Annotated[float, Above(0, 100)] = 0.1
     """Standard deviation of the weights at the start."""
     seed: Seed = 0

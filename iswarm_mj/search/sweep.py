@@ -35,7 +35,9 @@ class Variant(NamedTuple):
     make: Callable[[], Run]
 
 
-def sweep(variants: Sequence[Variant], out: Path, about: Mapping[str, Any], again: bool = False) -> list[Row]:
+def sweep(
+    variants: Sequence[Variant], out: Path, about: Mapping[str, Any], again: bool = False
+) -> list[Row]:
     """Carry out runs, and write their table and its figure.
 
     Args:
@@ -109,7 +111,10 @@ def _table(variants: Sequence[Variant], entries: Sequence[list[dict[str, Any]]])
             is_taken = name in varies and name != "seed"
             column_of.setdefault(name, f"{name}_found" if is_taken else name)
 
-    return [{**labels, **{column: row.get(name) for name, column in column_of.items()}} for labels, row in labelled]
+    return [
+        {**labels, **{column: row.get(name) for name, column in column_of.items()}}
+        for labels, row in labelled
+    ]
 
 
 def summary(rows: Rows, over: Sequence[str]) -> list[str]:
@@ -156,7 +161,8 @@ def _median(rows: Rows, name: str) -> float:
 def _median_text(rows: Rows, name: str) -> str:
     """Return the median of a measure as text.
 
-    Of the time of finishing it is a bound, `>` the time limit, if half of the worlds did not finish.
+    Of the time of finishing it is a bound, `>` the time limit, if half of the worlds did not
+    finish.
     """
     n_late = sum(row["finished_at"] is None for row in rows)
     if name == "finished_at" and 2 * n_late >= len(rows):

@@ -93,7 +93,9 @@ def actuate(
     )
 
 
-def _limited(config: StaticConfig, conditions: Conditions, command: Command, is_loaded: Bool[Array, "N"]) -> Command:
+def _limited(
+    config: StaticConfig, conditions: Conditions, command: Command, is_loaded: Bool[Array, "N"]
+) -> Command:
     """Return commands within the limits: turns take time from walks, and loads slow robots down."""
     max_turn = math.radians(config.drive.max_turn)
     step_length = mm_from_rd(config.step_length)
@@ -119,7 +121,9 @@ def _with_errors(
     """Return motions with errors, within the limits; zero for robots that do not act."""
     # The barrier keeps XLA from drawing the numbers again in each loop that uses them.
     draw_errors = partial(_draw_errors, len(command.forward))
-    turn_error, walk_factor = fusion_barrier(draw_errors, conditions.error_turn, conditions.error_step, key)
+    turn_error, walk_factor = fusion_barrier(
+        draw_errors, conditions.error_turn, conditions.error_step, key
+    )
     turn = command.turn + jnp.where(moves, turn_error, 0.0)
     forward = command.forward * walk_factor
     turn = jnp.where(acts, turn, 0.0)
@@ -140,7 +144,9 @@ def _draw_errors(
     return jnp.deg2rad(error_turn) * turn_normal, 1.0 + error_step * walk_normal
 
 
-def _energy_left(config: StaticConfig, command: Command, inputs: DriveInputs) -> Float[Array, "N"] | None:
+def _energy_left(
+    config: StaticConfig, command: Command, inputs: DriveInputs
+) -> Float[Array, "N"] | None:
     """Return the energy left in the capacitors after the step [J]; None where robots have none."""
     swarm = inputs.swarm
     if swarm.energy is None:
@@ -157,7 +163,9 @@ def _energy_left(config: StaticConfig, command: Command, inputs: DriveInputs) ->
     )
 
 
-def enters_taken_cell(poses: Float[Array, "N 3"], is_present: Bool[Array, "N"], command: Command) -> Bool[Array, "N"]:
+def enters_taken_cell(
+    poses: Float[Array, "N 3"], is_present: Bool[Array, "N"], command: Command
+) -> Bool[Array, "N"]:
     """Return which robots would enter a cell of 1 rd in which a robot stands as the step begins."""
     yaw = poses[:, 2] + command.turn
     heading = jnp.stack([jnp.cos(yaw), jnp.sin(yaw)], axis=-1)
@@ -212,7 +220,9 @@ def velocity_towards(
     return velocity.astype(box_poses.dtype)
 
 
-def drive_phases(drive: StaticDrive, command: Command, box_velocity: Array | None = None) -> tuple[Phase, Phase]:
+def drive_phases(
+    drive: StaticDrive, command: Command, box_velocity: Array | None = None
+) -> tuple[Phase, Phase]:
     """Return the two phases of a motion: a turn on the spot, then a walk straight ahead.
 
     A robot that a contact turns while it walks keeps its direction over the ground until the next

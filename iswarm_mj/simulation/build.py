@@ -42,7 +42,9 @@ class InitialMemories(NamedTuple):
     """Power of their LEDs, from 0 to 1; None where all send at full power."""
 
 
-def build_loop(setup: Setup, strategy: Strategy, watch: Stopwatch) -> tuple[HostLoop | CompiledLoop, StepRecord]:
+def build_loop(
+    setup: Setup, strategy: Strategy, watch: Stopwatch
+) -> tuple[HostLoop | CompiledLoop, StepRecord]:
     """Make the engine of a run and place its worlds in it.
 
     Args:

@@ -113,7 +113,9 @@ class CompiledLoop:
         self._params, self._state = self._put_on_devices(padded, _PER_DEVICE)
         self._engine: CompiledEngine = self._put_on_devices(engine, _REPLICATED)
 
-    def _with_padding(self, params: WorldParams, state: WorldState) -> tuple[WorldParams, WorldState]:
+    def _with_padding(
+        self, params: WorldParams, state: WorldState
+    ) -> tuple[WorldParams, WorldState]:
         """Return parameters and state of all rows; padding repeats world 0, and is finished."""
         world = np.zeros(self._n_rows, int)
         world[self._rows] = np.arange(len(self._rows))
@@ -126,7 +128,9 @@ class CompiledLoop:
         """Return arrays on the devices, with rows of their own or replicated."""
         return jax.device_put(tree, NamedSharding(self.mesh, spec))
 
-    def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
+    def advance(
+        self, first: int, last: int, recorded: tuple[int, ...]
+    ) -> tuple[int, StepRecord | None]:
         """Take a chunk of control steps, see `HostLoop.advance`."""
         rows = self._rows[list(recorded)]
         shared = SharedInputs(
@@ -222,7 +226,9 @@ class CompiledLoop:
 
 
 @jax.jit
-def _rows_of(params: WorldParams, state: WorldState, worlds: jax.Array) -> tuple[WorldParams, WorldState]:
+def _rows_of(
+    params: WorldParams, state: WorldState, worlds: jax.Array
+) -> tuple[WorldParams, WorldState]:
     """Return parameters and state of worlds, by one program instead of one for each array."""
     return jax.tree.map(lambda a: a[worlds], (params, state))
 
@@ -265,7 +271,9 @@ def _advance_device(
         return (state, step + 1), jax.tree.map(of_recorded_worlds, record)
 
     unroll = _UNROLLED_STEPS if mapping == "batch" and platform == "gpu" else 1
-    (state, _), records = jax.lax.scan(take_step, (state, shared.first), None, program.n_steps, unroll=unroll)
+    (state, _), records = jax.lax.scan(
+        take_step, (state, shared.first), None, program.n_steps, unroll=unroll
+    )
     return state, jax.tree.map(lambda a: a[None], records)
 
 
@@ -314,7 +322,9 @@ def _in_turn(
         return jax.tree.map(lambda rows, row: rows.at[index].set(row), carry, results)
 
     first_world = jnp.int32(0)
-    _, record_shapes = jax.eval_shape(take, world_of(params, first_world), world_of(state, first_world))
+    _, record_shapes = jax.eval_shape(
+        take, world_of(params, first_world), world_of(state, first_world)
+    )
     n_rows = len(params.goal)
     records = jax.tree.map(lambda a: jnp.zeros((n_rows, *a.shape), a.dtype), record_shapes)
     return jax.lax.fori_loop(0, n_worlds, take_world, (state, records))

@@ -96,7 +96,9 @@ def decide(
     )
     drive = actuate(config, params.conditions, command, drive_inputs, keys.actuators)
     memory = strategy.correct_odometry(memory, drive.shortfall)
-    decided = perceived.swarm._replace(memory=memory, energy=drive.energy, led_power=led_power(strategy, memory))
+    decided = perceived.swarm._replace(
+        memory=memory, energy=drive.energy, led_power=led_power(strategy, memory)
+    )
 
     # Worlds that do not run keep their state.
     kept = jax.tree.map(lambda new, old: jnp.where(inputs.is_running, new, old), decided, swarm)
@@ -124,7 +126,9 @@ def _held_outputs(strategy: Strategy, swarm: SwarmState) -> HeldOutputs:
     )
 
 
-def _observe_in_turn(strategy: Strategy, memory: Any, perceived: Perceived, keys: StepKeys) -> Observation:
+def _observe_in_turn(
+    strategy: Strategy, memory: Any, perceived: Perceived, keys: StepKeys
+) -> Observation:
     """Return the observation of robots that hear and speak one after the other, in random order.
 
     Raises:

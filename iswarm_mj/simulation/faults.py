@@ -13,7 +13,9 @@ MAX_LISTED = 5
 _NAMES_A_ROBOT = FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE | FaultKind.COMMAND_NOT_FINITE
 
 
-def decode_faults(fault: Fault, worlds: Sequence[int], capacity: int) -> list[SimulationFault | None]:
+def decode_faults(
+    fault: Fault, worlds: Sequence[int], capacity: int
+) -> list[SimulationFault | None]:
     """Return the fault of each of B worlds, None for a world without one.
 
     Args:

@@ -165,7 +165,9 @@ class HostLoop:
             state = state._replace(bodies=engine.place(poses, shard_params.is_present))
             self._shards.append(WorldShard(engine, config, shard_params, state, watch))
 
-    def advance(self, first: int, last: int, recorded: tuple[int, ...]) -> tuple[int, StepRecord | None]:
+    def advance(
+        self, first: int, last: int, recorded: tuple[int, ...]
+    ) -> tuple[int, StepRecord | None]:
         """Take one control step.
 
         Args:
@@ -177,7 +179,8 @@ class HostLoop:
             Number T of steps taken, and their record (T, W, ...); None where no world is recorded.
         """
         recorded_of_shard = [
-            [world for world in recorded if worlds.start <= world < worlds.stop] for worlds in self._slices
+            [world for world in recorded if worlds.start <= world < worlds.stop]
+            for worlds in self._slices
         ]
         records: list[StepRecord | None] = [None] * len(self._shards)
 
@@ -223,7 +226,11 @@ class HostLoop:
         """
         laps = self._watch.laps
         shards_a_worker = len(self._shards) / self._n_workers
-        return {stage: shards_a_worker * float(np.median(laps[stage])) for stage in _STAGES if laps[stage]}
+        return {
+            stage: shards_a_worker * float(np.median(laps[stage]))
+            for stage in _STAGES
+            if laps[stage]
+        }
 
     def _for_each_shard(self, work: Callable[[int], None]) -> None:
         """Do work for the index of each shard, in all threads, of which the calling one is one."""

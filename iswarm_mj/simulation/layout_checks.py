@@ -23,7 +23,9 @@ _WHOLE_NUMBERS = ("iu", "whole numbers")
 """Kinds of numbers (NumPy) that may take the place of those that a task drew, by their kind."""
 
 
-def check_poses(name: str, poses: Float[np.ndarray, "N 3"], robot: Robots, arena: ArenaConfig) -> None:
+def check_poses(
+    name: str, poses: Float[np.ndarray, "N 3"], robot: Robots, arena: ArenaConfig
+) -> None:
     """Check that no robot stands beyond a wall, in an obstacle or in another robot.
 
     Args:
@@ -148,7 +150,9 @@ def _place(pose: np.ndarray) -> list[float]:
     return pose[:2].round(3).tolist()
 
 
-def _refuse_first(name: str, what: str, places: np.ndarray, is_bad: Bool[np.ndarray, "N"], constraint: str) -> None:
+def _refuse_first(
+    name: str, what: str, places: np.ndarray, is_bad: Bool[np.ndarray, "N"], constraint: str
+) -> None:
     """Raise a ConfigError that names the first bad place, if there is one."""
     if is_bad.any():
         index = int(is_bad.argmax())

@@ -167,4 +167,7 @@ def check_boxes(task: Task, starts: Sequence[Start]) -> None:
 def _fixed_properties(start: Start) -> list[dict[str, float]]:
     """Return the properties of each box of a world that are the same in all worlds, by name."""
     boxes = [dict(zip(OF_BOX, box, strict=True)) for box in start.boxes or ()]
-    return [{name: value for name, value in box.items() if name not in _VARIES_BETWEEN_WORLDS} for box in boxes]
+    return [
+        {name: value for name, value in box.items() if name not in _VARIES_BETWEEN_WORLDS}
+        for box in boxes
+    ]

@@ -18,7 +18,9 @@ def devices_of(engine: EngineSettings) -> list[Any]:
     return list(getattr(engine, "devices", None) or jax.local_devices())
 
 
-def needed_memory(engine: EngineSettings, n_worlds: int, n_robots: int, memories: Any = None) -> int:
+def needed_memory(
+    engine: EngineSettings, n_worlds: int, n_robots: int, memories: Any = None
+) -> int:
     """Return the memory that a run needs at least, without that of the libraries [B].
 
     Args:
@@ -30,11 +32,15 @@ def needed_memory(engine: EngineSettings, n_worlds: int, n_robots: int, memories
     # Python's integers do not overflow.
     n_worlds = int(n_worlds)
     n_robots = int(n_robots)
-    of_memories = sum(math.prod(leaf.shape) * leaf.dtype.itemsize for leaf in jax.tree.leaves(memories))
+    of_memories = sum(
+        math.prod(leaf.shape) * leaf.dtype.itemsize for leaf in jax.tree.leaves(memories)
+    )
     return n_worlds * (n_robots * engine.bytes_per_robot + of_memories)
 
 
-def check_memory(engine: EngineSettings, n_worlds: int, n_robots: int, memories: Any = None) -> None:
+def check_memory(
+    engine: EngineSettings, n_worlds: int, n_robots: int, memories: Any = None
+) -> None:
     """Refuse a run that needs more memory than is free.
 
     Args:

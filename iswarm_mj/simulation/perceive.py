@@ -150,7 +150,9 @@ class _Supply(NamedTuple):
     """Robots without the energy of one control step; they wait."""
 
 
-def _receivable(config: StaticConfig, robot: Robots, inputs: StepInputs, key: Array) -> LightReading:
+def _receivable(
+    config: StaticConfig, robot: Robots, inputs: StepInputs, key: Array
+) -> LightReading:
     """Return the light that sides can use; where messages take time, they miss some."""
     sight = inputs.sight
     optics = config.optics
@@ -219,7 +221,9 @@ def _advance_task(
     return swarm._replace(task=task, is_loaded=sensed.is_loaded, is_alive=is_alive), sensed
 
 
-def _observation(sight: LightReading, received: Received, sensed: Sensed, waits: Bool[Array, "N"]) -> Observation:
+def _observation(
+    sight: LightReading, received: Received, sensed: Sensed, waits: Bool[Array, "N"]
+) -> Observation:
     """Return what robots hear, see and sense."""
     message = received.message
     return Observation(

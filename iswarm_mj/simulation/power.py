@@ -42,7 +42,9 @@ def is_emitting(
     return is_alive & can_act(config, charged(config, energy))
 
 
-def emitted_light(config: StaticConfig, swarm: SwarmState) -> Bool[Array, "*B N"] | Float[Array, "*B N"]:
+def emitted_light(
+    config: StaticConfig, swarm: SwarmState
+) -> Bool[Array, "*B N"] | Float[Array, "*B N"]:
     """Return which robots light their LEDs in a control step, or at what power, from 0 to 1."""
     emits = is_emitting(config, swarm.is_alive, swarm.energy)
     if swarm.led_power is None:

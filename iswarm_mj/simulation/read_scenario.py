@@ -27,7 +27,13 @@ from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import UserError, shown
 from iswarm_mj.utils.files import read_json, read_toml, restored
 
-_OF_RUN = {"robots": "robots", "seed": "seed", "worlds": "worlds", "steps": "steps", "stop_at": "goal"}
+_OF_RUN = {
+    "robots": "robots",
+    "seed": "seed",
+    "worlds": "worlds",
+    "steps": "steps",
+    "stop_at": "goal",
+}
 """Keys of a file, and the fields of a scenario."""
 _RESULT = "give the result.json of a run of a swarm"
 
@@ -53,7 +59,9 @@ def fields_of_toml(path: Path) -> dict[str, Any]:
     if "density" in left:
         found["robots"] = robots_for(found["config"].arena, left.pop("density"), "density")
     if left:
-        raise UserError(f"{path} names {shown(next(iter(left)))}, which is no part of a scenario; leave it out")
+        raise UserError(
+            f"{path} names {shown(next(iter(left)))}, which is no part of a scenario; leave it out"
+        )
     return found
 
 
@@ -62,21 +70,29 @@ def _config(left: dict[str, Any]) -> SwarmConfig:
     reading = left.pop("reading", "paper")
     check("reading", reading, f"one of {', '.join(INTERPRETATIONS)}", reading in INTERPRETATIONS)
     usual = INTERPRETATIONS[reading]
-    return replace(usual, **{group: _object(part, left, f"{group}.") for group, part in vars(usual).items()})
+    return replace(
+        usual, **{group: _object(part, left, f"{group}.") for group, part in vars(usual).items()}
+    )
 
 
 def _strategy(left: dict[str, Any]) -> dict[str, Any]:
-    """Return the strategy of a file and its name; its values are taken away from those that are left."""
+    """Return the strategy of a file and its name; its values are taken away from those that are
+    left."""
     if "strategy" not in left:
         name = str(left.pop("genome", "type1"))
-        return {"strategy": _object(load_genome(name), left), "strategy_name": name if name in PRESETS else None}
+        return {
+            "strategy": _object(load_genome(name), left),
+            "strategy_name": name if name in PRESETS else None,
+        }
     given = left.pop("strategy")
     words = [str(word) for word in given] if isinstance(given, tuple) else [str(given)]
     name = shlex.join(words) if words[1:] else words[0]
     teams = find_teams(words)
     if not teams:
         return {"strategy": _object(find(STRATEGIES, words[0]), left), "strategy_name": name}
-    own = {team: (share, _object(found, left, f"{team}.")) for team, (share, found) in teams.items()}
+    own = {
+        team: (share, _object(found, left, f"{team}.")) for team, (share, found) in teams.items()
+    }
     return {"strategy": Teams(own), "strategy_name": name}
 
 
@@ -119,7 +135,11 @@ def _made(found: Any, values: dict[str, Any]) -> Any:
 def _types_of(cls: type, name: str) -> tuple[Any, ...]:
     """Return the types that a field of a dataclass may have."""
     hint = get_type_hints(cls)[name]
-    return get_args(hint) if get_origin(hint) not in (None, tuple, Literal) else (get_origin(hint) or hint,)
+    return (
+        get_args(hint)
+        if get_origin(hint) not in (None, tuple, Literal)
+        else (get_origin(hint) or hint,)
+    )
 
 
 def _as_path(cls: type, name: str, value: Any) -> Any:
@@ -128,7 +148,9 @@ def _as_path(cls: type, name: str, value: Any) -> Any:
     return Path(value) if isinstance(value, str) and Path in types and str not in types else value
 
 
-def fields_of_result(result: str | Path | Mapping[str, Any], strategy: Any, task: Any, engine: Any) -> dict[str, Any]:
+def fields_of_result(
+    result: str | Path | Mapping[str, Any], strategy: Any, task: Any, engine: Any
+) -> dict[str, Any]:
     """Return the fields of a scenario by the result.json of a run.
 
     Args:
@@ -143,12 +165,17 @@ def fields_of_result(result: str | Path | Mapping[str, Any], strategy: Any, task
     is_file = isinstance(result, str | Path)
     source = str(result) if is_file else "the result"
     content = read_json(Path(result), _RESULT) if is_file else result
-    if not isinstance(content, Mapping) or not {"config", "settings", "engine", "task"} <= content.keys():
+    if (
+        not isinstance(content, Mapping)
+        or not {"config", "settings", "engine", "task"} <= content.keys()
+    ):
         raise UserError(f"{source} is not of a run of a swarm; {_RESULT}")
     try:
         return _of_result(content, strategy, task, engine)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
-        raise UserError(f"{source} has settings that this version does not know ({error}); {_RESULT}") from None
+        raise UserError(
+            f"{source} has settings that this version does not know ({error}); {_RESULT}"
+        ) from None
 
 
 def _of_result(content: Mapping[str, Any], strategy: Any, task: Any, engine: Any) -> dict[str, Any]:
@@ -163,7 +190,9 @@ def _of_result(content: Mapping[str, Any], strategy: Any, task: Any, engine: Any
     worlds: Any = n_worlds
     if dead := settings["failed_fraction"]:
         genome = strategy if isinstance(strategy, Genome) else TYPE1
-        worlds = [World(genome, n_robots, seed, index, failed_fraction=dead) for index in range(n_worlds)]
+        worlds = [
+            World(genome, n_robots, seed, index, failed_fraction=dead) for index in range(n_worlds)
+        ]
     return {
         "config": restored(SwarmConfig, content["config"]),
         "strategy": strategy,
@@ -199,7 +228,9 @@ def _stated(offer: PluginKind, stated: Mapping[str, Any], given: Any) -> Any:
         offered_as = offered(offer, name, set(values))
         if offered_as is None:
             remedy = f"give its class, as from_result(..., {offer.word}={name})"
-            raise UserError(f"the result is of the {offer.word} {shown(name)}, which no package offers; {remedy}")
+            raise UserError(
+                f"the result is of the {offer.word} {shown(name)}, which no package offers; {remedy}"
+            )
         cls = find(offer, offered_as)
     made = _made(cls, {field: _value(offer, cls, field, value) for field, value in values.items()})
     if json.loads(json.dumps(to_json(made), default=str)) != stated:

@@ -192,10 +192,14 @@ class Run:
         """
         check_jax()
         if self.is_over:
-            raise RuntimeError(f"the run is over after {self.step} control steps; make a new Run to go on")
+            raise RuntimeError(
+                f"the run is over after {self.step} control steps; make a new Run to go on"
+            )
         first = self._n_taken
         with self.watch("advance"):
-            n_taken, record = self._loop.advance(first, self.settings.steps, self.settings.record_worlds)
+            n_taken, record = self._loop.advance(
+                first, self.settings.steps, self.settings.record_worlds
+            )
         self._n_taken += n_taken
         self._snapshot = None
         is_finished, fault_bits = self._loop.read(lambda s: (s.is_finished, s.fault.bits))
@@ -216,7 +220,9 @@ class Run:
         n_steps = self.step - first
         return jax.tree.map(lambda a: a[:n_steps], record)
 
-    def change(self, config: SwarmConfig, strategy: Strategy | Genome | Any, task: Task | Any = None) -> None:
+    def change(
+        self, config: SwarmConfig, strategy: Strategy | Genome | Any, task: Task | Any = None
+    ) -> None:
         """Give all worlds other settings from the next control step on; places and memories stay.
 
         Args:
@@ -340,7 +346,9 @@ class Run:
             IndexError: there is no such world.
         """
         if not (is_whole(world) and 0 <= world < len(self.worlds)):
-            raise IndexError(f"world must be between 0 and {len(self.worlds) - 1} (got {shown(world)})")
+            raise IndexError(
+                f"world must be between 0 and {len(self.worlds) - 1} (got {shown(world)})"
+            )
         state = self._state
         finished_at = None
         if state.is_finished[world]:

@@ -29,44 +29,51 @@ from iswarm_mj.utils.errors import UserError
 class Scenario:
     """What is simulated: the one description that `Run`, `rollout`, `make_env`, `evolve` and `play` take.
 
-    All fields but the first are keywords, so their order does not matter. `dataclasses.replace` makes variants.
+    All fields but the first are keywords, so their order does not matter. `dataclasses.replace`
+    makes variants.
     """
 
     config: SwarmConfig = field(default_factory=SwarmConfig, kw_only=False)
     """Arena, drive, optics, gripper, readings of the paper and energy."""
     strategy: Any = TYPE1
-    """What the robots do: a genome of the paper's strategy, or another one (`Strategy`). In an environment they do what
-    they are told instead."""
+    """What the robots do: a genome of the paper's strategy, or another one (`Strategy`). In an
+    environment they do what they are told instead."""
     task: Any = CLEANING
     """What they are to do, see `Task`."""
     robots: Annotated[int | None, constraint_of(RunSettings, "n_robots")] = None
-    """Their number; None: it follows from `robot_file`, or from the density of the genome, or of type 1."""
+    """Their number; None: it follows from `robot_file`, or from the density of the genome, or of
+    type 1."""
     robot_file: RobotFile = None
-    """MJCF file of the robots, None for `models/robot.xml`; or files of several kinds, as `["a.xml:200", "b.xml:80"]`
-    with the number of robots of each."""
+    """MJCF file of the robots, None for `models/robot.xml`; or files of several kinds, as
+    `["a.xml:200", "b.xml:80"]` with the number of robots of each."""
     engine: EngineSettings = field(default_factory=MujocoSettings)
     """The engine, with its settings."""
     seed: Annotated[int, constraint_of(RunSettings, "seed")] = 0
     """Seed of all random numbers."""
     worlds: int | Sequence[World] | Any = 1
-    """Number of worlds of the seed; or a sequence with a `World` for each; or a random key for each, as
-    `jax.random.split(jax.random.key(0), 8)`: different strategies meet the same worlds with the same keys.
+    """Number of worlds of the seed; or a sequence with a `World` for each; or a random key for
+    each, as `jax.random.split(jax.random.key(0), 8)`: different strategies meet the same worlds
+    with the same keys.
 
-    Worlds of a sequence may differ in what a `World` has: genome (where the strategy is a genome), number of robots,
-    seed and number, share of dead robots, start, key, and `World.config`. Their configurations may differ in noise,
-    voltages, adhesion, places and readings; the edge of the arena, optics and whatever else programs are compiled for
-    are those of `config`. Task and engine are the same in all worlds, and so is a strategy, but for its `for_world`
-    and for `strategy_per_world`.
+    Worlds of a sequence may differ in what a `World` has: genome (where the strategy is a genome),
+    number of robots, seed and number, share of dead robots, start, key, and `World.config`. Their
+    configurations may differ in noise, voltages, adhesion, places and readings; the edge of the
+    arena, optics and whatever else programs are compiled for are those of `config`. Task and engine
+    are the same in all worlds, and so is a strategy, but for its `for_world` and for
+    `strategy_per_world`.
     """
     strategy_per_world: bool = False
-    """The arrays of the strategy have a first axis of worlds: each world has a strategy of its own."""
+    """The arrays of the strategy have a first axis of worlds: each world has a strategy of its
+    own."""
     steps: Annotated[int, constraint_of(RunSettings, "steps")] = STEPS
-    """Control steps at most, in an environment of an episode; the page goes on for as long as it is watched."""
+    """Control steps at most, in an environment of an episode; the page goes on for as long as it is
+    watched."""
     goal: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
-    """Progress of the task at which a world is finished, in cleaning balls delivered; None for the task's goal."""
+    """Progress of the task at which a world is finished, in cleaning balls delivered; None for the
+    task's goal."""
     strategy_name: str | None = field(default=None, compare=False)
-    """Name of the strategy in files and commands, as --strategy takes it, of teams with blanks between; by default the
-    name under which a package offers its class, or its file."""
+    """Name of the strategy in files and commands, as --strategy takes it, of teams with blanks
+    between; by default the name under which a package offers its class, or its file."""
     task_name: str | None = field(default=None, compare=False)
     """Name of the task, likewise."""
 
@@ -102,12 +109,15 @@ class Scenario:
         """Number of worlds."""
         return self.worlds if isinstance(self.worlds, int) else len(self.worlds)
 
-    def settings(self, record_worlds: Sequence[int] = (), capacity: int | None = None) -> RunSettings:
+    def settings(
+        self, record_worlds: Sequence[int] = (), capacity: int | None = None
+    ) -> RunSettings:
         """Return the settings of a run.
 
         Args:
             record_worlds: numbers of the worlds that are recorded.
-            capacity: robots for which compiled programs have room; None for those of the largest world.
+            capacity: robots for which compiled programs have room; None for those of the largest
+                world.
         """
         worlds = self.worlds if isinstance(self.worlds, tuple) else ()
         failed_fractions = {world.failed_fraction for world in worlds}
@@ -131,7 +141,8 @@ class Scenario:
         return [World(genome, n_robots, seed, index, key=key) for index, key in enumerate(keys)]
 
     def values(self) -> dict[str, Any]:
-        """Return the settings that differ from the defaults of `iswarm run`, by the names of its flags.
+        """Return the settings that differ from the defaults of `iswarm run`, by the names of its
+        flags.
 
         Raises:
             UserError: no flag can state one of them.
@@ -164,11 +175,13 @@ class Scenario:
         task: Any = None,
         engine: type[EngineSettings] | None = None,
     ) -> Self:
-        """Read what was simulated from the result.json of a run, which worlds of its own do not appear in.
+        """Read what was simulated from the result.json of a run, which worlds of its own do not
+        appear in.
 
         Args:
             result: the file, or its content.
-            strategy: class of the run's strategy where no installed package offers it, or the strategy itself.
+            strategy: class of the run's strategy where no installed package offers it, or the
+                strategy itself.
             task: likewise.
             engine: class of the run's engine where no installed package offers it.
 
@@ -202,7 +215,9 @@ def _checked_worlds(worlds: Any) -> Any:
         return int(worlds)
     if isinstance(worlds, jax.Array):
         are_keys = jnp.issubdtype(worlds.dtype, jax.dtypes.prng_key) and worlds.ndim == 1
-        check("worlds", f"{worlds.dtype}{list(worlds.shape)}", allowed, are_keys and len(worlds) > 0)
+        check(
+            "worlds", f"{worlds.dtype}{list(worlds.shape)}", allowed, are_keys and len(worlds) > 0
+        )
         return worlds
     are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
     check("worlds", worlds, allowed, are_worlds and len(worlds) > 0)

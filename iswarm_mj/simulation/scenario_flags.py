@@ -35,7 +35,8 @@ _REMEDY = "repeat this run in Python"
 
 
 def paths_of(scenario: "Scenario") -> dict[str, tuple[str, ...]]:
-    """Return where settings are that are fields of a scenario's parts, as attributes of attributes."""
+    """Return where settings are that are fields of a scenario's parts, as attributes of
+    attributes."""
     paths: dict[str, tuple[str, ...]] = {}
     for part in ("strategy", "task", "engine"):
         paths |= {name: (part, name) for name in names_of(getattr(scenario, part))}
@@ -60,7 +61,8 @@ def task_name(scenario: "Scenario") -> str:
 
 
 def strategy_name(scenario: "Scenario") -> str:
-    """Return the name of its strategy, as --strategy takes it; of a genome, of the preset it was made of."""
+    """Return the name of its strategy, as --strategy takes it; of a genome, of the preset it was
+    made of."""
     strategy, given = scenario.strategy, scenario.strategy_name
     if isinstance(strategy, Genome):
         equal = [name for name, preset in PRESETS.items() if preset == strategy]
@@ -216,7 +218,11 @@ def made_of(offer: PluginKind, name: str) -> Any:
     Raises:
         UserError: a field has none.
     """
-    if offer is STRATEGIES and re.search(r"=[\d.]+$", name) and (teams := find_teams(shlex.split(name))):
+    if (
+        offer is STRATEGIES
+        and re.search(r"=[\d.]+$", name)
+        and (teams := find_teams(shlex.split(name)))
+    ):
         return Teams({team: (share, _object(found)) for team, (share, found) in teams.items()})
     return _object(find(offer, name))
 
@@ -269,7 +275,9 @@ def toml(values: Mapping[str, Any]) -> str:
 def _toml_key(name: str) -> str:
     """Return a key with dots between its parts, in quotes those of other letters than ASCII's."""
     parts = name.split(".")
-    return ".".join(part if re.fullmatch(r"[A-Za-z0-9_-]+", part) else _toml(part) for part in parts)
+    return ".".join(
+        part if re.fullmatch(r"[A-Za-z0-9_-]+", part) else _toml(part) for part in parts
+    )
 
 
 def _toml(value: Any) -> str:
@@ -279,7 +287,9 @@ def _toml(value: Any) -> str:
         return json.dumps(value)
     text = str(value)
     if re.search("[\ud800-\udfff]", text):  # in names of files that are no UTF-8
-        raise UserError(f"no TOML can hold {shown(ascii(text))}, which is not text in UTF-8; rename it")
+        raise UserError(
+            f"no TOML can hold {shown(ascii(text))}, which is not text in UTF-8; rename it"
+        )
 
     # Strings of JSON are strings of TOML but for the character DEL, and for surrogates.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

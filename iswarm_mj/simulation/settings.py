@@ -19,7 +19,8 @@ class RunSettings:
     n_worlds: Annotated[int, Within(1)] = 1
     """B, independent worlds at once."""
     stop_at: Annotated[int | None, Within(1)] = None
-    """Progress of the task at which a world is finished, in cleaning balls delivered; None for the task's goal."""
+    """Progress of the task at which a world is finished, in cleaning balls delivered; None for the
+    task's goal."""
     failed_fraction: Annotated[float, Within(0, 1)] = 0.0
     """Share of robots that are dead from the start and only stand in the way."""
     capacity: Annotated[int | None, Within(1)] = None
@@ -33,8 +34,15 @@ class RunSettings:
     def __post_init__(self):
         validate(self)
         if self.capacity is not None:
-            check("capacity", self.capacity, "at least the number of robots", self.capacity >= self.n_robots)
+            check(
+                "capacity",
+                self.capacity,
+                "at least the number of robots",
+                self.capacity >= self.n_robots,
+            )
         recorded = self.record_worlds
-        known = isinstance(recorded, tuple) and all(world in range(self.n_worlds) for world in recorded)
+        known = isinstance(recorded, tuple) and all(
+            world in range(self.n_worlds) for world in recorded
+        )
         distinct = known and len(set(recorded)) == len(recorded)
         check("record_worlds", recorded, f"distinct worlds from 0 to {self.n_worlds - 1}", distinct)

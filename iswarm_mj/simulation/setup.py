@@ -1,4 +1,5 @@
-"""What runs and environments are made of: what the user gives, checked once, and the engine that it asks for."""
+"""What runs and environments are made of: what the user gives, checked once, and the engine that it
+asks for."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -72,7 +73,8 @@ class Setup(NamedTuple):
 
     @property
     def device(self) -> Any:
-        """JAX device of what is not the engine's, None for the default: engines on the host leave GPUs alone."""
+        """JAX device of what is not the engine's, None for the default: engines on the host leave
+        GPUs alone."""
         check_devices()
         return jax.local_devices(backend="cpu")[0] if self.engine.on_host else None
 
@@ -80,7 +82,9 @@ class Setup(NamedTuple):
     def model(self) -> ModelSpec:
         """What the engine simulates."""
         is_masked = any(world.n_robots < self.capacity for world in self.worlds)
-        return ModelSpec(self.config, self.settings.n_robots, self.capacity, self.robot_file, is_masked)
+        return ModelSpec(
+            self.config, self.settings.n_robots, self.capacity, self.robot_file, is_masked
+        )
 
     def host_engine(self) -> Callable[[int, int], Engine]:
         """Return what makes an engine on the host for a number of worlds and of threads."""
@@ -93,7 +97,9 @@ class Setup(NamedTuple):
         return make_compiled_engine(self.engine, self.model, self.robot, n_rows, platform), devices
 
 
-def set_up(scenario: Scenario, settings: RunSettings, layouts: Sequence[World] | None = None) -> Setup:
+def set_up(
+    scenario: Scenario, settings: RunSettings, layouts: Sequence[World] | None = None
+) -> Setup:
     """Check what is simulated, and draw how worlds begin.
 
     Args:
@@ -129,7 +135,10 @@ def set_up(scenario: Scenario, settings: RunSettings, layouts: Sequence[World] |
     check_boxes(task, starts)
     if (boxes := starts[0].boxes) != config.arena.boxes:
         config = with_boxes_laid(config, boxes, "start")
-        worlds = [replace(w, config=w.config and with_boxes_laid(w.config, boxes, "start")) for w in worlds]
+        worlds = [
+            replace(w, config=w.config and with_boxes_laid(w.config, boxes, "start"))
+            for w in worlds
+        ]
     can_have_boxes = config.arena.boxes == () or engine.has_boxes
     allowed = f"left out with the engine {engine.name}, which has none"
     check("arena.boxes", config.arena.boxes, allowed, can_have_boxes)

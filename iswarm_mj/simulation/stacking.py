@@ -39,7 +39,9 @@ def goal_of(task: Task, config: SwarmConfig, settings: RunSettings) -> int | Non
     with user_code(f"{type(task).__name__}.goal"):
         most = task.goal(config, settings.n_robots)
     if most is not None and (not isinstance(most, int) or isinstance(most, bool) or most < 1):
-        raise UserError(f"{type(task).__name__}.goal must return a whole number above 0, or None (got {most!r})")
+        raise UserError(
+            f"{type(task).__name__}.goal must return a whole number above 0, or None (got {most!r})"
+        )
     if settings.stop_at is None or most is None:
         return most if settings.stop_at is None else int(settings.stop_at)
     constraint = f"between 1 and the goal of {type(task).__name__}, {most}"
@@ -65,11 +67,17 @@ def _metrics(task: Task, state: Any) -> Any:
 
 
 def of_all_worlds(
-    given: Any, config: SwarmConfig, robot: Robots, worlds: Sequence[World], *, is_per_world: bool = False
+    given: Any,
+    config: SwarmConfig,
+    robot: Robots,
+    worlds: Sequence[World],
+    *,
+    is_per_world: bool = False,
 ) -> Any:
     """Return a strategy whose arrays have a first axis of B worlds.
 
-    Where it makes strategies (`StrategyFactory`), what its `for_world` returns is the strategy of a world.
+    Where it makes strategies (`StrategyFactory`), what its `for_world` returns is the strategy of a
+    world.
 
     Args:
         given: the user's strategy, see `strategy.pytrees.as_strategy`.
@@ -79,7 +87,8 @@ def of_all_worlds(
         is_per_world: its arrays have that axis already.
 
     Raises:
-        UserError: it is no strategy, holds something that is no array, or its arrays do not fit each other.
+        UserError: it is no strategy, holds something that is no array, or its arrays do not fit
+            each other.
     """
     if is_per_world:
         return _per_world(as_arrays(as_strategy(given), "strategy"), len(worlds))
@@ -93,7 +102,10 @@ def of_all_worlds(
         made[key] = as_arrays(as_strategy(found), "strategy")
     first = next(iter(made.values()))
     for other in made.values():
-        shapes = [(jax.tree.structure(tree), [leaf.shape for leaf in jax.tree.leaves(tree)]) for tree in (first, other)]
+        shapes = [
+            (jax.tree.structure(tree), [leaf.shape for leaf in jax.tree.leaves(tree)])
+            for tree in (first, other)
+        ]
         if shapes[0] != shapes[1]:
             raise UserError(
                 f"{name}.for_world must return strategies that differ in the values of their arrays alone: worlds of "
@@ -104,17 +116,28 @@ def of_all_worlds(
 
 
 def to_json(given: Any) -> dict[str, Any]:
-    """Return a strategy's class and its parameters as results state them; of large arrays, their shapes."""
+    """Return a strategy's class and its parameters as results state them; of large arrays, their
+    shapes."""
     if isinstance(given, Teams):
-        return {"class": "Teams"} | {team.name: {"share": team.share, **to_json(team.strategy)} for team in given.teams}
-    values = {f.name: plain(getattr(given, f.name)) for f in fields(given)} if is_dataclass(given) else {}
+        return {"class": "Teams"} | {
+            team.name: {"share": team.share, **to_json(team.strategy)} for team in given.teams
+        }
+    values = (
+        {f.name: plain(getattr(given, f.name)) for f in fields(given)}
+        if is_dataclass(given)
+        else {}
+    )
     return {"class": type(given).__name__, **values}
 
 
 def plain(value: Any) -> Any:
     """Return a parameter in JSON."""
     if isinstance(value, jax.Array | np.ndarray | np.generic):
-        return np.asarray(value).tolist() if np.size(value) <= _MAX_STATED else f"{value.dtype}{list(value.shape)}"
+        return (
+            np.asarray(value).tolist()
+            if np.size(value) <= _MAX_STATED
+            else f"{value.dtype}{list(value.shape)}"
+        )
     try:
         return json.loads(json.dumps(value))
     except (TypeError, ValueError):

@@ -79,7 +79,9 @@ def control_step(
 
     # Move: turn on the spot, then walk. A refused command is a fault, and stops the whole world.
     moves = is_running & ~decision.drive.is_refused.any(axis=-1)
-    box_velocity = velocity_towards(drive_config, params.is_driven, decision.box_targets, inputs.boxes)
+    box_velocity = velocity_towards(
+        drive_config, params.is_driven, decision.box_targets, inputs.boxes
+    )
     phases = drive_phases(drive_config, decision.drive.command, box_velocity)
     with stepper.watch("physics"):
         motion = engine.move(state.bodies, phases, moves)
@@ -163,7 +165,9 @@ def account_for_task(
     xp = array_module(is_running)
     reached = is_running & (state.fault.bits == 0) & (progress >= params.goal)
     finished_at = xp.where(reached, step + 1, state.finished_at).astype(state.finished_at.dtype)
-    return state._replace(is_finished=state.is_finished | reached, finished_at=finished_at, progress=progress)
+    return state._replace(
+        is_finished=state.is_finished | reached, finished_at=finished_at, progress=progress
+    )
 
 
 def record_step(

@@ -61,15 +61,16 @@ def check_task(task: Any, scenario: Scenario = USUAL) -> None:
 
 
 def check_engine(engine: EngineSettings, scenario: Scenario = USUAL) -> None:
-    """Check an engine: place robots in two worlds, let them sense, and move them by a command of zero.
+    """Check an engine: place robots in two worlds, let them sense, and move them by a command of
+    zero.
 
     Args:
         engine: settings of the engine.
         scenario: all else of the run, but for its number of worlds.
 
     Raises:
-        UserError: what is wrong, in one sentence: a method's shapes, types or exception, or robots that do not stand
-            where they were placed, or that move without a command.
+        UserError: what is wrong, in one sentence: a method's shapes, types or exception, or robots
+            that do not stand where they were placed, or that move without a command.
     """
     scenario = replace(scenario, engine=engine, worlds=N_WORLDS, steps=1)
     setup = set_up(scenario, scenario.settings())
@@ -100,7 +101,8 @@ def check_engine(engine: EngineSettings, scenario: Scenario = USUAL) -> None:
 def _try(
     engine: Any, setup: Setup, poses: Any, is_present: Any, is_running: Any, command: Command
 ) -> tuple[Any, Any, Any]:
-    """Return where robots are after they were placed and after a control step, and what they sensed."""
+    """Return where robots are after they were placed and after a control step, and what they
+    sensed."""
     bodies = engine.place(poses, is_present)
     first = engine.poses(bodies)
     sight = engine.sense(bodies, is_present, is_running)
@@ -113,4 +115,6 @@ def _check_still(rule: str, way: np.ndarray) -> None:
     """Raise a UserError if robots moved, or are nowhere."""
     farthest, turned = (float(np.abs(part).max()) for part in (way[..., :2], way[..., 2]))
     if not (farthest <= STILL_MM and turned <= STILL_RAD):
-        raise UserError(f"{rule} (a robot is {farthest:g} mm and {turned:g} rad away); correct the engine")
+        raise UserError(
+            f"{rule} (a robot is {farthest:g} mm and {turned:g} rad away); correct the engine"
+        )

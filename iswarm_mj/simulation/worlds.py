@@ -32,18 +32,20 @@ class World:
     """One world of a run; what is not given is as in the run's configuration."""
 
     genome: Genome
-    """The paper's strategy with these parameters (Table 2); ignored in a run of another strategy."""
+    """The paper's strategy with these parameters (Table 2); ignored in a run of another
+    strategy."""
     n_robots: Annotated[int, Within(1)]
     """Robots in this world."""
     seed: Annotated[int, Within(0, 2**32 - 2)] = 0
     """Seed of the world's random numbers."""
     index: Annotated[int, Within(0)] = 0
-    """Number of the world under its seed: the same world as world `index` of a run with this seed."""
+    """Number of the world under its seed: the same world as world `index` of a run with this
+    seed."""
     failed_fraction: Annotated[float, Within(0, 1)] = 0.0
     """Share of the robots that are dead from the start."""
     config: SwarmConfig | None = None
-    """Settings of this world, which may differ from the run's in `shared_settings.PER_WORLD_FIELDS`: noise, voltages,
-    adhesion, places, the readings."""
+    """Settings of this world, which may differ from the run's in
+    `shared_settings.PER_WORLD_FIELDS`: noise, voltages, adhesion, places, the readings."""
     start: Start | None = None
     """How the world begins; drawn from its key, or from its seed, if not given."""
     key: Array | None = None
@@ -51,17 +53,25 @@ class World:
 
     def __post_init__(self):
         validate(self)
-        is_key = isinstance(self.key, jax.Array) and jnp.issubdtype(self.key.dtype, jax.dtypes.prng_key)
+        is_key = isinstance(self.key, jax.Array) and jnp.issubdtype(
+            self.key.dtype, jax.dtypes.prng_key
+        )
         is_one = self.key is None or (is_key and not self.key.ndim)
         check("key", self.key, "one random key, as jax.random.key(0)", is_one)
 
     @property
     def random_key(self) -> Array:
         """Key of the world's noise and of its robots' chances."""
-        return jax.random.fold_in(jax.random.key(self.seed), self.index) if self.key is None else self.key
+        return (
+            jax.random.fold_in(jax.random.key(self.seed), self.index)
+            if self.key is None
+            else self.key
+        )
 
 
-def starts_of(config: SwarmConfig, task: Task, robot: Robots, worlds: Sequence[World]) -> list[Start]:
+def starts_of(
+    config: SwarmConfig, task: Task, robot: Robots, worlds: Sequence[World]
+) -> list[Start]:
     """Return how each world of a task begins.
 
     Raises:
@@ -87,34 +97,52 @@ def starts_of(config: SwarmConfig, task: Task, robot: Robots, worlds: Sequence[W
 
 
 def random_keys(worlds: Sequence[World]) -> Array:
-    """Return the `World.random_key` of B worlds (B,); on the way they are on the host: JAX would compile for each B."""
+    """Return the `World.random_key` of B worlds (B,); on the way they are on the host: JAX would
+    compile for each B."""
     if any(world.key is not None for world in worlds):
         keys = [world.random_key for world in worlds]
         data = np.stack(jax.device_get([jax.random.key_data(key) for key in keys]))
         return jax.random.wrap_key_data(jax.device_put(data), impl=jax.random.key_impl(keys[0]))
     numbers = np.zeros((2, -(-len(worlds) // _AT_ONCE), _AT_ONCE), np.uint32)
-    numbers.reshape(2, -1)[:, : len(worlds)] = [world.seed for world in worlds], [world.index for world in worlds]
+    numbers.reshape(2, -1)[:, : len(worlds)] = (
+        [world.seed for world in worlds],
+        [world.index for world in worlds],
+    )
     data = np.concatenate([_key_data(*part) for part in numbers.swapaxes(0, 1)])[: len(worlds)]
     return jax.random.wrap_key_data(jax.device_put(data))
 
 
 def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Conditions:
-    """Return the conditions of B worlds, NumPy arrays (B,); of worlds without a configuration those of the run's."""
+    """Return the conditions of B worlds, NumPy arrays (B,); of worlds without a configuration those
+    of the run's."""
     each = [conditions_of(world.config or config) for world in worlds]
     columns = zip(*each, strict=True)
-    return Conditions(*(np.array(column, bool if isinstance(column[0], bool) else np.float32) for column in columns))
+    return Conditions(
+        *(
+            np.array(column, bool if isinstance(column[0], bool) else np.float32)
+            for column in columns
+        )
+    )
 
 
 def arenas_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Arena:
-    """Return the arenas of B worlds, NumPy arrays (B, ...); of worlds without a configuration those of the run's."""
+    """Return the arenas of B worlds, NumPy arrays (B, ...); of worlds without a configuration those
+    of the run's."""
     each = [arena_of((world.config or config).arena) for world in worlds]
     return jax.tree.map(lambda *values: np.stack(values), *each)
 
 
-def vector_strategies(config: SwarmConfig, robot: Robots, worlds: Sequence[World]) -> VectorStrategy:
-    """Return the paper's strategy with the genome and the readings of each world, stacked along a first axis."""
-    rules = rules_of_worlds([world.genome for world in worlds], [(world.config or config).strategy for world in worlds])
-    n_scouts = np.array([round(world.genome.fraction_scouts * world.n_robots) for world in worlds], np.int32)
+def vector_strategies(
+    config: SwarmConfig, robot: Robots, worlds: Sequence[World]
+) -> VectorStrategy:
+    """Return the paper's strategy with the genome and the readings of each world, stacked along a
+    first axis."""
+    rules = rules_of_worlds(
+        [world.genome for world in worlds], [(world.config or config).strategy for world in worlds]
+    )
+    n_scouts = np.array(
+        [round(world.genome.fraction_scouts * world.n_robots) for world in worlds], np.int32
+    )
     return VectorStrategy(rules, n_scouts, config.static, robot)
 
 
@@ -124,7 +152,9 @@ def _key_data(seed: Array, index: Array) -> Array:
     return jax.random.key_data(jax.random.fold_in(jax.random.key(seed), index))
 
 
-def _draw_start(config: SwarmConfig, task: Task, robot: Robots, world: World, first_of_key: dict[Any, Start]) -> Start:
+def _draw_start(
+    config: SwarmConfig, task: Task, robot: Robots, world: World, first_of_key: dict[Any, Start]
+) -> Start:
     """Draw how a world begins.
 
     Args:
@@ -136,18 +166,28 @@ def _draw_start(config: SwarmConfig, task: Task, robot: Robots, world: World, fi
     """
     config = world.config or config
     if world.key is None:
-        return draw_start(config, task, robot, world.n_robots, world.seed, world.index, world.failed_fraction)
+        return draw_start(
+            config, task, robot, world.n_robots, world.seed, world.index, world.failed_fraction
+        )
     key_data = np.asarray(jax.random.key_data(world.key))
     identity = (key_data.tobytes(), world.n_robots, world.failed_fraction, config)
     if identity not in first_of_key:
         rng = np.random.default_rng(key_data)
         first_of_key[identity] = draw_start_with(
-            config, task, robot, world.n_robots, rng, shared=rng, failed_fraction=world.failed_fraction
+            config,
+            task,
+            robot,
+            world.n_robots,
+            rng,
+            shared=rng,
+            failed_fraction=world.failed_fraction,
         )
     return first_of_key[identity]
 
 
-def _checked_start(config: SwarmConfig, task: Task, robot: Robots, world: World, drawn: Start) -> Start:
+def _checked_start(
+    config: SwarmConfig, task: Task, robot: Robots, world: World, drawn: Start
+) -> Start:
     """Return the start that is given for a world.
 
     Args:

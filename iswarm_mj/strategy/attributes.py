@@ -1,4 +1,5 @@
-"""What a strategy declares beside its methods: what its messages carry, and what of its memory is recorded."""
+"""What a strategy declares beside its methods: what its messages carry, and what of its memory is
+recorded."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -13,7 +14,8 @@ from iswarm_mj.utils.errors import UserError
 
 
 def payload_of(strategy: Any) -> Payload:
-    """Return the payload that a strategy declares by its attribute `payload`; an empty one if it has none.
+    """Return the payload that a strategy declares by its attribute `payload`; an empty one if it
+    has none.
 
     Raises:
         UserError: the attribute is something else, or its fields cannot be encoded.
@@ -31,15 +33,18 @@ def led_power(strategy: Any, memory: Any) -> Float[Array, "N"] | None:
 def recorded_of(strategy: Any) -> dict[str, str]:
     """Return the parts of a strategy's memory that it wants recorded, and their units.
 
-    They are declared by its class: `recorded = ("state", "home.vector")`, or with units `recorded = {"home": "mm"}`.
-    Dots lead to parts of parts. Nothing is recorded of a strategy without that attribute.
+    They are declared by its class: `recorded = ("state", "home.vector")`, or with units `recorded =
+    {"home": "mm"}`. Dots lead to parts of parts. Nothing is recorded of a strategy without that
+    attribute.
 
     Raises:
         UserError: the attribute is something else.
     """
     given = getattr(strategy, "recorded", ())
     named: Any = dict.fromkeys(given, "") if isinstance(given, tuple) else given
-    if not isinstance(named, Mapping) or not all(isinstance(word, str) for item in named.items() for word in item):
+    if not isinstance(named, Mapping) or not all(
+        isinstance(word, str) for item in named.items() for word in item
+    ):
         raise UserError(
             f"{type(strategy).__name__}.recorded must be a tuple of names of its memory's parts, or a dictionary of "
             f"names and units (got {given!r})"
@@ -77,4 +82,6 @@ def check_recorded(strategy: Any, memory: Any, n_robots: int) -> None:
             raise UserError(f"{where}, which its memory lacks ({has}); correct one of them")
         if parts[name].shape[:1] != (n_robots,):
             got = parts[name].shape
-            raise UserError(f"{where}, whose first axis must be that of the {n_robots} robots (got shape {got})")
+            raise UserError(
+                f"{where}, whose first axis must be that of the {n_robots} robots (got shape {got})"
+            )

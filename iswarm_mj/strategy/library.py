@@ -27,7 +27,8 @@ class PluginKind(NamedTuple):
 
     word: str
     plural: str
-    """Under `iswarm_mj.` also the group of entry points: classes, or objects whose fields are the defaults."""
+    """Under `iswarm_mj.` also the group of entry points: classes, or objects whose fields are the
+    defaults."""
     method: str
     """That only such classes have."""
     example: str
@@ -59,8 +60,8 @@ def find_teams(words: Sequence[str]) -> dict[str, tuple[float | int, Any]]:
     """Return share, and class or object, of teams by their names, those of the strategies.
 
     Args:
-        words: names of strategies with the share of the robots or their number, as `walk.py:Walk=0.5`; of one strategy
-            without a share there are no teams.
+        words: names of strategies with the share of the robots or their number, as
+            `walk.py:Walk=0.5`; of one strategy without a share there are no teams.
 
     Raises:
         UserError: a share is missing or no number, or there is no such strategy.
@@ -71,7 +72,9 @@ def find_teams(words: Sequence[str]) -> dict[str, tuple[float | int, Any]]:
         if match is None and len(words) == 1:
             return {}
         if match is None:
-            form = "NAME=SHARE or NAME=ROBOTS for each of several strategies, as a.py:A=0.7 b.py:B=0.3"
+            form = (
+                "NAME=SHARE or NAME=ROBOTS for each of several strategies, as a.py:A=0.7 b.py:B=0.3"
+            )
             raise ConfigError("strategy", word, form)
         name, size = match[1], int(match[2]) if match[2].isdecimal() else float(match[2])
         team = re.sub(r"\W", "_", name.rpartition(":")[2])
@@ -94,7 +97,9 @@ def find(offer: PluginKind, name: str, shipped: Mapping[str, Any] | None = None)
     path, colon, cls = name.rpartition(":")
     if colon or name.endswith(".py") or "/" in name:
         return _of_file(offer, Path(path), cls) if colon else _of_file(offer, Path(name), "")
-    installed = {point.name: point for point in entry_points(group=offer.group)} | dict(shipped or {})
+    installed = {point.name: point for point in entry_points(group=offer.group)} | dict(
+        shipped or {}
+    )
     if name not in installed:
         similar = closest(name, installed)
         remedy = f"perhaps you meant {similar}" if similar else None
@@ -106,7 +111,8 @@ def find(offer: PluginKind, name: str, shipped: Mapping[str, Any] | None = None)
 
 
 def offered(offer: PluginKind, cls: str, names: set[str]) -> str | None:
-    """Return the name under which an installed package offers a class with these fields; None without just one."""
+    """Return the name under which an installed package offers a class with these fields; None
+    without just one."""
     found = []
     for point in entry_points(group=offer.group):
         if point.value.rpartition(":")[2] == cls:
@@ -119,21 +125,35 @@ def offered(offer: PluginKind, cls: str, names: set[str]) -> str | None:
 
 def naming(offer: PluginKind, cls: str) -> str:
     """Return the flag that names a class which no package offers, or the strategies of teams."""
-    return "--strategy NAME=SHARE NAME=SHARE" if cls == "Teams" else f"--{offer.word} FILE.py:{shown(cls)}"
+    return (
+        "--strategy NAME=SHARE NAME=SHARE"
+        if cls == "Teams"
+        else f"--{offer.word} FILE.py:{shown(cls)}"
+    )
 
 
 def _of_file(offer: PluginKind, path: Path, name: str) -> Any:
     module = _imported(offer, path)
     found = getattr(module, name, None) if name else None
     if found is None:
-        own = [value for value in vars(module).values() if getattr(value, "__module__", "") == module.__name__]
-        classes = [value.__name__ for value in own if isinstance(value, type) and hasattr(value, offer.method)]
+        own = [
+            value
+            for value in vars(module).values()
+            if getattr(value, "__module__", "") == module.__name__
+        ]
+        classes = [
+            value.__name__
+            for value in own
+            if isinstance(value, type) and hasattr(value, offer.method)
+        ]
         fact = f"{path} has no {name}" if name else f"{offer.word} {path} names no class"
         listed = f"its {offer.plural} are {', '.join(classes)}"
         there = listed if classes else f"it has no class with a method {offer.method}"
         raise UserError(f"{fact}; {there}; write {path}:{classes[0] if classes else 'CLASS'}")
     if not (isinstance(found, type) or is_dataclass(found) or makes_strategies(found)):
-        raise UserError(f"{path}:{name} is a {type(found).__name__}; name a class, see {offer.base}")
+        raise UserError(
+            f"{path}:{name} is a {type(found).__name__}; name a class, see {offer.base}"
+        )
     return found
 
 
@@ -148,7 +168,11 @@ def _imported(offer: PluginKind, path: Path) -> ModuleType:
         is_there, fault = False, f"cannot be read ({error.strerror or error})"
     if is_there and (script := _running_script(path)) is not None:
         return script
-    spec = importlib.util.spec_from_file_location(f"iswarm_strategy_{path.stem}", path.resolve()) if is_there else None
+    spec = (
+        importlib.util.spec_from_file_location(f"iswarm_strategy_{path.stem}", path.resolve())
+        if is_there
+        else None
+    )
     if spec is None or spec.loader is None:
         raise UserError(f"{offer.word} file {shown(path)} {fault}; give {offer.form}")
     module = importlib.util.module_from_spec(spec)
@@ -172,8 +196,8 @@ def _running_script(path: Path) -> ModuleType | None:
 class UserModuleFinder:
     """A finder of modules, asked after all others.
 
-    Were the folders in `sys.path`, packages would take users' files for modules that are not installed: numba looks for
-    `coverage`.
+    Were the folders in `sys.path`, packages would take users' files for modules that are not
+    installed: numba looks for `coverage`.
     """
 
     folders: tuple[str, ...] = ()
@@ -197,16 +221,22 @@ def add_folder(folder: Path) -> None:
 
 
 def sources(path: Path) -> list[Path]:
-    """Return a file of Python, and the files of a user that it imports in any of its lines, directly or not.
+    """Return a file of Python, and the files of a user that it imports in any of its lines,
+    directly or not.
 
-    What is found depends on `sys.path`, as for the import itself; the file is one that could be imported.
+    What is found depends on `sys.path`, as for the import itself; the file is one that could be
+    imported.
     """
     found = [path.resolve()]
     for file in found:  # grows on the way
         package = _package(file)
         for name in _names_in(ast.parse(file.read_bytes())):
             for origin in _origins(name, package):
-                if origin.endswith(".py") and is_users(origin) and Path(origin).resolve() not in found:
+                if (
+                    origin.endswith(".py")
+                    and is_users(origin)
+                    and Path(origin).resolve() not in found
+                ):
                     found.append(Path(origin).resolve())
     return found
 

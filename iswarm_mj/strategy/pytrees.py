@@ -17,10 +17,12 @@ from iswarm_mj.utils.errors import UserError
 
 
 def check_methods(given: Any) -> None:
-    """Check that a strategy, or a class of strategies or of what makes them, has the methods of its base class.
+    """Check that a strategy, or a class of strategies or of what makes them, has the methods of its
+    base class.
 
     Raises:
-        UserError: it derives from no base class, lacks a method, or says something without declaring its fields.
+        UserError: it derives from no base class, lacks a method, or says something without
+            declaring its fields.
     """
     cls = _class(given)
     if issubclass(cls, StrategyFactory) and not issubclass(cls, Strategy):
@@ -34,7 +36,9 @@ def check_methods(given: Any) -> None:
             'payload = {"count": Integer(bits=4)} with iswarm_mj.Integer'
         )
     if declares and not overrides(cls, Strategy, "say"):
-        raise UserError(f"{cls.__name__} has an attribute payload, but no method say; write one, see Strategy.say")
+        raise UserError(
+            f"{cls.__name__} has an attribute payload, but no method say; write one, see Strategy.say"
+        )
 
 
 def as_strategy(given: Any) -> Any:
@@ -50,9 +54,9 @@ def as_strategy(given: Any) -> Any:
 def as_pytree(given: Any, what: str) -> Any:
     """Return an object that JAX can handle: its class is made a pytree if it is none.
 
-    Fields of dataclasses are arrays, which may differ from world to world, unless their type is bool, int, str, an
-    enumeration, a path, a `Literal` or a tuple of these: such fields are compiled in, as are those with the metadata
-    `static`. A class without fields needs nothing.
+    Fields of dataclasses are arrays, which may differ from world to world, unless their type is
+    bool, int, str, an enumeration, a path, a `Literal` or a tuple of these: such fields are
+    compiled in, as are those with the metadata `static`. A class without fields needs nothing.
 
     Args:
         given: by the user.

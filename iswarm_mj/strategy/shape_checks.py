@@ -1,4 +1,5 @@
-"""Checks of what users write against base classes: methods, and shapes and types of what these return."""
+"""Checks of what users write against base classes: methods, and shapes and types of what these
+return."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import fields, is_dataclass
@@ -24,7 +25,8 @@ def check_base(given: Any, base: type, what: str) -> None:
         what: it is to be, with its article, as "a task".
 
     Raises:
-        UserError: it does not derive from the class, lacks a method, or has one whose name is nearly that of another.
+        UserError: it does not derive from the class, lacks a method, or has one whose name is
+            nearly that of another.
     """
     cls = given if isinstance(given, type) else type(given)
     name = cls.__name__
@@ -39,15 +41,19 @@ def check_base(given: Any, base: type, what: str) -> None:
     missing = [
         method
         for method in public
-        if method in abstract or (callable(getattr(base, method)) and not callable(getattr(cls, method)))
+        if method in abstract
+        or (callable(getattr(base, method)) and not callable(getattr(cls, method)))
     ]
     if missing:
-        raise UserError(f"{name} has no method {' and no method '.join(missing)}; {what} has it, see {base.__name__}")
+        raise UserError(
+            f"{name} has no method {' and no method '.join(missing)}; {what} has it, see {base.__name__}"
+        )
     _check_spelling(cls, base, public)
 
 
 def _check_spelling(cls: type, base: type, public: Sequence[str]) -> None:
-    """Refuse attributes of users' classes whose names are nearly those of attributes that they inherit.
+    """Refuse attributes of users' classes whose names are nearly those of attributes that they
+    inherit.
 
     Args:
         cls: class of a user.
@@ -80,7 +86,8 @@ def is_shipped(cls: type) -> bool:
 
 
 def shapes_of(cls: Any, **sizes: int | tuple[int, ...]) -> dict[str, Any]:
-    """Return the shapes and types that the annotations of a named tuple declare, as `Float[Array, "*B N 2"]`.
+    """Return the shapes and types that the annotations of a named tuple declare, as `Float[Array,
+    "*B N 2"]`.
 
     Args:
         cls: the named tuple; fields with other annotations are left out.
@@ -107,7 +114,8 @@ def zeros_of(cls: Any, **sizes: int | tuple[int, ...]) -> dict[str, np.ndarray]:
 
 
 def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
-    """Raise a UserError unless what a method returned has the structure, shapes and types of what it should.
+    """Raise a UserError unless what a method returned has the structure, shapes and types of what
+    it should.
 
     Args:
         method: its name.
@@ -121,12 +129,18 @@ def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
             f"{method} must return {_named(wanted)} as its {what}{same} (got {_named(given)})"
             f"{_differing(given, wanted)}; return the same type with the same parts"
         )
-    for (path, mine), its in zip(jax.tree_util.tree_leaves_with_path(given), jax.tree.leaves(wanted), strict=True):
+    for (path, mine), its in zip(
+        jax.tree_util.tree_leaves_with_path(given), jax.tree.leaves(wanted), strict=True
+    ):
         shape, kind = getattr(mine, "shape", None), getattr(mine, "dtype", None)
         if (shape, kind) != (its.shape, its.dtype):
             part = jax.tree_util.keystr(path)
             got = shown(repr(mine)) if shape is None or kind is None else f"{kind}{list(shape)}"
-            remedy = "convert it, for instance with astype" if shape == its.shape else "return one of that shape"
+            remedy = (
+                "convert it, for instance with astype"
+                if shape == its.shape
+                else "return one of that shape"
+            )
             raise UserError(
                 f"{method} must return {its.dtype}{list(its.shape)} as {part + ' of ' if part else ''}its {what}{same} "
                 f"(got {got}); {remedy}"
@@ -134,16 +148,26 @@ def compare(method: str, given: Any, wanted: Any, what: str = "result") -> None:
 
 
 def check_names(method: str, given: Any, names: Collection[str], attribute: str) -> None:
-    """Raise a UserError unless a method returned a dictionary with the names that an attribute declares."""
+    """Raise a UserError unless a method returned a dictionary with the names that an attribute
+    declares."""
     if not isinstance(given, dict) or set(given) != set(names):
-        got = ", ".join(map(str, given)) or "nothing" if isinstance(given, dict) else f"a {type(given).__name__}"
+        got = (
+            ", ".join(map(str, given)) or "nothing"
+            if isinstance(given, dict)
+            else f"a {type(given).__name__}"
+        )
         wanted = ", ".join(names) or "nothing"
-        raise UserError(f"{method} must return by name what {attribute} declares, {wanted} (got {got})")
+        raise UserError(
+            f"{method} must return by name what {attribute} declares, {wanted} (got {got})"
+        )
 
 
 def _differing(given: Any, wanted: Any) -> str:
-    """Return which parts of a tree are missing and which are too many; nothing where the names do not differ."""
-    mine, theirs = ({jax.tree_util.keystr(path) for path, _ in _leaves(tree)} for tree in (given, wanted))
+    """Return which parts of a tree are missing and which are too many; nothing where the names do
+    not differ."""
+    mine, theirs = (
+        {jax.tree_util.keystr(path) for path, _ in _leaves(tree)} for tree in (given, wanted)
+    )
     missing = [f"without {path}" for path in sorted(theirs - mine) if path]
     unknown = [f"with {path}" for path in sorted(mine - theirs) if path]
     return "".join(f", {part}" for part in (*missing, *unknown))

@@ -1,4 +1,5 @@
-"""Whether a strategy returns what a control step needs: shapes and types, found without running it."""
+"""Whether a strategy returns what a control step needs: shapes and types, found without running
+it."""
 
 import re
 from collections.abc import Callable
@@ -22,14 +23,19 @@ from iswarm_mj.utils.errors import UserError
 def observation_shapes(
     n_robots: int, n_sides: int = 4, sensed: Any = None, payload: Payload | None = None
 ) -> Observation:
-    """Shapes and types of what N robots with S sides sense, with what else the task lets them sense and what their
-    messages carry, which is nothing by default."""
+    """Shapes and types of what N robots with S sides sense, with what else the task lets them sense
+    and what their messages carry, which is nothing by default."""
     messages = (payload or Payload()).shapes(n_robots, n_sides)
-    return Observation(**shapes_of(Observation, N=n_robots, S=n_sides), payload=messages, sensed=sensed or {})
+    return Observation(
+        **shapes_of(Observation, N=n_robots, S=n_sides), payload=messages, sensed=sensed or {}
+    )
 
 
-def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sensed: Any = None) -> Any:
-    """Check the shapes and types of what the methods of strategies return, and that they return it each time.
+def check_strategies(
+    strategies: Strategy, n_robots: int, n_sides: int = 4, sensed: Any = None
+) -> Any:
+    """Check the shapes and types of what the methods of strategies return, and that they return it
+    each time.
 
     Args:
         strategies: of all worlds; their arrays have a first axis of worlds.
@@ -41,12 +47,14 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
         Shapes and types of what the robots of a world remember.
 
     Raises:
-        UserError: a method returns something else, raises an exception, cannot be compiled, or depends on more than
-            its arguments; what is to be recorded is not there.
+        UserError: a method returns something else, raises an exception, cannot be compiled, or
+            depends on more than its arguments; what is to be recorded is not there.
     """
     if isinstance(strategies, Teams):
         for team, size in zip(strategies.teams, strategies.sizes(n_robots), strict=True):
-            theirs = jax.tree.map(lambda a, size=size: jax.ShapeDtypeStruct((size, *a.shape[1:]), a.dtype), sensed)
+            theirs = jax.tree.map(
+                lambda a, size=size: jax.ShapeDtypeStruct((size, *a.shape[1:]), a.dtype), sensed
+            )
             check_strategies(team.strategy, size, n_sides, theirs)
         return strategies.payload.check_room(n_sides)
     strategy, key = jax.tree.map(lambda a: a[0], strategies), jax.random.key(0)
@@ -56,9 +64,14 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
         payload.check_room(n_sides)
 
     def result(method: str, *given: Any) -> Any:
-        return traced(f"{name}.{method}", lambda own, *arrays: getattr(own, method)(*arrays), strategy, *given)
+        return traced(
+            f"{name}.{method}", lambda own, *arrays: getattr(own, method)(*arrays), strategy, *given
+        )
 
-    observation, flags = observation_shapes(n_robots, n_sides, sensed, payload), jax.ShapeDtypeStruct((n_robots,), bool)
+    observation, flags = (
+        observation_shapes(n_robots, n_sides, sensed, payload),
+        jax.ShapeDtypeStruct((n_robots,), bool),
+    )
     memory = traced(f"{name}.init", lambda own, key: own.init(n_robots, key), strategy, key)
     if any(jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key) for leaf in jax.tree.leaves(memory)):
         raise UserError(
@@ -75,22 +88,34 @@ def check_strategies(strategies: Strategy, n_robots: int, n_sides: int = 4, sens
     if overrides(strategy, Strategy, "releases"):
         compare(f"{name}.releases", result("releases", memory), flags)
     if overrides(strategy, Strategy, "led_power"):
-        compare(f"{name}.led_power", result("led_power", memory), jax.ShapeDtypeStruct((n_robots,), jnp.float32))
+        compare(
+            f"{name}.led_power",
+            result("led_power", memory),
+            jax.ShapeDtypeStruct((n_robots,), jnp.float32),
+        )
     if overrides(strategy, Strategy, "listen"):
         compare(f"{name}.listen", result("listen", memory, observation, key), memory, "memory")
     if overrides(strategy, Strategy, "correct_odometry"):
         shortfall = jax.ShapeDtypeStruct((n_robots,), jnp.float32)
-        compare(f"{name}.correct_odometry", result("correct_odometry", memory, shortfall), memory, "memory")
+        compare(
+            f"{name}.correct_odometry",
+            result("correct_odometry", memory, shortfall),
+            memory,
+            "memory",
+        )
     returned = result("act", memory, observation, key)
     if not isinstance(returned, tuple) or isinstance(returned, Command) or len(returned) != 2:
-        raise UserError(f"{name}.act must return (memory, Command) (got a {type(returned).__name__})")
+        raise UserError(
+            f"{name}.act must return (memory, Command) (got a {type(returned).__name__})"
+        )
     compare(f"{name}.act", returned[0], memory, "memory")
     compare(f"{name}.act", returned[1], Command(**shapes_of(Command, N=n_robots)), "command")
     return memory
 
 
 def traced(what: str, function: Callable[..., Any], own: Any, *given: Any) -> Any:
-    """Return the shapes and types of what a function of a user's object returns, which is traced twice.
+    """Return the shapes and types of what a function of a user's object returns, which is traced
+    twice.
 
     Args:
         what: the user's method that it calls, as `Walk.act`.
@@ -99,8 +124,8 @@ def traced(what: str, function: Callable[..., Any], own: Any, *given: Any) -> An
         given: arrays, or their shapes and types.
 
     Raises:
-        UserError: the method raises an exception, cannot be compiled, changes the object, or returns something else
-            the second time.
+        UserError: the method raises an exception, cannot be compiled, changes the object, or
+            returns something else the second time.
     """
 
     def call(own: Any, *given: Any) -> Any:
@@ -109,11 +134,15 @@ def traced(what: str, function: Callable[..., Any], own: Any, *given: Any) -> An
         for name, value in getattr(own, "__dict__", {}).items():
             is_cache = isinstance(getattr(type(own), name, None), cached_property)
             if value is not before.get(name, before) and not is_cache:
-                raise UserError(f"{what} sets self.{name}, which is lost after the call; keep it in the memory")
+                raise UserError(
+                    f"{what} sets self.{name}, which is lost after the call; keep it in the memory"
+                )
         return returned
 
     with user_code(what):
-        traces = [jax.make_jaxpr(lambda *a: call(*a), return_shape=True)(own, *given) for _ in range(2)]
+        traces = [
+            jax.make_jaxpr(lambda *a: call(*a), return_shape=True)(own, *given) for _ in range(2)
+        ]
     one, other = map(_text, [program for program, _ in traces])
     if one != other:
         raise UserError(
@@ -125,5 +154,10 @@ def traced(what: str, function: Callable[..., Any], own: Any, *given: Any) -> An
 
 def _text(program: Any) -> list[Any]:
     """A program and the numbers in it, without addresses in the memory and random keys."""
-    numbers = [values for values in program.consts if not jnp.issubdtype(values.dtype, jax.dtypes.prng_key)]
-    return [re.sub("0x[0-9a-f]+", "", str(program)), *(np.asarray(values).tobytes() for values in numbers)]
+    numbers = [
+        values for values in program.consts if not jnp.issubdtype(values.dtype, jax.dtypes.prng_key)
+    ]
+    return [
+        re.sub("0x[0-9a-f]+", "", str(program)),
+        *(np.asarray(values).tobytes() for values in numbers),
+    ]

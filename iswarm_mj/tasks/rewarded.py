@@ -26,7 +26,8 @@ class RewardState(NamedTuple):
 
 
 def rewarded(task: Any) -> Any:
-    """Return a task that does what `task` does, with the sum of all robots' rewards so far as the metric `reward`.
+    """Return a task that does what `task` does, with the sum of all robots' rewards so far as the
+    metric `reward`.
 
     Rewards are those of `Task.reward`, but without the commands and messages of the step.
     """
@@ -48,14 +49,18 @@ def _rewarded(kind: Any) -> Any:
         def advance(self, state: RewardState, inputs: Any, key: Array) -> Any:
             new, sensed = super().advance(state.own, inputs, key)
             with user_code(f"{kind.__name__}.reward, here without commands and messages,"):
-                return RewardState(new, state.reward + super().reward(state.own, new, inputs).sum()), sensed
+                return RewardState(
+                    new, state.reward + super().reward(state.own, new, inputs).sum()
+                ), sensed
 
         def metrics(self, state: RewardState) -> Any:
             return {**super().metrics(state.own), REWARD: state.reward}
 
     def of_own(name: str) -> Any:
         def method(self: Any, *args: Any) -> Any:
-            return getattr(kind, name)(self, *(arg.own if isinstance(arg, RewardState) else arg for arg in args))
+            return getattr(kind, name)(
+                self, *(arg.own if isinstance(arg, RewardState) else arg for arg in args)
+            )
 
         return method
 

@@ -1,4 +1,5 @@
-"""Whether a task is one, and returns what a control step needs: shapes and types, found without running it."""
+"""Whether a task is one, and returns what a control step needs: shapes and types, found without
+running it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -58,7 +59,8 @@ def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
     """Check what `Task.lay_out` returned for N robots.
 
     Raises:
-        UserError: the poses are not finite numbers (N, 3), or the state holds something else than numbers.
+        UserError: the poses are not finite numbers (N, 3), or the state holds something else than
+            numbers.
     """
     name = f"{type(task).__name__}.lay_out"
     for path, leaf in jax.tree_util.tree_leaves_with_path(state):
@@ -67,17 +69,26 @@ def check_layout(task: Any, poses: Any, state: Any, n_robots: int) -> None:
             raise UserError(
                 f"{name} must return arrays and numbers as its state (got a {part}); leave out what is none"
             )
-    is_pose = isinstance(poses, np.ndarray) and poses.shape == (n_robots, 3) and poses.dtype.kind == "f"
+    is_pose = (
+        isinstance(poses, np.ndarray) and poses.shape == (n_robots, 3) and poses.dtype.kind == "f"
+    )
     if not is_pose or not np.isfinite(poses).all():
-        got = f"{poses.dtype}{list(poses.shape)}" if isinstance(poses, np.ndarray) else f"a {type(poses).__name__}"
+        got = (
+            f"{poses.dtype}{list(poses.shape)}"
+            if isinstance(poses, np.ndarray)
+            else f"a {type(poses).__name__}"
+        )
         got = "numbers that are not" if is_pose else got
-        raise UserError(f"{name} must return finite poses (N, 3) of the {n_robots} robots first (got {got})")
+        raise UserError(
+            f"{name} must return finite poses (N, 3) of the {n_robots} robots first (got {got})"
+        )
 
 
 def check_task(
     task: Any, config: SwarmConfig, static: StaticConfig, robot: Robots, state: Any, n_robots: int
 ) -> dict[str, Any]:
-    """Check the shapes and types of what a task's methods return, and return those of what robots sense beside.
+    """Check the shapes and types of what a task's methods return, and return those of what robots
+    sense beside.
 
     Args:
         task: as `as_task` returned it.
@@ -103,7 +114,9 @@ def _check_balls(task: Any, balls: Any) -> None:
     owner = next(parent for parent in type(task).__mro__ if "balls" in vars(parent))
     reason = "" if owner is type(task) else f", as it is inherited from {owner.__name__}"
     name = f"{type(task).__name__}.balls"
-    raise UserError(f"{name} must return Balls, or None (got a {type(balls).__name__}{reason}); write {name}")
+    raise UserError(
+        f"{name} must return Balls, or None (got a {type(balls).__name__}{reason}); write {name}"
+    )
 
 
 @contextmanager
@@ -142,7 +155,9 @@ def _check_areas(task: Any, config: SwarmConfig, state: Any) -> None:
     check_names(f"{name}.areas", areas, task.drawn, "drawn")
     for key, found in areas.items():
         if found.shape[1:] != (3,):
-            raise UserError(f"{name}.areas must return {key} as numbers (M, 3) (got shape {found.shape})")
+            raise UserError(
+                f"{name}.areas must return {key} as numbers (M, 3) (got shape {found.shape})"
+            )
 
 
 @lru_cache(maxsize=64)  # tracing takes some tenths of a second
@@ -164,13 +179,17 @@ def _check_shapes(
 
     def result(method: str, *given: Any) -> Any:
         def call(own: Any, world: Any, conditions: Any, arena: Any, *given: Any) -> Any:
-            inputs = TaskInputs(**world, conditions=conditions, arena=arena, config=static, robot=robot)
+            inputs = TaskInputs(
+                **world, conditions=conditions, arena=arena, config=static, robot=robot
+            )
             match method:
                 case "advance":
                     given = (given[0], inputs, given[1])
                 case "reward":
                     zero = jnp.zeros(n_robots)
-                    sent = inputs._replace(command=Command(zero, zero), message=jnp.zeros(n_robots, jnp.uint32))
+                    sent = inputs._replace(
+                        command=Command(zero, zero), message=jnp.zeros(n_robots, jnp.uint32)
+                    )
                     given = (*given, sent)
                 case "conditions":
                     given = (*given, conditions)
@@ -181,18 +200,28 @@ def _check_shapes(
 
     returned = result("advance", before, jax.eval_shape(jax.random.key, 0))
     if not isinstance(returned, tuple) or len(returned) != 2 or not isinstance(returned[1], Sensed):
-        raise UserError(f"{name}.advance must return its state and Sensed (got a {type(returned).__name__})")
+        raise UserError(
+            f"{name}.advance must return its state and Sensed (got a {type(returned).__name__})"
+        )
     after, sensed = returned
     compare(f"{name}.advance", after, before, "state")
     check_names(f"{name}.advance", dict(sensed.own), task.senses, "senses")
     for key, found in sensed.own.items():
         if found.shape[:1] != (n_robots,):
-            raise UserError(f"{name}.advance must return {key} of {n_robots} robots first (got shape {found.shape})")
-    compare(f"{name}.advance", sensed, Sensed(**shapes_of(Sensed, N=n_robots), own=sensed.own), "sensed")
+            raise UserError(
+                f"{name}.advance must return {key} of {n_robots} robots first (got shape {found.shape})"
+            )
+    compare(
+        f"{name}.advance", sensed, Sensed(**shapes_of(Sensed, N=n_robots), own=sensed.own), "sensed"
+    )
     if overrides(task, Task, "balls"):
         _check_balls(task, result("balls", before))
     compare(f"{name}.progress", result("progress", before), jax.ShapeDtypeStruct((), jnp.int32))
-    compare(f"{name}.reward", result("reward", before, after), jax.ShapeDtypeStruct((n_robots,), jnp.float32))
+    compare(
+        f"{name}.reward",
+        result("reward", before, after),
+        jax.ShapeDtypeStruct((n_robots,), jnp.float32),
+    )
     if overrides(task, Task, "conditions"):
         compare(f"{name}.conditions", result("conditions", before), conditions, "conditions")
     if overrides(task, Task, "survives"):
@@ -204,5 +233,7 @@ def _check_shapes(
     for key, found in metrics.items():
         if found.shape != () or found.dtype not in _SCALARS:
             got = f"{found.dtype}{list(found.shape)}"
-            raise UserError(f"{name}.metrics must return {key} as a scalar float32, int32 or bool (got {got})")
+            raise UserError(
+                f"{name}.metrics must return {key} as a scalar float32, int32 or bool (got {got})"
+            )
     return dict(sensed.own)

@@ -1,8 +1,8 @@
 """Compilation by numba of functions that Python or C calls.
 
-Programs are kept in the user's cache. Numba loads whatever it finds there: files that a power cut has emptied or that a
-disk has altered raise errors of any kind, or run. So their checksums lie beside them, and what does not match is
-removed before numba looks for it.
+Programs are kept in the user's cache. Numba loads whatever it finds there: files that a power cut
+has emptied or that a disk has altered raise errors of any kind, or run. So their checksums lie
+beside them, and what does not match is removed before numba looks for it.
 """
 
 import hashlib
@@ -25,13 +25,16 @@ from numba.core import config
 CHECKSUMS = "files.json"
 """File beside those of numba: what is known of them (`_Known`) by their paths."""
 _SUFFIXES = (".nbi", ".nbc")
-"""Suffixes of numba's files: an index for each function, and a program for each type of its arguments."""
+"""Suffixes of numba's files: an index for each function, and a program for each type of its
+arguments."""
 _LOCK = ".lock"
 """File that the process locks which reads or writes the checksums."""
 _PATIENCE = 10.0
-"""Time after which a folder whose lock another process keeps counts as one that cannot be written to [s]."""
+"""Time after which a folder whose lock another process keeps counts as one that cannot be written
+to [s]."""
 _THREADS = threading.RLock()
-"""Held by the thread that sets the directory of numba, which is that of all threads, or locks `_LOCK`."""
+"""Held by the thread that sets the directory of numba, which is that of all threads, or locks
+`_LOCK`."""
 
 
 class _Known(NamedTuple):
@@ -54,16 +57,21 @@ def version(sources: Path) -> str:
 
 
 def cached(
-    function: Callable, sources: Path | None = None, compiler: Callable[..., Any] = numba.njit, **options: Any
+    function: Callable,
+    sources: Path | None = None,
+    compiler: Callable[..., Any] = numba.njit,
+    **options: Any,
 ) -> Any:
-    """Compile a function once for all processes; where no directory for that can be written to, in each process.
+    """Compile a function once for all processes; where no directory for that can be written to, in
+    each process.
 
     Args:
         function: what to compile. Other compiled functions cannot call it.
-        sources: folder of the functions that it calls, by default that of its own file. Numba looks for changes in the
-            function's own file only, and would keep a program whose callees were edited; so each state of the folder
-            has its own place in the cache.
-        compiler: a decorator of numba: `njit` compiles when the function is first called, others at once.
+        sources: folder of the functions that it calls, by default that of its own file. Numba looks
+            for changes in the function's own file only, and would keep a program whose callees were
+            edited; so each state of the folder has its own place in the cache.
+        compiler: a decorator of numba: `njit` compiles when the function is first called, others at
+            once.
         options: of the compiler.
     """
     sources = sources or Path(function.__code__.co_filename).parent
@@ -91,8 +99,9 @@ def cached(
 def record(place: Path) -> None:
     """Write the checksums of numba's files in a folder of the cache.
 
-    Files that were not written since they were recorded keep their checksums, so that damage to them is still found.
-    Processes that compile at the same time take turns, so that the last to write has seen the files of all.
+    Files that were not written since they were recorded keep their checksums, so that damage to
+    them is still found. Processes that compile at the same time take turns, so that the last to
+    write has seen the files of all.
     """
     part = place / f".{os.getpid()}-{CHECKSUMS}"
     try:
@@ -112,7 +121,8 @@ def record(place: Path) -> None:
 
 
 def remove_damaged(place: Path) -> None:
-    """Remove numba's files that differ from their checksums, or have none, as where a process was killed."""
+    """Remove numba's files that differ from their checksums, or have none, as where a process was
+    killed."""
     with _THREADS, FileLock(place / _LOCK, timeout=_PATIENCE):
         known = _read_record(place)
         is_damaged = known is None
@@ -124,7 +134,9 @@ def remove_damaged(place: Path) -> None:
             is_damaged |= entry is not None
             path.unlink(missing_ok=True)
     if is_damaged:
-        _say(f"the cache of compiled programs in {place.parent} was damaged; what it lacks is compiled again")
+        _say(
+            f"the cache of compiled programs in {place.parent} was damaged; what it lacks is compiled again"
+        )
 
 
 def _recorded(program: Callable[..., Any], place: Path) -> Callable[..., Any]:
@@ -148,7 +160,8 @@ def _recorded(program: Callable[..., Any], place: Path) -> Callable[..., Any]:
 
 
 def _root() -> Path:
-    """Return the folder of all programs: NUMBA_CACHE_DIR if it is set, else one in the user's cache."""
+    """Return the folder of all programs: NUMBA_CACHE_DIR if it is set, else one in the user's
+    cache."""
     if config.CACHE_DIR:
         return Path(config.CACHE_DIR) / "iswarm_mj"
     return platformdirs.user_cache_path("iswarm_mj", appauthor=False) / "numba"
@@ -183,7 +196,8 @@ def _checksum(path: Path) -> str:
 
 
 def _recorded_file(path: Path, known: _Known | None) -> _Known:
-    """Return what is to be recorded of a file, which is read only if it was written since it was recorded."""
+    """Return what is to be recorded of a file, which is read only if it was written since it was
+    recorded."""
     status = path.stat()
     if known is not None and (known.size, known.time) == (status.st_size, status.st_mtime_ns):
         return known
@@ -191,13 +205,18 @@ def _recorded_file(path: Path, known: _Known | None) -> _Known:
 
 
 def _read_record(place: Path) -> dict[str, _Known] | None:
-    """Return what is recorded of the files, nothing where no record is; None if the record itself is damaged."""
+    """Return what is recorded of the files, nothing where no record is; None if the record itself
+    is damaged."""
     try:
         record = json.loads((place / CHECKSUMS).read_bytes())
         return {name: _Known(*entry) for name, entry in record.items()}
     except FileNotFoundError:
         return {}
-    except (ValueError, TypeError, AttributeError):  # no JSON, or other values than those of a record
+    except (
+        ValueError,
+        TypeError,
+        AttributeError,
+    ):  # no JSON, or other values than those of a record
         return None
 
 
@@ -210,4 +229,6 @@ def _say(text: str) -> None:
 def _say_unwritable(place: Path, error: OSError) -> None:
     """Print that a folder of the cache takes no files."""
     reason = error.strerror or str(error)
-    _say(f"compiled programs cannot be kept in {place.parent} ({reason}); each process compiles them again")
+    _say(
+        f"compiled programs cannot be kept in {place.parent} ({reason}); each process compiles them again"
+    )

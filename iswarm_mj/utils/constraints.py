@@ -204,7 +204,8 @@ def type_of(cls: type, name: str) -> Any:
 
 @functools.cache
 def constraint_of(cls: type, name: str) -> Within | None:
-    """Return the limits of a field of a dataclass, or of the elements of a tuple; None without any."""
+    """Return the limits of a field of a dataclass, or of the elements of a tuple; None without
+    any."""
     _, extras = _declared(cls).get(name, (None, ()))
     return next((extra for extra in extras if isinstance(extra, Within)), None)
 
@@ -219,7 +220,10 @@ def needs_of(cls: type, name: str) -> list[Needs]:
 def _declared(cls: type) -> dict[str, tuple[Any, tuple[Any, ...]]]:
     """Return the type of each field, and what `Annotated` adds to it, by name."""
     annotated = get_type_hints(cls, include_extras=True)
-    return {name: (kind, getattr(annotated[name], "__metadata__", ())) for name, kind in get_type_hints(cls).items()}
+    return {
+        name: (kind, getattr(annotated[name], "__metadata__", ()))
+        for name, kind in get_type_hints(cls).items()
+    }
 
 
 def _text(number: float) -> str:

@@ -47,7 +47,9 @@ def _check_import(library: str, beginning: str) -> None:
     except Exception as error:  # of any kind, such as AttributeError where OpenGL has no library
         given = ", ".join(f"{name}={shown(os.environ[name])}" for name in sorted(names))
         remedy = "unset it, or correct it and install what it names"
-        raise UserError(f"{library} cannot be imported with {given} ({shown(error)}); {remedy}") from None
+        raise UserError(
+            f"{library} cannot be imported with {given} ({shown(error)}); {remedy}"
+        ) from None
 
 
 @cache
@@ -55,14 +57,19 @@ def _check_xla_flags(flags: str) -> None:
     """Parse XLA's flags in another process, since those that XLA does not know end the process."""
     command = [sys.executable, "-c", _PARSE_XLA_FLAGS]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=_PATIENCE_S)
+        done = subprocess.run(
+            command, capture_output=True, text=True, errors="replace", timeout=_PATIENCE_S
+        )
     except (OSError, subprocess.TimeoutExpired):  # this says nothing about the flags
         return
     if done.returncode == 0:
         return
     # Warnings, whose lines begin with W, may precede the line of the error, which is such as
-    # "F1126 15:25:16 25193 parse_flags_from_env.cc:234] Unknown flag in XLA_FLAGS: --xla_nonsense=1".
+    # "F1126 15:25:16 25193 parse_flags_from_env.cc:234] Unknown flag in XLA_FLAGS:
+    # --xla_nonsense=1".
     lines = [line for line in done.stderr.splitlines() if line.startswith("F")]
     reasons = [line.partition("] ")[2] for line in lines if "] " in line]
     reason = shown(reasons[0]) if reasons else f"the process ended with {done.returncode}"
-    raise UserError(f"XLA_FLAGS must hold flags that XLA knows (got {shown(flags)}: {reason}); correct or unset it")
+    raise UserError(
+        f"XLA_FLAGS must hold flags that XLA knows (got {shown(flags)}: {reason}); correct or unset it"
+    )

@@ -129,7 +129,9 @@ class SimulationFault(RuntimeError):
         self.kind = FaultKind(kind)
 
     def __str__(self) -> str:
-        facts = [text.format(robots=self._bodies()) for kind, text in _FACTS.items() if kind & self.kind]
+        facts = [
+            text.format(robots=self._bodies()) for kind, text in _FACTS.items() if kind & self.kind
+        ]
         remedies = [text for kinds, text in _REMEDIES.items() if kinds & self.kind]
         parts = [" and ".join(facts), *remedies, self.detail]
         text = "; ".join(part for part in parts if part)
@@ -172,7 +174,9 @@ def closest(name: str, known: Iterable[str]) -> str | None:
     def distance(candidate: str) -> tuple[int, int]:
         """Return the number of characters that differ, and the difference of the lengths."""
         n_edits = 0
-        for kind, start, end, new_start, new_end in SequenceMatcher(None, name, candidate).get_opcodes():
+        for kind, start, end, new_start, new_end in SequenceMatcher(
+            None, name, candidate
+        ).get_opcodes():
             if kind != "equal":
                 n_edits += max(end - start, new_end - new_start)
         return n_edits, abs(len(candidate) - len(name))

@@ -234,7 +234,9 @@ def restored(cls: type[Any], values: Mapping[str, Any]) -> Any:
         TypeError: a name that the dataclass does not have.
     """
     class_of: dict[str, Any] = {
-        field.name: field.default_factory for field in fields(cls) if is_dataclass(field.default_factory)
+        field.name: field.default_factory
+        for field in fields(cls)
+        if is_dataclass(field.default_factory)
     }
     arguments = dict(values)
     for name in class_of.keys() & values.keys():

@@ -19,9 +19,18 @@ _ALLOWED: dict[str, tuple[tuple[Any, ...], str]] = {
     "jax_disable_jit": ((False,), "since programs round otherwise when they are not compiled"),
     "jax_no_execution": ((False,), "since programs run"),
     "jax_random_seed_offset": ((0,), "since it changes what a seed draws"),
-    "jax_error_checking_behavior_nan": (("ignore",), "since numbers that are not finite are faults"),
-    "jax_error_checking_behavior_divide": (("ignore",), "since numbers that are not finite are faults"),
-    "jax_error_checking_behavior_oob": (("ignore",), "since programs clip what lies beyond their arrays"),
+    "jax_error_checking_behavior_nan": (
+        ("ignore",),
+        "since numbers that are not finite are faults",
+    ),
+    "jax_error_checking_behavior_divide": (
+        ("ignore",),
+        "since numbers that are not finite are faults",
+    ),
+    "jax_error_checking_behavior_oob": (
+        ("ignore",),
+        "since programs clip what lies beyond their arrays",
+    ),
     "jax_numpy_dtype_promotion": (("standard",), "since programs mix types of numbers"),
     "jax_numpy_rank_promotion": (("allow", "warn"), "since programs broadcast"),
     "jax_transfer_guard": (_GUARDS, "since engines hand over arrays"),
@@ -29,14 +38,16 @@ _ALLOWED: dict[str, tuple[tuple[Any, ...], str]] = {
     "jax_transfer_guard_device_to_device": (_GUARDS, "since engines hand over arrays"),
     "jax_transfer_guard_device_to_host": (_GUARDS, "since engines hand over arrays"),
 }
-"""Settings of JAX with some values of which programs fail or come to other results: the other values, and why."""
+"""Settings of JAX with some values of which programs fail or come to other results: the other
+values, and why."""
 
 
 class _Process:
     """State of this process."""
 
     is_fork_of_jax = False
-    """It was forked after JAX had started its threads, which it lacks: it would wait for them for ever."""
+    """It was forked after JAX had started its threads, which it lacks: it would wait for them for
+    ever."""
 
 
 def _note_fork() -> None:
@@ -51,10 +62,12 @@ if hasattr(os, "register_at_fork"):
 
 
 def configure_jax() -> None:
-    """Check the settings of JAX, and keep compiled programs in the user's cache directory, in one for this host.
+    """Check the settings of JAX, and keep compiled programs in the user's cache directory, in one
+    for this host.
 
-    A directory that is set already takes precedence, be it by the environment's JAX_COMPILATION_CACHE_DIR or in Python;
-    else it is that of the operating system, on Linux XDG_CACHE_HOME or ~/.cache. May be called any number of times.
+    A directory that is set already takes precedence, be it by the environment's
+    JAX_COMPILATION_CACHE_DIR or in Python; else it is that of the operating system, on Linux
+    XDG_CACHE_HOME or ~/.cache. May be called any number of times.
 
     Raises:
         UserError: see `check_environment` and `check_jax`.
@@ -64,21 +77,26 @@ def configure_jax() -> None:
     import jax
 
     if not jax.config.jax_compilation_cache_dir:
-        cache = platformdirs.user_cache_path("iswarm_mj", appauthor=False) / f"jax-{platform.node()}"
+        cache = (
+            platformdirs.user_cache_path("iswarm_mj", appauthor=False) / f"jax-{platform.node()}"
+        )
         jax.config.update("jax_compilation_cache_dir", str(cache))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    # Programs run in the thread that calls them: handing each control step's to another takes 0.06 ms.
+    # Programs run in the thread that calls them: handing each control step's to another takes 0.06
+    # ms.
     jax.config.update("jax_cpu_enable_async_dispatch", False)
 
 
 def check_jax() -> None:
-    """Refuse a process or settings in which programs of JAX would hang, fail or come to other results.
+    """Refuse a process or settings in which programs of JAX would hang, fail or come to other
+    results.
 
     Settings are those of now, be they by environment variables or in Python.
 
     Raises:
-        UserError: with the name of the setting and of its environment variable, or how to start processes.
+        UserError: with the name of the setting and of its environment variable, or how to start
+            processes.
     """
     import jax
 
@@ -91,10 +109,14 @@ def check_jax() -> None:
         value = getattr(jax.config, name, allowed[0])  # other versions of JAX may lack it
         if getattr(value, "value", value) not in allowed:
             choices = " or ".join(str(choice) for choice in allowed)
-            raise UserError(f"{name.upper()} must be {choices}, {reason} (got {shown(value)}); leave it unset")
+            raise UserError(
+                f"{name.upper()} must be {choices}, {reason} (got {shown(value)}); leave it unset"
+            )
     platforms = jax.config.jax_platforms
     if platforms and "cpu" not in platforms.split(","):
-        raise UserError(f"JAX_PLATFORMS must name cpu, too, as {platforms},cpu (got {shown(platforms)})")
+        raise UserError(
+            f"JAX_PLATFORMS must name cpu, too, as {platforms},cpu (got {shown(platforms)})"
+        )
 
 
 def check_devices() -> None:
@@ -115,7 +137,11 @@ def check_devices() -> None:
         names = "jax_platforms", "jax_platform_name", "jax_default_device", "jax_num_cpu_devices"
         choices = {name.upper(): getattr(jax.config, name, None) for name in names}
         choices |= {name: value for name, value in os.environ.items() if name in choices}
-        given = ", ".join(f"{name}={shown(value)}" for name, value in choices.items() if value not in (None, "", -1))
+        given = ", ".join(
+            f"{name}={shown(value)}"
+            for name, value in choices.items()
+            if value not in (None, "", -1)
+        )
         reason = shown(error) if str(error) else "it finds no device"
         raise UserError(
             f"JAX cannot start with {given or 'the devices of this machine'} ({reason}); "
@@ -138,8 +164,8 @@ def can_use_warp() -> bool:
 def without_shardy() -> Iterator[None]:
     """Partition programs for several devices by GSPMD instead of Shardy.
 
-    In JAX 0.11.2 Shardy crashes with a segmentation fault when it removes unused inputs of a `shard_map` of MJX's step.
-    No program here relies on a partitioner.
+    In JAX 0.11.2 Shardy crashes with a segmentation fault when it removes unused inputs of a
+    `shard_map` of MJX's step. No program here relies on a partitioner.
     """
     import jax
 
@@ -170,7 +196,9 @@ def devices(count: str) -> list[Any]:
     visible = jax.local_devices()
     if count == "all":
         return visible
-    if not (count.isascii() and count.isdecimal() and len(count) < 10) or not 1 <= int(count) <= len(visible):
+    if not (count.isascii() and count.isdecimal() and len(count) < 10) or not 1 <= int(
+        count
+    ) <= len(visible):
         constraint = f"all, or between 1 and {len(visible)}, the number of devices that JAX sees"
         raise ConfigError("devices", count, f"{constraint} ({visible[0].device_kind})")
     return visible[: int(count)]

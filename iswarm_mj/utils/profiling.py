@@ -11,7 +11,9 @@ class Stopwatch:
     """Seconds spent in named stages, one entry for each time a stage was entered."""
 
     def __init__(self):
-        self.laps: dict[str, array[float]] = defaultdict(lambda: array("d"))  # of a million steps, a few MB
+        self.laps: dict[str, array[float]] = defaultdict(
+            lambda: array("d")
+        )  # of a million steps, a few MB
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:

@@ -31,7 +31,9 @@ def available_memory() -> int:
         used = int((_GROUP / "memory.current").read_text(encoding="ascii"))
         statistics = (_GROUP / "memory.stat").read_text(encoding="ascii").splitlines()
         cached_files = [
-            int(line.split()[1]) for line in statistics if line.startswith(("active_file ", "inactive_file "))
+            int(line.split()[1])
+            for line in statistics
+            if line.startswith(("active_file ", "inactive_file "))
         ]
         free = min(free, limit_of_group - used + sum(cached_files))
     limit = _address_space()
@@ -71,7 +73,8 @@ def check_memory(needed: int) -> None:
 
 
 def give_back() -> None:
-    """Return freed memory to the system, where the C library can (glibc), which keeps much of it."""
+    """Return freed memory to the system, where the C library can (glibc), which keeps much of
+    it."""
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
     if trim is not None:
         trim(ctypes.c_size_t(0))

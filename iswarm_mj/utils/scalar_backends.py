@@ -27,7 +27,9 @@ def whole(value: Any) -> Any:
     return int(value)
 
 
-def numbers_of(module: ModuleType, names: Mapping[str, Any], wrap: Callable[[Any], Any] = lambda f: f) -> Any:
+def numbers_of(
+    module: ModuleType, names: Mapping[str, Any], wrap: Callable[[Any], Any] = lambda f: f
+) -> Any:
     """Return the functions of a module with other meanings of some names.
 
     Args:
@@ -52,7 +54,8 @@ def in_arrays(module: ModuleType, library: ModuleType) -> Any:
 
 @cache
 def _in_arrays(module: str, library: str) -> Any:
-    """Return the functions of a module for arrays, see `in_arrays`; by names, which are hashable."""
+    """Return the functions of a module for arrays, see `in_arrays`; by names, which are
+    hashable."""
     xp = sys.modules[library]
     same = ("where", "clip", "exp", "log", "log2", "sqrt", "abs")
     names = {name: getattr(xp, name) for name in same}

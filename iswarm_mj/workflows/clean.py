@@ -79,7 +79,9 @@ def _save(run: Run, out: Path, started: float, mark: dict[str, bool]) -> None:
     results.write_result(out, content | mark)
 
 
-def _begin(run: Run, out: Path, grasps: int, save: Callable[[], None], stack: ExitStack) -> list[Recorder]:
+def _begin(
+    run: Run, out: Path, grasps: int, save: Callable[[], None], stack: ExitStack
+) -> list[Recorder]:
     """Remove the results of an earlier run, write a first result.json, and record the start.
 
     Args:

@@ -109,7 +109,9 @@ class TrialRow(NamedTuple):
     """The state became infinite or nan."""
 
 
-def trial_rows(settings: GraspSettings, all_cases: Sequence[Case], outcomes: "Outcomes") -> list[TrialRow]:
+def trial_rows(
+    settings: GraspSettings, all_cases: Sequence[Case], outcomes: "Outcomes"
+) -> list[TrialRow]:
     """Return the rows of the table, case by case.
 
     A ball that was not picked up, or fell before the ramp, has no release.
@@ -120,7 +122,9 @@ def trial_rows(settings: GraspSettings, all_cases: Sequence[Case], outcomes: "Ou
     return rows
 
 
-def _rows_of_case(settings: GraspSettings, case: Case, outcomes: "Outcomes", index: int) -> Iterator[TrialRow]:
+def _rows_of_case(
+    settings: GraspSettings, case: Case, outcomes: "Outcomes", index: int
+) -> Iterator[TrialRow]:
     """Yield the rows of a case: attempts without contact, the grasp, releases.
 
     Args:
@@ -203,7 +207,9 @@ def _melts(settings: GraspSettings, trial: Trial, highest_voltage: float) -> boo
     """Return whether the ball of a trial melts in contact at its highest voltage [V]."""
     contacts = settings.effective.contacts
     contact_time = settings.protocol.contact_time
-    return bool(melts(highest_voltage, trial.radius, contacts.breaks_at, contacts.supply, contact_time))
+    return bool(
+        melts(highest_voltage, trial.radius, contacts.breaks_at, contacts.supply, contact_time)
+    )
 
 
 def _number_or_none(value: float) -> float | None:
@@ -274,7 +280,11 @@ def outcome_lines(rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
     lines = []
     humidities = dict.fromkeys(row.relative_humidity for row in rows)
     for (experiment, name), humidity in product(_EXPERIMENT_NAMES.items(), humidities):
-        rows_at_humidity = [row for row in rows if row.experiment == experiment and row.relative_humidity == humidity]
+        rows_at_humidity = [
+            row
+            for row in rows
+            if row.experiment == experiment and row.relative_humidity == humidity
+        ]
         for gap in dict.fromkeys(row.gap for row in rows_at_humidity):
             rows_at_gap = [row for row in rows_at_humidity if row.gap == gap]
             place = "" if experiment == "grasp" else f" at {gap * _UM:g} um"
@@ -304,7 +314,9 @@ def _outcome_text(rows: Sequence[TrialRow]) -> str:
     return ", ".join(parts)
 
 
-def run_grasp(settings: GraspSettings, out: Path | None = None, record: Sequence[int] = ()) -> list[TrialRow]:
+def run_grasp(
+    settings: GraspSettings, out: Path | None = None, record: Sequence[int] = ()
+) -> list[TrialRow]:
     """Run the trials; write table, figures, recordings and result.json, and print a summary.
 
     Args:
@@ -359,11 +371,15 @@ def _compute_rows(settings: GraspSettings) -> tuple[list[TrialRow], Float[np.nda
     with Progress(len(trials), "trial", waiting="compiling the bench and its forces") as bar:
         from iswarm_mj.gripper.bench.run_trials import run_trials
 
-        outcomes = run_trials(trials, settings.protocol, settings.gaps, settings.threads, bar.update)
+        outcomes = run_trials(
+            trials, settings.protocol, settings.gaps, settings.threads, bar.update
+        )
     return trial_rows(settings, cases_to_run, outcomes), outcomes.grasp.voltage
 
 
-def _write_result(settings: GraspSettings, measured: Sequence[Mapping[str, Any]], out: Path) -> None:
+def _write_result(
+    settings: GraspSettings, measured: Sequence[Mapping[str, Any]], out: Path
+) -> None:
     """Write result.json: settings as flags take them, measures, and what exceeds the fit."""
     flags = {name: value for name, value in asdict(settings).items() if name != "out"}
     for name in ("contacts", "tool", "plate"):  # named tuples, which `asdict` keeps
@@ -377,7 +393,9 @@ def _write_result(settings: GraspSettings, measured: Sequence[Mapping[str, Any]]
     write_result(out, content)
 
 
-def run_force_curves(settings: GraspSettings, voltages: Sequence[float], out: Path) -> list[dict[str, Any]]:
+def run_force_curves(
+    settings: GraspSettings, voltages: Sequence[float], out: Path
+) -> list[dict[str, Any]]:
     """Write table and figure of force-distance curves at the medians of the works of adhesion.
 
     Args:

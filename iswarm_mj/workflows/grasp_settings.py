@@ -112,7 +112,9 @@ class GraspSettings:
         rule = "one or more relative humidities from 0 to 100 %"
         check("rh", self.rh, rule, len(self.rh) > 0)
         if self.tip_curvature and self.no_contact_gap != type(self).no_contact_gap:
-            raise ConfigError("no_contact_gap", self.no_contact_gap, "left out with a `tip_curvature`")
+            raise ConfigError(
+                "no_contact_gap", self.no_contact_gap, "left out with a `tip_curvature`"
+            )
         for name, gaps in (("gap", self.gap), ("no_contact_gap", self.no_contact_gap)):
             for gap in gaps:
                 fits = gap <= 4 * min(self.radii)
@@ -191,7 +193,9 @@ class GraspSettings:
             radii = tuple(dict.fromkeys(float(text) for text in texts))
         except ValueError:
             radii = ()
-        rule = "radii from 10e-6 to 50e-6 m, numbers or start:stop:count, with a count from 1 to 10000"
+        rule = (
+            "radii from 10e-6 to 50e-6 m, numbers or start:stop:count, with a count from 1 to 10000"
+        )
         are_valid = len(radii) > 0 and all(10e-6 <= radius <= 50e-6 for radius in radii)
         check("radius", " ".join(self.radius), rule, are_valid)
         return radii
@@ -278,7 +282,9 @@ class Case(NamedTuple):
 def cases(settings: GraspSettings) -> list[Case]:
     """Return all trials, by radius, then humidity, then repeat."""
     all_cases = []
-    for radius, humidity, repeat in product(settings.radii, settings.humidities, range(settings.repeats)):
+    for radius, humidity, repeat in product(
+        settings.radii, settings.humidities, range(settings.repeats)
+    ):
         trial = draw(settings.seed, radius, humidity, repeat, settings.rh_spread)
         all_cases.append(Case(adapted(settings, trial), humidity, repeat))
     return all_cases

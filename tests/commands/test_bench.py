@@ -18,20 +18,33 @@ from iswarm_mj.simulation.scenario import Scenario
 N_ROBOTS, N_WORLDS, WARM_UP, STEPS = 30, 3, 2, 5
 
 
-@pytest.mark.parametrize("engine", [MujocoSettings(1), PlanarSettings(1, refinement=3)], ids=["mujoco", "planar"])
+@pytest.mark.parametrize(
+    "engine", [MujocoSettings(1), PlanarSettings(1, refinement=3)], ids=["mujoco", "planar"]
+)
 def test_counts_and_keys(small, engine, capfd):
-    scenario = Scenario(small, robots=N_ROBOTS, engine=engine, worlds=N_WORLDS, steps=WARM_UP + STEPS)
+    scenario = Scenario(
+        small, robots=N_ROBOTS, engine=engine, worlds=N_WORLDS, steps=WARM_UP + STEPS
+    )
     content = bench(Run(scenario, record_worlds=()), WARM_UP)
     out = capfd.readouterr().out
     assert out.count("\n") == 1 and json.loads(out) == json.loads(json.dumps(content))
     counted = {name: content[name] for name in (*engine.identity, "n_robots", "n_worlds", "steps")}
-    assert counted == {**engine.identity, "n_robots": N_ROBOTS, "n_worlds": N_WORLDS, "steps": STEPS}
+    assert counted == {
+        **engine.identity,
+        "n_robots": N_ROBOTS,
+        "n_worlds": N_WORLDS,
+        "steps": STEPS,
+    }
     stages = {name for name in content if name.endswith("_ms")}
-    assert stages == {"sense_ms", "policy_ms", "physics_ms"} and all(content[stage] > 0 for stage in stages)
+    assert stages == {"sense_ms", "policy_ms", "physics_ms"} and all(
+        content[stage] > 0 for stage in stages
+    )
     assert content["devices"] == [] and content["delivered_mean"] == 0
     rate = N_WORLDS * N_ROBOTS * (small.drive.turn_substeps + small.drive.walk_substeps)
     rate *= content.get("refinement", 1)
-    assert content["robot_physics_steps_per_s"] == pytest.approx(1e3 * rate / content["ms_per_step"], rel=0.01)
+    assert content["robot_physics_steps_per_s"] == pytest.approx(
+        1e3 * rate / content["ms_per_step"], rel=0.01
+    )
 
 
 class Short(Eastward):

@@ -1,4 +1,5 @@
-"""What flags default to: `--config`, a TOML file of flags or the result.json of an earlier run, and `--reading`."""
+"""What flags default to: `--config`, a TOML file of flags or the result.json of an earlier run, and
+`--reading`."""
 
 import json
 from importlib.metadata import EntryPoint
@@ -38,32 +39,57 @@ def run_toml(here):
 
 def test_keys_are_flags():
     command = parse(["clean", "--config", "run.toml"])
-    assert (command.steps, command.robots, command.record, command.record_worlds) == (8, 12, False, (0, 1))
+    assert (command.steps, command.robots, command.record, command.record_worlds) == (
+        8,
+        12,
+        False,
+        (0, 1),
+    )
     assert command.own.use_hop_count is False
     assert (command.arena.size, command.arena.dump_size, command.arena.n_dust) == (15.0, 3.0, 24)
-    assert command.optics.line_of_sight is False and command.strategy == INTERPRETATIONS["initial"].strategy
+    assert (
+        command.optics.line_of_sight is False
+        and command.strategy == INTERPRETATIONS["initial"].strategy
+    )
 
 
 @pytest.mark.parametrize("order", [0, 1])
 def test_flags_override_the_file(order):
-    flags, file = ["--steps", "9", "--record", "--arena.size=20", "--record-worlds", "1"], ["--config=run.toml"]
+    flags, file = (
+        ["--steps", "9", "--record", "--arena.size=20", "--record-worlds", "1"],
+        ["--config=run.toml"],
+    )
     command = parse(["clean", *(file + flags if order else flags + file)])
-    assert (command.steps, command.record, command.arena.size, command.arena.n_dust) == (9, True, 20.0, 24)
+    assert (command.steps, command.record, command.arena.size, command.arena.n_dust) == (
+        9,
+        True,
+        20.0,
+        24,
+    )
     assert command.record_worlds == (1,)
 
 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("wings = 2", "x.toml names wings, which iswarm clean does not know; `iswarm clean --help-all` lists"),
-        ("[arena]\nsise = 3\nwings = 1", "names arena.sise, arena.wings, which .*; perhaps you meant arena.size; "),
+        (
+            "wings = 2",
+            "x.toml names wings, which iswarm clean does not know; `iswarm clean --help-all` lists",
+        ),
+        (
+            "[arena]\nsise = 3\nwings = 1",
+            "names arena.sise, arena.wings, which .*; perhaps you meant arena.size; ",
+        ),
         ("steps = ", "x.toml is no TOML"),
         (f"steps = 0x{'f' * 4000}", "steps must be .*too many digits"),
         (f"{'.'.join('a' * 2000)} = 1", "x.toml is no TOML"),
         ("[arena]\nn-dust = 5\nn_dust = 7", r"arena\.n_dust occurs twice"),
         ('record_worlds = ["--seed=3"]', "record_worlds must be .* no flag, .*got --seed=3"),
         ("optics.baud-rate = []", "Missing value for argument '--optics.baud-rate'"),
-        ("\n".join(f"key{n} = 1" for n in range(20_000)), r"names key0, key1, .{1,100}\.\.\., which"),
+        (
+            "\n".join(f"key{n} = 1" for n in range(20_000)),
+            r"names key0, key1, .{1,100}\.\.\., which",
+        ),
     ],
 )
 def test_what_a_file_must_not_have(here, text, says):
@@ -88,7 +114,10 @@ def test_lists_are_whole_values(here):
         ("{}", "x.json is not the result.json of a run"),
         ({"config": 5}, "x.json is not the result.json of a run"),
         ({"strategy": None}, "x.json is not the result.json of a run"),
-        ({"strategy": {"class": "Walk", "turn": 40.0}}, "is of the strategy Walk; name it by --strategy"),
+        (
+            {"strategy": {"class": "Walk", "turn": 40.0}},
+            "is of the strategy Walk; name it by --strategy",
+        ),
     ],
 )
 def test_files_that_are_no_result(here, content, says):
@@ -106,11 +135,27 @@ def test_a_result_repeats_its_run(here):
     main(["clean", "--config", "a/result.json", "--out", "b", "--no-record"])
     first, second = (json.loads((here / name / "result.json").read_text()) for name in "ab")
     assert first["picked"] and first["genome"]["use_hop_count"] is False and first["seed"] == 7
-    assert [key for key in first if first[key] != second[key]] in (["wall_s", "seconds"], ["seconds"], [])
+    assert [key for key in first if first[key] != second[key]] in (
+        ["wall_s", "seconds"],
+        ["seconds"],
+        [],
+    )
 
 
-TASK = {"class": "Aggregation", "spot_radius": 8.0, "spot_offset": 14.0, "dim": 0.25, "error_light": 0.05}
-WALK = {"class": "Beeclust", "longest_wait": 200.0, "half_light": 0.5, "meeting": 1.4, "leaving": 4.0}
+TASK = {
+    "class": "Aggregation",
+    "spot_radius": 8.0,
+    "spot_offset": 14.0,
+    "dim": 0.25,
+    "error_light": 0.05,
+}
+WALK = {
+    "class": "Beeclust",
+    "longest_wait": 200.0,
+    "half_light": 0.5,
+    "meeting": 1.4,
+    "leaving": 4.0,
+}
 
 
 @pytest.fixture
@@ -120,23 +165,38 @@ def offered(monkeypatch):
         EntryPoint("aggregation", "iswarm_mj.tasks.aggregation:Aggregation", "iswarm_mj.tasks"),
         EntryPoint("beeclust", "iswarm_mj.tasks.aggregation:Beeclust", "iswarm_mj.strategies"),
     ]
-    monkeypatch.setattr(library, "entry_points", lambda group: [p for p in points if p.group == group])
+    monkeypatch.setattr(
+        library, "entry_points", lambda group: [p for p in points if p.group == group]
+    )
 
 
 def test_a_result_of_another_task_repeats_it(here, offered):
-    (here / "x.json").write_text(json.dumps({"settings": {"seed": 3}, "config": {}, "strategy": WALK, "task": TASK}))
+    (here / "x.json").write_text(
+        json.dumps({"settings": {"seed": 3}, "config": {}, "strategy": WALK, "task": TASK})
+    )
     command = parse(["run", "--config", "x.json", "--dim", "0.3"])
-    assert (command.task.spot_radius, command.task.dim, command.own.longest_wait) == (8.0, 0.3, 200.0)
-    assert (command.task_name, command.controller, command.seed) == ("aggregation", ("beeclust",), 3)
+    assert (command.task.spot_radius, command.task.dim, command.own.longest_wait) == (
+        8.0,
+        0.3,
+        200.0,
+    )
+    assert (command.task_name, command.controller, command.seed) == (
+        "aggregation",
+        ("beeclust",),
+        3,
+    )
     with pytest.raises(
-        UserError, match="names the task aggregation, but iswarm clean has none; `iswarm run --config x"
+        UserError,
+        match="names the task aggregation, but iswarm clean has none; `iswarm run --config x",
     ):
         parse(["clean", "--config", "x.json"])
 
 
 def test_a_strategy_in_a_file(here):
     (here / "own.py").write_text("from iswarm_mj.strategy.genome import TYPE2")
-    (here / "x.toml").write_text('strategy = "own.py:TYPE2"\nfraction-scouts = 0.5\n"strategy.random-turn" = 10')
+    (here / "x.toml").write_text(
+        'strategy = "own.py:TYPE2"\nfraction-scouts = 0.5\n"strategy.random-turn" = 10'
+    )
     command = parse(["clean", "--config", "x.toml"])
     assert command.own.fraction_scouts == 0.5 and command.own.density_of_robots == 0.132
     assert command.strategy.random_turn == 10.0
@@ -144,7 +204,9 @@ def test_a_strategy_in_a_file(here):
 
 def test_a_flag_replaces_what_does_not_go_with_it(here):
     """The settings of a file's engine, and its density of robots."""
-    (here / "x.json").write_text(json.dumps({"settings": {}, "config": {}, "engine": "mjx", "impl": "jax"}))
+    (here / "x.json").write_text(
+        json.dumps({"settings": {}, "config": {}, "engine": "mjx", "impl": "jax"})
+    )
     assert parse(["clean", "--config", "x.json", "--engine", "mujoco"]).engine == "mujoco"
     (here / "x.toml").write_text("density = 0.1\n")
     command = parse(["clean", "--config", "x.toml", "--robots", "5"])
@@ -164,7 +226,10 @@ def test_a_reading_is_the_default_of_the_flags(command, reading):
 @pytest.mark.parametrize("order", [slice(None), slice(None, None, -1)])
 def test_flags_go_before_the_reading(order):
     """Also those that give a value that is the default of the other reading."""
-    parts = [["--reading", "initial"], ["--strategy.avoidance-sides", "front", "--strategy.random-turn=90"]]
+    parts = [
+        ["--reading", "initial"],
+        ["--strategy.avoidance-sides", "front", "--strategy.random-turn=90"],
+    ]
     strategy = parse(["clean", *(word for part in parts[order] for word in part)]).config.strategy
     initial = vars(INTERPRETATIONS["initial"].strategy)
     assert vars(strategy) == initial | {"avoidance_sides": "front", "random_turn": 90.0}

@@ -30,7 +30,18 @@ def from_path(directory):
 def test_writes_table_figures_and_recordings(here, capfd):
     assert (
         code_of(
-            "grasp", *FAST, "--radius", "15e-6:25e-6:2", "--rh", 10, 50, "--repeats", 2, "--record", 5, "--gap=8e-6"
+            "grasp",
+            *FAST,
+            "--radius",
+            "15e-6:25e-6:2",
+            "--rh",
+            10,
+            50,
+            "--repeats",
+            2,
+            "--record",
+            5,
+            "--gap=8e-6",
         )
         == 0
     )
@@ -41,20 +52,30 @@ def test_writes_table_figures_and_recordings(here, capfd):
     assert not any(name.startswith(".") for name in names)
     rows, told = read_table(out / TABLE)
     assert set(rows[0]) == set(COLUMNS.split())
-    assert [sum(r["experiment"] == e for r in rows) for e in ("grasp", "release", "no_contact")] == [8, 8, 24]
+    assert [
+        sum(r["experiment"] == e for r in rows) for e in ("grasp", "release", "no_contact")
+    ] == [8, 8, 24]
     assert sorted({(r["radius"], r["relative_humidity"], r["repeat"]) for r in rows}) == [
         (radius, rh, repeat) for radius in (15e-6, 25e-6) for rh in (10, 50) for repeat in (0, 1)
     ]
-    assert (told["seed"], told["protocol"]["step_voltage"], told["calibration"]["CONTACT_GAP"]) == (0, 2, 0.2e-6)
+    assert (told["seed"], told["protocol"]["step_voltage"], told["calibration"]["CONTACT_GAP"]) == (
+        0,
+        2,
+        0.2e-6,
+    )
     with (out / "trials.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(rows)
     recorded = read(out / "trial-0005.rrd")  # of the larger ball at 10 % RH, the second
     kept = recorded["/__properties/settings"]
     lifted = next(
-        r["voltage"] for r in rows if r["radius"] == 25e-6 and r["repeat"] == 1 and r["experiment"] == "grasp"
+        r["voltage"]
+        for r in rows
+        if r["radius"] == 25e-6 and r["repeat"] == 1 and r["experiment"] == "grasp"
     )
     wanted = {"trial.radius": 25e-6, "repeat": 1, "grasp_voltage": lifted}
-    assert {name: kept[name] for name in wanted} == {name: [value] for name, value in wanted.items()}
+    assert {name: kept[name] for name in wanted} == {
+        name: [value] for name, value in wanted.items()
+    }
     gaps = [
         r["Scalars:scalars"][0]
         for c in RrdReader(out / "trial-0005.rrd").stream().to_chunks()
@@ -70,9 +91,25 @@ def test_writes_table_figures_and_recordings(here, capfd):
 
 def test_a_ball_that_cannot_be_lifted_replaces_results_of_an_earlier_run(here, capfd):
     (here / "out").mkdir()
-    for name in ("grasp_voltage_humidity.png", "release_voltage_3um.svg", "trial-0001.rrd", "trial-notes.txt"):
+    for name in (
+        "grasp_voltage_humidity.png",
+        "release_voltage_3um.svg",
+        "trial-0001.rrd",
+        "trial-notes.txt",
+    ):
         (here / "out" / name).write_text("old")
-    flags = [*FAST, "--radius", "20e-6", "--repeats", 1, "--rh", 10, "--record", "--protocol.grasp-limit", 10]
+    flags = [
+        *FAST,
+        "--radius",
+        "20e-6",
+        "--repeats",
+        1,
+        "--rh",
+        10,
+        "--record",
+        "--protocol.grasp-limit",
+        10,
+    ]
     assert code_of("grasp", *flags, "--out", "out") == 0
     names = {"trials", "grasp_voltage", "no_contact", "trial-notes", "result"}
     assert {path.stem for path in (here / "out").iterdir()} == names
@@ -91,12 +128,20 @@ def test_results_that_cannot_be_written(here, capfd):
 
 
 def test_force_curves(here):
-    assert code_of("grasp", "--force-curve", "--radius", "20e-6", "--voltages", 0, 20, "--out", "out") == 0
+    assert (
+        code_of("grasp", "--force-curve", "--radius", "20e-6", "--voltages", 0, 20, "--out", "out")
+        == 0
+    )
     names = {path.name for path in (here / "out").iterdir()}
     assert names == {CURVES, "force_curve.csv", "force_curve.png", "force_curve.svg", "result.json"}
     schema = pyarrow.parquet.read_schema(here / "out" / CURVES)
     lengths, forces = ("radius", "tip", "gap"), ("adhesion", "electrostatic", "contact", "total")
-    units = {"direction": "", "voltage": "V", **dict.fromkeys(lengths, "m"), **dict.fromkeys(forces, "N")}
+    units = {
+        "direction": "",
+        "voltage": "V",
+        **dict.fromkeys(lengths, "m"),
+        **dict.fromkeys(forces, "N"),
+    }
     assert {field.name: field.metadata[b"unit"].decode() for field in schema} == units
     rows, _ = read_table(here / "out" / CURVES)
     for voltage in (0, 20):
@@ -117,14 +162,23 @@ def test_force_curves(here):
         assert retract.min() == pytest.approx(pull_off, rel=0.02)
         assert retract.min() < 0 < approach.max()
         told = next(
-            m for m in json.loads((here / "out/result.json").read_text())["measures"] if m["voltage"] == voltage
+            m
+            for m in json.loads((here / "out/result.json").read_text())["measures"]
+            if m["voltage"] == voltage
         )
         least = min(
             (row for row in rows if row["voltage"] == voltage and row["direction"] == "retract"),
             key=lambda r: r["total"],
         )
-        assert told == {"radius": 20e-6, "voltage": voltage, "pull_off": least["total"], "gap": least["gap"]}
+        assert told == {
+            "radius": 20e-6,
+            "voltage": voltage,
+            "pull_off": least["total"],
+            "gap": least["gap"],
+        }
     assert electrostatic < -1e-6
-    parts = np.array([[row[name] for name in ("adhesion", "electrostatic", "contact", "total")] for row in rows])
+    parts = np.array(
+        [[row[name] for name in ("adhesion", "electrostatic", "contact", "total")] for row in rows]
+    )
     np.testing.assert_allclose(parts[:, :3].sum(axis=1), parts[:, 3], atol=1e-15)
     assert (parts[:, :2] <= 0).all() and (parts[:, 2] >= 0).all()

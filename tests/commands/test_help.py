@@ -19,7 +19,9 @@ def shown(capfd, *arguments):
 
 
 def flags_of(command):
-    positional = {"name", "directory", "command", "given"} & {f.name for f in fields(COMMANDS[command])}
+    positional = {"name", "directory", "command", "given"} & {
+        f.name for f in fields(COMMANDS[command])
+    }
     return [flag(name) for name, *_ in settings(COMMANDS[command]()) if name not in positional]
 
 
@@ -36,7 +38,9 @@ def numbers_of(cls, prefix=""):
 def test_all_flags_with_their_ranges_and_the_main_ones(capfd, command):
     flags, cls = flags_of(command), COMMANDS[command]
     everything, text = shown(capfd, command, "--help-all"), shown(capfd, command, "--help")
-    assert [name for name in flags if f"{name} " not in everything and f"{name}," not in everything] == []
+    assert [
+        name for name in flags if f"{name} " not in everything and f"{name}," not in everything
+    ] == []
     left_out = [name for name in flags if f"{name} " not in text and f"{name}," not in text]
     assert bool(left_out) == bool(getattr(cls, "MAIN", ())) == ("--help-all" in text)
     for name, limits in numbers_of(cls):
@@ -47,7 +51,9 @@ def test_all_flags_with_their_ranges_and_the_main_ones(capfd, command):
 
 def test_help_on_a_genome_has_its_flags_and_how_to_choose_another(capfd):
     text = shown(capfd, "clean", "--genome", "type2", "--help")
-    assert re.search(r"--genome .*--fraction-scouts FLOAT \w[^-]*\(between 0 and 1; default 0\.27\)", text)
+    assert re.search(
+        r"--genome .*--fraction-scouts FLOAT \w[^-]*\(between 0 and 1; default 0\.27\)", text
+    )
 
 
 def test_flags_of_a_strategy_are_main_flags(capfd, here):

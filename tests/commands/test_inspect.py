@@ -45,9 +45,15 @@ def test_the_ways_to_open_files_work(run):
     call = python.split(": ", 1)[1].split(", .balls")[0]
     assert eval(call, {"iswarm_mj": iswarm_mj}).num_rows == 20 * 13
     table = ROOT / "results/default/hop-count/hop_count.parquet"
-    (parquet,) = (line for line in inspection(table.parent).splitlines() if line.startswith("hop_count.parquet"))
+    (parquet,) = (
+        line
+        for line in inspection(table.parent).splitlines()
+        if line.startswith("hop_count.parquet")
+    )
     assert eval(parquet.split("table: ")[1], {"pyarrow": pyarrow}).num_rows == 24
-    again = next(line for line in text.splitlines() if line.startswith("result.json")).split("; iswarm ")[1]
+    again = next(line for line in text.splitlines() if line.startswith("result.json")).split(
+        "; iswarm "
+    )[1]
     command = shlex.split(again.removesuffix(" repeats it"))
     main([*command, "--steps", "2", "--no-record", "--out", str(run.parent / "again")])
     assert json.loads((run.parent / "again/result.json").read_text())["steps"] == 2
@@ -60,19 +66,33 @@ def test_all_recordings_open_at_once(run, tmp_path, below):
     assert "as one dataset" not in inspection(out)
     for world in (2, 11):
         shutil.copytree(run, out / f"world-{world}", ignore=lambda *_: ["result.json"])
-    (line,) = (line for line in inspection(tmp_path if below else out).splitlines() if "all 3 recordings" in line)
-    opened = subprocess.run(["sh", "-c", line.split(": ")[1].replace("rerun", "ls -1")], capture_output=True, text=True)
-    assert opened.stdout.splitlines() == [str(out / name / "clean.rrd") for name in ("", "world-11", "world-2")]
+    (line,) = (
+        line
+        for line in inspection(tmp_path if below else out).splitlines()
+        if "all 3 recordings" in line
+    )
+    opened = subprocess.run(
+        ["sh", "-c", line.split(": ")[1].replace("rerun", "ls -1")], capture_output=True, text=True
+    )
+    assert opened.stdout.splitlines() == [
+        str(out / name / "clean.rrd") for name in ("", "world-11", "world-2")
+    ]
 
 
 @pytest.mark.parametrize(
     ("about", "command"),
     [
-        ({"strategy": {"class": "Walk", "speed": 0.5}}, "iswarm clean --strategy FILE.py:Walk --config "),
-        ({"strategy": {"class": "Teams", "a": {}}}, "iswarm clean --strategy NAME=SHARE NAME=SHARE --config "),
+        (
+            {"strategy": {"class": "Walk", "speed": 0.5}},
+            "iswarm clean --strategy FILE.py:Walk --config ",
+        ),
+        (
+            {"strategy": {"class": "Teams", "a": {}}},
+            "iswarm clean --strategy NAME=SHARE NAME=SHARE --config ",
+        ),
         (
             {"strategy": {"class": "Fix"}, "task": {"class": "Mine"}},
-            "iswarm clean --strategy FILE.py:Fix --task",
+            "iswarm run --strategy FILE.py:Fix --task",
         ),
     ],
 )
@@ -88,13 +108,19 @@ def test_a_trajectory_that_is_cut_off(run, tmp_path):
     shutil.copy(run / "result.json", tmp_path)
     whole = (run / "trajectory.npz").read_bytes()
     (tmp_path / "trajectory.npz").write_bytes(whole[:-10])
-    (line,) = (line for line in inspection(tmp_path).splitlines() if line.startswith("trajectory.npz"))
+    (line,) = (
+        line for line in inspection(tmp_path).splitlines() if line.startswith("trajectory.npz")
+    )
     assert "cut off" in line and "load" not in line
 
 
 def test_an_interrupted_run_with_a_fault(run, tmp_path):
     content = json.loads((run / "result.json").read_text())
-    content |= {"interrupted": True, "steps": 7, "faults": ["step 7, world 0: the contact solver failed"]}
+    content |= {
+        "interrupted": True,
+        "steps": 7,
+        "faults": ["step 7, world 0: the contact solver failed"],
+    }
     content |= dict.fromkeys(("delivered", "picked", "collisions", "fitness"))
     (tmp_path / "result.json").write_text(json.dumps(content))
     text = inspection(tmp_path)
@@ -114,7 +140,9 @@ def test_a_search_that_was_killed_has_a_table(tmp_path, ended):
         shutil.copy(ROOT / "results/default/evolve-cmaes" / name, tmp_path)
     journal_of_two(tmp_path / "checkpoint.sqlite")
     text = inspection(tmp_path)
-    assert ("interrupted: 2 finished runs of a search" in text and "same command goes on" in text) != ended
+    assert (
+        "interrupted: 2 finished runs of a search" in text and "same command goes on" in text
+    ) != ended
 
 
 @pytest.mark.parametrize("ended", [False, True])
@@ -127,14 +155,19 @@ def test_a_training_ends_with_its_figure(tmp_path, ended):
 
 def test_what_is_read_controls_no_terminal(run, tmp_path, capfd):
     content = json.loads((run / "result.json").read_text())
-    (tmp_path / "result.json").write_text(json.dumps({**content, "version": "\x1b[2J", "faults": ["\x1b[2J"]}))
+    (tmp_path / "result.json").write_text(
+        json.dumps({**content, "version": "\x1b[2J", "faults": ["\x1b[2J"]})
+    )
     main(["inspect", str(tmp_path)])
     assert "\x1b" not in capfd.readouterr().out
 
 
 def test_several_runs_are_one_table(run, tmp_path):
     for name, collisions in (("a", [2, 4]), ("b", [None, 7])):
-        content = json.loads((run / "result.json").read_text()) | {"collisions": collisions, "strategy": "?"}
+        content = json.loads((run / "result.json").read_text()) | {
+            "collisions": collisions,
+            "strategy": "?",
+        }
         (tmp_path / name).mkdir()
         (tmp_path / name / "result.json").write_text(json.dumps(content))
     head, *lines = inspection(tmp_path).splitlines()

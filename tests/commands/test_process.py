@@ -1,4 +1,5 @@
-"""`iswarm clean` in this process and as one of its own: results, faults, interruptions, output, programs on GPUs."""
+"""`iswarm clean` in this process and as one of its own: results, faults, interruptions, output,
+programs on GPUs."""
 
 import json
 import os
@@ -19,11 +20,27 @@ from iswarm_mj.utils.errors import FaultKind, SimulationFault, UserError
 @pytest.mark.parametrize(
     ("error", "code", "says"),
     [
-        (SimulationFault(step=8, world=0, robots=[5], kind=FaultKind.OUTSIDE), 1, "step 8, world 0: robot 5 left the "),
+        (
+            SimulationFault(step=8, world=0, robots=[5], kind=FaultKind.OUTSIDE),
+            1,
+            "step 8, world 0: robot 5 left the ",
+        ),
         (UserError("`robots` is odd"), 2, "`robots` is odd\n"),
-        (MemoryError(), 2, "there is not enough memory (none is left); use fewer worlds or robots.\n"),
-        (OSError(28, "No space left on device"), 2, "the output, or the cache of compiled programs, cannot be read or"),
-        (PermissionError(13, "Permission denied", "runs/x"), 2, "runs/x cannot be read or written (Permission denied)"),
+        (
+            MemoryError(),
+            2,
+            "there is not enough memory (none is left); use fewer worlds or robots.\n",
+        ),
+        (
+            OSError(28, "No space left on device"),
+            2,
+            "the output, or the cache of compiled programs, cannot be read or",
+        ),
+        (
+            PermissionError(13, "Permission denied", "runs/x"),
+            2,
+            "runs/x cannot be read or written (Permission denied)",
+        ),
         (BrokenPipeError(), 141, ""),  # the reader has ended, as in `iswarm inspect ... | head -1`
     ],
 )
@@ -35,11 +52,16 @@ def test_errors_of_a_command_are_exit_codes_and_sentences(monkeypatch, capfd, er
     monkeypatch.setattr("iswarm_mj.commands.main._discard_output", lambda: None)
     assert code_of("inspect") == code
     out, told = capfd.readouterr()
-    assert out == "" and told.count("\n") == bool(says) and told.startswith(f"iswarm: {says}" if says else "")
+    assert (
+        out == ""
+        and told.count("\n") == bool(says)
+        and told.startswith(f"iswarm: {says}" if says else "")
+    )
 
 
 def test_an_interruption_leaves_at_once():
-    """Else programs of Warp would call Python from their own threads while it shuts down, and crash or hang."""
+    """Else programs of Warp would call Python from their own threads while it shuts down, and crash
+    or hang."""
     code = """
 import atexit, types
 from iswarm_mj.commands import main as cli
@@ -56,9 +78,23 @@ cli.main()
 
 class TestProcess:
     def test_clean_from_another_directory(self, here):
-        command = [sys.executable, "-m", "iswarm_mj", "clean", *SMALL, "--steps", "2", "--out", "out"]
+        command = [
+            sys.executable,
+            "-m",
+            "iswarm_mj",
+            "clean",
+            *SMALL,
+            "--steps",
+            "2",
+            "--out",
+            "out",
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
-        told = [line for line in done.stderr.splitlines() if not re.match("iswarm: (placing|preparing) ", line)]
+        told = [
+            line
+            for line in done.stderr.splitlines()
+            if not re.match("iswarm: (placing|preparing) ", line)
+        ]
         assert (done.returncode, told) == (0, [])
         assert sorted(path.name for path in here.iterdir()) == ["out"]
         names = sorted(path.name for path in (here / "out").iterdir())
@@ -66,11 +102,16 @@ class TestProcess:
 
     @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
     def test_closed_streams_are_no_fault(self, here, closed):
-        """A file that is opened must not get the number of such a stream, into which libraries print."""
+        """A file that is opened must not get the number of such a stream, into which libraries
+        print."""
         command = [sys.executable, "-m", "iswarm_mj", "clean", *SMALL, "--steps=1", "--out=out"]
         shell = ["sh", "-c", f'"$@" {closed}', "sh", *command]
         done = subprocess.run(shell, capture_output=True, text=True, check=False)
-        assert done.returncode == 0 and "Traceback" not in done.stderr and "NoneType" not in done.stderr
+        assert (
+            done.returncode == 0
+            and "Traceback" not in done.stderr
+            and "NoneType" not in done.stderr
+        )
         assert ("results" in done.stdout) == (">&-" not in closed.replace("2>&-", ""))
         assert load("out").arrays["step"].tolist() == [0, 1]
 
@@ -79,11 +120,14 @@ class TestProcess:
         """Tyro alone does not end there."""
         command = [sys.executable, "-m", "iswarm_mj", "clean", "--help"]
         environment = os.environ | {"COLUMNS": columns}
-        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment, timeout=300)
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=True, env=environment, timeout=300
+        )
         assert "--robots" in done.stdout
 
     @pytest.mark.parametrize(
-        ("name", "remedy"), [("ä".encode(), "set PYTHONUTF8=1"), (b"\xe4", "rename what is named so")]
+        ("name", "remedy"),
+        [("ä".encode(), "set PYTHONUTF8=1"), (b"\xe4", "rename what is named so")],
     )
     def test_names_that_the_environment_cannot_read_as_text(self, name, remedy):
         command = [sys.executable, "-m", "iswarm_mj", "clean", b"--out=" + name]
@@ -122,7 +166,9 @@ values = wp.array([1.5], dtype=float, device="cpu")
 wp.launch(double, 1, [values], device="cpu")
 print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) != [])
 """)
-        done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False, env=env)
+        done = subprocess.run(
+            [sys.executable, str(script)], capture_output=True, text=True, check=False, env=env
+        )
         assert done.stdout == "[3.0] True\n", done.stderr
         assert sorted(path.name for path in here.iterdir()) == ["file", "kernel.py"]
 
@@ -130,8 +176,13 @@ print(values.numpy().tolist(), functions.os.listdir(wp.config.kernel_cache_dir) 
     def test_is_the_default_where_there_is_a_gpu(self, monkeypatch, has_gpu, impl):
         monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: has_gpu)
         assert parse(["bench", "--engine", "planar"]).engine_settings.impl == impl
-        assert parse(["bench", "--engine", "planar", "--impl", "numba"]).engine_settings.impl == "numba"
-        assert parse(["bench", "--engine", "mjx"]).engine_settings.impl == ("warp" if has_gpu else "jax")
+        assert (
+            parse(["bench", "--engine", "planar", "--impl", "numba"]).engine_settings.impl
+            == "numba"
+        )
+        assert parse(["bench", "--engine", "mjx"]).engine_settings.impl == (
+            "warp" if has_gpu else "jax"
+        )
 
 
 def test_the_genome_is_a_file_with_single_parameters_and_tells_the_density(here):
@@ -146,10 +197,19 @@ def test_the_genome_is_a_file_with_single_parameters_and_tells_the_density(here)
 
 def test_quick_experiments_have_directories_of_their_own(monkeypatch):
     given = []
-    monkeypatch.setattr("iswarm_mj.paper.studies.experiment.run_experiment", lambda *args: given.append(args))
-    for flags in ([], ["--quick", "--again"], ["--quick", "--out=here", "--seed=3", "--genome=type2"]):
+    monkeypatch.setattr(
+        "iswarm_mj.paper.studies.experiment.run_experiment", lambda *args: given.append(args)
+    )
+    for flags in (
+        [],
+        ["--quick", "--again"],
+        ["--quick", "--out=here", "--seed=3", "--genome=type2"],
+    ):
         parse(["experiment", "density", *flags]).run()
-    assert [str(out) for _, _, out, *_ in given] == [*map("runs/experiments/density{}".format, ("", "-quick")), "here"]
+    assert [str(out) for _, _, out, *_ in given] == [
+        *map("runs/experiments/density{}".format, ("", "-quick")),
+        "here",
+    ]
     assert [(plan.quick, plan.seed, again) for _, plan, *_, again in given] == [
         (False, 0, False),
         (True, 0, True),

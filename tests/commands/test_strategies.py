@@ -1,4 +1,5 @@
-"""A strategy in a file outside the package: every engine runs, carries and records it; its errors are explained."""
+"""A strategy in a file outside the package: every engine runs, carries and records it; its errors
+are explained."""
 
 import json
 import re
@@ -53,7 +54,12 @@ class Walk(Strategy):
 '''
 """With a flag and messages of its own."""
 N, STEPS = 12, 6
-FEW = ("--arena.size=10", "--arena.dump-size=3", "--arena.dust-area-size=2", "--arena.dust-area-offset=3.5")
+FEW = (
+    "--arena.size=10",
+    "--arena.dump-size=3",
+    "--arena.dust-area-size=2",
+    "--arena.dust-area-offset=3.5",
+)
 FEW += ("--arena.n-dust=5", f"--robots={N}", f"--steps={STEPS}")
 QUIET = ("--optics.error-in-communication=0", "--optics.p-communication-break=0")
 
@@ -90,7 +96,12 @@ def wrong(capfd, *names, command="clean", flags=()):
     "engine",
     [
         pytest.param(engine, id=" ".join(engine), marks=[pytest.mark.slow] * is_slow)
-        for engine, is_slow in [(["mujoco"], 0), (["planar"], 0), (["planar", "--impl=warp"], 1), (["mjx"], 1)]
+        for engine, is_slow in [
+            (["mujoco"], 0),
+            (["planar"], 0),
+            (["planar", "--impl=warp"], 1),
+            (["mjx"], 1),
+        ]
     ],
 )
 def test_every_engine_runs_carries_and_records_it(engine):
@@ -99,16 +110,24 @@ def test_every_engine_runs_carries_and_records_it(engine):
     assert turned.shape == (STEPS + 1, N) and (turned[0] == 0).all()
     steps = np.diff(turned, axis=0)
     assert np.abs(steps).max() <= np.deg2rad(40.001) and np.abs(steps).max() > np.deg2rad(20)
-    free = np.abs(np.diff(frames["pose"][..., 2], axis=0) - steps) < 1e-3  # a contact turns robots, too
+    free = (
+        np.abs(np.diff(frames["pose"][..., 2], axis=0) - steps) < 1e-3
+    )  # a contact turns robots, too
     assert free.mean() > 0.5
     assert frames["scene_memory_names"].tolist() == ["count", "heat", "turned"]
     assert frames["scene_memory_units"].tolist() == ["", "", "rad"] and "dust_vector" not in frames
     with warnings.catch_warnings(action="error"):
         run = iswarm_mj.load("runs/clean")
     names = run.robots.column_names
-    table = {name: run.robots[name].to_numpy(zero_copy_only=False).reshape(STEPS + 1, N) for name in names}
+    table = {
+        name: run.robots[name].to_numpy(zero_copy_only=False).reshape(STEPS + 1, N)
+        for name in names
+    }
     np.testing.assert_array_equal(table["turned"], turned)
-    units = [run.robots.schema.field(name).metadata[b"unit"] for name in ("turned", "said_aim", "said_heat")]
+    units = [
+        run.robots.schema.field(name).metadata[b"unit"]
+        for name in ("turned", "said_aim", "said_heat")
+    ]
     assert units == [b"rad", b"rad", b""]
     content = json.loads(Path("runs/clean/result.json").read_text())
     assert content["strategy"] == {"class": "Walk", "turn": 40.0}
@@ -118,38 +137,55 @@ def test_every_engine_runs_carries_and_records_it(engine):
         said = table[f"said_{name}"]
         assert np.isnan(said[0].astype(float)).all() and np.abs(said[1:]).max() <= most
         if name != "aim":  # a robot says what it remembered
-            np.testing.assert_allclose(said[1:], np.clip(table[name][:-1], 0, most), atol=step / 2 + 1e-6)
-        np.testing.assert_allclose(said[1:] / step, np.round(said[1:].astype(float) / step), atol=1e-3)
+            np.testing.assert_allclose(
+                said[1:], np.clip(table[name][:-1], 0, most), atol=step / 2 + 1e-6
+            )
+        np.testing.assert_allclose(
+            said[1:] / step, np.round(said[1:].astype(float) / step), atol=1e-3
+        )
     links = run.links.to_pydict()
     assert all(links["is_heard"]) and len(links["step"]) > 20
-    for step, receiver, sender in zip(links["step"], links["receiver"], links["sender"], strict=True):
+    for step, receiver, sender in zip(
+        links["step"], links["receiver"], links["sender"], strict=True
+    ):
         assert table["count"][step, receiver] >= table["said_count"][step, sender]
     assert (table["count"][-1] > np.arange(N)).any()
     entities = read("runs/clean/clean.rrd")
     entity = entities["/memory/turned"]
-    np.testing.assert_allclose(np.array([row for row in entity["Scalars:scalars"]]), turned, rtol=1e-6)
+    np.testing.assert_allclose(
+        np.array([row for row in entity["Scalars:scalars"]]), turned, rtol=1e-6
+    )
     body = entities["/world/robots/body"]
     np.testing.assert_array_equal(np.array(body["said_count"])[1:], table["said_count"][1:])
 
 
 def test_in_turn_news_goes_further_within_a_step():
     """With a method `listen`, which sequential updates need."""
-    listen = "    def listen(self, memory, seen, key):\n        return self.act(memory, seen, key)[0]\n"
+    listen = (
+        "    def listen(self, memory, seen, key):\n        return self.act(memory, seen, key)[0]\n"
+    )
     Path("walk.py").write_text(WALK + listen)
     flags = ("--engine=planar", "--robots=25", "--seed=1")
-    orders = [(*flags, f"--strategy.update-order={order}") for order in ("synchronous", "sequential")]
+    orders = [
+        (*flags, f"--strategy.update-order={order}") for order in ("synchronous", "sequential")
+    ]
     known = []
     for own in orders:
         assert code_of("clean", "--strategy", "walk.py:Walk", *FEW[:-2], "--steps=6", *own) == 0
-        known.append(iswarm_mj.load("runs/clean").robots["count"].to_numpy().reshape(7, 25)[2].sum())
+        known.append(
+            iswarm_mj.load("runs/clean").robots["count"].to_numpy().reshape(7, 25)[2].sum()
+        )
     assert known[1] > known[0]
 
 
 class TestInstalled:
     @pytest.fixture(autouse=True)
     def package(self, here, monkeypatch):
-        """What an installer writes about this package, from its own declaration, and about another."""
-        groups = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]["entry-points"]
+        """What an installer writes about this package, from its own declaration, and about
+        another."""
+        groups = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())[
+            "project"
+        ]["entry-points"]
         points = groups["iswarm_mj.strategies"] | {"theirs": "walk:Walk"}
         info = here / "own-1.0.dist-info"
         info.mkdir()
@@ -182,7 +218,12 @@ LAST = "heard = {"
 MISTAKES = [
     (("wlk.py:Walk",), "", "", "strategy file wlk.py does not exist"),
     (("walk.py:Wlk",), "", "", "walk.py has no Wlk; its strategies are Walk"),
-    (("walk.py",), "@dataclass\n", "class Base:\n    pass\n\n@dataclass\n", "names no class; its strategies are Walk;"),
+    (
+        ("walk.py",),
+        "@dataclass\n",
+        "class Base:\n    pass\n\n@dataclass\n",
+        "names no class; its strategies are Walk;",
+    ),
     (
         (),
         "def picks(self, memory):",
@@ -195,7 +236,12 @@ MISTAKES = [
         "class Walk(Strategy):\n    def __init__(self):\n        self.a = 1 / 0\n",
         r"raised ZeroDivisionError: .*walk\.py, line \d+: `self.a = 1 / 0`",
     ),
-    ((), "turn: ", "steps: int = 3\n    turn: ", "has a field steps, but --steps is already a flag of iswarm clean"),
+    (
+        (),
+        "turn: ",
+        "steps: int = 3\n    turn: ",
+        "has a field steps, but --steps is already a flag of iswarm clean",
+    ),
     (
         (),
         LAST,
@@ -209,8 +255,18 @@ MISTAKES = [
         r"Walk\.act .*, line LINE: .*TracerArray",
     ),
     ((), "Command(turn, ", "Command(turn[:2], ", r"turn of its command \(got float32\[2\]\)"),
-    ((), '"turned": memory["turned"] + turn}', '"turned": memory["count"]}', r"its memory .*got int32\[12"),
-    ((), 'memory["turned"] < jnp.inf', 'memory["count"]', r"picks must return bool\[12\] as its result \(got int32"),
+    (
+        (),
+        '"turned": memory["turned"] + turn}',
+        '"turned": memory["count"]}',
+        r"its memory .*got int32\[12",
+    ),
+    (
+        (),
+        'memory["turned"] < jnp.inf',
+        'memory["count"]',
+        r"picks must return bool\[12\] as its result \(got int32",
+    ),
     ((), '"turned": "rad"', '"turn": "rad"', "recorded names 'turn', which its memory lacks"),
     (
         (),
@@ -220,7 +276,12 @@ MISTAKES = [
     ),
     ((), '"turned"', '"pose"', "cannot be called pose"),
     ((), '"turned"', '"file"', "cannot be called file"),
-    ((), "Integer(bits=4)", "Integer(bits=21)", "payload of 32 bits .* leave out or shorten fields by 3 bits"),
+    (
+        (),
+        "Integer(bits=4)",
+        "Integer(bits=21)",
+        "payload of 32 bits .* leave out or shorten fields by 3 bits",
+    ),
     ((), '"count": Integer', '"led": Integer', "cannot be called 'led'"),
     (
         (),
@@ -229,7 +290,12 @@ MISTAKES = [
         "by name what payload declares, count, heat, aim .got ",
     ),
     ((), "{name: memory[name] ", "{name: memory['count'] ", "float32.12. as its field heat"),
-    ((), "payload = ", "payloads = ", "Walk.payloads is never used: Strategy has payload, but no payloads"),
+    (
+        (),
+        "payload = ",
+        "payloads = ",
+        "Walk.payloads is never used: Strategy has payload, but no payloads",
+    ),
     (("walk.py:Walk", "type1"), "", "", "NAME=SHARE"),
     (("walk.py:Walk=0.5", "type1=x"), "", "", "NAME=SHARE"),
     (("walk.py:Walk=0.5", "type1=0.6"), "", "", "add up to 1"),
@@ -248,8 +314,12 @@ def test_mistakes(capfd, names, old, new, words):
 
 def test_what_a_task_finds_wrong_with_its_flags(capfd):
     task = Path(iswarm_mj.__file__).parent / "tasks" / "foraging.py"
-    error = wrong(capfd, "walk.py:Walk", command="run", flags=[f"--task={task}:Foraging", "--sources=6"])
-    assert re.search(r"^iswarm: --sources must be at most 5, the items .* \(--arena.n-dust\) \(got 6\)", error)
+    error = wrong(
+        capfd, "walk.py:Walk", command="run", flags=[f"--task={task}:Foraging", "--sources=6"]
+    )
+    assert re.search(
+        r"^iswarm: --sources must be at most 5, the items .* \(--arena.n-dust\) \(got 6\)", error
+    )
 
 
 POLICY = """
@@ -282,10 +352,16 @@ class Quiet(Walk):
 
 
 def test_teams():
-    """Shares, flags with the teams' names, files that repeat the run, and commands that the page states."""
+    """Shares, flags with the teams' names, files that repeat the run, and commands that the page
+    states."""
     Path("walk.py").write_text(WALK + SILENT)
     names = ("walk.py:Quiet=0.5", "walk.py:Quiet=0.25", "type2=0.25")
-    flags = ("--Quiet.turn=20", "--Quiet2.turn=40", "--type2.p-vector-forget=0.5", "--engine=planar")
+    flags = (
+        "--Quiet.turn=20",
+        "--Quiet2.turn=40",
+        "--type2.p-vector-forget=0.5",
+        "--engine=planar",
+    )
     first = walked(*flags, names=names)
     assert first["scene_team_names"].tolist() == ["Quiet", "Quiet2", "type2"]
     assert first["scene_team_sizes"].tolist() == [6, 3, 3]
@@ -293,12 +369,19 @@ def test_teams():
     assert [result["strategy"][name].get("turn") for name in ("Quiet", "Quiet2")] == [20.0, 40.0]
     assert result["strategy"]["type2"]["p_vector_forget"] == 0.5
     turned = [first[f"{name}_turned"][-1] != 0 for name in ("Quiet", "Quiet2")]
-    assert np.array_equal(turned, [[True] * 6 + [False] * 6, [False] * 6 + [True] * 3 + [False] * 3])
+    assert np.array_equal(
+        turned, [[True] * 6 + [False] * 6, [False] * 6 + [True] * 3 + [False] * 3]
+    )
     Path("runs/clean/result.json").rename("again.json")
     second = walked("--config=again.json", "--engine=planar", names=names)
     np.testing.assert_array_equal(second["pose"], first["pose"])
-    session = parse(["play", "--strategy", "walk.py:Quiet=9", "type1=3", *FEW[:-1], "--engine=planar"]).session()
+    session = parse(
+        ["play", "--strategy", "walk.py:Quiet=9", "type1=3", *FEW[:-1], "--engine=planar"]
+    ).session()
     values = session.wanted.values()
     assert values["strategy"] == ("walk.py:Quiet=9", "type1=3")
     assert "--strategy walk.py:Quiet=9 type1=3" in command_line("run", values)
-    assert session.wanted.set("strategy", session.wanted.get("strategy")).strategy.sizes(N) == (9, 3)
+    assert session.wanted.set("strategy", session.wanted.get("strategy")).strategy.sizes(N) == (
+        9,
+        3,
+    )

@@ -1,4 +1,5 @@
-"""`iswarm sweep`: rows are those of single runs; finished runs are kept; what varies is checked first."""
+"""`iswarm sweep`: rows are those of single runs; finished runs are kept; what varies is checked
+first."""
 
 import json
 import re
@@ -27,7 +28,10 @@ def counted(monkeypatch):
     def rows(run):
         runs.append(run)
         about = {"n_robots": 5, "max_steps": 30, "goal": None, "finished_at": None}
-        return [{"seed": 0, "world": world, **about, "count": len(runs), "fault": None} for world in range(2)]
+        return [
+            {"seed": 0, "world": world, **about, "count": len(runs), "fault": None}
+            for world in range(2)
+        ]
 
     monkeypatch.setattr(runner, "_rows_of_run", rows)
     return runs
@@ -44,7 +48,9 @@ def test_each_row_is_a_world_of_a_single_run(here, capfd):
     ]
     assert code_of("clean", *FLAGS, "--robots=20", "--drive.error-step=0.05", "--no-record") == 0
     own = result()
-    assert [row["collisions"] for row in rows[4:6]] == own["collisions"] and max(own["collisions"]) > 0
+    assert [row["collisions"] for row in rows[4:6]] == own["collisions"] and max(
+        own["collisions"]
+    ) > 0
     assert [row["picked"] for row in rows[4:6]] == own["picked"] and max(own["picked"]) > 0
     capfd.readouterr()
     main(["inspect", "runs/sweep"])
@@ -67,7 +73,9 @@ def test_finished_runs_are_kept_unless_a_file_or_what_it_imports_has_changed(her
     assert code_of(*command, "speed=0.5,1") == 0 and len(counted) == 7
 
 
-@pytest.mark.parametrize("entry", [[], [{"max_steps": {}}], [{"max_steps": 30, "count": [[]]}], [{"count": 1}]])
+@pytest.mark.parametrize(
+    "entry", [[], [{"max_steps": {}}], [{"max_steps": 30, "count": [[]]}], [{"count": 1}]]
+)
 def test_a_journal_of_other_entries_is_refused(here, counted, capfd, entry):
     command = ["sweep", "clean", *FLAGS, "--robots=5", "--over", "seed=1"]
     assert code_of(*command) == 0
@@ -76,28 +84,49 @@ def test_a_journal_of_other_entries_is_refused(here, counted, capfd, entry):
     capfd.readouterr()
     assert code_of(*command) == 2
     error = capfd.readouterr().err
-    assert re.search(r"^iswarm: runs/sweep/runs.sqlite is not a journal of iswarm, or damaged .*\n\Z", error, re.M)
+    assert re.search(
+        r"^iswarm: runs/sweep/runs.sqlite is not a journal of iswarm, or damaged .*\n\Z",
+        error,
+        re.M,
+    )
 
 
 def test_a_setting_needs_an_effect_in_one_run_only(here, counted):
     command = ["sweep", "clean", *FLAGS, "--robots=5", "--optics.photodiode-splay=20", "--over"]
     assert code_of(*command, "optics.mode=sector,power") == 0 and len(counted) == 2
-    assert code_of(*command, "optics.mode=sector,power", "--optics.photodiode-aperture=80", "--again") == 0
+    assert (
+        code_of(*command, "optics.mode=sector,power", "--optics.photodiode-aperture=80", "--again")
+        == 0
+    )
     assert code_of(*command, "seed=1,2") == 2
-    assert code_of(*command[:-2], "--over", "optics.photodiode-splay=30,20") == 2  # the first is the default
+    assert (
+        code_of(*command[:-2], "--over", "optics.photodiode-splay=30,20") == 2
+    )  # the first is the default
 
 
 def test_switches_vary_too(here, counted):
-    assert code_of("sweep", "clean", *FLAGS, "--robots=5", "--over", "use_hop_count=True,False") == 0
+    assert (
+        code_of("sweep", "clean", *FLAGS, "--robots=5", "--over", "use_hop_count=True,False") == 0
+    )
     assert [row["use_hop_count"] for row in table()] == [True, True, False, False]
 
 
 def test_metrics_of_a_task_are_columns(here):
-    command = ["sweep", "run", "--task=aggregation", "--engine=planar", "--threads=1", "--steps=5", "--robots=12"]
+    command = [
+        "sweep",
+        "run",
+        "--task=aggregation",
+        "--engine=planar",
+        "--threads=1",
+        "--steps=5",
+        "--robots=12",
+    ]
     assert code_of(*command, "--over", "strategy=beeclust", "seed=0,1", "--out=found") == 0
     rows = table("found/sweep.csv")
     assert [(row["strategy"], row["seed"]) for row in rows] == [("beeclust", 0), ("beeclust", 1)]
-    assert "delivered" not in rows[0] and any(isinstance(value, float) for value in rows[0].values())
+    assert "delivered" not in rows[0] and any(
+        isinstance(value, float) for value in rows[0].values()
+    )
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,11 @@ class Teleport(Engine):
     def __init__(self, model: ModelSpec, far: float):
         self.robot, self._far = read_robots(model.robot_file), far
         self._timestep = model.config.drive.timestep
-        self._walls = model.config.arena.walls * [1, 1, RD]  # normals, and distances from the centre in mm
+        self._walls = model.config.arena.walls * [
+            1,
+            1,
+            RD,
+        ]  # normals, and distances from the centre in mm
 
     def place(self, poses: Any, is_present: Any) -> Places:
         return Places(np.array(poses, float))
@@ -41,7 +45,11 @@ class Teleport(Engine):
 
     def sense(self, bodies: Places, emits: Any, is_running: Any) -> LightReading:
         shape = (*bodies.poses.shape[:2], len(self.robot.sides))
-        whole, flags, number = np.zeros(shape, np.int32), np.zeros(shape, bool), np.zeros(shape, np.float32)
+        whole, flags, number = (
+            np.zeros(shape, np.int32),
+            np.zeros(shape, bool),
+            np.zeros(shape, np.float32),
+        )
         return LightReading(Links(whole, flags, whole, number, number), flags)
 
     def move(self, bodies: Places, phases: Sequence[Phase], is_running: Any) -> Motion:
@@ -52,7 +60,10 @@ class Teleport(Engine):
         fault, robot = find_lost(poses, np.broadcast_to(moves, poses.shape[:2]), self._walls)
         poses = np.where((moves & (fault == 0)[:, None])[..., None], poses, bodies.poses)
         return Motion(
-            Places(poses), np.zeros((len(poses), self.robot.most_partners, poses.shape[1]), np.int32), fault, robot
+            Places(poses),
+            np.zeros((len(poses), self.robot.most_partners, poses.shape[1]), np.int32),
+            fault,
+            robot,
         )
 
 

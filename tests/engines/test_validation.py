@@ -24,39 +24,103 @@ SETTINGS = [
     ("    far: ", "    chunk: int = 0\n    far: ", "chunk must be a whole number above 0"),
     ("    far: ", "    on_host = np.zeros(2)\n    far: ", "on_host must be true or false"),
     ("    far: ", "    identity = 7\n    far: ", "identity must be a dictionary"),
-    ("lambda n_worlds, n_threads: Teleport(model, self.far)", "None", "host_engine raised TypeError"),
+    (
+        "lambda n_worlds, n_threads: Teleport(model, self.far)",
+        "None",
+        "host_engine raised TypeError",
+    ),
     ("Teleport(model, self.far)", "None", "host_engine must return an engine"),
 ]
 METHODS = [
     ("def move(", "def other(", "abstract class Teleport .*abstract method '?move"),
     ("def sense(self", "def sense(self, more", "sense raised TypeError"),
-    ("self.robot, self._far = read_robots(model.robot_file), far", "self._far = far", "robot raised AttributeError"),
-    ("self.robot, self._far = read_robots(model.robot_file), far", "self.robot = np.zeros(3)", "robot must be the"),
-    ("read_robots(model.robot_file), far", f"read_robots({str(SIX)!r}), far", r"robot must be .*got others"),
-    ("Places(np.array(poses, float))", "Places(poses[0])", r"place must return arrays .* as \.poses .*shape \(5, 3\)"),
-    ("return bodies.poses", "return bodies.poses.tolist()", r"poses must return an array as its result \(got list"),
+    (
+        "self.robot, self._far = read_robots(model.robot_file), far",
+        "self._far = far",
+        "robot raised AttributeError",
+    ),
+    (
+        "self.robot, self._far = read_robots(model.robot_file), far",
+        "self.robot = np.zeros(3)",
+        "robot must be the",
+    ),
+    (
+        "read_robots(model.robot_file), far",
+        f"read_robots({str(SIX)!r}), far",
+        r"robot must be .*got others",
+    ),
+    (
+        "Places(np.array(poses, float))",
+        "Places(poses[0])",
+        r"place must return arrays .* as \.poses .*shape \(5, 3\)",
+    ),
+    (
+        "return bodies.poses",
+        "return bodies.poses.tolist()",
+        r"poses must return an array as its result \(got list",
+    ),
     (SIGHT, "None", r"sense must return LightReading of 6 arrays .*got NoneType"),
-    (SIGHT, SIGHT.replace("whole,", "number,"), r"sense must return int32\[1, 5, 4\] as \.links\.sender .*float32"),
-    (SIGHT, SIGHT.replace("whole, flags", "whole + 9, ~flags"), r"sense must return a sender from 0 to 4 .*got 9"),
-    (SIGHT, SIGHT.replace("whole, flags", "whole - 1, ~flags"), r"sense must return a sender from 0 to 4 .*got -1"),
-    (SIGHT, SIGHT.replace("flags, whole,", "~flags, whole + 4,"), r"sense must return a led from 0 to 3 .*got 4"),
-    (SIGHT, SIGHT.replace("flags, whole, number, number", "~flags, whole, number, number * np.nan"), "true_distance"),
+    (
+        SIGHT,
+        SIGHT.replace("whole,", "number,"),
+        r"sense must return int32\[1, 5, 4\] as \.links\.sender .*float32",
+    ),
+    (
+        SIGHT,
+        SIGHT.replace("whole, flags", "whole + 9, ~flags"),
+        r"sense must return a sender from 0 to 4 .*got 9",
+    ),
+    (
+        SIGHT,
+        SIGHT.replace("whole, flags", "whole - 1, ~flags"),
+        r"sense must return a sender from 0 to 4 .*got -1",
+    ),
+    (
+        SIGHT,
+        SIGHT.replace("flags, whole,", "~flags, whole + 4,"),
+        r"sense must return a led from 0 to 3 .*got 4",
+    ),
+    (
+        SIGHT,
+        SIGHT.replace("flags, whole, number, number", "~flags, whole, number, number * np.nan"),
+        "true_distance",
+    ),
     ("        return Motion(", "        return (", "move must return a Motion"),
-    ("Places(poses), np", "None, np", "move must return Places of 1 array as its bodies as it was given"),
+    (
+        "Places(poses), np",
+        "None, np",
+        "move must return Places of 1 array as its bodies as it was given",
+    ),
     ("        poses = bodies.poses\n", "        raise SystemExit(0)\n", "move raised SystemExit"),
 ]
 IN_PROGRAMS = [
     ("def mapping", "def other", "abstract class Glide .*abstract method '?mapping"),
-    ('return "batch"', 'return "each"', r"Glide.mapping must return one of 'batch', .*\(got 'each'\)"),
+    (
+        'return "batch"',
+        'return "each"',
+        r"Glide.mapping must return one of 'batch', .*\(got 'each'\)",
+    ),
     ("model.config.drive.timestep", "'x'", "engine Glide holds a str where JAX expects an array"),
     (
         "Places(poses)\n\n    def poses",
         "Places(poses.astype(int))\n\n    def poses",
         r"poses must return float32\[1, 5, 3\]",
     ),
-    ("return bodies.poses", "return bodies.poses if bodies.poses.sum() else 1", "TracerBoolConversionError explains"),
-    (SIGHT, SIGHT.replace("whole, flags", "whole + 9, ~flags"), "glide must return a sender from 0 to 4"),
-    ("Places(poses), touching", "Places(poses.astype(jnp.float16)), touching", "poses of its bodies as it was given"),
+    (
+        "return bodies.poses",
+        "return bodies.poses if bodies.poses.sum() else 1",
+        "TracerBoolConversionError explains",
+    ),
+    (
+        SIGHT,
+        SIGHT.replace("whole, flags", "whole + 9, ~flags"),
+        "glide must return a sender from 0 to 4",
+    ),
+    (
+        "Places(poses), touching",
+        "Places(poses.astype(jnp.float16)), touching",
+        "poses of its bodies as it was given",
+    ),
 ]
 
 

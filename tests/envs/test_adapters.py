@@ -98,7 +98,9 @@ def test_all_adapters_do_the_same(agents_env, single):
 
 
 @pytest.mark.parametrize(("is_end", "is_cut"), [(True, False), (False, True), (False, False)])
-def test_each_robot_has_a_reward_of_its_own_and_all_have_one_end(agents_env, monkeypatch, is_end, is_cut):
+def test_each_robot_has_a_reward_of_its_own_and_all_have_one_end(
+    agents_env, monkeypatch, is_end, is_cut
+):
     """Infos are a dictionary of each robot, so that each may be added to."""
     agents_env.reset(seed=0)
     agents = agents_env.agents
@@ -275,7 +277,9 @@ class TestMistakes:
 
     @pytest.mark.parametrize("package", ["pettingzoo", "gymnasium"])
     def test_a_package_that_is_missing(self, package):
-        code = f"import sys; sys.modules['{package}'] = None\nfrom iswarm_mj.envs import parallel_env"
+        code = (
+            f"import sys; sys.modules['{package}'] = None\nfrom iswarm_mj.envs import parallel_env"
+        )
         command = [sys.executable, "-c", code]
         failed = subprocess.run(command, capture_output=True, text=True)
         words = f"this environment needs {package}; run pip install 'iswarm-mj[marl]'"

@@ -87,7 +87,9 @@ def test_worlds_of_a_batch_are_worlds_alone():
     for seed in range(3):
         actions = act(env, seed)
         state = step(state, actions)
-        states_alone = [env.step(alone, action) for alone, action in zip(states_alone, actions, strict=True)]
+        states_alone = [
+            env.step(alone, action) for alone, action in zip(states_alone, actions, strict=True)
+        ]
     poses = poses_of(env, state)
     for world, alone in enumerate(states_alone):
         np.testing.assert_allclose(alone.obs, state.obs[world], atol=1e-4)
@@ -141,7 +143,9 @@ class TestPrograms:
 
     def test_environments_of_another_configuration_do_what_is_theirs(self, first_step):
         env, action, state = first_step
-        config = replace(SMALL, drive=DriveConfig(max_turn=30.0), strategy=StrategyConfig(dust_range=1.0))
+        config = replace(
+            SMALL, drive=DriveConfig(max_turn=30.0), strategy=StrategyConfig(dust_range=1.0)
+        )
         other = make_env(config=config, **self.SETTINGS)
         bounds = {row.name: row.high for row in other.observations}
         assert bounds["ball"] == 1.0

@@ -38,7 +38,9 @@ PAYLOAD = Payload(
     }
 )
 ROBOT = read_robot()
-ROWS = observation_rows(SwarmConfig(), ROBOT, PAYLOAD, {"light": (Quantity("brightness", "lx", 0, 9), 1)})
+ROWS = observation_rows(
+    SwarmConfig(), ROBOT, PAYLOAD, {"light": (Quantity("brightness", "lx", 0, 9), 1)}
+)
 PAGE = (Path(__file__).parents[2] / "docs" / "environments.md").read_text()
 
 
@@ -77,7 +79,9 @@ class TestPage:
 
     def test_actions_are_those_of_the_code(self):
         rows = action_rows(SwarmConfig(), PAYLOAD)
-        assert self.cells_under("Actions") == [[f"`{row.name}`", str(row.size), row.description] for row in rows]
+        assert self.cells_under("Actions") == [
+            [f"`{row.name}`", str(row.size), row.description] for row in rows
+        ]
 
 
 FLAGS = ("at_dust", "on_dump", "is_loaded", "grasp_failed", "waits")

@@ -1,4 +1,5 @@
-"""The scripts of docs/training.md run as they stand there, and what they train comes nearer to the lamp."""
+"""The scripts of docs/training.md run as they stand there, and what they train comes nearer to the
+lamp."""
 
 import importlib.util
 import os
@@ -27,7 +28,9 @@ def ran(folder, *words):
     """Numbers in what a script prints."""
     path = os.pathsep.join([str(PAGE.parents[1]), os.environ.get("PYTHONPATH", "")])
     how = {"cwd": folder, "env": os.environ | {"PYTHONPATH": path}, "timeout": 900}
-    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False, **how)
+    done = subprocess.run(
+        [sys.executable, *words], capture_output=True, text=True, check=False, **how
+    )
     assert done.returncode == 0, done.stderr
     return [float(number) for number in re.findall(r"(-?\d+) mm", done.stdout)]
 
@@ -35,14 +38,21 @@ def ran(folder, *words):
 def test_jax_learns_and_the_policy_runs(folder):
     distances = ran(folder, "learn.py")
     assert len(distances) == 30 and distances[0] > 40 and max(distances[-5:]) < 15
-    flags = ["--task=lamp.py:Lamp", "--strategy=learned.py:policy", "--robots=20", "--steps=60", "--engine=planar"]
+    flags = [
+        "--task=lamp.py:Lamp",
+        "--strategy=learned.py:policy",
+        "--robots=20",
+        "--steps=60",
+        "--engine=planar",
+    ]
     ran(folder, "-m", "iswarm_mj", "run", *flags)
     with np.load(folder / "runs/task/trajectory.npz") as file:
         assert file["metric_distance"][0] > 40 and file["metric_distance"][-1] < 15
 
 
 @pytest.mark.parametrize(
-    ("script", "packages"), [("ppo.py", ["stable_baselines3", "supersuit"]), ("multi_agent.py", ["torchrl"])]
+    ("script", "packages"),
+    [("ppo.py", ["stable_baselines3", "supersuit"]), ("multi_agent.py", ["torchrl"])],
 )
 def test_learners_of_others(folder, script, packages):
     if not all(map(importlib.util.find_spec, packages)):

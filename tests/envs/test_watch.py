@@ -149,7 +149,9 @@ class TestRecordings:
         assert columns[ROBOTS]["step"] == list(range(n_states))
         chunks = RrdReader(path).stream().to_chunks()
         n_rows = [
-            len(chunk.to_record_batch()) for chunk in chunks if chunk.entity_path == ROBOTS and not chunk.is_static
+            len(chunk.to_record_batch())
+            for chunk in chunks
+            if chunk.entity_path == ROBOTS and not chunk.is_static
         ]
         assert sorted(n_rows) == [2, 4, 4]
 

@@ -30,7 +30,9 @@ def test_a_rectangle_by_hand():
     arena = ArenaConfig(outline=((40, 80),))
     assert arena.corners == ((20, -40), (20, 40), (-20, 40), (-20, -40))
     assert (arena.size, arena.inradius, area_of(arena.corners)) == (80, 20, 3200)
-    assert len(free_cells(arena)) == 40 * 80 - 6 * 6  # cells whose centres are on the dump of 5 x 5 rd
+    assert (
+        len(free_cells(arena)) == 40 * 80 - 6 * 6
+    )  # cells whose centres are on the dump of 5 x 5 rd
 
 
 def test_a_triangle_by_hand():
@@ -64,17 +66,30 @@ def test_the_mean_distance_from_the_middle_of_a_rectangle(a, b):
 
 
 def test_boxes_overlap_where_points_of_one_lie_in_the_other():
-    """Turned boxes, and a grid of points in each; few overlap by less than lies between two points."""
-    rng, (u, v) = np.random.default_rng(0), np.meshgrid(np.linspace(-1, 1, 31), np.linspace(-1, 1, 31))
+    """Turned boxes, and a grid of points in each; few overlap by less than lies between two
+    points."""
+    rng, (u, v) = (
+        np.random.default_rng(0),
+        np.meshgrid(np.linspace(-1, 1, 31), np.linspace(-1, 1, 31)),
+    )
     first, second = rng.uniform([-2, -2, 0.2, 0.2, -180], [2, 2, 2, 1, 180], (2, 500, 5))
     turns = [np.exp(1j * np.radians(boxes[:, 4:])) for boxes in (first, second)]
-    points = first[:, :2] @ [[1], [1j]] + turns[0] * (first[:, 2:3] * u.ravel() + 1j * first[:, 3:4] * v.ravel())
+    points = first[:, :2] @ [[1], [1j]] + turns[0] * (
+        first[:, 2:3] * u.ravel() + 1j * first[:, 3:4] * v.ravel()
+    )
     seen = (points - second[:, :2] @ [[1], [1j]]) / turns[1]
-    x, y = (np.maximum(np.abs(part) - second[:, k : k + 1], 0) for k, part in ((2, seen.real), (3, seen.imag)))
+    x, y = (
+        np.maximum(np.abs(part) - second[:, k : k + 1], 0)
+        for k, part in ((2, seen.real), (3, seen.imag))
+    )
     away = distances(np.stack([points.real, points.imag], axis=-1), numbers(second)[:, None])
     np.testing.assert_allclose(away, np.hypot(x, y), atol=1e-9)
     found, has_points = overlap(numbers(first), numbers(second)), (away == 0).any(axis=1)
-    assert found[has_points].all() and 100 < has_points.sum() < 400 and (found != has_points).sum() < 10
+    assert (
+        found[has_points].all()
+        and 100 < has_points.sum() < 400
+        and (found != has_points).sum() < 10
+    )
 
 
 WRONG = [
@@ -104,8 +119,14 @@ WRONG = [
             ((3, 0, 1, 1, 0), r"arena.obstacles\[0\] must be outside the dump \(got"),
             ((3.4, 3.4, 2, 0.5, 45), r"arena.obstacles\[0\] must be outside the dump \(got"),
             ((24, 0, 1, 1, 0), r"arena.obstacles\[0\] must be inside the walls \(got"),
-            ((8, float("nan"), 1, 1, 0), r"arena.obstacles\[0\] must be finite numbers x, y, half_x"),
-            ((8, 8, -1, 1, 0), r"arena.obstacles\[0\] must be a box with half edges above 0 rd \(got"),
+            (
+                (8, float("nan"), 1, 1, 0),
+                r"arena.obstacles\[0\] must be finite numbers x, y, half_x",
+            ),
+            (
+                (8, 8, -1, 1, 0),
+                r"arena.obstacles\[0\] must be a box with half edges above 0 rd \(got",
+            ),
             ((8, 8, 1, 1), "arena.obstacles must be boxes of 5 numbers each"),
         ]
     ),
@@ -113,10 +134,19 @@ WRONG = [
         ({"obstacles": ((9, 9, 0.5, 0.5, 0),), "boxes": (box,)}, says)
         for box, says in [
             ((8, 8, 1, 1, 0, 1e-5), "arena.boxes must be boxes of 7 numbers each, .*friction"),
-            ((8, 8, 1, 1, 0, -1e-5, 0.1), r"arena.boxes\[0\] must be a box with a mass from 1e-08 to 0.01 kg, or 0 "),
-            ((8, 8, 1, 1, 0, 1e-5, -0.1), r"arena.boxes\[0\] must be a box with a coefficient of friction from 0"),
+            (
+                (8, 8, 1, 1, 0, -1e-5, 0.1),
+                r"arena.boxes\[0\] must be a box with a mass from 1e-08 to 0.01 kg, or 0 ",
+            ),
+            (
+                (8, 8, 1, 1, 0, 1e-5, -0.1),
+                r"arena.boxes\[0\] must be a box with a coefficient of friction from 0",
+            ),
             ((24, 0, 1, 1, 0, 1e-5, 0.1), r"arena.boxes\[0\] must be inside the walls"),
-            ((8, 8, 1, 1, 45, 1e-5, 0.1), r"arena.boxes\[0\] must be outside obstacles and other boxes"),
+            (
+                (8, 8, 1, 1, 45, 1e-5, 0.1),
+                r"arena.boxes\[0\] must be outside obstacles and other boxes",
+            ),
         ]
     ),
     (
@@ -143,7 +173,9 @@ def test_what_just_can_be():
 def test_an_engine_without_boxes_refuses_them():
     engine = find_engine(f"{Path(__file__).parents[1]}/data/teleport.py:TeleportSettings")()
     config = SwarmConfig(ArenaConfig(boxes=((8, 8, 1, 1, 0, 1e-5, 0.1),)))
-    with pytest.raises(UserError, match=r"arena.boxes must be left out with the engine teleport, which has none"):
+    with pytest.raises(
+        UserError, match=r"arena.boxes must be left out with the engine teleport, which has none"
+    ):
         Run(Scenario(config, robots=3, engine=engine, steps=5))
 
 
@@ -154,14 +186,20 @@ def test_no_room_is_left():
         (4.0, 0.0, 3.4, 7.4, 0.0),
         (-4.0, 0.0, 3.4, 7.4, 0.0),
     )
-    arena = ArenaConfig(size=15, dump_size=1, dust_area_size=2, dust_area_offset=5, obstacles=around)
-    with pytest.raises(UserError, match=r"arena.obstacles must be such that a cell is left on which a robot can start"):
+    arena = ArenaConfig(
+        size=15, dump_size=1, dust_area_size=2, dust_area_offset=5, obstacles=around
+    )
+    with pytest.raises(
+        UserError,
+        match=r"arena.obstacles must be such that a cell is left on which a robot can start",
+    ):
         free_cells(arena)
 
 
 def test_no_obstacle_where_balls_lie():
     config = SwarmConfig(ArenaConfig(obstacles=((16.0, 0.0, 3.0, 3.0, 0.0),)))
     with pytest.raises(
-        UserError, match=r"arena.obstacles must be outside the dust areas, .* \(12, 0\) .*\(got '16 0 3 3 0'\)"
+        UserError,
+        match=r"arena.obstacles must be outside the dust areas, .* \(12, 0\) .*\(got '16 0 3 3 0'\)",
     ):
         Run(Scenario(config, robots=3, engine=PlanarSettings(), steps=5))

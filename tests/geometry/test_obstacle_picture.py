@@ -43,7 +43,9 @@ def test_commands_take_a_maze(tmp_path):
     pixels = np.full((7, 7), 255, np.uint8)
     pixels[1, 1] = 0
     Image.fromarray(pixels).save(tmp_path / "map.png")
-    config = parse(["clean", "--maze", str(tmp_path / "map.png"), "--arena.outline", "49", "70"]).config
+    config = parse(
+        ["clean", "--maze", str(tmp_path / "map.png"), "--arena.outline", "49", "70"]
+    ).config
     assert config.arena.obstacles == ((-14.0, 20.0, 3.5, 5.0, 0.0),)
 
 

@@ -21,13 +21,17 @@ def test_pull_off_bounds_of_eq_1():
 
 @pytest.mark.parametrize("gap", [1e-7, 1e-6, 1e-3])
 def test_van_der_waals_force_is_that_of_all_slices(gap):
-    """Of a sphere, each atom of which a half-space at distance h attracts by A / (2 pi h^4) per volume."""
+    """Of a sphere, each atom of which a half-space at distance h attracts by A / (2 pi h^4) per
+    volume."""
     hamaker, radius = 1e-19, 20e-6
 
     def slice_(h):
         return hamaker / (2 * h**4) * (h - gap) * (2 * radius - (h - gap))
 
-    parts = [integrate.quad(slice_, a, b, epsrel=1e-10)[0] for a, b in ((gap, 5 * gap), (5 * gap, gap + 2 * radius))]
+    parts = [
+        integrate.quad(slice_, a, b, epsrel=1e-10)[0]
+        for a, b in ((gap, 5 * gap), (5 * gap, gap + 2 * radius))
+    ]
     assert van_der_waals_force(hamaker, radius, gap) == pytest.approx(sum(parts), rel=1e-6)
 
 

@@ -67,7 +67,8 @@ def test_the_ball_sinks_by_less_than_a_hundredth_of_its_radius(radius, held):
 
 @pytest.mark.parametrize("radius", [15e-6, 25e-6])
 def test_a_resized_model_is_the_one_compiled_at_that_size(radius):
-    """But for what nothing on the bench uses: boxes of the midphase, and statistics for the view."""
+    """But for what nothing on the bench uses: boxes of the midphase, and statistics for the
+    view."""
     trial = Trial(
         radius,
         0.0,

@@ -1,4 +1,5 @@
-"""Capacitances of the ball: the forces are their derivatives, and boundary elements agree on charge and force."""
+"""Capacitances of the ball: the forces are their derivatives, and boundary elements agree on charge
+and force."""
 
 import boundary_elements as bem
 import numpy as np

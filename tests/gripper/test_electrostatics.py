@@ -62,7 +62,10 @@ def test_gradients(task, argument):
     force = FORCES[task]
     arguments = [40.0, 5e-6, 20e-6, 13e-6]
     step = 1e-4 * arguments[argument]
-    ends = [force(*(x + sign * step * (i == argument) for i, x in enumerate(arguments))) for sign in (1, -1)]
+    ends = [
+        force(*(x + sign * step * (i == argument) for i, x in enumerate(arguments)))
+        for sign in (1, -1)
+    ]
     slope = jax.jit(jax.grad(force, argnums=argument))(*(jnp.float32(x) for x in arguments))
     assert float(slope) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-3)
 

@@ -1,8 +1,8 @@
 """The paper's experiment on the bench, and what the spread of the trials does to it.
 
-5 radii x 2 repeats at two humidities, seed 0, in the C engine. Fitted to the paper: the levels at 10 % RH and the
-widths of the bands. Not fitted: that a landed ball stays where the voltage is cut. That the radius does not matter is
-algebra.
+5 radii x 2 repeats at two humidities, seed 0, in the C engine. Fitted to the paper: the levels at
+10 % RH and the widths of the bands. Not fitted: that a landed ball stays where the voltage is cut.
+That the radius does not matter is algebra.
 """
 
 from dataclasses import replace
@@ -77,14 +77,16 @@ def melted(limit, radius=15e-6, **contacts):
 
 
 def test_a_ball_melts_where_the_oxide_breaks_and_the_heat_suffices_in_the_time_of_contact(rows):
-    """15 um: at 70 V of the default oxide; at 40 V of a thinner one the heat takes 1 ms; a larger ball takes longer."""
+    """15 um: at 70 V of the default oxide; at 40 V of a thinner one the heat takes 1 ms; a larger
+    ball takes longer."""
     assert not any(row.melted for row in rows)
     assert [melted(limit) for limit in (69.75, 70.0)] == [False, True]
     assert not melted(40.0, oxide=30e-9) and not melted(70.0, radius=20e-6)
 
 
 def test_a_ball_that_fell_before_its_release_has_none_and_did_not_melt():
-    """Its charge leaves it while it hangs: it is lifted, but falls before the ramp begins, whose end is 120 V."""
+    """Its charge leaves it while it hangs: it is lifted, but falls before the ramp begins, whose
+    end is 120 V."""
     settings = GraspSettings(("20e-6",), (10.0,), 1, gap=(5e-6, 6e-6), no_contact_gap=(1e-6,))
     listed = cases(settings)
     listed = [listed[0]._replace(trial=listed[0].trial._replace(work_tool_object=1e-6))]
@@ -99,14 +101,19 @@ def test_each_voltage_is_the_laws(rows):
     """At each radius and humidity."""
     for row in rows:
         if row.voltage is not None:
-            late = 0.06 * row.voltage if row.experiment == "release" else 0.0  # the charge follows the ramp
+            late = (
+                0.06 * row.voltage if row.experiment == "release" else 0.0
+            )  # the charge follows the ramp
             near = row.step_voltage + 0.1 + late
-            below = 0.005 * row.voltage if row.experiment == "no_contact" else row.step_voltage + 0.1
+            below = (
+                0.005 * row.voltage if row.experiment == "no_contact" else row.step_voltage + 0.1
+            )
             assert row.quasi_static_voltage - below < row.voltage < row.quasi_static_voltage + near
 
 
 def test_rows_state_limits_steps_and_what_the_laws_give(rows):
-    """By the works of adhesion of their trials; voltages rise by ramps but for those that lift, which are tried."""
+    """By the works of adhesion of their trials; voltages rise by ramps but for those that lift,
+    which are tried."""
     ramp = 1e-6 * SETTINGS.protocol.ramp_rate
     for row in rows:
         tool, plate = row.work_tool_object, row.work_object_substrate
@@ -143,7 +150,11 @@ def test_humidities_of_trials_spread_evenly_about_their_setting():
     settings = GraspSettings(("20e-6",), (1.0, 10.0), repeats=400)
     low, high = np.array([case.trial.relative_humidity for case in cases(settings)]).reshape(2, 400)
     assert low.min() == 0 and low.max() < 4 and 0.2 < np.mean(low == 0) < 0.47
-    assert high.min() < 7.05 and high.max() > 12.95 and stats.kstest(high, stats.uniform(7, 6).cdf).pvalue > 0.01
+    assert (
+        high.min() < 7.05
+        and high.max() > 12.95
+        and stats.kstest(high, stats.uniform(7, 6).cdf).pvalue > 0.01
+    )
     assert {case.trial.relative_humidity for case in cases(replace(settings, rh_spread=0.0))} == {
         1.0,
         10.0,
@@ -152,8 +163,11 @@ def test_humidities_of_trials_spread_evenly_about_their_setting():
 
 @pytest.mark.parametrize("spread", [0.0, 3.0, 10.0])
 def test_the_spread_of_the_humidity_is_a_part_of_the_calibrated_one(spread):
-    """At 10 % RH works have the calibrated mean and spread; the largest has its mean within 3 standard errors."""
-    drawn = [case.trial for case in cases(GraspSettings(("20e-6",), (10.0,), 4000, rh_spread=spread))]
+    """At 10 % RH works have the calibrated mean and spread; the largest has its mean within 3
+    standard errors."""
+    drawn = [
+        case.trial for case in cases(GraspSettings(("20e-6",), (10.0,), 4000, rh_spread=spread))
+    ]
     factor = np.array([humidity_factor(t.relative_humidity) for t in drawn])
     for name, median, variation in (
         ("work_tool_object", WORK_TOOL_OBJECT, 0.12),

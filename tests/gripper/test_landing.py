@@ -38,16 +38,18 @@ def test_slow_impacts_are_elastic_and_fast_ones_lose_by_the_fourth_root():
     assert [rebound(speed * YIELDS, work=0.0) for speed in (0.5, 1.0)] == pytest.approx([1.0, 1.0])
     fast = [rebound(speed * YIELDS, work=0.0) for speed in (1e3, 16e3)]
     assert fast[0] / fast[1] == pytest.approx(2.0, rel=1e-3)
-    # For v >> v_y the law is 1.18 (v_y / v)^(1/4) (Johnson 1985, section 11.5, in the form of Thornton and Ning).
+    # For v >> v_y the law is 1.18 (v_y / v)^(1/4) (Johnson 1985, section 11.5, in the form of
+    # Thornton and Ning).
     assert fast[0] == pytest.approx(1.185 * 1e3**-0.25, rel=2e-3)
 
 
 def separation_energy(work, radius, modulus):
-    """Work that tears a JKR contact apart [J], by integration of force over way, without `laws.restitution`.
+    """Work that tears a JKR contact apart [J], by integration of force over way, without
+    `laws.restitution`.
 
     Source: Johnson, Kendall, Roberts 1971: P = 4 E a^3 / (3 R) - (8 pi W E a^3)^(1/2) and
-    d = a^2 / R - (2 pi W a / E)^(1/2) for a contact of radius a, from d = 0, where surfaces jump into contact, to the
-    least d, where they part.
+    d = a^2 / R - (2 pi W a / E)^(1/2) for a contact of radius a, from d = 0, where surfaces jump
+    into contact, to the least d, where they part.
     """
     cube = 2 * np.pi * work * radius**2 / modulus
     a = np.linspace(cube ** (1 / 3), (cube / 16) ** (1 / 3), 100_001)
@@ -80,7 +82,8 @@ def test_a_ball_yields_where_the_pressure_in_the_centre_does():
 
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.1, 0.003])
 def test_what_a_ball_that_yielded_gives_back(share):
-    """Beyond yield the force rises by pi p_y R per way; it falls along a Hertzian line of the flattened radius."""
+    """Beyond yield the force rises by pi p_y R per way; it falls along a Hertzian line of the
+    flattened radius."""
     force, approach = elastic(YIELDED)
     total = 0.4 * force * approach / share**2
     slope = np.pi * YIELD_PRESSURE * RADIUS
@@ -101,7 +104,8 @@ def test_the_law_is_a_jkr_contact_that_is_torn_apart():
     [(5.0, 0.9), (20.0, 0.3), (140.0, 0.1), (140.0, 0.3)],
 )
 def test_the_ball_on_the_bench_loses_what_tears_its_contact_apart(speed, restitution):
-    """By its speeds before and after the impact, beyond what the restitution without adhesion takes."""
+    """By its speeds before and after the impact, beyond what the restitution without adhesion
+    takes."""
     model, _, before, after = thrown(speed, restitution)
     assert model.body("ball").mass[0] * 1e-9 == pytest.approx(MASS)
     kept = MASS / 2 * ((restitution * before) ** 2 - after**2) * 1e-6
@@ -109,7 +113,8 @@ def test_the_ball_on_the_bench_loses_what_tears_its_contact_apart(speed, restitu
 
 
 def thrown(speed, restitution=None, timestep=1e-3):
-    """A ball thrown at the plate, far from the tool: model, data, speeds before and after [um/ms]."""
+    """A ball thrown at the plate, far from the tool: model, data, speeds before and after
+    [um/ms]."""
     trial = Trial(
         RADIUS,
         WORK_TOOL_OBJECT,
@@ -161,14 +166,19 @@ def test_balls_stay_if_the_voltage_is_cut_and_fly_back_if_it_is_held_or_cut_late
 
 
 def test_the_voltage_of_a_ramp_falls_after_the_delay():
-    """40 V when the ball was seen to have left, after 1 ms; 0.2 ms later they fall within 0.1 ms."""
+    """40 V when the ball was seen to have left, after 1 ms; 0.2 ms later they fall within 0.1
+    ms."""
     protocol, ramp = Protocol(cut_delay=0.2e-3, cut_time=0.1e-3), Ramp(40e3, 50.0, 1.0)
-    volts = [ramp_voltage(protocol, ramp, 1e-3, 1e-3 + after * 1e-3) for after in (-0.1, 0.0, 0.2, 0.25, 0.3, 0.5)]
+    volts = [
+        ramp_voltage(protocol, ramp, 1e-3, 1e-3 + after * 1e-3)
+        for after in (-0.1, 0.0, 0.2, 0.25, 0.3, 0.5)
+    ]
     assert volts == pytest.approx([36.0, 40.0, 40.0, 20.0, 0.0, 0.0], abs=1e-9)
 
 
 def test_the_map_of_sticking_is_that_of_a_contact_torn_apart():
-    """Over impact speed and restitution, under a live tool that pulls up whatever leaves the plate."""
+    """Over impact speed and restitution, under a live tool that pulls up whatever leaves the
+    plate."""
     cells = landing_map((0.02, 0.15), (0.005, 0.04, 0.2))
     assert {cell.stays for cell in cells} == {True, False}
     for cell in cells:

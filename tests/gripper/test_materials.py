@@ -1,4 +1,5 @@
-"""Materials and tips of the bench: what they change, what a run says of them, and that result.json repeats it."""
+"""Materials and tips of the bench: what they change, what a run says of them, and that result.json
+repeats it."""
 
 import json
 from typing import get_args
@@ -27,14 +28,24 @@ def test_the_default_materials_are_the_fitted_ones():
     used = GraspSettings().effective
     fitted = detachment.WORK_TOOL_OBJECT, detachment.WORK_OBJECT_SUBSTRATE, detachment.BALL_DENSITY
     assert used == EffectiveProperties(*fitted, Contacts()) and GraspSettings().beyond_the_fit == []
-    solder, aluminium, steel = (materials.MATERIALS[name] for name in (materials.BALL, materials.TOOL, materials.PLATE))
-    assert materials.reduced_modulus(solder, steel) == pytest.approx(Contacts().plate_modulus, rel=5e-3)
-    assert materials.reduced_modulus(solder, aluminium) == pytest.approx(Contacts().probe_modulus, rel=5e-3)
-    assert aluminium.breakdown == Contacts().breakdown and solder.yield_pressure == Contacts().yield_pressure
+    solder, aluminium, steel = (
+        materials.MATERIALS[name] for name in (materials.BALL, materials.TOOL, materials.PLATE)
+    )
+    assert materials.reduced_modulus(solder, steel) == pytest.approx(
+        Contacts().plate_modulus, rel=5e-3
+    )
+    assert materials.reduced_modulus(solder, aluminium) == pytest.approx(
+        Contacts().probe_modulus, rel=5e-3
+    )
+    assert (
+        aluminium.breakdown == Contacts().breakdown
+        and solder.yield_pressure == Contacts().yield_pressure
+    )
 
 
 def test_works_go_with_the_geometric_mean_of_the_surface_energies():
-    """Tin has 0.71 J/m^2, copper 1.79; a plate with 2.42 / 4 instead of those of steel holds half as well."""
+    """Tin has 0.71 J/m^2, copper 1.79; a plate with 2.42 / 4 instead of those of steel holds half
+    as well."""
     used = GraspSettings(ball_material="copper", plate_material="0.605", **SMALL).effective
     ratio = np.sqrt(1.79 / 0.71)
     assert used.work_tool_object == pytest.approx(1.41e-3 * ratio)
@@ -45,8 +56,14 @@ def test_works_go_with_the_geometric_mean_of_the_surface_energies():
 
 
 def test_numbers_that_are_given_win():
-    given = {"work_tool_object": 2e-3, "ball_density": 5000.0, "contacts": Contacts(yield_pressure=9e6, breakdown=2e9)}
-    used = GraspSettings(ball_material="copper", tool_material="silicon", **given, **SMALL).effective
+    given = {
+        "work_tool_object": 2e-3,
+        "ball_density": 5000.0,
+        "contacts": Contacts(yield_pressure=9e6, breakdown=2e9),
+    }
+    used = GraspSettings(
+        ball_material="copper", tool_material="silicon", **given, **SMALL
+    ).effective
     assert (used.work_tool_object, used.ball_density) == (2e-3, 5000.0)
     assert (used.contacts.yield_pressure, used.contacts.breakdown) == (9e6, 2e9)
     assert used.work_object_substrate == pytest.approx(14.7e-3 * np.sqrt(1.79 / 0.71))
@@ -54,8 +71,13 @@ def test_numbers_that_are_given_win():
 
 def test_each_contact_has_a_surface_of_its_own():
     rough = Surface(1e-9, 0.25e-6)
-    made = [cases(GraspSettings(**own, **SMALL))[0].trial for own in ({}, {"tool": rough}, {"plate": rough})]
-    (tool, plate), *others = ((trial.work_tool_object, trial.work_object_substrate) for trial in made)
+    made = [
+        cases(GraspSettings(**own, **SMALL))[0].trial
+        for own in ({}, {"tool": rough}, {"plate": rough})
+    ]
+    (tool, plate), *others = (
+        (trial.work_tool_object, trial.work_object_substrate) for trial in made
+    )
     lower = [float(effective_work(work, 20e-6, rough)) for work in (tool, plate)]
     assert others == [(lower[0], plate), (tool, lower[1])] and lower[0] < tool
 
@@ -67,7 +89,8 @@ def test_what_is_no_material_is_refused(name):
 
 
 def test_a_round_tip_takes_the_voltages_of_the_laws():
-    """A tip as round as the ball: half of the adhesion, and twice the gap, as of spheres against a plane."""
+    """A tip as round as the ball: half of the adhesion, and twice the gap, as of spheres against a
+    plane."""
     settings = GraspSettings(tip_curvature=20e-6, **SMALL)
     rows = iswarm_mj.run_grasp(settings)
     for case in cases(settings):
@@ -80,9 +103,18 @@ def test_a_round_tip_takes_the_voltages_of_the_laws():
     assert "no_contact" not in {row.experiment for row in rows}
 
 
-def test_a_run_says_what_is_not_as_in_the_fit_and_result_json_repeats_it(tmp_path, monkeypatch, capfd):
+def test_a_run_says_what_is_not_as_in_the_fit_and_result_json_repeats_it(
+    tmp_path, monkeypatch, capfd
+):
     monkeypatch.chdir(tmp_path)
-    flags = ["--radius=12e-6", "--rh=10", "--repeats=1", "--plate-material=silica", "--tool.roughness=1e-9", "--record"]
+    flags = [
+        "--radius=12e-6",
+        "--rh=10",
+        "--repeats=1",
+        "--plate-material=silica",
+        "--tool.roughness=1e-9",
+        "--record",
+    ]
     flags += ["--contacts.oxide=6e-8", "--protocol.hold-time=0.002", "--no-contact-gap=2e-6"]
     assert code_of("grasp", *flags, "--out=one") == 0
     said = capfd.readouterr().out
@@ -94,9 +126,14 @@ def test_a_run_says_what_is_not_as_in_the_fit_and_result_json_repeats_it(tmp_pat
     one, two = (tmp_path / name / "trials.csv" for name in ("one", "two"))
     assert one.read_text() == two.read_text() and len(one.read_text().splitlines()) == 4
     fields = {
-        field.name: field.metadata[b"unit"].decode() for field in pyarrow.parquet.read_schema("one/trials.parquet")
+        field.name: field.metadata[b"unit"].decode()
+        for field in pyarrow.parquet.read_schema("one/trials.parquet")
     }
-    assert fields["voltage"] == "V" and fields["work_tool_object"] == "J/m^2" and fields["experiment"] == ""
+    assert (
+        fields["voltage"] == "V"
+        and fields["work_tool_object"] == "J/m^2"
+        and fields["experiment"] == ""
+    )
     capfd.readouterr()
     assert code_of("inspect", "one") == 0
     said = capfd.readouterr().out

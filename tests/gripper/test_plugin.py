@@ -69,7 +69,8 @@ def floating(text=TEXT):
 
 
 def place(model, data, gap_to_probe, gap_to_plate, on_probe):
-    """Put the ball on the probe's axis at two gaps [um], at the probe's potential or the plate's."""
+    """Put the ball on the probe's axis at two gaps [um], at the probe's potential or the
+    plate's."""
     radius = model.geom("ball").size[0]
     start = model.body("probe").pos[2]
     data.joint("ball").qpos[2] = gap_to_plate + radius
@@ -79,9 +80,12 @@ def place(model, data, gap_to_probe, gap_to_plate, on_probe):
 
 @pytest.mark.parametrize("load", [0.98, 1.02])
 def test_a_hanging_ball_agrees_with_mujocos_own_adhesion(load):
-    """The load rises slowly; under tension MuJoCo's own contact opens a little, which its gap allows."""
+    """The load rises slowly; under tension MuJoCo's own contact opens a little, which its gap
+    allows."""
     native = HANGING.format(extension="", pair=f'adhesion="{PULL_OFF}" gap="0.01"')
-    ours = [HANGING.format(extension=DECLARED.format(hamaker=hamaker), pair="") for hamaker in (0, 1e-4)]
+    ours = [
+        HANGING.format(extension=DECLARED.format(hamaker=hamaker), pair="") for hamaker in (0, 1e-4)
+    ]
     for text in (native, *ours):
         model = mujoco.MjModel.from_xml_string(text)
         data = mujoco.MjData(model)
@@ -131,7 +135,9 @@ def test_electrostatic_force_is_the_laws(model, on_probe):
             data.plugin_state[at(model, instance, "work")] = 0
         mujoco.mj_forward(model, data)
         law = release_force if on_probe else pick_force
-        expected = (-1 if on_probe else 1) * law(voltage, gap * 1e-6, radius * 1e-6, probe * 1e-6) * 1e9
+        expected = (
+            (-1 if on_probe else 1) * law(voltage, gap * 1e-6, radius * 1e-6, probe * 1e-6) * 1e9
+        )
         assert data.joint("ball").qfrc_passive[2] == pytest.approx(expected, rel=1e-6)
         assert data.joint("ball").qfrc_passive[:2] == pytest.approx(0, abs=1e-12)
         assert data.joint("probe_z").qfrc_passive == pytest.approx(

@@ -29,15 +29,19 @@ SMOOTH = Surface()
 
 
 def test_roughness_lowers_the_pull_off():
-    """1 nm at 250 nm from peak to peak, as on the paper's ref. surfaces of a few nm, takes 95 % of it."""
-    factors = [float(roughness_factor(20e-6, Surface(rms, 0.25e-6))) for rms in (0.0, 0.1e-9, 1e-9, 10e-9)]
+    """1 nm at 250 nm from peak to peak, as on the paper's ref. surfaces of a few nm, takes 95 % of
+    it."""
+    factors = [
+        float(roughness_factor(20e-6, Surface(rms, 0.25e-6))) for rms in (0.0, 0.1e-9, 1e-9, 10e-9)
+    ]
     assert factors == sorted(factors, reverse=True) and factors[0] == 1
     # By hand: 58.14 * 20e-6 * 1e-9 / 0.25e-6^2 = 18.6; 1.817 / 0.3 = 6.057.
     assert factors[2] == pytest.approx(1 / 19.6 + 1 / 7.057**2, rel=1e-3)
 
 
 def test_a_rough_contact_pulls_off_alike_at_all_radii():
-    """One asperity holds the ball: the force no longer depends on the radius, and flat voltages are no algebra."""
+    """One asperity holds the ball: the force no longer depends on the radius, and flat voltages are
+    no algebra."""
     rough = Surface(20e-9, 0.3e-6)
     forces = [dmt_pull_off(r, effective_work(0.1, r, rough)) for r in (15e-6, 25e-6)]
     assert forces[1] / forces[0] == pytest.approx(1.0, abs=0.02)
@@ -57,7 +61,10 @@ def test_a_preload_flattens_the_contact():
 def test_hysteresis_raises_the_work_of_separation():
     """By its share, where asperities hold the ball and where a preload does."""
     for surface, power in ((Surface(20e-9, 0.3e-6), 1.0), (Surface(preload=10e-6), 0.5)):
-        works = [float(effective_work(14.7e-3, 20e-6, surface._replace(hysteresis=share))) for share in (0.0, 3.0)]
+        works = [
+            float(effective_work(14.7e-3, 20e-6, surface._replace(hysteresis=share)))
+            for share in (0.0, 3.0)
+        ]
         assert works[1] / works[0] == pytest.approx(4**power)
 
 
@@ -75,7 +82,8 @@ def test_without_loss_the_time_is_energy_over_power():
 
 
 def test_a_discharge_of_twice_the_loss():
-    """Half the melting rise is log 2 time constants away, and half the power is left to melt the ball."""
+    """Half the melting rise is log 2 time constants away, and half the power is left to melt the
+    ball."""
     supply = Supply()
     loss = supply.conductance * MELTING_RISE
     voltage, mass = math.sqrt(2 * loss / contact_power(1.0, supply)), ball_weight(20e-6) / GRAVITY

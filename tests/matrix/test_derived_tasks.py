@@ -1,4 +1,5 @@
-"""Tasks that derive from `Cleaning`: they see the arena of their own world, and drive its boxes. Units: mm, s."""
+"""Tasks that derive from `Cleaning`: they see the arena of their own world, and drive its boxes.
+Units: mm, s."""
 
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
@@ -65,12 +66,16 @@ class Gated(Cleaning):
     def lay_out(self, config, n_robots, rng, shared, cell):
         poses, balls = CLEANING.lay_out(config, n_robots, rng, shared, cell)
         nothing = np.zeros((), np.float32)
-        return poses, Gates(balls, poses_of_boxes(config.arena.boxes).astype(np.float32), nothing, nothing)
+        return poses, Gates(
+            balls, poses_of_boxes(config.arena.boxes).astype(np.float32), nothing, nothing
+        )
 
     def advance(self, state: Gates, inputs: Any, key: Any):
         balls, sensed = update_balls(state.balls, inputs, key)
         way = jnp.array([[0.0, 2.0, 0.0], [0.0, -2.0, 0.0], [5.0, 5.0, 0.0]])
-        return Gates(balls, inputs.boxes + way, inputs.arena.size, inputs.arena.dust_area_offset), sensed
+        return Gates(
+            balls, inputs.boxes + way, inputs.arena.size, inputs.arena.dust_area_offset
+        ), sensed
 
     def drive_boxes(self, state):
         return state.boxes
@@ -94,7 +99,9 @@ class Gated(Cleaning):
 def check_gates(before, after, steps):
     """Both gates moved apart, and the box that has a mass stayed where no robot pushed it."""
     moved = np.asarray(after) - np.asarray(before)
-    north, south = (np.broadcast_to([0, side * 2.0 * steps], moved[..., 0, :2].shape) for side in (1, -1))
+    north, south = (
+        np.broadcast_to([0, side * 2.0 * steps], moved[..., 0, :2].shape) for side in (1, -1)
+    )
     np.testing.assert_allclose(moved[..., 0, :2], north, atol=YIELDS)
     np.testing.assert_allclose(moved[..., 1, :2], south, atol=YIELDS)
     assert (np.abs(moved[..., 2, :2]).max(axis=-1) < 1.5 * steps).all()
@@ -102,7 +109,10 @@ def check_gates(before, after, steps):
 
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.name)
 def test_worlds_of_a_run_see_their_own_arenas_and_their_gates_open(engine):
-    others = [replace(CONFIG, arena=replace(CONFIG.arena, dust_area_offset=offset)) for offset in (8.0, 9.0, 10.0)]
+    others = [
+        replace(CONFIG, arena=replace(CONFIG.arena, dust_area_offset=offset))
+        for offset in (8.0, 9.0, 10.0)
+    ]
     worlds = [World(TYPE1, N, index=k, config=config) for k, config in enumerate(others)]
     scenario = Scenario(CONFIG, task=Gated(), engine=engine, worlds=worlds, steps=3)
     run = Run(scenario, record_worlds=(0, 1, 2))
@@ -124,7 +134,9 @@ def test_environments_see_their_own_arena_and_their_gates_open(engine):
 
 
 def test_the_page_shows_a_task_its_own_arena_also_after_a_change():
-    session = Session(PageScenario(CONFIG, task=Gated(), robots=N, engine=PlanarSettings(threads=1)))
+    session = Session(
+        PageScenario(CONFIG, task=Gated(), robots=N, engine=PlanarSettings(threads=1))
+    )
     before = session.snapshots[-1].record.boxes[0, 0]
     session.advance()
     session.set("arena.dust_area_offset", 9.0)

@@ -1,4 +1,5 @@
-"""Tasks that drive boxes, let robots die and change conditions: on engines, in arenas, in all ways to play them."""
+"""Tasks that drive boxes, let robots die and change conditions: on engines, in arenas, in all ways
+to play them."""
 
 import pytest
 from support.matrix import cells_of, play

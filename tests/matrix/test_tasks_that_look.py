@@ -1,4 +1,5 @@
-"""Tasks of one's own, with areas, and derived from cleaning: on engines, in arenas, in all ways to play them."""
+"""Tasks of one's own, with areas, and derived from cleaning: on engines, in arenas, in all ways to
+play them."""
 
 import pytest
 from support.matrix import cells_of, play

@@ -39,7 +39,9 @@ def test_a_file_of_another_kind_stays(tmp_path, write):
     write_run(run)
     notes = tmp_path / "notes.txt"
     notes.write_text("mine")
-    with pytest.raises(UserError, match=r"must be a name ending in \.[a-z]+.* \(got '.*notes\.txt'\)"):
+    with pytest.raises(
+        UserError, match=r"must be a name ending in \.[a-z]+.* \(got '.*notes\.txt'\)"
+    ):
         write(notes, run)
     assert notes.read_text() == "mine"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["notes.txt", "run"]
@@ -50,7 +52,9 @@ def test_a_second_recording_to_one_file_is_refused(tmp_path):
     first = RrdFile("test", path, rrb.Blueprint())
     first.flush()
     size = path.stat().st_size
-    with pytest.raises(UserError, match=r"a\.rrd is in use by another process, or elsewhere in this one; .* file$"):
+    with pytest.raises(
+        UserError, match=r"a\.rrd is in use by another process, or elsewhere in this one; .* file$"
+    ):
         RrdFile("test", path, rrb.Blueprint())
     assert path.stat().st_size == size
     first.close()
@@ -69,7 +73,9 @@ def test_another_thread_may_complete_a_recording(tmp_path):
 
 
 def test_a_recording_in_a_folder_that_is_not_there(tmp_path):
-    with pytest.raises(UserError, match=r"cannot be written \(No such file.*give a file name in an existing folder"):
+    with pytest.raises(
+        UserError, match=r"cannot be written \(No such file.*give a file name in an existing folder"
+    ):
         RrdFile("test", tmp_path / "missing" / "a.rrd", rrb.Blueprint())
     assert not (tmp_path / "missing").exists()
 

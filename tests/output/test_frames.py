@@ -57,7 +57,9 @@ def test_obstacles_and_boxes_are_in_metres_radians_and_kilograms(run):
 def five_walls(run):
     """The run in an arena of five walls with an obstacle, and the corners of the arena [mm]."""
     corners = ((-7.0, -5.0), (1.0, -8.0), (8.0, -3.0), (6.0, 6.0), (-6.0, 6.0))
-    arena = replace(run.config.arena, size=49.0, outline=corners, dust_area_offset=4, dust_area_size=1)
+    arena = replace(
+        run.config.arena, size=49.0, outline=corners, dust_area_offset=4, dust_area_size=1
+    )
     obstacle = (2.0, 3.0, 1.5, 0.3, 30.0)
     outlined = copy(run)
     outlined.config = replace(run.config, arena=replace(arena, obstacles=(obstacle,)))

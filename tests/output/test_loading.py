@@ -40,7 +40,9 @@ def array(table, name, shape=SHAPE):
     return np.array(table[name].to_pylist(), float).reshape(shape)
 
 
-@pytest.fixture(scope="module", params=["planar", "warp", pytest.param("mjx", marks=pytest.mark.slow)])
+@pytest.fixture(
+    scope="module", params=["planar", "warp", pytest.param("mjx", marks=pytest.mark.slow)]
+)
 def done(request, tmp_path_factory):
     """A run of three worlds of which 2 and 0 are recorded, its records, and the loaded run."""
     out = tmp_path_factory.mktemp("run")

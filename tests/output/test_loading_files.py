@@ -73,7 +73,9 @@ def test_attempts_are_shown_in_their_steps(small_run, index):
         lifted = np.flatnonzero((before == LYING) & (after == HELD))
         released = np.flatnonzero((before == HELD) & (after == DELIVERED))
         for is_lift, changed in ((True, lifted), (False, released)):
-            succeeded = [tried.ball for tried in attempts if tried.is_lift == is_lift and tried.succeeded]
+            succeeded = [
+                tried.ball for tried in attempts if tried.is_lift == is_lift and tried.succeeded
+            ]
             assert succeeded == changed.tolist()
         on_floor = after != HELD
         np.testing.assert_allclose(balls[on_floor], positions[step, on_floor, :2], atol=1e-4)
@@ -225,7 +227,9 @@ def test_arrays_that_no_run_has(copy, changes, message):
         assert run.robots and run.links and run.balls
 
 
-@pytest.mark.parametrize(("group", "name", "value"), [("arena", "colour", 3), ("optics", "mode", "radio")])
+@pytest.mark.parametrize(
+    ("group", "name", "value"), [("arena", "colour", 3), ("optics", "mode", "radio")]
+)
 def test_settings_that_no_run_has(copy, group, name, value):
     directory = copy()
     content = json.loads((directory / RESULT).read_text())

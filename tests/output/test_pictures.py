@@ -248,7 +248,9 @@ class TestFloor:
     @pytest.fixture(params=[((0, -12), (12, -4), (5, 13), (-12, 2)), ((20, 30),)])
     def run(self, request, tmp_path):
         """A run in an arena with other corners."""
-        arena = ArenaConfig(outline=request.param, n_dust=2, dump_size=4, dust_area_size=2, dust_area_offset=5)
+        arena = ArenaConfig(
+            outline=request.param, n_dust=2, dump_size=4, dust_area_size=2, dust_area_offset=5
+        )
         corners = np.array(arena.corners) * ROBOT_DIAMETER
         changes = {"scene_corners": corners, "scene_arena_size": np.array(0.1)}
         return load(write_run(tmp_path, SwarmConfig(arena), **changes))

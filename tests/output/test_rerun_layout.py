@@ -32,7 +32,9 @@ def test_views_hide_what_others_show(arena_views):
     hidden = {}
     for name, view in arena_views.items():
         overrides = view.visualizer_overrides.items()
-        hidden[name] = {entity for entity, look in overrides if isinstance(look, rrb.EntityBehavior)}
+        hidden[name] = {
+            entity for entity, look in overrides if isinstance(look, rrb.EntityBehavior)
+        }
 
     dust = "world/memory/dust"
     dump = "world/memory/dump"

@@ -291,7 +291,9 @@ class TestStates:
             lane = recorded[f"/states/robot_{robot}"]
             steps = np.array(lane["step"])
             states = [state for (state,) in lane["StateChange:state"]]
-            assert steps[0] == 0 and all(state != following for state, following in pairwise(states))
+            assert steps[0] == 0 and all(
+                state != following for state, following in pairwise(states)
+            )
             changes_so_far = np.searchsorted(steps, frames.step, side="right")
             state_of_step = [states[n - 1] for n in changes_so_far]
             assert state_of_step == [names(scene)[place] for place in places[:, robot]]
@@ -360,7 +362,9 @@ def test_vectors_that_are_not_finite_are_not_drawn(tmp_path):
     vector[5:, 1] = np.nan
     vector[:, 3] = 0
     memory = {"dump_known": np.ones((9, 5), bool), "dump_vector": vector, "way": vector}
-    scene = scene._replace(memory_names=tuple(memory), memory_units=("", "m", "m"), memory_sizes=(1, 2, 2))
+    scene = scene._replace(
+        memory_names=tuple(memory), memory_units=("", "m", "m"), memory_sizes=(1, 2, 2)
+    )
     write(tmp_path / "run.rrd", scene, replace(frames, memory=memory))
 
     recorded = read(tmp_path / "run.rrd")

@@ -23,7 +23,10 @@ class TestContent:
 
     @pytest.fixture
     def content(self, small):
-        measures = [Measures(24, 24, collisions=60, mean_carriage_steps=5.0, finished_at=step) for step in (40, 55)]
+        measures = [
+            Measures(24, 24, collisions=60, mean_carriage_steps=5.0, finished_at=step)
+            for step in (40, 55)
+        ]
         run = SimpleNamespace(
             config=small,
             settings=RunSettings(30, 100, n_worlds=2),

@@ -57,7 +57,9 @@ def test_states_by_hand(scene):
 
 
 def test_states_that_cannot_be_are_left_out(scene):
-    bare = scene._replace(ball_radius=np.zeros(0), memory_names=(), memory_units=(), memory_sizes=())
+    bare = scene._replace(
+        ball_radius=np.zeros(0), memory_names=(), memory_units=(), memory_sizes=()
+    )
     assert names(bare) == ["empty", "empty, stands", "dead"]
 
 

@@ -92,7 +92,9 @@ class TestLengths:
         assert after_start("home_hop") == [3] * 8
         assert after_start("depth") == pytest.approx([5e-3] * 8)
 
-    @pytest.mark.parametrize(("name", "unit"), [("home_y", b"m"), ("home_hop", b""), ("depth", b"m")])
+    @pytest.mark.parametrize(
+        ("name", "unit"), [("home_y", b"m"), ("home_hop", b""), ("depth", b"m")]
+    )
     def test_columns_state_the_unit(self, table, name, unit):
         assert table.schema.field(f"said_{name}").metadata[b"unit"] == unit
 
@@ -110,7 +112,9 @@ def test_dead_robots_send_nothing_and_have_no_priority():
 
 def test_a_metric_named_like_a_column_gets_a_prefix():
     trajectory = arrays() | {METRIC + "delivered": np.array([5, 6, 7])}
-    world = scene()._replace(metric_names=["delivered"], metric_units=["1/s"], metric_descriptions=["own"])
+    world = scene()._replace(
+        metric_names=["delivered"], metric_units=["1/s"], metric_descriptions=["own"]
+    )
     table = make_table("steps", trajectory, world)
     assert table["metric_delivered"].to_pylist() == [5, 6, 7]
     assert table["delivered"].to_pylist() == [0, 0, 0]

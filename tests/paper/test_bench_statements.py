@@ -17,7 +17,8 @@ def found(rows):
 
 
 def test_single_trials_can_spoil_a_statement_and_few_show_nothing():
-    """Of 25 of 25 the exact interval begins at 86 %; of four at a radius nothing is said; faulty ones do not count."""
+    """Of 25 of 25 the exact interval begins at 86 %; of four at a radius nothing is said; faulty
+    ones do not count."""
     rows = grasp_rows()
     rows[0]["voltage"] = 45.0
     next(r for r in rows if r["experiment"] == "grasp")["voltage"] = None
@@ -26,7 +27,10 @@ def test_single_trials_can_spoil_a_statement_and_few_show_nothing():
     said = found(grasp_rows(repeats=5))[RELIABLE]
     assert said.verdict == TOO_FEW and "(86.3 to 100)" in said.statistics
     assert found(grasp_rows(repeats=4))[GRASP].verdict == TOO_FEW
-    rows = [row | ({} if k % 7 else {"faulty": True, "voltage": 1000.0}) for k, row in enumerate(grasp_rows())]
+    rows = [
+        row | ({} if k % 7 else {"faulty": True, "voltage": 1000.0})
+        for k, row in enumerate(grasp_rows())
+    ]
     assert FAILS not in {f.verdict for f in found(rows)[:ON_BOARD]}
     assert found(grasp_rows(slope=0.15))[FLAT_GRASP].verdict == UNDECIDED
 
@@ -41,7 +45,13 @@ def test_one_ball_off_the_target_spoils_the_transport(change):
 
 @pytest.mark.parametrize(
     "release, pick, holds",
-    [(1.0, 1.05, True), (1.05, 1.2, False), (0.8, 1.0, False), (1.0, 3.0, False), (0.0, 1.0, False)],
+    [
+        (1.0, 1.05, True),
+        (1.05, 1.2, False),
+        (0.8, 1.0, False),
+        (1.0, 3.0, False),
+        (0.0, 1.0, False),
+    ],
 )
 def test_a_peak_is_near_the_balls_radius_in_both_forces(monkeypatch, release, pick, holds):
     """Forces that fall with the distance of R_m / R from a number."""

@@ -37,11 +37,23 @@ def test_table_findings_and_figures(counted, tmp_path, capsys):
     run_experiment(HOP_COUNT, QUICK, tmp_path)
     rows, settings = read_table(tmp_path / "hop_count.parquet")
     assert [row["seed"] for row in rows] == [entry.job.seed for entry in HOP_COUNT.entries(QUICK)]
-    assert rows[0]["collisions_per_robot"] == 1.0 and rows[0]["goal"] == 66 and rows[0]["max_steps"] == 300
-    assert settings["seed"] == 3 and settings["quick"] is True and settings["genome"]["p_vector_forget"] == 0.29
+    assert (
+        rows[0]["collisions_per_robot"] == 1.0
+        and rows[0]["goal"] == 66
+        and rows[0]["max_steps"] == 300
+    )
+    assert (
+        settings["seed"] == 3
+        and settings["quick"] is True
+        and settings["genome"]["p_vector_forget"] == 0.29
+    )
     assert settings["config"]["optics"]["led_beam_aperture"] == 60.0 and settings["version"]
     found = list(csv.DictReader((tmp_path / "findings.csv").open()))
-    assert len(found) == 4 and found[0]["verdict"] == TOO_FEW and found[0]["kind"] == "predicted, held out"
+    assert (
+        len(found) == 4
+        and found[0]["verdict"] == TOO_FEW
+        and found[0]["kind"] == "predicted, held out"
+    )
     assert (tmp_path / "hop_count.png").stat().st_size > 10_000
     assert "</svg>" in (tmp_path / "hop_count.svg").read_text()
     assert "too few runs to judge" in capsys.readouterr().out
@@ -62,7 +74,8 @@ def test_finished_runs_are_not_done_again(counted, tmp_path):
 
 
 def test_real_runs_of_a_small_arena(small, tmp_path):
-    """In workers: the table tells what the runs give by themselves, and all of it follows from it."""
+    """In workers: the table tells what the runs give by themselves, and all of it follows from
+    it."""
     plan = Plan(config=small, quick=True)
     few = replace(HOP_COUNT, few=1, steps=30)
     short = few.entries(plan)
@@ -73,5 +86,7 @@ def test_real_runs_of_a_small_arena(small, tmp_path):
         for row, entry in zip(rows, short, strict=True)
     )
     assert settings["config"]["arena"]["size"] == 15
-    assert rows[0]["goal"] == 22 and rows[0]["n_robots"] == short[0].job.n_robots == round(0.118 * 216)
+    assert rows[0]["goal"] == 22 and rows[0]["n_robots"] == short[0].job.n_robots == round(
+        0.118 * 216
+    )
     assert count(tmp_path / "runs.sqlite") == len(short)

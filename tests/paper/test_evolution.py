@@ -1,4 +1,5 @@
-"""One evolution as one sample: its quantities by hand, and what made-up searches say on the statements."""
+"""One evolution as one sample: its quantities by hand, and what made-up searches say on the
+statements."""
 
 import pytest
 from support.findings import changed, found_in, search_rows
@@ -38,27 +39,44 @@ def test_without_replicates_of_both_nothing_is_said_of_selection(paper):
 
 
 def test_the_fittest_are_those_of_generations_35_to_100():
-    """The first generation is number 1; those just before and just behind are as fit, and left out."""
+    """The first generation is number 1; those just before and just behind are as fit, and left
+    out."""
     common = {"delivered": 0, "use_hop_count": True}
-    rows = [{**common, "generation": g, "fitness": float(g % 97)} for g in range(120) for _ in range(10)]
+    rows = [
+        {**common, "generation": g, "fitness": float(g % 97)} for g in range(120) for _ in range(10)
+    ]
     top = Evolution(rows, 72).top
     assert len(top) == 250 and {row["generation"] for row in top} == set(range(72, 97))
     edges = [{**row, "fitness": float(row["generation"] in (33, 34, 99, 100))} for row in rows]
-    assert sorted(r["generation"] for r in Evolution(edges, 72).top if r["fitness"]) == [34] * 10 + [99] * 10
+    assert (
+        sorted(r["generation"] for r in Evolution(edges, 72).top if r["fitness"])
+        == [34] * 10 + [99] * 10
+    )
 
 
 def test_quantities_of_one_search():
-    """By hand: 40 generations of two runs, of which the second cleans the arena and is the fitter one."""
+    """By hand: 40 generations of two runs, of which the second cleans the arena and is the fitter
+    one."""
     rows = []
     for generation in range(40):
         for clean in (False, True):
-            genome = {"fraction_scouts": 0.3 if clean else 0.1, "density_of_robots": generation / 100}
+            genome = {
+                "fraction_scouts": 0.3 if clean else 0.1,
+                "density_of_robots": generation / 100,
+            }
             fitness = 100.0 * generation + (50 if clean else 0)
             run = {"generation": generation, "delivered": 72 if clean else 0, "fitness": fitness}
             rows.append({**run, "use_hop_count": clean, **genome})
     one = Evolution(rows, 72)
-    assert one.rise == 1.0 and list(one.bests[:2]) == [50.0, 150.0] and list(one.means[:2]) == [25.0, 125.0]
+    assert (
+        one.rise == 1.0
+        and list(one.bests[:2]) == [50.0, 150.0]
+        and list(one.means[:2]) == [25.0, 125.0]
+    )
     assert one.gain == (29.5 - 2.0) * 100 and one.final == 29.5 * 100 + 25
     assert one.density == pytest.approx(0.295) and one.late("fraction_scouts") == pytest.approx(0.2)
-    assert one.apart("fraction_scouts") == pytest.approx(0.2) and Evolution(rows[:58], 72).apart("x") is None
+    assert (
+        one.apart("fraction_scouts") == pytest.approx(0.2)
+        and Evolution(rows[:58], 72).apart("x") is None
+    )
     assert one.trade is None and one.top == [] and one.exceptions == 0.0

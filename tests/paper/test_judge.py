@@ -44,7 +44,8 @@ def test_an_interval_within_limits(low, high, limits, verdict):
 
 
 def test_a_difference_as_large_as_the_margin_is_rarely_called_equal():
-    """The size of the equivalence test: at a true difference of the margin, 2.5 % of all hold; of 400 at most 20."""
+    """The size of the equivalence test: at a true difference of the margin, 2.5 % of all hold; of
+    400 at most 20."""
     rng = np.random.default_rng(0)
     apart = [difference(rng.normal(1, 1, 40), rng.normal(0, 1, 40), np.mean) for _ in range(400)]
     found = [Estimate(each, (40, 40), -1, 1).verdict for each in apart]
@@ -70,7 +71,8 @@ def rows(times, collisions=0.0, **labels):
     ],
 )
 def test_most_runs(count, total, verdict):
-    """By tables of Clopper and Pearson: 10 of 12 from 0.516, 9 of 12 from 0.428, 5 of 5 from 0.478."""
+    """By tables of Clopper and Pearson: 10 of 12 from 0.516, 9 of 12 from 0.428, 5 of 5 from
+    0.478."""
     opposite = {HOLDS: FAILS, FAILS: HOLDS}
     runs = {"": rows([100] * count + [None] * (total - count))}
     assert reaching(runs).verdict == verdict
@@ -80,11 +82,14 @@ def test_most_runs(count, total, verdict):
 
 def test_of_many_groups_those_that_hold_are_only_counted():
     groups = {f"a{k}": rows([5] * 9) for k in range(8)} | {"b": rows([None] * 9)}
-    assert reaching(groups).verdict == FAILS and reaching(groups).ours.startswith("8 of 9; b: 0 of 9: 0 %")
+    assert reaching(groups).verdict == FAILS and reaching(groups).ours.startswith(
+        "8 of 9; b: 0 of 9: 0 %"
+    )
 
 
 def test_all_trials_and_rare_runs():
-    """0.025 ^ (1 / 36) = 0.9026, ^ (1 / 35) = 0.8999; of 0 of 96 the interval ends at 3.8 %, of 12 it starts at 6.6."""
+    """0.025 ^ (1 / 36) = 0.9026, ^ (1 / 35) = 0.8999; of 0 of 96 the interval ends at 3.8 %, of 12
+    it starts at 6.6."""
     assert [always(*n).verdict for n in ((36, 36), (35, 35), (99, 100))] == [HOLDS, TOO_FEW, FAILS]
     rare = [shares({"x": (count, 96)}, (-math.inf, 0.05)).verdict for count in (0, 3, 12)]
     assert rare == [HOLDS, UNDECIDED, FAILS]
@@ -104,7 +109,9 @@ class TestDifferences:
         """Medians 105.5 and 1000, since none of the other 12 finishes; of dust 66 and 30."""
         pair = rows(range(100, 112)), rows([None] * 12)
         found = differences({"": pair}, TIME, more=False)
-        assert found.verdict == HOLDS and found.ours.startswith("106 against 1000, difference -894 steps (")
+        assert found.verdict == HOLDS and found.ours.startswith(
+            "106 against 1000, difference -894 steps ("
+        )
         assert "n = 12 + 12" in found.statistics
         assert differences({"": pair}, DUST).ours.startswith("66 against 30, difference 36 balls (")
 
@@ -116,7 +123,9 @@ class TestDifferences:
     def test_few_runs(self):
         assert smallest_p(LEAST, LEAST) < 0.01 <= smallest_p(LEAST - 1, LEAST - 1)
         assert differences({"": (rows([90] * 4), rows([1] * 4))}).verdict == TOO_FEW
-        assert differences({"": (rows([90, 91, 92, 93, 94]), rows([1, 2, 3, 4, 5]))}).verdict == HOLDS
+        assert (
+            differences({"": (rows([90, 91, 92, 93, 94]), rows([1, 2, 3, 4, 5]))}).verdict == HOLDS
+        )
         assert differences({"": (rows([1]), [])}) is None
 
     @pytest.mark.parametrize("margin, verdict", [(40.0, HOLDS), (10.0, FAILS), (20.0, UNDECIDED)])
@@ -133,10 +142,15 @@ def test_averages_and_their_limits():
     samples = {"a": [10.0, 11, 12, 13, 14, 15], "b": [20.0, 21, 22, 23, 24, 25], "none": []}
     limits = {"a": (9, 16), "b": (19, 26)}
     found = averages(samples, limits, "V", np.median)
-    assert found.verdict == HOLDS and found.ours.startswith("a: 10 to 15, median 12.5 V (10 to 15); b: ")
+    assert found.verdict == HOLDS and found.ours.startswith(
+        "a: 10 to 15, median 12.5 V (10 to 15); b: "
+    )
     assert averages(samples, {"a": limits["b"], "b": limits["a"]}).verdict == FAILS
     assert averages(samples, (9, 22)).verdict == UNDECIDED
-    assert averages({"a": [1.0] * 4}, (0, 2)).verdict == TOO_FEW and averages({"none": []}, (0, 1)) is None
+    assert (
+        averages({"a": [1.0] * 4}, (0, 2)).verdict == TOO_FEW
+        and averages({"none": []}, (0, 1)) is None
+    )
 
 
 @pytest.mark.parametrize("best, verdict", [(0.15, HOLDS), (0.4, FAILS)])
@@ -148,7 +162,9 @@ def test_where_the_lowest_median_is(best, verdict):
         for row in rows([100 + round(1000 * abs(d - best)) + k for k in range(6)], 1 / d, density=d)
     ]
     found = optimum(by(made, "density"), TIME, (0.1, 0.15))
-    assert found.verdict == verdict and found.ours.startswith(f"lowest at {best:g} in 100 %; 0.05: ")
+    assert found.verdict == verdict and found.ours.startswith(
+        f"lowest at {best:g} in 100 %; 0.05: "
+    )
     assert optimum(by(made, "density"), COLLISIONS, (0.1, 0.15)).verdict == FAILS
     assert optimum(by(made[:6], "density"), TIME, (0.1, 0.15)) is None
     wide = {d: rows(range(100, 130, 5)) for d in (0.05, 0.1)}
@@ -164,4 +180,13 @@ def test_several_statements():
 
 def test_numbers_are_readable():
     values = 0.0, -0.0, 1234.5, 0.0123, 2e-7, 12.0, 1.2e7, math.nan
-    assert [*map(number, values)] == ["0", "0", "1234", "0.0123", "2.00e-07", "12", "1.20e+07", "undefined"]
+    assert [*map(number, values)] == [
+        "0",
+        "0",
+        "1234",
+        "0.0123",
+        "2.00e-07",
+        "12",
+        "1.20e+07",
+        "undefined",
+    ]

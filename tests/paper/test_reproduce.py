@@ -1,4 +1,5 @@
-"""`iswarm reproduce`: what it makes, keeps and refuses; runs are by a stand-in that takes no time."""
+"""`iswarm reproduce`: what it makes, keeps and refuses; runs are by a stand-in that takes no
+time."""
 
 from pathlib import Path
 
@@ -24,7 +25,12 @@ def jobs(monkeypatch, tmp_path):
     def run_jobs(jobs, execution):
         for index, job in enumerate(jobs):
             seen.append(job)
-            yield index, outcome_of(Measures(66, 66, 280, 50.0, 100 + job.seed % 50), 150, 5000.0 + job.seed % 100)
+            yield (
+                index,
+                outcome_of(
+                    Measures(66, 66, 280, 50.0, 100 + job.seed % 50), 150, 5000.0 + job.seed % 100
+                ),
+            )
 
     monkeypatch.setattr(pool, "run_jobs", run_jobs)
     monkeypatch.setattr("iswarm_mj.paper.report.reproduce.report", lambda *_: None)
@@ -34,11 +40,24 @@ def jobs(monkeypatch, tmp_path):
 
 
 def run(*flags, only=PARTS):
-    main(["reproduce", "--quick", "--results", "results", "--pages", "README.md", "--only", *only, *flags])
+    main(
+        [
+            "reproduce",
+            "--quick",
+            "--results",
+            "results",
+            "--pages",
+            "README.md",
+            "--only",
+            *only,
+            *flags,
+        ]
+    )
 
 
 def test_all_is_made_and_nothing_twice(jobs, tmp_path, capsys):
-    """Older figures go, other files stay; findings and pages follow from the tables, also without runs."""
+    """Older figures go, other files stay; findings and pages follow from the tables, also without
+    runs."""
     results, page = tmp_path / "results", tmp_path / "README.md"
     (results / "hop-count").mkdir(parents=True)
     for name in ("old.png", "notes.txt"):
@@ -46,7 +65,9 @@ def test_all_is_made_and_nothing_twice(jobs, tmp_path, capsys):
     run()
     made = len(jobs)
     names = {"hop_count.parquet", "hop_count.png", "findings.csv", "notes.txt"}
-    assert made == 6 + 2 * 3 * 4 and {path.name for path in (results / "hop-count").iterdir()} == names
+    assert (
+        made == 6 + 2 * 3 * 4 and {path.name for path in (results / "hop-count").iterdir()} == names
+    )
     assert (results / "evolve-random" / "best.json").is_file()
     assert len(read_table(results / "evolve-random" / "evolution.parquet")[0]) == 24
     text, findings = page.read_text(), (results / "hop-count/findings.csv").read_bytes()
@@ -67,7 +88,9 @@ def test_all_is_made_and_nothing_twice(jobs, tmp_path, capsys):
 
 def test_quick_results_are_kept_away_from_the_others_and_from_pages(jobs, monkeypatch, tmp_path):
     given = []
-    monkeypatch.setattr("iswarm_mj.paper.report.reproduce.reproduce", lambda *args: given.append(args))
+    monkeypatch.setattr(
+        "iswarm_mj.paper.report.reproduce.reproduce", lambda *args: given.append(args)
+    )
     for flags in (["--quick"], ["--trials=7"]):
         main(["reproduce", "--only", "grasp", *flags])
     quick = Path("runs/reproduce-quick")

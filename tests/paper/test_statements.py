@@ -1,4 +1,5 @@
-"""What the statements on swarms say of made-up runs, no two of whose groups and columns are alike."""
+"""What the statements on swarms say of made-up runs, no two of whose groups and columns are
+alike."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -23,19 +24,27 @@ def test_the_runs_of_a_quick_version_are_too_few(name):
     rows = rows_of(entries, lambda e: done(e.job, 100 + e.labels["repeat"]))
     rows = [row | {"aggregation": 0.3, "overlap": 0.05, "ms_per_step": 2.0} for row in rows]
     found = {finding.verdict for finding in EXPERIMENTS[name].findings(rows)}
-    assert found <= {TOO_FEW, NOT_RUN, ""} and (TOO_FEW in found or name == "infer")  # which judges nothing
+    assert found <= {TOO_FEW, NOT_RUN, ""} and (
+        TOO_FEW in found or name == "infer"
+    )  # which judges nothing
 
 
 class TestTypes:
-    @pytest.mark.parametrize("points, collisions, n_robots, step", [(7771, 180, 280, 310), (7766, 80, 314, 311)])
+    @pytest.mark.parametrize(
+        "points, collisions, n_robots, step", [(7771, 180, 280, 310), (7766, 80, 314, 311)]
+    )
     def test_the_papers_times_follow_from_its_fitness(self, points, collisions, n_robots, step):
-        """The formula of section 4.6 gives the paper's points with so many collisions a robot, and not a step later."""
+        """The formula of section 4.6 gives the paper's points with so many collisions a robot, and
+        not a step later."""
         run = Measures(72, 72, collisions * n_robots, None, step)
-        assert latest_finish(points) == step and fitness(run, n_robots, 72, 800) == pytest.approx(points)
+        assert latest_finish(points) == step and fitness(run, n_robots, 72, 800) == pytest.approx(
+            points
+        )
         assert fitness(run._replace(collisions=0, finished_at=step + 1), n_robots, 72, 800) < points
 
     def test_aggregation_by_hand(self):
-        """Of the empty workers two of three are near a dust area in the first step, none in the second."""
+        """Of the empty workers two of three are near a dust area in the first step, none in the
+        second."""
         rd = 2e-3 * np.sqrt(2)
         far, near, edge = [0.0, 20 * rd, 0.0], [16 * rd, 0.0, 0.0], [(16 - 3 - 3.4) * rd, 0.0, 0.0]
         frames = {
@@ -49,7 +58,9 @@ class TestTypes:
         assert observed.aggregation(frames) == pytest.approx((2 / 3 + 0) / 2)
 
 
-def test_the_first_run_of_each_type_is_recorded_and_drawn_where_half_is_delivered(monkeypatch, tmp_path):
+def test_the_first_run_of_each_type_is_recorded_and_drawn_where_half_is_delivered(
+    monkeypatch, tmp_path
+):
     made, drawn = [], []
     frames = {"step": np.arange(9), "delivered": np.array([0, 0, 1, 1, 2, 3, 3, 4, 4])}
     frames |= {"ball_position": np.zeros((9, 4, 3))}
@@ -62,18 +73,27 @@ def test_the_first_run_of_each_type_is_recorded_and_drawn_where_half_is_delivere
     }
     for name, stand_in in stand_ins.items():
         monkeypatch.setattr(observed, name, stand_in)
-    about = [{"type": name, "repeat": k, "n_robots": n} for name, n in (("type1", 3), ("type2", 5)) for k in (0, 1)]
+    about = [
+        {"type": name, "repeat": k, "n_robots": n}
+        for name, n in (("type1", 3), ("type2", 5))
+        for k in (0, 1)
+    ]
     rows = [{**row, "max_steps": 9, "seed": 10 * row["n_robots"] + row["repeat"]} for row in about]
     observed.record(replace(PLAN, quick=True), tmp_path, rows)
     assert made == [(PRESETS["type1"], 3, 30, "type1-0"), (PRESETS["type2"], 5, 50, "type2-0")]
-    assert drawn == [(4, f"{name}, step 4, 2 of 4 balls delivered", name) for name in ("type1", "type2")]
+    assert drawn == [
+        (4, f"{name}, step 4, 2 of 4 balls delivered", name) for name in ("type1", "type2")
+    ]
     assert [row["aggregation"] for row in rows] == [0.25, None, 0.25, None]
 
 
 def test_overlaps_and_times_are_observed(small):
     """Overlaps lessen with the time step."""
     plan = Plan(replace(small, arena=replace(small.arena, n_dust=4)), quick=True)
-    entries = [e._replace(job=replace(e.job, n_robots=40, steps=30)) for e in EXPERIMENTS["time-step"].entries(plan)]
+    entries = [
+        e._replace(job=replace(e.job, n_robots=40, steps=30))
+        for e in EXPERIMENTS["time-step"].entries(plan)
+    ]
     entries = [e for e in entries if e.labels["type"] == "type1" and e.labels["rate"] in (10, 50)]
     rows = [row_of(e, done(e.job, None)) for e in entries]
     observed.observe(plan, None, rows)

@@ -1,4 +1,5 @@
-"""Tables of results in Markdown: faulty trials, texts by hand; blocks of pages, of which nothing else changes."""
+"""Tables of results in Markdown: faulty trials, texts by hand; blocks of pages, of which nothing
+else changes."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,7 +12,10 @@ from iswarm_mj.paper.report.tables import filled, new_texts
 def test_faulty_trials_do_not_count():
     rows = grasp_rows(repeats=2)
     rows[3] |= {"faulty": True}
-    assert [line.split(" | ")[2] for line in grouped("grasp", rows).splitlines()[2:4]] == ["0 of 9", "10 of 10"]
+    assert [line.split(" | ")[2] for line in grouped("grasp", rows).splitlines()[2:4]] == [
+        "0 of 9",
+        "10 of 10",
+    ]
 
 
 PAGE = """# A page
@@ -36,7 +40,10 @@ def fill(directory, name, beside):
 
 def test_only_what_is_between_the_marks_changes(tmp_path):
     new = filled(PAGE, fill)
-    assert "<!-- results: density -->\n\n| density of results and None |\n\n<!-- end -->\nBetween." in new
+    assert (
+        "<!-- results: density -->\n\n| density of results and None |\n\n<!-- end -->\nBetween."
+        in new
+    )
     assert "\n\n| hop-count of results/initial and results |\n\n<!-- end -->" in new
     kept = [line for line in PAGE.splitlines() if line and "old" not in line]
     assert [line for line in new.splitlines() if " of results" not in line and line] == kept

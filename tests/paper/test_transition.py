@@ -1,4 +1,5 @@
-"""What the transition between stiff and soft contacts would change in the judged trials: no verdict."""
+"""What the transition between stiff and soft contacts would change in the judged trials: no
+verdict."""
 
 import math
 from pathlib import Path
@@ -29,20 +30,26 @@ def factor(work, radius, modulus, z0):
 
 
 def as_stiff(work, radius, median, modulus, z0):
-    """Work of a stiff contact with the same pull-off, where works are refitted for the median of a ball of 20 um."""
+    """Work of a stiff contact with the same pull-off, where works are refitted for the median of a
+    ball of 20 um."""
     scale = brentq(lambda k: k * factor(k * median, 20e-6, modulus, z0) - 2, 1.0, 4 / 3)
     return scale * work * factor(scale * work, radius, modulus, z0) / 2
 
 
 @pytest.mark.parametrize("z0", [0.16e-9, 0.4e-9])
 def test_no_verdict_on_trials_changes_with_the_pull_off_of_the_transition(z0):
-    """Voltages of the committed trials, times what the force balance makes of the other pull-off."""
+    """Voltages of the committed trials, times what the force balance makes of the other
+    pull-off."""
     rows, _ = read_table(TESTS.parent / "results/default/grasp/trials.parquet")
     contacts, changed, change = Contacts(), [], {"grasp": [], "release": []}
     for row in rows:
         radius = row["radius"]
-        tool = as_stiff(row["work_tool_object"], radius, WORK_TOOL_OBJECT, contacts.probe_modulus, z0)
-        plate = as_stiff(row["work_object_substrate"], radius, WORK_OBJECT_SUBSTRATE, contacts.plate_modulus, z0)
+        tool = as_stiff(
+            row["work_tool_object"], radius, WORK_TOOL_OBJECT, contacts.probe_modulus, z0
+        )
+        plate = as_stiff(
+            row["work_object_substrate"], radius, WORK_OBJECT_SUBSTRATE, contacts.plate_modulus, z0
+        )
         if row["experiment"] == "grasp":
             new = grasp_voltage(radius, tool, plate, CONTACT_GAP, PROBE_RADIUS)
         elif row["experiment"] == "release":
@@ -55,6 +62,11 @@ def test_no_verdict_on_trials_changes_with_the_pull_off_of_the_transition(z0):
         changed.append(row | {"voltage": row["voltage"] * ratio})
     for name, found in change.items():
         print(f"z0 = {1e9 * z0:g} nm, {name}: {min(found):.1f} to {max(found):.1f} %")
-    findings = [[one.finding(each) for one in STATEMENTS if one.study == "grasp"] for each in (rows, changed)]
+    findings = [
+        [one.finding(each) for one in STATEMENTS if one.study == "grasp"]
+        for each in (rows, changed)
+    ]
     assert [f.verdict for f in findings[0]] == [f.verdict for f in findings[1]]
-    assert all(math.isfinite(value) and abs(value) < 5 for found in change.values() for value in found)
+    assert all(
+        math.isfinite(value) and abs(value) < 5 for found in change.values() for value in found
+    )

@@ -1,4 +1,5 @@
-"""The page in Chromium, which loads it once: what a user does there reaches the run, and what is copied repeats it."""
+"""The page in Chromium, which loads it once: what a user does there reaches the run, and what is
+copied repeats it."""
 
 import re
 import shlex
@@ -38,7 +39,12 @@ from iswarm_mj.workflows.clean import run_swarm
 
 sync_api = pytest.importorskip("playwright.sync_api")
 CHROMIUM = shutil.which("chromium")
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"]
+FLAGS = [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-dev-shm-usage",
+]
 CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
 SECONDS = 120
 WIDTH, HEIGHT = 1000, 700
@@ -109,7 +115,10 @@ def test_a_click_on_a_robot_selects_it(pages, played):
     seen = np.array([*pose[robot, :2], 0.5]) - client.camera.position
     right, down, ahead = SO3(client.camera.wxyz).inverse() @ seen
     scale = client.camera.image_height / 2 / np.tan(client.camera.fov / 2) / ahead
-    place = client.camera.image_width / 2 + scale * right, client.camera.image_height / 2 + scale * down
+    place = (
+        client.camera.image_width / 2 + scale * right,
+        client.camera.image_height / 2 + scale * down,
+    )
     for page in pages:
         page.mouse.click(*place)
     wait(lambda: played._panel.view.selected == robot)
@@ -135,13 +144,34 @@ def test_a_slider_changes_the_rules_and_the_copied_command_repeats_the_run(pages
     other = parse(shlex.split(command)[1:]).session()
     while other.step < session.step:
         other.advance()
-    for one, copy in zip(*map(jax.tree.leaves, (session.run.arrays()[1], other.run.arrays()[1])), strict=True):
+    for one, copy in zip(
+        *map(jax.tree.leaves, (session.run.arrays()[1], other.run.arrays()[1])), strict=True
+    ):
         np.testing.assert_array_equal(np.asarray(one), np.asarray(copy))
 
 
 def test_the_command_ends_with_ctrl_c(browser):
-    command = [sys.executable, "-m", "iswarm_mj", "play", "--robots", "20", "--engine", "planar", "--no-open"]
-    command += ["--arena.size", "24", "--arena.dust-area-offset", "7", "--arena.n-dust", "12", "--port", "8340"]
+    command = [
+        sys.executable,
+        "-m",
+        "iswarm_mj",
+        "play",
+        "--robots",
+        "20",
+        "--engine",
+        "planar",
+        "--no-open",
+    ]
+    command += [
+        "--arena.size",
+        "24",
+        "--arena.dust-area-offset",
+        "7",
+        "--arena.n-dust",
+        "12",
+        "--port",
+        "8340",
+    ]
     with Popen(command, stdout=PIPE, text=True) as process, ExitStack() as ends:
         ends.callback(process.kill)
         page = browser.new_page()
@@ -271,7 +301,8 @@ def test_whoever_takes_the_port_of_an_ended_page_learns_nothing_of_the_next_one(
     close_server(ended)
 
     with attack_from(split.hostname, split.port) as attacker:
-        # The tab loads the attacker's page, whose service worker answers for the origin from then on.
+        # The tab loads the attacker's page, whose service worker answers for the origin from then
+        # on.
         stale_tab.goto(f"http://{split.netloc}/")
         wait(lambda: stale_tab.title() == "registered")
         stale_tab.goto(f"http://{split.netloc}/anything")
@@ -294,7 +325,9 @@ def test_whoever_takes_the_port_of_an_ended_page_learns_nothing_of_the_next_one(
             context.close()
 
 
-@pytest.mark.parametrize("parameter", ["playbackPath=http://{evil}/x.viser", "websocket=ws://{evil}"])
+@pytest.mark.parametrize(
+    "parameter", ["playbackPath=http://{evil}/x.viser", "websocket=ws://{evil}"]
+)
 def test_no_parameter_leads_the_client_to_an_attacker(browser, played, parameter):
     with attack_from("127.0.0.1") as attacker:
         query = parameter.format(evil=f"127.0.0.1:{attacker.server_port}")
@@ -362,7 +395,8 @@ def test_the_file_that_the_command_opens_leads_to_the_page(browser, played):
 
 
 def test_the_guard_knows_all_that_the_client_sends(pages, played, capfd):
-    """Clicks of all kinds on the arena and on the panel, a narrow window, a download: no message is dropped."""
+    """Clicks of all kinds on the arena and on the panel, a narrow window, a download: no message is
+    dropped."""
     page = pages[1]
     for name in ("Rules", "World", "Robot", "Gripper", "Share", "Watch"):
         page.get_by_role("tab", name=name).click()

@@ -61,7 +61,9 @@ def test_it_does_not_wait_for_a_compiler(played, compiler):
     assert played._error is None
 
 
-def test_a_recording_is_complete_though_a_step_is_still_computed(played, compiler, tmp_path, monkeypatch):
+def test_a_recording_is_complete_though_a_step_is_still_computed(
+    played, compiler, tmp_path, monkeypatch
+):
     session = played.session
     monkeypatch.setattr(session, "_out", tmp_path)
     session.post(session.start_recording)

@@ -126,7 +126,11 @@ def status(url, path="PATH", more="", **changed):
     """
     split = urlsplit(url)
     headers = HANDSHAKE | {name.replace("_", "-"): value for name, value in changed.items()}
-    lines = [f"GET {path} HTTP/1.1", *(f"{k}: {v}" for k, v in headers.items() if v is not None), more]
+    lines = [
+        f"GET {path} HTTP/1.1",
+        *(f"{k}: {v}" for k, v in headers.items() if v is not None),
+        more,
+    ]
     text = "\r\n".join(line for line in lines if line) + "\r\n\r\n"
     text = text.replace("HOST", split.netloc).replace("PATH", split.path)
     with socket.create_connection((split.hostname, split.port), SECONDS) as connection:
@@ -141,8 +145,12 @@ def test_the_page_and_its_websocket_open_at_the_whole_address(server):
     forwarded = {"Host": "localhost:9999", "Origin": "http://localhost:9999"}
     assert status(server.url, **forwarded) == 101
     split = urlsplit(server.url)
-    own = f"ws%3A%2F%2F{split.netloc}{split.path.removesuffix('/')}".replace("/", "%2F").replace(":", "%3A")
-    assert status(server.url, path=f"PATH?websocket={own}", Upgrade=None, Origin=None) == 200  # as after a reload
+    own = f"ws%3A%2F%2F{split.netloc}{split.path.removesuffix('/')}".replace("/", "%2F").replace(
+        ":", "%3A"
+    )
+    assert (
+        status(server.url, path=f"PATH?websocket={own}", Upgrade=None, Origin=None) == 200
+    )  # as after a reload
 
 
 @pytest.mark.parametrize(
@@ -172,7 +180,8 @@ def test_the_client_may_connect_to_the_page_alone(server):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have one such address")
 def test_pages_have_origins_of_their_own(server):
-    """So that nothing that a browser keeps of an ended page, or of who took its port, meets the next one."""
+    """So that nothing that a browser keeps of an ended page, or of who took its port, meets the
+    next one."""
     other = open_server(PORT)
     close_server(other)
     hosts = {urlsplit(one.url).hostname for one in (server, other)}
@@ -302,7 +311,11 @@ def test_addresses_are_not_passed_on_and_not_kept(server, path):
         wanted = path.replace("PATH", split.path)
         connection.sendall(f"GET {wanted} HTTP/1.1\r\nHost: {split.netloc}\r\n\r\n".encode())
         head = connection.recv(4000).partition(b"\r\n\r\n")[0].decode()
-    for line in ("Referrer-Policy: no-referrer", "Cache-Control: no-store", "X-Content-Type-Options: nosniff"):
+    for line in (
+        "Referrer-Policy: no-referrer",
+        "Cache-Control: no-store",
+        "X-Content-Type-Options: nosniff",
+    ):
         assert line in head.splitlines()
     assert split.path.strip("/") not in head
 
@@ -315,7 +328,12 @@ def test_requests_of_strangers_leave_nothing_on_the_terminal(server, caplog, mon
         monkeypatch.setattr(log, "filters", own)
 
     split = urlsplit(server.url)
-    for text in (b"POST / HTTP/1.1\r\n\r\n", b"\x16\x03\x01\r\n\r\n", b"GET / HTTP/1.1\r\nHost\r\n\r\n", b""):
+    for text in (
+        b"POST / HTTP/1.1\r\n\r\n",
+        b"\x16\x03\x01\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost\r\n\r\n",
+        b"",
+    ):
         with socket.create_connection((split.hostname, split.port), SECONDS) as connection:
             connection.sendall(text)
             connection.shutdown(socket.SHUT_WR)
@@ -323,16 +341,22 @@ def test_requests_of_strangers_leave_nothing_on_the_terminal(server, caplog, mon
     assert not caplog.records
 
 
-@pytest.mark.skipif(os.name == "nt" or os.geteuid() != 0 or not shutil.which("bash"), reason="needs root and bash")
+@pytest.mark.skipif(
+    os.name == "nt" or os.geteuid() != 0 or not shutil.which("bash"), reason="needs root and bash"
+)
 def test_another_user_reaches_neither_the_page_nor_the_file_that_leads_there(server):
     """Another user knows the port, and where the file is."""
 
     def as_nobody(command):
         own = {"user": NOBODY, "group": NOBODY, "extra_groups": [], "cwd": "/", "timeout": SECONDS}
-        return subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False, **own)
+        return subprocess.run(
+            ["bash", "-c", command], capture_output=True, text=True, check=False, **own
+        )
 
     host, port = urlsplit(server.url).hostname, server.get_port()
-    request = "".join(f"{k}: {v}\\r\\n" for k, v in HANDSHAKE.items()).replace("HOST", f"{host}:{port}")
+    request = "".join(f"{k}: {v}\\r\\n" for k, v in HANDSHAKE.items()).replace(
+        "HOST", f"{host}:{port}"
+    )
     talk = f"exec 3<>/dev/tcp/{host}/{port}; printf 'GET / HTTP/1.1\\r\\n{request}\\r\\n' >&3; head -1 <&3"
     assert as_nobody(talk).stdout.split()[1] == "403"
 
@@ -350,7 +374,11 @@ def test_the_browser_is_given_a_file_and_not_the_address(monkeypatch, capsys):
 
     def open_browser(address):
         file = Path(url2pathname(urlsplit(address).path))
-        opened[address] = file.read_text(), file.stat().st_mode & 0o777, file.parent.stat().st_mode & 0o777
+        opened[address] = (
+            file.read_text(),
+            file.stat().st_mode & 0o777,
+            file.parent.stat().st_mode & 0o777,
+        )
 
     page = SimpleNamespace(url=url, wait=lambda: None)
     monkeypatch.setattr(webbrowser, "open", open_browser)
@@ -461,7 +489,11 @@ HOSTILE = {
     "a list for a number": lambda c: update(c.slider, value=[1.0]),
     "a number for a text": lambda c: update(c.choice, value=5),
     "a long text": lambda c: update(c.choice, value="x" * 5000),
-    "a list for a name": lambda c: {"type": "GuiUpdateMessage", "uuid": [1], "updates": {"value": 1}},
+    "a list for a name": lambda c: {
+        "type": "GuiUpdateMessage",
+        "uuid": [1],
+        "updates": {"value": 1},
+    },
     "a camera without height": lambda c: CAMERA | {"image_height": 0},
     "a camera at NaN": lambda c: CAMERA | {"position": [math.nan, 0.0, 0.0]},
     "a short vector": lambda c: CAMERA | {"position": [0.0, 0.0]},

@@ -1,4 +1,5 @@
-"""What browsers send to the inputs of a page: legal values reach the session, and others change nothing."""
+"""What browsers send to the inputs of a page: legal values reach the session, and others change
+nothing."""
 
 import random
 import warnings
@@ -100,7 +101,10 @@ def test_values_that_a_control_takes(control, value, expected):
 
 @pytest.mark.parametrize(
     ("control", "value"),
-    [(FLOAT, value) for value in (-0.1, 2.1, float("nan"), float("inf"), 10**400, "1", None, True, [1.0], {})]
+    [
+        (FLOAT, value)
+        for value in (-0.1, 2.1, float("nan"), float("inf"), 10**400, "1", None, True, [1.0], {})
+    ]
     + [(WHOLE, value) for value in (0, 10, 4.5, float("nan"), -(10**400), "4", True, b"4")]
     + [(FREE, value) for value in (float("nan"), float("-inf"), 10**400, "1")]
     + [(SWITCH, value) for value in (1, 0, "true", None)]
@@ -126,7 +130,10 @@ def test_a_refused_value_is_answered_and_the_input_keeps_the_old_one(still):
         browser.set(label, value)
         work(page)
         assert browser.value(label) == old
-        assert f"{label} must be" in browser.notifications[-1] and f"{value}" in browser.notifications[-1]
+        assert (
+            f"{label} must be" in browser.notifications[-1]
+            and f"{value}" in browser.notifications[-1]
+        )
     assert (session.wanted, session.now) == before and page._error is None
 
 
@@ -134,7 +141,16 @@ def test_messages_change_values_of_inputs_alone(still):
     page, browser = still
     uuid = browser.find("p vector forget")
     state = browser.handle(uuid)._impl
-    for name in ("removed", "update_cb", "sync_cb", "props", "is_button", "gui_api", "uuid", "nothing"):
+    for name in (
+        "removed",
+        "update_cb",
+        "sync_cb",
+        "props",
+        "is_button",
+        "gui_api",
+        "uuid",
+        "nothing",
+    ):
         before = dict(vars(state))
         browser.send(uuid, {name: 7})
         browser.send(uuid, {"value": 0.5, name: 7})
@@ -167,7 +183,9 @@ def test_the_strategy_of_the_start_can_be_chosen_again():
         work(page)
         browser.set("strategy", name)
         work(page)
-        assert page.session.wanted.strategy is TEAMS and page.session.start.genome == PRESETS["type2"]
+        assert (
+            page.session.wanted.strategy is TEAMS and page.session.start.genome == PRESETS["type2"]
+        )
 
 
 def test_actions_that_fail_are_shown(still, capfd):
@@ -365,8 +383,34 @@ def legal(control, rng):
 
 def hostile(control, rng, file):
     """A value that a control may refuse."""
-    odd = [None, float("nan"), float("inf"), -5, 1e308, 10**30, -(10**400), "", "x" * 100_000, f"{file}:X"]
-    odd += ["'", '"', "\ud800", "\x00", [], [1, 2], {"a": 1}, b"\xff", True, False, 0.5, "type2", "1", "nan"]
+    odd = [
+        None,
+        float("nan"),
+        float("inf"),
+        -5,
+        1e308,
+        10**30,
+        -(10**400),
+        "",
+        "x" * 100_000,
+        f"{file}:X",
+    ]
+    odd += [
+        "'",
+        '"',
+        "\ud800",
+        "\x00",
+        [],
+        [1, 2],
+        {"a": 1},
+        b"\xff",
+        True,
+        False,
+        0.5,
+        "type2",
+        "1",
+        "nan",
+    ]
     return rng.choice(odd)
 
 

@@ -1,4 +1,5 @@
-"""The page without a browser: where it listens, what it draws, what a click does; replays; the bench."""
+"""The page without a browser: where it listens, what it draws, what a click does; replays; the
+bench."""
 
 import base64
 import itertools
@@ -62,10 +63,14 @@ def test_pages_listen_to_this_machine_alone_each_on_its_own_port(played):
     other = open_server(8310)  # the same port is free at another address
     try:
         assert other.request_share_url() is None
-        found = {c.laddr for c in psutil.Process().net_connections() if c.status == psutil.CONN_LISTEN}
+        found = {
+            c.laddr for c in psutil.Process().net_connections() if c.status == psutil.CONN_LISTEN
+        }
         ports = {urlsplit(played.url).port, other.get_port()}
         hosts = {urlsplit(played.url).hostname, urlsplit(other.url).hostname}
-        assert {address.ip for address in found} >= hosts and {address.port for address in found} >= ports
+        assert {address.ip for address in found} >= hosts and {
+            address.port for address in found
+        } >= ports
         assert all(address.ip.startswith("127.") for address in found if address.port in ports)
     finally:
         close_server(other)
@@ -75,7 +80,9 @@ def test_pages_listen_to_this_machine_alone_each_on_its_own_port(played):
 def test_resets_while_it_draws(played, monkeypatch):
     """However long a reset takes, no drawing mixes both runs, of which one has fewer robots."""
     session, frames = played.session, RecordedWorld.frames
-    monkeypatch.setattr(RecordedWorld, "frames", lambda *given: (time.sleep(0.5), frames(*given))[1])
+    monkeypatch.setattr(
+        RecordedWorld, "frames", lambda *given: (time.sleep(0.5), frames(*given))[1]
+    )
     session.post(lambda: (session.set("robots", 12), session.reset()))
     wait(lambda: session.version > 1 and played._drawn_version == session.version)
     time.sleep(1)
@@ -87,7 +94,9 @@ def test_clicks_select_kill_and_drop(played):
     session.advance()
     x, y = session.snapshots[-1].frames.pose[0, 5, :2] * 1e3
     way = np.array([0.1, 0.6, -0.8])  # to half the height of robot 5
-    played._clicked(SimpleNamespace(ray_origin=np.array([x + 0.1, y, 0.5]) - 90 * way, ray_direction=2 * way))
+    played._clicked(
+        SimpleNamespace(ray_origin=np.array([x + 0.1, y, 0.5]) - 90 * way, ray_direction=2 * way)
+    )
     assert panel.view.selected == 5
     panel.update()
     assert "20 robots · cleaning, type1" in panel._status.content
@@ -100,7 +109,11 @@ def test_clicks_select_kill_and_drop(played):
     panel.clicked(x, y, 1.6)
     panel.clicked(x, y, 1.6)
     panel.click = BUILD
-    for place in ((20.0, -20.0), (-20.0, -20.0), (-20.5, -19.5)):  # the third one takes the second away
+    for place in (
+        (20.0, -20.0),
+        (-20.0, -20.0),
+        (-20.5, -19.5),
+    ):  # the third one takes the second away
         panel.clicked(*place, 1.6)
     ended = Event()
     session.post(ended.set)
@@ -109,7 +122,9 @@ def test_clicks_select_kill_and_drop(played):
     assert not session.is_alive[5] and session.run.settings.n_robots == 20
     panel.update()
     assert "**Reset** applies: robots, obstacles." in panel._status.content
-    assert session.wanted.n_robots == 18 and session.wanted.config.arena.obstacles == ((7.07, -7.07, 1.0, 1.0, 0.0),)
+    assert session.wanted.n_robots == 18 and session.wanted.config.arena.obstacles == (
+        (7.07, -7.07, 1.0, 1.0, 0.0),
+    )
 
 
 def test_what_is_drawn_lies_between_two_steps(played, monkeypatch):
@@ -118,7 +133,9 @@ def test_what_is_drawn_lies_between_two_steps(played, monkeypatch):
     for thread in played._threads:
         thread.join()
     session, shown = played.session, []
-    monkeypatch.setattr(played._panel.view, "show", lambda past, share, _: shown.append((past[-1].step[0], share)))
+    monkeypatch.setattr(
+        played._panel.view, "show", lambda past, share, _: shown.append((past[-1].step[0], share))
+    )
     for _ in range(4):
         session.advance()
     for begin in (0.0, 1.25, 3.0):
@@ -143,9 +160,15 @@ def test_the_bench_draws_the_curve_of_its_sliders_and_a_trial(played):
     assert bench.trace.voltage.max() >= 40
     bench.hold(60.0)
     where, sample = trial_shapes(bench.trace), int(0.6 * len(bench.trace.time))
-    for node, part in ((bench._ball, where.ball), (bench._mark, where.mark), (bench._probe, where.probe)):
+    for node, part in (
+        (bench._ball, where.ball),
+        (bench._mark, where.mark),
+        (bench._probe, where.probe),
+    ):
         np.testing.assert_allclose(node.position, bench._scale * part[sample], rtol=1e-6)
-    assert tuple(bench._ball.color) == rgb(ORANGE if bench.trace.on_plate_potential[sample] else GREEN)
+    assert tuple(bench._ball.color) == rgb(
+        ORANGE if bench.trace.on_plate_potential[sample] else GREEN
+    )
 
 
 @pytest.fixture(scope="module")
@@ -161,7 +184,9 @@ def test_a_replay_is_one_file_with_the_run_in_it(run, tmp_path):
     assert "<title>A &lt;b&gt; &amp; c</title>" in text
     assert not re.findall(r"""(?:src|href)=["']?(?:https?:)?//""", text)
     data = base64.b64decode(re.search(r'__VISER_EMBED_DATA__="([^"]+)"', text)[1])
-    inner = zstandard.ZstdDecompressor().decompress(data[8:], max_output_size=int.from_bytes(data[:8], "little"))
+    inner = zstandard.ZstdDecompressor().decompress(
+        data[8:], max_output_size=int.from_bytes(data[:8], "little")
+    )
     size = int.from_bytes(inner[:8], "little")
     content = msgspec.msgpack.decode(inner[8 : 8 + size])
     assert content["durationSeconds"] == pytest.approx((8 * 2 + 1) / 8)
@@ -174,18 +199,26 @@ def test_a_replay_is_one_file_with_the_run_in_it(run, tmp_path):
     assert min(np.abs(one - expected).max() for one in found) <= 1 / 128 + 1e-4
 
 
-def test_the_last_step_of_a_replay_is_that_of_the_run_or_some_after_the_first(run, tmp_path, monkeypatch, capsys):
+def test_the_last_step_of_a_replay_is_that_of_the_run_or_some_after_the_first(
+    run, tmp_path, monkeypatch, capsys
+):
     assert swarm_film(run, Film(2))[2] == 12
     monkeypatch.setattr(replay, "MOST_STEPS", 3)
     assert swarm_film(run, Film(2))[2] == 5
     command = ("replay", str(run.path), f"--out={tmp_path / 'replay.html'}")
     assert code_of(*command) == code_of(*command, "--last=4") == code_of(*command, "--first=9") == 0
     cut, chosen, whole = capsys.readouterr().out.splitlines()
-    assert "steps 0 to 3 of" in cut and cut.endswith("--last 12 shows all") and "shows all" not in chosen
+    assert (
+        "steps 0 to 3 of" in cut
+        and cut.endswith("--last 12 shows all")
+        and "shows all" not in chosen
+    )
     assert "steps 9 to 12 of" in whole and "shows all" not in whole
 
 
-@pytest.mark.parametrize("film", [Film(0, 99), Film(5, 5), Film(colour_by="red"), Film(draw=("links", "foo"))])
+@pytest.mark.parametrize(
+    "film", [Film(0, 99), Film(5, 5), Film(colour_by="red"), Film(draw=("links", "foo"))]
+)
 def test_impossible_replays(run, film, tmp_path):
     with pytest.raises(UserError):
         write_replay(run, film, tmp_path / "page.html")
@@ -257,7 +290,11 @@ def test_faults_of_drawing_and_of_the_bench_leave_the_page_alive(played, monkeyp
     wait(lambda: session.version == 2 and session.step == 1)
     assert played._error is None and all(thread.is_alive() for thread in played._threads)
     printed = capfd.readouterr().err
-    assert printed.count("ZeroDivisionError: drawn") == printed.count("IndexError: list index out of range") == 1
+    assert (
+        printed.count("ZeroDivisionError: drawn")
+        == printed.count("IndexError: list index out of range")
+        == 1
+    )
 
 
 def test_an_interruption_ends_the_page(played):
@@ -311,13 +348,17 @@ def test_the_force_curve_follows_voltage_and_humidity():
     assert max(abs(there[-1]), abs(back[-1])) < 1  # of no voltage far away
     for row in force_curve(BenchSettings(voltage=0).trial, Protocol(), 0.0)[::40]:
         side = there if row["direction"] == "approach" else back
-        assert np.interp(1e6 * row["tip"], height, side) == pytest.approx(1e9 * row["total"], abs=1e-6)
+        assert np.interp(1e6 * row["tip"], height, side) == pytest.approx(
+            1e9 * row["total"], abs=1e-6
+        )
 
 
 def test_the_outcome_of_a_trial():
     assert "stays on the plate" in outcome(BenchSettings(voltage=5).trace())
     lifted = outcome(BenchSettings(voltage=45, gap=9).trace())
     volts = float(re.search(r"let go at (\d+) V", lifted)[1])
-    assert volts == pytest.approx(release_voltage(15e-6, WORK_TOOL_OBJECT, 9e-6), rel=0.08)  # the charge follows
+    assert volts == pytest.approx(
+        release_voltage(15e-6, WORK_TOOL_OBJECT, 9e-6), rel=0.08
+    )  # the charge follows
     with pytest.raises(UserError):
         BenchSettings(radius=500)

@@ -99,7 +99,8 @@ def test_boxes_are_turned_where_they_are_pushed_and_obstacles_where_they_are_wis
 
 
 def assert_lies(node, *, pose, half_sizes):
-    """Check that the only instance of a node has a pose x, y [mm], yaw [rad], and half sizes [mm]."""
+    """Check that the only instance of a node has a pose x, y [mm], yaw [rad], and half sizes
+    [mm]."""
     x, y, yaw = pose
     turn = [np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]
     np.testing.assert_allclose(node.batched_positions, [[x, y, 0.5]], rtol=1e-5)
@@ -122,7 +123,11 @@ def test_a_camera_sees_all_of_the_arena_and_little_more(aspect):
 def test_what_a_robot_knows_hears_and_says():
     payload = Payload({"count": Integer(bits=4)})
     scene = make_scene(4, 2)._replace(is_scout=np.arange(4) == 2, payload=payload_json(payload))
-    own = {"message": np.asarray(payload.pack(Message(np.zeros(4, int), {"count": np.array([3, 5, 7, 9])}), 4))}
+    own = {
+        "message": np.asarray(
+            payload.pack(Message(np.zeros(4, int), {"count": np.array([3, 5, 7, 9])}), 4)
+        )
+    }
     own |= {
         "pose": np.array([[0, 0, 0]] * 2 + [[1e-3, -2e-3, -np.pi / 2]] + [[0, 0, 0]]),
         "is_loaded": np.arange(4) > 1,
@@ -130,7 +135,11 @@ def test_what_a_robot_knows_hears_and_says():
     own |= {"command": np.array([[0, 0]] * 2 + [[np.pi / 6, 1.5e-4]] + [[0, 0]])}
     links = {name: np.zeros((4, 4), int) for name in ("valid", "sender", "heard", "distance")}
     links["valid"][2, [0, 3]], links["sender"][2], links["heard"][2, 0] = 1, (1, 0, 0, 3), 1
-    links |= {"valid": links["valid"] > 0, "heard": links["heard"] > 0, "distance": np.arange(16).reshape(4, 4) * 5e-4}
+    links |= {
+        "valid": links["valid"] > 0,
+        "heard": links["heard"] > 0,
+        "distance": np.arange(16).reshape(4, 4) * 5e-4,
+    }
     own |= {f"link_{name}": values for name, values in links.items()}
     frames = replace(make_frames(scene, 1), **{name: values[None] for name, values in own.items()})
     memory = {"age": np.arange(4.0)[None, None], "is_odd": np.arange(4)[None, None] % 2 > 0}
@@ -146,7 +155,9 @@ def test_what_a_robot_knows_hears_and_says():
 
 def test_balls_are_drawn_as_large_as_they_are(session, server):
     view = SwarmView(server.scene, session.scene)
-    np.testing.assert_allclose(view._balls.batched_scales, session.scene.ball_radius / 20e-6, rtol=0.2)
+    np.testing.assert_allclose(
+        view._balls.batched_scales, session.scene.ball_radius / 20e-6, rtol=0.2
+    )
     assert np.corrcoef(view._balls.batched_scales, session.scene.ball_radius)[0, 1] > 0.9999
 
 
@@ -167,7 +178,9 @@ def test_robots_and_the_balls_that_they_carry_are_between_two_steps(session):
     n_moved = 0
     for snapshot, next_snapshot in itertools.pairwise(session.snapshots):
         before, after = snapshot.frames, next_snapshot.frames
-        start, middle, end = [arrays.moment(session.scene, before, after, share) for share in (0.0, 0.25, 1.0)]
+        start, middle, end = [
+            arrays.moment(session.scene, before, after, share) for share in (0.0, 0.25, 1.0)
+        ]
         mean_centre = 0.75 * start.centre + 0.25 * end.centre
         np.testing.assert_allclose(middle.centre, mean_centre, atol=1e-4)
         np.testing.assert_allclose(start.centre[:, :2], before.pose[0, :, :2] * 1e3, atol=1e-4)
@@ -247,7 +260,9 @@ def test_trails_end_at_loaded_robots(session):
 
 
 def test_hulls_are_drawn_with_their_sizes(tmp_path, server):
-    session = Session(PageScenario(CONFIG, engine=PlanarSettings(), robot_file=two_kinds(tmp_path, 6)))
+    session = Session(
+        PageScenario(CONFIG, engine=PlanarSettings(), robot_file=two_kinds(tmp_path, 6))
+    )
     session.advance()
     view = SwarmView(server.scene, session.scene)
     view.show([snapshot.frames for snapshot in session.snapshots], 1.0)

@@ -1,4 +1,5 @@
-"""What is done on the page is a run: bit by bit that of `Run`, and of the command that is copied."""
+"""What is done on the page is a run: bit by bit that of `Run`, and of the command that is
+copied."""
 
 import math
 import re
@@ -38,7 +39,9 @@ SCENARIO = PageScenario(CONFIG, robots=20, seed=3, engine=PlanarSettings())
 
 def state(run: Run) -> list[np.ndarray]:
     params, state = run.arrays()
-    return [np.asarray(leaf) for leaf in jax.tree.leaves((params.conditions, params.strategy, state))]
+    return [
+        np.asarray(leaf) for leaf in jax.tree.leaves((params.conditions, params.strategy, state))
+    ]
 
 
 def assert_same(one: Run, other: Run) -> None:
@@ -53,7 +56,8 @@ def steps(session: Session, n: int) -> Session:
 
 
 def assert_copies_repeat(session: Session, path: Path) -> None:
-    """The command that is copied and the file that is saved give the same state after as many steps."""
+    """The command that is copied and the file that is saved give the same state after as many
+    steps."""
     command = re.sub(r"^iswarm (run|play)|--steps \d+", "", session.command())
     path.write_text(re.sub(r"steps = \d+", "", session.toml()))
     for arguments in (shlex.split(command), ["--config", str(path)]):
@@ -81,7 +85,9 @@ def test_play_pause_step_and_reset(monkeypatch):
     clock, advance = [0.0], session.run.advance
     with monkeypatch.context() as patch:
         patch.setattr("time.perf_counter", lambda: clock[0])
-        patch.setattr(session.run, "advance", lambda: (clock.insert(0, clock[0] + 0.25), advance())[1])
+        patch.setattr(
+            session.run, "advance", lambda: (clock.insert(0, clock[0] + 0.25), advance())[1]
+        )
         session._laps.clear()
         session.advance()
     assert session.rate == 4
@@ -113,13 +119,20 @@ def test_a_setting_changes_the_world_and_what_is_copied_repeats_it(tmp_path):
     ]
     assert_copies_repeat(session, tmp_path / "play.toml")
     unchanged = steps(Session(SCENARIO), 8)
-    assert not np.array_equal(unchanged.snapshots[-1].frames.pose, session.snapshots[-1].frames.pose)
+    assert not np.array_equal(
+        unchanged.snapshots[-1].frames.pose, session.snapshots[-1].frames.pose
+    )
 
 
 def test_what_is_copied_of_another_task_and_strategy_repeats_it(tmp_path):
     arena = ArenaConfig(size=24.0, dust_area_offset=7.0, obstacles=((5.0, 5.0, 1.0, 2.0, 30.0),))
     task = Aggregation(spot_radius=4.0, spot_offset=7.0)
-    own = {"strategy": Beeclust(longest_wait=20.0), "task": task, "robots": 12, "engine": PlanarSettings()}
+    own = {
+        "strategy": Beeclust(longest_wait=20.0),
+        "task": task,
+        "robots": 12,
+        "engine": PlanarSettings(),
+    }
     scenario = PageScenario(SwarmConfig(arena), **own)
     session = steps(Session(scenario), 4)
     assert session.command().startswith("iswarm run ")
@@ -127,7 +140,9 @@ def test_what_is_copied_of_another_task_and_strategy_repeats_it(tmp_path):
     before = session.snapshots[-1].frames.task["area_bright"]
     session.set("spot_radius", 3.0)  # of the task, while it runs
     steps(session, 3)
-    np.testing.assert_allclose(session.snapshots[-1].frames.task["area_bright"][..., 2], 0.75 * before[..., 2])
+    np.testing.assert_allclose(
+        session.snapshots[-1].frames.task["area_bright"][..., 2], 0.75 * before[..., 2]
+    )
     assert [str(change) for change in session.changes] == ["4:spot_radius=3.0"]
     assert_copies_repeat(session, tmp_path / "play.toml")
 
@@ -144,7 +159,8 @@ def test_settings_without_effect_until_reset():
 
 
 def test_rules_of_what_runs_change_while_another_strategy_waits():
-    """They are carried into what waits where that is of the same class, and not into fields of the same name."""
+    """They are carried into what waits where that is of the same class, and not into fields of the
+    same name."""
     session = steps(Session(SCENARIO), 1)
     session.want("strategy", "forager")
     session.set("weight_find_dump", 0.5)
@@ -169,7 +185,9 @@ def test_settings_of_a_task_that_waits():
     assert "task" in session.pending and session.now.task == Foraging()
 
 
-@pytest.mark.parametrize("name", ["nothing", "config", "strategy_name", "optics.nothing", "optics", ""])
+@pytest.mark.parametrize(
+    "name", ["nothing", "config", "strategy_name", "optics.nothing", "optics", ""]
+)
 def test_settings_that_there_are_not(name):
     with pytest.raises(UserError, match="have no setting"):
         SCENARIO.set(name, 1.0)
@@ -207,7 +225,9 @@ def test_an_error_of_a_step_is_shown_once(monkeypatch):
     session.is_playing = True
     session.work()
     assert not session.is_playing and not session.work()
-    assert session.messages.get_nowait() == "Walk.act raised ValueError" and session.messages.empty()
+    assert (
+        session.messages.get_nowait() == "Walk.act raised ValueError" and session.messages.empty()
+    )
 
 
 def test_a_recording_that_cannot_be_completed_is_let_go(capsys, tmp_path):
@@ -320,12 +340,26 @@ def test_the_farthest_ball_is_dropped_of_those_delivered_if_there_are_any(begun)
     for wanted, delivered in ((order[-2], []), (order[2], order[:3])):
         balls.is_delivered[0, delivered] = True
         after = drop(swarm).task
-        assert np.flatnonzero((after.position != balls.position).any(axis=-1)[0]).tolist() == [wanted]
+        assert np.flatnonzero((after.position != balls.position).any(axis=-1)[0]).tolist() == [
+            wanted
+        ]
         np.testing.assert_allclose(after.position[0, wanted], place, rtol=1e-6)
-        assert not after.is_delivered[0, wanted] and after.is_delivered.sum() == max(0, len(delivered) - 1)
+        assert not after.is_delivered[0, wanted] and after.is_delivered.sum() == max(
+            0, len(delivered) - 1
+        )
 
 
-IMPOSSIBLE = ["kill=20", "kill=x", "revive=-1", "ball=99,0", "ball=nan,0", "ball=3", "ball=a", "nothing=1", "robots=3"]
+IMPOSSIBLE = [
+    "kill=20",
+    "kill=x",
+    "revive=-1",
+    "ball=99,0",
+    "ball=nan,0",
+    "ball=3",
+    "ball=a",
+    "nothing=1",
+    "robots=3",
+]
 IMPOSSIBLE += ["p_vector_forget=2", "use_hop_count=1"]
 
 
@@ -363,7 +397,11 @@ def test_controls_have_the_ranges_that_settings_declare():
     assert found["strategy.priority_repulsion"].choices == ("higher", "scaled")
     assert found["robots"].value == 20 and not found["robots"].is_live
     own = {c.name: c for c in controls(PageScenario(strategy=Beeclust(), task=Aggregation()))}
-    assert own["longest_wait"].is_live and "p_vector_forget" not in own and "gripper.drop_rate" not in own
+    assert (
+        own["longest_wait"].is_live
+        and "p_vector_forget" not in own
+        and "gripper.drop_rate" not in own
+    )
     assert not is_live(SCENARIO, "fraction_scouts") and not is_live(SCENARIO, "arena.size")
 
 
@@ -371,7 +409,11 @@ def test_each_control_takes_its_own_value():
     for control in controls(SCENARIO):
         assert SCENARIO.set(control.name, control.value).get(control.name) == control.value
     sparse = SCENARIO.set("density_of_robots", 0.1)
-    assert sparse.n_robots == PageScenario(CONFIG, strategy=replace(TYPE1, density_of_robots=0.1)).n_robots != 20
+    assert (
+        sparse.n_robots
+        == PageScenario(CONFIG, strategy=replace(TYPE1, density_of_robots=0.1)).n_robots
+        != 20
+    )
     paper = PageScenario(strategy=Beeclust()).set("strategy", "type2")
     assert paper.strategy == PRESETS["type2"]
 
@@ -384,7 +426,15 @@ def test_switches_of_a_genome_are_copied():
     assert command.session().start.genome == own
 
 
-TEAMS = ["play", "--strategy", "type1=0.5", "type2=0.5", "--robots=10", "--engine=planar", "--arena.size=24"]
+TEAMS = [
+    "play",
+    "--strategy",
+    "type1=0.5",
+    "type2=0.5",
+    "--robots=10",
+    "--engine=planar",
+    "--arena.size=24",
+]
 TEAMS += ["--arena.n-dust=12", "--arena.dust-area-offset=7"]
 
 
@@ -406,7 +456,10 @@ def test_teams_of_python_are_copied_if_flags_can_state_them(tmp_path):
     assert "--strategy type1=0.5 type2=0.5" in session.command()
     assert "--type2.weight-find-dust 0.125" in session.command()
     assert_copies_repeat(session, tmp_path / "play.toml")
-    for teams in ({"red": (0.5, TYPE1), "blue": (0.5, own)}, {"type1": (0.5, own), "red": (0.5, own)}):
+    for teams in (
+        {"red": (0.5, TYPE1), "blue": (0.5, own)},
+        {"type1": (0.5, own), "red": (0.5, own)},
+    ):
         with pytest.raises(UserError, match="no flag can state the names and shares of the teams"):
             Session(scenario(**teams)).command()
 
@@ -417,14 +470,31 @@ def test_a_class_of_no_file_is_not_copied():
         PageScenario(strategy=own(), task=Aggregation()).values()
 
 
-ODD = ["🤖.py:Walk", 'a"b', "a\\b", "a\nb\tc\x00\x1f\x7f\x80", "ä é ß", "'", "=", "# no comment", "\\u0041", " "]
+ODD = [
+    "🤖.py:Walk",
+    'a"b',
+    "a\\b",
+    "a\nb\tc\x00\x1f\x7f\x80",
+    "ä é ß",
+    "'",
+    "=",
+    "# no comment",
+    "\\u0041",
+    " ",
+]
 
 
 @pytest.mark.parametrize("text", ODD)
 def test_files_hold_any_text(text):
     values = {"strategy": text, "optics.größe": (1.5, text), "is": True, "n": 3, "x": 1e-300}
     found = tomllib.loads(toml(values).encode().decode())
-    assert found == {"strategy": text, "optics": {"größe": [1.5, text]}, "is": True, "n": 3, "x": 1e-300}
+    assert found == {
+        "strategy": text,
+        "optics": {"größe": [1.5, text]},
+        "is": True,
+        "n": 3,
+        "x": 1e-300,
+    }
 
 
 def test_files_hold_no_text_that_is_not_utf_8():
@@ -434,7 +504,9 @@ def test_files_hold_no_text_that_is_not_utf_8():
 
 def test_a_strategy_of_an_odd_file_is_repeated(tmp_path):
     file = tmp_path / "🤖 'a\\b\x7f.py"
-    file.write_text("from iswarm_mj.tasks.aggregation import Beeclust\n\n\nclass Walk(Beeclust):\n    pass\n")
+    file.write_text(
+        "from iswarm_mj.tasks.aggregation import Beeclust\n\n\nclass Walk(Beeclust):\n    pass\n"
+    )
     session = parse(
         ["play", "--task=aggregation", f"--strategy={file}:Walk", "--robots=8", "--engine=planar"]
     ).session()
@@ -446,17 +518,25 @@ def test_earlier_changes_of_a_setting_are_kept():
     session.change("p_vector_forget", "0.5")
     session.advance()
     session.change("p_vector_forget", "0.6")
-    assert [str(change) for change in session.changes] == ["1:p_vector_forget=0.5", "2:p_vector_forget=0.6"]
+    assert [str(change) for change in session.changes] == [
+        "1:p_vector_forget=0.5",
+        "2:p_vector_forget=0.6",
+    ]
 
 
 def test_balls_are_refused_where_a_task_has_none():
     with pytest.raises(UserError, match="Aggregation has no balls"):
-        Session(PageScenario(strategy=Beeclust(), task=Aggregation(), robots=4), [Change.parse("9:ball=0,0")])
+        Session(
+            PageScenario(strategy=Beeclust(), task=Aggregation(), robots=4),
+            [Change.parse("9:ball=0,0")],
+        )
 
 
 def test_a_swarm_that_fills_a_large_arena_is_within_the_range_of_its_control():
     """Whose number of robots follows from density and size, and is beyond the usual limit."""
-    dense = PageScenario(SwarmConfig(ArenaConfig(size=1000.0)), strategy=replace(TYPE1, density_of_robots=0.9))
+    dense = PageScenario(
+        SwarmConfig(ArenaConfig(size=1000.0)), strategy=replace(TYPE1, density_of_robots=0.9)
+    )
     robots = next(control for control in controls(dense) if control.name == "robots")
     assert robots.value == dense.n_robots > 200_000 and robots.low <= robots.value <= robots.high
 

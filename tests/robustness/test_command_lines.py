@@ -1,6 +1,8 @@
-"""Command lines over every flag of every command: each is done, or refused with exit code 2, without a traceback.
+"""Command lines over every flag of every command: each is done, or refused with exit code 2,
+without a traceback.
 
-They run in this process up to where physics, pictures or workers would start; a few go on to the end.
+They run in this process up to where physics, pictures or workers would start; a few go on to the
+end.
 """
 
 import contextlib
@@ -75,11 +77,17 @@ def given(rng, name, default, owner, part):
     """A flag with a value that it may take, or that it may not."""
     word, luck = flag(name), rng.random()
     if isinstance(default, bool) and luck < 0.9:
-        return [word if luck < 0.5 else re.sub(r"^--(.*\.)?", r"--\g<1>no-", word).replace("None", "")]
+        return [
+            word if luck < 0.5 else re.sub(r"^--(.*\.)?", r"--\g<1>no-", word).replace("None", "")
+        ]
     if luck < 0.02:
         word = pick(rng, [word[:-1], word.replace("-", "_"), word.replace(".", "-")])
     words = choices(type(owner), part)
-    near = [str(default), *words, *(str(default * k) for k in (0.5, 2, -1) if isinstance(default, int | float))]
+    near = [
+        str(default),
+        *words,
+        *(str(default * k) for k in (0.5, 2, -1) if isinstance(default, int | float)),
+    ]
     values = [pick(rng, near if rng.random() < 0.5 else NUMBERS if luck < 0.8 else TEXTS)]
     values += [pick(rng, NUMBERS) for _ in range(rng.integers(3))] * isinstance(default, tuple)
     return [f"{word}={values[0]}"] if len(values) == 1 and luck < 0.5 else [word, *values]
@@ -89,18 +97,27 @@ def command_line(rng, name=None):
     """Arguments of a command."""
     name = pick(rng, list(COMMANDS)) if name is None else name
     if rng.random() < 0.01:
-        return [pick(rng, [*TEXTS, name[:-1], "--version", "--help", "--tyro-print-completion"]), "--seed=1"]
+        return [
+            pick(rng, [*TEXTS, name[:-1], "--version", "--help", "--tyro-print-completion"]),
+            "--seed=1",
+        ]
     command = COMMANDS[name]()
     known = [*settings(command), *(settings(TYPE1) if hasattr(command, "own") else ())]
     line = [word for _ in range(rng.integers(6)) for word in given(rng, *pick(rng, known))]
-    line += ["--config", pick(rng, TEXTS)] * (rng.random() < 0.1) + [pick(rng, TEXTS)] * (rng.random() < 0.1)
+    line += ["--config", pick(rng, TEXTS)] * (rng.random() < 0.1) + [pick(rng, TEXTS)] * (
+        rng.random() < 0.1
+    )
     return [name, *line]
 
 
 def answer(line):
     """What became of a command line in this process, or an AssertionError."""
     out, error, code = io.StringIO(), io.StringIO(), None
-    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(error), contextlib.suppress(Reached):
+    with (
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(error),
+        contextlib.suppress(Reached),
+    ):
         code = code_of(*line)
     said = error.getvalue()
     assert "Traceback" not in said and "\x1b" not in said and len(said) < 5000, said
@@ -134,13 +151,19 @@ def test_what_is_accepted_runs(place, seed):
     event(outcome := answer(line))
     if outcome == "answered" and name == "clean" and written.exists():
         with np.load(written) as file:
-            assert all(np.isfinite(file[one]).all() for one in ("pose", "ball_position", "mean_speed")), line
+            assert all(
+                np.isfinite(file[one]).all() for one in ("pose", "ball_position", "mean_speed")
+            ), line
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
 def test_output_to_a_full_disk(tmp_path):
     error = io.StringIO()
-    with open("/dev/full", "w") as full, contextlib.redirect_stdout(full), contextlib.redirect_stderr(error):
+    with (
+        open("/dev/full", "w") as full,
+        contextlib.redirect_stdout(full),
+        contextlib.redirect_stderr(error),
+    ):
         assert code_of("clean", *SMALL, "--steps=2", f"--out={tmp_path}") == 2
     assert "No space left on device" in error.getvalue() and (tmp_path / "result.json").exists()

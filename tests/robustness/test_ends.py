@@ -1,4 +1,5 @@
-"""Commands that signals or a full disk end, at any moment: with their code, nothing left running, every file whole."""
+"""Commands that signals or a full disk end, at any moment: with their code, nothing left running,
+every file whole."""
 
 import io
 import json
@@ -44,10 +45,22 @@ COMMANDS = {
         "--generations=2 --steps=5",
         "--generations=1000 --steps=50",
     ),
-    "grasp": ("grasp --threads=1 --out={out}", "--radius=2e-5 --rh=10 --repeats=2", "--repeats=100"),
+    "grasp": (
+        "grasp --threads=1 --out={out}",
+        "--radius=2e-5 --rh=10 --repeats=2",
+        "--repeats=100",
+    ),
     "picture": ("picture {run} --width=64 --height=64 --out={out}/a.png", "--step=1", "--step=2"),
-    "video": ("video {run} --width=64 --height=64 --out={out}/a.mp4", "--steps=2", "--frames-per-step=24"),
-    "report": ("report --out={out}/a.html", f"--results {ROOT}/results/default/hop-count", f"--results {ROOT}/results"),
+    "video": (
+        "video {run} --width=64 --height=64 --out={out}/a.mp4",
+        "--steps=2",
+        "--frames-per-step=24",
+    ),
+    "report": (
+        "report --out={out}/a.html",
+        f"--results {ROOT}/results/default/hop-count",
+        f"--results {ROOT}/results",
+    ),
 }
 """Arguments of commands that write: all, those of a short one, those of a long one."""
 ENDLESS = {
@@ -73,21 +86,30 @@ def begun(name, out, run="", is_long=True, before="", **environment):
 
 
 def started(words, before="", **environment):
-    """Start a command in a session of its own, after some Python code; signals that this process ignores are heeded."""
+    """Start a command in a session of its own, after some Python code; signals that this process
+    ignores are heeded."""
     heed = "import signal\nfor number in (1, 2, 15):\n    signal.signal(number, signal.SIG_DFL)\n"
     heed += "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
     code = f"{heed}{before}\nimport sys\nfrom iswarm_mj.__main__ import main\nmain()"
     environment = os.environ | {"PYTHONUNBUFFERED": "1"} | environment
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     return subprocess.Popen(
-        [sys.executable, "-c", code, *words.split()], **pipes, env=environment, start_new_session=True
+        [sys.executable, "-c", code, *words.split()],
+        **pipes,
+        env=environment,
+        start_new_session=True,
     )
 
 
 def check_whole(out):
-    """Each file has its whole content, but for those whose names say that they are parts; the directory is free."""
+    """Each file has its whole content, but for those whose names say that they are parts; the
+    directory is free."""
     for path in out.rglob("*"):
-        if not path.is_file() or path.name.startswith(".") or (path.stat().st_size == 0 and path.suffix == ".sqlite"):
+        if (
+            not path.is_file()
+            or path.name.startswith(".")
+            or (path.stat().st_size == 0 and path.suffix == ".sqlite")
+        ):
             continue
         content = path.read_bytes()
         match path.suffix:
@@ -146,7 +168,8 @@ def ended(process, number=None):
 
 
 def check_interrupted(out):
-    """Result, trajectory and recording are of the same interrupted run; return its number of steps."""
+    """Result, trajectory and recording are of the same interrupted run; return its number of
+    steps."""
     content, frames = json.loads((out / "result.json").read_text()), load(out).arrays
     assert content["interrupted"] and frames["step"][-1] == content["steps"]
     for name in ("delivered", "collisions"):
@@ -157,13 +180,19 @@ def check_interrupted(out):
 
 
 @pytest.mark.parametrize(
-    "number", [signal.SIGTERM, *(pytest.param(n, marks=pytest.mark.slow) for n in (signal.SIGINT, signal.SIGHUP))]
+    "number",
+    [
+        signal.SIGTERM,
+        *(pytest.param(n, marks=pytest.mark.slow) for n in (signal.SIGINT, signal.SIGHUP)),
+    ],
 )
 def test_a_signal_in_the_middle_of_a_run(tmp_path, number):
     (tmp_path / "trajectory.npz").write_text("of an earlier run")
     recording = tmp_path / "clean.rrd"
     with begun("clean", tmp_path) as process:
-        while process.poll() is None and (not recording.exists() or recording.stat().st_size < 300_000):
+        while process.poll() is None and (
+            not recording.exists() or recording.stat().st_size < 300_000
+        ):
             time.sleep(0.02)
         ended(process, number)
     assert check_interrupted(tmp_path) >= 63  # a block of frames is the start and these
@@ -208,10 +237,14 @@ results.write_result = announced
 
 @pytest.mark.parametrize(
     ("before", "leaves"),
-    [(LOADING, False), *(pytest.param(code, True, marks=pytest.mark.slow) for code in (SWALLOWED, ANNOUNCED))],
+    [
+        (LOADING, False),
+        *(pytest.param(code, True, marks=pytest.mark.slow) for code in (SWALLOWED, ANNOUNCED)),
+    ],
 )
 def test_a_signal_where_an_exception_would_do_harm(tmp_path, before, leaves):
-    """While a library is loaded; where Python only reports it; between the announcement and the recording."""
+    """While a library is loaded; where Python only reports it; between the announcement and the
+    recording."""
     with begun("clean", tmp_path, before=before) as process:
         if before is ANNOUNCED:
             ended(process)
@@ -226,7 +259,10 @@ def test_a_signal_where_an_exception_would_do_harm(tmp_path, before, leaves):
 def test_signals_at_any_moment(earlier, tmp_path, seed):
     rng, out = np.random.default_rng(seed), tmp_path / "out"
     (run, copied), name = earlier, pick(rng, list(COMMANDS))
-    number, moment = pick(rng, [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP]), 12 * rng.random() ** 2
+    number, moment = (
+        pick(rng, [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP]),
+        12 * rng.random() ** 2,
+    )
     old = copied(out, name)
     with begun(name, out, run) as process:
         with suppress(subprocess.TimeoutExpired):
@@ -247,7 +283,11 @@ def test_signals_at_any_moment(earlier, tmp_path, seed):
 def check_nothing_runs_on(process):
     """All processes of a session end."""
     end = time.monotonic() + 60
-    while any(os.getsid(one.pid) == process.pid for one in psutil.process_iter() if psutil.pid_exists(one.pid)):
+    while any(
+        os.getsid(one.pid) == process.pid
+        for one in psutil.process_iter()
+        if psutil.pid_exists(one.pid)
+    ):
         assert time.monotonic() < end, "processes are left"
         time.sleep(0.1)
 
@@ -258,7 +298,10 @@ def test_signals_while_programs_are_compiled_and_run(earlier, tmp_path_factory, 
     """Where all compiled programs are there, and where none is."""
     rng, out, (run, _) = np.random.default_rng(seed), tmp_path_factory.mktemp("out"), earlier
     name, engine = pick(rng, list(ENDLESS)), pick(rng, ["planar", "mujoco", "mjx"])
-    number, has_cache = pick(rng, [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]), bool(rng.integers(2))
+    number, has_cache = (
+        pick(rng, [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]),
+        bool(rng.integers(2)),
+    )
     moment = (12 if has_cache else 30) * rng.random()
 
     caches = {} if has_cache else {"XDG_CACHE_HOME": str(tmp_path_factory.mktemp("cache"))}
@@ -269,14 +312,19 @@ def test_signals_while_programs_are_compiled_and_run(earlier, tmp_path_factory, 
             process.communicate(timeout=moment)
         process.send_signal(number)
         try:
-            error = process.communicate(timeout=60)[1]  # for machines with other work; it takes at most 5 s
+            error = process.communicate(timeout=60)[
+                1
+            ]  # for machines with other work; it takes at most 5 s
         finally:
             process.kill()
     event(f"{name}, {engine}: {process.returncode}")
     if "Fatal Python error: init_" in error:  # Python itself had not begun
         return
     assert process.returncode in (0, -number, 128 + number), (words, process.returncode, error)
-    assert process.returncode <= 0 or ("Traceback" not in error and "interrupted" in error), (words, error)
+    assert process.returncode <= 0 or ("Traceback" not in error and "interrupted" in error), (
+        words,
+        error,
+    )
     check_nothing_runs_on(process)
     check_whole(out)
 
@@ -284,17 +332,23 @@ def test_signals_while_programs_are_compiled_and_run(earlier, tmp_path_factory, 
 @pytest.fixture(scope="module")
 def filler(tmp_path_factory):
     """A library that refuses writes from a given number on."""
-    library, source = tmp_path_factory.mktemp("filler") / "fill_disk.so", Path(__file__).with_name("fill_disk.c")
+    library, source = (
+        tmp_path_factory.mktemp("filler") / "fill_disk.so",
+        Path(__file__).with_name("fill_disk.c"),
+    )
     subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", library, source, "-ldl"], check=True)
     return library
 
 
 def filled(filler, name, out, run, after):
-    """Exit code and error of a command on a disk that is full after so many changes, and how many it tried."""
+    """Exit code and error of a command on a disk that is full after so many changes, and how many
+    it tried."""
     count = filler.with_name("count")
     count.write_bytes(bytes(8))
     settings = {"FULL_BELOW": out, "FULL_AFTER": after, "FULL_COUNT": count, "LD_PRELOAD": filler}
-    with begun(name, out, run, False, **{key: str(value) for key, value in settings.items()}) as process:
+    with begun(
+        name, out, run, False, **{key: str(value) for key, value in settings.items()}
+    ) as process:
         error = process.communicate(timeout=600)[1]
     return process.returncode, error, int(np.frombuffer(count.read_bytes(), np.int64)[0])
 
@@ -312,7 +366,9 @@ def test_a_disk_that_is_full_at_any_write(filler, earlier, tmp_path, seed):
     copied(out, name)
     code, error, _ = filled(filler, name, out, run, int(rng.integers(number)))
     event(f"{name}: {code}")
-    assert code == 0 or (code == 2 and re.search(r"^iswarm: [^\n]*No space left[^\n]*\n", error, re.M)), (code, error)
+    assert code == 0 or (
+        code == 2 and re.search(r"^iswarm: [^\n]*No space left[^\n]*\n", error, re.M)
+    ), (code, error)
     assert "Traceback" not in error
     check_whole(out)
     if name == "clean":

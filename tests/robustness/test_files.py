@@ -1,4 +1,5 @@
-"""Files that are cut off, garbled, foreign, endless, or no files at all: each is read, or refused in a sentence."""
+"""Files that are cut off, garbled, foreign, endless, or no files at all: each is read, or refused
+in a sentence."""
 
 import io
 import json
@@ -38,9 +39,31 @@ from iswarm_mj.utils.errors import UserError
 GENOME = b'{"use_hop_count": true, "p_vector_forget": 0.29, "density_of_robots": 0.2, "fraction_scouts": 0.1}\n'
 CONFIG = b'steps = 8\nrecord = false\nrecord_worlds = [0, 1]\nreading = "initial"\n[arena]\nsize = 55\nn_dust = 24\n'
 STRATEGY = b"from iswarm_mj.strategy.base import Strategy\n\nclass Walk(Strategy):\n    init = picks = act = print\n"
-FOREIGN = [GENOME, STRATEGY, b"PAR1" * 9, b"PK\3\4" + bytes(60), b"\x89PNG\r\n", b"<mujoco/>", b"[]", b"{}", b""]
+FOREIGN = [
+    GENOME,
+    STRATEGY,
+    b"PAR1" * 9,
+    b"PK\3\4" + bytes(60),
+    b"\x89PNG\r\n",
+    b"<mujoco/>",
+    b"[]",
+    b"{}",
+    b"",
+]
 NUMBER = re.compile(rb"(?<![\w.])-?\d+(?:\.\d+)?(?:e-?\d+)?")
-ODD_NUMBERS = [b"nan", b"inf", b"-1", b"0", b"1e308", b"1e-320", b"-0.0", b"9" * 400, b"x", b"1 2", b"0x7f"]
+ODD_NUMBERS = [
+    b"nan",
+    b"inf",
+    b"-1",
+    b"0",
+    b"1e308",
+    b"1e-320",
+    b"-0.0",
+    b"9" * 400,
+    b"x",
+    b"1 2",
+    b"0x7f",
+]
 
 
 def garbled(rng, content):
@@ -52,8 +75,17 @@ def garbled(rng, content):
     numbers = list(NUMBER.finditer(content)) or [re.match(b"", content)]
     number = pick(rng, numbers)
     made = [
-        *(bytes(flipped), content[:at], content[:at] + content[to:], content[:at] + bytes(to - at) + content[to:]),
-        *(content[:to] + content[at:], pick(rng, FOREIGN), content[:at] + rng.bytes(rng.integers(50)) + content[at:]),
+        *(
+            bytes(flipped),
+            content[:at],
+            content[:at] + content[to:],
+            content[:at] + bytes(to - at) + content[to:],
+        ),
+        *(
+            content[:to] + content[at:],
+            pick(rng, FOREIGN),
+            content[:at] + rng.bytes(rng.integers(50)) + content[at:],
+        ),
         *(
             content + rng.bytes(rng.integers(5000)),
             content.decode("latin-1").encode(pick(rng, ["utf-16", "utf-8-sig"])),
@@ -90,7 +122,9 @@ def odd_arrays(rng, content):
     values = np.atleast_1d(arrays[name])
     spoilt = values.copy()
     if values.size and values.dtype.kind in "iuf":
-        spoilt.reshape(-1)[rng.integers(values.size)] = np.array(pick(rng, [-1, 10**6, 1000])).astype(values.dtype)
+        spoilt.reshape(-1)[rng.integers(values.size)] = np.array(
+            pick(rng, [-1, 10**6, 1000])
+        ).astype(values.dtype)
     kind = pick(rng, ["U3", "S2", "M8[s]", "c16", "f2"])
     odd = [
         values[:-1],
@@ -100,7 +134,12 @@ def odd_arrays(rng, content):
         np.zeros((0, 0)),
         spoilt,
     ]
-    odd += [np.array([{"an": "object"}]), pick(rng, list(arrays.values())), values[..., :0], np.array("[" * 9999)]
+    odd += [
+        np.array([{"an": "object"}]),
+        pick(rng, list(arrays.values())),
+        values[..., :0],
+        np.array("[" * 9999),
+    ]
     arrays[name] = pick(rng, odd)
     if rng.random() < 0.1:
         del arrays[name]
@@ -114,7 +153,16 @@ def odd_table(rng, content):
     table = pq.read_table(io.BytesIO(content))
     at, n = int(rng.integers(table.num_columns)), len(table)
     name, metadata = table.column_names[at], dict(table.schema.metadata)
-    column = pick(rng, [pa.nulls(n), pa.array(["x|<b>"] * n), pa.array([float("nan")] * n), pa.array([[1]] * n), None])
+    column = pick(
+        rng,
+        [
+            pa.nulls(n),
+            pa.array(["x|<b>"] * n),
+            pa.array([float("nan")] * n),
+            pa.array([[1]] * n),
+            None,
+        ],
+    )
     table = table.drop_columns([name]) if column is None else table.set_column(at, name, column)
     if rng.random() < 0.3:
         metadata[b"iswarm_mj"] = odd_json(rng, metadata[b"iswarm_mj"])
@@ -140,7 +188,8 @@ def no_file(rng, path):
 
 
 def attack_file(rng, path, read, odd=garbled):
-    """Put something odd in the place of a good file, and read it; `read` may raise a UserError of one line."""
+    """Put something odd in the place of a good file, and read it; `read` may raise a UserError of
+    one line."""
     good, luck = path.read_bytes(), rng.random()
     path.unlink()
     if luck < 0.08:
@@ -168,7 +217,10 @@ def configured(path):
 @attack(4)
 def test_what_users_write(tmp_path, kind, seed):
     save_weights(tmp_path / "good.npz", np.arange(9.0))
-    robot, weights = (models_directory() / "robot6.xml").read_bytes(), (tmp_path / "good.npz").read_bytes()
+    robot, weights = (
+        (models_directory() / "robot6.xml").read_bytes(),
+        (tmp_path / "good.npz").read_bytes(),
+    )
     name, good, read, odd = {
         "genome": ("x.json", GENOME, lambda path: load_genome(str(path)), odd_json),
         "robot": ("x.xml", robot, read_robot, garbled),
@@ -211,12 +263,16 @@ def test_runs(tmp_path, name, alone, seed):
     if alone:
         (out / RESULT).unlink()
     read = (lambda: load(out).robots) if alone else (lambda: read_everything(out))
-    attack_file(np.random.default_rng(seed), out / name, read, odd_json if name == RESULT else odd_arrays)
+    attack_file(
+        np.random.default_rng(seed), out / name, read, odd_json if name == RESULT else odd_arrays
+    )
 
 
 def same(jobs, *_):
     """Outcomes of jobs that are not computed."""
-    yield from ((index, outcome_of(Measures(1, 1, 1, 2.0, None), 9, 0.5)) for index in range(len(jobs)))
+    yield from (
+        (index, outcome_of(Measures(1, 1, 1, 2.0, None), 9, 0.5)) for index in range(len(jobs))
+    )
 
 
 @pytest.fixture
@@ -245,7 +301,9 @@ def test_journals(tmp_path, kind, seed):
     attack_file(np.random.default_rng(seed), path, read)
 
 
-@pytest.mark.parametrize("name", ["grasp/trials.parquet", "hop-count/hop_count.parquet", "types/types.parquet"])
+@pytest.mark.parametrize(
+    "name", ["grasp/trials.parquet", "hop-count/hop_count.parquet", "types/types.parquet"]
+)
 @attack(2)
 def test_tables(tmp_path, name, seed):
     """A report names what cannot be used."""

@@ -1,4 +1,5 @@
-"""Misuse of the names that the package offers: what cannot be is refused in a sentence, before anything is computed."""
+"""Misuse of the names that the package offers: what cannot be is refused in a sentence, before
+anything is computed."""
 
 import warnings
 from dataclasses import fields, is_dataclass, replace
@@ -22,7 +23,13 @@ from iswarm_mj import (
     make_env,
     rollout,
 )
-from iswarm_mj.config.swarm import ArenaConfig, DriveConfig, GripperConfig, OpticsConfig, StrategyConfig
+from iswarm_mj.config.swarm import (
+    ArenaConfig,
+    DriveConfig,
+    GripperConfig,
+    OpticsConfig,
+    StrategyConfig,
+)
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import UserError
 
@@ -60,7 +67,9 @@ def with_scenario(entry):
     """Return a call of an entry that takes the fields of its scenario by name."""
 
     def call(**given):
-        fields_ = {name: given.pop(name) for name in [*given] if name in Scenario.__dataclass_fields__}
+        fields_ = {
+            name: given.pop(name) for name in [*given] if name in Scenario.__dataclass_fields__
+        }
         return entry(Scenario(**fields_), **given)
 
     call.__name__ = entry.__name__
@@ -70,7 +79,13 @@ def with_scenario(entry):
 def misuse(rng, small):
     """What is tried, and a call that does it."""
     name, value, kind = "", odd(rng), rng.integers(6)
-    run = {"config": small, "strategy": PRESETS["type1"], "robots": N, "steps": 2, "engine": MujocoSettings(1)}
+    run = {
+        "config": small,
+        "strategy": PRESETS["type1"],
+        "robots": N,
+        "steps": 2,
+        "engine": MujocoSettings(1),
+    }
     rolled = run | {"worlds": jax.random.split(jax.random.key(0), 2)}
     made = {"config": small, "robots": N, "n_starts": 2, "worlds": 2, "engine": PlanarSettings(1)}
     more = ["task", "seed", "goal", "strategy_per_world", "robot_file"]
@@ -94,7 +109,9 @@ def test_each_is_refused_or_makes_sense(small, tmp_path_factory, seed):
     place = tmp_path_factory.mktemp("empty")
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
         patch.chdir(place)
-        patch.setattr("iswarm_mj.simulation.run.build_loop", reach)  # runs end where they would begin
+        patch.setattr(
+            "iswarm_mj.simulation.run.build_loop", reach
+        )  # runs end where they would begin
         warnings.simplefilter("ignore")
         try:
             made = call()

@@ -1,6 +1,8 @@
-"""Settings at the ends of their ranges: numbers stay finite, nothing is divided by zero or warned of.
+"""Settings at the ends of their ranges: numbers stay finite, nothing is divided by zero or warned
+of.
 
-Robots stand at balls, on the dump with balls, and in each other's way, so that each setting is of use.
+Robots stand at balls, on the dump with balls, and in each other's way, so that each setting is of
+use.
 """
 
 import warnings
@@ -39,7 +41,9 @@ def end(rng, cls, name):
     if limits is None:
         words = SLOW.get(name) or list(choices(cls, name)) or [False, True]
         return pick(rng, words)
-    if next(f.type for f in fields(cls) if f.name == name) is int or isinstance(getattr(cls(), name), int):
+    if next(f.type for f in fields(cls) if f.name == name) is int or isinstance(
+        getattr(cls(), name), int
+    ):
         return int(pick(rng, [limits.low, limits.low + 1, limits.high]))
     least = limits.least if isinstance(limits, Above) else limits.low
     values = [least, max(least, 1e-38), np.nextafter(least, limits.high), limits.high]
@@ -65,7 +69,9 @@ def busy_start(config, rng):
     """Robots in a grid: those over the dump hold a ball, most of the others have one at the tip."""
     start = start_of(config, N_ROBOTS, int(rng.integers(1000)), 0)
     poses = np.column_stack([PLACES, rng.uniform(-np.pi, np.pi, N_ROBOTS)])
-    tips = np.asarray(probe_tips(poses.astype(np.float32), np.asarray(read_robot().probe_tip, np.float32)))
+    tips = np.asarray(
+        probe_tips(poses.astype(np.float32), np.asarray(read_robot().probe_tip, np.float32))
+    )
     balls = jax.tree.map(np.array, start.task)
     balls.position[:N_ROBOTS] = tips
     balls.holder[ON_DUMP] = ON_DUMP
@@ -76,10 +82,18 @@ def busy_start(config, rng):
 
 def drawn(rng, small):
     """A run whose worlds have settings at their ends."""
-    config = moved(rng, replace(small, energy=replace(small.energy, model="capacitor")), OF_RUNS, rng.integers(3))
+    config = moved(
+        rng,
+        replace(small, energy=replace(small.energy, model="capacitor")),
+        OF_RUNS,
+        rng.integers(3),
+    )
     worlds = []
     for _ in range(N_WORLDS):
-        genome = replace(Genome(), **{f.name: end(rng, Genome, f.name) for f in fields(Genome) if rng.random() < 0.2})
+        genome = replace(
+            Genome(),
+            **{f.name: end(rng, Genome, f.name) for f in fields(Genome) if rng.random() < 0.2},
+        )
         own = moved(rng, config, OF_WORLDS, rng.integers(1, 4))
         check_shared_settings(config, own)
         worlds.append(World(genome, N_ROBOTS, config=own, start=busy_start(own, rng)))
@@ -91,18 +105,28 @@ def drawn(rng, small):
 def check(record, faults):
     """Each number of worlds without a fault is finite, and energy is never owed."""
     sound = np.array([fault is None for fault in faults])
-    parts = {"swarm": record.swarm, "poses": record.poses, "command": record.command, "speed": record.speed}
-    for path, values in jax.tree_util.tree_leaves_with_path({**parts, "measured": record.measured_distance}):
+    parts = {
+        "swarm": record.swarm,
+        "poses": record.poses,
+        "command": record.command,
+        "speed": record.speed,
+    }
+    for path, values in jax.tree_util.tree_leaves_with_path(
+        {**parts, "measured": record.measured_distance}
+    ):
         values = np.asarray(values)
         if values.dtype.kind == "f":
-            assert np.isfinite(values[:, sound]).all(), f"{jax.tree_util.keystr(path)} is not finite"
+            assert np.isfinite(values[:, sound]).all(), (
+                f"{jax.tree_util.keystr(path)} is not finite"
+            )
     if record.swarm.energy is not None:
         assert (np.asarray(record.swarm.energy) >= 0).all()
 
 
 @pytest.fixture(scope="module")
 def compiled(small):
-    """Programs of the engines that are compiled once for all settings, which takes longer than a case may."""
+    """Programs of the engines that are compiled once for all settings, which takes longer than a
+    case may."""
     for engine in (PlanarSettings(1), MujocoSettings(1)):
         Run(Scenario(small, robots=N_ROBOTS, engine=engine, steps=1)).advance()
 

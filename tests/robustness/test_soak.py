@@ -21,7 +21,8 @@ from iswarm_mj.workflows.recorder import Recorder
 OUTSIDE_MM = 0.4
 """A corner of a robot that others press against a wall stands beyond it by at most this."""
 GROWTH_MB = 50
-"""Memory may grow by this much after the first fifth of a run: the C library keeps what a block took."""
+"""Memory may grow by this much after the first fifth of a run: the C library keeps what a block
+took."""
 INDEX_KB = 0.3
 """And by this much a step: Rerun keeps an index of what it wrote until the file ends."""
 PARTS = 200
@@ -36,7 +37,16 @@ def swarm(n_robots, steps):
     works[0] = 10.0
     start = start._replace(task=start.task._replace(work_object_substrate=works))
     worlds = [World(genome, n_robots, start=start)]
-    return Run(Scenario(config, strategy=genome, robots=n_robots, engine=PlanarSettings(1), worlds=worlds, steps=steps))
+    return Run(
+        Scenario(
+            config,
+            strategy=genome,
+            robots=n_robots,
+            engine=PlanarSettings(1),
+            worlds=worlds,
+            steps=steps,
+        )
+    )
 
 
 def check(run, before, record):
@@ -49,12 +59,22 @@ def check(run, before, record):
     """
     config, robot = run.config, run.robot
     balls, last = (r.swarm.task for r in (record, before))
-    held, delivered, holder = (np.asarray(a)[0, 0] for a in (balls.is_held, balls.is_delivered, balls.holder))
+    held, delivered, holder = (
+        np.asarray(a)[0, 0] for a in (balls.is_held, balls.is_delivered, balls.holder)
+    )
     position, was_held = np.asarray(balls.position)[0, 0], np.asarray(last.is_held)[0, 0]
-    assert not (held & delivered).any() and held.sum() + delivered.sum() + (~held & ~delivered).sum() == len(held)
+    assert not (held & delivered).any() and held.sum() + delivered.sum() + (
+        ~held & ~delivered
+    ).sum() == len(held)
     assert len(np.unique(holder[held])) == held.sum()
-    assert (delivered | ~np.asarray(last.is_delivered)[0, 0]).all() and not held[0] and not delivered[0]
-    assert np.abs(position[delivered]).max(initial=0) <= mm_from_rd(config.arena.dump_size) / 2 + 1e-4
+    assert (
+        (delivered | ~np.asarray(last.is_delivered)[0, 0]).all()
+        and not held[0]
+        and not delivered[0]
+    )
+    assert (
+        np.abs(position[delivered]).max(initial=0) <= mm_from_rd(config.arena.dump_size) / 2 + 1e-4
+    )
     poses = before.poses[0, 0]
     tips = np.asarray(probe_tips(poses.astype(np.float32), np.asarray(robot.probe_tip, np.float32)))
     reach = np.linalg.norm(tips[holder] - np.asarray(last.position)[0, 0], axis=1)[held & ~was_held]

@@ -1,4 +1,5 @@
-"""One world as a job: the run by hand, its measures and its fitness; jobs in workers, and as worlds of batches."""
+"""One world as a job: the run by hand, its measures and its fitness; jobs in workers, and as worlds
+of batches."""
 
 from contextlib import closing
 from types import SimpleNamespace
@@ -57,7 +58,10 @@ def test_a_job_ends_when_it_is_finished(small):
 
 
 def test_long_jobs_begin_first(small, monkeypatch):
-    jobs = [Job(small, Genome(), 30, seed, steps=steps) for seed, steps in enumerate((5, 40, 10, 20, 1, 30))]
+    jobs = [
+        Job(small, Genome(), 30, seed, steps=steps)
+        for seed, steps in enumerate((5, 40, 10, 20, 1, 30))
+    ]
     monkeypatch.setattr(pool, "outcomes", lambda jobs, _: [{"seed": job.seed} for job in jobs])
     finished = list(run_jobs(jobs, Execution(workers=1)))
     assert finished == [(index, {"seed": index}) for index in (1, 5, 3, 2, 0, 4)]
@@ -93,7 +97,10 @@ def tried(monkeypatch):
 
 def test_a_fault_names_its_job(small, tried):
     tried[0].kind = FaultKind.TOO_MANY_CONTACTS
-    with pytest.raises(SimulationFault, match=r"^run of 30 robots with seed 77: step 3, world 0: .*contact_capacity"):
+    with pytest.raises(
+        SimulationFault,
+        match=r"^run of 30 robots with seed 77: step 3, world 0: .*contact_capacity",
+    ):
         outcomes_of([Job(small, Genome(), 30, seed) for seed in (0, 77)], MJX)
 
 
@@ -102,7 +109,8 @@ def test_a_fault_names_its_job(small, tried):
     [((30, 30), 30), ((64, 50), 64), ((65, 50), 128), ((216, 50), 216)],
 )
 def test_batches_of_other_sizes_share_a_program(small, tried, sizes, capacity):
-    """A program is for arrays of one size; the arena has 216 cells for robots. The first job finishes early."""
+    """A program is for arrays of one size; the arena has 216 cells for robots. The first job
+    finishes early."""
     tried[0].finished_at = {0: 13}
     found = outcomes_of([Job(small, Genome(), n_robots, 0, steps=20) for n_robots in sizes], MJX)
     assert [outcome["delivered"] for outcome in found] == list(sizes) and tried[1] == [capacity]
@@ -112,7 +120,10 @@ def test_batches_of_other_sizes_share_a_program(small, tried, sizes, capacity):
 @pytest.mark.parametrize("fitting, sizes", [(None, [384]), (200, [192, 192]), (0, [1] * 384)])
 def test_batches_of_planar_fit_into_the_memory(monkeypatch, fitting, sizes):
     """Of any sizes, with half of what is free left for what is not estimated."""
-    jobs, planar = [SimpleNamespace(n_robots=n) for n in [100, 950, 240] * 128], PlanarSettings(1, impl="warp")
+    jobs, planar = (
+        [SimpleNamespace(n_robots=n) for n in [100, 950, 240] * 128],
+        PlanarSettings(1, impl="warp"),
+    )
     free = fitting and int(2 * fitting * memory_limits.needed_memory(planar, 1, 950))
     monkeypatch.setattr(memory_limits, "_free_memory", lambda _: free)
     parts = pool._fitting_batches(range(len(jobs)), jobs, planar)
@@ -123,19 +134,28 @@ def test_batches_of_planar_fit_into_the_memory(monkeypatch, fitting, sizes):
 def test_planar_is_run_in_batches_where_there_is_a_gpu(monkeypatch):
     without = Execution(PlanarSettings.usual())
     settings = {"engine": "planar", "refinement": 1, "accuracy": 0.01}
-    assert not without.in_batches and without.identity == settings and without.settings == PlanarSettings(1)
+    assert (
+        not without.in_batches
+        and without.identity == settings
+        and without.settings == PlanarSettings(1)
+    )
     monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
     with_gpu = Execution(PlanarSettings.usual())
     assert with_gpu.in_batches and with_gpu.identity == settings | {"impl": "warp"}
     assert Execution(MjxSettings.usual()).settings == MjxSettings("warp", contact_capacity=4.0)
-    with pytest.raises(ConfigError, match="backend must be processes with `engine` planar and `impl` warp"):
+    with pytest.raises(
+        ConfigError, match="backend must be processes with `engine` planar and `impl` warp"
+    ):
         Execution(PlanarSettings.usual(), backend="ray")
 
 
 def test_jobs_of_batches_end_as_alone(small, monkeypatch):
     """Jobs of two lengths, one with dead robots, as two batches."""
     given = [(1, 20, 0.0), (2, 20, 0.5), (3, 10, 0.0)]
-    jobs = [Job(small, Genome(), 12, seed, steps=steps, failed_fraction=dead) for seed, steps, dead in given]
+    jobs = [
+        Job(small, Genome(), 12, seed, steps=steps, failed_fraction=dead)
+        for seed, steps, dead in given
+    ]
     begun = []
 
     def run(scenario, **options):

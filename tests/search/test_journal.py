@@ -42,7 +42,10 @@ def test_what_was_added_comes_back(path, written):
     with journal(path, SETTINGS) as again:
         again.add((1, 1, 0), 1 / 3)
         again.add((0, 0, 0), 2 / 3)
-        with pytest.raises(UserError, match="is in use by another process"), journal(path, SETTINGS, again=True):
+        with (
+            pytest.raises(UserError, match="is in use by another process"),
+            journal(path, SETTINGS, again=True),
+        ):
             pass
     assert entries(path) == written | {(1, 1, 0): 1 / 3, (0, 0, 0): 2 / 3}
     with journal(path, SETTINGS, again=True) as anew:
@@ -64,7 +67,10 @@ with journal(Path(sys.argv[1]), {}) as kept:
 
 def test_each_run_is_kept_where_the_process_is_killed(path):
     """Also where a transaction has begun by then."""
-    assert subprocess.run([sys.executable, "-c", KILLED, path], check=False).returncode == -signal.SIGKILL
+    assert (
+        subprocess.run([sys.executable, "-c", KILLED, path], check=False).returncode
+        == -signal.SIGKILL
+    )
     assert entries(path, {}) == {(0,): 0, (1,): 1, (2,): 2}
 
 
@@ -94,7 +100,10 @@ def test_other_files_are_refused(path, content):
 def test_what_is_refused_stays_as_it_was(path, written, monkeypatch):
     """Of other settings or versions, and of a file that is cut off anywhere."""
     whole = path.read_bytes()
-    with pytest.raises(UserError, match=r"different settings \(config\.arena\.n_dust: 72 there, 70 now, seed: 3 there"):
+    with pytest.raises(
+        UserError,
+        match=r"different settings \(config\.arena\.n_dust: 72 there, 70 now, seed: 3 there",
+    ):
         entries(path, {"seed": 4, "config": {"arena": {"size": 49.0, "n_dust": 70}}})
     for other in (SETTINGS | {"new": 1}, {"seed": 3}):  # one has a setting that the other lacks
         with pytest.raises(UserError, match="different settings"):
@@ -104,7 +113,9 @@ def test_what_is_refused_stays_as_it_was(path, written, monkeypatch):
         with pytest.raises(UserError):
             entries(path, {"seed": 4})
         assert path.read_bytes() == whole[:size]
-    monkeypatch.setattr(journals, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"})
+    monkeypatch.setattr(
+        journals, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"}
+    )
     with pytest.raises(UserError, match=r"different versions \(iswarm_mj: .* there, 9\.9 now, "):
         entries(path)
 

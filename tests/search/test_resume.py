@@ -26,12 +26,15 @@ class TestResume:
 
     @pytest.mark.parametrize(("method", "engine"), [("paper", "mujoco"), ("cmaes", "planar")])
     def test_an_interruption_changes_nothing(self, monkeypatch, tmp_path, method, engine):
-        """With batches a generation that is known in part is run again as a whole, in all replicates."""
+        """With batches a generation that is known in part is run again as a whole, in all
+        replicates."""
         monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
         monkeypatch.setattr("iswarm_mj.search.search.AT_ONCE", 1)
         search = replace(SEARCH, method=method, replicates=2)
         pretend(monkeypatch)
-        run_search(search, tmp_path / "whole", execution=Execution(find_engine(engine).usual(), workers=1))
+        run_search(
+            search, tmp_path / "whole", execution=Execution(find_engine(engine).usual(), workers=1)
+        )
         for number, breaks_after in enumerate((0, 33)):
             out = tmp_path / str(number)
             pretend(monkeypatch, breaks_after)
@@ -40,9 +43,13 @@ class TestResume:
             begun = pretend(monkeypatch)
             run_search(search, out, execution=Execution(find_engine(engine).usual(), workers=3))
             assert contents(out) == contents(tmp_path / "whole")
-            assert len(begun) == 120 - (breaks_after if engine == "mujoco" else breaks_after // 20 * 20)
+            assert len(begun) == 120 - (
+                breaks_after if engine == "mujoco" else breaks_after // 20 * 20
+            )
 
-    def test_the_table_is_there_after_each_generation_and_half_written_files_go(self, monkeypatch, tmp_path):
+    def test_the_table_is_there_after_each_generation_and_half_written_files_go(
+        self, monkeypatch, tmp_path
+    ):
         out = tmp_path / "out"
         pretend(monkeypatch, breaks_after=35)
         with pytest.raises(KeyboardInterrupt):
@@ -55,7 +62,9 @@ class TestResume:
         run_search(SEARCH, out)
         assert len(contents(out)) == 4 and (out / ".123-mine").read_text() == "mine"
 
-    def test_what_is_in_the_way_is_refused_and_what_is_finished_not_run_again(self, monkeypatch, tmp_path):
+    def test_what_is_in_the_way_is_refused_and_what_is_finished_not_run_again(
+        self, monkeypatch, tmp_path
+    ):
         pretend(monkeypatch)
         run_search(SEARCH, tmp_path)
         before, begun = contents(tmp_path), pretend(monkeypatch)

@@ -1,4 +1,5 @@
-"""Searches from end to end: their tables, their optimisers, and that no interruption changes a byte."""
+"""Searches from end to end: their tables, their optimisers, and that no interruption changes a
+byte."""
 
 from dataclasses import asdict, replace
 from itertools import product
@@ -34,7 +35,8 @@ def without_figures(monkeypatch):
 
 
 def test_the_table_and_files(monkeypatch, tmp_path):
-    """Every run once, with what was run and what came of it; the elite is run again with other seeds."""
+    """Every run once, with what was run and what came of it; the elite is run again with other
+    seeds."""
     begun, out = pretend(monkeypatch), tmp_path / "out"
     run_search(SEARCH, out)
     rows, _ = read_table(out / TABLE)
@@ -46,18 +48,32 @@ def test_the_table_and_files(monkeypatch, tmp_path):
     assert len(begun) == 60 and by_seed.keys() == {row["seed"] for row in rows}
     for row, place in zip(rows, places, strict=True):
         job = by_seed[row["seed"]]
-        assert row["seed"] == run_seed(3, *place) and job.genome == genome_of(row) and job.steps == row["steps"] == 800
+        assert (
+            row["seed"] == run_seed(3, *place)
+            and job.genome == genome_of(row)
+            and job.steps == row["steps"] == 800
+        )
         assert row["n_robots"] == job.n_robots == row["collisions"]
         assert job.n_robots == robots_for(SEARCH.config.arena, row["density_of_robots"])
-        assert row["fitness"] == worth(job.genome) + np.random.default_rng(row["seed"]).normal(0, 20)
+        assert row["fitness"] == worth(job.genome) + np.random.default_rng(row["seed"]).normal(
+            0, 20
+        )
     for one, other in zip(rows[::2], rows[1::2], strict=True):
-        assert one["genome_fitness"] == other["genome_fitness"] == (one["fitness"] + other["fitness"]) / 2
+        assert (
+            one["genome_fitness"]
+            == other["genome_fitness"]
+            == (one["fitness"] + other["fitness"]) / 2
+        )
         assert genome_of(one) == genome_of(other)
     of = {(row["generation"], row["individual"]): row for row in rows}
     for g in range(1, 6):
         order = sorted(range(5), key=lambda i, g=g: -of[g - 1, i]["genome_fitness"])
         for row, parent in ((of[g, place], of[g - 1, order[place]]) for place in (0, 1)):
-            assert (row["origin"], row["parent"], row["second_parent"]) == ("elite", parent["individual"], None)
+            assert (row["origin"], row["parent"], row["second_parent"]) == (
+                "elite",
+                parent["individual"],
+                None,
+            )
             assert genome_of(row) == genome_of(parent) and row["seed"] != parent["seed"]
     assert {of[0, i]["origin"] for i in range(5)} == {"random"}
 
@@ -67,9 +83,12 @@ class TestReplicates:
 
     @pytest.mark.parametrize("method", ["paper", "cmaes"])
     def test_each_is_the_search_with_its_seed(self, monkeypatch, tmp_path, method):
-        """The first that of the seed itself; no replicate learns from another; a generation of all is a set of jobs."""
+        """The first that of the seed itself; no replicate learns from another; a generation of all
+        is a set of jobs."""
         begun, sets, run_jobs = pretend(monkeypatch), [], pool.run_jobs
-        monkeypatch.setattr(pool, "run_jobs", lambda jobs, how: sets.append(len(jobs)) or run_jobs(jobs, how))
+        monkeypatch.setattr(
+            pool, "run_jobs", lambda jobs, how: sets.append(len(jobs)) or run_jobs(jobs, how)
+        )
         without_figures(monkeypatch)
         search = replace(SEARCH, replicates=3, method=method)
         run_search(search, tmp_path / "three")
@@ -79,7 +98,9 @@ class TestReplicates:
             out = tmp_path / str(number)
             run_search(seeded(search, replicate_seed(3, number), replicates=1), out)
             assert [row | {"replicate": 0} for row in rows] == read_table(out / TABLE)[0]
-            assert load_genome(str(tmp_path / "three" / f"best-{number}.json")) == best_of(rows).genome
+            assert (
+                load_genome(str(tmp_path / "three" / f"best-{number}.json")) == best_of(rows).genome
+            )
         whole = [row for rows in together for row in rows]
         assert load_genome(str(tmp_path / "three" / BEST)) == best_of(whole).genome
 
@@ -87,8 +108,11 @@ class TestReplicates:
         "at_once, engine, sets",
         [(25, "planar", [20] * 3), (3, "mjx", [10] * 6)],
     )
-    def test_batches_of_planar_take_generations_that_depend_on_none(self, monkeypatch, tmp_path, at_once, engine, sets):
-        """MJX's time grows with a batch, and the table of a search in workers with each generation."""
+    def test_batches_of_planar_take_generations_that_depend_on_none(
+        self, monkeypatch, tmp_path, at_once, engine, sets
+    ):
+        """MJX's time grows with a batch, and the table of a search in workers with each
+        generation."""
         pretend(monkeypatch)
         monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
         monkeypatch.setattr("iswarm_mj.search.search.AT_ONCE", at_once)
@@ -96,7 +120,9 @@ class TestReplicates:
         search = replace(SEARCH, method="random")
         found, run_jobs = [], pool.run_jobs
         run_search(search, tmp_path / "alone")
-        monkeypatch.setattr(pool, "run_jobs", lambda jobs, how: found.append(len(jobs)) or run_jobs(jobs, how))
+        monkeypatch.setattr(
+            pool, "run_jobs", lambda jobs, how: found.append(len(jobs)) or run_jobs(jobs, how)
+        )
         run_search(search, tmp_path / "out", Execution(find_engine(engine).usual()))
         assert found == sets
         assert read_table(tmp_path / "out" / TABLE)[0] == read_table(tmp_path / "alone" / TABLE)[0]
@@ -116,8 +142,13 @@ def test_seeds_differ_and_are_seeds():
     places = product(replicates[:60], range(10), range(5), range(2))
     seeds = [run_seed(seed, *place) for seed, *place in places]
     assert len(set(replicates)) == 400 and len(set(seeds)) == 6000
-    assert max(seeds) < 2**32 - 1 and min(seeds) >= 0 and run_seed(3, 1, 2, 0) != run_seed(3, 2, 1, 0)
-    assert len({generator(seed, generation).random() for seed in range(5) for generation in range(20)}) == 100
+    assert (
+        max(seeds) < 2**32 - 1 and min(seeds) >= 0 and run_seed(3, 1, 2, 0) != run_seed(3, 2, 1, 0)
+    )
+    assert (
+        len({generator(seed, generation).random() for seed in range(5) for generation in range(20)})
+        == 100
+    )
     search = METHODS["random"](Operators(), 10, 3)
     assert len({individual.genome for _ in range(4) for individual in next(search)}) == 40
 
@@ -133,13 +164,19 @@ class TestOptimisers:
     @pytest.mark.parametrize("method", ["paper", "cmaes"])
     def test_searches_beat_chance(self, method):
         chance, found = self.fitness("random"), self.fitness(method)
-        assert found[-20:].mean() > max(found[:5].mean(), chance.mean()) + 3 * chance.std() / np.sqrt(50)
+        assert found[-20:].mean() > max(
+            found[:5].mean(), chance.mean()
+        ) + 3 * chance.std() / np.sqrt(50)
         assert found.max() > chance.max()
 
     @pytest.mark.parametrize("method", METHODS)
     def test_genomes_lie_in_their_ranges(self, method):
         operators = Operators(density_min=0.1, density_max=0.2)
-        search, (low, high), fitness = METHODS[method](operators, 10, seed=2), ranges(operators), None
+        search, (low, high), fitness = (
+            METHODS[method](operators, 10, seed=2),
+            ranges(operators),
+            None,
+        )
         for _ in range(30):
             population = search.send(fitness)
             vectors = np.array([to_vector(individual.genome) for individual in population])
@@ -161,5 +198,14 @@ class TestOptimisers:
 @pytest.mark.filterwarnings("error")
 def test_only_the_papers_method_needs_room_for_an_elite(monkeypatch, tmp_path):
     begun = pretend(monkeypatch)
-    cli.main(["evolve", "--method=cmaes", "--generations=3", "--population=2", "--out", str(tmp_path / "out")])
+    cli.main(
+        [
+            "evolve",
+            "--method=cmaes",
+            "--generations=3",
+            "--population=2",
+            "--out",
+            str(tmp_path / "out"),
+        ]
+    )
     assert len(begun) == 6

@@ -4,7 +4,15 @@ import pytest
 
 from iswarm_mj.search import sweep
 
-ROW = {"density": 0.1, "seed": 0, "n_robots": 5, "max_steps": 100, "goal": 3, "delivered": 3, "fault": None}
+ROW = {
+    "density": 0.1,
+    "seed": 0,
+    "n_robots": 5,
+    "max_steps": 100,
+    "goal": 3,
+    "delivered": 3,
+    "fault": None,
+}
 
 
 def rows(*finished_at):

@@ -1,4 +1,5 @@
-"""`iswarm train`: its flags, real trainings, and what cannot be trained, of which nothing stays behind."""
+"""`iswarm train`: its flags, real trainings, and what cannot be trained, of which nothing stays
+behind."""
 
 import re
 from dataclasses import replace
@@ -24,8 +25,21 @@ from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.utils.errors import UserError
 
 pytestmark = pytest.mark.usefixtures("few_pixels")
-FLAGS = ["--generations=3", "--population=3", "--worlds=1", "--steps=6", "--robots=4", "--seed=5", "--threads=1"]
-FLAGS += ["--arena.size=15", "--arena.dump-size=3", "--arena.dust-area-size=3", "--arena.dust-area-offset=5"]
+FLAGS = [
+    "--generations=3",
+    "--population=3",
+    "--worlds=1",
+    "--steps=6",
+    "--robots=4",
+    "--seed=5",
+    "--threads=1",
+]
+FLAGS += [
+    "--arena.size=15",
+    "--arena.dump-size=3",
+    "--arena.dust-area-size=3",
+    "--arena.dust-area-offset=5",
+]
 
 
 def test_the_command_trains_in_worlds(tmp_path, capfd, monkeypatch):
@@ -34,34 +48,65 @@ def test_the_command_trains_in_worlds(tmp_path, capfd, monkeypatch):
     page = (Path(__file__).parents[2] / "docs/policies.md").read_text()
     Path("turner.py").write_text(re.search(r"```python\n(# turner.py.*?)```", page, re.S)[1])
     cli.main(["train", "--strategy", "turner.py:Turner", *FLAGS])
-    assert re.search(r"fitness .* in generation 3\n.*weights in runs/train/weights\.npz", capfd.readouterr().out)
+    assert re.search(
+        r"fitness .* in generation 3\n.*weights in runs/train/weights\.npz", capfd.readouterr().out
+    )
     weights = load_weights("runs/train/weights.npz")
     assert len(weights) == 3 * 4 + 4 * 2
-    again = cli.parse(["train", "--strategy", "turner.py:Turner", "--weights", "runs/train/weights.npz"])
+    again = cli.parse(
+        ["train", "--strategy", "turner.py:Turner", "--weights", "runs/train/weights.npz"]
+    )
     flat, _ = ravel_pytree(policy(again.own, SMALL, 4).weights)
     np.testing.assert_array_equal(flat, weights)
-    Path("walk.py").write_text("class Walk:\n    init = picks = act = None\n    def __init__(self): pass\n")
+    Path("walk.py").write_text(
+        "class Walk:\n    init = picks = act = None\n    def __init__(self): pass\n"
+    )
     with pytest.raises(SystemExit):
         cli.main(["train", "--strategy", "walk.py:Walk"])
-    assert "Walk is not a strategy, since it does not derive from Strategy" in capfd.readouterr().err
+    assert (
+        "Walk is not a strategy, since it does not derive from Strategy" in capfd.readouterr().err
+    )
 
 
 def test_the_command_forwards_all_flags(tmp_path, monkeypatch):
     given = {}
-    monkeypatch.setattr(training, "train", lambda *args, **options: given.update(options, args=args))
+    monkeypatch.setattr(
+        training, "train", lambda *args, **options: given.update(options, args=args)
+    )
     path = robot_file(tmp_path, "five")
     flags = [*FLAGS, "--validation=6", "--spread=0.25", "--sizes", "15", "20", "--arena.n-dust=6"]
     cli.main(["train", *flags, f"--out={tmp_path / 'out'}", f"--robot={path}", "--again"])
     plan, strategy, out, engine = given.pop("args")
-    numbers = {"steps": 6, "generations": 3, "population": 3, "worlds": 1, "validation": 6, "spread": 0.25, "seed": 5}
+    numbers = {
+        "steps": 6,
+        "generations": 3,
+        "population": 3,
+        "worlds": 1,
+        "validation": 6,
+        "spread": 0.25,
+        "seed": 5,
+    }
     assert plan == Training(config=SMALL, robots=(4,), sizes=(15, 20), **numbers)
     assert (strategy, out, engine) == (Neural(), tmp_path / "out", PlanarSettings(1).for_batches())
     assert given == {"task": CLEANING, "robot_file": path, "again": True}
-    cli.main(["train", "--task=aggregation", "--out", str(tmp_path / "out"), "--engine=mjx", "--impl=warp"])
-    assert isinstance(given["task"], Aggregation) and given["robot_file"] is None and not given["again"]
-    assert given["args"][0] == Training() and given["args"][3] == MjxSettings("warp").for_batches() != MjxSettings(
-        "warp"
+    cli.main(
+        [
+            "train",
+            "--task=aggregation",
+            "--out",
+            str(tmp_path / "out"),
+            "--engine=mjx",
+            "--impl=warp",
+        ]
     )
+    assert (
+        isinstance(given["task"], Aggregation)
+        and given["robot_file"] is None
+        and not given["again"]
+    )
+    assert given["args"][0] == Training() and given["args"][3] == MjxSettings(
+        "warp"
+    ).for_batches() != MjxSettings("warp")
 
 
 class Balls(Aggregation):
@@ -103,7 +148,9 @@ class Heard(Aggregation):
 )
 def test_tasks_that_cannot_be_scored(task, robots, sentence, tmp_path):
     """Nothing stays behind, so that the next training may have the place."""
-    few = replace(TRAINING, config=SwarmConfig(), robots=robots, steps=1, generations=1, population=2)
+    few = replace(
+        TRAINING, config=SwarmConfig(), robots=robots, steps=1, generations=1, population=2
+    )
     with pytest.raises(UserError, match=sentence):
         train(few, Three(jnp.zeros(3)), tmp_path / "out", PlanarSettings(1), task=task)
     assert not list((tmp_path / "out").glob("*.*"))
@@ -113,7 +160,10 @@ def test_tasks_that_cannot_be_scored(task, robots, sentence, tmp_path):
     ("changed", "sentence"),
     [
         ({"robots": ()}, "robots must be between 1 and 2 numbers"),
-        ({"robots": (4, 5, 6)}, "robots must be between 1 and 2 numbers, since a candidate has 2 worlds"),
+        (
+            {"robots": (4, 5, 6)},
+            "robots must be between 1 and 2 numbers, since a candidate has 2 worlds",
+        ),
         ({"robots": (4000,)}, "robots"),
         ({"sizes": (15.0, 9.0)}, "^sizes"),
         ({"spread": 0.0}, "^spread"),
@@ -126,14 +176,19 @@ def test_worlds_that_cannot_be_are_refused_at_once(changed, sentence):
 
 
 def test_a_candidate_may_have_a_world_for_each_number_of_robots():
-    assert replace(TRAINING, robots=(4, 5)).robots == (4, 5) and Training().worlds >= len(Training().robots)
+    assert replace(TRAINING, robots=(4, 5)).robots == (4, 5) and Training().worlds >= len(
+        Training().robots
+    )
 
 
 @pytest.mark.parametrize(
     ("weights", "sentence"),
     [
         *((none, "Three has no weights to train") for none in (None, [1.0], jnp.zeros(3, int))),
-        *((jnp.array(first, float), "weights must be") for first in ([], [0.5], [0.0, np.nan], [2e6, 0.0])),
+        *(
+            (jnp.array(first, float), "weights must be")
+            for first in ([], [0.5], [0.0, np.nan], [2e6, 0.0])
+        ),
     ],
 )
 def test_weights_that_no_search_can_begin_with(weights, sentence):

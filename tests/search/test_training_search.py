@@ -1,5 +1,5 @@
-"""The search of weights: its worlds, its curve, its files, which weights are kept, and that no interruption changes a
-byte."""
+"""The search of weights: its worlds, its curve, its files, which weights are kept, and that no
+interruption changes a byte."""
 
 import json
 from dataclasses import dataclass, field, replace
@@ -38,7 +38,8 @@ def out(tmp_path):
 
 @pytest.fixture
 def watched(monkeypatch):
-    """Scenarios, weights and data of the keys of rollouts, which are pretended; results may be changed."""
+    """Scenarios, weights and data of the keys of rollouts, which are pretended; results may be
+    changed."""
     pretend(monkeypatch)
     pretended, seen = training.rollout, []
 
@@ -64,15 +65,30 @@ def test_tasks_without_a_fitness_are_trained_by_their_rewards(monkeypatch, out):
         earned = 10 - np.abs(np.asarray(scenario.strategy.weights) - GOAL).sum(axis=1)
         none = np.zeros(scenario.n_worlds)
         return Rollout(
-            none, none, none, none, none > 1, none, none, np.zeros((len(none), 1)), None, [], {REWARD: earned}
+            none,
+            none,
+            none,
+            none,
+            none > 1,
+            none,
+            none,
+            np.zeros((len(none), 1)),
+            None,
+            [],
+            {REWARD: earned},
         )
 
     monkeypatch.setattr(training, "rollout", rollout)
     wanted = replace(TRAINING, generations=60, population=8, spread=0.3)
-    assert np.abs(train(wanted, Three(jnp.zeros(3)), out, PLANAR, task=Aggregation()) - GOAL).max() < 0.05
+    assert (
+        np.abs(train(wanted, Three(jnp.zeros(3)), out, PLANAR, task=Aggregation()) - GOAL).max()
+        < 0.05
+    )
 
 
-def test_candidates_of_a_generation_meet_the_same_worlds_and_those_of_others_do_not(watched, tmp_path):
+def test_candidates_of_a_generation_meet_the_same_worlds_and_those_of_others_do_not(
+    watched, tmp_path
+):
     """Nor do those of another seed."""
     found = []
     for seed in (3, 4):
@@ -81,14 +97,17 @@ def test_candidates_of_a_generation_meet_the_same_worlds_and_those_of_others_do_
         data = np.array([keys for _, _, keys in watched[0]]).reshape(5, 4, 2, 2)
         assert (data == data[:, :1]).all()
         weights = np.array([weights for _, weights, *_ in watched[0]]).reshape(5, 4, 2, 3)
-        assert (weights == weights[:, :, :1]).all() and len(np.unique(weights.reshape(-1, 3), axis=0)) == 20
+        assert (weights == weights[:, :, :1]).all() and len(
+            np.unique(weights.reshape(-1, 3), axis=0)
+        ) == 20
         found.append((data[:, 0].reshape(-1, 2), weights))
     assert len(np.unique(np.concatenate([data for data, _ in found]), axis=0)) == 20
     assert (found[0][1] != found[1][1]).all()
 
 
 def test_worlds_of_their_own_choose_the_weights(watched, out):
-    """After each tenth generation; here the mean of generation 20 did better there than that of 30."""
+    """After each tenth generation; here the mean of generation 20 did better there than that of
+    30."""
     seen, rollout = watched
     tried = []
 
@@ -102,7 +121,10 @@ def test_worlds_of_their_own_choose_the_weights(watched, out):
     wanted = replace(TRAINING, generations=33, validation=7)
     found = trained(out, wanted)
     np.testing.assert_array_equal(found, tried[1][0])
-    assert all((keys == tried[0][1]).all() for _, keys in tried) and len(np.unique(tried[0][1], axis=0)) == 7
+    assert (
+        all((keys == tried[0][1]).all() for _, keys in tried)
+        and len(np.unique(tried[0][1], axis=0)) == 7
+    )
     rows = curve(out)
     assert [row["generation"] for row in rows if row["validation"] is not None] == [10, 20, 30]
     assert rows[19]["validation"] > rows[29]["validation"]
@@ -131,12 +153,16 @@ def test_worlds_of_a_candidate_have_the_numbers_of_robots_and_the_arenas_in_turn
     assert (one.config.arena.size, other.config.arena.size) == (15, 30) and (keys == same).all()
     assert [world.n_robots for world in one.worlds] == 4 * [4, 9]
     assert [world.n_robots for world in other.worlds] == 4 * [16, 36]
-    assert judged == 4 * [(15, 4, 60, None), (15, 9, 60, 7)] + 4 * [(30, 16, 60, None), (30, 36, 60, 7)]
+    assert judged == 4 * [(15, 4, 60, None), (15, 9, 60, 7)] + 4 * [
+        (30, 16, 60, None),
+        (30, 36, 60, 7),
+    ]
 
 
 def test_the_curve_by_hand(monkeypatch, out):
-    """One generation of 4 candidates with 2 worlds in 2 arenas; points are 20 for what was picked up, 20 for what was
-    delivered and 40 for the mean progress; the last world of the second arena is at fault."""
+    """One generation of 4 candidates with 2 worlds in 2 arenas; points are 20 for what was picked
+    up, 20 for what was delivered and 40 for the mean progress; the last world of the second arena
+    is at fault."""
     asked = []
 
     def rollout(scenario, **_):
@@ -144,20 +170,37 @@ def test_the_curve_by_hand(monkeypatch, out):
         first, none = scenario.config.arena.size == 15, np.zeros(8)
         picked = np.array([1, 4, 6, 0, 2, 2, 5, 3]) + (0 if first else 4)
         delivered, collisions = picked // 2, np.arange(8) * (1 if first else 3)
-        progress, faults = np.stack([0 * delivered, delivered], axis=1), [] if first else [SimulationFault(world=7)]
-        return Rollout(delivered, picked, collisions, none, none > 1, none, none, progress, None, faults, {})
+        progress, faults = (
+            np.stack([0 * delivered, delivered], axis=1),
+            [] if first else [SimulationFault(world=7)],
+        )
+        return Rollout(
+            delivered, picked, collisions, none, none > 1, none, none, progress, None, faults, {}
+        )
 
     monkeypatch.setattr(training, "rollout", rollout)
     trained(out, replace(TRAINING, sizes=(15.0, 30.0), generations=1))
     (row,) = curve(out)
     picked = np.array([[1, 4, 6, 0, 2, 2, 5, 3], [5, 8, 10, 4, 6, 6, 9, 7]])
     collisions, robots = np.array([np.arange(8), 3 * np.arange(8)]), np.array([[4], [16]])
-    worth = (20 * picked + 40 * (picked // 2) - 0.05 * collisions / robots).reshape(2, 4, 2).mean(axis=(0, 2))
+    worth = (
+        (20 * picked + 40 * (picked // 2) - 0.05 * collisions / robots)
+        .reshape(2, 4, 2)
+        .mean(axis=(0, 2))
+    )
     expected = {
         "generation": 1,
         **{"best": worth.max(), "mean": worth.mean(), "worst": worth.min()},
-        **{"picked": picked.mean(), "delivered": (picked // 2).mean(), "collisions": collisions.mean()},
-        **{"faults": 1 / 16, "validation": None, "spread": asked[0].astype(float).std(axis=0).mean()},
+        **{
+            "picked": picked.mean(),
+            "delivered": (picked // 2).mean(),
+            "collisions": collisions.mean(),
+        },
+        **{
+            "faults": 1 / 16,
+            "validation": None,
+            "spread": asked[0].astype(float).std(axis=0).mean(),
+        },
     }
     assert list(row) == list(expected) and row.pop("validation") is expected.pop("validation")
     assert row == pytest.approx(expected, rel=1e-5)
@@ -172,12 +215,15 @@ def test_the_robot_is_that_of_the_file_or_files(watched, tmp_path, out):
     assert policy(Neural(), SMALL, 4, kinds).robot == read_robots(kinds)
     with pytest.raises(UserError, match=r"different settings \(.*robot"):
         trained(out, robot_file=None)
-    with pytest.raises(UserError, match=r"n_robots must be as many as the kinds .* have together, 5 \(got 4\)"):
+    with pytest.raises(
+        UserError, match=r"n_robots must be as many as the kinds .* have together, 5 \(got 4\)"
+    ):
         trained(out, robot_file=two_kinds(tmp_path, 5), again=True)
 
 
 def test_the_strategy_is_made_for_the_most_robots(watched, out):
-    """Its weights need not pass through `__init__`, since those of many worlds may have a shape that it refuses."""
+    """Its weights need not pass through `__init__`, since those of many worlds may have a shape
+    that it refuses."""
     asked = []
 
     @dataclass
@@ -224,7 +270,11 @@ def test_files_which_no_interruption_changes(monkeypatch, tmp_path):
     assert found.any()  # the last mean, as long as there was no validation
     assert [row["generation"] for row in curve(tmp_path / "whole")] == [1, 2, 3, 4, 5]
     settings = json.loads(whole[CHECKPOINT][-1][1])["settings"]
-    assert (settings["engine"], settings["population"], settings["strategy"]["class"]) == ("planar", 4, "Three")
+    assert (settings["engine"], settings["population"], settings["strategy"]["class"]) == (
+        "planar",
+        4,
+        "Three",
+    )
     for broken in (0, 1, 3):
         out = tmp_path / f"broken{broken}"
         with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
@@ -250,7 +300,13 @@ def test_what_is_in_the_way_is_refused(monkeypatch, tmp_path):
         (r"different settings \(.*seed", replace(TRAINING, seed=4), [0, 0, 0], PLANAR, CLEANING),
         ("different settings", TRAINING, [0, 0, 0], MujocoSettings(1), CLEANING),
         ("different settings", TRAINING, [0, 1, 0], PLANAR, CLEANING),
-        ("generations must be at least 5, which", replace(TRAINING, generations=4), [0, 0, 0], PLANAR, CLEANING),
+        (
+            "generations must be at least 5, which",
+            replace(TRAINING, generations=4),
+            [0, 0, 0],
+            PLANAR,
+            CLEANING,
+        ),
     ):
         with pytest.raises(UserError, match=match):
             train(wanted, Three(jnp.array(weights, float)), tmp_path, engine, task=task)

@@ -19,7 +19,9 @@ STEP = np.sqrt(2)
 """Longest step: half a robot diameter [mm]."""
 
 
-def drive_robots(config, turn, forward, *, waits=False, poses=None, is_present=True, charges=0.0, **swarm):
+def drive_robots(
+    config, turn, forward, *, waits=False, poses=None, is_present=True, charges=0.0, **swarm
+):
     """Return what the drives of N robots do with these commands.
 
     Args:

@@ -64,7 +64,9 @@ class TestPowerOfLEDs:
         """
         teams = Teams({"dim": (2, Dim()), "still": (1, Still())})
         world = world_with_robots_at((-6.0, 8.0), (0.0, 8.0), (6.0, 8.0))
-        scenario = Scenario(WITHOUT_NOISE, strategy=teams, robots=3, engine=ENGINE, worlds=[world], steps=2)
+        scenario = Scenario(
+            WITHOUT_NOISE, strategy=teams, robots=3, engine=ENGINE, worlds=[world], steps=2
+        )
         for record in records(Run(scenario)):
             receiver, side = np.nonzero(record.links.valid[0])
             sender = record.links.sender[0, receiver, side]
@@ -119,7 +121,9 @@ class TestReleases:
         )
         return replace(world, start=world.start._replace(task=balls))
 
-    ENERGY = EnergyConfig(model="capacitor", largest_voltage=50.0, light_power=40e-6, tool_capacitance=1e-7)
+    ENERGY = EnergyConfig(
+        model="capacitor", largest_voltage=50.0, light_power=40e-6, tool_capacitance=1e-7
+    )
 
     def run_with(self, world, release_time):
         """Return a run of six steps of the world, and of one in which robot 1 is dead.
@@ -210,7 +214,9 @@ class TestTasks:
     def test_change_conditions_and_let_robots_fail(self):
         n_robots = 12
         is_even = np.arange(n_robots) % 2 == 0
-        scenario = Scenario(SMALL, strategy=TYPE1, task=Weather(), robots=n_robots, engine=ENGINE, steps=6)
+        scenario = Scenario(
+            SMALL, strategy=TYPE1, task=Weather(), robots=n_robots, engine=ENGINE, steps=6
+        )
         for step, record in enumerate(records(Run(scenario))):
             is_bad = step >= 2
             n_heard = record.is_heard[0].sum()

@@ -349,8 +349,14 @@ def test_whole_runs_are_distributed_as_on_the_cpu_engine(impl):
     compiled = measures_of_engine(mjx(impl=impl, solver_iterations=20), SEED)
     on_the_host = measures_of_engine(MujocoSettings(), 99)
     for name in ("delivered", "picked", "collisions"):
-        samples = [[getattr(of_world, name) for of_world in measures] for measures in (compiled, on_the_host)]
+        samples = [
+            [getattr(of_world, name) for of_world in measures]
+            for measures in (compiled, on_the_host)
+        ]
         print(impl, name, *map(np.mean, samples), ks_2samp(*samples).pvalue)
         assert ks_2samp(*samples).pvalue > 0.01
-    times = [[of_world.finished_at or steps for of_world in measures] for measures in (compiled, on_the_host)]
+    times = [
+        [of_world.finished_at or steps for of_world in measures]
+        for measures in (compiled, on_the_host)
+    ]
     assert ks_2samp(*times).pvalue > 0.01

@@ -49,7 +49,9 @@ def inputs_of(sight, step=0):
 def test_robots_that_stop_miss_dust_as_often_as_others():
     """Both chances, of one half each, come from one key."""
     n_robots = 4000
-    config = SwarmConfig(drive=DriveConfig(stop_share=0.5), strategy=StrategyConfig(error_in_sensing=0.5))
+    config = SwarmConfig(
+        drive=DriveConfig(stop_share=0.5), strategy=StrategyConfig(error_in_sensing=0.5)
+    )
     key = jax.random.key_data(jax.random.key(2))
     params = params_of(config, Still(), key, n_robots)
     perceived = perceive.perceive(

@@ -65,7 +65,9 @@ def test_threads_do_not_matter(small, shards_of_four):
 
 
 @pytest.mark.parametrize(("n_threads", "shards_a_thread"), [(1, 3), (2, 1.5), (7, 1)])
-def test_stage_times_are_those_of_all_shards_of_a_thread(small, shards_of_four, n_threads, shards_a_thread):
+def test_stage_times_are_those_of_all_shards_of_a_thread(
+    small, shards_of_four, n_threads, shards_a_thread
+):
     """The median of a stage counts as often as a thread takes a shard.
 
     Stages without laps have no time.
@@ -96,7 +98,9 @@ def test_a_world_of_many_robots_is_the_same_alone(interpretation):
 
     def state_of(n_worlds):
         engine = PlanarSettings(1)
-        return end_and_state(run_worlds(INTERPRETATIONS[interpretation], engine, n_worlds, steps=30, n_robots=283))
+        return end_and_state(
+            run_worlds(INTERPRETATIONS[interpretation], engine, n_worlds, steps=30, n_robots=283)
+        )
 
     def check(alone, among_others):
         tolerance = rounding if np.issubdtype(alone.dtype, np.floating) else 0.0
@@ -132,7 +136,11 @@ def test_an_edit_gives_every_world_its_own_state(small):
     is_alive = np.arange(N) < world
     was_picked = np.arange(24) < world
 
-    run.edit(lambda swarm: swarm._replace(is_alive=is_alive, task=swarm.task._replace(was_picked=was_picked)))
+    run.edit(
+        lambda swarm: swarm._replace(
+            is_alive=is_alive, task=swarm.task._replace(was_picked=was_picked)
+        )
+    )
     np.testing.assert_array_equal(run.arrays()[1].swarm.is_alive, is_alive)
     assert [run.measures(world).picked for world in range(6)] == list(range(6))
 

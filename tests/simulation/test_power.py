@@ -87,7 +87,9 @@ class TestDraw:
         assert energy_after_step(config, energy, still, charges, np.ones(1, bool))[0] == 0
 
     def test_the_longest_step_of_slow_messages_takes_the_power_of_full_speed(self):
-        config = SwarmConfig(optics=OpticsConfig(baud_rate=1000.0), energy=EnergyConfig(model="capacitor"))
+        config = SwarmConfig(
+            optics=OpticsConfig(baud_rate=1000.0), energy=EnergyConfig(model="capacitor")
+        )
         longest = Command(np.zeros(1), np.full(1, mm_from_rd(config.step_length)))
         energy = np.full(1, 1e-3)
         left = energy_after_step(config, energy, longest, np.zeros(1), np.ones(1, bool))
@@ -124,7 +126,9 @@ def test_a_tool_is_charged_to_the_voltage_of_its_attempt_alone(
 
     def decide_attempts(gripper, attempts):
         nothing = np.zeros(1)
-        return Outcomes(attempts.lifts & succeeds, attempts.releases & succeeds, nothing > 0, nothing, nothing)
+        return Outcomes(
+            attempts.lifts & succeeds, attempts.releases & succeeds, nothing > 0, nothing, nothing
+        )
 
     @jax.jit
     def tool_voltage_squared(voltage):
@@ -160,7 +164,9 @@ class TestTooSmallCapacitors:
 
     def test_longer_control_steps_need_more(self):
         with pytest.raises(ConfigError, match=r"0.00308 J"):
-            SwarmConfig(drive=DriveConfig(control_period=10.0), energy=EnergyConfig(model="capacitor"))
+            SwarmConfig(
+                drive=DriveConfig(control_period=10.0), energy=EnergyConfig(model="capacitor")
+            )
 
 
 def records_of(config, steps=12, edit=None):

@@ -69,7 +69,9 @@ class TestMeasures:
 
         key = "peak_bytes_in_use"
         stats_of_devices = [None, {key: 1.234e9}, {key: 1e9}, {}]
-        run._loop.devices = [SimpleNamespace(memory_stats=lambda stats=stats: stats) for stats in stats_of_devices]
+        run._loop.devices = [
+            SimpleNamespace(memory_stats=lambda stats=stats: stats) for stats in stats_of_devices
+        ]
         assert run.peak_memory_gb() == 1.23
 
     def test_collisions_are_new_contacts(self, small, monkeypatch):

@@ -67,7 +67,9 @@ class TestFaultsEndTheirWorldAlone:
         """From step 9 on nobody in world 1 hears anything or moves, and nothing changes."""
         fault_step = 9
         fields = {"worlds": 2, "steps": 200, "goal": GOAL}
-        strategy = scripted(run_of(small, **fields), step=[999, fault_step], robot=5, turn=np.nan, forward=0.0)
+        strategy = scripted(
+            run_of(small, **fields), step=[999, fault_step], robot=5, turn=np.nan, forward=0.0
+        )
         run = run_of(small, strategy=strategy, **fields)
 
         is_running = []

@@ -12,7 +12,18 @@ import numpy as np
 import pytest
 from support.robots import two_kinds
 
-from iswarm_mj import PRESETS, Run, Scenario, SearchPlan, Teams, World, evolve, make_env, play, rollout
+from iswarm_mj import (
+    PRESETS,
+    Run,
+    Scenario,
+    SearchPlan,
+    Teams,
+    World,
+    evolve,
+    make_env,
+    play,
+    rollout,
+)
 from iswarm_mj.commands.main import parse
 from iswarm_mj.config.swarm import INTERPRETATIONS, ArenaConfig, EnergyConfig, SwarmConfig
 from iswarm_mj.engines.mjx.settings import MjxSettings
@@ -100,7 +111,9 @@ class TestEntries:
             assert (row["picked"], row["collisions"]) == (measures.picked, measures.collisions)
 
     def test_a_search_names_the_fields_that_it_does_not_use(self, tmp_path):
-        with pytest.raises(UserError, match="it does not use robots and goal of its scenario: leave them out"):
+        with pytest.raises(
+            UserError, match="it does not use robots and goal of its scenario: leave them out"
+        ):
             evolve(replace(PAPERS, goal=3), tmp_path)
 
     def test_a_run_is_that_of_the_command(self, tmp_path):
@@ -109,7 +122,9 @@ class TestEntries:
         file.write_text(scenario.to_toml())
         command = parse(["run", "--config", str(file)])
         runs = Run(scenario), Run(command.scenario())
-        poses, of_command = (np.concatenate([run.advance().poses for _ in range(3)]) for run in runs)
+        poses, of_command = (
+            np.concatenate([run.advance().poses for _ in range(3)]) for run in runs
+        )
         np.testing.assert_array_equal(poses, of_command)
         assert about(runs[0]) == about(runs[1])
 
@@ -117,7 +132,9 @@ class TestEntries:
         keys = jax.random.split(jax.random.key(1), 2)
         scenario = replace(PAPERS, worlds=keys, steps=3)
         together = rollout(scenario, poses_of=(0, 1))
-        alone = rollout(replace(scenario, worlds=[World(TYPE1, N, key=keys[1])] * 2), poses_of=(0, 1))
+        alone = rollout(
+            replace(scenario, worlds=[World(TYPE1, N, key=keys[1])] * 2), poses_of=(0, 1)
+        )
         np.testing.assert_array_equal(alone.poses, together.poses[[1, 1]])
         assert np.abs(together.poses[0, 0] - together.poses[1, 0]).max() > 1
 
@@ -132,7 +149,10 @@ class TestEntries:
         dense = replace(TYPE2, density_of_robots=0.1)
         assert Scenario(CONFIG, strategy=dense).n_robots < Scenario(CONFIG, strategy=TYPE2).n_robots
         kinds = two_kinds(tmp_path, 6)
-        assert Scenario(CONFIG, robot_file=kinds).n_robots == Run(Scenario(CONFIG, robot_file=kinds)).settings.n_robots
+        assert (
+            Scenario(CONFIG, robot_file=kinds).n_robots
+            == Run(Scenario(CONFIG, robot_file=kinds)).settings.n_robots
+        )
 
 
 class TestMistakes:
@@ -157,10 +177,22 @@ class TestMistakes:
     @pytest.mark.parametrize(
         ("given", "words"),
         [
-            ({"worlds": 0}, "worlds must be a number above 0, a World for each, or a random key for each"),
-            ({"worlds": []}, "worlds must be a number above 0, a World for each, or a random key for each"),
-            ({"worlds": [TYPE2]}, "worlds must be a number above 0, a World for each, or a random key for each"),
-            ({"worlds": [World(PRESETS["evolved"], N)], "strategy": TYPE2}, "worlds have their own"),
+            (
+                {"worlds": 0},
+                "worlds must be a number above 0, a World for each, or a random key for each",
+            ),
+            (
+                {"worlds": []},
+                "worlds must be a number above 0, a World for each, or a random key for each",
+            ),
+            (
+                {"worlds": [TYPE2]},
+                "worlds must be a number above 0, a World for each, or a random key for each",
+            ),
+            (
+                {"worlds": [World(PRESETS["evolved"], N)], "strategy": TYPE2},
+                "worlds have their own",
+            ),
             ({"steps": 0}, "steps must be"),
             ({"goal": 0}, "goal must be"),
             ({"robots": 0}, "robots must be"),
@@ -180,7 +212,10 @@ class TestMistakes:
             (lambda: make_env(worlds), "a number of worlds"),
             (lambda: make_env(replace(PAPERS, worlds=keys)), "a number of worlds"),
             (lambda: play(replace(PAPERS, worlds=keys)), "shows one world"),
-            (lambda: vector_env(replace(PAPERS, worlds=3), num_envs=2), "the scenario has 3 worlds"),
+            (
+                lambda: vector_env(replace(PAPERS, worlds=3), num_envs=2),
+                "the scenario has 3 worlds",
+            ),
         ):
             with pytest.raises(UserError, match=words):
                 call()
@@ -192,9 +227,13 @@ SPOTS = Aggregation(spot_radius=4.0, spot_offset=7.0)
 BOXES = replace(ARENA, obstacles=((5.0, 5.0, 1.0, 2.0, 30.0), (-6.0, 6.0, 1.0, 1.0, 0.0)))
 ODD = {
     "defaults": Scenario(),
-    "a genome of its own": replace(PAPERS, strategy=replace(TYPE1, use_hop_count=False, p_vector_forget=0.125)),
+    "a genome of its own": replace(
+        PAPERS, strategy=replace(TYPE1, use_hop_count=False, p_vector_forget=0.125)
+    ),
     "steps, goal and worlds": replace(PAPERS, steps=17, goal=5, worlds=3),
-    "a task with fields": replace(PAPERS, config=SwarmConfig(BARE), strategy=Beeclust(longest_wait=20.0), task=SPOTS),
+    "a task with fields": replace(
+        PAPERS, config=SwarmConfig(BARE), strategy=Beeclust(longest_wait=20.0), task=SPOTS
+    ),
     "another task": replace(PAPERS, strategy=Forager(), task=Foraging()),
     "obstacles": replace(PAPERS, config=SwarmConfig(BOXES)),
     "an outline": replace(PAPERS, config=SwarmConfig(replace(ARENA, outline=((24.0, 20.0),)))),
@@ -202,7 +241,10 @@ ODD = {
         PAPERS, config=replace(INTERPRETATIONS["selected"], energy=EnergyConfig("capacitor"))
     ),
     "teams": replace(
-        PAPERS, strategy=Teams({"type1": (0.5, TYPE1), "type2": (0.5, replace(TYPE2, fraction_scouts=0.5))})
+        PAPERS,
+        strategy=Teams(
+            {"type1": (0.5, TYPE1), "type2": (0.5, replace(TYPE2, fraction_scouts=0.5))}
+        ),
     ),
     "MuJoCo": replace(PAPERS, engine=MujocoSettings(threads=1), robots=None),
 }
@@ -219,17 +261,26 @@ class TestFiles:
     def test_a_toml_file_states_it_to_python_and_to_the_command(self, scenario, tmp_path):
         again = read_back(scenario, tmp_path / "scenario.toml")
         assert again.values() == scenario.values()
-        assert replace(again, engine=scenario.engine) == scenario and again.engine.identity == scenario.engine.identity
+        assert (
+            replace(again, engine=scenario.engine) == scenario
+            and again.engine.identity == scenario.engine.identity
+        )
 
         command = parse(["run", "--config", str(tmp_path / "scenario.toml")])
         assert (
-            command.config == scenario.config and command.task == scenario.task and command.rules == scenario.strategy
+            command.config == scenario.config
+            and command.task == scenario.task
+            and command.rules == scenario.strategy
         )
         assert (
             command.number_of_robots() == scenario.n_robots
             and command.engine_settings.identity == scenario.engine.identity
         )
-        assert (command.seed, command.worlds, command.steps) == (scenario.seed, scenario.worlds, scenario.steps)
+        assert (command.seed, command.worlds, command.steps) == (
+            scenario.seed,
+            scenario.worlds,
+            scenario.steps,
+        )
         assert command.stop_at == scenario.goal
 
     @pytest.mark.parametrize("scenario", ODD.values(), ids=ODD)
@@ -255,17 +306,26 @@ class TestFiles:
         assert again.values() == scenario.values() and again.strategy.longest_wait == 7.0
 
         result = about(Run(scenario))
-        with pytest.raises(UserError, match=r"strategy Walk, which no package offers; give its class.*strategy=Walk"):
+        with pytest.raises(
+            UserError,
+            match=r"strategy Walk, which no package offers; give its class.*strategy=Walk",
+        ):
             Scenario.from_result(result)
         assert Scenario.from_result(result, strategy=walk).strategy == scenario.strategy
 
     def test_engines_of_files_and_of_gpus(self, tmp_path):
         engine = find_engine(f"{Path(__file__).parents[1]}/data/teleport.py:TeleportSettings")
         again = read_back(replace(PAPERS, engine=engine(30.0)), tmp_path / "scenario.toml")
-        assert type(again.engine).__name__ == "TeleportSettings" and again.engine.identity == engine(30.0).identity
+        assert (
+            type(again.engine).__name__ == "TeleportSettings"
+            and again.engine.identity == engine(30.0).identity
+        )
         result = about(Run(replace(PAPERS, engine=engine(30.0))))
         assert Scenario.from_result(result, engine=engine).engine == engine(30.0)
-        assert read_back(replace(PAPERS, engine=MjxSettings()), tmp_path / "scenario.toml").engine.name == "mjx"
+        assert (
+            read_back(replace(PAPERS, engine=MjxSettings()), tmp_path / "scenario.toml").engine.name
+            == "mjx"
+        )
 
     def test_dead_robots_of_a_result(self):
         worlds = [World(TYPE2, N, seed=3, index=index, failed_fraction=0.5) for index in range(2)]
@@ -277,7 +337,10 @@ class TestFiles:
 
     def test_what_only_the_command_has_is_refused(self, tmp_path):
         file = tmp_path / "run.toml"
-        for text, words in (("out = 'here'", "names out, which is no part"), ("seed = ", "is no TOML")):
+        for text, words in (
+            ("out = 'here'", "names out, which is no part"),
+            ("seed = ", "is no TOML"),
+        ):
             file.write_text(text)
             with pytest.raises(UserError, match=words):
                 Scenario.from_toml(file)
@@ -324,6 +387,8 @@ assert type(scenario.strategy) is Walk and scenario.strategy.longest_wait == 7.0
 def test_a_script_reads_a_file_that_names_its_own_classes(tmp_path):
     """Without being executed again."""
     (tmp_path / "own.py").write_text(SCRIPT)
-    (tmp_path / "own.toml").write_text('strategy = "own.py:Walk"\ntask = "aggregation"\nlongest_wait = 7.0\n')
+    (tmp_path / "own.toml").write_text(
+        'strategy = "own.py:Walk"\ntask = "aggregation"\nlongest_wait = 7.0\n'
+    )
     done = subprocess.run([sys.executable, "own.py"], cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "runs\n"), done.stderr

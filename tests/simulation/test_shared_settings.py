@@ -50,7 +50,9 @@ OTHER_PARTS = {
         parity_check=False,
         p_communication_break=0.3,
     ),
-    "drive": DriveConfig(error_turn=10.0, error_step=0.2, stop_share=0.2, turn_share=0.5, loaded_speed=0.8),
+    "drive": DriveConfig(
+        error_turn=10.0, error_step=0.2, stop_share=0.2, turn_share=0.5, loaded_speed=0.8
+    ),
     "gripper": GripperConfig(
         drop_rate=0.1,
         grasp_voltage=41.0,
@@ -68,7 +70,8 @@ OTHER_PARTS = {
 
 @pytest.fixture(scope="module")
 def configs(small):
-    """Configurations of four worlds: small, all parts different, other places, another interpretation."""
+    """Configurations of four worlds: small, all parts different, other places, another
+    interpretation."""
     places = replace(small.arena, dump_size=5, dust_area_size=4, dust_area_offset=5.2)
     return [
         small,

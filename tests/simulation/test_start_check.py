@@ -125,7 +125,9 @@ def test_robots_may_touch(robot, last):
     check_poses("poses", poses, robot, WITH_OBSTACLES.arena)
 
 
-@pytest.mark.parametrize("last", [(-8, -6.5, 0), (-5.7, -8, 0), (EDGE - 0.7, -9, 90), (EDGE - 1.1, -9, 0)])
+@pytest.mark.parametrize(
+    "last", [(-8, -6.5, 0), (-5.7, -8, 0), (EDGE - 0.7, -9, 90), (EDGE - 1.1, -9, 0)]
+)
 def test_hulls_count_as_long_as_they_are(last):
     """Long robots overlap where small ones stand free."""
     poses = place(*FREE, last)

@@ -65,7 +65,9 @@ def worlds_of(*configs, seed=3):
 def test_robots_stop_to_emit_as_often_as_configured(small):
     """They are heard all the same. Worlds of one run may differ in it."""
     stop_shares = [0.0, 0.3, 1.0]
-    configs = [replace(small, drive=replace(small.drive, stop_share=share)) for share in stop_shares]
+    configs = [
+        replace(small, drive=replace(small.drive, stop_share=share)) for share in stop_shares
+    ]
     run = run_of(small, Genome(), worlds=worlds_of(*configs), steps=16)
 
     stands = []

@@ -294,7 +294,9 @@ def test_robots_say_in_their_turn_what_they_have_just_picked_up(update_order):
     swarm = swarm_of(jnp.arange(2), lay((0.0, 60.0), (-0.9, 0.0)), 2)
     decision = jax.jit(partial(first_decision, TellsLoad(), config))
     with fixed_turns(turns_in_order([0, 1])):
-        swarm = decision(swarm, jnp.asarray(poses, jnp.float32), links_of(poses, NO_NOISE), jax.random.key(0)).swarm
+        swarm = decision(
+            swarm, jnp.asarray(poses, jnp.float32), links_of(poses, NO_NOISE), jax.random.key(0)
+        ).swarm
     assert swarm.is_loaded.tolist() == [True, False]
     assert swarm.memory.tolist() == [0, update_order == "sequential"]
 
@@ -334,7 +336,9 @@ def test_a_strategy_that_cannot_pass_on_news_is_refused():
     swarm = swarm_of(deaf.init(2, None), lay((0.0, 60.0)), 2)
     poses = place((0, 0, 0), (8, 0, 0))
     decision = partial(first_decision, deaf, config)
-    with pytest.raises(UserError, match=r"update_order is sequential, but Deaf has no method listen"):
+    with pytest.raises(
+        UserError, match=r"update_order is sequential, but Deaf has no method listen"
+    ):
         jax.eval_shape(
             decision,
             swarm,

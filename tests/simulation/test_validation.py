@@ -44,9 +44,18 @@ def test_engines_of_users_pass_on_the_host_and_in_programs():
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [
-        (lambda: check_strategy(Short(), Scenario(SMALL, robots=8)), r"Short.act must return float32\[8\]"),
-        (lambda: check_strategy(Beeclust(), Scenario(SMALL, robots=8)), "follows the light of the task aggregation"),
-        (lambda: check_task(Nowhere(2.0), Scenario(SMALL, robots=8)), r"Nowhere.progress must return int32"),
+        (
+            lambda: check_strategy(Short(), Scenario(SMALL, robots=8)),
+            r"Short.act must return float32\[8\]",
+        ),
+        (
+            lambda: check_strategy(Beeclust(), Scenario(SMALL, robots=8)),
+            "follows the light of the task aggregation",
+        ),
+        (
+            lambda: check_task(Nowhere(2.0), Scenario(SMALL, robots=8)),
+            r"Nowhere.progress must return int32",
+        ),
         (lambda: check_task(Still(), Scenario(SMALL, robots=8)), "Still is not a task"),
     ],
 )
@@ -58,9 +67,21 @@ def test_mistakes_are_one_sentence(call, sentence):
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("Places(np.array(poses, float))", "Places(np.array(poses, float) + 1.0)", "Teleport.place must put robots"),
-        ("poses = bodies.poses\n", "poses = bodies.poses + 0.2\n", "Teleport.move must leave robots"),
-        ("poses = bodies.poses\n", "poses = bodies.poses + [0, 0, 0.1]\n", "Teleport.move must leave robots"),
+        (
+            "Places(np.array(poses, float))",
+            "Places(np.array(poses, float) + 1.0)",
+            "Teleport.place must put robots",
+        ),
+        (
+            "poses = bodies.poses\n",
+            "poses = bodies.poses + 0.2\n",
+            "Teleport.move must leave robots",
+        ),
+        (
+            "poses = bodies.poses\n",
+            "poses = bodies.poses + [0, 0, 0.1]\n",
+            "Teleport.move must leave robots",
+        ),
         ("return bodies.poses", "return bodies.poses[0]", "Teleport.poses must return"),
     ],
 )
@@ -69,4 +90,6 @@ def test_an_engine_that_moves_robots_by_itself_is_refused(tmp_path, old, new, se
     assert old in text
     (tmp_path / "moves.py").write_text(text.replace(old, new))
     with pytest.raises(UserError, match=sentence):
-        check_engine(find_engine(f"{tmp_path}/moves.py:TeleportSettings")(), Scenario(SMALL, robots=5))
+        check_engine(
+            find_engine(f"{tmp_path}/moves.py:TeleportSettings")(), Scenario(SMALL, robots=5)
+        )

@@ -111,7 +111,9 @@ class TestKeys:
         assert jax.random.key_impl(keys) == jax.random.key_impl(given)
         assert (keys == given).all()
 
-    @pytest.mark.parametrize("key", [3, jax.random.split(jax.random.key(0), 2), np.zeros(2, np.uint32)], ids=str)
+    @pytest.mark.parametrize(
+        "key", [3, jax.random.split(jax.random.key(0), 2), np.zeros(2, np.uint32)], ids=str
+    )
     def test_of_a_world_are_one_key(self, key):
         with pytest.raises(UserError, match=r"^key must be one random key, as .*\(got "):
             World(TYPE1, 5, key=key)
@@ -289,7 +291,10 @@ class TestRefusedRuns:
 def test_the_number_of_scouts_is_rounded(small):
     """In each world by its genome and its robots."""
     shares_and_sizes = ((0.27, 10), (0.23, 10), (0.5, 7))
-    worlds = [World(replace(TYPE1, fraction_scouts=share), n_robots) for share, n_robots in shares_and_sizes]
+    worlds = [
+        World(replace(TYPE1, fraction_scouts=share), n_robots)
+        for share, n_robots in shares_and_sizes
+    ]
     scenario = Scenario(small, strategy=TYPE1, robots=10, worlds=worlds, steps=1)
     run = Run(scenario, record_worlds=(0, 1, 2))
     n_scouts = run.start.swarm.memory.is_scout[0].sum(axis=1)

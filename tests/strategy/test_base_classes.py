@@ -1,4 +1,5 @@
-"""Base classes of what users write: each mistake in their methods is one sentence, and defaults do nothing."""
+"""Base classes of what users write: each mistake in their methods is one sentence, and defaults do
+nothing."""
 
 import subprocess
 import sys
@@ -128,8 +129,15 @@ def test_fields_of_a_dataclass_may_be_called_nearly_as_a_method():
 
 def test_defaults_change_nothing():
     walk, memory = Walk(), jnp.arange(3.0)
-    assert walk.releases(memory) is walk.led_power(memory) is None and walk.say(memory, memory > 0) == {}
-    assert walk.correct_odometry(memory, memory) is walk.listen(memory, None, jax.random.key(0)) is memory
+    assert (
+        walk.releases(memory) is walk.led_power(memory) is None
+        and walk.say(memory, memory > 0) == {}
+    )
+    assert (
+        walk.correct_odometry(memory, memory)
+        is walk.listen(memory, None, jax.random.key(0))
+        is memory
+    )
     assert walk.for_world(None, None, 3) is walk and not makes_strategies(walk)
     task = Gather()
     assert task.survives(()) is task.drive_boxes(()) is task.balls(()) is task.goal(None, 3) is None
@@ -176,7 +184,8 @@ for task in (Placed(), WithoutBalls()):
     except UserError as error:
         print(error)
 """
-"""In a process of its own, since tests check the types of arguments, which says another sentence before."""
+"""In a process of its own, since tests check the types of arguments, which says another sentence
+before."""
 
 
 def test_a_state_lacks_what_an_inherited_method_reads():

@@ -1,4 +1,5 @@
-"""What robots of a world decide: symmetries, what they sense and carry, errors of their actuators."""
+"""What robots of a world decide: symmetries, what they sense and carry, errors of their
+actuators."""
 
 import math
 
@@ -151,7 +152,9 @@ def moved(poses, state, angle, shift=(0.0, 0.0)):
 
 def alike(one, other):
     """Assert that memories, commands and hands are the same."""
-    (state, command), (state2, command2) = ((each.swarm, each.drive.command) for each in (one, other))
+    (state, command), (state2, command2) = (
+        (each.swarm, each.drive.command) for each in (one, other)
+    )
     np.testing.assert_allclose(wrapped(command.turn - command2.turn), 0, atol=2e-4)
     np.testing.assert_allclose(command.forward, command2.forward, atol=2e-4)
     jax.tree.map(
@@ -181,7 +184,9 @@ def test_near_the_dump_quarter_turns_change_nothing():
     for quarters in (1, 2, 3):
         alike(before, decided(*moved(poses, state, quarters * np.pi / 2), links, sees_wall))
     elsewhere = decided(*moved(poses, state, 0.0, (40.0, 0.0)), links, sees_wall)
-    assert (np.asarray(before.drive.command.turn) != np.asarray(elsewhere.drive.command.turn)).any()  # the dump is felt
+    assert (
+        np.asarray(before.drive.command.turn) != np.asarray(elsewhere.drive.command.turn)
+    ).any()  # the dump is felt
 
 
 def silent_world(rows, balls, holders):

@@ -1,4 +1,5 @@
-"""The paper's evolution: rates measured over many draws, against the binomial and uniform distributions."""
+"""The paper's evolution: rates measured over many draws, against the binomial and uniform
+distributions."""
 
 from dataclasses import replace
 
@@ -82,7 +83,8 @@ class TestMutation:
         return mutate(operators, np.tile(vector, (DRAWS, 1)), rng(seed))
 
     def test_dependent_mutation(self):
-        """Half of the values change, evenly within 0.05; half of the Booleans turn over; each by itself."""
+        """Half of the values change, evenly within 0.05; half of the Booleans turn over; each by
+        itself."""
         mutants = self.mutants(replace(PAPER, independent_rate=0.0))
         changed = mutants != self.MIDDLE
         assert near(changed.sum(axis=0), DRAWS, 0.5)
@@ -108,10 +110,13 @@ class TestMutation:
                 DRAWS,
                 0.5,
             )
-            assert turned == 0 or abs(np.corrcoef(changed[:, IS_BOOLEAN].T) - np.eye(3)).max() < 0.04
+            assert (
+                turned == 0 or abs(np.corrcoef(changed[:, IS_BOOLEAN].T) - np.eye(3)).max() < 0.04
+            )
 
     def test_independent_mutation(self):
-        """One value in twenty is drawn anew from its range, each by itself; half of such Booleans change."""
+        """One value in twenty is drawn anew from its range, each by itself; half of such Booleans
+        change."""
         mutants = self.mutants(replace(PAPER, dependent_rate=0.0))
         changed = mutants != self.MIDDLE
         assert near(changed.sum(axis=0)[REAL], DRAWS, 0.05) and near(
@@ -234,7 +239,9 @@ class TestSelection:
                 (POPULATION[3], "elite", (3,)),
                 (POPULATION[5], "elite", (5,)),
             )
-            assert len(others) == 8 and not any(o.origin == "elite" or o.genome in POPULATION for o in others)
+            assert len(others) == 8 and not any(
+                o.origin == "elite" or o.genome in POPULATION for o in others
+            )
 
 
 def test_a_seed_tells_all():

@@ -44,7 +44,10 @@ def test_a_file_may_hold_all_or_some(write):
     assert load_genome(write({name: row[1] for name, row in TABLE_2.items()})) == PRESETS["type2"]
     some = load_genome(write({"p_vector_forget": 0, "use_hop_count": False}))
     assert some == replace(PRESETS["type1"], p_vector_forget=0, use_hop_count=False)
-    assert load_genome(write({"steps": 9, "genome": {"p_vector_forget": 0, "use_hop_count": False}})) == some
+    assert (
+        load_genome(write({"steps": 9, "genome": {"p_vector_forget": 0, "use_hop_count": False}}))
+        == some
+    )
 
 
 @pytest.mark.parametrize(

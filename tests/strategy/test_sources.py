@@ -1,4 +1,5 @@
-"""Files of a user's module: those that it imports, from beside it and from packages, but nobody else's."""
+"""Files of a user's module: those that it imports, from beside it and from packages, but nobody
+else's."""
 
 import sys
 
@@ -52,7 +53,8 @@ class coverage(VectorStrategy):
 
 
 def test_only_users_import_what_is_beside_their_file(tmp_path):
-    """A package that looks for a module which is not installed does not find a user's file of this name."""
+    """A package that looks for a module which is not installed does not find a user's file of this
+    name."""
     (tmp_path / "twin_of_a_package.py").write_text("STEP = 7\n")
     (tmp_path / "late_twin.py").write_text("")
     (tmp_path / "walk_of_a_package.py").write_text(WALK)

@@ -1,4 +1,5 @@
-"""Teams: each strategy acts on its own robots as if it were alone; messages have the fields of all."""
+"""Teams: each strategy acts on its own robots as if it were alone; messages have the fields of
+all."""
 
 from dataclasses import dataclass
 from typing import ClassVar

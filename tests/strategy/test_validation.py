@@ -1,4 +1,5 @@
-"""What is found wrong with a strategy before it runs: what its methods return, and what they do beside."""
+"""What is found wrong with a strategy before it runs: what its methods return, and what they do
+beside."""
 
 from dataclasses import dataclass, field
 from enum import Enum
@@ -55,7 +56,10 @@ def check(given=None, sensed=None, **methods):
 
 def speaks(bits, name="word"):
     """Attributes of a strategy whose robots say zero in so many bits."""
-    return {"payload": {name: Integer(bits)}, "say": lambda self, memory, is_loaded: {name: 0 * is_loaded}}
+    return {
+        "payload": {name: Integer(bits)},
+        "say": lambda self, memory, is_loaded: {name: 0 * is_loaded},
+    }
 
 
 def refused(words, **methods):
@@ -65,7 +69,10 @@ def refused(words, **methods):
 
 def test_shapes_are_those_of_the_annotations():
     shapes = shapes_of(Observation, N=N, S=S)
-    assert shapes["is_heard"] == jax.ShapeDtypeStruct((N, S), bool) and shapes["led"].dtype == jnp.int32
+    assert (
+        shapes["is_heard"] == jax.ShapeDtypeStruct((N, S), bool)
+        and shapes["led"].dtype == jnp.int32
+    )
     assert shapes["ball_vector"] == jax.ShapeDtypeStruct((N, 2), jnp.float32)
     assert "payload" not in shapes and "sensed" not in shapes
 
@@ -75,7 +82,11 @@ def test_what_depends_on_the_arguments_alone_is_accepted():
     is_closed_over = jax.random.key(3)
 
     def act(self, memory, seen, key):
-        turn = jax.nn.relu(jax.random.uniform(is_closed_over, seen.at_dust.shape)) * self.twice * table[1]
+        turn = (
+            jax.nn.relu(jax.random.uniform(is_closed_over, seen.at_dust.shape))
+            * self.twice
+            * table[1]
+        )
         turn = jnp.where(jnp.isnan(jnp.asarray(table)).any(), turn, 0.0)
         return memory, Command(turn, turn)
 
@@ -89,7 +100,9 @@ def test_attributes_set_in_a_step_are_lost():
         self.phase = memory["steps"]
         return Walk.act(self, memory, seen, key)
 
-    refused(r"Mine\.act sets self\.phase, which is lost after the call; keep it in the memory", act=act)
+    refused(
+        r"Mine\.act sets self\.phase, which is lost after the call; keep it in the memory", act=act
+    )
 
     def picks(self, memory):
         self.gain = self.gain + 1
@@ -104,7 +117,10 @@ def test_numbers_drawn_by_numpy_are_compiled_in(draw):
         turn = jnp.ones(N) * draw(N)
         return memory, Command(turn, turn)
 
-    refused(r"Mine\.act returns something else each time .* draw random numbers by jax\.random from its key", act=act)
+    refused(
+        r"Mine\.act returns something else each time .* draw random numbers by jax\.random from its key",
+        act=act,
+    )
 
 
 def test_random_keys_in_the_memory():
@@ -125,7 +141,10 @@ def test_the_remedy_is_that_of_the_mistake():
     def act(self, memory, seen, key):
         return memory, Command(jnp.zeros((N, 1)), jnp.zeros(N))
 
-    refused(rf"float32\[{N}\] as .turn of its command \(got float32\[{N}, 1\]\); return one of that shape", act=act)
+    refused(
+        rf"float32\[{N}\] as .turn of its command \(got float32\[{N}, 1\]\); return one of that shape",
+        act=act,
+    )
 
     def whole(self, memory, seen, key):
         return memory, Command(jnp.zeros(N, int), jnp.zeros(N))
@@ -173,10 +192,20 @@ def test_power_is_within_its_bounds():
 
 def test_what_is_recorded_has_a_name_and_a_unit():
     for given in ("steps", {"steps": 3}):
-        refused(r"Mine\.recorded must be a tuple of names .* or a dictionary of names and units", recorded=given)
+        refused(
+            r"Mine\.recorded must be a tuple of names .* or a dictionary of names and units",
+            recorded=given,
+        )
     refused("names 'stride', which its memory lacks .it has steps.;", recorded=("stride",))
-    one = {"init": lambda self, n_robots, key: jnp.zeros(n_robots), "picks": lambda self, memory: memory < 1}
-    refused("names 'steps', which its memory lacks .it has no parts with names.;", recorded=("steps",), **one)
+    one = {
+        "init": lambda self, n_robots, key: jnp.zeros(n_robots),
+        "picks": lambda self, memory: memory < 1,
+    }
+    refused(
+        "names 'steps', which its memory lacks .it has no parts with names.;",
+        recorded=("steps",),
+        **one,
+    )
 
 
 class Colour(Enum):
@@ -223,7 +252,14 @@ def test_errors_name_the_innermost_line_of_the_user():
 
 def test_names_of_the_parts_of_a_memory():
     memory = {"state": 1, "home": VectorMemory(2, 3, 4), "pair": (5, [6])}
-    parts = {"state": 1, "home.vector": 2, "home.hop": 3, "home.known": 4, "pair.0": 5, "pair.1.0": 6}
+    parts = {
+        "state": 1,
+        "home.vector": 2,
+        "home.hop": 3,
+        "home.known": 4,
+        "pair.0": 5,
+        "pair.1.0": 6,
+    }
     assert parts_of(memory) == parts
 
 
@@ -231,4 +267,7 @@ def test_parts_of_a_memory_with_other_names_are_named():
     def act(self, memory, seen, key):
         return {"count": memory["steps"]}, Command(*jnp.zeros((2, N)))
 
-    refused(r"\(got dict of 1 array\), without \['steps'\], with \['count'\]; return the same type", act=act)
+    refused(
+        r"\(got dict of 1 array\), without \['steps'\], with \['count'\]; return the same type",
+        act=act,
+    )

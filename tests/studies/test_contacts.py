@@ -14,11 +14,22 @@ pytestmark = pytest.mark.slow
 
 
 def contacts(seed):
-    """Depths in all physics steps of a run [mm], its collisions, those that two readings find, and those counted."""
-    run = Run(Scenario(strategy=PRESETS["type1"], robots=280, engine=MujocoSettings(threads=1), seed=seed, steps=160))
+    """Depths in all physics steps of a run [mm], its collisions, those that two readings find, and
+    those counted."""
+    run = Run(
+        Scenario(
+            strategy=PRESETS["type1"],
+            robots=280,
+            engine=MujocoSettings(threads=1),
+            seed=seed,
+            steps=160,
+        )
+    )
     engine = engine_of(run)
     step, depths, every, found = engine._step, [], 0, 0
-    lists = np.zeros((2, 12, engine._capacity), np.int32)  # partners in all physics steps, and in those that are read
+    lists = np.zeros(
+        (2, 12, engine._capacity), np.int32
+    )  # partners in all physics steps, and in those that are read
     before = np.False_
 
     def step_by_step(n_substeps, worlds, is_jam):
@@ -42,7 +53,8 @@ def contacts(seed):
 
 
 def test_contacts_of_whole_runs():
-    """How deep robots run into each other, and what two readings in ten physics steps make of their collisions.
+    """How deep robots run into each other, and what two readings in ten physics steps make of their
+    collisions.
 
     They miss the shortest, and count a contact that comes and goes each time that they find it.
     """

@@ -1,4 +1,5 @@
-"""How many senders are in sight of one side of a robot, in crowds of whole runs, and how many of them count."""
+"""How many senders are in sight of one side of a robot, in crowds of whole runs, and how many of
+them count."""
 
 from dataclasses import replace
 
@@ -42,6 +43,8 @@ def test_hardly_any_side_has_more_senders_than_count(mode, n_robots, n_worlds):
             bodies = engine.place(run.arrays()[1].bodies.poses, everyone)
             senders = engine.sense(bodies, everyone, running).links.valid.sum(axis=-1)
             counts += np.bincount(senders.ravel(), minlength=MANY + 1)
-    print(f"{n_robots} robots, {mode}: sides by number of senders in sight, {np.trim_zeros(counts, 'b').tolist()}")
+    print(
+        f"{n_robots} robots, {mode}: sides by number of senders in sight, {np.trim_zeros(counts, 'b').tolist()}"
+    )
     hearing = counts[1:].sum()
     assert hearing > 5000 and counts[SENDERS_IN_SIGHT + 1 :].sum() <= 1e-4 * hearing

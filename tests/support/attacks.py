@@ -1,4 +1,5 @@
-"""Attacks: cases that follow from one number each, which Hypothesis draws; and values that are no settings."""
+"""Attacks: cases that follow from one number each, which Hypothesis draws; and values that are no
+settings."""
 
 import os
 
@@ -14,7 +15,8 @@ ODD_VALUES = [
 
 
 def attack(n):
-    """Call a test with the numbers `seed` of n cases, or of `CASES`; `hypothesis.event` counts what became of them."""
+    """Call a test with the numbers `seed` of n cases, or of `CASES`; `hypothesis.event` counts what
+    became of them."""
     drawn = settings(
         max_examples=CASES or n, derandomize=not CASES, deadline=None,
         phases=(Phase.explicit, Phase.reuse, Phase.generate), suppress_health_check=list(HealthCheck),

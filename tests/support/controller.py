@@ -24,7 +24,9 @@ MANY = 20_000  # robots, for statistics; `act_here` is compiled for them
 
 def act(config, probe_tip, rules, memory, seen, key):
     """A step of the paper's strategy with these rules."""
-    return VectorStrategy(rules, 0, config, replace(ROBOT, probe_tip=probe_tip)).act(memory, seen, key)
+    return VectorStrategy(rules, 0, config, replace(ROBOT, probe_tip=probe_tip)).act(
+        memory, seen, key
+    )
 
 
 def approach_with(config, tip, approaches, *given):
@@ -39,7 +41,10 @@ def memories(n, scouts=False, dust=None, dump=None):
     """Memories of n robots with these vectors, the same for each, or none."""
 
     def memory(vector):
-        return remember(np.broadcast_to(np.zeros(2) if vector is None else vector, (n, 2)), known=vector is not None)
+        return remember(
+            np.broadcast_to(np.zeros(2) if vector is None else vector, (n, 2)),
+            known=vector is not None,
+        )
 
     return RobotMemory(memory(dust), memory(dump), np.full(n, scouts))
 
@@ -48,7 +53,9 @@ def draws(n, **numbers):
     """Draws of n robots that are zero but for these numbers."""
     numbers = {name: np.broadcast_to(np.float32(number), n) for name, number in numbers.items()}
     zero, ties = np.zeros(n, np.float32), np.zeros((n, 4), np.float32)
-    return Draws(zero, zero, zero, zero, ties, ties, np.zeros((n, 2), np.float32))._replace(**numbers)
+    return Draws(zero, zero, zero, zero, ties, ties, np.zeros((n, 2), np.float32))._replace(
+        **numbers
+    )
 
 
 def genes(**values):

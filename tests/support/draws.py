@@ -1,4 +1,5 @@
-"""Random numbers by JAX's own loop of Threefry, whose programs compile in three quarters of the time.
+"""Random numbers by JAX's own loop of Threefry, whose programs compile in three quarters of the
+time.
 
 The words are the same; `utils/test_rng.py` tests the rounds that the package writes out.
 """

@@ -14,18 +14,27 @@ from iswarm_mj.sensors.fields import Integer
 from support.small import SMALL
 
 FIELDS = {"number": Integer(bits=3)}
-ENGINES = (PlanarSettings(1), MujocoSettings(1), pytest.param(MjxSettings(), marks=pytest.mark.slow))
+ENGINES = (
+    PlanarSettings(1),
+    MujocoSettings(1),
+    pytest.param(MjxSettings(), marks=pytest.mark.slow),
+)
 
 
 @cache
 def _env(engine, n_worlds):
     mapped = isinstance(engine, MjxSettings)
     env = make_env(config=SMALL, robots=6, engine=engine, worlds=n_worlds, steps=6, payload=FIELDS)
-    return (env, jax.jit(jax.vmap(env.reset)), jax.jit(jax.vmap(env.step))) if mapped else (env, env.reset, env.step)
+    return (
+        (env, jax.jit(jax.vmap(env.reset)), jax.jit(jax.vmap(env.step)))
+        if mapped
+        else (env, env.reset, env.step)
+    )
 
 
 def made(engine, keys, env=None):
-    """An environment of six robots, its step, and the state at the beginning of worlds with these keys."""
+    """An environment of six robots, its step, and the state at the beginning of worlds with these
+    keys."""
     env, reset, step = _env(engine, len(keys))
     return env, step, reset(keys)
 

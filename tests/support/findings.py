@@ -11,7 +11,8 @@ from iswarm_mj.strategy.genome import Genome
 
 
 def search_rows(generations=120, population=10, learns=True, seed=0):
-    """A made-up search: fitness rises up to generation 35; most that count hops clean the arena, one of 25 others."""
+    """A made-up search: fitness rises up to generation 35; most that count hops clean the arena,
+    one of 25 others."""
     rng = np.random.default_rng(seed)
     rows, without = [], 0
     for generation in range(generations):
@@ -28,15 +29,25 @@ def search_rows(generations=120, population=10, learns=True, seed=0):
                 density_of_robots=float(np.clip(rng.normal(0.125, 0.002), 0.1, 0.2)),
             )
             fitness = (4000 if clean else 1500) + 3500 * level + rng.normal(0, 100)
-            measures = {"n_robots": 297, "delivered": 72 if clean else 40, "fitness": float(fitness)}
+            measures = {
+                "n_robots": 297,
+                "delivered": 72 if clean else 40,
+                "fitness": float(fitness),
+            }
             measures["finished_at"] = 320 if clean else None
-            rows.append({"generation": generation, "individual": individual, **asdict(genome), **measures})
+            rows.append(
+                {"generation": generation, "individual": individual, **asdict(genome), **measures}
+            )
     return rows
 
 
 def replicated(n, seed=0, **options):
     """The rows of n made-up searches in one table."""
-    return [{"replicate": number, **row} for number in range(n) for row in search_rows(seed=[seed, number], **options)]
+    return [
+        {"replicate": number, **row}
+        for number in range(n)
+        for row in search_rows(seed=[seed, number], **options)
+    ]
 
 
 def grasp_rows(grasp=25.0, release=42.0, slope=0.0, repeats=10, noise=1.0, dry=-0.4):
@@ -69,8 +80,20 @@ def grasp_rows(grasp=25.0, release=42.0, slope=0.0, repeats=10, noise=1.0, dry=-
                 lift = grasp + wet + slope * (radius * 1e6 - 20) + noise * rng.normal()
                 drop = release + wet + noise * rng.normal()
                 rows += [
-                    {**common, "experiment": "no_contact", "gap": 1e-6, "voltage": None, "limit_voltage": 50.0},
-                    {**common, "experiment": "grasp", "gap": 0.0, "voltage": float(lift), "limit_voltage": 80.0},
+                    {
+                        **common,
+                        "experiment": "no_contact",
+                        "gap": 1e-6,
+                        "voltage": None,
+                        "limit_voltage": 50.0,
+                    },
+                    {
+                        **common,
+                        "experiment": "grasp",
+                        "gap": 0.0,
+                        "voltage": float(lift),
+                        "limit_voltage": 80.0,
+                    },
                     {
                         **common,
                         "experiment": "release",

@@ -59,7 +59,12 @@ class Cell(NamedTuple):
 
 
 CELLS = [
-    *(Cell(task, "planar", arena, way) for task in TASKS for arena, ways in WAYS.items() for way in ways),
+    *(
+        Cell(task, "planar", arena, way)
+        for task in TASKS
+        for arena, ways in WAYS.items()
+        for way in ways
+    ),
     Cell("own", "mujoco", "square", "run of 3"),
     Cell("own", "mujoco", "rectangle", "environment"),
     Cell("areas", "mujoco", "rectangle", "page"),
@@ -182,9 +187,11 @@ def story_of(run: Run, record: StepRecord, configs: list[list[SwarmConfig]]) -> 
 
 
 def play_environment(cell: Cell, n_worlds: int) -> Story:
-    """Play episodes, whose robots do what the strategy does; the run with their keys must come to the same.
+    """Play episodes, whose robots do what the strategy does; the run with their keys must come to
+    the same.
 
-    Robots of an environment have perceived when a step ends, so that its tasks are a step ahead of its poses.
+    Robots of an environment have perceived when a step ends, so that its tasks are a step ahead of
+    its poses.
     """
     config, task, engine = config_of(cell.arena, 0), TASKS[cell.task], ENGINES[cell.engine]
     given = {"worlds": n_worlds, "n_starts": 1, "seed": SEED, "robot_file": robots_of(cell.arena)}
@@ -218,20 +225,25 @@ def play_environment(cell: Cell, n_worlds: int) -> Story:
         reward=np.stack(rewards[1:]),
     )
     start = draw_start(config, task, env.core.robot, N, SEED, 0)
-    run = run_of(cell, [World(TYPE1, N, key=key, start=start, config=config) for key in keys], config)
+    run = run_of(
+        cell, [World(TYPE1, N, key=key, start=start, config=config) for key in keys], config
+    )
     assert_alike(story, story_of(run, ran(run), story.configs))
     return story
 
 
 def assert_alike(story: Story, other: Story) -> None:
     """Poses, lives and the task are the same, but for what 32-bit floats round."""
-    leaves = [jax.tree.leaves((one.poses, one.boxes, one.is_alive, one.task)) for one in (story, other)]
+    leaves = [
+        jax.tree.leaves((one.poses, one.boxes, one.is_alive, one.task)) for one in (story, other)
+    ]
     for value, expected in zip(*leaves, strict=True):
         np.testing.assert_allclose(value, expected, rtol=1e-5, atol=2e-3)
 
 
 def play_page(cell: Cell) -> Story:
-    """Play the page's session, in which settings change; the run that changes so comes to the same."""
+    """Play the page's session, in which settings change; the run that changes so comes to the
+    same."""
     config, task, engine = config_of(cell.arena, 1), TASKS[cell.task], ENGINES[cell.engine]
     scenario = PageScenario(
         config,
@@ -261,7 +273,9 @@ def play_page(cell: Cell) -> Story:
 
     # What the page plots and draws; its lines begin at the start.
     metrics = {name: np.array(session.lines[name])[1:, None] for name in task.measured}
-    return story._replace(metrics=metrics, drawn=[(session.scene, [one.frames for one in snapshots])])
+    return story._replace(
+        metrics=metrics, drawn=[(session.scene, [one.frames for one in snapshots])]
+    )
 
 
 def joined(records: list[StepRecord]) -> StepRecord:

@@ -76,7 +76,8 @@ def hulls(story: Story, poses: np.ndarray) -> np.ndarray:
 
 
 def depth(one: np.ndarray, other: np.ndarray) -> float:
-    """Return how deep two boxes overlap, negative where they do not: by the separating axes of both."""
+    """Return how deep two boxes overlap, negative where they do not: by the separating axes of
+    both."""
     angle = [math.atan2(box[3], box[2]) for box in (one, other)]
     depths = []
     for yaw in (angle[0], angle[0] + math.pi / 2, angle[1], angle[1] + math.pi / 2):
@@ -100,7 +101,8 @@ def check_what_stands(story: Story) -> None:
 
 
 def check_who_moves(task, story: Story) -> None:
-    """Every second robot drives until it dies, the others stand; no robot lives in an empty place."""
+    """Every second robot drives until it dies, the others stand; no robot lives in an empty
+    place."""
     moved = np.linalg.norm(np.diff(story.poses[..., :2], axis=0), axis=-1)
     for world, n_robots in enumerate(story.numbers):
         assert (moved[:, world, [0, 2, 6]] < STILL).all() and not moved[:, world, n_robots:].any()
@@ -138,28 +140,36 @@ def check_errors_of_drives(task, story: Story) -> None:
 
 
 def check_boxes(task, story: Story) -> None:
-    """Gates slide where the task drives them, and stand elsewhere; others stay where no robot pushes them."""
+    """Gates slide where the task drives them, and stand elsewhere; others stay where no robot
+    pushes them."""
     for world, n_robots in enumerate(story.numbers):
         config, boxes = story.configs[0][world], story.boxes[:, world]
         rows = laid_boxes(config) if isinstance(task, Gates) and config.arena.outline else BOXES
         np.testing.assert_allclose(boxes[0], poses_of_boxes(rows), atol=1e-4)
         way = boxes - boxes[0]
         for gate, side in zip(GATES, (1, -1), strict=True):
-            target = np.outer(np.arange(STEPS + 1), [0.0, side * GATE_STEP * isinstance(task, Gates)])
+            target = np.outer(
+                np.arange(STEPS + 1), [0.0, side * GATE_STEP * isinstance(task, Gates)]
+            )
             np.testing.assert_allclose(way[:, gate, :2], target, atol=YIELDS)
         assert np.abs(way[:, UNTOUCHED]).max() < STILL
         is_pushed = n_robots > AT_BOX
-        assert (way[-1, PUSHED, 0] > 1.0) == is_pushed and (is_pushed or np.abs(way[:, PUSHED]).max() < STILL)
+        assert (way[-1, PUSHED, 0] > 1.0) == is_pushed and (
+            is_pushed or np.abs(way[:, PUSHED]).max() < STILL
+        )
 
 
 def check_balls(task, story: Story) -> None:
-    """Robots lift the balls at their tools, keep them or lose them as the conditions say, and deliver on their dump."""
+    """Robots lift the balls at their tools, keep them or lose them as the conditions say, and
+    deliver on their dump."""
     if not isinstance(task, Tidy):
         return
     balls, last = story.task.balls, len(HOLDERS)
     for world, config in enumerate(story.configs[0]):
         dust = [-mm_from_rd(config.arena.dust_area_offset), 0.0]
-        np.testing.assert_allclose(balls.position[:, world, last], np.broadcast_to(dust, (STEPS, 2)), rtol=1e-6)
+        np.testing.assert_allclose(
+            balls.position[:, world, last], np.broadcast_to(dust, (STEPS, 2)), rtol=1e-6
+        )
         held, delivered = np.zeros((STEPS, last), bool), np.zeros((STEPS, last), bool)
         lifted = [robot % 2 == 0 for robot in HOLDERS] if isinstance(task, Weather) else True
         lifts_at = LIFTS_AT if isinstance(task, Weather) else 1
@@ -173,7 +183,9 @@ def check_balls(task, story: Story) -> None:
         if isinstance(task, Weather):
             held[DROPS_AT - 1 :] = False
         np.testing.assert_array_equal(balls.is_held[:, world, :last], held, err_msg=str(world))
-        np.testing.assert_array_equal(balls.is_delivered[:, world, :last], delivered, err_msg=str(world))
+        np.testing.assert_array_equal(
+            balls.is_delivered[:, world, :last], delivered, err_msg=str(world)
+        )
 
 
 def tip_of(story: Story) -> float:
@@ -191,7 +203,9 @@ def check_areas(task, story: Story) -> None:
         if isinstance(task, Tidy):
             np.testing.assert_allclose(scene.dump, [-half, -half, half, half], rtol=1e-5)
             centre = mm_from_rd(config.arena.dust_area_offset) * MM
-            np.testing.assert_allclose(scene.dust_areas[:, [0, 2]].mean(axis=1), [-centre, centre], rtol=1e-5)
+            np.testing.assert_allclose(
+                scene.dust_areas[:, [0, 2]].mean(axis=1), [-centre, centre], rtol=1e-5
+            )
         if "disc" in task.drawn:
             discs = np.concatenate([one.arrays()[DISC] for one in frames])[:, 0]
             for step, (x, y, radius) in enumerate(discs):

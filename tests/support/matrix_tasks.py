@@ -1,4 +1,5 @@
-"""Tasks of the matrix, each with another part that a task may have, and the strategy of their robots. Units: mm, s."""
+"""Tasks of the matrix, each with another part that a task may have, and the strategy of their
+robots. Units: mm, s."""
 
 import math
 from dataclasses import dataclass
@@ -24,8 +25,8 @@ GATE_STEP = 1.5
 DIES_AT = 3
 """Control step in which mortal robots die, from 1."""
 LIFTS_AT, CALM_AT, DROPS_AT = 2, 3, 4
-"""Control steps, from 1: the only one in which balls can be lifted, one without errors of the drive, and the first one
-in which all balls fall."""
+"""Control steps, from 1: the only one in which balls can be lifted, one without errors of the
+drive, and the first one in which all balls fall."""
 
 
 @dataclass(frozen=True)
@@ -84,14 +85,19 @@ class Own(Task):
         nothing = {name: np.float32(0) for name in SEEN}
         gates = poses_of_boxes(config.arena.boxes).astype(np.float32)
         poses = places(config.arena)[:n_robots]
-        return poses, Diary(np.int32(0), nothing, gates, self.lay_balls(config, poses, rng, shared, cell))
+        return poses, Diary(
+            np.int32(0), nothing, gates, self.lay_balls(config, poses, rng, shared, cell)
+        )
 
     def lay_balls(self, config, poses, rng, shared, cell):
         return None
 
     def advance(self, state, inputs, key):
         balls, sensed = self.handle(state, inputs, key)
-        seen = {name: jnp.float32(value) for name, value in look(inputs.arena, inputs.conditions).items()}
+        seen = {
+            name: jnp.float32(value)
+            for name, value in look(inputs.arena, inputs.conditions).items()
+        }
         gates = inputs.boxes + GATE_STEP * jnp.array([[0, 1, 0], [0, -1, 0], [3, 3, 0], [3, 3, 0]])
         return Diary(state.step + 1, seen, jnp.float32(gates), balls), sensed
 
@@ -116,7 +122,9 @@ class Zoned(Own):
             mm_from_rd(config.arena.dust_area_offset),
             mm_from_rd(config.arena.dump_size) / 2,
         )
-        return {"disc": jnp.stack([jnp.float32(x), jnp.float32(state.step), jnp.float32(radius)])[None]}
+        return {
+            "disc": jnp.stack([jnp.float32(x), jnp.float32(state.step), jnp.float32(radius)])[None]
+        }
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
-"""Worlds of the matrix: two arenas, three settings of each, and the part that each robot plays. Units: mm, rd, rad."""
+"""Worlds of the matrix: two arenas, three settings of each, and the part that each robot plays.
+Units: mm, rd, rad."""
 
 import math
 from dataclasses import replace
@@ -35,7 +36,9 @@ SETTINGS = (
 def config_of(arena: str, world: int) -> SwarmConfig:
     """Return the configuration of a world in one of the arenas."""
     return SwarmConfig(
-        arena=ArenaConfig(n_dust=6, obstacles=OBSTACLES, boxes=BOXES, **STANDING[arena], **SETTINGS[world]),
+        arena=ArenaConfig(
+            n_dust=6, obstacles=OBSTACLES, boxes=BOXES, **STANDING[arena], **SETTINGS[world]
+        ),
         drive=DriveConfig(error_turn=2.0 + world),
         gripper=GripperConfig(
             grasp_voltage=41.0 + world,
@@ -57,13 +60,15 @@ CHANGES = {"arena.dump_size": 4.2, "drive.error_turn": 6.0}
 MORTAL = (1, 5)
 """Robots that die in tasks with deaths."""
 AT_WALL, AT_DUMP, AT_OBSTACLE, AT_BOX, AT_GATE = 3, 4, 7, 9, 11
-"""Robots that press against the east wall, the obstacle, a box and a gate, and one that stands in larger dumps."""
+"""Robots that press against the east wall, the obstacle, a box and a gate, and one that stands in
+larger dumps."""
 HOLDERS = (0, 1, 2, AT_DUMP, 5)
 """Robots at whose tools the first balls lie."""
 
 
 def places(arena: ArenaConfig) -> np.ndarray:
-    """Return the poses of all robots at the start; every second one will drive ahead, the others stand."""
+    """Return the poses of all robots at the start; every second one will drive ahead, the others
+    stand."""
     east = max(x for x, _ in arena.corners) * RD
     obstacle_x, obstacle_y, half_edge, *_ = OBSTACLES[0]
     aside = (half_edge * RD + 2.2) * math.sqrt(0.5)

@@ -1,7 +1,8 @@
-"""Small worlds in compiled engines, and what is compiled for them: tests that agree in all of this share one program.
+"""Small worlds in compiled engines, and what is compiled for them: tests that agree in all of this
+share one program.
 
-A program depends on the configuration, the number of robots, the worlds of a device, the number of recorded worlds
-and the steps of a chunk, which are ten in `ENGINES`.
+A program depends on the configuration, the number of robots, the worlds of a device, the number of
+recorded worlds and the steps of a chunk, which are ten in `ENGINES`.
 """
 
 import logging
@@ -16,7 +17,9 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
 
-TINY = SwarmConfig(arena=ArenaConfig(size=12, dump_size=3, dust_area_size=2, dust_area_offset=4, n_dust=12))
+TINY = SwarmConfig(
+    arena=ArenaConfig(size=12, dump_size=3, dust_area_size=2, dust_area_offset=4, n_dust=12)
+)
 N, WORLDS, RECORDED, SEED = 24, 3, (2, 0), 5
 
 
@@ -32,7 +35,9 @@ def mjx(**own):
 
 
 def warp(**own):
-    return PlanarSettings(**{"impl": "warp", "chunk": 10, "devices": tuple(jax.devices("cpu")[:1]), **own})
+    return PlanarSettings(
+        **{"impl": "warp", "chunk": 10, "devices": tuple(jax.devices("cpu")[:1]), **own}
+    )
 
 
 ENGINES = {"mjx": mjx(chunk=10), "warp": warp()}
@@ -53,7 +58,8 @@ def poses(run):
 
 @contextmanager
 def compilations():
-    """List of the names of the programs that are compiled, or read from the cache, within the block."""
+    """List of the names of the programs that are compiled, or read from the cache, within the
+    block."""
     names = []
 
     class Listener(logging.Handler):

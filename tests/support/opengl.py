@@ -13,10 +13,18 @@ from iswarm_mj.output.palette import rgb
 
 @cache
 def has_off_screen_opengl():
-    """Whether pictures can be drawn here; asked in a process of its own, since a failure may be fatal."""
+    """Whether pictures can be drawn here; asked in a process of its own, since a failure may be
+    fatal."""
     code = "import mujoco; mujoco.GLContext(8, 8).make_current()"
-    environment = {**os.environ, "MUJOCO_GL": "egl"} if sys.platform == "linux" else dict(os.environ)
-    return subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True).returncode == 0
+    environment = (
+        {**os.environ, "MUJOCO_GL": "egl"} if sys.platform == "linux" else dict(os.environ)
+    )
+    return (
+        subprocess.run(
+            [sys.executable, "-c", code], env=environment, capture_output=True
+        ).returncode
+        == 0
+    )
 
 
 needs_opengl = pytest.mark.skipif(not has_off_screen_opengl(), reason="no off-screen OpenGL")

@@ -14,4 +14,6 @@ def rows_of(entries, outcome):
 
 def done(job, time, delivered=66, collisions=280, carriage=50.0):
     """Outcome of a run that reached its goal after `time` steps, or did not, where it is None."""
-    return outcome_of(Measures(delivered, delivered, collisions, carriage, time), time or job.steps, 0.0)
+    return outcome_of(
+        Measures(delivered, delivered, collisions, carriage, time), time or job.steps, 0.0
+    )

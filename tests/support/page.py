@@ -74,7 +74,9 @@ class Browser:
     def send(self, uuid, updates):
         """Send a message; an exception of the handler is one of this call."""
         gui = self.page._server.gui
-        arrived = gui._websock_interface._handle_incoming_message(BROWSER, GuiUpdateMessage(uuid, updates))
+        arrived = gui._websock_interface._handle_incoming_message(
+            BROWSER, GuiUpdateMessage(uuid, updates)
+        )
         return asyncio.run_coroutine_threadsafe(arrived, gui._event_loop).result(SECONDS)
 
     def set(self, label, value):

@@ -51,15 +51,26 @@ def arrays(n_steps=3, n_robots=4, n_balls=2):
         "pose": rng.uniform(-0.02, 0.02, (n_steps, n_robots, 3)).astype(np.float32),
         "ball_position": np.full((n_steps, n_balls, 3), 2e-5, np.float32),
     }
-    return made | {SCENE + name: np.asarray(value) for name, value in scene(n_robots, n_balls)._asdict().items()}
+    return made | {
+        SCENE + name: np.asarray(value)
+        for name, value in scene(n_robots, n_balls)._asdict().items()
+    }
 
 
 def write_run(out, config=None, **changed):
-    """Write result.json and trajectory.npz; `changed` arrays replace those of `arrays`, which have their sizes."""
+    """Write result.json and trajectory.npz; `changed` arrays replace those of `arrays`, which have
+    their sizes."""
     sizes = {"n_robots": changed["scene_is_scout"].shape[0]} if "scene_is_scout" in changed else {}
-    sizes |= {"n_balls": changed["scene_ball_radius"].shape[0]} if "scene_ball_radius" in changed else {}
+    sizes |= (
+        {"n_balls": changed["scene_ball_radius"].shape[0]} if "scene_ball_radius" in changed else {}
+    )
     sizes |= {"n_steps": len(changed["step"])} if "step" in changed else {}
-    about = {"version": "", "config": asdict(config or SwarmConfig()), "genome": asdict(Genome()), "task": {}}
+    about = {
+        "version": "",
+        "config": asdict(config or SwarmConfig()),
+        "genome": asdict(Genome()),
+        "task": {},
+    }
     about |= {"settings": {"n_robots": 4, "steps": 2}, "robot": {"file": None}, "wall_s": 1.0}
     (out / RESULT).write_text(json.dumps(about))
     np.savez(out / TRAJECTORY, **{**arrays(**sizes), **changed})

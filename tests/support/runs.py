@@ -1,6 +1,8 @@
-"""Whole runs on MuJoCo in C: all worlds recorded, one record a control step; and strategies that do as they are told.
+"""Whole runs on MuJoCo in C: all worlds recorded, one record a control step; and strategies that do
+as they are told.
 
-Programs are compiled for each number of worlds and of robots: N robots in one or three worlds cost nothing more.
+Programs are compiled for each number of worlds and of robots: N robots in one or three worlds cost
+nothing more.
 """
 
 from dataclasses import dataclass
@@ -40,11 +42,17 @@ def run_of(config, genome=PRESETS["type1"], n_robots=N, steps=200, *, threads=1,
     """
     if failed_fraction := settings.pop("failed_fraction", 0.0):
         seed, n_worlds = settings.pop("seed", 0), settings.pop("worlds", 1)
-        settings["worlds"] = [World(genome, n_robots, seed, k, failed_fraction) for k in range(n_worlds)]
-    options = {name: settings.pop(name) for name in ("record_worlds", "capacity") if name in settings}
+        settings["worlds"] = [
+            World(genome, n_robots, seed, k, failed_fraction) for k in range(n_worlds)
+        ]
+    options = {
+        name: settings.pop(name) for name in ("record_worlds", "capacity") if name in settings
+    }
     settings.setdefault("strategy_per_world", "strategy" in settings)
     settings.setdefault("strategy", genome)
-    scenario = Scenario(config, robots=n_robots, steps=steps, engine=MujocoSettings(threads), **settings)
+    scenario = Scenario(
+        config, robots=n_robots, steps=steps, engine=MujocoSettings(threads), **settings
+    )
     return Run(scenario, **{"record_worlds": range(scenario.n_worlds), **options})
 
 
@@ -84,18 +92,26 @@ def end_of(run):
 
 
 def check_balls(run, record):
-    """Each ball is lying, held or delivered; held ones hang at a tip, one a robot; delivered ones lie in the dump."""
+    """Each ball is lying, held or delivered; held ones hang at a tip, one a robot; delivered ones
+    lie in the dump."""
     balls, arena, robot = record.swarm.task, run.config.arena, run.robot
     centres = ball_centres(balls, record.poses, robot)
     for world in range(run.settings.n_worlds):
-        held, delivered, lying = balls.is_held[world], balls.is_delivered[world], balls.is_lying[world]
+        held, delivered, lying = (
+            balls.is_held[world],
+            balls.is_delivered[world],
+            balls.is_lying[world],
+        )
         assert lying.sum() + held.sum() + delivered.sum() == arena.n_dust
         assert not (held & delivered).any() and not (lying & (held | delivered)).any()
         holder = balls.holder[world]
         assert len(set(holder[held])) == held.sum()
         x, y, yaw = record.poses[world, holder[held]].T
         ahead, beside = robot.probe_tip
-        tip = [x + ahead * np.cos(yaw) - beside * np.sin(yaw), y + ahead * np.sin(yaw) + beside * np.cos(yaw)]
+        tip = [
+            x + ahead * np.cos(yaw) - beside * np.sin(yaw),
+            y + ahead * np.sin(yaw) + beside * np.cos(yaw),
+        ]
         at = centres[world]
         np.testing.assert_allclose(at[held, :2].T, tip, atol=1e-5)
         assert (at[held, 2] < robot.tip_height).all()
@@ -166,11 +182,15 @@ class Scripted(Strategy):
         after, command = self.inner.act(memory.inner, observation, key)
         age = memory.age + 1
         mine = (age >= self.step) & ((jnp.arange(len(age)) == self.robot) | (self.robot < 0))
-        told = Command(jnp.where(mine, self.turn, command.turn), jnp.where(mine, self.forward, command.forward))
+        told = Command(
+            jnp.where(mine, self.turn, command.turn), jnp.where(mine, self.forward, command.forward)
+        )
         return CountingMemory(after, age), told
 
 
 def scripted(run, *, step, robot, turn, forward):
     """`Scripted` with the strategy of a run; each argument is a number, or one for each world."""
     numbers = (np.int32(step), np.int32(robot), np.float32(turn), np.float32(forward))
-    return Scripted(run.arrays()[0].strategy, *(np.broadcast_to(a, run.settings.n_worlds) for a in numbers))
+    return Scripted(
+        run.arrays()[0].strategy, *(np.broadcast_to(a, run.settings.n_worlds) for a in numbers)
+    )

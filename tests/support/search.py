@@ -33,7 +33,8 @@ def genome_of(row):
 
 
 def pretend(monkeypatch, breaks_after=None):
-    """Jobs without physics, finished in an order that depends on the workers; returns those that were begun."""
+    """Jobs without physics, finished in an order that depends on the workers; returns those that
+    were begun."""
     begun = []
 
     def run_jobs(jobs, execution):

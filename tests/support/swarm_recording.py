@@ -30,7 +30,14 @@ def make_scene(n_robots=40, n_balls=12):
         dust_areas=np.array([[-45e-3, 20e-3, -20e-3, 45e-3], [22e-3, -45e-3, 45e-3, -22e-3]]),
         control_period=PERIOD,
         payload=payload_json(payload_for(140.0)),
-        memory_names=("dust_vector", "dust_known", "dump_vector", "dump_known", "dust_hop", "dump_hop"),
+        memory_names=(
+            "dust_vector",
+            "dust_known",
+            "dump_vector",
+            "dump_known",
+            "dust_hop",
+            "dump_hop",
+        ),
         memory_units=("m", "", "m", "", "", ""),
         memory_sizes=(2, 1, 2, 1, 1, 1),
         boxes=np.array([[2e-3, 1e-3, 1e-5, 0.01]]),
@@ -38,7 +45,8 @@ def make_scene(n_robots=40, n_balls=12):
 
 
 def make_frames(scene, n_frames=50, seed=0):
-    """Random walks; robots carry a ball now and then, hear each other, and learn and forget where dust and dump are."""
+    """Random walks; robots carry a ball now and then, hear each other, and learn and forget where
+    dust and dump are."""
     rng, (n, k) = np.random.default_rng(seed), (len(scene.is_scout), len(scene.ball_radius))
     zero, steps = zeros(T=n_frames, N=n, K=k, S=4, M=len(scene.boxes)), np.arange(n_frames)[:, None]
     yaw = rng.uniform(-np.pi, np.pi, n) + np.cumsum(rng.normal(0, 0.35, (n_frames, n)), axis=0)
@@ -49,9 +57,14 @@ def make_frames(scene, n_frames=50, seed=0):
     is_held = (steps + 7 * np.arange(k)) % 40 > 25
     is_loaded = np.zeros((n_frames, n), bool)
     is_loaded[:, holder] = is_held
-    balls = np.concatenate([np.where(is_held[..., None], xy[:, holder], 5e-3), np.full((n_frames, k, 1), 20e-6)], -1)
+    balls = np.concatenate(
+        [np.where(is_held[..., None], xy[:, holder], 5e-3), np.full((n_frames, k, 1), 20e-6)], -1
+    )
     valid = rng.random((n_frames, n, 4)) < 0.1
-    known = {name: (steps + 11 * np.arange(n) + 5 * m) % 30 > 12 for m, name in enumerate(("dust", "dump"))}
+    known = {
+        name: (steps + 11 * np.arange(n) + 5 * m) % 30 > 12
+        for m, name in enumerate(("dust", "dump"))
+    }
     made = {
         "step": steps[:, 0],
         "pose": np.concatenate([xy, yaw[..., None]], axis=-1),
@@ -64,7 +77,9 @@ def make_frames(scene, n_frames=50, seed=0):
         "ball_position": balls,
         "ball_state": is_held,
         "ball_holder": np.tile(holder, (n_frames, 1)),
-        "box_pose": np.cumsum(rng.normal(0, [2e-4, 3e-4, 0.1], (n_frames, len(scene.boxes), 3)), axis=0),
+        "box_pose": np.cumsum(
+            rng.normal(0, [2e-4, 3e-4, 0.1], (n_frames, len(scene.boxes), 3)), axis=0
+        ),
         "link_sender": np.where(valid, rng.integers(n, size=valid.shape), -1),
         "link_valid": valid,
         "link_led": rng.integers(4, size=valid.shape),
@@ -77,14 +92,22 @@ def make_frames(scene, n_frames=50, seed=0):
     memory = {f"{name}_known": flags for name, flags in known.items()}
     for name, flags in known.items():
         vector = np.where(flags[..., None], rng.normal(0, 0.02, (n_frames, n, 2)), np.nan)
-        memory |= {f"{name}_vector": vector.astype(np.float32), f"{name}_hop": rng.integers(15, size=(n_frames, n))}
-    return Frames(**{name: values.astype(dtype_of(name)) for name, values in (zero | made).items()}, memory=memory)
+        memory |= {
+            f"{name}_vector": vector.astype(np.float32),
+            f"{name}_hop": rng.integers(15, size=(n_frames, n)),
+        }
+    return Frames(
+        **{name: values.astype(dtype_of(name)) for name, values in (zero | made).items()},
+        memory=memory,
+    )
 
 
 def joined(blocks):
     """Blocks of frames as one."""
     each = [block.arrays() for block in blocks]
-    return Frames.from_arrays({name: np.concatenate([arrays[name] for arrays in each]) for name in each[0]})
+    return Frames.from_arrays(
+        {name: np.concatenate([arrays[name] for arrays in each]) for name in each[0]}
+    )
 
 
 def cut(frames, start, stop):

@@ -1,4 +1,5 @@
-"""Tasks: robots are to be east of a line, which they sense, or clean in bad weather. A strategy: robots stand."""
+"""Tasks: robots are to be east of a line, which they sense, or clean in bad weather. A strategy:
+robots stand."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
@@ -25,7 +26,10 @@ class Eastward(Task):
     """Where it is [mm]."""
 
     senses: ClassVar = {"gap": Quantity("distance of the line to the east", "mm", -100, 100)}
-    measured: ClassVar = {"share": Quantity("of the robots that are east of the line"), "steps": Quantity("taken")}
+    measured: ClassVar = {
+        "share": Quantity("of the robots that are east of the line"),
+        "steps": Quantity("taken"),
+    }
     drawn: ClassVar = {"east": Look((10, 200, 30), "square")}
 
     def lay_out(self, config, n_robots, rng, shared, cell):
@@ -81,7 +85,9 @@ class Weather(Cleaning):
 
     def conditions(self, state, conditions):
         bad = jnp.where((state[1] >= 2) & (state[1] < 6), 1.0, 0.0)
-        return conditions._replace(error_in_communication=0.9 * bad, p_communication_break=bad, error_turn=9.0 * bad)
+        return conditions._replace(
+            error_in_communication=0.9 * bad, p_communication_break=bad, error_turn=9.0 * bad
+        )
 
     def survives(self, state):
         return (state[1] < 3) | (jnp.arange(12) % 2 == 0)

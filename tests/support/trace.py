@@ -1,4 +1,5 @@
-"""A real trial of the bench: grasp at 40 V, then release by a ramp at a gap of 5 um; about 6 ms, 2000 samples."""
+"""A real trial of the bench: grasp at 40 V, then release by a ramp at a gap of 5 um; about 6 ms,
+2000 samples."""
 
 from functools import cache
 
@@ -30,4 +31,6 @@ def bench_trace() -> Trace:
     for phase, duration, tip, voltage in SCRIPT:
         bench.move(phase, duration * 1e-3, tip * 1e-6, voltage)
     trace = trace_of(bench)
-    return trace._replace(**{name: a[::3] for name, a in trace._asdict().items() if isinstance(a, np.ndarray)})
+    return trace._replace(
+        **{name: a[::3] for name, a in trace._asdict().items() if isinstance(a, np.ndarray)}
+    )

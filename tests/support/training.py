@@ -14,8 +14,12 @@ from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.workflows.rollout import Rollout
 
-SMALL = SwarmConfig(ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=6))
-TRAINING = Training(config=SMALL, robots=(4,), steps=10, generations=5, population=4, worlds=2, seed=3)
+SMALL = SwarmConfig(
+    ArenaConfig(size=15, dump_size=3, dust_area_size=3, dust_area_offset=5, n_dust=6)
+)
+TRAINING = Training(
+    config=SMALL, robots=(4,), steps=10, generations=5, population=4, worlds=2, seed=3
+)
 GOAL = np.array([0.5, -1.0, 0.25])
 
 
@@ -36,7 +40,8 @@ class Three(Strategy):
 
 
 def pretend(monkeypatch, breaks_after=None):
-    """Rollouts without physics: the nearer weights are to a goal, the more balls; returns the weights of each call."""
+    """Rollouts without physics: the nearer weights are to a goal, the more balls; returns the
+    weights of each call."""
     asked = []
 
     def rollout(scenario, *, every):

@@ -6,16 +6,19 @@ from functools import wraps
 from beartype import BeartypeConf, beartype
 
 CALLS = 3
-"""Calls of a function with arguments and a result of the same types and shapes that are checked in each test."""
+"""Calls of a function with arguments and a result of the same types and shapes that are checked in
+each test."""
 _calls = Counter()
 _is_pep484_tower = beartype(conf=BeartypeConf(is_pep484_tower=True))
 """An int is a float, as PEP 484 says."""
 
 
 def check(function):
-    """Check a function where types or shapes are new to the test; it is prepared for that when it is first called.
+    """Check a function where types or shapes are new to the test; it is prepared for that when it
+    is first called.
 
-    A run calls some functions at every control step, with the same ones. Results are checked like a further argument.
+    A run calls some functions at every control step, with the same ones. Results are checked like a
+    further argument.
     """
     checked = None
 

@@ -20,11 +20,16 @@ def start_of(config, n_robots, seed, index, failed_fraction=0.0, task=CLEANING):
 
 
 def begin_with(monkeypatch, starts):
-    """Let worlds begin with these starts, by their indices, however they are; the other ones as they are drawn."""
+    """Let worlds begin with these starts, by their indices, however they are; the other ones as
+    they are drawn."""
     draw = worlds.draw_start
 
     def draw_start(config, task, robot, n_robots, seed, index, *more):
-        return starts[index] if index in starts else draw(config, task, robot, n_robots, seed, index, *more)
+        return (
+            starts[index]
+            if index in starts
+            else draw(config, task, robot, n_robots, seed, index, *more)
+        )
 
     monkeypatch.setattr(worlds, "draw_start", draw_start)
 
@@ -49,7 +54,8 @@ def params_of(config, strategy, key, n_robots):
 
 
 def task_inputs(config, poses, robot, is_present=None, **more):
-    """What a task finds in a world of this configuration, in which all robots live and pick nothing."""
+    """What a task finds in a world of this configuration, in which all robots live and pick
+    nothing."""
     there = np.ones(len(poses), bool) if is_present is None else np.asarray(is_present)
     inputs = TaskInputs(
         poses=poses,

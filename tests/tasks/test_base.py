@@ -1,4 +1,5 @@
-"""A task outside the package: it runs on every engine, and what is wrong with one is said in a sentence."""
+"""A task outside the package: it runs on every engine, and what is wrong with one is said in a
+sentence."""
 
 import json
 from typing import ClassVar
@@ -45,7 +46,9 @@ class Homing(Strategy):
 
 
 def run_of(small, engine, task=None, **settings):
-    options = {name: settings.pop(name) for name in ("record_worlds", "capacity") if name in settings}
+    options = {
+        name: settings.pop(name) for name in ("record_worlds", "capacity") if name in settings
+    }
     fields = {
         "strategy": Homing(),
         "task": task or Eastward(2.0),
@@ -73,7 +76,8 @@ def test_runs_on_every_engine(small, engine):
 
 
 def test_ends_at_its_goal(small):
-    """All robots are east of the western wall from the first step on, and of three of them that is enough here."""
+    """All robots are east of the western wall from the first step on, and of three of them that is
+    enough here."""
     for stop_at in (None, 3):
         run = run_of(small, MujocoSettings(1), Eastward(-20.0), goal=stop_at)
         ran(run)
@@ -136,7 +140,10 @@ WRONG = {
     ),
     "text in the state": (
         changed(
-            lay_out=lambda self, c, n, *a: (Eastward.lay_out(self, c, n, *a)[0], {"is_east": "yes"}),
+            lay_out=lambda self, c, n, *a: (
+                Eastward.lay_out(self, c, n, *a)[0],
+                {"is_east": "yes"},
+            ),
         ),
         r"Eastward.lay_out must return arrays and numbers as its state \(got a str as \['is_east'\]\)",
     ),
@@ -230,7 +237,8 @@ class TestFiles:
         assert run.steps.schema.field("share").metadata[b"unit"] == b""
 
     def test_recording(self, saved):
-        """Areas are drawn where the task has them, and neither dump nor dust; metrics are time series."""
+        """Areas are drawn where the task has them, and neither dump nor dust; metrics are time
+        series."""
         out, run = saved
         columns = read(out / "run.rrd")
         boxes = columns["/world/arena/east"]

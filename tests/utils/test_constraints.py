@@ -18,13 +18,23 @@ from iswarm_mj.utils.errors import ConfigError
         (Within(1e-6, 2e-5, "m"), "between 1e-06 and 2e-05 m", [1e-6], [9e-7]),
         (Within(1), "at least 1", [1, 1e300], [0]),
         (Above(0, 1, "rd"), "above 0 and at most 1 rd", [1e-9, 1], [0, -1, 1.1, 1e-300, 5e-324]),
-        (Within(0, 69, "V", "70 V melts the ball"), "between 0 and 69 V, since 70 V melts the ball", [69], [70]),
+        (
+            Within(0, 69, "V", "70 V melts the ball"),
+            "between 0 and 69 V, since 70 V melts the ball",
+            [69],
+            [70],
+        ),
     ],
 )
 def test_limits(constraint, text, inside, outside):
     assert str(constraint) == text
     assert all(map(constraint.allows, inside))
-    assert not any(map(constraint.allows, [*outside, math.nan, math.inf, -math.inf, np.float32(np.inf), 10**400]))
+    assert not any(
+        map(
+            constraint.allows,
+            [*outside, math.nan, math.inf, -math.inf, np.float32(np.inf), 10**400],
+        )
+    )
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,5 @@
-"""Caches of compiled programs that a power cut, a bad disk or a full one has damaged: results are the same."""
+"""Caches of compiled programs that a power cut, a bad disk or a full one has damaged: results are
+the same."""
 
 import os
 import random
@@ -58,8 +59,12 @@ DAMAGED = "iswarm: the cache of compiled programs in {}/iswarm_mj/numba was dama
 def run(cache, script, **limits):
     """The process of a script, with a cache of its own."""
     unset = ("NUMBA_CACHE_DIR", "JAX_COMPILATION_CACHE_DIR", "XLA_FLAGS")
-    env = {name: value for name, value in os.environ.items() if name not in unset} | {"XDG_CACHE_HOME": str(cache)}
-    return subprocess.run([sys.executable, script], capture_output=True, text=True, env=env, **limits)
+    env = {name: value for name, value in os.environ.items() if name not in unset} | {
+        "XDG_CACHE_HOME": str(cache)
+    }
+    return subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, env=env, **limits
+    )
 
 
 @pytest.fixture(scope="module")
@@ -93,7 +98,8 @@ def damage(path, kind, numbers):
 
 
 def check_survival(filled, tmp_path, which, seed):
-    """Results equal those with the whole cache; damage to numba's part is said in one line, and repaired."""
+    """Results equal those with the whole cache; damage to numba's part is said in one line, and
+    repaired."""
     script, whole, expected = filled
     cache = Path(shutil.copytree(whole, tmp_path / "cache"))
     numbers, kind = random.Random(seed), KINDS[seed % len(KINDS)]
@@ -113,7 +119,9 @@ def check_survival(filled, tmp_path, which, seed):
         programs = [path for path in damaged if path.name != CHECKSUMS]
         if kind == "missing":  # perhaps on purpose
             assert done.stderr == ""
-        elif programs or kind != "flipped":  # in the names of the checksums a flipped bit looks like a new program
+        elif (
+            programs or kind != "flipped"
+        ):  # in the names of the checksums a flipped bit looks like a new program
             assert done.stderr == DAMAGED.format(cache)
         repaired = run(cache, script)
         assert (repaired.stdout, repaired.stderr) == (expected, "")
@@ -159,7 +167,8 @@ def test_programs_that_are_written_again_stay(tmp_path):
 
 
 def test_a_full_disk_is_survived(filled, tmp_path):
-    """No file may have more than a few bytes, as on a disk that fills up while programs are written."""
+    """No file may have more than a few bytes, as on a disk that fills up while programs are
+    written."""
     script, _, expected = filled
 
     def limit():

@@ -27,7 +27,8 @@ def test_another_process_is_refused_until_the_first_is_killed(tmp_path):
 
 
 def test_many_at_once_are_never_two(tmp_path):
-    """Processes that take the lock in turn, and remove its file each time, while they read and add one to a number."""
+    """Processes that take the lock in turn, and remove its file each time, while they read and add
+    one to a number."""
     (tmp_path / "number").write_text("0")
     code = f"""
 from pathlib import Path

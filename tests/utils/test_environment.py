@@ -1,4 +1,5 @@
-"""Environment variables and settings of the libraries beneath, with which runs would fail or differ: one sentence."""
+"""Environment variables and settings of the libraries beneath, with which runs would fail or
+differ: one sentence."""
 
 import multiprocessing
 import os
@@ -79,10 +80,15 @@ def test_too_little_address_space_is_refused(tmp_path, megabytes):
     def limit():
         resource.setrlimit(resource.RLIMIT_AS, (megabytes * 10**6, megabytes * 10**6))
 
-    done = subprocess.run([*ISWARM, *CLEAN], capture_output=True, text=True, cwd=tmp_path, preexec_fn=limit)
+    done = subprocess.run(
+        [*ISWARM, *CLEAN], capture_output=True, text=True, cwd=tmp_path, preexec_fn=limit
+    )
     assert done.returncode == 2, done.stderr
     (line,) = done.stderr.splitlines()
-    assert line.startswith("iswarm: the memory of this process ") and f"(got {megabytes / 1000:g} GB)" in line
+    assert (
+        line.startswith("iswarm: the memory of this process ")
+        and f"(got {megabytes / 1000:g} GB)" in line
+    )
 
 
 @pytest.mark.slow
@@ -104,7 +110,10 @@ def test_python_is_told_before_a_library_fails():
     code = "import iswarm_mj; iswarm_mj.Run"
     env = os.environ | {"MUJOCO_GL": "nonsense"}
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=env)
-    assert "UserError: mujoco cannot be imported with MUJOCO_GL=nonsense" in done.stderr.splitlines()[-1]
+    assert (
+        "UserError: mujoco cannot be imported with MUJOCO_GL=nonsense"
+        in done.stderr.splitlines()[-1]
+    )
 
 
 FATAL = """
@@ -141,7 +150,9 @@ def restored():
 def test_settings_in_python_are_refused_by_name(name, value):
     check_jax()
     jax.config.update(name, value)
-    with pytest.raises(UserError, match=rf"^{name.upper()} must be .* \(got .*{value}.*\); leave it unset$"):
+    with pytest.raises(
+        UserError, match=rf"^{name.upper()} must be .* \(got .*{value}.*\); leave it unset$"
+    ):
         check_jax()
 
 
@@ -170,7 +181,9 @@ def test_platforms_without_the_cpu_are_refused(monkeypatch):
     before = jax.config.jax_platforms
     jax.config.update("jax_platforms", "cuda")
     try:
-        with pytest.raises(UserError, match=r"JAX_PLATFORMS must name cpu, too, as cuda,cpu \(got cuda\)"):
+        with pytest.raises(
+            UserError, match=r"JAX_PLATFORMS must name cpu, too, as cuda,cpu \(got cuda\)"
+        ):
             check_jax()
     finally:
         jax.config.update("jax_platforms", before)

@@ -10,7 +10,10 @@ from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, User
 @pytest.mark.parametrize(
     "arguments, message",
     [
-        (("arena.size", 7, "between 10 and 150 rd"), "arena.size must be between 10 and 150 rd (got 7)"),
+        (
+            ("arena.size", 7, "between 10 and 150 rd"),
+            "arena.size must be between 10 and 150 rd (got 7)",
+        ),
         (("engine", "xyz", "mujoco or mjx"), "engine must be mujoco or mjx (got 'xyz')"),
         (("worlds", 0, "at least 1", "use one"), "worlds must be at least 1 (got 0); use one"),
     ],
@@ -39,7 +42,11 @@ SUBSTEPS = "increase `drive.walk_substeps` and `drive.turn_substeps`, or use few
             "`contact_capacity`; 2 worlds more",
         ),
         (
-            {"world": 2, "robots": range(12), "kind": FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE},
+            {
+                "world": 2,
+                "robots": range(12),
+                "kind": FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE,
+            },
             "world 2: the pose of robots 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 2 more is not finite and robots 0, 1, 2, 3, "
             f"4, 5, 6, 7, 8, 9 and 2 more left the arena; {SUBSTEPS}",
         ),

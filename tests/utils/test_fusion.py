@@ -25,7 +25,9 @@ def test_a_value_of_two_consumers_is_computed_once():
 
 def test_values_are_the_same():
     values = jnp.arange(6.0).reshape(2, 3)
-    tree = jax.jit(jax.vmap(lambda row: fusion_barrier(lambda row: {"a": row * 2, "b": row > 1}, row)))(values)
+    tree = jax.jit(
+        jax.vmap(lambda row: fusion_barrier(lambda row: {"a": row * 2, "b": row > 1}, row))
+    )(values)
     np.testing.assert_array_equal(tree["a"], values * 2)
     np.testing.assert_array_equal(tree["b"], values > 1)
 

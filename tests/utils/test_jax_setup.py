@@ -27,7 +27,9 @@ def configured(before="", after="", **environment):
     """The cache directory and the level of XLA's log, in a process of its own."""
     inherited = {name: value for name, value in os.environ.items() if name not in UNSET}
     command = [sys.executable, "-c", CONFIGURE.format(before=before, after=after)]
-    done = subprocess.run(command, env=inherited | environment, capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        command, env=inherited | environment, capture_output=True, text=True, check=True
+    )
     assert done.stderr == ""
     return done.stdout.split()
 
@@ -48,7 +50,9 @@ def test_settings_made_in_python_or_the_environment_are_left_alone():
 
 @pytest.mark.parametrize("count", ["٣", "0", "1.0", "", "1000"])
 def test_devices_that_are_not_there_are_refused(count):
-    with pytest.raises(UserError, match=r"^devices must be all, or between 1 and \d+, .*JAX sees \(cpu\) \(got "):
+    with pytest.raises(
+        UserError, match=r"^devices must be all, or between 1 and \d+, .*JAX sees \(cpu\) \(got "
+    ):
         devices(count)
 
 

@@ -66,7 +66,11 @@ def results(call, numbers, *how):
 
 def workers_of(parent):
     """The loky workers of a process."""
-    return [child for child in psutil.Process(parent).children() if "popen_loky" in " ".join(child.cmdline())]
+    return [
+        child
+        for child in psutil.Process(parent).children()
+        if "popen_loky" in " ".join(child.cmdline())
+    ]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -151,14 +155,20 @@ def test_workers_end_with_their_parent(tmp_path, number):
     script = tmp_path / "many.py"
     script.write_text(SCRIPT)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    with subprocess.Popen([sys.executable, script], **pipes, text=True, start_new_session=True) as process:
+    with subprocess.Popen(
+        [sys.executable, script], **pipes, text=True, start_new_session=True
+    ) as process:
         assert [process.stdout.readline() for _ in range(2)] == ["one more\n"] * 2
         workers = workers_of(process.pid)
         assert len(workers) == 2
         if number == signal.SIGINT:  # as a terminal does, to the workers too
             os.killpg(process.pid, number)
             out, error = process.communicate(timeout=LIMIT)
-            assert process.returncode == 130 and out.endswith("interrupted\n") and "Traceback" not in error
+            assert (
+                process.returncode == 130
+                and out.endswith("interrupted\n")
+                and "Traceback" not in error
+            )
         else:
             process.kill()
             process.wait(timeout=LIMIT)
@@ -172,7 +182,8 @@ def test_a_sentence_names_ray_where_it_is_missing(monkeypatch):
 
 
 def test_ray_keeps_our_handlers_and_tells_nobody(monkeypatch):
-    """Ray replaces the handler of SIGTERM when it begins, and would send statistics of its usage."""
+    """Ray replaces the handler of SIGTERM when it begins, and would send statistics of its
+    usage."""
     told = []
 
     def begin(**_):
@@ -183,7 +194,9 @@ def test_ray_keeps_our_handlers_and_tells_nobody(monkeypatch):
         raise SystemExit
 
     monkeypatch.delenv("RAY_USAGE_STATS_ENABLED", raising=False)
-    monkeypatch.setitem(sys.modules, "ray", SimpleNamespace(is_initialized=lambda: False, init=begin))
+    monkeypatch.setitem(
+        sys.modules, "ray", SimpleNamespace(is_initialized=lambda: False, init=begin)
+    )
     before = signal.signal(signal.SIGTERM, raise_system_exit)
     try:
         _connected(1)

@@ -24,7 +24,10 @@ def test_lines_leave_the_first_call_and_what_was_done_before_out(clock, capsys):
         clock[0] += 40
         bar.say("all well")
         bar.update(20)
-        assert capsys.readouterr().err == "iswarm: run: 40 of 100 steps,  2.00s/step, 02:00 left, all well\n"
+        assert (
+            capsys.readouterr().err
+            == "iswarm: run: 40 of 100 steps,  2.00s/step, 02:00 left, all well\n"
+        )
     assert capsys.readouterr().err == ""
 
 
@@ -35,7 +38,9 @@ def test_what_is_quick_says_nothing(monkeypatch, capsys):
     assert capsys.readouterr().err == ""
 
 
-@pytest.mark.parametrize("block", [lambda: waiting("placing 9 robots"), lambda: Progress(3, "step", waiting="placing")])
+@pytest.mark.parametrize(
+    "block", [lambda: waiting("placing 9 robots"), lambda: Progress(3, "step", waiting="placing")]
+)
 def test_a_long_preparation_is_explained(monkeypatch, capsys, block):
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
     said = ""

@@ -10,14 +10,17 @@ from iswarm_mj.utils import ram
 
 @pytest.fixture
 def system(tmp_path, monkeypatch):
-    """A machine of which 5 GB are free, in a container that has 2 GB left and 1 GB of cached files."""
+    """A machine of which 5 GB are free, in a container that has 2 GB left and 1 GB of cached
+    files."""
     for name, text in (
         ("max", "8000000000"),
         ("current", "6000000000"),
         ("stat", "anon 5\nactive_file 700000000\ninactive_file 300000000\n"),
     ):
         (tmp_path / f"memory.{name}").write_text(text)
-    monkeypatch.setattr(ram.psutil, "virtual_memory", lambda: SimpleNamespace(available=5_000_000_000))
+    monkeypatch.setattr(
+        ram.psutil, "virtual_memory", lambda: SimpleNamespace(available=5_000_000_000)
+    )
     monkeypatch.setattr(ram, "_GROUP", tmp_path)
     return tmp_path
 

@@ -33,7 +33,10 @@ def test_known_answers():
         ((0x13198A2E, 0x03707344), (0x243F6A88, 0x85A308D3), (0xC4923A9C, 0x483DF7A0)),
     ]:
         high, low = np.array(counter, np.uint32)
-        assert tuple(int(word) for word in WRITTEN_OUT(jnp.array(key, "uint32"), high, low)) == expected
+        assert (
+            tuple(int(word) for word in WRITTEN_OUT(jnp.array(key, "uint32"), high, low))
+            == expected
+        )
 
 
 def test_both_arrays_are_uniform_and_independent():
@@ -54,7 +57,9 @@ def test_a_batch_draws_what_each_world_draws():
 def test_numbers_become_normal():
     """As SciPy inverts the distribution; the least draw is finite."""
     uniform = np.array([0.0, 2**-23, 0.01, 0.3, 0.5, 0.9, 1 - 2**-23], np.float32)
-    np.testing.assert_allclose(normal(uniform)[1:], stats.norm.ppf(uniform[1:].astype(float)), rtol=2e-3, atol=1e-6)
+    np.testing.assert_allclose(
+        normal(uniform)[1:], stats.norm.ppf(uniform[1:].astype(float)), rtol=2e-3, atol=1e-6
+    )
     assert -6 < normal(uniform)[0] < normal(uniform)[1]
 
 
@@ -62,12 +67,17 @@ def test_keys_go_on_where_others_end():
     keys = jax.random.key_data(split(KEY, 6, first=2))
     np.testing.assert_array_equal(keys, jax.random.key_data(split(KEY, 8))[2:])
     assert len(np.unique(keys, axis=0)) == 6
-    assert not np.isin(np.asarray(keys), np.asarray(draw(KEY, (8,), 1).uniform).view(np.uint32)).any()
+    assert not np.isin(
+        np.asarray(keys), np.asarray(draw(KEY, (8,), 1).uniform).view(np.uint32)
+    ).any()
 
 
 @pytest.mark.parametrize("generator", ["threefry2x32", "rbg"])
 def test_keys_of_any_generator_do(generator):
-    draws = [draw(key, (3,), 1).uniform[0] for key in jax.random.split(jax.random.key(0, impl=generator), 2)]
+    draws = [
+        draw(key, (3,), 1).uniform[0]
+        for key in jax.random.split(jax.random.key(0, impl=generator), 2)
+    ]
     assert (draws[0] != draws[1]).all()
 
 

@@ -1,4 +1,5 @@
-"""Tables and figures: what is written is read back, and what cannot be read is refused in a sentence."""
+"""Tables and figures: what is written is read back, and what cannot be read is refused in a
+sentence."""
 
 import pyarrow as pa
 import pyarrow.parquet
@@ -18,7 +19,11 @@ def test_a_table_comes_back_with_its_settings_and_a_csv_file_beside_it(tmp_path)
     rows, settings = read_table(tmp_path / "t.parquet")
     assert rows == ROWS
     assert settings == {"version": __version__, "seed": 4, "config": {"x": [1, 2]}}
-    assert (tmp_path / "t.csv").read_text().splitlines() == ['"name","value","count"', '"a",1.5,3', '"b",,-1']
+    assert (tmp_path / "t.csv").read_text().splitlines() == [
+        '"name","value","count"',
+        '"a",1.5,3',
+        '"b",,-1',
+    ]
 
 
 @pytest.mark.parametrize("content", [None, b"", b"PAR1 nothing PAR1", pa.table({"x": [1]})])

@@ -33,7 +33,9 @@ DELIVERED = 2
 def small_run(config, record=True, steps=STEPS, **settings):
     """Run that stops when all balls are delivered; of several worlds the first is recorded."""
     recorded = (0,) if record else ()
-    return run_of(config, steps=steps, record_worlds=recorded, **{"seed": 3, "goal": N_BALLS, **settings})
+    return run_of(
+        config, steps=steps, record_worlds=recorded, **{"seed": 3, "goal": N_BALLS, **settings}
+    )
 
 
 def read_result(directory):
@@ -103,7 +105,9 @@ class TestResult:
 
 class TestTrajectory:
     def test_it_has_all_quantities_and_the_description_of_the_run(self, content, frames):
-        memory = {f"{place}_{part}" for place in ("dust", "dump") for part in ("vector", "known", "hop")}
+        memory = {
+            f"{place}_{part}" for place in ("dust", "dump") for part in ("vector", "known", "hop")
+        }
         scene = {f"scene_{name}" for name in Scene._fields}
         assert frames.keys() == {*ARRAYS, *memory, *scene, ABOUT}
         about = json.loads(frames[ABOUT].item())
@@ -172,7 +176,9 @@ class TestSummary:
 
     def test_it_has_the_metrics_of_another_task_with_balls(self, lines):
         """Such a task may never deliver any ball."""
-        shown = lines(task={"class": "Sort"}, strategy={"class": "BySize"}, metrics={"sorted": 0.75})
+        shown = lines(
+            task={"class": "Sort"}, strategy={"class": "BySize"}, metrics={"sorted": 0.75}
+        )
         for line in ("strategy  BySize", "task  Sort", "sorted  0.75"):
             assert line in shown
         assert not any("delivered" in line for line in shown)

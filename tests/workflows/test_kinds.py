@@ -198,11 +198,23 @@ def test_tasks_know_the_kind_of_each_robot(files):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["a.xml:12", "b.xml:8", "--robots=24"], "--robots must be as many as the kinds .* together, 20"),
-        (["a.xml:12", "b.xml:0"], "--robot must be a file, or FILE:ROBOTS with at least one robot for each"),
-        (["a.xml:12", "b.xml:8", "--density=0.1"], "numbers of robots in --robot and --density exclude"),
+        (
+            ["a.xml:12", "b.xml:8", "--robots=24"],
+            "--robots must be as many as the kinds .* together, 20",
+        ),
+        (
+            ["a.xml:12", "b.xml:0"],
+            "--robot must be a file, or FILE:ROBOTS with at least one robot for each",
+        ),
+        (
+            ["a.xml:12", "b.xml:8", "--density=0.1"],
+            "numbers of robots in --robot and --density exclude",
+        ),
         (["a.xml:12", "c.xml:8"], "the robot's file .*c.xml cannot be read"),
-        (["a.xml:12", f"{models_directory()}/robot6.xml:8"], "must have the same height and number of sides"),
+        (
+            ["a.xml:12", f"{models_directory()}/robot6.xml:8"],
+            "must have the same height and number of sides",
+        ),
     ],
 )
 def test_swarms_that_cannot_be_are_refused(arguments, message, tmp_path, monkeypatch, capfd):
@@ -213,7 +225,9 @@ def test_swarms_that_cannot_be_are_refused(arguments, message, tmp_path, monkeyp
     assert re.search(message, error)
 
 
-@pytest.mark.parametrize("robot_file", [[], ["a.xml:0"], ["a.xml:2.5"], [(3, 2)], ("a.xml:3", "b.xml"), 3])
+@pytest.mark.parametrize(
+    "robot_file", [[], ["a.xml:0"], ["a.xml:2.5"], [(3, 2)], ("a.xml:3", "b.xml"), 3]
+)
 def test_files_that_are_none_are_refused(robot_file):
     with pytest.raises(ConfigError, match="robot_file must be"):
         as_robot_file(robot_file)

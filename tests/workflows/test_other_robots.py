@@ -109,7 +109,9 @@ class TestMessages:
         np.testing.assert_array_equal(received.payload["priority"], priority)
 
     @pytest.mark.parametrize("name", ["dust", "dump"])
-    def test_five_leds_and_more_halve_the_resolution_of_the_range_to_the_dump(self, n_leds, sent, received, name):
+    def test_five_leds_and_more_halve_the_resolution_of_the_range_to_the_dump(
+        self, n_leds, sent, received, name
+    ):
         """Their numbers need three bits."""
         n_ranges = 15 if name == "dump" and n_leds > 4 else 31
         quantum = RANGE / n_ranges

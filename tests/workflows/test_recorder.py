@@ -26,7 +26,9 @@ LARGE_BLOCK = 4
 @pytest.mark.parametrize(
     ("max_frames", "frames_that_fit", "longest"), [(5, 99, 5), (99, 4, 4)], ids=["frames", "bytes"]
 )
-def test_blocks_grow_with_the_run_up_to_a_limit(small, tmp_path, monkeypatch, max_frames, frames_that_fit, longest):
+def test_blocks_grow_with_the_run_up_to_a_limit(
+    small, tmp_path, monkeypatch, max_frames, frames_that_fit, longest
+):
     """Limits are a number of frames and a number of bytes."""
     run = run_of(small, SCOUTS, steps=STEPS)
     start = RecordedWorld.of_run(run, 0).frames([run.start])

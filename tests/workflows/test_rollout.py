@@ -153,7 +153,9 @@ GOAL = 6
 
 def clean(keys, poses_of=(2, 0), steps=60):
     """Roll out the paper's strategy."""
-    scenario = Scenario(TINY, robots=N, engine=PlanarSettings(1), worlds=keys, steps=steps, goal=GOAL)
+    scenario = Scenario(
+        TINY, robots=N, engine=PlanarSettings(1), worlds=keys, steps=steps, goal=GOAL
+    )
     return rollout(scenario, every=25, poses_of=poses_of)
 
 

@@ -1,14 +1,18 @@
-"""Environment steps per second on one core: VMAS, the environments of this package, and its runs without these.
+"""Environment steps per second on one core: VMAS, the environments of this package, and its runs
+without these.
 
     python -m venv vmas && vmas/bin/pip install torch vmas    # the CPU's torch will do
     taskset -c 0 python tools/benchmarks/compare_vmas.py --vmas vmas/bin/python
-    python tools/benchmarks/compare_vmas.py --chunk 25 --agents 20 --worlds 512    # without VMAS; on an NVIDIA GPU
+    python tools/benchmarks/compare_vmas.py --chunk 25 --agents 20 --worlds 512    # without VMAS;
+    on an NVIDIA GPU
 
-Each is a process that is kept, and they take turns, so that other work on the machine slows all alike; numbers are
-medians over the rounds. A step is one of all agents of one world. All act at random: VMAS in `simple_world_comm`, the
-scenario of its own with messages whose number of agents is free; robots here in cleaning on the planar engine, which
-speak four bits each; and the same robots in a run, with a strategy that draws the same motions and messages. With
-`--chunk`, programs of so many steps are compiled by JAX and Warp, and actions are drawn in them.
+Each is a process that is kept, and they take turns, so that other work on the machine slows all
+alike; numbers are medians over the rounds. A step is one of all agents of one world. All act at
+random: VMAS in `simple_world_comm`, the scenario of its own with messages whose number of agents is
+    free; robots here in cleaning on the planar engine, which
+speak four bits each; and the same robots in a run, with a strategy that draws the same motions and
+messages. With `--chunk`, programs of so many steps are compiled by JAX and Warp, and actions are
+drawn in them.
 """
 
 import argparse
@@ -32,21 +36,30 @@ def vmas_stepper(n_agents, n_worlds, chunk):
     torch.set_num_threads(1)
     good = n_agents // 5
     env = vmas.make_env(
-        "simple_world_comm", n_worlds, device="cpu", num_good_agents=good, num_adversaries=n_agents - good, seed=0
+        "simple_world_comm",
+        n_worlds,
+        device="cpu",
+        num_good_agents=good,
+        num_adversaries=n_agents - good,
+        seed=0,
     )
     env.reset()
     return lambda: env.step(env.get_random_actions())
 
 
 def env_stepper(n_agents, n_worlds, chunk):
-    """Return what takes a step, or a chunk of them, of all worlds of an environment of this package."""
+    """Return what takes a step, or a chunk of them, of all worlds of an environment of this
+    package."""
     import jax
     import numpy as np
 
     from iswarm_mj import make_env
 
     env = make_env(robots=n_agents, engine=engine_for(chunk), worlds=n_worlds, payload=4)
-    state, rng = [env.reset(jax.random.split(jax.random.key(0), n_worlds))], np.random.default_rng(0)
+    state, rng = (
+        [env.reset(jax.random.split(jax.random.key(0), n_worlds))],
+        np.random.default_rng(0),
+    )
     shape = (n_worlds, n_agents, env.action_size)
     if chunk:
         return chunk_stepper(env, state[0], shape, chunk)
@@ -112,7 +125,13 @@ def run_stepper(n_agents, n_worlds, chunk):
             drawn = jax.random.uniform(key, (6, len(memory)), minval=-1.0)
             return drawn[2:].T > 0, Command(drawn[0] * jnp.pi / 2, drawn[1] * mm_from_rd(0.5))
 
-    scenario = Scenario(strategy=Random(), robots=n_agents, engine=engine_for(chunk), worlds=n_worlds, steps=1_000_000)
+    scenario = Scenario(
+        strategy=Random(),
+        robots=n_agents,
+        engine=engine_for(chunk),
+        worlds=n_worlds,
+        steps=1_000_000,
+    )
     return Run(scenario, record_worlds=()).advance
 
 
@@ -134,12 +153,19 @@ def measure(name, n_agents, n_worlds, chunk, seconds):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--vmas", help="a Python with vmas; without it, environments and runs alone")
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--vmas", help="a Python with vmas; without it, environments and runs alone"
+    )
     parser.add_argument("--agents", type=int, default=20)
     parser.add_argument("--worlds", type=int, nargs="+", default=[1, 32])
     parser.add_argument(
-        "--chunk", type=int, default=0, help="steps of a compiled program, on Warp; 0 for the CPU's engine"
+        "--chunk",
+        type=int,
+        default=0,
+        help="steps of a compiled program, on Warp; 0 for the CPU's engine",
     )
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--seconds", type=float, default=2.0, help="of each measurement")
@@ -148,7 +174,11 @@ def main():
     if args.measure:
         measure(args.measure, args.agents, args.worlds[0], args.chunk, args.seconds)
         return
-    print("| worlds | " + " | ".join(f"{name} [steps/s]" for name in STEPPERS) + " | run / environment |")
+    print(
+        "| worlds | "
+        + " | ".join(f"{name} [steps/s]" for name in STEPPERS)
+        + " | run / environment |"
+    )
     for n_worlds in args.worlds:
         pythons = {name: args.vmas if name == "VMAS" else sys.executable for name in STEPPERS}
         common = [f"--{name}={getattr(args, name)}" for name in ("agents", "chunk", "seconds")] + [
@@ -177,9 +207,14 @@ def main():
         for child in children.values():
             child.stdin.close()
             child.wait()
-        cells = [f"{statistics.median(rates[name]):.0f}" if name in rates else "-" for name in STEPPERS]
+        cells = [
+            f"{statistics.median(rates[name]):.0f}" if name in rates else "-" for name in STEPPERS
+        ]
         ratios = [run / env for run, env in zip(rates["run"], rates["environment"], strict=True)]
-        print(f"| {n_worlds} | " + " | ".join(cells) + f" | {statistics.median(ratios):.2f} |", flush=True)
+        print(
+            f"| {n_worlds} | " + " | ".join(cells) + f" | {statistics.median(ratios):.2f} |",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":

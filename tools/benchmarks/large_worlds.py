@@ -99,7 +99,9 @@ def main() -> None:
         output = subprocess.check_output([sys.executable, __file__, str(size)])
         costs.append(Cost(**json.loads(output)))
     for cost in costs:
-        print(f"{cost.robots:7} robots: {cost.ms:.1f} ms, {cost.us_per_robot:.1f} µs each, {cost.gb:.2f} GB")
+        print(
+            f"{cost.robots:7} robots: {cost.ms:.1f} ms, {cost.us_per_robot:.1f} µs each, {cost.gb:.2f} GB"
+        )
     draw(costs)
 
 

@@ -27,7 +27,11 @@ def frames_of(directory: Path) -> Frames:
     """Return the frames of the first recorded world of a run."""
     arrays = read_trajectory(directory / TRAJECTORY)
     return Frames.from_arrays(
-        {name: values for name, values in arrays.items() if name != ABOUT and not name.startswith(SCENE)}
+        {
+            name: values
+            for name, values in arrays.items()
+            if name != ABOUT and not name.startswith(SCENE)
+        }
     )
 
 

@@ -1,12 +1,15 @@
-"""What trials cost in a cleaning run: processor time of a control step by trials and by the balance, alternately.
+"""What trials cost in a cleaning run: processor time of a control step by trials and by the
+balance, alternately.
 
     taskset -c 1 python tools/benchmarks/time_grasps.py --engine mujoco --pairs 5
 
-Whole runs of type 1, from the second control step to the 66th ball, on one thread; a JSON line for each engine.
+Whole runs of type 1, from the second control step to the 66th ball, on one thread; a JSON line for
+each engine.
 
     taskset -c 1 python tools/benchmarks/time_grasps.py --engine --batch 256
 
-Random attempts in one batch of MJX: how large its program is, how long it compiles and runs, which of them end as in C.
+Random attempts in one batch of MJX: how large its program is, how long it compiles and runs, which
+of them end as in C.
 """
 
 import argparse
@@ -23,7 +26,12 @@ from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.gripper.attempts import Attempts
 from iswarm_mj.gripper.bench.batch_trials import by_batch
 from iswarm_mj.gripper.bench.swarm_trials import outcomes
-from iswarm_mj.gripper.laws.detachment import WORK_OBJECT_SUBSTRATE, WORK_TOOL_OBJECT, grasp_voltage, release_voltage
+from iswarm_mj.gripper.laws.detachment import (
+    WORK_OBJECT_SUBSTRATE,
+    WORK_TOOL_OBJECT,
+    grasp_voltage,
+    release_voltage,
+)
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
@@ -62,8 +70,12 @@ def one(engine, resolution, seed):
 
 
 def batch(count):
-    """Size and times of a batch's program, in processor time, and its outcomes against those in C."""
-    random, gripper = np.random.default_rng(0), GripperConfig(resolution="dynamic", bench_capacity=count)
+    """Size and times of a batch's program, in processor time, and its outcomes against those in
+    C."""
+    random, gripper = (
+        np.random.default_rng(0),
+        GripperConfig(resolution="dynamic", bench_capacity=count),
+    )
     radius, lifts = random.uniform(15e-6, 25e-6, count), random.random(count) < 0.5
     tool, floor = WORK_TOOL_OBJECT * np.ones(count), WORK_OBJECT_SUBSTRATE * np.ones(count)
     threshold = np.where(lifts, grasp_voltage(radius, tool, floor), release_voltage(radius, tool))
@@ -78,7 +90,9 @@ def batch(count):
     found = jax.block_until_ready(program(*attempts))
     times.append(time.process_time())
     theirs = outcomes(gripper.release_gap, attempts)
-    same = (np.asarray(found.lifted) == theirs.lifted) & (np.asarray(found.released) == theirs.released)
+    same = (np.asarray(found.lifted) == theirs.lifted) & (
+        np.asarray(found.released) == theirs.released
+    )
     seconds = np.diff(times).round(2).tolist()
     return {
         "attempts": count,
@@ -90,7 +104,9 @@ def batch(count):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--engine", nargs="*", default=["mujoco"], choices=list(ENGINES))
     parser.add_argument("--pairs", type=int, default=5)
     parser.add_argument("--batch", type=int, help="attempts in one batch of MJX")
@@ -102,7 +118,10 @@ def main():
         found = []
         for seed in range(args.pairs):
             found.append([one(engine, kind, seed) for kind in ("quasi-static", "dynamic")])
-            print(f"{engine}, seed {seed}: " + ", ".join(f"{run[0]:.2f} ms" for run in found[-1]), file=sys.stderr)
+            print(
+                f"{engine}, seed {seed}: " + ", ".join(f"{run[0]:.2f} ms" for run in found[-1]),
+                file=sys.stderr,
+            )
         both = np.array(found)
         ratios = both[:, 1, 0] / both[:, 0, 0]
         row = {

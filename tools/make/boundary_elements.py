@@ -1,9 +1,11 @@
-"""Electrostatic force on a sphere between a plane and a cylindrical probe, by axisymmetric boundary elements.
+"""Electrostatic force on a sphere between a plane and a cylindrical probe, by axisymmetric boundary
+elements.
 
-The unknown is the surface charge density, constant on each ring-shaped element; the potential of a ring is a
-complete elliptic integral; the grounded plane z = 0 is an image of opposite sign; the force on the sphere is
-the integral of the Maxwell stress sigma^2 / (2 eps0). Lengths are in sphere radii, potentials in units of
-the applied one, and eps0 = 1. Needs SciPy. Makes the table of the package:
+The unknown is the surface charge density, constant on each ring-shaped element; the potential of a
+ring is a complete elliptic integral; the grounded plane z = 0 is an image of opposite sign; the
+force on the sphere is the integral of the Maxwell stress sigma^2 / (2 eps0). Lengths are in sphere
+radii, potentials in units of the applied one, and eps0 = 1. Needs SciPy. Makes the table of the
+package:
 
     python tools/make/boundary_elements.py
 """
@@ -21,7 +23,8 @@ PROBE_LENGTH = 20.0
 """Length of the probe [sphere radii]; at small gaps the force does not depend on it."""
 
 RESOLUTION = 0.25
-"""Length of an element of the coarsest mesh over the distance to the nearest other surface or corner."""
+"""Length of an element of the coarsest mesh over the distance to the nearest other surface or
+corner."""
 
 Curve = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
@@ -41,8 +44,11 @@ class Elements:
     end: np.ndarray
 
 
-def cut(curve: Curve, length: tuple[float, float], size: Callable[..., np.ndarray], halvings: int) -> Elements:
-    """Elements of length `RESOLUTION` * size(r, z) between two arc lengths, each halved `halvings` times."""
+def cut(
+    curve: Curve, length: tuple[float, float], size: Callable[..., np.ndarray], halvings: int
+) -> Elements:
+    """Elements of length `RESOLUTION` * size(r, z) between two arc lengths, each halved `halvings`
+    times."""
     s = length[0] + (length[1] - length[0]) * (1 - np.cos(np.linspace(0, np.pi, 20001))) / 2
     density = 1 / size(*curve(s))
     count = np.concatenate([[0.0], np.cumsum(np.diff(s) * (density[1:] + density[:-1]) / 2)])
@@ -52,7 +58,8 @@ def cut(curve: Curve, length: tuple[float, float], size: Callable[..., np.ndarra
 
 
 def ring_potential(r, z, ring_r, ring_z):
-    """Potential of a ring per unit of charge density times width, r' K(m) / (pi d), d the far distance."""
+    """Potential of a ring per unit of charge density times width, r' K(m) / (pi d), d the far
+    distance."""
     from scipy.special import ellipkm1
 
     far = (r + ring_r) ** 2 + (z - ring_z) ** 2
@@ -61,7 +68,8 @@ def ring_potential(r, z, ring_r, ring_z):
 
 
 def _influence(r: np.ndarray, z: np.ndarray, part: Elements, side: float) -> np.ndarray:
-    """Potentials (m, n) at m points of the n elements of a part (side 1) or of its image (side -1)."""
+    """Potentials (m, n) at m points of the n elements of a part (side 1) or of its image (side
+    -1)."""
     width = part.end - part.start
     node, weight = np.polynomial.legendre.leggauss(4)
     ring_r, ring_z = part.curve(part.start[:, None] + width[:, None] * (node + 1) / 2)
@@ -87,16 +95,22 @@ def _influence(r: np.ndarray, z: np.ndarray, part: Elements, side: float) -> np.
     return potential
 
 
-def charge_densities(parts: list[Elements], potentials: list[Callable[..., np.ndarray] | float]) -> list[np.ndarray]:
-    """Charge densities of the elements of each part that hold the parts at their potentials above the plane.
+def charge_densities(
+    parts: list[Elements], potentials: list[Callable[..., np.ndarray] | float]
+) -> list[np.ndarray]:
+    """Charge densities of the elements of each part that hold the parts at their potentials above
+    the plane.
 
     Args:
         parts: surfaces above the grounded plane z = 0.
-        potentials: one for each part; a number, or a function of (r, z) where an outer field adds to it.
+        potentials: one for each part; a number, or a function of (r, z) where an outer field adds
+            to it.
     """
     middles = [part.curve((part.start + part.end) / 2) for part in parts]
     r, z = (np.concatenate(values) for values in zip(*middles, strict=True))
-    matrix = np.hstack([_influence(r, z, part, 1.0) - _influence(r, z, part, -1.0) for part in parts])
+    matrix = np.hstack(
+        [_influence(r, z, part, 1.0) - _influence(r, z, part, -1.0) for part in parts]
+    )
     given = [
         v(*middle) if callable(v) else np.full(middle[0].shape, v)
         for v, middle in zip(potentials, middles, strict=True)
@@ -111,7 +125,8 @@ def sphere_curve(centre: float) -> Curve:
 
 
 def upward_force(sphere: Elements, density: np.ndarray) -> float:
-    """Vertical force on the sphere, the integral of sigma^2 / 2 times the vertical part of the normal."""
+    """Vertical force on the sphere, the integral of sigma^2 / 2 times the vertical part of the
+    normal."""
     area = -np.pi * (np.sin(sphere.end) ** 2 - np.sin(sphere.start) ** 2)
     return float(np.sum(density**2 / 2 * area))
 
@@ -122,12 +137,17 @@ def _contact_edge(probe_radius: float) -> float:
 
 
 def gripper_parts(
-    gap: float, probe_radius: float, task: str, halvings: int = 0, probe_length: float = PROBE_LENGTH
+    gap: float,
+    probe_radius: float,
+    task: str,
+    halvings: int = 0,
+    probe_length: float = PROBE_LENGTH,
 ) -> list[Elements]:
     """Elements of the sphere and of the probe's face, wall and top.
 
     Args:
-        gap: sphere to plane ("release", probe touching) or probe to sphere ("pick", plane touching) [radii].
+        gap: sphere to plane ("release", probe touching) or probe to sphere ("pick", plane touching)
+            [radii].
         probe_radius: radius of the probe [radii].
         task: "release" or "pick".
         halvings: times that each element of the coarsest mesh is halved.
@@ -170,12 +190,16 @@ def gripper_parts(
 
 
 def shape_factor(
-    gap: float, probe_radius: float, task: str, halvings: int = 0, probe_length: float = PROBE_LENGTH
+    gap: float,
+    probe_radius: float,
+    task: str,
+    halvings: int = 0,
+    probe_length: float = PROBE_LENGTH,
 ) -> float:
     """Force on the sphere over that of the asymptote, F D / (R pi eps0 V^2).
 
-    Downwards for "release" (sphere and probe at V), upwards for "pick" (sphere and plane at 0, probe at V).
-    Arguments as `gripper_parts`.
+    Downwards for "release" (sphere and probe at V), upwards for "pick" (sphere and plane at 0,
+    probe at V). Arguments as `gripper_parts`.
     """
     parts = gripper_parts(gap, probe_radius, task, halvings, probe_length)
     ball_potential = 1.0 if task == "release" else 0.0
@@ -185,7 +209,8 @@ def shape_factor(
 
 
 def extrapolated_factor(gap: float, probe_radius: float, task: str) -> float:
-    """Shape factor without its error of second order in the length of the elements (Richardson extrapolation)."""
+    """Shape factor without its error of second order in the length of the elements (Richardson
+    extrapolation)."""
     coarse, fine = (shape_factor(gap, probe_radius, task, halvings) for halvings in (0, 1))
     return (4 * fine - coarse) / 3
 
@@ -198,8 +223,12 @@ def main() -> None:
     ]
     for gap in GAP_EXPONENTS:
         for probe in PROBE_EXPONENTS:
-            factors = (extrapolated_factor(2.0**gap, 2.0**probe, task) for task in ("release", "pick"))
-            lines.append(",".join([f"{gap:.4f}", f"{probe:.4f}", *(f"{factor:.6f}" for factor in factors)]))
+            factors = (
+                extrapolated_factor(2.0**gap, 2.0**probe, task) for task in ("release", "pick")
+            )
+            lines.append(
+                ",".join([f"{gap:.4f}", f"{probe:.4f}", *(f"{factor:.6f}" for factor in factors)])
+            )
     Path(probe_table.__file__).with_name(FILE).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 

@@ -2,8 +2,8 @@
 
     python tools/make/draw_beliefs.py
 
-One world of the paper's arena with 280 robots: after 10, 30 and 60 control steps, how each robot doubts its vectors to
-dust and dump, and which robots send the flag.
+One world of the paper's arena with 280 robots: after 10, 30 and 60 control steps, how each robot
+doubts its vectors to dust and dump, and which robots send the flag.
 """
 
 from pathlib import Path
@@ -24,8 +24,12 @@ OUT = Path(__file__).parents[2] / "docs" / "beliefs.png"
 
 def main():
     """Draw a row for each step."""
-    run = Run(Scenario(strategy=Neural(), robots=280, engine=PlanarSettings(), seed=5, steps=max(STEPS)))
-    figure, axes = plt.subplots(3, 3, figsize=(7.2, 7.6), layout="constrained", sharex=True, sharey=True)
+    run = Run(
+        Scenario(strategy=Neural(), robots=280, engine=PlanarSettings(), seed=5, steps=max(STEPS))
+    )
+    figure, axes = plt.subplots(
+        3, 3, figsize=(7.2, 7.6), layout="constrained", sharex=True, sharey=True
+    )
     arena = run.config.arena
     while not run.is_over:
         before, record = run.step, run.advance()
@@ -38,12 +42,26 @@ def main():
             row = axes[STEPS.index(step)]
             for panel, name in zip(row, ("dust", "dump"), strict=False):
                 belief = getattr(memory, name)
-                known, doubt = np.asarray(belief.known[index, 0]), np.asarray(belief.doubt[index, 0])
-                panel.scatter(x[~known], y[~known], s=9, facecolors="none", edgecolors="0.75", linewidths=0.6)
-                shades = panel.scatter(
-                    x[known], y[known], s=10, c=doubt[known], cmap="viridis_r", vmin=0, vmax=MAX_DOUBT
+                known, doubt = (
+                    np.asarray(belief.known[index, 0]),
+                    np.asarray(belief.doubt[index, 0]),
                 )
-            flag, loaded = np.asarray(memory.flag[index, 0]), np.asarray(record.swarm.is_loaded[index, 0])
+                panel.scatter(
+                    x[~known], y[~known], s=9, facecolors="none", edgecolors="0.75", linewidths=0.6
+                )
+                shades = panel.scatter(
+                    x[known],
+                    y[known],
+                    s=10,
+                    c=doubt[known],
+                    cmap="viridis_r",
+                    vmin=0,
+                    vmax=MAX_DOUBT,
+                )
+            flag, loaded = (
+                np.asarray(memory.flag[index, 0]),
+                np.asarray(record.swarm.is_loaded[index, 0]),
+            )
             for colour, which in (
                 ("0.8", ~flag & ~loaded),
                 ("tab:blue", flag & ~loaded),
@@ -54,11 +72,18 @@ def main():
             row[0].set_ylabel(f"after {step} steps\ny [rd]")
             for panel in row:
                 half = arena.dump_size / 2
-                panel.add_patch(plt.Rectangle((-half, -half), 2 * half, 2 * half, fill=False, lw=0.8))
+                panel.add_patch(
+                    plt.Rectangle((-half, -half), 2 * half, 2 * half, fill=False, lw=0.8)
+                )
                 for side in (-1, 1):
-                    corner = (side * arena.dust_area_offset - arena.dust_area_size / 2, -arena.dust_area_size / 2)
+                    corner = (
+                        side * arena.dust_area_offset - arena.dust_area_size / 2,
+                        -arena.dust_area_size / 2,
+                    )
                     panel.add_patch(
-                        plt.Rectangle(corner, arena.dust_area_size, arena.dust_area_size, fill=False, lw=0.8)
+                        plt.Rectangle(
+                            corner, arena.dust_area_size, arena.dust_area_size, fill=False, lw=0.8
+                        )
                     )
                 panel.set_aspect("equal")
     titles = ("doubt of dust", "doubt of the dump", "flag")
@@ -67,7 +92,11 @@ def main():
     for panel in axes[-1]:
         panel.set_xlabel("x [rd]")
     figure.colorbar(
-        shades, ax=axes[:, :2], orientation="horizontal", shrink=0.6, label="doubt; pale rings know nothing"
+        shades,
+        ax=axes[:, :2],
+        orientation="horizontal",
+        shrink=0.6,
+        label="doubt; pale rings know nothing",
     )
     figure.savefig(OUT, dpi=110)
     print(OUT)

@@ -54,7 +54,9 @@ def light(
     towards_sender = (-ahead, -left)
     front = (np.ones_like(angle), np.zeros_like(angle))
     far_reaching = replace(optics, communication_radius=_MAX_RANGE)
-    reception = receive(-distance_mm * ahead, -distance_mm * left, towards_sender, front, robot, far_reaching)
+    reception = receive(
+        -distance_mm * ahead, -distance_mm * left, towards_sender, front, robot, far_reaching
+    )
 
     # Light falls with the square of the distance between LED and photodiodes.
     offset = robot.leds[0][0] + robot.receivers[0][0]

@@ -1,7 +1,9 @@
-"""Make the moving pictures of the documentation from seeds: docs/replays/, and docs/play.webp of the page itself.
+"""Make the moving pictures of the documentation from seeds: docs/replays/, and docs/play.webp of
+the page itself.
 
-`python tools/make/make_gallery.py [NAME ...]` runs each scene and writes what it looks like as an animated picture; of
-the first also a replay that can be turned. Needs Debian's chromium, and `pip install playwright`.
+`python tools/make/make_gallery.py [NAME ...]` runs each scene and writes what it looks like as an
+animated picture; of the first also a replay that can be turned. Needs Debian's chromium, and `pip
+install playwright`.
 """
 
 import io
@@ -34,7 +36,12 @@ ROOT = Path(__file__).parents[2]
 write_large = runpy.run_path(str(ROOT / "examples/two_kinds.py"))["write_large"]
 OUT = ROOT / "docs" / "replays"
 WIDTH, HEIGHT, PER_SECOND, LARGEST = 640, 480, 8, 300_000
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"]
+FLAGS = [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-dev-shm-usage",
+]
 
 
 class Card(NamedTuple):
@@ -44,11 +51,19 @@ class Card(NamedTuple):
 
 def own(file: str, task: str, strategy: str = "") -> str:
     """Flags of an example."""
-    return f"--task examples/{file}.py:{task}" + f" --strategy examples/{file}.py:{strategy}" * bool(strategy)
+    return (
+        f"--task examples/{file}.py:{task}"
+        + f" --strategy examples/{file}.py:{strategy}" * bool(strategy)
+    )
 
 
 def film(
-    first: int, last: int, each: float = 1.0, by: str = STATE, draws: tuple[str, ...] = (), title: str = ""
+    first: int,
+    last: int,
+    each: float = 1.0,
+    by: str = STATE,
+    draws: tuple[str, ...] = (),
+    title: str = "",
 ) -> Film:
     """Eight pictures a second, of which there are `each` to a control step."""
     return Film(first, last, PER_SECOND / each, each, by, draws, title)
@@ -60,31 +75,49 @@ BOXES = "--arena.size 30 --arena.boxes 0 6 1 1 0 1e-5 0.004 -4 -4 0.8 1.5 10 1e-
 MEDIUM = "--arena.size 30 --arena.dust-area-offset 9"
 CARDS = {
     "cleaning": Card("clean --steps 100", film(60, 80, draws=("links",))),
-    "hops": Card("clean --genome type2 --steps 100", film(60, 82, by="hops to dump", draws=("links",))),
+    "hops": Card(
+        "clean --genome type2 --steps 100", film(60, 82, by="hops to dump", draws=("links",))
+    ),
     "foraging": Card(
-        "run --task foraging --strategy forager --robots 60 --steps 150", film(110, 140, draws=("trails", "home"))
+        "run --task foraging --strategy forager --robots 60 --steps 150",
+        film(110, 140, draws=("trails", "home")),
     ),
-    "aggregation": Card("run --task aggregation --strategy beeclust --robots 120 --steps 410", film(0, 400, 0.1)),
+    "aggregation": Card(
+        "run --task aggregation --strategy beeclust --robots 120 --steps 410", film(0, 400, 0.1)
+    ),
     "contest": Card(
-        f"run {own('contest', 'Contest')} --strategy forager=0.5 type1=0.5 --robots 120 --steps 240", film(200, 230)
+        f"run {own('contest', 'Contest')} --strategy forager=0.5 type1=0.5 --robots 120 --steps 240",
+        film(200, 230),
     ),
-    "sort": Card(f"run {own('sort', 'Sort', 'BySize')} --robots 80 --steps 200 {TWO_SIZES}", film(0, 160, 0.25)),
-    "clusters": Card(f"run {own('clusters', 'Clusters', 'Cluster')} --steps 3000", film(0, 3000, 0.01)),
-    "boxes": Card(f"run {own('boxes', 'Push', 'Sweep')} --robots 120 --steps 400 --seed 1 {BOXES}", film(0, 320, 0.1)),
+    "sort": Card(
+        f"run {own('sort', 'Sort', 'BySize')} --robots 80 --steps 200 {TWO_SIZES}",
+        film(0, 160, 0.25),
+    ),
+    "clusters": Card(
+        f"run {own('clusters', 'Clusters', 'Cluster')} --steps 3000", film(0, 3000, 0.01)
+    ),
+    "boxes": Card(
+        f"run {own('boxes', 'Push', 'Sweep')} --robots 120 --steps 400 --seed 1 {BOXES}",
+        film(0, 320, 0.1),
+    ),
     "explore": Card(
         f"run {own('explore', 'Coverage', 'Explore')} --robots 40 --steps 400 "
         "--maze examples/maze.png --arena.dump-size 1",
         film(0, 400, 0.1),
     ),
     "failures": Card(
-        f"run {own('failures', 'Failures')} --until 150 --robots 80 --steps 400 {MEDIUM}", film(0, 210, 0.15)
+        f"run {own('failures', 'Failures')} --until 150 --robots 80 --steps 400 {MEDIUM}",
+        film(0, 210, 0.15),
     ),
     "two_kinds": Card(
         f"run {own('two_kinds', 'ByKind')} --strategy beeclust --robot models/robot.xml:60 large.xml:40 --steps 400 "
         "--arena.size 34 --spot-radius 6 --spot-offset 9",
         film(0, 400, 0.1),
     ),
-    "six": Card(f"clean --robot models/robot6.xml --robots 40 {SMALL} --steps 60", film(30, 60, draws=("links",))),
+    "six": Card(
+        f"clean --robot models/robot6.xml --robots 40 {SMALL} --steps 60",
+        film(30, 60, draws=("links",)),
+    ),
 }
 """Runs and what is shown of them; the first can be turned, on the first page."""
 BENCH, PAGE = "bench", "page"
@@ -101,7 +134,8 @@ def images(url: str) -> Iterator[Any]:
 
 
 def open_unguarded() -> Any:
-    """Return a server to which a browser can send its pictures, which the guard of pages would drop."""
+    """Return a server to which a browser can send its pictures, which the guard of pages would
+    drop."""
     return viser.ViserServer(host="127.0.0.1", port=8400, verbose=False)
 
 
@@ -122,14 +156,21 @@ def scenes(server: Any, draw: Any) -> list[Image.Image]:
         while not server.get_clients():
             time.sleep(0.1)
         time.sleep(3)
-        _, *found = [rendered(server) for _ in draw(server)]  # in the first one robots are still missing
+        _, *found = [
+            rendered(server) for _ in draw(server)
+        ]  # in the first one robots are still missing
     return found
 
 
 def write(path: Path, pictures: list[Image.Image], largest: int = LARGEST) -> None:
     """Write an animated picture of at most so many bytes, if the lowest quality suffices."""
     first, *rest = pictures
-    more = {"save_all": True, "append_images": rest, "duration": round(1000 / PER_SECOND), "loop": 0}
+    more = {
+        "save_all": True,
+        "append_images": rest,
+        "duration": round(1000 / PER_SECOND),
+        "loop": 0,
+    }
     for quality in (60, 40, 20):
         first.save(path, quality=quality, method=6, **more)
         if path.stat().st_size < largest:
@@ -147,7 +188,9 @@ def swarm(name: str) -> None:
         run = load(f"{place}/run")
         draw, *_ = swarm_film(run, card.film)
         if name == next(iter(CARDS)):
-            write_replay(run, Film(40, 100, title="280 robots clean the floor"), OUT / f"{name}.html")
+            write_replay(
+                run, Film(40, 100, title="280 robots clean the floor"), OUT / f"{name}.html"
+            )
     server = open_unguarded()
     try:
         light(server.scene)
@@ -185,7 +228,9 @@ def page() -> None:
         for browser in images(shown.url):
             browser.set_viewport_size({"width": 1000, "height": 600})
             time.sleep(4)
-            browser.locator("[class*=mantine-Notification] button").first.click()  # software rendering
+            browser.locator(
+                "[class*=mantine-Notification] button"
+            ).first.click()  # software rendering
             for k in range(36):
                 session.post(session.advance)
                 while session.step < k + 1 or session.shown < k + 1:

@@ -20,7 +20,8 @@ LEG_SECTIONS = 14
 
 
 def _leg_centre_line(n_sections: int) -> np.ndarray:
-    """Centre line (x, z) of the leg [n, 2]: flat at the clamp, then bent down, level again at the foot."""
+    """Centre line (x, z) of the leg [n, 2]: flat at the clamp, then bent down, level again at the
+    foot."""
     s = np.linspace(0.0, 1.0, n_sections)
     bend = np.clip((s - LEG_CLAMP) / (1.0 - LEG_CLAMP), 0.0, 1.0)
     # A cantilever's smooth step, sharpened towards the foot.
@@ -30,7 +31,8 @@ def _leg_centre_line(n_sections: int) -> np.ndarray:
 
 
 def leg() -> trimesh.Trimesh:
-    """The piezo leg: a tapered strip swept along its bent centre line, root at x = 0, foot on z = 0."""
+    """The piezo leg: a tapered strip swept along its bent centre line, root at x = 0, foot on z =
+    0."""
     line = _leg_centre_line(LEG_SECTIONS)
     tangent = np.gradient(line, axis=0)
     tangent[[0, -1]] = [1.0, 0.0]
@@ -62,8 +64,12 @@ def leg() -> trimesh.Trimesh:
 def main(folder: Path = FOLDER) -> None:
     """Writes every mesh as .obj, vertices to 0.1 um."""
     folder.mkdir(parents=True, exist_ok=True)
-    text = leg().export(file_type="obj", include_normals=False, include_texture=False, digits=4, header=None)
-    (folder / "leg.obj").write_text("# Bent piezo leg, mm; made by tools/make/make_meshes.py\n" + text + "\n")
+    text = leg().export(
+        file_type="obj", include_normals=False, include_texture=False, digits=4, header=None
+    )
+    (folder / "leg.obj").write_text(
+        "# Bent piezo leg, mm; made by tools/make/make_meshes.py\n" + text + "\n"
+    )
 
 
 if __name__ == "__main__":

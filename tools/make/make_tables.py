@@ -118,7 +118,12 @@ NAMES = (
     (_AREAS, "Boxes3D:centers", "mm", "centres of areas of the task; of discs in Cylinders3D"),
     (_AREAS, "Boxes3D:half_sizes", "mm", "half edges of areas of the task"),
     (f"{names.MEMORY}/NAME", names.VALUE, "", "other recorded memory, one series a robot"),
-    ("states/robot_N", "StateChange:state", "", "state from this step on; only of robots with a lane"),
+    (
+        "states/robot_N",
+        "StateChange:state",
+        "",
+        "state from this step on; only of robots with a lane",
+    ),
     (names.COUNTS, names.VALUE, "", "robots in each state, in the order of `SeriesLines:names`"),
     (f"{names.SHARES}/NAME", names.VALUE, "", "share of the robots that know the vector"),
     *shown("series/"),
@@ -196,7 +201,8 @@ def settings() -> str:
         docs = field_docs(cls)
         defaults = cls()
         rows = [
-            (f"`{flag}`", f"{getattr(defaults, name)}", allowed(cls, name), docs[name]) for name, flag in flags.items()
+            (f"`{flag}`", f"{getattr(defaults, name)}", allowed(cls, name), docs[name])
+            for name, flag in flags.items()
         ]
         texts.append(f"## {title}\n\n" + table("flag | default | allowed | meaning", rows))
     return "\n\n".join(texts)

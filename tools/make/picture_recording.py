@@ -29,18 +29,24 @@ def call_patiently(function, *arguments, **keywords):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("recording", type=Path)
     parser.add_argument("picture", type=Path)
     parser.add_argument("--time", type=float, required=True, help="on the timeline sim_time [s]")
     parser.add_argument("--port", type=int, default=9977)
-    parser.add_argument("--patience", type=float, default=20.0, help="for the viewer to show it [s]")
+    parser.add_argument(
+        "--patience", type=float, default=20.0, help="for the viewer to show it [s]"
+    )
     args = parser.parse_args()
 
     recording = str(args.recording.absolute())
     picture = str(args.picture.absolute())
     moment = timedelta(seconds=args.time)
-    spawned = call_patiently(ViewerClient.spawn, headless=True, port=args.port, hide_welcome_screen=True)
+    spawned = call_patiently(
+        ViewerClient.spawn, headless=True, port=args.port, hide_welcome_screen=True
+    )
     with spawned as viewer:
         call_patiently(viewer.open, recording)
         time.sleep(args.patience)

@@ -12,7 +12,9 @@ _LINK = re.compile(r"\]\(\.\./(results/[\w/.-]+\.png)\)")
 
 def on_files(files: Files, *, config: Any) -> Files:
     """Add the figures that pages show."""
-    pages = [Path(page.abs_src_path).read_text(encoding="utf-8") for page in files.documentation_pages()]
+    pages = [
+        Path(page.abs_src_path).read_text(encoding="utf-8") for page in files.documentation_pages()
+    ]
     for name in sorted({name for text in pages for name in _LINK.findall(text)}):
         files.append(File.generated(config, f"figures/{name}", abs_src_path=str(ROOT / name)))
     return files

@@ -4,11 +4,11 @@
     python tools/research/compare_policies.py --robots 190 --only type1 neural
     python tools/research/compare_policies.py --only neural no-messages no-vectors no-flag no-memory
 
-A row per strategy: worlds in which all balls were delivered; control steps until then, those of the other worlds
-counted as --steps, and collisions: medians with 95 % intervals by order statistics; the mean number of balls delivered
-with its interval by bootstrap.
-`knows-all` is the network with robots that are told where dump and nearest ball are; the rows without something are
-the network with its shipped weights, or with --weights.
+A row per strategy: worlds in which all balls were delivered; control steps until then, those of the
+other worlds counted as --steps, and collisions: medians with 95 % intervals by order statistics;
+the mean number of balls delivered with its interval by bootstrap.
+`knows-all` is the network with robots that are told where dump and nearest ball are; the rows
+without something are the network with its shipped weights, or with --weights.
 """
 
 import argparse
@@ -40,7 +40,9 @@ class Untrained(Neural):
         return untrained(config, robot)
 
 
-OTHERS = {name: (genome, None) for name, genome in PRESETS.items()} | {"hop-gradient": (None, HopGradient())}
+OTHERS = {name: (genome, None) for name, genome in PRESETS.items()} | {
+    "hop-gradient": (None, HopGradient())
+}
 NETWORKS = {
     "neural": Neural,
     "untrained": Untrained,
@@ -53,19 +55,31 @@ NETWORKS = {
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--worlds", type=int, default=48)
     parser.add_argument("--steps", type=int, default=800)
     parser.add_argument("--robots", type=int, default=280)
     parser.add_argument("--size", type=float, default=49.0, help="edge of the arena [rd]")
-    parser.add_argument("--dust", type=float, nargs=3, default=(12, 6, 72), help="offset, edge of areas [rd], balls")
-    parser.add_argument("--failed", type=float, default=0.0, help="share of robots that are dead from the start")
-    parser.add_argument("--noise", type=float, default=1.0, help="times the errors of distances and messages")
-    parser.add_argument("--turn-error", type=float, default=0.0, help="standard deviation of executed turns [deg]")
+    parser.add_argument(
+        "--dust", type=float, nargs=3, default=(12, 6, 72), help="offset, edge of areas [rd], balls"
+    )
+    parser.add_argument(
+        "--failed", type=float, default=0.0, help="share of robots that are dead from the start"
+    )
+    parser.add_argument(
+        "--noise", type=float, default=1.0, help="times the errors of distances and messages"
+    )
+    parser.add_argument(
+        "--turn-error", type=float, default=0.0, help="standard deviation of executed turns [deg]"
+    )
     parser.add_argument("--robot", type=Path, help="MJCF file of other robots")
     parser.add_argument("--weights", type=Path, help="of the networks but `untrained`")
     parser.add_argument(
-        "--only", nargs="+", default=["type1", "type2", "evolved", "hop-gradient", "untrained", "neural", "knows-all"]
+        "--only",
+        nargs="+",
+        default=["type1", "type2", "evolved", "hop-gradient", "untrained", "neural", "knows-all"],
     )
     parser.add_argument("--threads", type=int, default=0)
     args = parser.parse_args()
@@ -75,13 +89,16 @@ def main():
         p_communication_break=0.1 * args.noise,
     )
     offset, edge, balls = args.dust
-    arena = ArenaConfig(size=args.size, dust_area_offset=offset, dust_area_size=edge, n_dust=int(balls))
+    arena = ArenaConfig(
+        size=args.size, dust_area_offset=offset, dust_area_size=edge, n_dust=int(balls)
+    )
     config = SwarmConfig(arena, DriveConfig(error_turn=args.turn_error), light)
     print("| | clean worlds | steps until clean | collisions | delivered |\n|---|---|---|---|---|")
     for name in args.only:
         genome, strategy = OTHERS[name] if name in OTHERS else (None, NETWORKS[name](args.weights))
         worlds = [
-            World(genome or PRESETS["type1"], args.robots, FRESH, index, args.failed) for index in range(args.worlds)
+            World(genome or PRESETS["type1"], args.robots, FRESH, index, args.failed)
+            for index in range(args.worlds)
         ]
         scenario = Scenario(
             config,
@@ -101,7 +118,10 @@ def main():
         collisions = told([one.collisions for one in found])
         delivered = told([one.delivered for one in found], np.mean)
         faults = " faults!" * bool(run.faults)
-        print(f"| {name} | {clean} of {args.worlds} | {steps} | {collisions} | {delivered} |{faults}", flush=True)
+        print(
+            f"| {name} | {clean} of {args.worlds} | {steps} | {collisions} | {delivered} |{faults}",
+            flush=True,
+        )
 
 
 def told(values, statistic=np.median):

@@ -1,4 +1,5 @@
-"""What light does to swarms whose robots have capacitors: balls delivered and picked up, time, waiting, by both types.
+"""What light does to swarms whose robots have capacitors: balls delivered and picked up, time,
+waiting, by both types.
 
     python tools/research/energy_table.py --worlds 4 --steps 400
 
@@ -25,7 +26,15 @@ LIGHTS = {
     "a quarter": replace(USUAL, light_power=USUAL.light_power / 4),
     "dark": replace(USUAL, light_power=0.0),
 }
-HEAD = ("type", "light", "balls delivered", "picked up", "worlds that deliver 66", "their steps", "waiting for energy")
+HEAD = (
+    "type",
+    "light",
+    "balls delivered",
+    "picked up",
+    "worlds that deliver 66",
+    "their steps",
+    "waiting for energy",
+)
 
 
 def row(name, light, args):
@@ -49,7 +58,10 @@ def row(name, light, args):
     ends = [m.finished_at for m in found if m.finished_at is not None]
     steps = sum(m.finished_at or args.steps for m in found)
     waits = sum(m.starved for m in found) / (n_robots * steps)
-    balls = (f"{fmean(values):.1f}" for values in ([m.delivered for m in found], [m.picked for m in found]))
+    balls = (
+        f"{fmean(values):.1f}"
+        for values in ([m.delivered for m in found], [m.picked for m in found])
+    )
     time = f"{fmean(ends):.0f} ({min(ends)} to {max(ends)})" if ends else "-"
     return (name, light, *balls, f"{len(ends)} of {args.worlds}", time, f"{100 * waits:.0f} %")
 

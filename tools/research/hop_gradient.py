@@ -2,7 +2,8 @@
 
 Run it with `iswarm clean --strategy tools/research/hop_gradient.py:HopGradient`.
 
-Robots send how many robots away dust and dump are, and turn to the side where they hear the least of what they need.
+Robots send how many robots away dust and dump are, and turn to the side where they hear the least
+of what they need.
 """
 
 from dataclasses import dataclass
@@ -46,9 +47,15 @@ class HopGradient(Strategy):
 
     def act(self, memory, seen, key):
         heard = {name: jnp.where(seen.is_heard, seen.payload[name], FAR) for name in memory}
-        hops = {name: jnp.minimum(jnp.minimum(heard[name].min(axis=1), memory[name]) + 1, FAR) for name in memory}
+        hops = {
+            name: jnp.minimum(jnp.minimum(heard[name].min(axis=1), memory[name]) + 1, FAR)
+            for name in memory
+        }
         finds = seen.at_dust & ~seen.is_loaded & ~seen.grasp_failed
-        hops = {"dust": jnp.where(finds, 0, hops["dust"]), "dump": jnp.where(seen.on_dump, 0, hops["dump"])}
+        hops = {
+            "dust": jnp.where(finds, 0, hops["dust"]),
+            "dump": jnp.where(seen.on_dump, 0, hops["dump"]),
+        }
 
         wanted = jnp.where(seen.is_loaded[:, None], heard["dump"], heard["dust"])
         side = wanted.argmin(axis=1)[:, None]
@@ -56,7 +63,9 @@ class HopGradient(Strategy):
         chance, aside = jax.random.uniform(key, (2, len(knows)), minval=-1)
         angle = jnp.deg2rad(self.wander) * chance
         angle = jnp.where(knows, jnp.take_along_axis(seen.bearing, side, axis=1)[:, 0], angle)
-        blocked = seen.sees_wall[:, 0] | (seen.is_heard[:, 0] & (seen.distance[:, 0] < self.distance))
+        blocked = seen.sees_wall[:, 0] | (
+            seen.is_heard[:, 0] & (seen.distance[:, 0] < self.distance)
+        )
         angle = jnp.where(blocked, jnp.sign(aside) * jnp.pi / 2, angle)
         angle = jnp.where(finds, jnp.arctan2(seen.ball_vector[:, 1], seen.ball_vector[:, 0]), angle)
         turn = jnp.clip(angle, -jnp.pi / 2, jnp.pi / 2)

@@ -1,4 +1,5 @@
-"""Which balls stay where they land: a map over impact speed and restitution, and shares over the voltage's cut.
+"""Which balls stay where they land: a map over impact speed and restitution, and shares over the
+voltage's cut.
 
 python tools/research/landing_map.py
 """
@@ -36,24 +37,33 @@ class Landing(NamedTuple):
 
 
 def capture_restitution(speed: float, sticks_at: float) -> float:
-    """Greatest restitution with which a ball stays at its first impact, v_s / v, under a field that pulls it away.
+    """Greatest restitution with which a ball stays at its first impact, v_s / v, under a field that
+    pulls it away.
 
     Source: `contact.rebound_ratio`.
     """
     return sticks_at / speed
 
 
-def landing_map(speeds: Sequence[float], restitutions: Sequence[float], voltage: float = 42.0) -> list[Landing]:
+def landing_map(
+    speeds: Sequence[float], restitutions: Sequence[float], voltage: float = 42.0
+) -> list[Landing]:
     """Throw balls at the plate beneath a live tool.
 
     Args:
         speeds: with which they are thrown [m/s].
         restitutions: without adhesion.
-        voltage: of the tool, 5 um above the ball's top; the ball has the plate's potential from its landing on [V].
+        voltage: of the tool, 5 um above the ball's top; the ball has the plate's potential from its
+            landing on [V].
     """
     places = [(speed, ratio) for speed in speeds for ratio in restitutions]
     trials = [
-        Trial(RADIUS, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, contacts=Contacts(leak=0.0, restitution=ratio))
+        Trial(
+            RADIUS,
+            WORK_TOOL_OBJECT,
+            WORK_OBJECT_SUBSTRATE,
+            contacts=Contacts(leak=0.0, restitution=ratio),
+        )
         for _, ratio in places
     ]
     bench = MujocoBench(trials, 5e-6)
@@ -80,13 +90,20 @@ def main() -> None:
     """Print the map and the shares."""
     from scipy.stats import binomtest
 
-    cells = landing_map((0.005, 0.01, 0.02, 0.05, 0.1, 0.15), (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3))
+    cells = landing_map(
+        (0.005, 0.01, 0.02, 0.05, 0.1, 0.15), (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3)
+    )
     print("speed [m/s], restitution, stays, restitution up to which it should")
     for cell in cells:
-        print(f"{cell.speed:.4f}, {cell.restitution:g}, {'yes' if cell.stays else 'no'}, {cell.criterion:.4f}")
+        print(
+            f"{cell.speed:.4f}, {cell.restitution:g}, {'yes' if cell.stays else 'no'}, {cell.criterion:.4f}"
+        )
     agree = sum(cell.stays == (cell.restitution <= cell.criterion) for cell in cells)
     print(f"{agree} of {len(cells)} as the criterion says")
-    cuts = {f"cut {1e3 * delay:g} ms after the release": Protocol(cut_delay=delay) for delay in (0.0, 0.1e-3, 0.3e-3)}
+    cuts = {
+        f"cut {1e3 * delay:g} ms after the release": Protocol(cut_delay=delay)
+        for delay in (0.0, 0.1e-3, 0.3e-3)
+    }
     cuts["held"] = Protocol(after_release="held", flight_limit=5e-3)
     for name, (stay, total) in zip(cuts, shares(list(cuts.values()), 50), strict=True):
         low, high = binomtest(stay, total).proportion_ci(method="exact")

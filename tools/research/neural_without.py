@@ -1,7 +1,8 @@
-"""The learned strategy without one of its parts, and with more than robots can know: what each is worth.
+"""The learned strategy without one of its parts, and with more than robots can know: what each is
+worth.
 
-The classes can be trained, as `iswarm train --strategy tools/research/neural_without.py:NoMessages`, and run with
-`--weights`.
+The classes can be trained, as `iswarm train --strategy
+tools/research/neural_without.py:NoMessages`, and run with `--weights`.
 """
 
 from dataclasses import dataclass
@@ -26,7 +27,11 @@ class Mute(NeuralStrategy):
 
     def say(self, memory, is_loaded):
         said = super().say(memory, is_loaded)
-        return {"priority": said["priority"] & False, "dust": unknown(said["dust"]), "dump": unknown(said["dump"])}
+        return {
+            "priority": said["priority"] & False,
+            "dust": unknown(said["dust"]),
+            "dump": unknown(said["dump"]),
+        }
 
 
 class Vectorless(NeuralStrategy):
@@ -59,14 +64,18 @@ class Omniscient(NeuralStrategy):
     def update_beliefs(self, memory, observation):
         told = jnp.ones(len(memory.character), bool)
         places = {"dust": observation.sensed["ball_at"], "dump": observation.sensed["dump_at"]}
-        return memory._replace(**{name: Belief(where, jnp.zeros(len(where)), told) for name, where in places.items()})
+        return memory._replace(
+            **{name: Belief(where, jnp.zeros(len(where)), told) for name, where in places.items()}
+        )
 
 
 class Told(Cleaning):
     """Cleaning by robots that are told where the dump and the nearest ball on the floor are."""
 
     senses: ClassVar = {
-        "ball_at": Quantity("from the robot to the nearest ball on the floor", "mm", low=-200, high=200),
+        "ball_at": Quantity(
+            "from the robot to the nearest ball on the floor", "mm", low=-200, high=200
+        ),
         "dump_at": Quantity("from the robot to the dump", "mm", low=-200, high=200),
     }
 
@@ -77,7 +86,9 @@ class Told(Cleaning):
         squared = jnp.where(state.is_lying, (apart**2).sum(axis=2), jnp.inf)
         nearest = jnp.take_along_axis(apart, squared.argmin(axis=1)[:, None, None], axis=1)[:, 0]
         ball = jnp.where(state.is_lying.any(), nearest, 0.0)
-        return state, sensed._replace(own={"ball_at": rotate(ball, -yaw), "dump_at": rotate(-place, -yaw)})
+        return state, sensed._replace(
+            own={"ball_at": rotate(ball, -yaw), "dump_at": rotate(-place, -yaw)}
+        )
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
-"""One search as one sample: its best genome, and the quantities of section 4.6.1, each a number per search.
+"""One search as one sample: its best genome, and the quantities of section 4.6.1, each a number per
+search.
 
-The runs of a search share ancestors, so that they are no independent samples of anything that evolves; searches with
-other seeds are.
+The runs of a search share ancestors, so that they are no independent samples of anything that
+evolves; searches with other seeds are.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,7 +25,8 @@ PLATEAU = (35, 100)
 FITTEST = 250
 """How many it takes."""
 BEST = 100
-"""Best runs that are compared, since random search does not gather about its best as the others do."""
+"""Best runs that are compared, since random search does not gather about its best as the others
+do."""
 GROUP = 30
 """Least runs of a group of which a share or a mean is taken."""
 
@@ -39,15 +41,23 @@ class Evolution:
         self.poor = [row for row in rows if row["delivered"] != n_dust]
         self.without = [row for row in rows if not row["use_hop_count"]]
         """Runs without hop counts."""
-        runs = [[row["fitness"] for row in mine] for _, mine in sorted(by(rows, "generation").items())]
+        runs = [
+            [row["fitness"] for row in mine] for _, mine in sorted(by(rows, "generation").items())
+        ]
         self.means = np.array([np.mean(values) for values in runs])
         """Mean fitness of each generation's runs (G,)."""
         self.bests = np.array([max(values) for values in runs])
         """Best fitness of each generation's runs (G,)."""
         n = len(runs)
-        self.last = [row for row in rows if row["generation"] >= n - LAST] if n >= FIRST + LAST else []
+        self.last = (
+            [row for row in rows if row["generation"] >= n - LAST] if n >= FIRST + LAST else []
+        )
         """Runs of the last generations; none if the first and the last would overlap."""
-        among = [row for row in rows if PLATEAU[0] <= row["generation"] + 1 <= PLATEAU[1]] if n >= PLATEAU[1] else []
+        among = (
+            [row for row in rows if PLATEAU[0] <= row["generation"] + 1 <= PLATEAU[1]]
+            if n >= PLATEAU[1]
+            else []
+        )
         self.top = sorted(among, key=lambda row: -row["fitness"])[:FITTEST]
         """The fittest of the plateau; none if the search was too short."""
 
@@ -60,7 +70,11 @@ class Evolution:
     def rise(self) -> float | None:
         """Spearman's correlation of the best fitness with the generation, up to `RISE`."""
         first = self.bests[:RISE]
-        return float(stats.spearmanr(range(RISE), first).statistic) if len(first) >= RISE and np.ptp(first) else None
+        return (
+            float(stats.spearmanr(range(RISE), first).statistic)
+            if len(first) >= RISE and np.ptp(first)
+            else None
+        )
 
     @property
     def gain(self) -> float | None:
@@ -81,12 +95,18 @@ class Evolution:
     def trade(self) -> float | None:
         """Pearson's correlation of forgetting with scouts among the fittest of the plateau."""
         x, y = ([row[name] for row in self.top] for name in ("p_vector_forget", "fraction_scouts"))
-        return float(stats.pearsonr(x, y).statistic) if len(x) > 3 and np.ptp(x) and np.ptp(y) else None
+        return (
+            float(stats.pearsonr(x, y).statistic)
+            if len(x) > 3 and np.ptp(x) and np.ptp(y)
+            else None
+        )
 
     @property
     def density(self) -> float | None:
         """Median density of the last generations."""
-        return float(np.median([row["density_of_robots"] for row in self.last])) if self.last else None
+        return (
+            float(np.median([row["density_of_robots"] for row in self.last])) if self.last else None
+        )
 
     @property
     def early(self) -> float | None:
@@ -105,16 +125,22 @@ class Evolution:
         return clean / len(self.without) if len(self.without) >= GROUP else None
 
     def apart(self, name: str, counted: bool = False) -> float | None:
-        """Mean of a parameter in runs that clean the arena minus that in the others; of those with hop counts alone."""
-        groups = ([row for row in rows if row["use_hop_count"] or not counted] for rows in (self.good, self.poor))
+        """Mean of a parameter in runs that clean the arena minus that in the others; of those with
+        hop counts alone."""
+        groups = (
+            [row for row in rows if row["use_hop_count"] or not counted]
+            for rows in (self.good, self.poor)
+        )
         clean, others = (mean_of(rows, lambda row: row[name]) for rows in groups)
         return None if clean is None or others is None else clean - others
 
     def late(self, name: str) -> float | None:
-        """Mean of a parameter in the last generations; of a Boolean the share of the elites in which it is true.
+        """Mean of a parameter in the last generations; of a Boolean the share of the elites in
+        which it is true.
 
-        Mutations make nearly a fair coin of an offspring's Booleans (`Operators.boolean_mutation`), so that of these
-        only the elites show what was selected. Of a search without elites all runs count.
+        Mutations make nearly a fair coin of an offspring's Booleans (`Operators.boolean_mutation`),
+        so that of these only the elites show what was selected. Of a search without elites all runs
+        count.
         """
         rows = self.last
         if rows and isinstance(rows[0][name], bool):

@@ -1,16 +1,18 @@
-"""The statements of section 4.6.1 on evolutions (Fig. 14, Table 2), and on searches that the paper lacks.
+"""The statements of section 4.6.1 on evolutions (Fig. 14, Table 2), and on searches that the paper
+lacks.
 
-One evolution is one sample, see `evolution`. Each statement is on the median over evolutions of a quantity of one, or
-on how many of them have a property; intervals are over evolutions.
+One evolution is one sample, see `evolution`. Each statement is on the median over evolutions of a
+quantity of one, or on how many of them have a property; intervals are over evolutions.
 
-All are predicted but four. What a dependent mutation does to a Boolean was chosen by the paper's number of swarms
-without hop counts (`runner.evolution.Operators.boolean_mutation`), and most of these fail: so many swarms fail, and
-most of those that fail lost hop counts by chance, whatever their other parameters are, so that these are nearly equal
-in swarms that clean the arena and in others.
+All are predicted but four. What a dependent mutation does to a Boolean was chosen by the paper's
+number of swarms without hop counts (`runner.evolution.Operators.boolean_mutation`), and most of
+these fail: so many swarms fail, and most of those that fail lost hop counts by chance, whatever
+their other parameters are, so that these are nearly equal in swarms that clean the arena and in
+others.
 
-Drift moves the traits of an evolution, but has no direction: mutations and limits are symmetric about the middle of
-each range, so that without selection the median over evolutions is that of random search. A median that differs from it
-over replicates of both was moved by selection.
+Drift moves the traits of an evolution, but has no direction: mutations and limits are symmetric
+about the middle of each range, so that without selection the median over evolutions is that of
+random search. A median that differs from it over replicates of both was moved by selection.
 """
 
 import math
@@ -30,14 +32,15 @@ from iswarm_mj.paper.analysis.statistics import Interval, compare, holm, interva
 from iswarm_mj.strategy.genome import Genome
 
 EVOLUTIONS = 6
-"""Least evolutions over which anything is judged: of five or fewer, not even the range from the least to the greatest
-is an interval of the median at 95 %, as 2 / 2^5 = 6 %."""
+"""Least evolutions over which anything is judged: of five or fewer, not even the range from the
+least to the greatest is an interval of the median at 95 %, as 2 / 2^5 = 6 %."""
 NEAR = 0.05
-"""Margin of the equivalence tests on parameters of swarms: the largest step of the paper's dependent mutation. Means
-that differ by less are within one mutation of each other, so that no evolution of this kind tells them apart. Of shares
-of the elites, one in twenty."""
+"""Margin of the equivalence tests on parameters of swarms: the largest step of the paper's
+dependent mutation. Means that differ by less are within one mutation of each other, so that no
+evolution of this kind tells them apart. Of shares of the elites, one in twenty."""
 SURE = 0.05
-"""Level of the p-values adjusted for the number of traits: without, one of 20 that are not moved would seem so."""
+"""Level of the p-values adjusted for the number of traits: without, one of 20 that are not moved
+would seem so."""
 FITNESS = max(PAPER_FITNESS.values())
 """Points of the paper's fittest swarm."""
 Samples = Mapping[str, Evolutions]
@@ -68,7 +71,9 @@ def _property(has: Callable[[Genome], bool], samples: Samples) -> Judged | None:
     if "paper" not in samples:
         return None
     every = samples["paper"]
-    return shares({"": (sum(has(one.best) for one in every), len(every))}, (0.5, math.inf), EVOLUTIONS)
+    return shares(
+        {"": (sum(has(one.best) for one in every), len(every))}, (0.5, math.inf), EVOLUTIONS
+    )
 
 
 def _against(method: str, is_judged: bool, samples: Samples) -> Judged | None:
@@ -78,20 +83,31 @@ def _against(method: str, is_judged: bool, samples: Samples) -> Judged | None:
     best = [[one.best_runs for one in samples[name]] for name in ("paper", method)]
     n, tested = (len(best[0]), len(best[1])), compare(*best)
     said = f"{np.median(best[0]):z.0f} against {np.median(best[1]):z.0f}, difference "
-    found = judged([Estimate(tested.difference, n, 0.0, said=said, tested=tested)], "medians", "points")
+    found = judged(
+        [Estimate(tested.difference, n, 0.0, said=said, tested=tested)], "medians", "points"
+    )
     verdict = found.verdict if found and min(n) >= EVOLUTIONS else f.TOO_FEW
     return found._replace(verdict=verdict * is_judged) if found else None
 
 
 def _level(name: str, paper: float, samples: Samples) -> Judged | None:
     """A parameter is the paper's in runs that clean the arena."""
-    return _median(lambda one: mean_of(one.good, lambda row: row[name]), samples, paper - NEAR, paper + NEAR)
+    return _median(
+        lambda one: mean_of(one.good, lambda row: row[name]), samples, paper - NEAR, paper + NEAR
+    )
 
 
 def _equal(name: str, samples: Samples) -> Judged | None:
-    """A parameter is equal in runs that clean the arena and in others; beside it, in those with hop counts alone."""
-    found, counted = (_median(lambda one, c=c: one.apart(name, c), samples, -NEAR, NEAR) for c in (False, True))
-    return found._replace(ours=f"{found.ours}; with hop counts alone {counted.ours}") if found and counted else None
+    """A parameter is equal in runs that clean the arena and in others; beside it, in those with hop
+    counts alone."""
+    found, counted = (
+        _median(lambda one, c=c: one.apart(name, c), samples, -NEAR, NEAR) for c in (False, True)
+    )
+    return (
+        found._replace(ours=f"{found.ours}; with hop counts alone {counted.ours}")
+        if found and counted
+        else None
+    )
 
 
 def _weights(one: Evolution) -> float | None:
@@ -112,19 +128,26 @@ TRAITS: Mapping[str, Value] = {
         "trade"
     ),
 }
-"""What selection may act on: means of the last generations, of Booleans those of the elites; and a correlation."""
+"""What selection may act on: means of the last generations, of Booleans those of the elites; and a
+correlation."""
 
 
 def _moved(trait: str, samples: Samples) -> Judged | None:
-    """A trait differs from that of random search, by a test that is corrected for the number of traits."""
+    """A trait differs from that of random search, by a test that is corrected for the number of
+    traits."""
     if not {"paper", "random"} <= samples.keys():
         return None
     pairs = {
-        name: [[v for v in map(value, samples[method]) if v is not None] for method in ("paper", "random")]
+        name: [
+            [v for v in map(value, samples[method]) if v is not None]
+            for method in ("paper", "random")
+        ]
         for name, value in TRAITS.items()
     }
     ours = " against ".join(number(float(np.median(v))) if v else "no value" for v in pairs[trait])
-    tested = {name: compare(*pair) for name, pair in pairs.items() if min(map(len, pair)) >= EVOLUTIONS}
+    tested = {
+        name: compare(*pair) for name, pair in pairs.items() if min(map(len, pair)) >= EVOLUTIONS
+    }
     if trait not in tested:
         return Judged(ours, f"needs {EVOLUTIONS} of both searches (--replicates)", f.TOO_FEW)
     adjusted = dict(zip(tested, holm([one.p for one in tested.values()]), strict=True))[trait]
@@ -164,10 +187,17 @@ TESTS = {
     "forget equal": partial(_equal, "p_vector_forget"),
     "trade": partial(_median, _trade, high=0.0),
     "density level": partial(_median, attrgetter("density"), low=0.1, high=0.15, unit="%"),
-    "signals": partial(_property, lambda best: best.priority_signal_loaded and not best.priority_signal_scouts),
-    "weights": partial(_median, lambda one: one.best.weight_find_dump - one.best.weight_find_dust, low=0.0),
+    "signals": partial(
+        _property, lambda best: best.priority_signal_loaded and not best.priority_signal_scouts
+    ),
+    "weights": partial(
+        _median, lambda one: one.best.weight_find_dump - one.best.weight_find_dust, low=0.0
+    ),
     "distances": partial(
-        _property, lambda best: best.empty_coll_avoid_dist > best.priority_coll_avoid_dist > best.loaded_coll_avoid_dist
+        _property,
+        lambda best: (
+            best.empty_coll_avoid_dist > best.priority_coll_avoid_dist > best.loaded_coll_avoid_dist
+        ),
     ),
 }
 STATEMENTS: list[Statement] = [

@@ -1,4 +1,5 @@
-"""Findings on statements: the paper's value, ours, the statistics, whether the statement holds, and what that tells."""
+"""Findings on statements: the paper's value, ours, the statistics, whether the statement holds, and
+what that tells."""
 
 import csv
 import math
@@ -37,13 +38,15 @@ class Finding(NamedTuple):
     paper: str
     """The paper's value."""
     kind: str
-    """What the verdict is about, one of `KINDS`; of what `infer` asks also whether it selects or is held out."""
+    """What the verdict is about, one of `KINDS`; of what `infer` asks also whether it selects or is
+    held out."""
     ours: str = ""
     """Our value; empty without results."""
     statistics: str = ""
     """Test, sample sizes, intervals, and the rule for the verdict."""
     verdict: str = NOT_RUN
-    """One of HOLDS, FAILS, UNDECIDED, TOO_FEW and NOT_RUN; empty for a number that is reported without a verdict."""
+    """One of HOLDS, FAILS, UNDECIDED, TOO_FEW and NOT_RUN; empty for a number that is reported
+    without a verdict."""
 
 
 class Judged(NamedTuple):
@@ -70,13 +73,16 @@ class Statement(NamedTuple):
     note: str
     """What is to be known of the test or the verdict; ends the statistics of the finding."""
     test: Test
-    """Of the results: rows, or for evolutions samples by methods; None where they have nothing on it."""
+    """Of the results: rows, or for evolutions samples by methods; None where they have nothing on
+    it."""
 
     def finding(self, results: Any) -> Finding:
         """Return the finding; results that are empty, or None, were not made."""
         judged = self.test(results) if results else None
         if judged:
-            judged = judged._replace(statistics="; ".join(filter(None, (judged.statistics, self.note))))
+            judged = judged._replace(
+                statistics="; ".join(filter(None, (judged.statistics, self.note)))
+            )
         return Finding(*self[1:5], *(judged or ()))
 
 
@@ -93,7 +99,8 @@ def named(study: str) -> list[str]:
 
 
 def stated(tests: Mapping[str, Test]) -> list[Statement]:
-    """Statements that these tests judge, by their names in the table beside this file, which has the words."""
+    """Statements that these tests judge, by their names in the table beside this file, which has
+    the words."""
     return [Statement(**_WORDS[name], test=test) for name, test in tests.items()]
 
 
@@ -108,7 +115,8 @@ def added(study: str, claim: str, test: Test) -> Statement:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """A number with `digits` significant digits, without an exponent if it has at most six places."""
+    """A number with `digits` significant digits, without an exponent if it has at most six
+    places."""
     if math.isnan(value):
         return "undefined"
     if value == 0 or 1e-3 <= abs(value) < 1e6:
@@ -119,7 +127,8 @@ def number(value: float, digits: int = 3) -> str:
 
 
 def short(value: Interval, unit: str = "", digits: int = 3) -> str:
-    """An estimate with its interval, if it has one: 3.1 V (2.8 to 3.4); shares as 43 % (38 to 48)."""
+    """An estimate with its interval, if it has one: 3.1 V (2.8 to 3.4); shares as 43 % (38 to
+    48)."""
     estimate, low, high = (number(100 * end if unit == "%" else end, digits) for end in value)
     shown = f"{estimate} {unit}".rstrip()
     return shown if math.isnan(value.low) else f"{shown} ({low} to {high})"

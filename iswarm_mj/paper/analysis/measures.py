@@ -1,4 +1,5 @@
-"""Measures of runs, from rows of an experiment's table, and the paper's numbers that they are compared with."""
+"""Measures of runs, from rows of an experiment's table, and the paper's numbers that they are
+compared with."""
 
 import math
 from collections.abc import Callable
@@ -17,7 +18,8 @@ SHORTEST = 250
 PAPER_FITNESS = {"type1": 7771, "type2": 7766}
 """Of the fittest swarm of each type in Table 2, which is the best of the runs of the evolution."""
 BEST, CLEAN, SPARSEST = (0.1, 0.15), (0.1, 0.2), 0.05
-"""Densities between which the paper found the best swarms, those that cleaned the arena, and the smallest it tried."""
+"""Densities between which the paper found the best swarms, those that cleaned the arena, and the
+smallest it tried."""
 DENSE = float(np.nextafter(CLEAN[1], 1)), math.inf
 """Those above that cleaned it."""
 
@@ -25,17 +27,21 @@ DENSE = float(np.nextafter(CLEAN[1], 1)), math.inf
 def latest_finish(fitness: float, n_dust: int = 72) -> int:
     """Control step at which a swarm with so many points had delivered all balls at the latest.
 
-    By section 4.6 a ball delivered gives 40 points and each of 800 steps left 10, and collisions take some away: 7771 =
-    2880 + 10 (800 - t) - c leaves t = 310 with c = 9, which is 180 collisions a robot, or an earlier step with 10
-    points more lost by collisions; 7766 leaves t = 311 with c = 4, 80 collisions a robot. From 250 steps the formula
-    makes 2880 + 5500 = 8380 points; the paper's 8360 are 548 steps left instead of 550.
+    By section 4.6 a ball delivered gives 40 points and each of 800 steps left 10, and collisions
+    take some away: 7771 = 2880 + 10 (800 - t) - c leaves t = 310 with c = 9, which is 180
+    collisions a robot, or an earlier step with 10 points more lost by collisions; 7766 leaves t =
+    311 with c = 4, 80 collisions a robot. From 250 steps the formula makes 2880 + 5500 = 8380
+    points; the paper's 8360 are 548 steps left instead of 550.
     """
     return math.floor(STEPS - (fitness - 40 * n_dust) / 10)
 
 
 PAPER_TIME = {name: latest_finish(points) for name, points in PAPER_FITNESS.items()}
 """Finishing times of the paper's types [steps]."""
-PENALTIES = {name: 40 * 72 + 10 * (STEPS - PAPER_TIME[name]) - points for name, points in PAPER_FITNESS.items()}
+PENALTIES = {
+    name: 40 * 72 + 10 * (STEPS - PAPER_TIME[name]) - points
+    for name, points in PAPER_FITNESS.items()
+}
 """Points that the paper's types lose by collisions, see `latest_finish`: 9 and 4."""
 
 
@@ -57,13 +63,17 @@ TIME = Measure(
 )
 """The time limit, if the goal was not reached."""
 DUST = Measure("dust removed [balls]", "balls", lambda row: float(row["delivered"]), True)
-COLLISIONS = Measure("collisions per robot", "per robot", lambda row: float(row["collisions_per_robot"]))
+COLLISIONS = Measure(
+    "collisions per robot", "per robot", lambda row: float(row["collisions_per_robot"])
+)
 CARRIAGE = Measure("mean carriage [steps]", "steps", lambda row: row["mean_carriage_steps"])
 MEASURES = (TIME, DUST, COLLISIONS, CARRIAGE)
 """Of the paper's Figs. 15 and 17."""
 FITNESS = Measure("fitness [points]", "points", lambda row: row["fitness"], True)
 AGGREGATION = Measure("empty workers at dust areas [share]", "", lambda row: row["aggregation"])
-ATTEMPTS = Measure("attempts per ball", "per ball", lambda row: row["attempts"] / max(row["picked"], 1))
+ATTEMPTS = Measure(
+    "attempts per ball", "per ball", lambda row: row["attempts"] / max(row["picked"], 1)
+)
 FAILED = Measure("failed grasps", "a run", lambda row: float(row["failed_grasps"]))
 STUCK = Measure("failed releases", "a run", lambda row: float(row["failed_releases"]))
 BROKEN = Measure("attempts broken off", "a run", lambda row: float(row["broken_off"]))

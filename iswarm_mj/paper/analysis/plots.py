@@ -1,4 +1,5 @@
-"""Figures: bars in the form of the paper's Figs. 15 and 17, effects; searches in that of Fig. 14; learning.
+"""Figures: bars in the form of the paper's Figs. 15 and 17, effects; searches in that of Fig. 14;
+learning.
 
 Each is written as PNG and SVG; functions take the path without suffix.
 """
@@ -25,22 +26,37 @@ _TICKS = (-1000, -500, -200, -100, -50, 0, 50, 100, 200, 500, 1000)
 
 
 def _sizes(groups: Sequence[Rows]) -> str:
-    """What triangles mean, if there are runs that did not reach their goal; the numbers of runs in groups."""
+    """What triangles mean, if there are runs that did not reach their goal; the numbers of runs in
+    groups."""
     late = [row for group in groups for row in group if row["finished_at"] is None]
     counts = sorted({len(group) for group in groups}) or [0]
     n = f"n = {counts[0]} each." if len(counts) == 1 else f"n = {counts[0]} to {counts[-1]}."
     limits = ", ".join(map(str, sorted({row["max_steps"] for row in late})))
     runs = f"{len(late)} run{'s' * (len(late) > 1)}"
-    return f"Triangles: {runs} that had not reached the goal at the limit of {limits} steps. {n}" if late else n
+    return (
+        f"Triangles: {runs} that had not reached the goal at the limit of {limits} steps. {n}"
+        if late
+        else n
+    )
 
 
-def _dots(axes: Axes, along: float, rows: Rows, measure: Measure, hue: str, shift: Any = 0.0) -> None:
+def _dots(
+    axes: Axes, along: float, rows: Rows, measure: Measure, hue: str, shift: Any = 0.0
+) -> None:
     """A dot per run; an open triangle for one that did not reach its goal in the time."""
     shown = [row for row in rows if measure.value(row) is not None]
     is_late = np.array([measure is TIME and row["finished_at"] is None for row in shown], bool)
     found, along_all = values(shown, measure), along + np.broadcast_to(shift, len(shown))
     axes.plot(along_all[~is_late], found[~is_late], ".", color=hue, markersize=3.5, alpha=0.8)
-    axes.plot(along_all[is_late], found[is_late], "^", color=hue, markersize=4, markerfacecolor="white", zorder=5)
+    axes.plot(
+        along_all[is_late],
+        found[is_late],
+        "^",
+        color=hue,
+        markersize=4,
+        markerfacecolor="white",
+        zorder=5,
+    )
 
 
 def draw_bars(
@@ -51,10 +67,12 @@ def draw_bars(
     path: Path,
     measures: Sequence[Measure] = MEASURES,
 ) -> None:
-    """Draw four measures: a bar from zero to the median, a line up to the third quartile, a dot per run.
+    """Draw four measures: a bar from zero to the median, a line up to the third quartile, a dot per
+    run.
 
-    Runs that did not reach their goal are triangles at the time limit. Of two groups, each panel has the p of the test.
-    The values of the columns tell the bars apart, and a bar's name is made from them.
+    Runs that did not reach their goal are triangles at the time limit. Of two groups, each panel
+    has the p of the test. The values of the columns tell the bars apart, and a bar's name is made
+    from them.
     """
     rng = np.random.default_rng(0)
     groups = by(rows, *columns)
@@ -67,11 +85,20 @@ def draw_bars(
             samples = [values(group, measure) for group in groups.values()]
             for place, (found, group) in enumerate(zip(samples, groups.values(), strict=True)):
                 if not len(found):
-                    axes.annotate("none", (place, 0), (0, 3), textcoords="offset points", ha="center", color=GREY)
+                    axes.annotate(
+                        "none",
+                        (place, 0),
+                        (0, 3),
+                        textcoords="offset points",
+                        ha="center",
+                        color=GREY,
+                    )
                     continue
                 middle, third = np.quantile(found, [0.5, 0.75])
                 axes.bar(place, middle, 0.62, color=PALE, edgecolor=BLUE, linewidth=0.8)
-                axes.errorbar(place, middle, [[0], [third - middle]], color="black", capsize=4, linewidth=1)
+                axes.errorbar(
+                    place, middle, [[0], [third - middle]], color="black", capsize=4, linewidth=1
+                )
                 _dots(axes, place, group, measure, ORANGE, rng.uniform(-0.2, 0.2, len(found)))
             tested = len(samples) == 2 and all(map(len, samples))
             p = f"  p = {compare(samples[0], samples[1]).p:.2g}" if tested else ""
@@ -83,8 +110,8 @@ def draw_bars(
 
 
 def draw_effects(rows: Rows, path: Path) -> None:
-    """Draw what each choice does to the time to the goal as a forest plot, in the order of the groups of choices; zero
-    means no effect."""
+    """Draw what each choice does to the time to the goal as a forest plot, in the order of the
+    groups of choices; zero means no effect."""
     usual, effects = select(rows, choice=DEFAULT), changes(rows)
     if not effects:
         return
@@ -92,7 +119,9 @@ def draw_effects(rows: Rows, path: Path) -> None:
         f"n = {len(usual)} runs each; 95 % intervals of the difference of means, by bootstrap.\n"
         f"Runs that did not reach the goal count as {usual[0]['max_steps']} steps. {TESTS}"
     )
-    is_new = np.array([not n or effect.group != effects[n - 1].group for n, effect in enumerate(effects)])
+    is_new = np.array(
+        [not n or effect.group != effects[n - 1].group for n, effect in enumerate(effects)]
+    )
     places = np.cumsum(1.0 + 0.6 * is_new)
     with figure(path, size=(7.2, 1.6 + 0.2 * places[-1]), caption=caption) as (axes,):
         axes.axvline(0, color="0.4", linewidth=0.8)
@@ -101,7 +130,14 @@ def draw_effects(rows: Rows, path: Path) -> None:
             hue = ORANGE if low > 0 else BLUE if high < 0 else GREY
             axes.plot([low, high], [place, place], color=hue, linewidth=1.4)
             axes.plot(estimate, place, "o", color=hue, markersize=4)
-            axes.text(1.01, place, effect.reached, transform=axes.get_yaxis_transform(), va="center", fontsize=7)
+            axes.text(
+                1.01,
+                place,
+                effect.reached,
+                transform=axes.get_yaxis_transform(),
+                va="center",
+                fontsize=7,
+            )
         for hue, name in ((ORANGE, "slower"), (BLUE, "faster"), (GREY, "interval includes zero")):
             axes.plot([], [], "o-", color=hue, markersize=4, label=name)
         axes.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, fontsize=8)
@@ -129,8 +165,8 @@ def _with_unit(change: Change) -> str:
 
 
 def draw_trade(paper: Evolutions, path: Path) -> None:
-    """Draw Fig. 14(b), scouts and forgetting of the fittest, with a line per replicate of the paper's evolution that is
-    long enough."""
+    """Draw Fig. 14(b), scouts and forgetting of the fittest, with a line per replicate of the
+    paper's evolution that is long enough."""
     tops = [one.top for one in paper if one.top]
     if not tops:
         return
@@ -140,9 +176,20 @@ def draw_trade(paper: Evolutions, path: Path) -> None:
     )
     with figure(path, size=(4.4, 3.6), caption=caption) as (axes,):
         for place, top in enumerate(tops):
-            x, y = (np.array([row[column] for row in top]) for column in ("fraction_scouts", "p_vector_forget"))
+            x, y = (
+                np.array([row[column] for row in top])
+                for column in ("fraction_scouts", "p_vector_forget")
+            )
             axes.plot(x, y, "o", color=f"C{place % 10}", markersize=2, alpha=0.3)
             if np.ptp(x) > 0:
                 ends = np.array([x.min(), x.max()])
-                axes.plot(ends, np.polyval(np.polyfit(x, y, 1), ends), "--", color=f"C{place % 10}", linewidth=1)
-        axes.set(xlabel="fraction-scouts", ylabel="p(vector-forget)", xlim=(0, None), ylim=(0, None))
+                axes.plot(
+                    ends,
+                    np.polyval(np.polyfit(x, y, 1), ends),
+                    "--",
+                    color=f"C{place % 10}",
+                    linewidth=1,
+                )
+        axes.set(
+            xlabel="fraction-scouts", ylabel="p(vector-forget)", xlim=(0, None), ylim=(0, None)
+        )

@@ -1,4 +1,5 @@
-"""What a directory of results holds, in words: of runs, experiments, searches and trials, interrupted ones included."""
+"""What a directory of results holds, in words: of runs, experiments, searches and trials,
+interrupted ones included."""
 
 import re
 import shlex
@@ -62,14 +63,23 @@ def inspection(directory: Path) -> str:
     """
     if not directory.is_dir():
         raise UserError(f"{directory} is no directory; give the --out of a command.")
-    found = sorted({path.parent for name in _KNOWN for path in directory.glob(f"**/{name}") if path.is_file()})
+    found = sorted(
+        {path.parent for name in _KNOWN for path in directory.glob(f"**/{name}") if path.is_file()}
+    )
     if not found:
-        raise UserError(f"{directory} holds no results; give the --out of a command, or a directory of such.")
+        raise UserError(
+            f"{directory} holds no results; give the --out of a command, or a directory of such."
+        )
     if directory in found:
         return "\n".join([*_about(directory), "", *_files(directory), *_recordings(directory)])
-    if len(found) > 1 and all((place / RESULT).is_file() and not _is_of_bench(place / RESULT) for place in found):
+    if len(found) > 1 and all(
+        (place / RESULT).is_file() and not _is_of_bench(place / RESULT) for place in found
+    ):
         return "\n".join(_of_many({place: read_result(place / RESULT) for place in found}))
-    paragraphs = ([str(place), *(f"  {line}" for line in (*_about(place), *_recordings(place, 1)))] for place in found)
+    paragraphs = (
+        [str(place), *(f"  {line}" for line in (*_about(place), *_recordings(place, 1)))]
+        for place in found
+    )
     return "\n\n".join(map("\n".join, paragraphs))
 
 
@@ -77,12 +87,18 @@ def _of_many(runs: Mapping[Path, Mapping[str, Any]]) -> list[str]:
     """A line for each run, with means over its worlds."""
 
     def mean(value: Any) -> str:
-        known = [v for v in (value if isinstance(value, list) else [value]) if isinstance(v, int | float)]
+        known = [
+            v for v in (value if isinstance(value, list) else [value]) if isinstance(v, int | float)
+        ]
         return f"{sum(known) / len(known):.5g}" if known else "-"
 
-    facts, measures = ("engine", "n_robots", "n_worlds", "steps"), ("delivered", "finished_at", "collisions")
+    facts, measures = (
+        ("engine", "n_robots", "n_worlds", "steps"),
+        ("delivered", "finished_at", "collisions"),
+    )
     lines = [
-        ["directory", "rules", "engine", "robots", "worlds", "steps"] + [name.replace("_", " ") for name in measures]
+        ["directory", "rules", "engine", "robots", "worlds", "steps"]
+        + [name.replace("_", " ") for name in measures]
     ]
     for place, content in runs.items():
         about = map(str, (place, strategy_of(content), *map(content.get, facts)))
@@ -102,15 +118,22 @@ def _about(directory: Path) -> Iterator[str]:
     for path in there:
         try:
             with results.as_named(path):
-                yield from _run(read_result(path), directory) if path.name == RESULT else _table(path)
+                yield from (
+                    _run(read_result(path), directory) if path.name == RESULT else _table(path)
+                )
         except UserError as error:
             yield str(error)
     for name, kind in _JOURNALS.items():
         if (directory / name).is_file():
             kept = f"{count(directory / name)} finished runs of {kind} are kept in {name}"
-            # A search writes its table as it goes on, and its best genome at the end; a training its figure.
+            # A search writes its table as it goes on, and its best genome at the end; a training
+            # its figure.
             last = (BEST, "learning.png")
-            ended = any((directory / one).is_file() for one in last) if name == CHECKPOINT else bool(there)
+            ended = (
+                any((directory / one).is_file() for one in last)
+                if name == CHECKPOINT
+                else bool(there)
+            )
             yield kept if ended else f"interrupted: {kept}; the same command goes on"
 
 
@@ -157,13 +180,19 @@ def _table(path: Path) -> list[str]:
 
 def _files(directory: Path) -> Iterator[str]:
     """Name the files, and say how to open each."""
-    files = [path for path in sorted(directory.rglob("*")) if path.is_file() and not path.name.startswith(".")]
+    files = [
+        path
+        for path in sorted(directory.rglob("*"))
+        if path.is_file() and not path.name.startswith(".")
+    ]
     names = [str(path.relative_to(directory)) for path in files[:_MAX_LISTED]]
     width = max(map(len, names), default=0)
     for name, path in zip(names, files, strict=False):
         text = opening(path)
         if path.name == RESULT and _is_of_bench(path):
-            text = f"measures and settings: iswarm grasp --config {shlex.quote(str(path))} repeats it"
+            text = (
+                f"measures and settings: iswarm grasp --config {shlex.quote(str(path))} repeats it"
+            )
         elif path.name == RESULT:
             text = text.replace("iswarm clean", _repeating(read_result(path)))
         elif path.name == TRAJECTORY and not is_zipfile(path):
@@ -187,7 +216,8 @@ def _repeating(content: Mapping[str, Any]) -> str:
 
 
 def _recordings(directory: Path, at_least: int = 2) -> Iterator[str]:
-    """Say how to open all recordings at once, with the numbers of worlds and trials left to the shell."""
+    """Say how to open all recordings at once, with the numbers of worlds and trials left to the
+    shell."""
     found = [path for path in sorted(directory.rglob("*.rrd")) if path.is_file()]
     if len(found) >= at_least:
         names = [shlex.quote(str(path.relative_to(directory))) for path in found]

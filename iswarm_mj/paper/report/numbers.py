@@ -23,7 +23,8 @@ _TRIALS = (("experiment", "relative_humidity"), (m.VOLTAGE,))
 
 
 def text(value: object) -> str:
-    """A value in one line of a page or a cell of a table; tags, links and pictures in it are shown as text."""
+    """A value in one line of a page or a cell of a table; tags, links and pictures in it are shown
+    as text."""
     line = re.sub(r"<(?=[A-Za-z/!?])", "&lt;", " ".join(str(value).split())).replace("](", "]\\(")
     return re.sub(r"(?<!\\)\|", r"\\|", line)
 
@@ -35,9 +36,12 @@ def table(head: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
 
 
 def grouped(name: str, rows: Rows) -> str:
-    """A line for each group: how many of its runs reached the goal, and medians with their intervals."""
+    """A line for each group: how many of its runs reached the goal, and medians with their
+    intervals."""
     trials = name not in EXPERIMENTS
-    columns, measures = _TRIALS if trials else (EXPERIMENTS[name].columns, EXPERIMENTS[name].measures)
+    columns, measures = (
+        _TRIALS if trials else (EXPERIMENTS[name].columns, EXPERIMENTS[name].measures)
+    )
     lines = []
     for key, runs in by(select(rows, faulty=False) if trials else rows, *columns).items():
         reached = len(values(runs, m.VOLTAGE)) if trials else finished(runs)
@@ -60,10 +64,23 @@ def sensitivity(rows: Rows) -> str:
     """The choices that change the time to the goal."""
     found = sorted((c for c in changes(rows) if c.p < ALPHA), key=lambda c: c.p)
     lines = [
-        [f"`{c.choice}`", c.value, c.reached, short(c.effect), *(number(p, 2) for p in (c.p, c.adjusted))]
+        [
+            f"`{c.choice}`",
+            c.value,
+            c.reached,
+            short(c.effect),
+            *(number(p, 2) for p in (c.p, c.adjusted)),
+        ]
         for c in found
     ]
-    head = ["choice", "value", "runs that reach the goal", "change of the mean time [steps]", "p", "p by Holm"]
+    head = [
+        "choice",
+        "value",
+        "runs that reach the goal",
+        "change of the mean time [steps]",
+        "p",
+        "p by Holm",
+    ]
     return table(head, lines)
 
 
@@ -71,16 +88,29 @@ def evolution(samples: Mapping[str, Evolutions]) -> str:
     """What the searches by each method found: medians over their replicates."""
     lines = []
     for method, found in samples.items():
-        medians = (interval([getattr(one, name) for one in found], np.median) for name in ("final", "best_runs"))
+        medians = (
+            interval([getattr(one, name) for one in found], np.median)
+            for name in ("final", "best_runs")
+        )
         runs, clean = sum(len(one.rows) for one in found), sum(len(one.good) for one in found)
         best = max(one.bests.max() for one in found)
-        lines.append([method, len(found), runs, clean, *(short(each, digits=4) for each in medians), f"{best:.0f}"])
+        lines.append(
+            [
+                method,
+                len(found),
+                runs,
+                clean,
+                *(short(each, digits=4) for each in medians),
+                f"{best:.0f}",
+            ]
+        )
     head = ["method", "replicates", "runs", "deliver all", f"mean fitness, last {LAST} generations"]
     return table([*head, f"best {BEST} runs", "best run"], lines)
 
 
 def readings(rows: Rows) -> str:
-    """What combinations reproduce, and the support of each reading by those that miss the fewest statements."""
+    """What combinations reproduce, and the support of each reading by those that miss the fewest
+    statements."""
     every = combinations_of(rows)
     sample, kept = sample_of(every)
     groups = {f"all {len(sample)}": sample, f"the {len(kept)} accepted": kept}
@@ -92,7 +122,11 @@ def readings(rows: Rows) -> str:
         single = short(interval([n for one in group for n in one.single]))
         held_out = short(interval(others)) if len(group) > 1 else others[0]
         counted.append([label, f"{np.median(counts):g}{most}", single, held_out])
-    head = ["combinations", f"statements that select reproduced, of {len(every[0].answers)}", "mean by single runs"]
+    head = [
+        "combinations",
+        f"statements that select reproduced, of {len(every[0].answers)}",
+        "mean by single runs",
+    ]
     first = table([*head, f"mean of the {len(every[0].held_out)} held out"], counted)
     lines = [
         [
@@ -105,15 +139,20 @@ def readings(rows: Rows) -> str:
         for name, one in supports(every).items()
     ]
     head = ["reading", f"share of the {len(kept)} accepted of {len(sample)}", "p", "p by Holm"]
-    alone = ["statements that select and `paper` reproduces with this value, the default first", "more by single runs"]
+    alone = [
+        "statements that select and `paper` reproduces with this value, the default first",
+        "more by single runs",
+    ]
     return first + "\n\n" + table([*head, *alone], lines)
 
 
 def engines(found: Mapping[str, Mapping[str, Rows]]) -> str:
-    """Table of the finishing times in two directories, and whether they are equal, group by group and together.
+    """Table of the finishing times in two directories, and whether they are equal, group by group
+    and together.
 
-    The last line tells whether their ratio changes with the density, which the mean of all could hide. Swarms without
-    hop counts are left out, since none of their runs need end before the limit, and those that only one directory has.
+    The last line tells whether their ratio changes with the density, which the mean of all could
+    hide. Swarms without hop counts are left out, since none of their runs need end before the
+    limit, and those that only one directory has.
     """
     (one, first), (other, second) = ((place, _times(parts)) for place, parts in found.items())
     both = [swarm for swarm in first if swarm in second]
@@ -138,7 +177,12 @@ def engines(found: Mapping[str, Mapping[str, Rows]]) -> str:
     lines.append(["all", "", "", *judged(both)])
     slope = short(trend(densities, *pairs(densities)))
     lines.append(["slope of the ratio's logarithm over the density", "", "", slope, "no rule"])
-    head = ["swarm", f"`{one}`: median time [steps]", f"`{other}`", "ratio of the times (95 % interval)"]
+    head = [
+        "swarm",
+        f"`{one}`: median time [steps]",
+        f"`{other}`",
+        "ratio of the times (95 % interval)",
+    ]
     return table([*head, f"equal within {100 * EQUAL:.0f} %"], lines)
 
 

@@ -1,4 +1,5 @@
-"""All results by their parts, the findings on them, the report, and the tables of README and docs."""
+"""All results by their parts, the findings on them, the report, and the tables of README and
+docs."""
 
 import json
 import shutil
@@ -51,7 +52,8 @@ class Part:
     """Writes the results into a directory, resuming what is there unless called with `again`."""
 
     def lacks(self, results: Path) -> str:
-        """Why the part has to be made, in words; empty if its table is there below `results`, of whichever engine."""
+        """Why the part has to be made, in words; empty if its table is there below `results`, of
+        whichever engine."""
         path = results / self.name / self.table
         if not path.is_file():
             return "not there"
@@ -61,11 +63,14 @@ class Part:
             return "not readable"
         wanted = json.loads(json.dumps({**self.settings, "version": __version__}))
         ignored = () if self.name in OWN_ENGINE else IDENTITY
-        names = {name for name in {*wanted, *settings} if wanted.get(name) != settings.get(name)}.difference(ignored)
+        names = {
+            name for name in {*wanted, *settings} if wanted.get(name) != settings.get(name)
+        }.difference(ignored)
         return f"made with another {', another '.join(sorted(names))}" if names else ""
 
     def publish(self, work: Path, results: Path) -> None:
-        """Copy the table, the figures and the best genomes from where they were made; remove older ones."""
+        """Copy the table, the figures and the best genomes from where they were made; remove older
+        ones."""
         target = results / self.name
         made = [work / self.table, *(path for pattern in PUBLISHED for path in work.glob(pattern))]
         with locked(target):
@@ -76,11 +81,14 @@ class Part:
                     shutil.copyfile(path, part)
 
 
-def parts_of(plan: Plan, execution: Execution, replicates: int, repeats: int, only: Sequence[str] = ()) -> list[Part]:
+def parts_of(
+    plan: Plan, execution: Execution, replicates: int, repeats: int, only: Sequence[str] = ()
+) -> list[Part]:
     """Parts of these names, all if there are none; searches last, since they take longest.
 
-    Searches have densities up to 0.5, since a batch waits for its densest world. Quick searches and trials are just
-    enough for each step to be taken. `replicates` are of each search, `repeats` grasps at each radius and humidity.
+    Searches have densities up to 0.5, since a batch waits for its densest world. Quick searches and
+    trials are just enough for each step to be taken. `replicates` are of each search, `repeats`
+    grasps at each radius and humidity.
     """
     scenario = Scenario(plan.config, engine=execution.engine, seed=plan.seed)
     search = Search(replicates=replicates, operators=Operators(density_max=0.5), scenario=scenario)
@@ -96,7 +104,9 @@ def parts_of(plan: Plan, execution: Execution, replicates: int, repeats: int, on
         protocol=Protocol(transport=TRANSPORT),
         contacts=Contacts(rolling=50e-9),
     )
-    found = [Part(GRASP, TRIALS, trials.metadata(), lambda out, again: run_grasp(trials, out, record=()))]
+    found = [
+        Part(GRASP, TRIALS, trials.metadata(), lambda out, again: run_grasp(trials, out, record=()))
+    ]
     planar = replace(execution, engine=replace(PlanarSettings.usual(), refinement=1))
     for name, each in EXPERIMENTS.items():
         own = planar if name in OWN_ENGINE else execution
@@ -105,7 +115,12 @@ def parts_of(plan: Plan, execution: Execution, replicates: int, repeats: int, on
     for one in (replace(search, method=method) for method in METHODS):
         make = partial(run_search, one, execution=execution)
         found.append(Part(f"evolve-{one.method}", SEARCH, settings_of_search(one, execution), make))
-    check("only", " ".join(only), " or ".join(part.name for part in found), {*only} <= {part.name for part in found})
+    check(
+        "only",
+        " ".join(only),
+        " or ".join(part.name for part in found),
+        {*only} <= {part.name for part in found},
+    )
     return [part for part in found if not only or part.name in only]
 
 
@@ -115,11 +130,13 @@ def listing(parts: Sequence[Part], results: Path) -> str:
     return "\n".join(f"{part.name:{width}}  {part.lacks(results) or 'there'}" for part in parts)
 
 
-def reproduce(parts: Sequence[Part], results: Path, out: Path, pages: Sequence[Path], again: bool = False) -> None:
+def reproduce(
+    parts: Sequence[Part], results: Path, out: Path, pages: Sequence[Path], again: bool = False
+) -> None:
     """Make the parts that are not there, then findings, tables and the report from all results.
 
-    A part is made in a directory of its own, from which it can go on after an interruption, and its table, figures and
-    best genomes are copied into the results when it is complete.
+    A part is made in a directory of its own, from which it can go on after an interruption, and its
+    table, figures and best genomes are copied into the results when it is complete.
 
     Args:
         parts: to make.
@@ -140,8 +157,8 @@ def reproduce(parts: Sequence[Part], results: Path, out: Path, pages: Sequence[P
 
 
 def rewrite(results: Path, pages: Sequence[Path]) -> None:
-    """Write the findings beside the tables, and the blocks of the pages, from the results that are there; nothing if a
-    block has an unknown name."""
+    """Write the findings beside the tables, and the blocks of the pages, from the results that are
+    there; nothing if a block has an unknown name."""
     topics, texts = topics_of(collect([results])), new_texts(pages, Tables().content)
     with locked(results):
         for topic in topics:

@@ -1,5 +1,7 @@
-"""Tables of experiments, searches and trials below directories, their figures, the topics of findings on them, and the
-report: every statement of the paper's sections 3.2 and 4.6 beside the results, as an HTML page with its figures."""
+"""Tables of experiments, searches and trials below directories, their figures, the topics of
+findings on them, and the
+report: every statement of the paper's sections 3.2 and 4.6 beside the results, as an HTML page with
+    its figures."""
 
 import base64
 import csv
@@ -33,7 +35,8 @@ from iswarm_mj.workflows.grasp import TABLE as TRIALS
 LAWS, GRASP, EVOLUTION = "laws", "grasp", "evolution"
 _TABLE = files("iswarm_mj.paper.report").joinpath("topics.csv").read_text(encoding="utf-8")
 TOPICS = {row["topic"]: row for row in csv.DictReader(_TABLE.splitlines())}
-"""Topics in their order: titles, and what the paper's text and captions say of its figures, which are not at hand."""
+"""Topics in their order: titles, and what the paper's text and captions say of its figures, which
+are not at hand."""
 SEARCHES = tuple(f"evolve-{method}" for method in METHODS)
 OF_RUNS = "type*[0-9].png"
 """Drawings that the experiment on types leaves in its directory."""
@@ -86,14 +89,16 @@ def as_named(path: Path) -> Iterator[None]:
     try:
         yield
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-        raise UserError(f"{path} is damaged, or holds something else than its name says; make it again") from error
+        raise UserError(
+            f"{path} is damaged, or holds something else than its name says; make it again"
+        ) from error
 
 
 def collect(directories: Sequence[Path]) -> dict[str, Result]:
     """Read all tables below the directories, by the names of the parts.
 
-    If there are several tables of a name, the one with the most rows is used; one made with --quick only if there is no
-    other.
+    If there are several tables of a name, the one with the most rows is used; one made with --quick
+    only if there is no other.
 
     Raises:
         UserError: a directory does not exist, or a table is damaged.
@@ -109,12 +114,15 @@ def collect(directories: Sequence[Path]) -> dict[str, Result]:
                     name = _PARTS.get(path.name, f"evolve-{settings.get('method')}")
                 if rows:
                     both = found.get(name), Result(name, path, rows, settings)
-                    found[name] = max(filter(None, both), key=lambda r: (not r.settings.get("quick"), len(r.rows)))
+                    found[name] = max(
+                        filter(None, both), key=lambda r: (not r.settings.get("quick"), len(r.rows))
+                    )
     return {name: found[name] for name in (GRASP, *SEARCHES, *EXPERIMENTS) if name in found}
 
 
 def files_in(directory: Path, pattern: str) -> Iterator[Path]:
-    """Yield the files that match a pattern, sorted, without those reached by links that lead out of the directory."""
+    """Yield the files that match a pattern, sorted, without those reached by links that lead out of
+    the directory."""
     inside = directory.resolve()
     for path in sorted(directory.glob(pattern)):
         if path.is_file() and path.resolve().is_relative_to(inside):
@@ -129,12 +137,18 @@ def topics_of(results: Mapping[str, Result]) -> list[Topic]:
     """
     listed, others = [], [*bench_statements.STATEMENTS, *evolution_statements.STATEMENTS]
     for name, words in TOPICS.items():
-        mine = [results[part] for part in (SEARCHES if name == EVOLUTION else (name,)) if part in results]
+        mine = [
+            results[part]
+            for part in (SEARCHES if name == EVOLUTION else (name,))
+            if part in results
+        ]
         with as_named(mine[0].path if mine else Path()):
             data: Any = mine[0].rows if mine else []
             if name == EVOLUTION:
                 data = {
-                    one.settings["method"]: evolutions(one.rows, one.settings["config"]["arena"]["n_dust"])
+                    one.settings["method"]: evolutions(
+                        one.rows, one.settings["config"]["arena"]["n_dust"]
+                    )
                     for one in mine
                 }
             judge = EXPERIMENTS[name].findings if name in EXPERIMENTS else None
@@ -152,7 +166,8 @@ def tally(findings: Sequence[Finding]) -> tuple[list[str], dict[str, list[int]]]
 
 
 def report(directories: Sequence[Path], out: Path) -> list[Topic]:
-    """Write a report of all results below the directories, at any depth, as one HTML page; print a summary."""
+    """Write a report of all results below the directories, at any depth, as one HTML page; print a
+    summary."""
     check_name(out, ".html")
     results = collect(directories)
     make_output_directory(out.parent, given=out)
@@ -177,7 +192,9 @@ def report(directories: Sequence[Path], out: Path) -> list[Topic]:
     with atomic_write(out) as part:
         part.write_text(text, encoding="utf-8")
     if not results:
-        print(f"no results found in {', '.join(map(str, directories))}; the statements that are judged need none")
+        print(
+            f"no results found in {', '.join(map(str, directories))}; the statements that are judged need none"
+        )
     print(", ".join(f"{verdict or 'not judged'}: {sum(row)}" for verdict, row in counts.items()))
     print(f"report in {out}")
     return sections
@@ -199,8 +216,13 @@ def _section(topic: Topic) -> Topic:
             if (trade := Path(directory, "trade.png")).is_file():
                 pictures["Forgetting and scouts among the fittest"] = trade
         embedded = [
-            {"name": name, "content": f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}"}
+            {
+                "name": name,
+                "content": f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode()}",
+            }
             for name, path in pictures.items()
         ]
-    quick = ": the quick version, with few and short runs" * any(r.settings.get("quick") for r in topic.results)
+    quick = ": the quick version, with few and short runs" * any(
+        r.settings.get("quick") for r in topic.results
+    )
     return topic._replace(title=topic.title + quick, pictures=embedded)

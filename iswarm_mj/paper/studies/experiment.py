@@ -1,4 +1,5 @@
-"""An experiment: labelled runs, and what follows from them. Finished runs are kept and not repeated."""
+"""An experiment: labelled runs, and what follows from them. Finished runs are kept and not
+repeated."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,7 +25,8 @@ from iswarm_mj.utils.tables import write_csv, write_table
 
 FINDINGS = "findings.csv"
 GOAL_SHARE = 66 / 72
-"""A run of the paper's experiments ends when this share of the balls is delivered (section 4.6.1)."""
+"""A run of the paper's experiments ends when this share of the balls is delivered (section
+4.6.1)."""
 TIME_LIMIT = 1200
 """Control steps at most (section 4.6.1)."""
 
@@ -64,8 +66,8 @@ Setting = tuple[Mapping[str, Any], tuple[int, ...], Mapping[str, Any]]
 class Experiment:
     """An experiment: its runs, findings, figures and tables.
 
-    Twelve runs of each setting are as many as the paper's of Fig. 15, and twice those of Fig. 17, whose intervals leave
-    open which density is best.
+    Twelve runs of each setting are as many as the paper's of Fig. 15, and twice those of Fig. 17,
+    whose intervals leave open which density is best.
     """
 
     name: str
@@ -87,12 +89,14 @@ class Experiment:
     repeats: int = 12
     """Runs of each setting."""
     few: int = 3
-    """Runs of each setting in the quick version, of at most `steps` instead of `limit` control steps."""
+    """Runs of each setting in the quick version, of at most `steps` instead of `limit` control
+    steps."""
     steps: int = 300
     limit: int = TIME_LIMIT
 
     def entries(self, plan: Plan) -> list[Entry]:
-        """Return its runs; arguments of `Job` follow from the plan unless a setting says otherwise."""
+        """Return its runs; arguments of `Job` follow from the plan unless a setting says
+        otherwise."""
         listed = []
         for labels, place, own in self.settings(plan):
             config, genome = own.get("config", plan.config), own.get("genome", plan.genome)
@@ -101,7 +105,15 @@ class Experiment:
             goal, failed = own.get("goal", plan.goal), own.get("failed", 0.0)
             steps = self.steps if plan.quick else own.get("limit", self.limit)
             for repeat in range(self.few if plan.quick else own.get("repeats", self.repeats)):
-                job = Job(config, genome, n_robots, run_seed(plan.seed, *place, repeat), steps, goal, failed)
+                job = Job(
+                    config,
+                    genome,
+                    n_robots,
+                    run_seed(plan.seed, *place, repeat),
+                    steps,
+                    goal,
+                    failed,
+                )
                 listed.append(Entry({**labels, "repeat": repeat}, job))
         return listed
 
@@ -124,20 +136,29 @@ Values = Mapping[str, Any]
 
 
 def varied(config: SwarmConfig, values: Values) -> SwarmConfig:
-    """Configuration with these values; those of one part are changed at once, since they may depend on each other."""
+    """Configuration with these values; those of one part are changed at once, since they may depend
+    on each other."""
     parts = {}
     for part, names in groupby(sorted(values), key=lambda name: name.partition(".")[0]):
-        parts[part] = replace(getattr(config, part), **{name.partition(".")[2]: values[name] for name in names})
+        parts[part] = replace(
+            getattr(config, part), **{name.partition(".")[2]: values[name] for name in names}
+        )
     return replace(config, **parts)
 
 
 def run_experiment(
-    experiment: Experiment, plan: Plan, out: Path, execution: Execution | None = None, again: bool = False
+    experiment: Experiment,
+    plan: Plan,
+    out: Path,
+    execution: Execution | None = None,
+    again: bool = False,
 ) -> list[Finding]:
     """Run an experiment, write its results into `out`, print the findings.
 
-    Files: the table, a row per run (parquet and CSV); findings.csv; figures; runs.sqlite with the finished
-    runs. A run that is in it is not repeated, whichever experiment of the same version of the package asks for it.
+    Files: the table, a row per run (parquet and CSV); findings.csv; figures; runs.sqlite with the
+        finished
+    runs. A run that is in it is not repeated, whichever experiment of the same version of the
+    package asks for it.
 
     Args:
         experiment: which one.
@@ -148,16 +169,22 @@ def run_experiment(
     """
     execution = execution or Execution()
     entries = experiment.entries(plan)
-    keys = [hashed(json.dumps([execution.identity, asdict(e.job)], sort_keys=True)) for e in entries]
+    keys = [
+        hashed(json.dumps([execution.identity, asdict(e.job)], sort_keys=True)) for e in entries
+    ]
     jobs = dict(zip(keys, (entry.job for entry in entries), strict=True))
     with journal(out / RUNS, {"kind": "runs of experiments"}, again) as finished:
-        with progress(len(jobs), experiment.name, len(jobs.keys() & finished.entries.keys())) as bar:
+        with progress(
+            len(jobs), experiment.name, len(jobs.keys() & finished.entries.keys())
+        ) as bar:
             outcomes = dict(zip(jobs, run_missing(jobs, finished, execution, bar), strict=True))
         rows = [row_of(entry, outcomes[key]) for key, entry in zip(keys, entries, strict=True)]
         if experiment.extra is not None:
             experiment.extra(plan, out, rows)
         remove(out / FINDINGS)  # of an earlier table
-        write_table(out / experiment.table, rows, settings_of(experiment, plan, execution), csv=True)
+        write_table(
+            out / experiment.table, rows, settings_of(experiment, plan, execution), csv=True
+        )
         findings = experiment.findings(rows)
         write_csv(out / FINDINGS, [finding._asdict() for finding in findings])
         experiment.draw(rows, out)
@@ -189,5 +216,10 @@ def summary(findings: Sequence[Finding], n_runs: int, out: Path) -> str:
     """Readable summary of the findings."""
     lines = [f"{n_runs} runs"]
     for finding in findings:
-        lines += ["", f"{finding.claim}: {finding.verdict or '-'}", f"    {finding.ours}", f"    {finding.statistics}"]
+        lines += [
+            "",
+            f"{finding.claim}: {finding.verdict or '-'}",
+            f"    {finding.ours}",
+            f"    {finding.statistics}",
+        ]
     return "\n".join([*lines, "", f"results in {out}"])

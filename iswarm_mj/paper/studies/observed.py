@@ -1,4 +1,5 @@
-"""What studies add to their tables: aggregation and drawings of the types; overlaps and times of time steps."""
+"""What studies add to their tables: aggregation and drawings of the types; overlaps and times of
+time steps."""
 
 import io
 import time
@@ -24,14 +25,15 @@ from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows.clean import run_swarm
 
 OBSERVED = 6
-"""Runs of each kind that are looked at: trajectories of types; overlaps and times of time steps, with the planar engine
-at the drive's own time step."""
+"""Runs of each kind that are looked at: trajectories of types; overlaps and times of time steps,
+with the planar engine at the drive's own time step."""
 WARM_UP = 10
 """Control steps that are not timed."""
 
 
 def aggregation(frames: Mapping[str, np.ndarray]) -> float:
-    """Share of the empty workers that are at a dust area, mean over the steps until half of the balls are delivered."""
+    """Share of the empty workers that are at a dust area, mean over the steps until half of the
+    balls are delivered."""
     n_dust = frames["ball_position"].shape[1]
     until = max(1, int(np.searchsorted(frames["delivered"], n_dust / 2)))
     xy, reach = frames["pose"][:until, :, None, :2], NEAR * ROBOT_DIAMETER
@@ -55,7 +57,8 @@ def _scenario_of(row: Mapping[str, Any], config: SwarmConfig, goal: int | None) 
 
 
 def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
-    """Record the first runs of each type; add their aggregation to the rows; draw the first when half is delivered."""
+    """Record the first runs of each type; add their aggregation to the rows; draw the first when
+    half is delivered."""
     for row in rows:
         row["aggregation"] = None
         if row["repeat"] >= (1 if plan.quick else OBSERVED):
@@ -68,13 +71,16 @@ def record(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
         row["aggregation"] = aggregation(frames)
         if row["repeat"] == 0:
             n_dust, name = frames["ball_position"].shape[1], row["type"]
-            step = min(int(frames["step"][-1]), int(np.searchsorted(frames["delivered"], n_dust / 2)))
+            step = min(
+                int(frames["step"][-1]), int(np.searchsorted(frames["delivered"], n_dust / 2))
+            )
             title = f"{name}, step {step}, {frames['delivered'][step]} of {n_dust} balls delivered"
             draw_swarm(frames, step, title, out / name)
 
 
 def observe(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
-    """Add the deepest overlap [mm] and the median time of a control step [ms] to the rows of the observed runs.
+    """Add the deepest overlap [mm] and the median time of a control step [ms] to the rows of the
+    observed runs.
 
     The runs of one type and repeat advance in turn, so that they share what else the machine does.
     """
@@ -98,4 +104,7 @@ def observe(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
                     overlaps.append(float(run.arrays()[1].bodies.overlap[0]))
         for row, run, seconds, overlaps in going:
             run.raise_faults()
-            row["overlap"], row["ms_per_step"] = max(overlaps), 1e3 * float(np.median(seconds[WARM_UP:]))
+            row["overlap"], row["ms_per_step"] = (
+                max(overlaps),
+                1e3 * float(np.median(seconds[WARM_UP:])),
+            )

@@ -1,4 +1,5 @@
-"""The settings of the studies: what their runs are labelled with, and the place from which their seeds follow."""
+"""The settings of the studies: what their runs are labelled with, and the place from which their
+seeds follow."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -31,18 +32,27 @@ MESSAGES: dict[str, Values] = {
     "30000 bit/s": {"optics.baud_rate": 30000.0},
     "2000 bit/s": {"optics.baud_rate": 2000.0},
     "1000 bit/s": {"optics.baud_rate": 1000.0},
-    "30000 bit/s, all photodiodes on": {"optics.baud_rate": 30000.0, "optics.photodiodes_while_emitting": "all"},
+    "30000 bit/s, all photodiodes on": {
+        "optics.baud_rate": 30000.0,
+        "optics.photodiodes_while_emitting": "all",
+    },
 }
 """Light of each setting.
 
-The paper tells no rate of its robots. Kilobots, robots of 33 mm, send at 8 MHz / 269 = 29.7 kbit/s (kilolib,
-message_send.S). With the default 8 slots, 427 bit/s leave no time to walk; the rates between are choices.
+The paper tells no rate of its robots. Kilobots, robots of 33 mm, send at 8 MHz / 269 = 29.7 kbit/s
+(kilolib, message_send.S). With the default 8 slots, 427 bit/s leave no time to walk; the rates
+between are choices.
 """
 COMPARED = 96
-"""Runs of each of the paper's types: their times scatter by a fifth, and 24 runs could not show that two are equal."""
-OF_ATTEMPTS: Values = {"gripper.tool_error": 4e-6, "gripper.grasp_time": 1.0, "gripper.release_time": 1.0}
-"""Of attempts, beside the calibrated spread of adhesion. A robot stays for a control step at a ball that it lifts or
-releases, a choice, the paper tells none [s]."""
+"""Runs of each of the paper's types: their times scatter by a fifth, and 24 runs could not show
+that two are equal."""
+OF_ATTEMPTS: Values = {
+    "gripper.tool_error": 4e-6,
+    "gripper.grasp_time": 1.0,
+    "gripper.release_time": 1.0,
+}
+"""Of attempts, beside the calibrated spread of adhesion. A robot stays for a control step at a ball
+that it lifts or releases, a choice, the paper tells none [s]."""
 
 CHOICES: Mapping[str, Mapping[str, tuple[Any, ...]]] = {
     "scene": {
@@ -98,8 +108,8 @@ CHOICES: Mapping[str, Mapping[str, tuple[Any, ...]]] = {
         "strategy.error_in_sensing": (0.1,),
     },
 }
-"""Values that are tried one at a time, by groups; those that are the default's are left out. The paper's own values
-(Table 1) are varied too where they are noise.
+"""Values that are tried one at a time, by groups; those that are the default's are left out. The
+paper's own values (Table 1) are varied too where they are noise.
 
 A run's seed follows from its place here: what is added comes last.
 """
@@ -159,11 +169,16 @@ def time_step(plan: Plan) -> Iterator[Setting]:
         for rate in (10, 50) if plan.quick else SUBSTEPS:
             if rate not in refused:
                 config = replace(plan.config, drive=drive_of(plan.config.drive, rate))
-                yield {"type": name, "rate": rate}, (place, rate), {"config": config, "genome": PRESETS[name]}
+                yield (
+                    {"type": name, "rate": rate},
+                    (place, rate),
+                    {"config": config, "genome": PRESETS[name]},
+                )
 
 
 def message_time(plan: Plan) -> Iterator[Setting]:
-    """Runs with and without hop counts where robots stop to emit and disturb each other, at several baud rates."""
+    """Runs with and without hop counts where robots stop to emit and disturb each other, at several
+    baud rates."""
     for name, own in MESSAGES.items():
         config, number = varied(plan.config, own), int(own["optics.baud_rate"]) + (len(own) - 1)
         for flag, genome in _hop_counts(plan.genome):
@@ -172,12 +187,20 @@ def message_time(plan: Plan) -> Iterator[Setting]:
 
 
 def resolved_grasps(plan: Plan) -> Iterator[Setting]:
-    """Pairs of runs of both types with the same seed: grasps are trials on the bench, or decided by the balance of the
-    forces; at all humidities and voltages of the tool."""
-    humidities, voltages = (HUMIDITIES[-1:], VOLTAGES[::2]) if plan.quick else (HUMIDITIES, VOLTAGES)
+    """Pairs of runs of both types with the same seed: grasps are trials on the bench, or decided by
+    the balance of the forces; at all humidities and voltages of the tool."""
+    humidities, voltages = (
+        (HUMIDITIES[-1:], VOLTAGES[::2]) if plan.quick else (HUMIDITIES, VOLTAGES)
+    )
     for (number, name), humidity, voltage in product(enumerate(SWARMS), humidities, voltages):
         for resolution in (BALANCE, TRIALS):
-            mine = {"relative_humidity": humidity, "grasp_voltage": voltage, "resolution": resolution}
-            config = varied(plan.config, {**OF_ATTEMPTS, **{f"gripper.{key}": v for key, v in mine.items()}})
+            mine = {
+                "relative_humidity": humidity,
+                "grasp_voltage": voltage,
+                "resolution": resolution,
+            }
+            config = varied(
+                plan.config, {**OF_ATTEMPTS, **{f"gripper.{key}": v for key, v in mine.items()}}
+            )
             place = (number, round(humidity), round(voltage))
             yield {"type": name, **mine}, place, {"config": config, "genome": PRESETS[name]}

@@ -13,7 +13,9 @@ from iswarm_mj.paper.studies.experiment import Experiment
 from iswarm_mj.search.rows import Rows, by, select
 
 
-def _bars(columns: Sequence[str], label: str, name: Callable[..., str], *measures: m.Measure) -> Any:
+def _bars(
+    columns: Sequence[str], label: str, name: Callable[..., str], *measures: m.Measure
+) -> Any:
     """What draws the bars of a study, see `draw_bars`."""
     return lambda rows, path: draw_bars(rows, columns, label, name, path, measures or m.MEASURES)
 
@@ -34,7 +36,10 @@ def _grip(voltage: float, resolution: str) -> str:
 def _resolved_grasps(rows: Rows, path: Path) -> None:
     """By the voltage in the dampest air, a figure for each type."""
     damp = max(row["relative_humidity"] for row in rows)
-    label, measures = f"voltage while lifting, at {damp:g} % RH", (m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK)
+    label, measures = (
+        f"voltage while lifting, at {damp:g} % RH",
+        (m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK),
+    )
     for name, mine in by(select(rows, relative_humidity=damp), "type").items():
         at = path.with_name(f"{path.name}_{name}")
         draw_bars(mine, ["grasp_voltage", "resolution"], label, _grip, at, measures)
@@ -58,7 +63,11 @@ _LISTED = (
         few=2,
     ),
     Experiment(
-        *("types", "Fig. 16, Table 2", "times and fitness of both evolved types over 96 runs, with drawings"),
+        *(
+            "types",
+            "Fig. 16, Table 2",
+            "times and fitness of both evolved types over 96 runs, with drawings",
+        ),
         plans.types,
         _bars(["type"], "type", str, m.FITNESS, m.TIME, m.COLLISIONS, m.AGGREGATION),
         ("type",),
@@ -76,14 +85,24 @@ _LISTED = (
         repeats=10,
     ),
     Experiment(
-        *("robustness", NOT_IN_PAPER, f"0 to 50 % of the robots dead, or left out, 12 runs each, {_UNTIL}"),
+        *(
+            "robustness",
+            NOT_IN_PAPER,
+            f"0 to 50 % of the robots dead, or left out, 12 runs each, {_UNTIL}",
+        ),
         plans.robustness,
-        _bars(["fraction", "kind"], "failed robots", lambda part, kind: f"{100 * part:.0f} %\n{kind}"),
+        _bars(
+            ["fraction", "kind"], "failed robots", lambda part, kind: f"{100 * part:.0f} %\n{kind}"
+        ),
         ("fraction", "kind"),
         (m.TIME, m.DUST),
     ),
     Experiment(
-        *("time-step", NOT_IN_PAPER, f"both types at 2 to 100 physics steps a second, 24 runs each, {_UNTIL}"),
+        *(
+            "time-step",
+            NOT_IN_PAPER,
+            f"both types at 2 to 100 physics steps a second, 24 runs each, {_UNTIL}",
+        ),
         plans.time_step,
         _bars(["type", "rate"], "physics steps a second", "{}\n{}".format),
         ("type", "rate"),

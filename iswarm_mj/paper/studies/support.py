@@ -1,8 +1,9 @@
 """Support of readings by the paper's statements: approximate Bayesian computation by rejection.
 
-Combinations of readings are drawn from a prior in which all labels of a factor are equally probable. Those that
-reproduce the most of the statements that select are accepted; a label's share among them is its posterior probability,
-given how many of these hold. The other statements are held out.
+Combinations of readings are drawn from a prior in which all labels of a factor are equally
+probable. Those that reproduce the most of the statements that select are accepted; a label's share
+among them is its posterior probability, given how many of these hold. The other statements are held
+out.
 
 Source: Pritchard et al. (1999), Mol. Biol. Evol. 16, 1791.
 """
@@ -18,7 +19,14 @@ from matplotlib.ticker import MaxNLocator
 
 from iswarm_mj.output.palette import BLUE, DARK, GREEN
 from iswarm_mj.output.plot_style import figure
-from iswarm_mj.paper.analysis.findings import NOT_COMPARABLE, NOT_IN_PAPER, PREDICTED, TOO_FEW, Finding, short
+from iswarm_mj.paper.analysis.findings import (
+    NOT_COMPARABLE,
+    NOT_IN_PAPER,
+    PREDICTED,
+    TOO_FEW,
+    Finding,
+    short,
+)
 from iswarm_mj.paper.analysis.findings import number as shown
 from iswarm_mj.paper.analysis.judge import EQUAL
 from iswarm_mj.paper.analysis.measures import (
@@ -80,7 +88,8 @@ class Support(NamedTuple):
     adjusted: float
     """The same by Holm for the number of factors."""
     counts: Mapping[str, int]
-    """Statements that select and `paper` reproduces with this label and all else unchanged, the default first."""
+    """Statements that select and `paper` reproduces with this label and all else unchanged, the
+    default first."""
     more: Mapping[str, Interval]
     """How many more than with the default single runs reproduce: mean over layouts."""
     gives_way: str | None
@@ -88,17 +97,23 @@ class Support(NamedTuple):
 
 
 def answers(runs: Rows) -> tuple[dict[str, bool], dict[str, bool]]:
-    """Which statements of section 4.6 hold for the medians of one set of runs: those that select, and those held out.
+    """Which statements of section 4.6 hold for the medians of one set of runs: those that select,
+    and those held out.
 
     Fig. 17 and the penalties in Table 2 select; Fig. 15 and the times of both types are held out.
     """
     groups = by(runs, "setting")
-    middles = [{name: values(rows, measure) for name, rows in groups.items()} for measure in MEASURES]
+    middles = [
+        {name: values(rows, measure) for name, rows in groups.items()} for measure in MEASURES
+    ]
     time, dust, collisions, carriage = (
-        {name: float(np.median(found)) if len(found) else math.inf for name, found in each.items()} for each in middles
+        {name: float(np.median(found)) if len(found) else math.inf for name, found in each.items()}
+        for each in middles
     )
     reaches = {name: 2 * finished(rows) > len(rows) for name, rows in groups.items()}
-    densities = sorted({row["density"]: row["setting"] for row in runs if row["study"] == "density"}.items())
+    densities = sorted(
+        {row["density"]: row["setting"] for row in runs if row["study"] == "density"}.items()
+    )
     best, clean, sparse, dense = (
         {name for density, name in densities if low <= density <= high}
         for low, high in (BEST, CLEAN, (SPARSEST, SPARSEST), DENSE)
@@ -140,25 +155,35 @@ def answers(runs: Rows) -> tuple[dict[str, bool], dict[str, bool]]:
 
 
 def penalty_error(runs: Rows) -> float:
-    """Mean of |log(penalty / the paper's)| of both types by collisions; without any, as if they were one a robot."""
+    """Mean of |log(penalty / the paper's)| of both types by collisions; without any, as if they
+    were one a robot."""
     groups = by(runs, "setting")
-    found = [max(0.05, 0.05 * float(np.median(values(groups[name], COLLISIONS)))) / p for name, p in PENALTIES.items()]
+    found = [
+        max(0.05, 0.05 * float(np.median(values(groups[name], COLLISIONS)))) / p
+        for name, p in PENALTIES.items()
+    ]
     return float(np.mean(np.abs(np.log(found))))
 
 
 def combinations_of(rows: Rows) -> list[Combination]:
-    """Combinations, named readings and the paper's with one value changed, with their answers, from the table."""
+    """Combinations, named readings and the paper's with one value changed, with their answers, from
+    the table."""
     listed = []
     for runs in by(rows, "combination").values():
         selecting, held_out = (list(each.values()) for each in answers(runs))
         single = [sum(answers(mine)[0].values()) for _, mine in sorted(by(runs, "repeat").items())]
         labels = {name: runs[0][name] for name in FACTORS}
-        listed.append(Combination(runs[0]["reading"], labels, selecting, penalty_error(runs), single, held_out))
+        listed.append(
+            Combination(
+                runs[0]["reading"], labels, selecting, penalty_error(runs), single, held_out
+            )
+        )
     return listed
 
 
 def sample_of(every: Sequence[Combination]) -> tuple[list[Combination], list[Combination]]:
-    """The combinations that were drawn, and the accepted of them: the best share `ACCEPTED`, at least one."""
+    """The combinations that were drawn, and the accepted of them: the best share `ACCEPTED`, at
+    least one."""
     sample = [one for one in every if one.reading is None]
     ranking = sorted(sample, key=lambda c: (-sum(c.answers), c.penalty_error))
     return sample, ranking[: max(1, round(ACCEPTED * len(sample)))]
@@ -170,38 +195,59 @@ def supports(every: Sequence[Combination]) -> dict[str, Support]:
     (plain,) = (one for one in mine if one.is_named)
     tried = {name: Counter(c.labels[name] for c in sample) for name in FACTORS}
     taken = {name: Counter(c.labels[name] for c in kept) for name in FACTORS}
-    labels = {name: [label for label in levels if tried[name][label]] for name, levels in FACTORS.items()}
+    labels = {
+        name: [label for label in levels if tried[name][label]] for name, levels in FACTORS.items()
+    }
     raw = [
-        even([taken[name][label] for label in mine], [tried[name][label] / len(sample) for label in mine])
+        even(
+            [taken[name][label] for label in mine],
+            [tried[name][label] / len(sample) for label in mine],
+        )
         for name, mine in labels.items()
     ]
     found = {}
     for name, p, adjusted in zip(FACTORS, raw, holm(raw), strict=True):
-        default, others = DEFAULTS[name], {label: one for one in mine if (label := one.labels[name])}
+        default, others = (
+            DEFAULTS[name],
+            {label: one for one in mine if (label := one.labels[name])},
+        )
         shares = {label: share(taken[name][label], len(kept)) for label in labels[name]}
         counts = {label: sum(one.answers) for label, one in ({default: plain} | others).items()}
-        more = {label: interval(np.subtract(one.single, plain.single)) for label, one in others.items()}
+        more = {
+            label: interval(np.subtract(one.single, plain.single)) for label, one in others.items()
+        }
         found[name] = Support(shares, p, adjusted, counts, more, gives_way(default, shares, counts))
     return found
 
 
-def gives_way(default: str, shares: Mapping[str, Interval], counts: Mapping[str, int]) -> str | None:
-    """Label to which a default gives way, if any: the one with the largest share of those that are supported.
+def gives_way(
+    default: str, shares: Mapping[str, Interval], counts: Mapping[str, int]
+) -> str | None:
+    """Label to which a default gives way, if any: the one with the largest share of those that are
+    supported.
 
-    A label needs an interval of its share above that of all without support, and as many statements alone as the
-    default.
+    A label needs an interval of its share above that of all without support, and as many statements
+    alone as the default.
     """
     able = [
         label
         for label, share in shares.items()
-        if label != default and share.low > 1 / len(shares) and counts.get(label, -1) >= counts[default]
+        if label != default
+        and share.low > 1 / len(shares)
+        and counts.get(label, -1) >= counts[default]
     ]
     return max(able, key=lambda label: shares[label].estimate, default=None)
 
 
 def findings(rows: Rows) -> list[Finding]:
-    """How many statements are reproduced, by how many combinations, and which choices they support."""
-    best = Finding("Combinations of readings that reproduce the paper's statements", "section 4.6", "all", PREDICTED)
+    """How many statements are reproduced, by how many combinations, and which choices they
+    support."""
+    best = Finding(
+        "Combinations of readings that reproduce the paper's statements",
+        "section 4.6",
+        "all",
+        PREDICTED,
+    )
     if not rows:
         return [best]
     every = combinations_of(rows)
@@ -233,12 +279,15 @@ def findings(rows: Rows) -> list[Finding]:
             f"{', '.join(f'{label} {n}' for label, n in one.counts.items())}"
         )
         claim = f"Support of {name.replace('_', ' ')}"
-        listed.append(Finding(claim, NOT_IN_PAPER, "not stated", NOT_COMPARABLE, text, prior, verdict))
+        listed.append(
+            Finding(claim, NOT_IN_PAPER, "not stated", NOT_COMPARABLE, text, prior, verdict)
+        )
     return listed
 
 
 def draw(rows: Rows, path: Path) -> None:
-    """Draw three panels: statements per combination, each statement's share, the support of each choice."""
+    """Draw three panels: statements per combination, each statement's share, the support of each
+    choice."""
     every = combinations_of(rows)
     (sample, kept), named = sample_of(every), [c for c in every if c.is_named]
     shares = {name: one.shares for name, one in supports(every).items()}
@@ -256,11 +305,24 @@ def draw(rows: Rows, path: Path) -> None:
         place = np.arange(len(asked))[::-1]
         middle.axhline(len(asked) - total - 0.5, color="#999999", linewidth=1)
         for group, shift, hue in ((sample, 0.2, PALE), (kept, -0.2, BLUE)):
-            middle.barh(place + shift, np.mean([[*c.answers, *c.held_out] for c in group], axis=0), 0.4, color=hue)
+            middle.barh(
+                place + shift,
+                np.mean([[*c.answers, *c.held_out] for c in group], axis=0),
+                0.4,
+                color=hue,
+            )
         for k, ((hue, dashes), one) in enumerate(zip(_NAMED_STYLES, named, strict=False)):
-            left.axvline(sum(one.answers), color=hue, linestyle=dashes, linewidth=2, label=f"reading {one.reading}")
+            left.axvline(
+                sum(one.answers),
+                color=hue,
+                linestyle=dashes,
+                linewidth=2,
+                label=f"reading {one.reading}",
+            )
             holds = np.array([*one.answers, *one.held_out], bool)
-            middle.plot(np.full(holds.sum(), 1.06 + 0.07 * k), place[holds], "o", color=hue, markersize=4.5)
+            middle.plot(
+                np.full(holds.sum(), 1.06 + 0.07 * k), place[holds], "o", color=hue, markersize=4.5
+            )
         left.legend(loc="upper left")
         middle.set_yticks(place, asked)
         label = "share that reproduces it;\ndots: readings of (a) that do"
@@ -272,13 +334,23 @@ def draw(rows: Rows, path: Path) -> None:
             for label, (estimate, low, high) in labels.items():
                 at -= 1
                 hue = ORANGE if low > prior else BLUE if high < prior else DARK
-                right.errorbar(estimate, at, xerr=[[estimate - low], [high - estimate]], fmt="o", color=hue, ms=4)
+                right.errorbar(
+                    estimate,
+                    at,
+                    xerr=[[estimate - low], [high - estimate]],
+                    fmt="o",
+                    color=hue,
+                    ms=4,
+                )
                 places.append(at)
                 texts.append(f"{factor.replace('_', ' ')}: {label}")
             right.plot([prior] * 2, [top - 0.6, at - 0.4], color="#999999", linewidth=1)
             at -= 0.6
         right.set_yticks(places, texts, fontsize=7.5)
-        right.set(xlim=(0, 1), xlabel="share of the accepted combinations;\n95 % interval; grey: without any support")
+        right.set(
+            xlim=(0, 1),
+            xlabel="share of the accepted combinations;\n95 % interval; grey: without any support",
+        )
         right.grid(axis="y", visible=False)
         titles = (
             f"(a) {len(sample)} combinations",
