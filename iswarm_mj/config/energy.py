@@ -49,7 +49,10 @@ class EnergyConfig:
         """Raise a ConfigError if robots can never act in a control step of this period [s]."""
         needed, volts = self.of_step(period), self.largest_voltage
         least = 2 * needed / volts**2
-        limit = f"at least {least:.3g} F with `energy.largest_voltage` {volts:g}, for the {needed:g} J of a control step"
+        limit = (
+            f"at least {least:.3g} F with `energy.largest_voltage` {volts:g}, "
+            f"for the {needed:g} J of a control step"
+        )
         check(
             "energy.capacitance",
             self.capacitance,

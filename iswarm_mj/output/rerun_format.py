@@ -39,7 +39,9 @@ def check_recordings(stream: rr.RecordingStream | None = None) -> None:
     Raises:
         UserError: the environment disables it.
     """
-    if not rr.is_enabled(stream or rr.RecordingStream("iswarm_mj")):
+    # Without properties: Rerun warns of what a stream holds that is freed without a file.
+    probe = stream or rr.RecordingStream("iswarm_mj", send_properties=False)
+    if not rr.is_enabled(probe):
         raise UserError(
             "Recordings are disabled by the environment variable "
             f"RERUN={os.environ.get('RERUN', '')}; "

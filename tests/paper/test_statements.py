@@ -65,7 +65,7 @@ def test_the_first_run_of_each_type_is_recorded_and_drawn_where_half_is_delivere
     frames = {"step": np.arange(9), "delivered": np.array([0, 0, 1, 1, 2, 3, 3, 4, 4])}
     frames |= {"ball_position": np.zeros((9, 4, 3))}
     stand_ins = {
-        "Run": lambda config, genome, settings: (genome, settings.n_robots, settings.seed),
+        "Run": lambda scenario: (scenario.strategy, scenario.n_robots, scenario.seed),
         "run_swarm": lambda run, out: made.append((*run, out.name)),
         "load": lambda _: SimpleNamespace(arrays=frames),
         "aggregation": lambda _: 0.25,

@@ -95,8 +95,10 @@ class TestEntries:
         for make in (single_env, vector_env, parallel_env):
             env = make(scenario, n_starts=1)
             env.reset(seed=0)
-            worlds = getattr(env, "_one", env)
-            np.testing.assert_allclose(worlds.env.poses(worlds.begun("poses"))[0], start, atol=1e-5)
+            worlds = getattr(env, "_vector_env", env)
+            np.testing.assert_allclose(
+                worlds.env.poses(worlds.current_state("poses"))[0], start, atol=1e-5
+            )
 
     @pytest.mark.usefixtures("few_pixels")
     def test_the_first_generation_of_a_search_is_runs_of_the_scenario(self, tmp_path, capsys):

@@ -241,7 +241,7 @@ def test_errors_name_the_innermost_line_of_the_user():
         (ValueError(), "ValueError"),
         (SystemExit(3), "SystemExit: 3"),
     ):
-        words = rf"^Mine\.act raised {said} \(.*test_signatures\.py, line \d+: `raise error`\); correct it there$"
+        words = rf"^Mine\.act raised {said} \(.*test_validation\.py, line \d+: `raise error`\); correct it there$"
         with pytest.raises(UserError, match=words), user_code("Mine.act"):
             fails(error)
     refused(

@@ -11,6 +11,7 @@ from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.paper.analysis.statistics import interval
 from iswarm_mj.strategy.genome import PRESETS
+from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.measures import Measures
 
 FOUND = [
@@ -65,10 +66,15 @@ def test_a_row_by_hand(told):
 
 def test_conditions_reach_the_runs(told, tmp_path):
     path = robot_file(tmp_path, "five")
-    flags = "--worlds 4 --steps 70 --robots 9 --size 30 --dust 9 4 20 --failed 0.25 --noise 2 --turn-error 5 --threads 2"
+    flags = (
+        "--worlds 4 --steps 70 --robots 9 --size 30 --dust 9 4 20 --failed 0.25 "
+        "--noise 2 --turn-error 5 --threads 2"
+    )
     given, _ = told(*flags.split(), "--robot", str(path), "--only", "type1")
-    ((config, genome, settings, engine), options), *_ = given
-    assert genome == PRESETS["type1"] and engine == PlanarSettings(2)
+    ((scenario,), options), *_ = given
+    assert options == {"record_worlds": ()}
+    assert scenario.strategy == PRESETS["type1"] and scenario.engine == PlanarSettings(2)
+    config = scenario.config
     arena = config.arena
     assert (arena.size, arena.dust_area_offset, arena.dust_area_size, arena.n_dust) == (
         30,
@@ -78,12 +84,11 @@ def test_conditions_reach_the_runs(told, tmp_path):
     )
     for name in ("error_distance_measure", "error_in_communication", "p_communication_break"):
         assert getattr(config.optics, name) == 2 * getattr(SwarmConfig().optics, name)
-    assert config.drive.error_turn == 5 and options == {"task": None, "robot_file": path}
-    assert (settings.n_robots, settings.steps, settings.n_worlds, settings.failed_fraction) == (
-        9,
-        70,
-        4,
-        0.25,
-    )
-    assert settings.seed == compare_policies.FRESH > 2**31
-    assert told("--worlds", "4", "--only", "type1")[0][0][0][0] == SwarmConfig()
+    assert config.drive.error_turn == 5 and scenario.robot_file == path
+    assert (scenario.steps, scenario.task) == (70, CLEANING)
+    assert len(scenario.worlds) == 4
+    for world in scenario.worlds:
+        assert (world.n_robots, world.failed_fraction) == (9, 0.25)
+        assert world.seed == compare_policies.FRESH > 2**31
+    (default_scenario,), _ = told("--worlds", "4", "--only", "type1")[0][0]
+    assert default_scenario.config == SwarmConfig()
