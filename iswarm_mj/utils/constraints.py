@@ -149,7 +149,8 @@ def validate(settings: Any, group: str = "") -> None:
 
 def _check_numbers(name: str, value: Any, kind: Any, constraint: Within | None) -> None:
     """Check a number, or each number of a tuple, against its limits, if it has any."""
-    if constraint is None or (value is None and type(None) in get_args(kind)):
+    is_optional = type(None) in get_args(kind)
+    if constraint is None or (is_optional and value is None):
         return
     if get_origin(kind) is tuple:
         check_kind(name, value, tuple)
