@@ -33,11 +33,9 @@ class Glide(CompiledEngine):
 
     def sense(self, bodies: Places, emits: Any, is_running: Any) -> LightReading:
         shape = (*bodies.poses.shape[:-1], len(self.robot.sides))
-        whole, flags, number = (
-            jnp.zeros(shape, jnp.int32),
-            jnp.zeros(shape, bool),
-            jnp.zeros(shape, jnp.float32),
-        )
+        whole = jnp.zeros(shape, jnp.int32)
+        flags = jnp.zeros(shape, bool)
+        number = jnp.zeros(shape, jnp.float32)
         return LightReading(Links(whole, flags, whole, number, number), flags)
 
     def move(self, bodies: Places, phases: Any, is_running: Any) -> Motion:

@@ -31,11 +31,8 @@ class Teleport(Engine):
     def __init__(self, model: ModelSpec, far: float):
         self.robot, self._far = read_robots(model.robot_file), far
         self._timestep = model.config.drive.timestep
-        self._walls = model.config.arena.walls * [
-            1,
-            1,
-            RD,
-        ]  # normals, and distances from the centre in mm
+        # Normals, and distances from the centre in mm.
+        self._walls = model.config.arena.walls * [1, 1, RD]
 
     def place(self, poses: Any, is_present: Any) -> Places:
         return Places(np.array(poses, float))
@@ -45,11 +42,9 @@ class Teleport(Engine):
 
     def sense(self, bodies: Places, emits: Any, is_running: Any) -> LightReading:
         shape = (*bodies.poses.shape[:2], len(self.robot.sides))
-        whole, flags, number = (
-            np.zeros(shape, np.int32),
-            np.zeros(shape, bool),
-            np.zeros(shape, np.float32),
-        )
+        whole = np.zeros(shape, np.int32)
+        flags = np.zeros(shape, bool)
+        number = np.zeros(shape, np.float32)
         return LightReading(Links(whole, flags, whole, number, number), flags)
 
     def move(self, bodies: Places, phases: Sequence[Phase], is_running: Any) -> Motion:

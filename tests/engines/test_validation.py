@@ -87,8 +87,8 @@ METHODS = [
     ),
     ("        return Motion(", "        return (", "move must return a Motion"),
     (
-        "Places(poses), np",
-        "None, np",
+        "            Places(poses),\n",
+        "            None,\n",
         "move must return Places of 1 array as its bodies as it was given",
     ),
     ("        poses = bodies.poses\n", "        raise SystemExit(0)\n", "move raised SystemExit"),
