@@ -229,7 +229,8 @@ def test_python_runs(name, example):
 @pytest.mark.slow
 class TestSite:
     @pytest.fixture(scope="class")
-    def site(self, tmp_path_factory):
+    @classmethod
+    def site(cls, tmp_path_factory):
         """The site, built where mkdocs is installed (the extra docs)."""
         pytest.importorskip("material")
         from mkdocs.commands.build import build

@@ -184,8 +184,9 @@ class TestFinishedWorlds:
     FIELDS = {"goal": 2, "steps": 30}  # noqa: RUF012
 
     @pytest.fixture(scope="class")
-    def finished(self):
-        return run_to_end(warp(), **self.FIELDS)
+    @classmethod
+    def finished(cls):
+        return run_to_end(warp(), **cls.FIELDS)
 
     @staticmethod
     def ends_of(run):

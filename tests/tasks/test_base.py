@@ -202,8 +202,8 @@ class TestFiles:
     """What is written of a run of another task, and read back."""
 
     @pytest.fixture(scope="class")
-    @staticmethod
-    def saved(small, tmp_path_factory):
+    @classmethod
+    def saved(cls, small, tmp_path_factory):
         out = tmp_path_factory.mktemp("run")
         run = run_of(small, PlanarSettings(1), record_worlds=(0, 1))
         run_swarm(run, out)

@@ -250,11 +250,12 @@ class TestFault:
     STEP = BLOCK_FRAMES + 2
 
     @pytest.fixture(scope="class")
-    def fault(self, small, tmp_path_factory):
+    @classmethod
+    def fault(cls, small, tmp_path_factory):
         """Directory of the run, and the fault that it raised."""
         out = tmp_path_factory.mktemp("fault")
         run = small_run(small)
-        spoil(run, self.STEP, world=0, robot=5)
+        spoil(run, cls.STEP, world=0, robot=5)
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(out.parent)  # MuJoCo logs to the working directory
             message = r"^step 66, world 0: robot 5 left the arena; "
@@ -263,7 +264,8 @@ class TestFault:
         return out, raised.value
 
     @pytest.fixture(scope="class")
-    def spoilt_frames(self, fault):
+    @classmethod
+    def spoilt_frames(cls, fault):
         out, _ = fault
         with np.load(out / "trajectory.npz") as file:
             return dict(file)

@@ -52,7 +52,8 @@ def as_complex(vectors):
 
 class TestCleaning:
     @pytest.fixture(scope="class")
-    def out(self, tmp_path_factory):
+    @classmethod
+    def out(cls, tmp_path_factory):
         """Directory of a run of six-sided robots."""
         out = tmp_path_factory.mktemp("six")
         main(["clean", *FLAGS, f"--robot={SIX}", "--steps=300", "--out", str(out)])

@@ -165,14 +165,15 @@ class TestContactLaws:
     """Each number of both laws matters to a crowd."""
 
     @pytest.fixture(scope="class")
-    def motions(self):
+    @classmethod
+    def motions(cls):
         """Return both engines, the start, the velocity, and where the engine for CPUs ends."""
         plain, batch = both_engines(SMALL, tune=softer, tolerance=1e-5)
         rng = np.random.default_rng(1)
         start = crowd(2, rng)
         start[1, :, :2] += plain.plane.half_extent - 3 * RD - 1.0
         start, velocity = rounded(start), rounded(rng.uniform(-1.4, 1.4, start.shape))
-        return batch, start, velocity, self.ends(plain, start, velocity)
+        return batch, start, velocity, cls.ends(plain, start, velocity)
 
     @staticmethod
     def ends(engine, start, velocity):

@@ -99,7 +99,8 @@ def test_robots_anywhere_are_seen(engine_index):
 
 class TestBits:
     @pytest.fixture(scope="class")
-    def scene(self):
+    @classmethod
+    def scene(cls):
         """Return the engine for batches, poses, and which robots emit light and are present."""
         rng = np.random.default_rng(8)
         _, engine = engines(OpticsConfig(mode="power"))

@@ -161,22 +161,23 @@ class TestAccuracy:
         return settings.host_engine(model)(self.N_WORLDS, 1)
 
     @pytest.fixture(scope="class")
-    def errors(self):
+    @classmethod
+    def errors(cls):
         """Return how far robots end from where an exact solver puts them, by accuracy [mm]."""
         rng = np.random.default_rng(7)
-        exact = self.engine(FINEST)
+        exact = cls.engine(FINEST)
         exact.plane = exact.plane._replace(tolerance=1e-10)
-        shape = self.N_WORLDS, self.N_ROBOTS
-        all_run = np.ones(self.N_WORLDS, bool)
-        errors = {accuracy: [] for accuracy in self.ACCURACIES}
-        starts = [place_robots(SMALL.arena, self.N_ROBOTS, rng) for _ in range(self.N_WORLDS)]
+        shape = cls.N_WORLDS, cls.N_ROBOTS
+        all_run = np.ones(cls.N_WORLDS, bool)
+        errors = {accuracy: [] for accuracy in cls.ACCURACIES}
+        starts = [place_robots(SMALL.arena, cls.N_ROBOTS, rng) for _ in range(cls.N_WORLDS)]
         poses = np.stack(starts)
-        for _ in range(self.N_STEPS):
+        for _ in range(cls.N_STEPS):
             turn, forward = rng.uniform(-0.6, 0.6, shape), rng.uniform(0.0, math.sqrt(2), shape)
             phases = drive_phases(SMALL.drive, Command(turn, forward))
             ends = exact.move(placed(exact, poses), phases, all_run).bodies.poses
-            for accuracy in self.ACCURACIES:
-                engine = self.engine(accuracy)
+            for accuracy in cls.ACCURACIES:
+                engine = cls.engine(accuracy)
                 motion = engine.move(placed(engine, poses), phases, all_run)
                 distances = np.abs(motion.bodies.poses - ends)[..., :2].max(-1)
                 errors[accuracy].append(distances)
