@@ -155,10 +155,11 @@ class TestAccuracy:
     N_STEPS = 10
     ACCURACIES = (FINEST, 0.01, 1.0)
 
-    def engine(self, accuracy):
+    @classmethod
+    def engine(cls, accuracy):
         settings = PlanarSettings(threads=1, refinement=1, accuracy=accuracy)
-        model = ModelSpec(SMALL, self.N_ROBOTS, self.N_ROBOTS)
-        return settings.host_engine(model)(self.N_WORLDS, 1)
+        model = ModelSpec(SMALL, cls.N_ROBOTS, cls.N_ROBOTS)
+        return settings.host_engine(model)(cls.N_WORLDS, 1)
 
     @pytest.fixture(scope="class")
     @classmethod
