@@ -1,40 +1,166 @@
-"""Drives a page as a browser does, without one: messages arrive in viser's event loop."""
+"""A page without a window: what a browser would send, and what it would show.
+
+Tests look at private parts of pages and of viser in this module alone.
+"""
 
 import asyncio
 import time
+from contextlib import contextmanager
 from types import SimpleNamespace
 
+import numpy as np
 from viser._messages import GuiUpdateMessage
 
+from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
+from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.player.page import Page
+from iswarm_mj.player.scenario import PageScenario
+from iswarm_mj.player.session import Session
+from iswarm_mj.simulation.scenario import Scenario
+
+CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
+"""Configuration of the swarms that pages show: a small arena with few balls."""
+SCENARIO = Scenario(CONFIG, robots=20, engine=PlanarSettings(), seed=3)
+"""Scenario of most pages."""
 SECONDS = 240
-"""After which a test that waits has failed, unless the session goes on."""
+"""Time after which a test that waits has failed, unless the session goes on [s]."""
 BROWSER = 0
 """Number of the browser."""
 
 
-def wait(holds):
-    """Wait until something holds."""
-    end = time.monotonic() + SECONDS
+def wait(holds, seconds=SECONDS):
+    """Wait until a function returns something true; fail after some seconds."""
+    end = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < end
         time.sleep(0.05)
 
 
 def wait_for(session, holds):
-    """Wait until something holds, for as long as the session works on what was posted."""
-    progress, end = None, 0.0
+    """Wait until a function returns something true, while the session works on what was posted."""
+    progress = None
+    end = 0.0
     while not holds():
         latest = (session.version, session.step, len(session.inbox))
         if latest != progress:
-            progress, end = latest, time.monotonic() + SECONDS
+            progress = latest
+            end = time.monotonic() + SECONDS
         assert time.monotonic() < end, f"the session stands still at {progress}"
         time.sleep(0.05)
 
 
+@contextmanager
+def opened(scenario=SCENARIO, *, port, **settings):
+    """Open the page of a scenario, and close it after the block.
+
+    Args:
+        scenario: scenario of the page.
+        port: first port that is tried.
+        settings: further arguments of its `Session`, such as the directory `out` of recordings.
+    """
+    page = Page(Session(PageScenario.of(scenario), **settings), port)
+    try:
+        yield page
+    finally:
+        page.close()
+
+
+# What the page does by itself.
+
+
+def session_thread(page):
+    """Return the thread that works on the session of a page."""
+    return page._threads[0]
+
+
+def stop_threads(page):
+    """End the threads of a page, so that a test does their work."""
+    page._stop.set()
+    for thread in page._threads:
+        thread.join()
+
+
+def is_ended(page):
+    """Return whether the page has ended by itself."""
+    return page._stop.is_set()
+
+
+def assert_serves(page):
+    """Assert that no exception has ended the page, nor one of its threads."""
+    assert_no_error(page)
+    assert all(thread.is_alive() for thread in page._threads)
+
+
+def assert_no_error(page):
+    """Assert that no exception has ended the page."""
+    assert page._error is None
+
+
+def draw(page, elapsed=0.04):
+    """Draw the swarm and the panel.
+
+    Args:
+        page: page whose threads have ended.
+        elapsed: time since the last drawing [s].
+    """
+    page._panel_at = -np.inf
+    page._draw(0.0, elapsed)
+
+
+def work(page):
+    """Do what was posted to the session of a page whose threads have ended, and draw it."""
+    page.session.work()
+    draw(page)
+
+
+def selected_robot(page):
+    """Return the robot that has a ring; None if there is none."""
+    return page._panel.view.selected
+
+
+def select(page, robot):
+    """Put the ring around a robot."""
+    page._panel.view.selected = robot
+
+
+def bench(page):
+    """Return the gripper's bench."""
+    return page._panel.bench
+
+
+def inputs(page):
+    """Return the inputs of a page."""
+    return page._panel._inputs
+
+
+# What browsers do, in whatever way they are connected.
+
+
+def clients(page):
+    """Return the browsers that are connected."""
+    return list(page._server.get_clients().values())
+
+
+def disconnect_all(page):
+    """End the connections of all browsers, which connect again."""
+    page._server._websock_server.disconnect_all_clients()
+
+
+def is_held_back(page):
+    """Return whether messages of the page wait, so that browsers do not see it change."""
+    return page._server._websock_server.get_message_buffer().atomic_counter > 0
+
+
+def send_ray(page, origin, direction):
+    """Click on the arena with a ray, as a browser sends it [mm]."""
+    page._clicked(SimpleNamespace(ray_origin=origin, ray_direction=direction))
+
+
 class Browser:
-    """A browser that shows a page.
+    """A browser that shows a page, without a window.
 
     Attributes:
+        page: page that is shown.
         notifications: texts that were shown.
         files: contents of files that were offered.
     """
@@ -44,41 +170,95 @@ class Browser:
         self.notifications = []
         self.files = []
         self.camera = SimpleNamespace(aspect=1.5, fov=1.0, position=(0, 0, 1), look_at=(0, 0, 0))
-        page._server._connected_clients[BROWSER] = self
+        self.open()
+
+    def open(self):
+        """Connect to the page."""
+        self.page._server._connected_clients[BROWSER] = self
 
     def close(self):
+        """Leave the page."""
         self.page._server._connected_clients.pop(BROWSER)
 
+    # What viser calls.
+
     def add_notification(self, title, body, **_):
+        """Show a text."""
         self.notifications.append(body)
 
     def send_file_download(self, name, content):
+        """Offer a file."""
         self.files.append(content)
+
+    # What the page shows.
+
+    @property
+    def _gui(self):
+        """Elements of the page, of viser."""
+        return self.page._server.gui
+
+    @property
+    def text(self):
+        """All texts of the panel, one after the other, in Markdown or HTML."""
+        texts = []
+        for container in list(self._gui._container_handle_from_uuid.values()):
+            for element in list(container._children.values()):
+                content = getattr(element, "content", "")
+                texts.append(content if isinstance(content, str) else "")
+        return "\n".join(texts)
 
     @property
     def inputs(self):
-        """Controls of the page by the identifiers of the inputs."""
-        return self.page._panel._inputs.controls()
+        """Controls of the page by the identifiers of their inputs."""
+        return inputs(self.page).controls()
 
-    def find(self, label):
-        """Return the identifier of an input; of several the last one."""
-        return [uuid for uuid, control in self.inputs.items() if control.label == label][-1]
+    @property
+    def shown_inputs(self):
+        """Identifiers of the inputs that browsers show."""
+        return set(self._gui._gui_input_handle_from_uuid)
+
+    def find(self, name):
+        """Return the identifier of an input by the name or label of its control; the last one."""
+        return [
+            uuid for uuid, control in self.inputs.items() if name in (control.name, control.label)
+        ][-1]
 
     def handle(self, uuid):
-        return self.page._server.gui._gui_input_handle_from_uuid[uuid]
+        """Return the input of viser that has an identifier."""
+        return self._gui._gui_input_handle_from_uuid[uuid]
 
-    def value(self, label):
+    def properties(self, uuid):
+        """Return a copy of all that viser knows of an input, by the names of attributes."""
+        return dict(vars(self.handle(uuid)._impl))
+
+    def value(self, name):
         """Return the value that an input shows."""
-        return self.handle(self.find(label)).value
+        return self.handle(self.find(name)).value
+
+    def node(self, name):
+        """Return a node of the scene by its path."""
+        return self.page._server.scene._handle_from_node_name[name]
+
+    # What a user does.
 
     def send(self, uuid, updates):
-        """Send a message; an exception of the handler is one of this call."""
-        gui = self.page._server.gui
-        arrived = gui._websock_interface._handle_incoming_message(
-            BROWSER, GuiUpdateMessage(uuid, updates)
-        )
-        return asyncio.run_coroutine_threadsafe(arrived, gui._event_loop).result(SECONDS)
+        """Send a message that changes properties of an input.
 
-    def set(self, label, value):
-        """Give an input a value, or click on a button."""
-        self.send(self.find(label), {"value": value})
+        An exception of the page's handler is one of this call.
+        """
+        connection = self._gui._websock_interface
+        message = GuiUpdateMessage(uuid, updates)
+        arrived = connection._handle_incoming_message(BROWSER, message)
+        return asyncio.run_coroutine_threadsafe(arrived, self._gui._event_loop).result(SECONDS)
+
+    def set(self, name, value):
+        """Give an input a value."""
+        self.send(self.find(name), {"value": value})
+
+    def press(self, name):
+        """Click on a button."""
+        self.set(name, True)
+
+    def click(self, x, y):
+        """Click on a place of the arena [mm], from above."""
+        send_ray(self.page, origin=(x, y, 90.0), direction=(0.0, 0.0, -1.0))
