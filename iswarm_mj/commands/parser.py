@@ -25,9 +25,9 @@ from iswarm_mj.config.swarm import INTERPRETATIONS
 from iswarm_mj.engines.registry import SETTINGS as ENGINE_SETTINGS
 from iswarm_mj.engines.registry import check_settings, find_engine
 from iswarm_mj.strategy.genome import Genome, load_genome
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.constraints import check_kind
 from iswarm_mj.utils.errors import UserError, closest
+from iswarm_mj.utils.user_code import user_code
 
 HELP = {"-h", "--help"}
 HELP_ALL = {"--help-all", "--help_all"}

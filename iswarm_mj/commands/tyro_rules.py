@@ -197,7 +197,7 @@ def _checked_constructor(cls: type) -> Callable[..., Any]:
 
     It explains errors of the user's own code by their line.
     """
-    from iswarm_mj.strategy.user_code import user_code
+    from iswarm_mj.utils.user_code import user_code
 
     def make(**values: Any) -> Any:
         with user_code(cls.__name__):

@@ -9,9 +9,9 @@ from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
 from iswarm_mj.strategy.library import PluginKind, find
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.constraints import check, is_whole
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.user_code import user_code
 
 ENGINES: dict[str, type[EngineSettings]] = {
     settings.name: settings for settings in (MujocoSettings, PlanarSettings, MjxSettings)

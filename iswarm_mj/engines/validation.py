@@ -13,9 +13,9 @@ from iswarm_mj.engines.settings import EngineSettings, ModelSpec
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree
-from iswarm_mj.strategy.shape_checks import check_base, compare, shapes_of
-from iswarm_mj.strategy.user_code import user_code
+from iswarm_mj.utils.declared_shapes import check_result, shapes_of
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.user_code import check_class, user_code
 
 
 class Size(NamedTuple):
@@ -78,7 +78,7 @@ def _checked(
     if engine is None or isinstance(engine, type):
         got = "None" if engine is None else f"the class {engine.__name__} itself"
         raise UserError(f"{maker} must return an engine, see iswarm_mj.Engine (got {got})")
-    check_base(engine, base, "an engine")
+    check_class(engine, base, "an engine")
     name = type(engine).__name__
     with user_code(f"{name}.robot"):
         own = engine.robot
@@ -150,7 +150,7 @@ class CheckedEngine(CompiledEngine):
             name: jax.ShapeDtypeStruct((*its.shape, *more), its.dtype)
             for name, its in shapes_of(Links, **sizes).items()
         }
-        compare(
+        check_result(
             f"{self.name}.sense",
             sight,
             LightReading(Links(**links), **shapes_of(LightReading, **sizes)),
@@ -166,9 +166,9 @@ class CheckedEngine(CompiledEngine):
         motion, name = self._called("move", bodies, phases, is_running), f"{self.name}.move"
         if not isinstance(motion, Motion):
             raise UserError(f"{name} must return a Motion (got a {type(motion).__name__})")
-        compare(name, motion.bodies, bodies, "bodies")
+        check_result(name, motion.bodies, bodies, "bodies")
         wanted = shapes_of(Motion, **self._sizes(is_running.shape))
-        compare(name, motion._replace(bodies=None), Motion(None, **wanted))
+        check_result(name, motion._replace(bodies=None), Motion(None, **wanted))
         self._check_poses(motion.bodies, is_running.shape)
         return motion
 
@@ -189,7 +189,7 @@ class CheckedEngine(CompiledEngine):
         poses = self.poses(bodies)
         is_double = getattr(poses, "dtype", None) == np.float64
         shape = (*axes, self._size.n_robots, 3)
-        compare(
+        check_result(
             f"{self.name}.poses",
             poses,
             jax.ShapeDtypeStruct(shape, jnp.float64 if is_double else jnp.float32),

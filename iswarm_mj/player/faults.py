@@ -2,8 +2,8 @@
 
 import traceback
 
-from iswarm_mj.strategy.user_code import is_users
 from iswarm_mj.utils.errors import SimulationFault, UserError, printable
+from iswarm_mj.utils.user_code import is_users
 
 MOST_CHARACTERS = 300
 """Characters of an exception's message that are shown at most."""

@@ -16,8 +16,8 @@ from iswarm_mj.simulation.scenario_flags import (
     value_at,
 )
 from iswarm_mj.strategy.library import STRATEGIES, TASKS
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.user_code import user_code
 
 MOST_STEPS = 1_000_000
 """Largest number of control steps of a run."""

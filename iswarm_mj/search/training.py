@@ -29,7 +29,6 @@ from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.network import MAX_WEIGHTS, save_weights
 from iswarm_mj.strategy.pytrees import as_strategy
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.base import Task, is_scored
 from iswarm_mj.tasks.layout import check_robots
 from iswarm_mj.tasks.measures import Measures
@@ -40,6 +39,7 @@ from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import remove, remove_parts
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_csv
+from iswarm_mj.utils.user_code import user_code
 from iswarm_mj.workflows.rollout import Rollout, rollout
 
 CHECKPOINT, CURVE, WEIGHTS, FIGURE = "checkpoint.sqlite", "learning.csv", "weights.npz", "learning"

@@ -21,9 +21,9 @@ from iswarm_mj.simulation.worlds import arenas_of_worlds, conditions_of_worlds, 
 from iswarm_mj.strategy.attributes import led_power
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.strategy.shape_checks import zeros_of
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.declared_shapes import zeros_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.profiling import Stopwatch
 

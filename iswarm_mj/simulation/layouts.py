@@ -12,11 +12,11 @@ from iswarm_mj.geometry.obstacles import OF_BOX, Box
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.simulation.layout_checks import check_poses
 from iswarm_mj.strategy.base import overrides
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.layout import cell_of
 from iswarm_mj.tasks.validation import check_layout
 from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.user_code import user_code
 
 _SHARED_STREAM = 2**32 - 1
 """Number of the random stream that all worlds of a seed share; worlds have the numbers below it."""

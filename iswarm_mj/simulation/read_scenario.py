@@ -20,12 +20,12 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome, load_genome
 from iswarm_mj.strategy.library import STRATEGIES, TASKS, PluginKind, find, find_teams, offered
 from iswarm_mj.strategy.teams import Teams
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.constraints import check, validate
 from iswarm_mj.utils.errors import UserError, shown
 from iswarm_mj.utils.files import read_json, read_toml, restored
+from iswarm_mj.utils.user_code import user_code
 
 _OF_RUN = {
     "robots": "robots",

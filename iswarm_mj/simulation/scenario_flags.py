@@ -19,9 +19,9 @@ from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome
 from iswarm_mj.strategy.library import STRATEGIES, TASKS, PluginKind, find, find_teams, offered
 from iswarm_mj.strategy.teams import Team, Teams
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError, shown
+from iswarm_mj.utils.user_code import user_code
 
 if TYPE_CHECKING:
     from iswarm_mj.simulation.scenario import Scenario

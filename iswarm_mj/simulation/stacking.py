@@ -16,10 +16,10 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import makes_strategies
 from iswarm_mj.strategy.pytrees import as_arrays, as_strategy
 from iswarm_mj.strategy.teams import Teams
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.user_code import user_code
 
 _MAX_STATED = 64
 """Numbers of an array that results state."""

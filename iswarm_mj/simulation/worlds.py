@@ -17,11 +17,11 @@ from iswarm_mj.simulation.layouts import Start, draw_start, draw_start_with, wit
 from iswarm_mj.simulation.shared_settings import check_shared_settings
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.rules import rules_of_worlds
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.tasks.base import Task, has_balls
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, check_kind, validate
+from iswarm_mj.utils.user_code import user_code
 
 _AT_ONCE = 64
 """Worlds whose keys a program makes; one by one, 4096 take half a second."""

@@ -17,9 +17,9 @@ from types import ModuleType
 from typing import Any, NamedTuple
 
 from iswarm_mj.strategy.base import makes_strategies
-from iswarm_mj.strategy.user_code import is_users, user_code
 from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 from iswarm_mj.utils.files import check_file
+from iswarm_mj.utils.user_code import is_users, user_code
 
 
 class PluginKind(NamedTuple):

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.strategy.base import Strategy, StrategyFactory, overrides
-from iswarm_mj.strategy.shape_checks import check_base
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.user_code import check_class
 
 
 def check_methods(given: Any) -> None:
@@ -26,9 +26,9 @@ def check_methods(given: Any) -> None:
     """
     cls = _class(given)
     if issubclass(cls, StrategyFactory) and not issubclass(cls, Strategy):
-        check_base(cls, StrategyFactory, "what makes strategies")
+        check_class(cls, StrategyFactory, "what makes strategies")
         return
-    check_base(cls, Strategy, "a strategy")
+    check_class(cls, Strategy, "a strategy")
     declares = "payload" in dir(given)
     if overrides(cls, Strategy, "say") and not declares:
         raise UserError(

@@ -14,10 +14,10 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.attributes import check_recorded, payload_of
 from iswarm_mj.strategy.base import Strategy, overrides
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.shape_checks import check_names, compare, shapes_of
 from iswarm_mj.strategy.teams import Teams
-from iswarm_mj.strategy.user_code import user_code
+from iswarm_mj.utils.declared_shapes import check_keys, check_result, shapes_of
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.user_code import user_code
 
 
 def observation_shapes(
@@ -81,23 +81,23 @@ def check_strategies(
     check_recorded(strategy, memory, n_robots)
     if wanted := payload.shapes(n_robots):
         said = result("say", memory, flags)
-        check_names(f"{name}.say", said, wanted, "payload")
+        check_keys(f"{name}.say", said, wanted, "payload")
         for field, its in wanted.items():
-            compare(f"{name}.say", said[field], its, f"field {field}")
-    compare(f"{name}.picks", result("picks", memory), flags)
+            check_result(f"{name}.say", said[field], its, f"field {field}")
+    check_result(f"{name}.picks", result("picks", memory), flags)
     if overrides(strategy, Strategy, "releases"):
-        compare(f"{name}.releases", result("releases", memory), flags)
+        check_result(f"{name}.releases", result("releases", memory), flags)
     if overrides(strategy, Strategy, "led_power"):
-        compare(
+        check_result(
             f"{name}.led_power",
             result("led_power", memory),
             jax.ShapeDtypeStruct((n_robots,), jnp.float32),
         )
     if overrides(strategy, Strategy, "listen"):
-        compare(f"{name}.listen", result("listen", memory, observation, key), memory, "memory")
+        check_result(f"{name}.listen", result("listen", memory, observation, key), memory, "memory")
     if overrides(strategy, Strategy, "correct_odometry"):
         shortfall = jax.ShapeDtypeStruct((n_robots,), jnp.float32)
-        compare(
+        check_result(
             f"{name}.correct_odometry",
             result("correct_odometry", memory, shortfall),
             memory,
@@ -108,8 +108,8 @@ def check_strategies(
         raise UserError(
             f"{name}.act must return (memory, Command) (got a {type(returned).__name__})"
         )
-    compare(f"{name}.act", returned[0], memory, "memory")
-    compare(f"{name}.act", returned[1], Command(**shapes_of(Command, N=n_robots)), "command")
+    check_result(f"{name}.act", returned[0], memory, "memory")
+    check_result(f"{name}.act", returned[1], Command(**shapes_of(Command, N=n_robots)), "command")
     return memory
 
 

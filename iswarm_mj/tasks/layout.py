@@ -13,7 +13,7 @@ from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.geometry.walls import beyond, in_mm
 from iswarm_mj.gripper.handling import AttemptStatistics, Balls
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
-from iswarm_mj.strategy.shape_checks import zeros_of
+from iswarm_mj.utils.declared_shapes import zeros_of
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 

@@ -8,9 +8,9 @@ import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.strategy.base import overrides
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.base import Quantity, Task
 from iswarm_mj.utils.arrays import Array
+from iswarm_mj.utils.user_code import user_code
 
 REWARD = "reward"
 """The metric that such tasks have in addition."""

@@ -19,10 +19,10 @@ from iswarm_mj.sensors.conditions import Conditions, conditions_of
 from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree, is_number
-from iswarm_mj.strategy.shape_checks import check_base, check_names, compare, is_shipped, shapes_of
-from iswarm_mj.strategy.user_code import user_code
 from iswarm_mj.tasks.base import Sensed, Task, TaskInputs
+from iswarm_mj.utils.declared_shapes import check_keys, check_result, shapes_of
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.user_code import check_class, is_shipped, user_code
 
 _SCALARS = (jnp.float32, jnp.int32, jnp.bool_)
 
@@ -33,7 +33,7 @@ def check_methods(given: Any) -> None:
     Raises:
         UserError: it does not, lacks a method, or has one whose name is nearly that of another.
     """
-    check_base(given, Task, "a task")
+    check_class(given, Task, "a task")
 
 
 def usable_task(given: Any) -> Any:
@@ -152,7 +152,7 @@ def _check_areas(task: Any, config: SwarmConfig, state: Any) -> None:
     name = type(task).__name__
     with user_code(f"{name}.areas"), _explained_state(task, "areas", state):
         areas = jax.eval_shape(lambda own, state: own.areas(config, state), task, state)
-    check_names(f"{name}.areas", areas, task.drawn, "drawn")
+    check_keys(f"{name}.areas", areas, task.drawn, "drawn")
     for key, found in areas.items():
         if found.shape[1:] != (3,):
             raise UserError(
@@ -204,32 +204,34 @@ def _check_shapes(
             f"{name}.advance must return its state and Sensed (got a {type(returned).__name__})"
         )
     after, sensed = returned
-    compare(f"{name}.advance", after, before, "state")
-    check_names(f"{name}.advance", dict(sensed.own), task.senses, "senses")
+    check_result(f"{name}.advance", after, before, "state")
+    check_keys(f"{name}.advance", dict(sensed.own), task.senses, "senses")
     for key, found in sensed.own.items():
         if found.shape[:1] != (n_robots,):
             raise UserError(
                 f"{name}.advance must return {key} of {n_robots} robots first (got shape {found.shape})"
             )
-    compare(
+    check_result(
         f"{name}.advance", sensed, Sensed(**shapes_of(Sensed, N=n_robots), own=sensed.own), "sensed"
     )
     if overrides(task, Task, "balls"):
         _check_balls(task, result("balls", before))
-    compare(f"{name}.progress", result("progress", before), jax.ShapeDtypeStruct((), jnp.int32))
-    compare(
+    check_result(
+        f"{name}.progress", result("progress", before), jax.ShapeDtypeStruct((), jnp.int32)
+    )
+    check_result(
         f"{name}.reward",
         result("reward", before, after),
         jax.ShapeDtypeStruct((n_robots,), jnp.float32),
     )
     if overrides(task, Task, "conditions"):
-        compare(f"{name}.conditions", result("conditions", before), conditions, "conditions")
+        check_result(f"{name}.conditions", result("conditions", before), conditions, "conditions")
     if overrides(task, Task, "survives"):
-        compare(f"{name}.survives", result("survives", after), world["is_alive"])
+        check_result(f"{name}.survives", result("survives", after), world["is_alive"])
     if overrides(task, Task, "drive_boxes"):
-        compare(f"{name}.drive_boxes", result("drive_boxes", after), world["boxes"])
+        check_result(f"{name}.drive_boxes", result("drive_boxes", after), world["boxes"])
     metrics = result("metrics", before)
-    check_names(f"{name}.metrics", metrics, task.measured, "measured")
+    check_keys(f"{name}.metrics", metrics, task.measured, "measured")
     for key, found in metrics.items():
         if found.shape != () or found.dtype not in _SCALARS:
             got = f"{found.dtype}{list(found.shape)}"
