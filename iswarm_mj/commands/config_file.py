@@ -112,7 +112,7 @@ class ConfigFile:
     def _argument(self, name: str, value: Any, default: Any) -> list[str]:
         """Return the arguments that give a flag its value."""
         if isinstance(value, bool) and isinstance(default, bool):
-            return [switch(name, value)]
+            return [switch(name, is_on=value)]
         if not isinstance(value, list):
             return [f"{flag(name)}={self._word(name, value)}"]
         words = [flag(name)]

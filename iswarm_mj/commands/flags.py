@@ -19,7 +19,7 @@ def flag(setting: str) -> str:
     return f"--{_FLAG_OF_SETTING.get(setting, setting).replace('_', '-')}"
 
 
-def switch(setting: str, is_on: bool) -> str:
+def switch(setting: str, *, is_on: bool) -> str:
     """Return the flag that switches a setting on or off, such as `--optics.no-parity-check`."""
     group, dot, name = flag(setting).removeprefix("--").rpartition(".")
     return f"--{group}{dot}{'' if is_on else 'no-'}{name}"

@@ -189,7 +189,7 @@ def _read_values(text: str) -> tuple[str, list[str]]:
 def _argument(name: str, value: str) -> list[str]:
     """Return the arguments that give a setting a value."""
     if value in ("True", "False"):
-        return [switch(name, value == "True")]
+        return [switch(name, is_on=value == "True")]
     return [flag(name), value]
 
 

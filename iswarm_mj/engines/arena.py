@@ -104,6 +104,7 @@ def arena_spec(
     config: SwarmConfig,
     kind: Int[np.ndarray, "N"],
     ball_radius: np.ndarray,
+    *,
     visual: bool,
     robot_file: RobotFile = None,
     refinement: int = 1,
@@ -126,7 +127,9 @@ def arena_spec(
     _tune_contacts(spec, spec.option.timestep)
 
     paths = [path for path, _ in files_of(robot_file)]
-    templates = [_robot_template(spec, path, number, visual) for number, path in enumerate(paths)]
+    templates = [
+        _robot_template(spec, path, number, visual=visual) for number, path in enumerate(paths)
+    ]
     for robot_index, kind_index in enumerate(kind.tolist()):
         _attach(spec, f"robot{robot_index}/", templates[kind_index])
 
@@ -145,6 +148,7 @@ def compile_arena(
     config: SwarmConfig,
     n_robots: int | None,
     ball_radius: np.ndarray,
+    *,
     visual: bool = False,
     tune: Callable[[mujoco.MjSpec], None] | None = None,
     robot_file: RobotFile = None,
@@ -211,7 +215,9 @@ def _joint_addresses(model: mujoco.MjModel, prefix: str) -> list[int]:
     return [model.joint(prefix + name).qposadr[0] for name in ("x", "y", "yaw")]
 
 
-def _robot_template(spec: mujoco.MjSpec, path: Path | None, number: int, visual: bool) -> _Template:
+def _robot_template(
+    spec: mujoco.MjSpec, path: Path | None, number: int, *, visual: bool
+) -> _Template:
     """Return the robot of a file, tuned to the arena's time step.
 
     Args:

@@ -38,7 +38,7 @@ class Env:
     """
 
     def __init__(
-        self, core: Core, engine: CompiledEngine | Engine, n_worlds: int | None, on_host: bool
+        self, core: Core, engine: CompiledEngine | Engine, n_worlds: int | None, *, on_host: bool
     ):
         """Compile nothing yet; `on_host` says whether the engine computes on the host."""
         self.core = core

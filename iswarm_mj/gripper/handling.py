@@ -137,7 +137,7 @@ class _Ending(NamedTuple):
         return self.ends & ~self.is_broken_off
 
 
-def update_grasps(
+def update_grasps(  # noqa: PLR0913 - arrays of robots and balls that have nothing in common
     gripper: StaticGripper,
     conditions: Conditions,
     balls: Balls,

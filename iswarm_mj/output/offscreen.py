@@ -222,7 +222,12 @@ def _compile(config: SwarmConfig, frames: Arrays, scene: Scene, robot_file: Robo
     tune = partial(_lay_floor, scene) if config.arena.outline else None
     try:
         arena = compile_arena(
-            config, n_robots, frames["scene_ball_radius"], True, tune, as_robot_file(robot_file)
+            config,
+            n_robots,
+            frames["scene_ball_radius"],
+            visual=True,
+            tune=tune,
+            robot_file=as_robot_file(robot_file),
         )
     except ValueError as error:
         reason = " ".join(str(error).split())

@@ -242,7 +242,7 @@ class Bench:
             height=220,
         )
 
-    def turn(self, is_shown: bool) -> None:
+    def show_or_hide(self, *, is_shown: bool) -> None:
         """Show or hide it."""
         self.root.visible = is_shown
         if is_shown:

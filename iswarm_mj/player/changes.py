@@ -73,7 +73,7 @@ def edit(run: Run, change: Change) -> Callable[[SwarmState], SwarmState]:
     n_robots = run.settings.n_robots
     if not 0 <= robot < n_robots:
         raise UserError(f"there is no robot {robot}; they are numbered 0 to {n_robots - 1}")
-    return partial(_set_alive, robot, change.what == REVIVE)
+    return partial(_set_alive, robot, is_alive=change.what == REVIVE)
 
 
 def _place_of_ball(run: Run, change: Change) -> Float[np.ndarray, "2"]:
@@ -113,7 +113,7 @@ def _numbers(change: Change, kind: Callable[[str], Any], n: int, meaning: str) -
     return numbers
 
 
-def _set_alive(robot: int, is_alive: bool, swarm: SwarmState) -> SwarmState:
+def _set_alive(robot: int, swarm: SwarmState, *, is_alive: bool) -> SwarmState:
     """Return a swarm in whose first world a robot is alive or dead."""
     alive = np.array(swarm.is_alive)
     alive[0, robot] = is_alive

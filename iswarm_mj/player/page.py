@@ -280,7 +280,7 @@ class Page:
             return
         self._drawn_content = chosen
         is_bench = chosen == GRIPPER
-        self._panel.bench.turn(is_bench)
+        self._panel.bench.show_or_hide(is_shown=is_bench)
         self._panel.view.root.visible = not is_bench
         aim(self._server.initial_camera, self.session.scene, is_low=is_bench)
         for client in self._server.get_clients().values():

@@ -129,7 +129,7 @@ def serialized(draw: Draw) -> Any:
         close_server(server)
 
 
-def page(draw: Draw, legend: list[tuple[str, Rgb]], title: str, dark: bool = False) -> str:
+def page(draw: Draw, legend: list[tuple[str, Rgb]], title: str, *, dark: bool = False) -> str:
     """Return the HTML of a replay."""
     ink, paper = ("#eee", "#1e1e1e") if dark else ("#222", "#fff")
     about = f"""<style>
@@ -158,7 +158,7 @@ def write_replay(run: SavedRun, film: Film, out: Path) -> int:
     with run.explained():
         of_run = swarm_film(run, film)
         title = film.title or f"{len(run.scene.is_alive)} robots, {run.path.name}"
-        text = page(of_run.draw, of_run.legend, title, film.dark)
+        text = page(of_run.draw, of_run.legend, title, dark=film.dark)
     with atomic_write(out) as part:
         part.write_text(text, encoding="utf-8")
     return of_run.last

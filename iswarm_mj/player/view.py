@@ -353,7 +353,7 @@ def light(drawn: Any) -> None:
     drawn.add_light_directional("/lights/sun", intensity=1.3, position=(-1.0, -2.0, 4.0))
 
 
-def aim(camera: Any, scene: Scene, aspect: float = 4 / 3, is_low: bool = False) -> None:
+def aim(camera: Any, scene: Scene, aspect: float = 4 / 3, *, is_low: bool = False) -> None:
     """Point a camera at the whole arena, or from the side at what stands in its middle.
 
     Args:

@@ -190,6 +190,7 @@ def corrupt(
     bits: UInt32[Array, "*N"],
     uniform: Float[Array, "3 *N"],
     error: Array | float,
+    *,
     independent: Array | bool = True,
 ) -> UInt32[Array, "*N"]:
     """Return messages after a noisy channel, a share `error` of them with at least one wrong bit.

@@ -143,7 +143,7 @@ def set_up(
     allowed = f"left out with the engine {engine.name}, which has none"
     check("arena.boxes", config.arena.boxes, allowed, can_have_boxes)
 
-    static = static_config(config, engine.on_host)
+    static = static_config(config, on_host=engine.on_host)
     arrays = as_task(task)
     sensed = check_task(arrays, config, static, robot, starts[0].task, capacity)
     return Setup(

@@ -55,7 +55,7 @@ def check_shared_settings(config: SwarmConfig, of_world: SwarmConfig) -> None:
         )
 
 
-def static_config(config: SwarmConfig, on_host: bool) -> StaticConfig:
+def static_config(config: SwarmConfig, *, on_host: bool) -> StaticConfig:
     """Return the settings that the control steps of a run are compiled for.
 
     Args:

@@ -101,7 +101,7 @@ def learn(
     def listen(own: VectorMemory, sent: VectorMemory, tie: Array) -> VectorMemory:
         """Return one kind of vectors after each robot adopted the best that it heard."""
         sent = sent._replace(known=sent.known & observation.is_heard)
-        side = side_of_best_offer(sent.hop, sent.known, rules.use_hop_count, tie)
+        side = side_of_best_offer(sent.hop, sent.known, tie, use_hop_count=rules.use_hop_count)
         sent = jax.tree.map(lambda each_side: each_side[rows, side], sent)
         offer = to_receiver_frame(
             sent,
@@ -110,7 +110,7 @@ def learn(
             led=observation.led[rows, side],
             sides=sides,
         )
-        return adopt(own.where(~forgets), offer, rules.use_hop_count)
+        return adopt(own.where(~forgets), offer, use_hop_count=rules.use_hop_count)
 
     dust = listen(memory.dust, observation.payload["dust"], draws.dust_tie)
     dump = listen(memory.dump, observation.payload["dump"], draws.dump_tie)

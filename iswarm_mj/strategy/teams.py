@@ -195,7 +195,7 @@ class Teams(Strategy):
         """Return each robot's power, 1 in teams whose strategies set none."""
         return self._collect("led_power", memory, default=1.0)
 
-    def _collect(self, method: str, memory: dict[str, Any], default: bool | float) -> Array:
+    def _collect(self, method: str, memory: dict[str, Any], *, default: bool | float) -> Array:
         """Return the results (N,) of a method of each team, with a default for None."""
         n_robots = len(jax.tree.leaves(memory)[0])
         parts = []

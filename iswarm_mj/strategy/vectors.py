@@ -127,8 +127,9 @@ def _led_bearing(led: Int[Array, "*N"], sides: Sides, dtype: Any) -> Float[Array
 def side_of_best_offer(
     hop: Int[Array, "N S"],
     known: Bool[Array, "N S"],
-    use_hop_count: Bool[Array, ""] | bool,
     tie: Float[Array, "N S"],
+    *,
+    use_hop_count: Bool[Array, ""] | bool,
 ) -> Int[Array, "N"]:
     """Return the side from which each robot may adopt a vector; 0 if none came.
 
@@ -137,8 +138,8 @@ def side_of_best_offer(
     Args:
         hop: hop counts of the vectors that neighbours sent.
         known: a vector came from this side.
-        use_hop_count: the genome's flag.
         tie: random numbers in [0, 1) that decide between equal hop counts.
+        use_hop_count: the genome's flag.
     """
     score = jnp.where(known, jnp.where(use_hop_count, hop, 0) + tie, jnp.inf)
     least = score.min(axis=-1, keepdims=True)
@@ -149,6 +150,7 @@ def side_of_best_offer(
 def adopt(
     own: VectorMemory,
     offer: VectorMemory,
+    *,
     use_hop_count: Bool[Array, ""] | bool,
 ) -> VectorMemory:
     """Return the memories after each robot adopted or rejected the vector offered to it.

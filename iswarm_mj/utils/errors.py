@@ -96,7 +96,7 @@ _REMEDIES = {
 }
 
 
-class SimulationFault(RuntimeError):
+class SimulationFault(RuntimeError):  # noqa: N818 - a fault of the simulated world, no mistake
     """A run cannot go on: a fault of a world, or anything else that `detail` describes."""
 
     def __init__(

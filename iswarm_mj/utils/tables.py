@@ -22,6 +22,7 @@ def write_table(
     path: Path,
     rows: Sequence[Mapping[str, Any]],
     settings: Mapping[str, Any],
+    *,
     csv: bool = False,
     units: Mapping[str, str] | None = None,
 ) -> None:

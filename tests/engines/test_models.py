@@ -131,7 +131,7 @@ class TestBall:
         assert (ball.contype, ball.conaffinity, ball.group) == (0, 0, 1)
 
     @pytest.mark.parametrize("radius, weight", [(0.015, 1.02), (0.020, 2.42), (0.025, 4.72)])
-    def test_weight_in_nN(self, radius, weight):
+    def test_weight_in_nanonewtons(self, radius, weight):
         spec = mujoco.MjSpec.from_file(str(MODELS / "ball.xml"))
         spec.geom("ball").size[0] = radius
         model = spec.compile()

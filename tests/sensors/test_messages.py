@@ -137,6 +137,8 @@ def test_dependent_errors_are_one_bit_each_in_one_message_of_ten():
     n_messages = 100_000
     error = 0.1
     uniform = jax.random.uniform(jax.random.key(4), (3, n_messages))
-    flips = np.asarray(corrupt_here(np.zeros(n_messages, np.uint32), uniform, error, False))
+    flips = np.asarray(
+        corrupt_here(np.zeros(n_messages, np.uint32), uniform, error, independent=False)
+    )
     assert set(np.bitwise_count(flips)) == {0, 1}
     assert abs((flips > 0).mean() - error) < SIGMAS * deviation(error, n_messages)

@@ -128,7 +128,7 @@ class TestPrograms:
 )
 def test_trials_run_on_the_bench_of_the_engine_or_the_chosen_one(chosen, on_host, bench):
     config = SwarmConfig(gripper=GripperConfig(resolution="dynamic", bench=chosen))
-    assert static_config(config, on_host).gripper.bench == bench
+    assert static_config(config, on_host=on_host).gripper.bench == bench
 
 
 @pytest.mark.parametrize(

@@ -29,10 +29,10 @@ lengths = st.floats(-100, 100)
 @jax.jit
 def adopt_best(own, offers, use_hop_count, tie):
     """Return the memories after each robot adopted or rejected the best of its offers (N, S)."""
-    side = side_of_best_offer(offers.hop, offers.known, use_hop_count, tie)
+    side = side_of_best_offer(offers.hop, offers.known, tie, use_hop_count=use_hop_count)
     robots = jnp.arange(len(side))
     best = jax.tree.map(lambda values: values[robots, side], offers)
-    return adopt(own, best, use_hop_count)
+    return adopt(own, best, use_hop_count=use_hop_count)
 
 
 def in_frame(pose, point):

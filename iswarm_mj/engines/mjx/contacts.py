@@ -64,7 +64,7 @@ def box_box(first: Geom, second: Geom) -> tuple[Array, Array, Array]:
     second_hull = _hull(second, offset[0], offset[1])
     normal_x, normal_y, *points = _geometry.rectangle_contact(first_hull, second_hull)
     is_level = jnp.abs(offset[2]) < first.half_edges[2] + second.half_edges[2]
-    distances, positions = _at_both_rims(points, is_level, first)
+    distances, positions = _at_both_rims(points, first, may_touch=is_level)
     return distances, positions, jnp.array([normal_x, normal_y, 0.0])
 
 
@@ -79,7 +79,7 @@ def plane_box(plane: Geom, box: Geom) -> tuple[Array, Array, Array]:
     normal = plane.rotation[:2, 2]
     gap = (box.centre[:2] - plane.centre[:2]) @ normal
     _, _, *points = _geometry.wall_contact(gap, *normal, _hull(box, 0.0, 0.0))
-    distances, positions = _at_both_rims(points, True, box)
+    distances, positions = _at_both_rims(points, box)
     return distances, positions, jnp.append(normal, 0.0)
 
 
@@ -90,15 +90,16 @@ def _hull(box: Geom, x: Any, y: Any) -> contact_geometry.Rectangle:
 
 def _at_both_rims(
     points: Sequence[Array],
-    may_touch: Array | bool,
     box: Geom,
+    *,
+    may_touch: Array | bool = True,
 ) -> tuple[Array, Array]:
     """Return distances (4,) and positions (4, 3) of two points, at the rims of a box [mm].
 
     Args:
         points: x, y, seen from the box's centre, and distance of one point; then of the other.
-        may_touch: otherwise the points are out of reach.
         box: the points are on it.
+        may_touch: otherwise the points are out of reach.
     """
     x1, y1, distance1, x2, y2, distance2 = points
     distance = jnp.stack([distance1, distance2])

@@ -63,6 +63,7 @@ class MujocoBench:
         start_gap: float,
         threads: int = 0,
         timestep: float | None = None,
+        *,
         is_recorded: bool = False,
         hanging: float | None = None,
     ):

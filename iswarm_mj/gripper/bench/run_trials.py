@@ -159,6 +159,7 @@ def release(
     held: Mask,
     gap: float,
     ramp: Ramp | None = None,
+    *,
     to_the_end: bool = False,
 ) -> Release:
     """Ramp the voltage on balls that hang at the tool until each has left, landed and come to rest.
