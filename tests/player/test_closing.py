@@ -1,79 +1,93 @@
-"""The page closes soon whatever is computed, and completes its recording."""
+"""The page closes soon, even while something is computed, and completes its recording."""
 
 from threading import Event, Thread
 
 import pytest
+from support.page import assert_no_error, clients, opened, session_thread
 from support.rrd import read
 
-from iswarm_mj import SwarmConfig, play
-from iswarm_mj.config.swarm import ArenaConfig
-from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.player import page as player_page
-from iswarm_mj.simulation.scenario import Scenario
 
 SECONDS = 120
-CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
+"""Time after which a test that waits has failed [s]."""
 
 
 @pytest.fixture
-def played():
-    played = play(Scenario(CONFIG, robots=20, engine=PlanarSettings(), seed=3), port=8360)
-    yield played
-    played.close()
+def page(tmp_path):
+    """A page that records to `tmp_path`."""
+    with opened(port=8360, out=tmp_path) as page:
+        yield page
+
+
+class Compiler:
+    """Something inside of a control step that takes until a test ends it.
+
+    Attributes:
+        has_begun: set once the step has begun.
+        may_end: set when the step may end.
+    """
+
+    def __init__(self):
+        self.has_begun = Event()
+        self.may_end = Event()
+
+    def work(self):
+        """Work until the test lets it end."""
+        self.has_begun.set()
+        assert self.may_end.wait(SECONDS)
 
 
 @pytest.fixture
-def compiler(played, monkeypatch):
-    """What takes long inside of a control step, from `began` on until `ends`."""
-    compiler = type("Compiler", (), {"began": Event(), "ends": Event()})
-    run = played.session.run
+def compiler(page, monkeypatch):
+    """What takes long inside of the page's control steps."""
+    compiler = Compiler()
+    run = page.session.run
     advance = run.advance
 
     def compile_and_advance():
-        compiler.began.set()
-        assert compiler.ends.wait(SECONDS)
+        compiler.work()
         return advance()
 
     monkeypatch.setattr(run, "advance", compile_and_advance)
     monkeypatch.setattr(player_page, "CLOSE_S", 0.2)
     yield compiler
-    compiler.ends.set()
+    compiler.may_end.set()
 
 
-def close(played):
-    """Close the page, in a thread of its own so that the test ends where it does not."""
-    closing = Thread(target=played.close, daemon=True)
+def close(page):
+    """Close a page, in a thread of its own, so that the test ends where that does not."""
+    closing = Thread(target=page.close, daemon=True)
     closing.start()
     closing.join(SECONDS / 2)
     assert not closing.is_alive()
 
 
-def test_it_does_not_wait_for_a_compiler(played, compiler):
-    played.session.post(played.session.advance)
-    assert compiler.began.wait(SECONDS)
-    close(played)
-    assert played._threads[0].is_alive()
-    assert not played._server.get_clients()
-
-    compiler.ends.set()
-    played._threads[0].join(SECONDS)
-    assert not played._threads[0].is_alive()
-    assert played._error is None
+def finish(page, compiler):
+    """Let the compiler end, and wait for the thread of a closed page."""
+    compiler.may_end.set()
+    session_thread(page).join(SECONDS)
+    assert not session_thread(page).is_alive()
+    assert_no_error(page)
 
 
-def test_a_recording_is_complete_though_a_step_is_still_computed(
-    played, compiler, tmp_path, monkeypatch
-):
-    session = played.session
-    monkeypatch.setattr(session, "_out", tmp_path)
+def test_it_does_not_wait_for_a_compiler(page, compiler):
+    page.session.post(page.session.advance)
+    assert compiler.has_begun.wait(SECONDS)
+    close(page)
+    assert session_thread(page).is_alive()
+    assert not clients(page)
+    finish(page, compiler)
+
+
+def test_a_recording_is_complete_though_a_step_is_still_computed(page, compiler, tmp_path):
+    session = page.session
     session.post(session.start_recording)
     session.post(session.advance)
-    assert compiler.began.wait(SECONDS)
-    close(played)
+    assert compiler.has_begun.wait(SECONDS)
+    close(page)
 
     # The step that ends later is not in it, and disturbs nothing.
-    compiler.ends.set()
-    played._threads[0].join(SECONDS)
-    assert played._error is None and session.step == 1
+    finish(page, compiler)
+    assert session.step == 1
     (path,) = tmp_path.iterdir()
     assert read(path)["/world/robots/body"]["step"] == [0]

@@ -198,14 +198,21 @@ class Browser:
         return self.page._server.gui
 
     @property
+    def _elements(self):
+        """All that the panel has, of viser."""
+        containers = list(self._gui._container_handle_from_uuid.values())
+        return [element for each in containers for element in list(each._children.values())]
+
+    @property
     def text(self):
         """All texts of the panel, one after the other, in Markdown or HTML."""
-        texts = []
-        for container in list(self._gui._container_handle_from_uuid.values()):
-            for element in list(container._children.values()):
-                content = getattr(element, "content", "")
-                texts.append(content if isinstance(content, str) else "")
+        texts = [getattr(element, "content", "") for element in self._elements]
         return "\n".join(texts)
+
+    def plot(self, title):
+        """Return the arrays that a plot shows."""
+        (plot,) = [element for element in self._elements if getattr(element, "title", "") == title]
+        return plot.data
 
     @property
     def inputs(self):

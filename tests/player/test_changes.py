@@ -1,0 +1,118 @@
+"""Changes of a run have a text; they put balls and robots where they say, or change nothing."""
+
+import jax
+import numpy as np
+import pytest
+from support.sessions import PAGE_SCENARIO, assert_same, begun, state
+
+from iswarm_mj.player.changes import Change, edit
+from iswarm_mj.player.scenario import PageScenario
+from iswarm_mj.player.session import Session
+from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
+from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import RD
+
+PLACE = np.array([9.0, 9.0])
+"""Place of a ball that is dropped [rd]."""
+DROP = Change(1, "ball", "9.0,9.0")
+"""Drops it."""
+
+
+@pytest.fixture(scope="module")
+def session():
+    """A session after a step, which no test changes."""
+    return begun()
+
+
+def test_a_change_is_read_from_its_text():
+    change = Change(5, "kill", "1")
+    assert str(change) == "5:kill=1"
+    assert Change.parse(str(change)) == change
+
+
+@pytest.mark.parametrize("text", ["", "5", "x:kill=1", "5:kill", "-1:kill=2"])
+def test_other_texts_are_refused(text):
+    with pytest.raises(UserError, match="STEP:SETTING=VALUE"):
+        Change.parse(text)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "kill=20",
+        "kill=x",
+        "revive=-1",
+        "ball=99,0",
+        "ball=nan,0",
+        "ball=3",
+        "ball=a",
+        "nothing=1",
+        "robots=3",
+        "p_vector_forget=2",
+        "use_hop_count=1",
+    ],
+)
+def test_an_impossible_change_begins_no_session_and_changes_nothing_later(session, words):
+    change = Change.parse(f"4:{words}")
+    with pytest.raises(UserError):
+        Session(PAGE_SCENARIO, [change])
+
+    before = state(session.run)
+    session.post(lambda: session.change(change.what, change.value))
+    session.work()
+    assert session.messages.get_nowait()
+    assert not session.changes
+    assert_same(state(session.run), before)
+
+
+def test_balls_are_refused_where_a_task_has_none():
+    scenario = PageScenario(strategy=Beeclust(), task=Aggregation(), robots=4)
+    with pytest.raises(UserError, match="Aggregation has no balls"):
+        Session(scenario, [Change.parse("9:ball=0,0")])
+
+
+def test_a_ball_lies_where_it_was_dropped():
+    session = begun()
+    session.change(DROP.what, DROP.value)
+    balls = session.run.task_state
+    distance = np.linalg.norm(balls.position[0] - PLACE * 2 * np.sqrt(2), axis=-1)
+    ball = distance.argmin()
+    assert distance[ball] < 1e-4
+    assert balls.is_lying[0, ball]
+
+
+class TestWhichBall:
+    """The farthest ball that no robot holds is dropped, of those delivered if there are any."""
+
+    @pytest.fixture
+    def swarm(self, session):
+        """The swarm of the session, whose arrays a test may change."""
+        return jax.tree.map(np.array, session.run.arrays()[1].swarm)
+
+    @pytest.fixture
+    def nearest_first(self, swarm):
+        """Numbers of the balls by their distance from the place."""
+        distance = np.linalg.norm(swarm.task.position[0] - PLACE * RD, axis=-1)
+        return np.argsort(distance)
+
+    @staticmethod
+    def drop(session, swarm):
+        """Drop a ball; return its number and the balls."""
+        balls = edit(session.run, DROP)(swarm).task
+        has_moved = (balls.position != swarm.task.position).any(axis=-1)[0]
+        (ball,) = np.flatnonzero(has_moved)
+        np.testing.assert_allclose(balls.position[0, ball], PLACE * RD, rtol=1e-6)
+        return ball, balls
+
+    def test_balls_on_the_floor(self, session, swarm, nearest_first):
+        swarm.task.is_held[0, nearest_first[-1]] = True
+        ball, balls = self.drop(session, swarm)
+        assert ball == nearest_first[-2]
+        assert not balls.is_delivered.any()
+
+    def test_balls_that_were_delivered(self, session, swarm, nearest_first):
+        swarm.task.is_delivered[0, nearest_first[:3]] = True
+        ball, balls = self.drop(session, swarm)
+        assert ball == nearest_first[2]
+        assert balls.is_delivered.sum() == 2
+        assert not balls.is_delivered[0, ball]
