@@ -1,5 +1,4 @@
-"""Changes while a run goes on, of settings, robots and balls, by which it can be repeated bit by
-bit."""
+"""Changes of settings, robots and balls while a run goes on, by which it can be repeated."""
 
 from collections.abc import Callable
 from functools import partial
@@ -33,13 +32,13 @@ class Change(NamedTuple):
 
     step: int
     """Control steps before the change."""
-    what: str
+    name: str
     """Name of a setting, or one of `KILL`, `REVIVE` and `BALL`."""
     value: str
     """New value of the setting, number of the robot, or place of the ball."""
 
     def __str__(self) -> str:
-        return f"{self.step}:{self.what}={self.value}"
+        return f"{self.step}:{self.name}={self.value}"
 
     @classmethod
     def parse(cls, text: str) -> "Change":
@@ -49,13 +48,13 @@ class Change(NamedTuple):
             UserError: it describes none.
         """
         step, _, rest = text.partition(":")
-        what, equals, value = rest.partition("=")
+        name, equals, value = rest.partition("=")
         is_step = step.isascii() and step.isdigit() and len(step) <= _MOST_DIGITS
-        if not (is_step and what and equals):
+        if not (is_step and name and equals):
             raise UserError(
                 f"a change must be STEP:SETTING=VALUE, as 40:p_vector_forget=0.5 (got {text!r})"
             )
-        return cls(int(step), what.replace("-", "_"), value)
+        return cls(int(step), name.replace("-", "_"), value)
 
 
 def edit(run: Run, change: Change) -> Callable[[SwarmState], SwarmState]:
@@ -66,14 +65,14 @@ def edit(run: Run, change: Change) -> Callable[[SwarmState], SwarmState]:
     Raises:
         UserError: there is no such robot or place, or there are no balls.
     """
-    if change.what == BALL:
+    if change.name == BALL:
         place = _place_of_ball(run, change)
         return partial(_drop_ball, run, place)
     (robot,) = _numbers(change, int, 1, "a robot by its number")
     n_robots = run.settings.n_robots
     if not 0 <= robot < n_robots:
         raise UserError(f"there is no robot {robot}; they are numbered 0 to {n_robots - 1}")
-    return partial(_set_alive, robot, is_alive=change.what == REVIVE)
+    return partial(_set_alive, robot, is_alive=change.name == REVIVE)
 
 
 def _place_of_ball(run: Run, change: Change) -> Float[np.ndarray, "2"]:

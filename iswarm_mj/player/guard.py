@@ -266,7 +266,8 @@ class Guard:
             return f"This page is at {self.host} only."
 
         # Browsers state the website by which a websocket is opened.
-        upgrade, origin = headers.get("Upgrade"), headers.get("Origin")
+        upgrade = headers.get("Upgrade")
+        origin = headers.get("Origin")
         if upgrade not in (None, "websocket"):
             return "Only websockets can be opened here."
         if origin != f"http://{host}" and (upgrade or origin is not None):

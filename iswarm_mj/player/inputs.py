@@ -17,7 +17,7 @@ viser's event loop calls it, in the order of the messages, so it must take no ti
 
 @dataclass(frozen=True)
 class _Input:
-    """What the page knows of an input."""
+    """An input as the page knows it."""
 
     control: Control
     """Setting that the input shows, with the values that it takes."""

@@ -2,7 +2,7 @@
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,6 +41,19 @@ FASTEST = 60
 _PREPARING = "Preparing the first control step, which is compiled once for each number of robots."
 _OBSTACLE_HALF_EDGE = 1.0
 """Half the edge of an obstacle that a click puts [rd]."""
+
+
+class _ButtonLook(NamedTuple):
+    """Look of the button that starts and stops the run."""
+
+    label: str
+    icon: str
+    """Name of an icon of viser."""
+    colour: str
+
+
+_PLAY = _ButtonLook("Play", "player-play", "green")
+_PAUSE = _ButtonLook("Pause", "player-pause", "orange")
 
 
 class Panel:
@@ -108,10 +121,10 @@ class Panel:
             session.advance()
 
         self._play = inputs.add_button(
-            "Play",
+            _PLAY.label,
             lambda _: session.post(toggle),
-            icon="player-play",
-            color="green",
+            icon=_PLAY.icon,
+            color=_PLAY.colour,
         )
         actions = {"Step": step, "Reset": session.reset}
         buttons = _choice("run", tuple(actions))
@@ -277,13 +290,11 @@ class Panel:
 
     def _show_play_button(self) -> None:
         """Let the button say what a click on it does."""
-        label, icon, colour = "Play", "player-play", "green"
-        if self._session.is_playing:
-            label, icon, colour = "Pause", "player-pause", "orange"
-        if self._play.label != label:
-            self._play.label = label
-            self._play.icon = icon
-            self._play.color = colour
+        look = _PAUSE if self._session.is_playing else _PLAY
+        if self._play.label != look.label:
+            self._play.label = look.label
+            self._play.icon = look.icon
+            self._play.color = look.colour
 
     def _show_legend(self) -> None:
         """Show what the colours mean."""
@@ -399,8 +410,8 @@ def _with_obstacle_at(arena: ArenaConfig, x: float, y: float) -> tuple[Obstacle,
         y: place of the new one [rd].
     """
     point = np.array([[x, y]])
-    others = tuple(box for box in arena.obstacles if distances(point, numbers([box]))[0] > 0)
-    if len(others) < len(arena.obstacles):
-        return others
+    elsewhere = tuple(box for box in arena.obstacles if distances(point, numbers([box]))[0] > 0)
+    if len(elsewhere) < len(arena.obstacles):
+        return elsewhere
     half_edge = _OBSTACLE_HALF_EDGE
-    return (*others, (round(x, 2), round(y, 2), half_edge, half_edge, 0.0))
+    return (*elsewhere, (round(x, 2), round(y, 2), half_edge, half_edge, 0.0))

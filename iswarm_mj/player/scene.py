@@ -20,7 +20,8 @@ from iswarm_mj.output.schema import Frames
 from iswarm_mj.output.swarm_classes import BALL_CLASSES, robot_classes, shown_classes
 from iswarm_mj.output.trajectory import AREA, Scene
 
-STATE, ENERGY = "state", "energy"
+STATE = "state"
+ENERGY = "energy"
 """Ways to colour robots; others are `hops to NAME`, `says NAME` and `remembers NAME`."""
 DEAD: Rgb = (70, 70, 70)
 """Colour of dead robots."""

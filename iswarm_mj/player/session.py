@@ -122,7 +122,7 @@ class Session:
         self._recording_lock = Lock()
         self._begin(scenario)
         for change in self.waiting:
-            if change.what in EDITS:
+            if change.name in EDITS:
                 edit(self.run, change)  # which refuses what cannot be
 
     def _begin(self, scenario: PageScenario) -> None:
@@ -226,7 +226,7 @@ class Session:
             return
         while self.waiting and self.waiting[0].step <= self.step:
             due = self.waiting.pop(0)
-            self.change(due.what, due.value)
+            self.change(due.name, due.value)
 
         began = time.perf_counter()
         record = self.run.advance()
@@ -321,22 +321,22 @@ class Session:
         else:
             self.wanted = self.wanted.set(name, value)
 
-    def change(self, what: str, value: str) -> None:
+    def change(self, name: str, value: str) -> None:
         """Change a setting that may change while the run goes on, a robot or a ball.
 
         Args:
-            what: see `Change`.
+            name: see `Change`.
             value: see `Change`.
 
         Raises:
             UserError: there is no such setting, robot or place, or the value is out of range.
         """
-        change = Change(self.step, what, value)
-        if what in EDITS:
+        change = Change(self.step, name, value)
+        if name in EDITS:
             self.run.edit(edit(self.run, change))
             self._show_deaths()
         else:
-            self._change_setting(what, value)
+            self._change_setting(name, value)
             # A setting that changes again before the next step had no effect in between.
             self.changes = [each for each in self.changes if each[:2] != change[:2]]
         self.changes.append(change)
@@ -357,7 +357,8 @@ class Session:
             wanted = wanted.set(name, now.get(name))
         task = None if is_same(now.task, self.now.task) else now.task
         self.run.change(now.config, now.strategy, task)
-        self.now, self.wanted = now, wanted
+        self.now = now
+        self.wanted = wanted
         if task is not None or now.config != config_before:
             self._follow_areas()
 
@@ -451,7 +452,8 @@ class Session:
         Where that fails, it is not tried again.
         """
         with self._recording_lock:
-            recorder, self._recorder = self._recorder, None
+            recorder = self._recorder
+            self._recorder = None
             if recorder is not None:
                 recorder.save()
 
@@ -463,6 +465,6 @@ def _check_changes(scenario: PageScenario, changes: Sequence[Change]) -> None:
         UserError: there is no such setting, or a value is out of range.
     """
     for change in changes:
-        if change.what not in EDITS:
-            value = parsed(scenario, change.what, change.value)
-            scenario = scenario.set(change.what, value)
+        if change.name not in EDITS:
+            value = parsed(scenario, change.name, change.value)
+            scenario = scenario.set(change.name, value)

@@ -192,7 +192,8 @@ class SwarmView:
         """
         if scene is self.scene:
             return
-        before, self.scene = self.scene, scene
+        before = self.scene
+        self.scene = scene
         if arrays.areas_differ(before, scene):
             self._draw_standing()
 

@@ -1,5 +1,7 @@
-"""Tasks that derive from `Cleaning`: they see the arena of their own world, and drive its boxes.
-Units: mm, s."""
+"""Tasks that derive from `Cleaning` see the arena of their world, and drive its boxes.
+
+Units are mm and s.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
@@ -26,36 +28,46 @@ from iswarm_mj.tasks.base import Quantity
 from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.tasks.grasping import update_balls
 
-N = 6
+N_ROBOTS = 6
 CONFIG = SwarmConfig(
     ArenaConfig(
         size=30.0,
         n_dust=6,
         dust_area_size=4.0,
         dust_area_offset=8.0,
-        boxes=((10, 8, 1, 1, 0, 0, 0), (10, -8, 1, 1, 0, 0, 0), (-10, 8, 1, 1, 0, 1e-5, 0.01)),
+        boxes=(
+            (10, 8, 1, 1, 0, 0, 0),
+            (10, -8, 1, 1, 0, 0, 0),
+            (-10, 8, 1, 1, 0, 1e-5, 0.01),
+        ),
     )
 )
+"""Configuration of an arena with two boxes of mass 0 and one that robots push."""
 ENGINES = [MujocoSettings(threads=1), PlanarSettings(threads=1)]
-YIELDS = 0.02
-"""A gate gives way by at most this to a robot that it pushes [mm]."""
+STEP_MM = 2.0
+"""Distance by which a gate slides in a step [mm]."""
+YIELD_MM = 0.02
+"""Largest distance by which a gate gives way to a robot that it pushes [mm]."""
+PUSHED_MM = 1.5
+"""Largest distance by which robots push a box in a step [mm]."""
 
 
 class Gates(NamedTuple):
     """State of the task: balls, gates, and what `advance` saw."""
 
     balls: Balls
+    """Balls of cleaning."""
     boxes: np.ndarray
-    """Where they are to be [mm, mm, rad]."""
+    """Poses that the boxes are to have (3, 3) [mm, mm, rad]."""
     edge: np.ndarray
     """Edge of the arena [rd]."""
     offset: np.ndarray
-    """Of the dust areas [rd]."""
+    """Offset of the dust areas [rd]."""
 
 
 @dataclass(frozen=True)
 class Gated(Cleaning):
-    """Cleaning with two gates, boxes of mass 0, that slide away from each other by 2 mm a step."""
+    """Cleaning with two gates, boxes of mass 0, that slide away from each other."""
 
     measured: ClassVar = {
         **Cleaning.measured,
@@ -65,17 +77,22 @@ class Gated(Cleaning):
 
     def lay_out(self, config, n_robots, rng, shared, cell):
         poses, balls = CLEANING.lay_out(config, n_robots, rng, shared, cell)
-        nothing = np.zeros((), np.float32)
-        return poses, Gates(
-            balls, poses_of_boxes(config.arena.boxes).astype(np.float32), nothing, nothing
-        )
+        boxes = poses_of_boxes(config.arena.boxes).astype(np.float32)
+        unknown = np.zeros((), np.float32)
+        return poses, Gates(balls, boxes, edge=unknown, offset=unknown)
 
     def advance(self, state: Gates, inputs: Any, key: Any):
         balls, sensed = update_balls(state.balls, inputs, key)
-        way = jnp.array([[0.0, 2.0, 0.0], [0.0, -2.0, 0.0], [5.0, 5.0, 0.0]])
-        return Gates(
-            balls, inputs.boxes + way, inputs.arena.size, inputs.arena.dust_area_offset
-        ), sensed
+
+        # The third box has a mass, so that nothing drives it.
+        motion = jnp.array([[0.0, STEP_MM, 0.0], [0.0, -STEP_MM, 0.0], [5.0, 5.0, 0.0]])
+        gates = Gates(
+            balls,
+            boxes=inputs.boxes + motion,
+            edge=inputs.arena.size,
+            offset=inputs.arena.dust_area_offset,
+        )
+        return gates, sensed
 
     def drive_boxes(self, state):
         return state.boxes
@@ -96,50 +113,56 @@ class Gated(Cleaning):
         return CLEANING.areas(config, state.balls)
 
 
-def check_gates(before, after, steps):
-    """Both gates moved apart, and the box that has a mass stayed where no robot pushed it."""
-    moved = np.asarray(after) - np.asarray(before)
-    north, south = (
-        np.broadcast_to([0, side * 2.0 * steps], moved[..., 0, :2].shape) for side in (1, -1)
-    )
-    np.testing.assert_allclose(moved[..., 0, :2], north, atol=YIELDS)
-    np.testing.assert_allclose(moved[..., 1, :2], south, atol=YIELDS)
-    assert (np.abs(moved[..., 2, :2]).max(axis=-1) < 1.5 * steps).all()
+def assert_gates_open(before, after, n_steps):
+    """Assert that both gates moved apart, and that no robot pushed the other box far.
+
+    Args:
+        before: poses of the boxes at first (..., 3, 3).
+        after: poses of the boxes after some control steps (..., 3, 3).
+        n_steps: number of these steps.
+    """
+    moved = (np.asarray(after) - np.asarray(before))[..., :2]
+    north = np.array([0.0, STEP_MM * n_steps])
+    np.testing.assert_allclose(moved[..., 0, :] - north, 0.0, atol=YIELD_MM)
+    np.testing.assert_allclose(moved[..., 1, :] + north, 0.0, atol=YIELD_MM)
+    assert (np.abs(moved[..., 2, :]) < PUSHED_MM * n_steps).all()
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.name)
 def test_worlds_of_a_run_see_their_own_arenas_and_their_gates_open(engine):
-    others = [
-        replace(CONFIG, arena=replace(CONFIG.arena, dust_area_offset=offset))
-        for offset in (8.0, 9.0, 10.0)
-    ]
-    worlds = [World(TYPE1, N, index=k, config=config) for k, config in enumerate(others)]
+    offsets = [8.0, 9.0, 10.0]
+    worlds = []
+    for index, offset in enumerate(offsets):
+        arena = replace(CONFIG.arena, dust_area_offset=offset)
+        config = replace(CONFIG, arena=arena)
+        worlds.append(World(TYPE1, N_ROBOTS, index=index, config=config))
     scenario = Scenario(CONFIG, task=Gated(), engine=engine, worlds=worlds, steps=3)
     run = Run(scenario, record_worlds=(0, 1, 2))
     record = ran(run)
     metrics = run.metrics()
-    assert metrics["edge"].tolist() == [30.0] * 3 and metrics["offset"].tolist() == [8.0, 9.0, 10.0]
-    check_gates(run.start.boxes[0], record.boxes[-1], 3)
+    assert metrics["edge"].tolist() == [30.0, 30.0, 30.0]
+    assert metrics["offset"].tolist() == offsets
+    assert_gates_open(run.start.boxes[0], record.boxes[-1], n_steps=3)
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=lambda engine: engine.name)
 def test_environments_see_their_own_arena_and_their_gates_open(engine):
-    env = make_env(config=CONFIG, task=Gated(), robots=N, engine=engine, worlds=2)
+    env = make_env(config=CONFIG, task=Gated(), robots=N_ROBOTS, engine=engine, worlds=2)
     state = env.reset(jax.random.split(jax.random.key(0), 2))
-    before = env.boxes(state)
+    boxes = env.boxes(state)
     for _ in range(3):
-        state = env.step(state, jnp.zeros((2, N, env.action_size)))
-    assert state.metrics["edge"].tolist() == [30.0, 30.0] and (state.reward >= 30.0).all()
-    check_gates(before, env.boxes(state), 3)
+        state = env.step(state, jnp.zeros((2, N_ROBOTS, env.action_size)))
+    assert state.metrics["edge"].tolist() == [30.0, 30.0]
+    assert (state.reward >= 30.0).all()
+    assert_gates_open(boxes, env.boxes(state), n_steps=3)
 
 
 def test_the_page_shows_a_task_its_own_arena_also_after_a_change():
-    session = Session(
-        PageScenario(CONFIG, task=Gated(), robots=N, engine=PlanarSettings(threads=1))
-    )
+    engine = PlanarSettings(threads=1)
+    session = Session(PageScenario(CONFIG, task=Gated(), robots=N_ROBOTS, engine=engine))
     before = session.snapshots[-1].record.boxes[0, 0]
     session.advance()
     session.set("arena.dust_area_offset", 9.0)
     session.advance()
     assert session.lines["edge"][-1] == 30.0
-    check_gates(before, session.snapshots[-1].record.boxes[0, 0], 2)
+    assert_gates_open(before, session.snapshots[-1].record.boxes[0, 0], n_steps=2)

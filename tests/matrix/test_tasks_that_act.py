@@ -1,5 +1,4 @@
-"""Tasks that drive boxes, let robots die and change conditions: on engines, in arenas, in all ways
-to play them."""
+"""Tasks that drive boxes, let robots die and change conditions, on all engines and in all ways."""
 
 import pytest
 from support.matrix import cells_of, play

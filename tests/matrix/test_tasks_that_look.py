@@ -1,5 +1,4 @@
-"""Tasks of one's own, with areas, and derived from cleaning: on engines, in arenas, in all ways to
-play them."""
+"""Tasks of users, with areas, and derived from cleaning, on all engines and in all ways to play."""
 
 import pytest
 from support.matrix import cells_of, play

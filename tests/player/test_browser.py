@@ -359,11 +359,10 @@ class Attacker(BaseHTTPRequestHandler):
     def do_GET(self):
         """Send the service worker, or the page that registers it."""
         self.server.paths.append(self.path)
-        content, content_type = REGISTER, "text/html"
-        if self.path == "/worker.js":
-            content, content_type = WORKER, "text/javascript"
+        is_worker = self.path == "/worker.js"
+        content = WORKER if is_worker else REGISTER
         self.send_response(200)
-        self.send_header("Content-Type", content_type)
+        self.send_header("Content-Type", "text/javascript" if is_worker else "text/html")
         self.send_header("Content-Length", str(len(content)))
         self.send_header("Access-Control-Allow-Origin", "*")
         self.end_headers()

@@ -58,7 +58,7 @@ def test_an_impossible_change_begins_no_session_and_changes_nothing_later(sessio
         Session(PAGE_SCENARIO, [change])
 
     before = state(session.run)
-    session.post(lambda: session.change(change.what, change.value))
+    session.post(lambda: session.change(change.name, change.value))
     session.work()
     assert session.messages.get_nowait()
     assert not session.changes
@@ -73,7 +73,7 @@ def test_balls_are_refused_where_a_task_has_none():
 
 def test_a_ball_lies_where_it_was_dropped():
     session = begun()
-    session.change(DROP.what, DROP.value)
+    session.change(DROP.name, DROP.value)
     balls = session.run.task_state
     distance = np.linalg.norm(balls.position[0] - PLACE * 2 * np.sqrt(2), axis=-1)
     ball = distance.argmin()

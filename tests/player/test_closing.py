@@ -39,7 +39,7 @@ class Compiler:
 
 @pytest.fixture
 def compiler(page, monkeypatch):
-    """What takes long inside of the page's control steps."""
+    """Something that takes long inside of the page's control steps."""
     compiler = Compiler()
     run = page.session.run
     advance = run.advance

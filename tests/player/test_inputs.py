@@ -211,8 +211,8 @@ def hostile_value(rng, file):
     """Return a value that controls may refuse, such as the name of a class in a file."""
     numbers = [float("nan"), float("inf"), -5, 0.5, 1e308, 10**30, -(10**400)]
     words = ["", "x" * 100_000, f"{file}:X", "type2", "1", "nan", "'", '"', "\ud800", "\x00"]
-    others = [None, True, False, [], [1, 2], {"a": 1}, b"\xff"]
-    return rng.choice(numbers + words + others)
+    no_value = [None, True, False, [], [1, 2], {"a": 1}, b"\xff"]
+    return rng.choice(numbers + words + no_value)
 
 
 def play_at_random(browser, rng, n_events, n_resets, choose):

@@ -206,7 +206,7 @@ def test_clicks_kill_a_robot_and_drop_a_ball_at_once(still):
     browser.set("a click can", DROP)
     browser.click(0.0, 20.0)
     work(page)
-    assert [change.what for change in session.changes] == ["kill", "ball"]
+    assert [change.name for change in session.changes] == ["kill", "ball"]
     assert not session.is_alive[5]
 
 

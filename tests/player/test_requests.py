@@ -44,7 +44,7 @@ def test_the_port_may_be_forwarded_from_another_machine(server):
 
 
 def test_the_page_may_be_loaded_again(server):
-    """Its client has put the address of its websocket into that of the page."""
+    """The client has put the address of its websocket into that of the page."""
     split = urlsplit(server.url)
     websocket = f"ws%3A%2F%2F{split.netloc}{split.path.removesuffix('/')}"
     encoded = websocket.replace("/", "%2F").replace(":", "%3A")
@@ -103,7 +103,7 @@ def test_addresses_are_not_passed_on_and_not_kept(server, path):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have one such address")
 def test_pages_have_origins_of_their_own(server):
-    """What a browser keeps of an ended page, or of who took its port, never meets the next one."""
+    """Nothing that browsers keep of an ended page, or of who took its port, meets the next one."""
     ended = open_server(server.get_port())
     close_server(ended)
     hosts = {urlsplit(url).hostname for url in (server.url, ended.url)}

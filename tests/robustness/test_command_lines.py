@@ -1,5 +1,4 @@
-"""Command lines over every flag of every command: each is done, or refused with exit code 2,
-without a traceback.
+"""Random command lines over every flag: each succeeds, or exits with code 2 and one sentence.
 
 They run in this process up to where physics, pictures or workers would start; a few go on to the
 end.
@@ -7,14 +6,13 @@ end.
 
 import contextlib
 import io
-import os
 import re
 
 import numpy as np
 import pytest
 from hypothesis import event
 from support.attacks import attack, pick
-from support.cli import SMALL, WALK, code_of
+from support.cli import WALK, code_of
 from support.recorded import write_run
 from support.small import FLAGS
 
@@ -33,19 +31,26 @@ STARTS = [
     "iswarm_mj.output.offscreen.ArenaRenderer",
     "iswarm_mj.output.video.ArenaRenderer",
 ]
-"""Where physics, pictures or workers would start."""
+"""Functions and classes by which physics, pictures or workers would start."""
 REFUSAL = re.compile(r"(iswarm: (placing|preparing) [^\n]+\n)*iswarm: [^\n]+\n")
-"""One sentence."""
+"""One sentence, perhaps after what was prepared."""
+OUTCOMES = {None: "accepted", 0: "answered", 1: "fault", 2: "refused"}
+"""Outcomes by the exit code; None where physics, pictures or workers would start."""
 NUMBERS = [
-    "0", "1", "-1", "2", "10", "48", "100", "1000", "0.1", "0.999", "1.5", "89.9", "180", "1e-320", "1e300", "-0.0",
-    "nan", "-inf", "1e999", "4294967295", "9223372036854775808", "1_000", "0x10", "١٢", "+3", ".5", "1,5", "9" * 5000,
+    "0", "1", "-1", "2", "10", "48", "100", "1000", "0.1", "0.999", "1.5", "89.9", "180", "1e-320",
+    "1e300", "-0.0", "nan", "-inf", "1e999", "4294967295", "9223372036854775808", "1_000", "0x10",
+    "١٢", "+3", ".5", "1,5", "9" * 5000,
 ]  # fmt: skip
 TEXTS = [
-    "", " ", "a\nb", "🤖", "\udcff", "None", "True", "--", "-", "-h", "=", "a" * 300, "\x1b[31m" * 900, "../..", "*",
-    "/dev/full", "/proc/self/nothing", "%s%n", "[1,2]", "runs/clean", "runs/none", "genome.json", "odd.json", "walk.py",
-    "walk.py:Walk", "walk.py:", ":Walk", "robot6.xml", "odd.xml", "results", "new/deep", "a.html", "a.mp4", "loop",
-    "genome.json/below", "type2", "density", "time-step", "evolve-paper", "odd.toml", "runs/clean/result.json",
+    "", " ", "a\nb", "🤖", "\udcff", "None", "True", "--", "-", "-h", "=", "a" * 300,
+    "\x1b[31m" * 900, "../..", "*", "/dev/full", "/proc/self/nothing", "%s%n", "[1,2]",
+    "runs/clean", "runs/none", "genome.json", "odd.json", "walk.py", "walk.py:Walk", "walk.py:",
+    ":Walk", "robot6.xml", "odd.xml", "results", "new/deep", "a.html", "a.mp4", "loop",
+    "genome.json/below", "type2", "density", "time-step", "evolve-paper", "odd.toml",
+    "runs/clean/result.json",
 ]  # fmt: skip
+LONGEST_NUMBER = 3
+"""Digits of numbers of robots, worlds or steps with which runs are quick."""
 
 
 class Reached(BaseException):
@@ -53,6 +58,7 @@ class Reached(BaseException):
 
 
 def reach(*_, **__):
+    """Take the place of what would start."""
     raise Reached
 
 
@@ -60,9 +66,10 @@ def reach(*_, **__):
 def place(tmp_path, monkeypatch):
     """A working directory with files of all kinds that command lines name."""
     monkeypatch.chdir(tmp_path)
-    for name in ("runs/clean", "results"):
-        (tmp_path / name).mkdir(parents=True)
-    write_run(tmp_path / "runs" / "clean")
+    run = tmp_path / "runs" / "clean"
+    run.mkdir(parents=True)
+    write_run(run)
+    (tmp_path / "results").mkdir()
     (tmp_path / "genome.json").write_text('{"p_vector_forget": 0.3}')
     (tmp_path / "odd.json").write_text('{"p_vector_forget": NaN}')
     (tmp_path / "odd.toml").write_text('steps = 3\n[arena]\nsize = "x"\nn-dust = [3, true]')
@@ -73,97 +80,127 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
-def given(rng, name, default, owner, part):
-    """A flag with a value that it may take, or that it may not."""
-    word, luck = flag(name), rng.random()
+# How a command line is drawn.
+
+
+def drawn_flag(rng, setting):
+    """Return the arguments of the flag of a setting, with a value that it may take, or may not."""
+    default = setting.value
+    word = flag(setting.name)
+    luck = rng.random()
     if isinstance(default, bool) and luck < 0.9:
-        return [
-            word if luck < 0.5 else re.sub(r"^--(.*\.)?", r"--\g<1>no-", word).replace("None", "")
-        ]
+        negated = re.sub(r"^--(.*\.)?", r"--\g<1>no-", word)
+        return [word if luck < 0.5 else negated]
     if luck < 0.02:
-        word = pick(rng, [word[:-1], word.replace("-", "_"), word.replace(".", "-")])
-    words = choices(type(owner), part)
-    near = [
-        str(default),
-        *words,
-        *(str(default * k) for k in (0.5, 2, -1) if isinstance(default, int | float)),
-    ]
-    values = [pick(rng, near if rng.random() < 0.5 else NUMBERS if luck < 0.8 else TEXTS)]
-    values += [pick(rng, NUMBERS) for _ in range(rng.integers(3))] * isinstance(default, tuple)
-    return [f"{word}={values[0]}"] if len(values) == 1 and luck < 0.5 else [word, *values]
+        misspelt = [word[:-1], word.replace("-", "_"), word.replace(".", "-")]
+        word = pick(rng, misspelt)
+
+    near = [str(default), *choices(type(setting.owner), setting.field)]
+    if isinstance(default, int | float):
+        near += [str(default * factor) for factor in (0.5, 2, -1)]
+    if rng.random() < 0.5:
+        pool = near
+    elif luck < 0.8:
+        pool = NUMBERS
+    else:
+        pool = TEXTS
+    values = [pick(rng, pool)]
+    further_values = [pick(rng, NUMBERS) for _ in range(rng.integers(3))]
+    if isinstance(default, tuple):
+        values += further_values
+    if len(values) == 1 and luck < 0.5:
+        return [f"{word}={values[0]}"]
+    return [word, *values]
 
 
-def command_line(rng, name=None):
-    """Arguments of a command."""
-    name = pick(rng, list(COMMANDS)) if name is None else name
-    if rng.random() < 0.01:
-        return [
-            pick(rng, [*TEXTS, name[:-1], "--version", "--help", "--tyro-print-completion"]),
-            "--seed=1",
-        ]
+def drawn_flags(rng, name):
+    """Return a few flags of a command, perhaps with a file of settings or a stray word."""
     command = COMMANDS[name]()
-    known = [*settings(command), *(settings(TYPE1) if hasattr(command, "own") else ())]
-    line = [word for _ in range(rng.integers(6)) for word in given(rng, *pick(rng, known))]
-    line += ["--config", pick(rng, TEXTS)] * (rng.random() < 0.1) + [pick(rng, TEXTS)] * (
-        rng.random() < 0.1
-    )
-    return [name, *line]
+    known = list(settings(command))
+    if hasattr(command, "own"):
+        known += settings(TYPE1)
+    line = []
+    for _ in range(rng.integers(6)):
+        line += drawn_flag(rng, pick(rng, known))
+    config = pick(rng, TEXTS)
+    if rng.random() < 0.1:
+        line += ["--config", config]
+    stray = pick(rng, TEXTS)
+    if rng.random() < 0.1:
+        line.append(stray)
+    return line
 
 
-def answer(line):
-    """What became of a command line in this process, or an AssertionError."""
-    out, error, code = io.StringIO(), io.StringIO(), None
+def drawn_line(rng):
+    """Return the arguments of a command line."""
+    name = pick(rng, list(COMMANDS))
+    if rng.random() < 0.01:
+        no_command = [*TEXTS, name[:-1], "--version", "--help", "--tyro-print-completion"]
+        return [pick(rng, no_command), "--seed=1"]
+    return [name, *drawn_flags(rng, name)]
+
+
+def outcome_of(line):
+    """Run a command line in this process; return which of `OUTCOMES` it has.
+
+    Raises:
+        AssertionError: it has none, or prints a traceback, or more than a sentence.
+    """
+    error = io.StringIO()
+    code = None
     with (
-        contextlib.redirect_stdout(out),
+        contextlib.redirect_stdout(io.StringIO()),
         contextlib.redirect_stderr(error),
         contextlib.suppress(Reached),
     ):
         code = code_of(*line)
-    said = error.getvalue()
-    assert "Traceback" not in said and "\x1b" not in said and len(said) < 5000, said
-    assert code in (None, 0, 1, 2) and (code in (None, 0) or REFUSAL.fullmatch(said)), (code, said)
-    return {None: "accepted", 0: "answered", 1: "fault", 2: "refused"}[code]
+    printed = error.getvalue()
+    assert "Traceback" not in printed
+    assert "\x1b" not in printed
+    assert len(printed) < 5000
+    assert code in OUTCOMES, (code, printed)
+    if code:
+        assert REFUSAL.fullmatch(printed), (code, printed)
+    return OUTCOMES[code]
 
 
 @attack(30)
 def test_each_is_done_or_refused(place, seed):
-    line = command_line(np.random.default_rng(seed))
+    line = drawn_line(np.random.default_rng(seed))
     with pytest.MonkeyPatch.context() as patch:
         for name in STARTS:
             patch.setattr(name, reach)
-        outcome = answer(line)
+        outcome = outcome_of(line)
     event(outcome)
     assert outcome != "fault", line
 
 
+def takes_long(line):
+    """Return whether a command line has a number of robots, worlds or steps that is large."""
+    parts = [part for argument in line for part in argument.split("=")]
+    return any(len(part) > LONGEST_NUMBER and part.isdigit() for part in parts)
+
+
 @attack(2)
 def test_what_is_accepted_runs(place, seed):
-    """To its end, or to a fault in a sentence; what it records is finite."""
+    """It runs to its end, or to a fault in a sentence; what it records is finite."""
     rng = np.random.default_rng(seed)
-    name, engine = pick(rng, ["clean", "clean", "bench"]), pick(rng, ["mujoco", "planar"])
-    more = command_line(rng, name)[1:]
-    named = {word.partition("=")[0] for word in more}
-    few = ["--steps=2", "--robots=9", "--threads=1", f"--engine={engine}", *FLAGS]
-    line = [name, *(word for word in few if word.partition("=")[0] not in named), *more]
-    if any(len(part) > 3 and part.isdigit() for word in line for part in word.split("=")):
-        return  # many robots, worlds or steps
+    name = pick(rng, ["clean", "clean", "bench"])
+    engine = pick(rng, ["mujoco", "planar"])
+    flags = drawn_flags(rng, name)
+    names = {argument.partition("=")[0] for argument in flags}
+    line = [name]
+    for small in ("--steps=2", "--robots=9", "--threads=1", f"--engine={engine}", *FLAGS):
+        if small.partition("=")[0] not in names:
+            line.append(small)
+    line += flags
+    if takes_long(line):
+        return
+
+    outcome = outcome_of(line)
+    event(outcome)
     written = place / "runs" / "clean" / "trajectory.npz"
-    event(outcome := answer(line))
     if outcome == "answered" and name == "clean" and written.exists():
         with np.load(written) as file:
-            assert all(
-                np.isfinite(file[one]).all() for one in ("pose", "ball_position", "mean_speed")
-            ), line
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
-def test_output_to_a_full_disk(tmp_path):
-    error = io.StringIO()
-    with (
-        open("/dev/full", "w") as full,
-        contextlib.redirect_stdout(full),
-        contextlib.redirect_stderr(error),
-    ):
-        assert code_of("clean", *SMALL, "--steps=2", f"--out={tmp_path}") == 2
-    assert "No space left on device" in error.getvalue() and (tmp_path / "result.json").exists()
+            for array in ("pose", "ball_position", "mean_speed"):
+                assert np.isfinite(file[array]).all(), line

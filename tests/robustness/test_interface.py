@@ -1,9 +1,10 @@
-"""Misuse of the names that the package offers: what cannot be is refused in a sentence, before
-anything is computed."""
+"""Misuse of the names that the package offers: refused in a sentence, before anything runs."""
 
 import warnings
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -34,14 +35,46 @@ from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.utils.errors import UserError
 
 CLASSES = [
-    SwarmConfig, ArenaConfig, DriveConfig, OpticsConfig, GripperConfig, StrategyConfig, Genome, MjxSettings,
-    MujocoSettings, PlanarSettings, Scenario,
-]  # fmt: skip
+    SwarmConfig,
+    ArenaConfig,
+    DriveConfig,
+    OpticsConfig,
+    GripperConfig,
+    StrategyConfig,
+    Genome,
+    MjxSettings,
+    MujocoSettings,
+    PlanarSettings,
+    Scenario,
+]
+"""Classes of settings."""
 ODD = [
-    *ODD_VALUES, b"bytes", object(), int, np.nan, np.inf, np.float32(1), np.int64(3), np.zeros(3), np.zeros((1, 3)),
-    np.array(np.nan), 1j, {1}, (0,), (0, 0), ("a",), range(3), Path("none"), Path("/dev/zero"), lambda: 0, 1e-320,
-]  # fmt: skip
-N = 5
+    *ODD_VALUES,
+    b"bytes",
+    object(),
+    int,
+    np.nan,
+    np.inf,
+    np.float32(1),
+    np.int64(3),
+    np.zeros(3),
+    np.zeros((1, 3)),
+    np.array(np.nan),
+    1j,
+    {1},
+    (0,),
+    (0, 0),
+    ("a",),
+    range(3),
+    Path("none"),
+    Path("/dev/zero"),
+    lambda: 0,
+    1e-320,
+]
+"""Values that are no settings, or unusual ones."""
+N_ROBOTS = 5
+SHARE_OF_CLASSES = 1 / 3
+"""Share of cases that misuse a class of settings; others misuse a function or `Run`."""
 
 
 class Reached(BaseException):
@@ -49,88 +82,130 @@ class Reached(BaseException):
 
 
 def reach(*_):
+    """Take the place of what would start."""
     raise Reached
 
 
-def odd(rng):
-    return pick(rng, ODD)
+class Misuse(NamedTuple):
+    """A call with an odd value."""
+
+    text: str
+    """The call, for messages."""
+    call: Callable[[], Any]
+    """Makes it."""
 
 
-def odd_settings(rng, cls):
-    """An object of this class with one or two odd values."""
-    usual = cls()
-    names = [f.name for f in fields(cls)]
-    return replace(usual, **{pick(rng, names): odd(rng) for _ in range(rng.integers(1, 3))})
+class Entry(NamedTuple):
+    """A function or class, and good arguments."""
+
+    call: Callable[..., Any]
+    """Called with the arguments by their names."""
+    arguments: dict[str, Any]
+    """Arguments with which it works."""
+    further_names: list[str]
+    """Names of further arguments that it takes."""
 
 
 def with_scenario(entry):
-    """Return a call of an entry that takes the fields of its scenario by name."""
+    """Return a function that takes the fields of an entry's scenario by name."""
 
-    def call(**given):
-        fields_ = {
-            name: given.pop(name) for name in [*given] if name in Scenario.__dataclass_fields__
-        }
-        return entry(Scenario(**fields_), **given)
+    def call(**arguments):
+        names = Scenario.__dataclass_fields__.keys() & arguments.keys()
+        scenario = Scenario(**{name: arguments.pop(name) for name in names})
+        return entry(scenario, **arguments)
 
     call.__name__ = entry.__name__
     return call
 
 
-def misuse(rng, small):
-    """What is tried, and a call that does it."""
-    name, value, kind = "", odd(rng), rng.integers(6)
+def entries(config):
+    """Return all entries, with arguments for a small swarm."""
+    of_scenario = ["task", "seed", "goal", "strategy_per_world", "robot_file"]
     run = {
-        "config": small,
+        "config": config,
         "strategy": PRESETS["type1"],
-        "robots": N,
+        "robots": N_ROBOTS,
         "steps": 2,
         "engine": MujocoSettings(1),
     }
-    rolled = run | {"worlds": jax.random.split(jax.random.key(0), 2)}
-    made = {"config": small, "robots": N, "n_starts": 2, "worlds": 2, "engine": PlanarSettings(1)}
-    more = ["task", "seed", "goal", "strategy_per_world", "robot_file"]
-    calls = {
-        2: (with_scenario(Run), run, [*more, "worlds", "record_worlds", "capacity"]),
-        3: (with_scenario(rollout), rolled, [*more, "every", "poses_of", "record"]),
-        4: (make_env, made, [*more, "scenario", "payload", "steps"]),
-        5: (load, {}, ["path"]),
+    worlds = jax.random.split(jax.random.key(0), 2)
+    env = {
+        "config": config,
+        "robots": N_ROBOTS,
+        "n_starts": 2,
+        "worlds": 2,
+        "engine": PlanarSettings(1),
     }
-    if kind in calls:
-        call, given, more = calls[kind]
-        name = pick(rng, [*given, *more])
-        return f"{call.__name__}({name}={value!r:.60})", lambda: call(**{**given, name: value})
-    cls = pick(rng, CLASSES)
-    return cls.__name__, lambda: odd_settings(rng, cls)
+    return [
+        Entry(
+            with_scenario(Run),
+            run,
+            [*of_scenario, "worlds", "record_worlds", "capacity"],
+        ),
+        Entry(
+            with_scenario(rollout),
+            run | {"worlds": worlds},
+            [*of_scenario, "every", "poses_of", "record"],
+        ),
+        Entry(make_env, env, [*of_scenario, "scenario", "payload", "steps"]),
+        Entry(load, {}, ["path"]),
+    ]
+
+
+def odd_settings(rng, cls):
+    """Return settings of a class with one or two odd values."""
+    names = [f.name for f in fields(cls)]
+    n_odd = rng.integers(1, 3)
+    odd_values = {pick(rng, names): pick(rng, ODD) for _ in range(n_odd)}
+    return replace(cls(), **odd_values)
+
+
+def drawn_misuse(rng, config):
+    """Return a misuse of a class of settings, or of an entry with one odd argument."""
+    if rng.random() < SHARE_OF_CLASSES:
+        cls = pick(rng, CLASSES)
+        return Misuse(cls.__name__, lambda: odd_settings(rng, cls))
+    entry = pick(rng, entries(config))
+    name = pick(rng, [*entry.arguments, *entry.further_names])
+    value = pick(rng, ODD)
+    arguments = entry.arguments | {name: value}
+    text = f"{entry.call.__name__}({name}={value!r:.60})"
+    return Misuse(text, lambda: entry.call(**arguments))
+
+
+def assert_sentence(error, misuse):
+    """Assert that an error is one line of fair length, but for what was given."""
+    words = str(error).replace("ä\n", "").replace("9" * 5000, "")
+    assert "\n" not in words, misuse.text
+    assert len(words) < 1000, misuse.text
+
+
+def assert_finite(settings):
+    """Assert that all numbers in settings are finite."""
+    if not is_dataclass(settings):
+        return
+    for f in fields(settings):
+        value = getattr(settings, f.name)
+        if isinstance(value, float | np.floating):
+            assert np.isfinite(value), f.name
+        assert_finite(value)
 
 
 @attack(20)
 def test_each_is_refused_or_makes_sense(small, tmp_path_factory, seed):
-    about, call = misuse(np.random.default_rng(seed), small)
-    place = tmp_path_factory.mktemp("empty")
+    misuse = drawn_misuse(np.random.default_rng(seed), small)
+    directory = tmp_path_factory.mktemp("empty")
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
-        patch.chdir(place)
-        patch.setattr(
-            "iswarm_mj.simulation.run.build_loop", reach
-        )  # runs end where they would begin
         warnings.simplefilter("ignore")
+        patch.chdir(directory)
+        patch.setattr("iswarm_mj.simulation.run.build_loop", reach)  # where a run would begin
+        outcome = "accepted"
         try:
-            made = call()
-            event("accepted")
-            check_types(made)
+            assert_finite(misuse.call())
         except Reached:
-            event("accepted")
+            pass
         except UserError as error:
-            words = str(error).replace("ä\n", "").replace("9" * 5000, "")
-            assert "\n" not in words and len(words) < 1000, (about, error)
-            event("refused")
-    assert list(place.iterdir()) == []
-
-
-def check_types(settings):
-    """Settings that were accepted are numbers, words or truth values, and finite."""
-    if is_dataclass(settings):
-        for f in fields(settings):
-            value = getattr(settings, f.name)
-            if isinstance(value, float | np.floating):
-                assert np.isfinite(value), f.name
-            check_types(value)
+            assert_sentence(error, misuse)
+            outcome = "refused"
+    event(outcome)
+    assert list(directory.iterdir()) == []
