@@ -147,7 +147,7 @@ class Bench:
     """Nodes and controls of the bench.
 
     Attributes:
-        settings: of the ball and the tool.
+        settings: settings of the ball and the tool.
         root: parent of all nodes, which is hidden at first.
         trace: trial that is shown; None before the first.
     """
@@ -156,8 +156,8 @@ class Bench:
         """Make the nodes, which are hidden, and the controls, in the present container.
 
         Args:
-            server: of viser.
-            inputs: of the page.
+            server: viser server of the page.
+            inputs: inputs of the page.
             size: diameter of a ball of 15 µm in the scene [mm].
         """
         self.settings = BenchSettings()

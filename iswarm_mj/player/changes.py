@@ -19,7 +19,7 @@ KILL = "kill"
 REVIVE = "revive"
 BALL = "ball"
 EDITS = (KILL, REVIVE, BALL)
-"""Changes that are no settings: of a robot by its number; a ball comes to lie at x,y [rd]."""
+"""Changes that are no settings; they name a robot by its number, or the place x,y of a ball [rd]."""
 _MOST_DIGITS = 9
 """Most digits of the number of a control step."""
 

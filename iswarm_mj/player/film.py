@@ -20,10 +20,10 @@ class Film:
     """Pictures for each control step; more are smoother, and the file is larger; below 1 not all
     steps are shown."""
     colour_by: str = "state"
-    """What colours the robots: state; or hops to, says or remembers, and a name, as "hops to
+    """Meaning of the robots' colours: state; or hops to, says or remembers, and a name, as "hops to
     dust"."""
     draw: tuple[str, ...] = ("links",)
-    """Of links, trails and the names of vectors that robots remember."""
+    """Lines that are drawn: links, trails, and the names of vectors that robots remember."""
     title: str = ""
     """Text in the upper left corner."""
     dark: bool = False

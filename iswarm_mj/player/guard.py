@@ -236,7 +236,7 @@ class Guard:
         Args:
             serve_page: viser's function of connection and request; returns None for websockets.
             connection: on which the request came.
-            request: of anyone.
+            request: request of anyone.
         """
         refusal = self._refusal(request)
         if refusal:

@@ -62,17 +62,20 @@ def _describe_pose(scene: Scene, frames: Frames, robot: int) -> list[str]:
 def _describe_links(scene: Scene, frames: Frames, robot: int) -> list[str]:
     """Return rows of a table: side, sender, distance and message of each robot that is heard."""
     n_sides = frames.link_valid.shape[-1]
+    names = SIDES if n_sides == len(SIDES) else [f"side {side}" for side in range(n_sides)]
     rows = []
     for side in np.flatnonzero(frames.link_valid[0, robot]):
-        name = SIDES[side] if n_sides == len(SIDES) else f"side {side}"
         sender = frames.link_sender[0, robot, side]
-        distance = frames.link_distance[0, robot, side] * 1e3
-        message = "damaged"
-        if frames.link_heard[0, robot, side]:
-            fields = _message_of(scene, frames, sender)
-            message = ", ".join(f"{field} {value}" for field, value in fields)
-        rows.append(f"| {name} | {sender} | {distance:.1f} | {message} |")
+        millimetres = frames.link_distance[0, robot, side] * 1e3
+        is_heard = frames.link_heard[0, robot, side]
+        message = _text_of_message(scene, frames, sender) if is_heard else "damaged"
+        rows.append(f"| {names[side]} | {sender} | {millimetres:.1f} | {message} |")
     return rows
+
+
+def _text_of_message(scene: Scene, frames: Frames, robot: int) -> str:
+    """Return names and values of the fields that the message of a robot has, as one text."""
+    return ", ".join(f"{name} {value}" for name, value in _message_of(scene, frames, robot))
 
 
 def _message_of(scene: Scene, frames: Frames, robot: int) -> list[tuple[str, str]]:

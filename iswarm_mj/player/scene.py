@@ -214,12 +214,20 @@ def legend(scene: Scene, by: str, is_alive: Bool[np.ndarray, "..."]) -> list[tup
     if by == STATE:
         entries += [(label, colour) for _, label, colour in shown_classes(scene)]
     else:
-        labels = {-1: "none", 0: "0 or least", 5: "", 10: "", 15: "15 or most"}
-        spectrum = _colours_of_hops(np.array([*labels], np.int8))
-        for label, (red, green, blue) in zip(labels.values(), spectrum.tolist(), strict=True):
-            entries.append((label, (red, green, blue)))
+        entries += _spectrum()
     if not np.all(is_alive):
         entries.append(("dead", DEAD))
     if len(scene.ball_radius):
         entries += [(f"ball {label}", colour) for _, label, colour in BALL_CLASSES]
+    return entries
+
+
+def _spectrum() -> list[tuple[str, Rgb]]:
+    """Return labels and colours of some hop counts, also of other numbers from 0 to 15."""
+    labels = {-1: "none", 0: "0 or least", 5: "", 10: "", 15: "15 or most"}
+    colours_of_hops = _colours_of_hops(np.array([*labels], np.int8))
+    entries: list[tuple[str, Rgb]] = []
+    for label, colour in zip(labels.values(), colours_of_hops.tolist(), strict=True):
+        red, green, blue = colour
+        entries.append((label, (red, green, blue)))
     return entries

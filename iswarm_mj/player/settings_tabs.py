@@ -42,8 +42,8 @@ class SettingsTabs:
         """Take two tabs, and leave them without inputs.
 
         Args:
-            gui: of a viser server.
-            inputs: of the page.
+            gui: panel of a viser server.
+            inputs: inputs of the page.
             session: whose settings they are.
             rules: tab of settings that change at once.
             world: tab of settings that wait for a reset.

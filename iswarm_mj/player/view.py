@@ -329,16 +329,18 @@ def _lay(node: Any, places: Float[np.ndarray, "M 5"], z: float) -> None:
     """Put the instances of a node, squares or discs of half width 1 mm, at some places.
 
     Args:
-        node: of viser, with instances.
+        node: node of viser, with instances.
         places: x, y, half widths [mm] and yaw [rad] of each instance.
         z: height of their middles [mm].
     """
     x, y, half_x, half_y, yaw = places.T
     zero = np.zeros_like(x)
-    show(node, "batched_positions", np.column_stack([x, y, zero + z]))
+    positions = np.column_stack([x, y, zero + z])
     turns = np.column_stack([np.cos(yaw / 2), zero, zero, np.sin(yaw / 2)])
+    scales = np.column_stack([half_x, half_y, zero + 1])
+    show(node, "batched_positions", positions)
     show(node, "batched_wxyzs", turns)
-    show(node, "batched_scales", np.column_stack([half_x, half_y, zero + 1]))
+    show(node, "batched_scales", scales)
 
 
 def linear(colours: np.ndarray) -> np.ndarray:

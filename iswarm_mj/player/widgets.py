@@ -22,7 +22,7 @@ def widget(gui: Any, control: Control) -> Any:
     That is a choice, a box to tick, a slider, or a number where the range is wide.
 
     Args:
-        gui: of a viser server.
+        gui: panel of a viser server.
         control: setting that the input shows.
     """
     label = control.label
