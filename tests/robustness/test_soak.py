@@ -110,15 +110,26 @@ def assert_commands_are_allowed(config, record):
     assert np.abs(forward).max() <= mm_from_rd(config.step_length) * ROUNDING
 
 
-def assert_robots_are_within_walls(run, record):
-    """Assert that the corners of all robots are within the walls, or hardly beyond them."""
-    x, y, yaw = of_first_world(record.poses).T[..., None]
-    assert np.isfinite([x, y, yaw]).all()
-    signs = np.array([(sign_x, sign_y) for sign_x in (-1, 1) for sign_y in (-1, 1)])
-    ahead, aside = (signs * run.robot.half_edges[:2]).T
+def corners(poses, half_edges):
+    """Return the corners of robots (2, N, 4) [mm].
+
+    Args:
+        poses: x, y and yaw of the robots (N, 3) [mm, mm, rad].
+        half_edges: half their lengths ahead and aside [mm].
+    """
+    x, y, yaw = poses.T[..., None]
+    ahead = half_edges[0] * np.array([1, 1, -1, -1])
+    aside = half_edges[1] * np.array([1, -1, 1, -1])
     corner_x = x + np.cos(yaw) * ahead - np.sin(yaw) * aside
     corner_y = y + np.sin(yaw) * ahead + np.cos(yaw) * aside
-    farthest = np.abs([corner_x, corner_y]).max()
+    return np.array([corner_x, corner_y])
+
+
+def assert_robots_are_within_walls(run, record):
+    """Assert that the corners of all robots are within the walls, or hardly beyond them."""
+    poses = of_first_world(record.poses)
+    assert np.isfinite(poses).all()
+    farthest = np.abs(corners(poses, run.robot.half_edges)).max()
     assert farthest <= mm_from_rd(run.config.arena.size) / 2 + OUTSIDE_MM
 
 
