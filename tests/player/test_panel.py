@@ -3,12 +3,14 @@
 import warnings
 from dataclasses import replace
 
+import numpy as np
 from support.page import (
     SCENARIO,
     Browser,
     draw,
     opened,
     selected_robot,
+    send_ray,
     stop_threads,
     wait,
     work,
@@ -191,7 +193,9 @@ def test_the_tick_shows_that_a_reset_has_completed_the_recording(still, recordin
 def test_a_click_on_a_robot_selects_it_and_shows_what_it_knows(page, browser):
     page.session.advance()
     x, y = place_of(page.session, 5)
-    browser.click(x + 0.1, y)
+    slanted = np.array([0.1, 0.6, -0.8])
+    half_height = np.array([x + 0.1, y, 0.5])
+    send_ray(page, origin=half_height - 90 * slanted, direction=2 * slanted)
     assert selected_robot(page) == 5
     wait(lambda: "**Robot 5**" in browser.text)
     assert "| remembers |" in browser.text
