@@ -262,7 +262,7 @@ def _engine_defaults(name: str) -> Any:
 def _find_strategy(words: Sequence[str]) -> Any:
     """Return the strategy that words name, or the teams."""
     from iswarm_mj.strategy.library import find_strategy, find_teams
-    from iswarm_mj.strategy.pytrees import check_methods
+    from iswarm_mj.strategy.validation import check_methods
 
     teams = TeamFlags(find_teams(words))
     if teams.teams:

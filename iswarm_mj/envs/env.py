@@ -1,6 +1,7 @@
 """Environments: many worlds at once on host engines, pure functions on compiled ones."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from functools import lru_cache, partial
 from typing import Any
 
@@ -9,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj.engines.base import CompiledEngine, Engine, Motion, boxes_of
+from iswarm_mj.engines.validation import engine_code
 from iswarm_mj.envs import tables
 from iswarm_mj.envs.core import Core, Episode, Intent, Seen, State
 from iswarm_mj.envs.tables import check_action
@@ -91,7 +93,7 @@ class Env:
         """
         check_jax()
         keys = self._check_keys(key)
-        with jax.default_device(self._device):
+        with self._explain_engine(), jax.default_device(self._device):
             return self._compiled_reset(jax.device_put(keys, self._device))
 
     def step(self, state: State, action: Any) -> State:
@@ -107,8 +109,12 @@ class Env:
         """
         check_jax()
         action = check_action(action, (*self._axes, self.n_robots, self.action_size))
-        with jax.default_device(self._device):
+        with self._explain_engine(), jax.default_device(self._device):
             return self._compiled_step(state, action)
+
+    def _explain_engine(self) -> AbstractContextManager[None]:
+        """Return a context in which exceptions of a user's engine on the host are explained."""
+        return engine_code(self._engine) if self._on_host else nullcontext()
 
     def _reset(self, key: jax.Array) -> State:
         """Begin episodes: place the robots, and let them perceive."""

@@ -17,7 +17,7 @@ from iswarm_mj.envs.env import Env
 from iswarm_mj.envs.tables import Row
 from iswarm_mj.sensors.fields import Flag
 from iswarm_mj.sensors.messages import Payload
-from iswarm_mj.simulation.build import initial_state, world_params
+from iswarm_mj.simulation.build import exercise_engine, initial_state, world_params
 from iswarm_mj.simulation.memory_limits import devices_of
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.setup import Setup, set_up
@@ -123,8 +123,11 @@ class PreparedEnv:
         return tables.action_rows(self.setup.config, self.payload)
 
     def make(self) -> Env:
-        """Return the environment."""
+        """Return the environment, with its engine checked."""
         setup = self.setup
+        if not setup.engine.is_shipped:
+            exercise_engine(setup)
+
         # The key of the parameters has no effect, since each episode has one of its own.
         key = random_keys(self.layouts[:1])
         speaker: Any = Speaker(self.payload)

@@ -28,7 +28,7 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.genome import TYPE1
 from iswarm_mj.strategy.network import MAX_WEIGHTS, save_weights
-from iswarm_mj.strategy.pytrees import as_strategy
+from iswarm_mj.strategy.validation import as_strategy
 from iswarm_mj.tasks.base import Task, is_scored
 from iswarm_mj.tasks.layout import check_robots
 from iswarm_mj.tasks.measures import Measures

@@ -9,15 +9,22 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 
+from iswarm_mj.engines.validation import check_engine
 from iswarm_mj.geometry.obstacles import OF_BOX, poses_of_boxes
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
 from iswarm_mj.simulation.host_loop import HostLoop
 from iswarm_mj.simulation.layouts import Start
+from iswarm_mj.simulation.memory_limits import devices_of
 from iswarm_mj.simulation.setup import Setup
 from iswarm_mj.simulation.state import Fault, StepRecord, SwarmState, WorldParams, WorldState
-from iswarm_mj.simulation.worlds import arenas_of_worlds, conditions_of_worlds, random_keys
+from iswarm_mj.simulation.worlds import (
+    World,
+    arenas_of_worlds,
+    conditions_of_worlds,
+    random_keys,
+)
 from iswarm_mj.strategy.attributes import led_power
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
@@ -29,6 +36,9 @@ from iswarm_mj.utils.profiling import Stopwatch
 
 UNREACHABLE_GOAL = 2**31 - 1
 """Goal of a world that never finishes: progress that no task reaches."""
+
+_MAX_EXERCISED = 2
+"""Largest number of worlds in which an engine is exercised: two may differ, as in a run of many."""
 
 _MASS = OF_BOX.index("mass")
 
@@ -54,7 +64,13 @@ def build_loop(
 
     Returns:
         The loop, and the record of the start of the recorded worlds (1, W, ...).
+
+    Raises:
+        UserError: the engine is a user's, and wrong.
     """
+    if not setup.engine.is_shipped:
+        exercise_engine(setup)
+
     n_robots = setup.capacity
     keys = random_keys(setup.worlds)
     params = world_params(setup, keys, strategy)
@@ -95,6 +111,23 @@ def build_loop(
     return compiled_loop, start
 
 
+def exercise_engine(setup: Setup) -> None:
+    """Check the engine of a run in its first worlds, see `engines.validation.check_engine`.
+
+    Raises:
+        UserError: the engine is wrong.
+    """
+    n_worlds = min(setup.settings.n_worlds, _MAX_EXERCISED)
+    check_engine(
+        settings=setup.engine,
+        model=setup.model,
+        robot=setup.robot,
+        poses=_initial_poses(setup.starts[:n_worlds], setup.capacity),
+        is_present=_taken_places(setup.worlds[:n_worlds], setup.capacity),
+        device=None if setup.engine.on_host else devices_of(setup.engine)[0],
+    )
+
+
 def world_params(setup: Setup, keys: Array, strategy: Any) -> WorldParams:
     """Return the parameters of B worlds.
 
@@ -105,13 +138,12 @@ def world_params(setup: Setup, keys: Array, strategy: Any) -> WorldParams:
     """
     worlds = setup.worlds
     goal = UNREACHABLE_GOAL if setup.goal is None else setup.goal
-    n_robots = np.array([world.n_robots for world in worlds])
     is_driven = [[box[_MASS] == 0 for box in start.boxes or ()] for start in setup.starts]
     return WorldParams(
         strategy=strategy,
         conditions=conditions_of_worlds(setup.config, worlds),
         key=np.asarray(jax.random.key_data(keys))[:, :2],
-        is_present=np.arange(setup.capacity) < n_robots[:, None],
+        is_present=_taken_places(worlds, setup.capacity),
         goal=np.full(len(worlds), goal, np.int32),
         task=setup.tasks,
         arena=arenas_of_worlds(setup.config, worlds),
@@ -166,9 +198,20 @@ def initial_state(
     zeros = zeros_of(WorldState, B=(n_worlds,), K=setup.robot.most_partners, N=n_robots)
     state = WorldState(bodies=None, swarm=swarm, fault=fault, **zeros)
 
-    robots = _padded([start.poses for start in starts], n_robots)
+    return _initial_poses(starts, n_robots), state
+
+
+def _initial_poses(starts: Sequence[Start], n_places: int) -> Float[np.ndarray, "B NM 3"]:
+    """Return the poses of robots, and of boxes after them, at the start of B worlds."""
+    robots = _padded([start.poses for start in starts], n_places)
     boxes = np.stack([poses_of_boxes(start.boxes or ()) for start in starts])
-    return np.concatenate([robots, boxes], axis=1), state
+    return np.concatenate([robots, boxes], axis=1)
+
+
+def _taken_places(worlds: Sequence[World], n_places: int) -> Bool[np.ndarray, "B N"]:
+    """Return which places for robots are taken in B worlds."""
+    n_robots = np.array([world.n_robots for world in worlds])
+    return np.arange(n_places) < n_robots[:, None]
 
 
 def _stacked(task: Task, states: Sequence[Any]) -> Any:

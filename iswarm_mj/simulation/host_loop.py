@@ -13,6 +13,7 @@ import numpy as np
 
 from iswarm_mj.config.static import StaticConfig
 from iswarm_mj.engines.base import Engine
+from iswarm_mj.engines.validation import engine_code
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.simulation.decide import Decision, decide_packed
 from iswarm_mj.simulation.packed import Packed, pack, unpacked
@@ -95,13 +96,14 @@ class WorldShard:
             records=bool(recorded),
             watch=self._watch,
         )
-        self.state, record = control_step(
-            stepper,
-            self.params,
-            self.state,
-            step=np.asarray(step, np.int32),
-            last=np.asarray(last, np.int32),
-        )
+        with engine_code(self.engine):
+            self.state, record = control_step(
+                stepper,
+                self.params,
+                self.state,
+                step=np.asarray(step, np.int32),
+                last=np.asarray(last, np.int32),
+            )
         if record is None:
             return None
         return jax.tree.map(lambda a: np.asarray(a)[list(recorded)], unpacked(record))
@@ -162,7 +164,9 @@ class HostLoop:
         for worlds in self._slices:
             shard_params, (poses, state) = _worlds_of((params, start), worlds)
             engine = make_engine(len(poses), n_threads // self._n_workers)
-            state = state._replace(bodies=engine.place(poses, shard_params.is_present))
+            with engine_code(engine):
+                bodies = engine.place(poses, shard_params.is_present)
+            state = state._replace(bodies=bodies)
             self._shards.append(WorldShard(engine, config, shard_params, state, watch))
 
     def advance(

@@ -22,8 +22,7 @@ from iswarm_mj.simulation.worlds import arenas_of_worlds, conditions_of_worlds, 
 from iswarm_mj.strategy.attributes import payload_of, recorded_of
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import TYPE1, Genome
-from iswarm_mj.strategy.teams import team_sizes
-from iswarm_mj.strategy.validation import check_strategies
+from iswarm_mj.strategy.teams import check_strategies, team_sizes
 from iswarm_mj.strategy.vector_strategy import VectorStrategy, payload_for
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.tasks.measures import Measures, measure

@@ -14,8 +14,9 @@ from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import makes_strategies
-from iswarm_mj.strategy.pytrees import as_arrays, as_strategy
+from iswarm_mj.strategy.pytrees import as_arrays
 from iswarm_mj.strategy.teams import Teams
+from iswarm_mj.strategy.validation import as_strategy
 from iswarm_mj.tasks.base import Task
 from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
@@ -80,7 +81,7 @@ def of_all_worlds(
     world.
 
     Args:
-        given: the user's strategy, see `strategy.pytrees.as_strategy`.
+        given: the user's strategy, see `strategy.validation.as_strategy`.
         config: of worlds without one of their own.
         robot: its geometry.
         worlds: B of them.

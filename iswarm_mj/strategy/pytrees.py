@@ -1,4 +1,4 @@
-"""Strategies, and other objects of users, as pytrees of JAX, made of plain dataclasses."""
+"""Objects of users, such as strategies, as pytrees of JAX, made of plain dataclasses."""
 
 from dataclasses import Field, fields, is_dataclass
 from enum import Enum
@@ -11,44 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj.strategy.base import Strategy, StrategyFactory, overrides
 from iswarm_mj.utils.errors import UserError
-from iswarm_mj.utils.user_code import check_class
-
-
-def check_methods(given: Any) -> None:
-    """Check that a strategy, or a class of strategies or of what makes them, has the methods of its
-    base class.
-
-    Raises:
-        UserError: it derives from no base class, lacks a method, or says something without
-            declaring its fields.
-    """
-    cls = _class(given)
-    if issubclass(cls, StrategyFactory) and not issubclass(cls, Strategy):
-        check_class(cls, StrategyFactory, "what makes strategies")
-        return
-    check_class(cls, Strategy, "a strategy")
-    declares = "payload" in dir(given)
-    if overrides(cls, Strategy, "say") and not declares:
-        raise UserError(
-            f"{cls.__name__} has a method say, but no attribute payload; declare what it says, as "
-            'payload = {"count": Integer(bits=4)} with iswarm_mj.Integer'
-        )
-    if declares and not overrides(cls, Strategy, "say"):
-        raise UserError(
-            f"{cls.__name__} has an attribute payload, but no method say; write one, see Strategy.say"
-        )
-
-
-def as_strategy(given: Any) -> Any:
-    """Return a strategy that JAX can handle, see `as_pytree`.
-
-    Raises:
-        UserError: it lacks a method, is a class, or cannot be made a pytree.
-    """
-    check_methods(given)
-    return as_pytree(given, "strategy")
 
 
 def as_pytree(given: Any, what: str) -> Any:
@@ -59,27 +22,33 @@ def as_pytree(given: Any, what: str) -> Any:
     compiled in, as are those with the metadata `static`. A class without fields needs nothing.
 
     Args:
-        given: by the user.
-        what: it is, as "strategy".
+        given: object of a user.
+        what: word for the object, as "strategy".
 
     Raises:
         UserError: it is a class, or cannot be made a pytree.
     """
-    name = _class(given).__name__
     if isinstance(given, type):
+        name = given.__name__
         raise UserError(f"{what} is the class {name} itself; give an object of it, as {name}()")
-    if not jax.tree_util.all_leaves([given]):
+    is_pytree = not jax.tree_util.all_leaves([given])
+    if is_pytree:
         return given
+
+    name = type(given).__name__
     if not is_dataclass(given) and getattr(given, "__dict__", None):
+        attributes = ", ".join(vars(given))
         raise UserError(
-            f"{name} has attributes ({', '.join(vars(given))}) but is not a dataclass; write @dataclass above "
-            "the class and declare them as fields, or make it a pytree by jax.tree_util.register_pytree_node"
+            f"{name} has attributes ({attributes}) but is not a dataclass; write @dataclass above "
+            "the class and declare them as fields, or make it a pytree by "
+            "jax.tree_util.register_pytree_node"
         )
     for field in _register(type(given)):
+        value = getattr(given, field)
         try:
-            hash(getattr(given, field))
+            hash(value)
         except TypeError:
-            kind = type(getattr(given, field)).__name__
+            kind = type(value).__name__
             raise UserError(
                 f"{name}.{field} is compiled in and must not change, but is a {kind}; use a tuple"
             ) from None
@@ -90,8 +59,8 @@ def as_arrays(given: Any, what: str) -> Any:
     """Return an object that JAX can handle with all its numbers as arrays.
 
     Args:
-        given: see `as_pytree`.
-        what: it is, as "task Cleaning".
+        given: object as `as_pytree` returns it.
+        what: words for the object, as "task Cleaning".
 
     Raises:
         UserError: it holds something else.
@@ -99,15 +68,16 @@ def as_arrays(given: Any, what: str) -> Any:
     for leaf in jax.tree.leaves(given):
         if not is_number(leaf):
             raise UserError(
-                f"{what} holds a {type(leaf).__name__} where JAX expects an array; make what is no array static, by "
-                'field(metadata={"static": True}), or its class a pytree by jax.tree_util.register_dataclass'
+                f"{what} holds a {type(leaf).__name__} where JAX expects an array; make what is no "
+                'array static, by field(metadata={"static": True}), or its class a pytree by '
+                "jax.tree_util.register_dataclass"
             )
-    # With types named, or numbers without one of their own would make another program.
+    # JAX compiles another program for numbers without a type of their own, so all get one.
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), given)
 
 
 def is_number(leaf: Any) -> bool:
-    """Return whether JAX takes something for an array of numbers, which random keys are not."""
+    """Return whether JAX can make an array of numbers of a leaf; random keys are none."""
     is_key = isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key)
     return isinstance(leaf, jax.Array | np.ndarray | np.generic | bool | int | float) and not is_key
 
@@ -118,26 +88,26 @@ def _register(cls: type) -> tuple[str, ...]:
 
     JAX rebuilds its objects without `__init__`, whose checks need numbers.
     """
-    own = fields(cls) if is_dataclass(cls) else ()
-    static = tuple(f.name for f in own if is_static_field(cls, f))
-    dynamic = tuple(f.name for f in own if f.name not in static)
+    all_fields = fields(cls) if is_dataclass(cls) else ()
+    static = tuple(field.name for field in all_fields if is_static_field(cls, field))
+    dynamic = tuple(field.name for field in all_fields if field.name not in static)
 
-    def flatten(given: Any) -> tuple[Any, ...]:
-        children = [(jax.tree_util.GetAttrKey(name), getattr(given, name)) for name in dynamic]
-        return children, tuple(getattr(given, name) for name in static)
+    def flatten(value: Any) -> tuple[Any, ...]:
+        children = [(jax.tree_util.GetAttrKey(name), getattr(value, name)) for name in dynamic]
+        return children, tuple(getattr(value, name) for name in static)
 
-    def unflatten(rest: tuple[Any, ...], children: Any) -> Any:
-        made = object.__new__(cls)
-        for name, value in zip(static + dynamic, (*rest, *children), strict=True):
-            object.__setattr__(made, name, value)
-        return made
+    def unflatten(static_values: tuple[Any, ...], children: Any) -> Any:
+        value = object.__new__(cls)
+        for name, part in zip(static + dynamic, (*static_values, *children), strict=True):
+            object.__setattr__(value, name, part)  # also in frozen dataclasses
+        return value
 
     jax.tree_util.register_pytree_with_keys(cls, flatten, unflatten)
     return static
 
 
 def is_static_field(cls: type, field: Field) -> bool:
-    """Return whether values of a field are compiled in."""
+    """Return whether values of a field of a dataclass are compiled in."""
     if field.name in ("recorded", "payload"):
         return True
     if "static" in field.metadata:
@@ -149,13 +119,14 @@ def is_static_field(cls: type, field: Field) -> bool:
 
 
 def _is_static(kind: Any) -> bool:
-    """Whether values of this type are compiled in."""
+    """Return whether values of a type are compiled in: all but floats, arrays, lists and others."""
     if isinstance(kind, type):
         return kind in (bool, int, str, bytes, NoneType) or issubclass(kind, Enum | Path)
+
+    origin = get_origin(kind)
+    if origin is Literal:
+        return True
+    if origin in (list, dict):
+        return False
     parts = [part for part in get_args(kind) if part is not Ellipsis]
-    is_plain = get_origin(kind) not in (list, dict) and all(map(_is_static, parts))
-    return get_origin(kind) is Literal or (bool(parts) and is_plain)
-
-
-def _class(given: Any) -> type:
-    return given if isinstance(given, type) else type(given)
+    return len(parts) > 0 and all(map(_is_static, parts))

@@ -18,8 +18,8 @@ from iswarm_mj.strategy.attributes import payload_of, recorded_of
 from iswarm_mj.strategy.base import Strategy, makes_strategies, overrides
 from iswarm_mj.strategy.genome import Genome
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.pytrees import as_strategy
 from iswarm_mj.strategy.rules import rules_of
+from iswarm_mj.strategy.validation import as_strategy, check_strategy
 from iswarm_mj.strategy.vector_strategy import VectorStrategy
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import ConfigError, UserError
@@ -293,6 +293,35 @@ def team_numbers(strategy: Any, n_robots: int) -> Int32[np.ndarray, "N"]:
     """Return the number of each robot's team, from 0; without teams all robots are one."""
     sizes = [*team_sizes(strategy, n_robots).values()] or [n_robots]
     return np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)
+
+
+def check_strategies(strategies: Any, n_robots: int, n_sides: int = 4, sensed: Any = None) -> Any:
+    """Check the strategy of a run, or that of each of its teams, by `check_strategy`.
+
+    Args:
+        strategies: strategy or teams; arrays have a first axis of worlds.
+        n_robots: number of robots N.
+        n_sides: number of sides S of each robot.
+        sensed: shapes and types of what else the task lets robots sense, by name.
+
+    Returns:
+        Shapes and types of the memory of a world's robots; None with teams.
+
+    Raises:
+        UserError: a strategy is wrong, or the fields of all teams do not fit into a message.
+    """
+    strategy = jax.tree.map(lambda values: values[0], strategies)
+    if not isinstance(strategy, Teams):
+        return check_strategy(strategy, n_robots, n_sides, sensed)
+
+    for team, size in zip(strategy.teams, strategy.sizes(n_robots), strict=True):
+        sensed_by_team = {}
+        for name, array in (sensed or {}).items():
+            shape = (size, *array.shape[1:])
+            sensed_by_team[name] = jax.ShapeDtypeStruct(shape, array.dtype)
+        check_strategy(team.strategy, size, n_sides, sensed_by_team)
+    strategy.payload.check_room(n_sides)
+    return None
 
 
 def _check_teams(teams: Any) -> None:

@@ -1,7 +1,7 @@
 """Code that users write: its errors in one sentence, and the methods that its classes must have.
 
-The modules `strategy.validation`, `tasks.validation` and `engines.validation` say what is checked of
-each; `utils.declared_shapes` compares shapes and types.
+The modules `validation` of `strategy`, `tasks` and `engines` say what is checked of each, and
+`utils.declared_shapes` compares shapes and types.
 """
 
 import sysconfig

@@ -114,7 +114,7 @@ IN_PROGRAMS = [
     (
         SIGHT,
         SIGHT.replace("whole, flags", "whole + 9, ~flags"),
-        "glide must return a sender from 0 to 4",
+        r"Glide.sense must return a sender from 0 to 4 .*got 9",
     ),
     (
         "Places(poses), touching",
@@ -164,12 +164,47 @@ def test_in_programs(small, engine, old, new, message):
     assert "\n" not in str(found.value)
 
 
-def test_later_mistakes(small, engine):
-    """An answer that is right at first is looked at again."""
-    old = "        shape = (*bodies.poses.shape[:2], "
-    new = "        self.n = getattr(self, 'n', 0) + 1\n        bodies = Places(bodies.poses[:, : 5 - (self.n > 1)])\n"
-    with pytest.raises(UserError, match=r"sense must return int32\[1, 5, 4\] .*int32\[1, 4, 4\]"):
-        run(small, engine(HOST, old, new + old))
+class TestMistakesInLaterSteps:
+    """The check before a run does not find them."""
+
+    SENSES = "        shape = (*bodies.poses.shape[:2], "
+    COUNTS = "        self.n = getattr(self, 'n', 0) + 1\n"
+
+    def test_exceptions_name_the_line(self, small, engine):
+        fails = "        if self.n > 1: raise ValueError('tired')\n"
+        late = engine(HOST, self.SENSES, self.COUNTS + fails + self.SENSES)
+        sentence = (
+            r"^Teleport raised ValueError: tired \(.*teleport\.py, line \d+: `if self\.n > 1: .*`\); "
+            "correct it there$"
+        )
+        with pytest.raises(UserError, match=sentence):
+            run(small, late)
+
+    def test_exceptions_in_environments_do_so_too(self, small, engine):
+        fails = "        if self.n > 1: raise ValueError('tired')\n"
+        late = engine(HOST, self.SENSES, self.COUNTS + fails + self.SENSES)
+        env = make_env(config=small, robots=N, engine=late, n_starts=2)
+        state = env.reset(jax.random.split(jax.random.key(0), 1))
+        with pytest.raises(UserError, match=r"^Teleport raised ValueError: tired \(.*line \d+"):
+            env.step(state, np.zeros((1, N, 2), np.float32))
+
+    def test_other_shapes_are_refused(self, small, engine):
+        forgets = "        bodies = Places(bodies.poses[:, : 5 - (self.n > 1)])\n"
+        late = engine(HOST, self.SENSES, self.COUNTS + forgets + self.SENSES)
+        with pytest.raises(UserError, match=r"^Teleport raised \w+: .* \(.*\); correct it there"):
+            run(small, late)
+
+    def test_robots_that_get_lost_are_faults(self, small, engine):
+        moves = "        poses = bodies.poses\n"
+        loses = "        poses = bodies.poses + (np.nan if self.n > 1 else 0.0)\n"
+        (fault,) = run(small, engine(HOST, moves, self.COUNTS + loses)).faults
+        assert fault.step == 2 and "the pose of robot 0 is not finite" in str(fault)
+
+
+def test_engines_that_move_robots_by_themselves_do_not_run(small, engine):
+    drifts = engine(HOST, "poses = bodies.poses\n", "poses = bodies.poses + 0.2\n")
+    with pytest.raises(UserError, match=r"Teleport\.move must leave robots that have no command"):
+        run(small, drifts)
 
 
 @pytest.mark.parametrize(

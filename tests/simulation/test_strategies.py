@@ -15,7 +15,7 @@ from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.strategy.pytrees import as_strategy
+from iswarm_mj.strategy.validation import as_strategy
 from iswarm_mj.utils.errors import UserError
 
 ENGINE = MujocoSettings(1)

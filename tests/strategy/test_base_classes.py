@@ -20,7 +20,7 @@ from iswarm_mj.strategy.base import (
     overrides,
 )
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.strategy.pytrees import check_methods
+from iswarm_mj.strategy.validation import check_methods
 from iswarm_mj.tasks.base import Quantity, Task, has_balls, is_scored, without_balls
 from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.validation import check_methods as check_task_methods

@@ -17,9 +17,8 @@ from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.attributes import led_power, parts_of
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.strategy.pytrees import as_strategy
-from iswarm_mj.strategy.teams import Teams
-from iswarm_mj.strategy.validation import check_strategies
+from iswarm_mj.strategy.teams import Teams, check_strategies
+from iswarm_mj.strategy.validation import as_strategy
 from iswarm_mj.utils.declared_shapes import shapes_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.user_code import user_code
