@@ -35,7 +35,7 @@ _ALLOWED: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "threads": ("a whole number, at least 0", lambda value: is_whole(value) and value >= 0),
     "chunk": ("a whole number above 0", lambda value: is_whole(value) and value > 0),
 }
-"""What engines of users say of themselves: what it may be, in words and as a test."""
+"""Allowed values of what the settings of a user's engine state, in words and as a test."""
 
 
 def find_engine(name: str) -> type[EngineSettings]:
@@ -58,22 +58,24 @@ def find_engine(name: str) -> type[EngineSettings]:
 
 
 def check_settings(settings: EngineSettings) -> None:
-    """Check what the settings of a user's engine say of it, which those of this package say right.
+    """Check what the settings of a user's engine state of it; `engines.validation` checks the rest.
 
     Raises:
-        UserError: one of them is not of the kind that `EngineSettings` says, or no method makes the
-            engine.
+        UserError: a value is none that `EngineSettings` allows, or no method makes the engine.
     """
     if settings.is_shipped:
         return
-    name, own = type(settings).__name__, type(settings)
+
+    cls = type(settings)
+    name = cls.__name__
     for attribute, (allowed, allows) in _ALLOWED.items():
         if attribute not in OF_MACHINE or hasattr(settings, attribute):
             with user_code(f"{name}.{attribute}"):
                 value = getattr(settings, attribute)
             check(f"{name}.{attribute}", value, allowed, allows(value))
+
     method = "host_engine" if settings.on_host else "compiled_engine"
-    if getattr(own, method) is getattr(EngineSettings, method):
+    if getattr(cls, method) is getattr(EngineSettings, method):
         raise UserError(f"{name} has no method {method}, which makes the engine; see {OFFER.base}")
 
 
