@@ -162,6 +162,7 @@ def corners_of(poses):
     return corners(np.column_stack([x, y, np.cos(yaw), np.sin(yaw), half_edge, half_edge]))
 
 
+@pytest.mark.slow
 class TestControlSteps:
     """Twelve control steps that begin alike in all engines, motion included."""
 

@@ -130,6 +130,7 @@ def test_with_contacts_it_agrees_with_differences(double):
     np.testing.assert_allclose(slope, differences, rtol=3e-5)
 
 
+@pytest.mark.slow
 def test_of_boxes_that_are_pushed_it_agrees_with_differences():
     """Friction yields at one of them, which goes with its robot; in single precision."""
     boxes = (SLIDING_BOX, ROUGH_BOX)

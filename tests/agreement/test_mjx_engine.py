@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.base import Phase
@@ -26,6 +27,7 @@ def grid(spacing, offset):
     return poses
 
 
+@pytest.mark.slow
 def test_too_little_room_is_a_fault():
     """20 pairs and 30 contact points, for 67 pairs that are near, 10 that touch, and none.
 

@@ -100,7 +100,13 @@ class TestProcess:
         names = sorted(path.name for path in (here / "out").iterdir())
         assert names == ["clean.rrd", "result.json", "trajectory.npz"]
 
-    @pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+    @pytest.mark.parametrize(
+        "closed",
+        [
+            *(pytest.param(one, marks=pytest.mark.slow) for one in ("<&-", ">&-", "2>&-")),
+            "<&- >&- 2>&-",
+        ],
+    )
     def test_closed_streams_are_no_fault(self, here, closed):
         """A file that is opened must not get the number of such a stream, into which libraries
         print."""

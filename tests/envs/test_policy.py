@@ -103,6 +103,7 @@ class TestRunsDoWhatTheEnvironmentDid:
         np.testing.assert_array_equal(state.metrics["picked"], run.metrics()["picked"])
         assert int(state.metrics["collisions"][0]) == int(record.collisions[0, 0])
 
+    @pytest.mark.slow
     def test_with_errors_of_the_drive_in_bad_weather(self):
         engine = MujocoSettings(1)
         task = Weather()

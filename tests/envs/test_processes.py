@@ -62,9 +62,10 @@ def observations_of_one(seed):
 
 
 @needs_fork
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("context", "use"),
-    [("default", "unused"), pytest.param("spawn", "used", marks=pytest.mark.slow)],
+    [("default", "unused"), ("spawn", "used")],
 )
 def test_asynchronous_environments_do_what_one_does(tmp_path, context, use):
     process, path = run_script(tmp_path, context, use)

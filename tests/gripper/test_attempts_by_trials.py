@@ -133,6 +133,7 @@ def share_released(adhesion_share, timestep, count):
     return np.mean(released)
 
 
+@pytest.mark.slow
 def test_balls_that_leave_before_they_have_the_tools_voltage_return_to_the_tool():
     """With a tenth of the adhesion trials release all, but for an error that falls with steps."""
     coarse = swarm_trials.TIMESTEP
@@ -179,6 +180,7 @@ def test_a_batch_in_mjx_decides_as_the_trials_in_c():
     )
 
 
+@pytest.mark.slow
 def test_a_batch_in_mjx_has_room_for_six_and_decides_as_the_trials_in_c():
     """Lifts and releases, at ball 3 nothing. The last attempt is postponed.
 

@@ -87,6 +87,7 @@ def test_the_first_run_of_each_type_is_recorded_and_drawn_where_half_is_delivere
     assert [row["aggregation"] for row in rows] == [0.25, None, 0.25, None]
 
 
+@pytest.mark.slow
 def test_overlaps_and_times_are_observed(small):
     """Overlaps lessen with the time step."""
     plan = Plan(replace(small, arena=replace(small.arena, n_dust=4)), quick=True)

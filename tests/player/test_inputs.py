@@ -298,6 +298,7 @@ def send_at_random(tmp_path, monkeypatch, capfd):
     return send
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["foraging", "aggregation"])
 def test_any_legal_values_leave_the_page_alive(name, send_at_random):
     send_at_random(name, n_events=100, n_resets=1, seed=1)

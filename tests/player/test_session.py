@@ -72,6 +72,7 @@ def test_a_reset_begins_again_with_the_same_seed():
     assert_same(state(steps(session, 3).run), first)
 
 
+@pytest.mark.slow
 def test_programs_of_earlier_sizes_are_let_go():
     session = Session(PAGE_SCENARIO)
     for robots in (7, 8, 9, 10):

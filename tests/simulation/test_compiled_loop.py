@@ -61,7 +61,7 @@ class Batch(NamedTuple):
     record: StepRecord
 
 
-@pytest.fixture(scope="module", params=list(ENGINES))
+@pytest.fixture(scope="module", params=["warp", pytest.param("mjx", marks=pytest.mark.slow)])
 def batch(request):
     """A run of 20 control steps, in two calls of ten."""
     return Batch(request.param, *run_to_end(ENGINES[request.param]))

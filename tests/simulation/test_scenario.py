@@ -100,6 +100,7 @@ class TestEntries:
                 worlds.env.poses(worlds.current_state("poses"))[0], start, atol=1e-5
             )
 
+    @pytest.mark.slow
     @pytest.mark.usefixtures("few_pixels")
     def test_the_first_generation_of_a_search_is_runs_of_the_scenario(self, tmp_path, capsys):
         scenario = replace(PAPERS, robots=None, steps=5)
