@@ -72,19 +72,6 @@ def test_a_reset_begins_again_with_the_same_seed():
     assert_same(state(steps(session, 3).run), first)
 
 
-@pytest.mark.slow
-def test_programs_of_earlier_sizes_are_let_go():
-    session = Session(PAGE_SCENARIO)
-    for robots in (7, 8, 9, 10):
-        session.want("robots", robots)
-        session.reset()
-        steps(session, 2)
-        assert math.isfinite(session.rate)
-    assert decide_packed._cache_size() + _advance._cache_size() <= 2
-    session.reset()
-    assert math.isinf(session.rate)
-
-
 # Settings.
 
 
@@ -312,3 +299,19 @@ def test_earlier_changes_of_a_setting_are_kept():
     session.advance()
     session.change("p_vector_forget", "0.6")
     assert names_of(session.changes) == ["1:p_vector_forget=0.5", "2:p_vector_forget=0.6"]
+
+
+# Memory; the last test, as programs that were let go are compiled again.
+
+
+@pytest.mark.slow
+def test_programs_of_earlier_sizes_are_let_go():
+    session = Session(PAGE_SCENARIO)
+    for robots in (7, 8, 9):
+        session.want("robots", robots)
+        session.reset()
+        steps(session, 2)
+        assert math.isfinite(session.rate)
+    assert decide_packed._cache_size() + _advance._cache_size() <= 2
+    session.reset()
+    assert math.isinf(session.rate)
