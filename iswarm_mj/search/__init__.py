@@ -1,1 +1,1 @@
-"""Many runs: sweeps, searches for fit genomes, trainings of policies, and the journals that keep them."""
+"""Many runs: sweeps, searches for genomes, trainings of policies, and journals of finished runs."""

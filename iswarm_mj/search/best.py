@@ -26,25 +26,29 @@ class Best(NamedTuple):
 
 
 def best_of(rows: Rows) -> Best:
-    """Genome with the highest mean fitness over all its runs, among those with at least
-    `RUNS_OF_THE_BEST` runs.
+    """Return the genome with the highest mean fitness over all its runs.
 
-    One run says little about a genome, and the luckiest of many runs even less. If no genome has
-    enough runs, all of them are compared.
+    One run says little about a genome, and the luckiest of many runs even less. Therefore only
+    genomes with at least `RUNS_OF_THE_BEST` runs are compared, or all if no genome has so many.
     """
-    runs = {values: [row["fitness"] for row in mine] for values, mine in by(rows, *_NAMES).items()}
-    known = {
-        values: fitness for values, fitness in runs.items() if len(fitness) >= RUNS_OF_THE_BEST
-    } or runs
-    values = max(known, key=lambda v: float(np.mean(known[v])))
-    return Best(Genome(*values), float(np.mean(known[values])), len(known[values]))
+    fitness_of: dict[tuple, list[float]] = {}
+    for values, runs in by(rows, *_NAMES).items():
+        fitness_of[values] = [row["fitness"] for row in runs]
+    often_run = [
+        values for values, fitness in fitness_of.items() if len(fitness) >= RUNS_OF_THE_BEST
+    ]
+
+    mean_of = {values: float(np.mean(fitness_of[values])) for values in often_run or fitness_of}
+    best = max(mean_of, key=mean_of.__getitem__)
+    return Best(Genome(*best), mean_of[best], len(fitness_of[best]))
 
 
 def by_replicate(rows: Rows) -> list[Sequence[Row]]:
-    """Rows of each replicate, in the order of their numbers; tables without that column have
-    one."""
-    return (
-        [mine for _, mine in sorted(by(rows, "replicate").items())]
-        if "replicate" in rows[0]
-        else [rows]
-    )
+    """Return the rows of each replicate, in the order of their numbers.
+
+    A table without the column `replicate` has one.
+    """
+    if "replicate" not in rows[0]:
+        return [rows]
+    groups = by(rows, "replicate")
+    return [groups[number] for number in sorted(groups)]

@@ -106,7 +106,8 @@ class Journal:
             raise write_error(self._path, OSError(str(error))) from None
         except (sqlite3.Error, *_READING_ERRORS) as error:
             raise UserError(
-                f"{self._path} is not a journal of iswarm, or damaged ({error}); begin again in another `out`"
+                f"{self._path} is not a journal of iswarm, or damaged ({error}); "
+                "begin again in another `out`"
             ) from None
 
     def _begin(self, settings: Mapping[str, Any]) -> None:

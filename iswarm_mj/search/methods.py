@@ -8,10 +8,9 @@ the same genomes when it is repeated.
 
 Source of the paper's "Evolutionary Strategy": Valdastri et al. (2006), section 4.6, which
 specifies: the best two pass unchanged; parents are drawn with probabilities proportional to their
-    fitness; dependent mutation at a rate of 0.5
-within +-0.05 of the parent's value; independent mutation at a rate of 0.05; crossover at a rate of
-0.2, half of it intermediate, half taking each value from one parent or the other. Choices where it
-is silent:
+fitness; dependent mutation at a rate of 0.5 within +-0.05 of the parent's value; independent
+mutation at a rate of 0.05; crossover at a rate of 0.2, half of it intermediate, half taking each
+value from one parent or the other. Choices where it is silent:
 
 - Crossover comes first, then dependent, then independent mutation; both kinds of mutation apply to
   each parameter independently. In a crossover that is not intermediate, each parameter comes from
@@ -72,11 +71,10 @@ class Operators:
     boolean_mutation: Literal["flip", "redraw", "keep"] = "flip"
     """What a dependent mutation does to a Boolean: flip it, redraw it (true or false with equal
     probability), or keep it. Section 4.6 has a span "of the parent's parameter value" only, which
-    says nothing of Booleans. Its counts say
-    more: 464 of 525 and 20 of 675 swarms, 484 of 1200, had no hop counts, though few of these were
-        fit. With a fitness
-    that depends on hop counts alone, flips give 481 (standard deviation 18 over 40 evolutions),
-    redrawn values 288 (14), kept ones 36 (7)."""
+    says nothing of Booleans. Its counts say more: 464 of 525 and 20 of 675 swarms, 484 of 1200, had
+    no hop counts, though few of these were fit. With a fitness that depends on hop counts alone,
+    flips give 481 (standard deviation 18 over 40 evolutions), redrawn values 288 (14), kept ones 36
+    (7)."""
     independent_rate: Share = 0.05
     """Probability that a parameter is drawn anew from its whole range."""
     crossover_rate: Share = 0.2
@@ -214,12 +212,14 @@ def next_generation(
     The elite comes first, its fittest ahead.
     """
     ranking = np.argsort(-np.asarray(fitness, float), kind="stable")
-    elite = [Individual(population[i], "elite", (int(i),)) for i in ranking[: operators.elite]]
+    elite = []
+    for parent in ranking[: operators.elite].tolist():
+        elite.append(Individual(population[parent], "elite", (parent,)))
     vectors = [to_vector(genome) for genome in population]
     probabilities = selection_probabilities(fitness)
 
     def draw_offspring() -> Individual:
-        first, second = (int(i) for i in rng.choice(len(population), 2, p=probabilities))
+        first, second = rng.choice(len(population), 2, p=probabilities).tolist()
         if rng.random() < operators.crossover_rate:
             vector, origin = cross_over(operators, vectors[first], vectors[second], rng)
             parents = (first, second)
@@ -279,9 +279,10 @@ def _cmaes(operators: Operators, size: int, seed: int) -> Proposals:
             individuals.append(Individual(to_genome(np.clip(vector, low, high)), "cmaes"))
 
         fitness = yield individuals
-        search.tell(
-            [(learnt, -value) for (_, learnt), value in zip(candidates, fitness, strict=True)]
-        )
+        costs = []
+        for (_, learnt), value in zip(candidates, fitness, strict=True):
+            costs.append((learnt, -value))
+        search.tell(costs)
 
 
 def _new_cmaes(start: np.ndarray, size: int, rng: np.random.Generator) -> Any:

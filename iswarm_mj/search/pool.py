@@ -7,6 +7,7 @@ import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 from iswarm_mj.config.swarm import SwarmConfig
@@ -65,7 +66,7 @@ def outcome_of(measures: Measures, steps: int, points: float) -> Outcome:
 
 @dataclass(frozen=True)
 class Execution:
-    """How jobs are executed. Outcomes depend on the engine only."""
+    """Engine and workers of jobs. Outcomes depend on the engine only."""
 
     engine: EngineSettings = field(default_factory=MujocoSettings)
     """Physics. With a compiled engine, jobs of equal settings are one batch of worlds in this
@@ -91,7 +92,7 @@ class Execution:
 
     @property
     def in_batches(self) -> bool:
-        """Whether jobs are worlds of batches in this process."""
+        """Jobs are worlds of batches in this process."""
         return not self.engine.on_host
 
     @property
@@ -113,10 +114,9 @@ def run_jobs(jobs: Sequence[Job], execution: Execution) -> NumberedOutcomes:
     """
     if execution.in_batches:
         return run_batches(jobs, execution.settings)
-    longest_first = sorted(
-        enumerate(jobs), key=lambda numbered: -numbered[1].n_robots * numbered[1].steps
-    )
-    arguments = ((index, job, execution.settings) for index, job in longest_first)
+    work = [job.n_robots * job.steps for job in jobs]
+    longest_first = sorted(range(len(jobs)), key=lambda index: -work[index])
+    arguments = ((index, jobs[index], execution.settings) for index in longest_first)
     return unordered(run_numbered, arguments, execution.workers, execution.backend)
 
 
@@ -219,10 +219,10 @@ def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes
         shared = (shared_settings(job.config), job.steps, job.stop_at)
         indices_of.setdefault(shared, []).append(index)
 
-    for alike in indices_of.values():
-        for batch in _fitting_batches(alike, jobs, engine):
-            found = outcomes([jobs[index] for index in batch], engine)
-            yield from zip(batch, found, strict=True)
+    for indices in indices_of.values():
+        for batch in _fitting_batches(indices, jobs, engine):
+            results = outcomes([jobs[index] for index in batch], engine)
+            yield from zip(batch, results, strict=True)
 
 
 def _fitting_batches(
@@ -233,4 +233,4 @@ def _fitting_batches(
     n_jobs = len(indices)
     n_batches = max(1, math.ceil(n_jobs / max_worlds(engine, largest)))
     bounds = [n_jobs * k // n_batches for k in range(n_batches + 1)]
-    return [list(indices[bounds[k] : bounds[k + 1]]) for k in range(n_batches)]
+    return [list(indices[start:end]) for start, end in pairwise(bounds)]

@@ -14,10 +14,13 @@ def select(rows: Rows, **labels: object) -> list[Row]:
 
 
 def by(rows: Rows, *columns: str) -> dict:
-    """Return the rows by the values of a column, or of several as a tuple, in the order of their
-    first rows."""
+    """Return lists of rows by the values of a column, or of several columns as a tuple.
+
+    The groups are in the order of their first rows.
+    """
     groups: dict = {}
     for row in rows:
-        key = tuple(row[name] for name in columns)
-        groups.setdefault(key if len(columns) > 1 else key[0], []).append(row)
+        values = tuple(row[name] for name in columns)
+        key = values[0] if len(columns) == 1 else values
+        groups.setdefault(key, []).append(row)
     return groups

@@ -4,7 +4,11 @@ import numpy as np
 
 
 def run_seed(seed: int, *place: int) -> int:
-    """Seed of one run of an experiment, within 0 to 2^32 - 2; different places give independent
-    seeds."""
+    """Return the seed of a run, within 0 to 2^32 - 2.
+
+    Args:
+        seed: seed of the search or the experiment.
+        place: numbers that say which run it is; different places give independent seeds.
+    """
     state = np.random.SeedSequence(seed, spawn_key=place).generate_state(1, np.uint64)
     return int(state[0] % (2**32 - 1))

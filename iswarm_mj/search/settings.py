@@ -19,7 +19,7 @@ Method = Literal["paper", "cmaes", "random"]
 
 @dataclass(frozen=True)
 class SearchPlan:
-    """How genomes are searched for, and in how many runs."""
+    """Method of a search for genomes, and the number of its runs."""
 
     generations: Generations = 120
     """Generations, including the first, random one."""
@@ -37,17 +37,13 @@ class SearchPlan:
     def __post_init__(self):
         validate(self)
         elite = self.operators.elite
-        check(
-            "operators.elite",
-            elite,
-            "below `population`",
-            elite < self.population or self.method != "paper",
-        )
+        has_room = elite < self.population or self.method != "paper"
+        check("operators.elite", elite, "below `population`", has_room)
 
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """How many robots, for how long, and how the weights are searched for."""
+    """Robots and worlds of a training, and how it searches for weights."""
 
     robots: Annotated[tuple[int, ...], constraint_of(RunSettings, "n_robots")] = (160, 280)
     """Numbers of robots, of which the worlds of a candidate have one each, in turn."""

@@ -3,7 +3,7 @@
 Finished runs are kept.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -47,8 +47,8 @@ def sweep(
         again: discard the finished runs in `out`.
 
     Returns:
-        A row for each world: values of what varies, world, measures and metrics; `fault`, what went
-        wrong in it.
+        A row for each world: values of what varies, world, measures and metrics; `fault`, the text
+        of its fault or None.
     """
     keys = [hashed(variant.identity) for variant in variants]
     with journal(out / RUNS, {"kind": "sweep"}, again) as finished:
@@ -99,22 +99,25 @@ def _table(variants: Sequence[Variant], entries: Sequence[list[dict[str, Any]]])
 
     Runs may have different columns; a missing value is None. A column with the name of a setting
     that varies gets another name.
+
+    Raises:
+        ValueError: a run has no rows.
     """
-    labelled = []
-    for variant, entry in zip(variants, entries, strict=True):
-        labelled += [(variant.labels, dict(row)) for row in entry]
-
     column_of: dict[str, str] = {}
-    varies = labelled[0][0]
-    for _, row in labelled:
-        for name in row:
-            is_taken = name in varies and name != "seed"
-            column_of.setdefault(name, f"{name}_found" if is_taken else name)
+    for variant, entry in zip(variants, entries, strict=True):
+        if not entry:
+            raise ValueError("a run without worlds")
+        for row in entry:
+            for name in dict(row):
+                is_taken = name in variant.labels and name != "seed"
+                column_of.setdefault(name, f"{name}_found" if is_taken else name)
 
-    return [
-        {**labels, **{column: row.get(name) for name, column in column_of.items()}}
-        for labels, row in labelled
-    ]
+    table = []
+    for variant, entry in zip(variants, entries, strict=True):
+        for row in entry:
+            values = {column: row.get(name) for name, column in column_of.items()}
+            table.append({**variant.labels, **values})
+    return table
 
 
 def summary(rows: Rows, over: Sequence[str]) -> list[str]:
@@ -122,10 +125,10 @@ def summary(rows: Rows, over: Sequence[str]) -> list[str]:
     columns = _shown_columns(rows, over)
     headings = ["finished" if name == "finished_at" else name for name in columns]
     lines = [[*over, "worlds", *headings]]
-    for key, group in by(rows, *over).items():
-        labels = key if len(over) > 1 else (key,)
+    for group in by(rows, *over).values():
+        labels = [str(group[0][name]) for name in over]
         medians = [_median_text(group, name) for name in columns]
-        lines.append([*map(str, labels), str(len(group)), *medians])
+        lines.append([*labels, str(len(group)), *medians])
     return aligned(lines)
 
 
@@ -177,28 +180,51 @@ def _draw(rows: Rows, over: Sequence[str], path: Path) -> None:
     A panel shows medians and worlds over the first setting that varied, with a line for each
     combination of the others.
     """
-    first, *others = over
-    abscissas = list(dict.fromkeys(row[first] for row in rows))
-    are_numbers = all(isinstance(x, int | float) and not isinstance(x, bool) for x in abscissas)
-    # Words stand side by side.
-    abscissa_of = {x: x if are_numbers else index for index, x in enumerate(abscissas)}
-    lines = by(rows, *others) if others else {"": rows}
     columns = _shown_columns(rows, over)
     n_late = sum(row["finished_at"] is None for row in rows)
-    caption = f"Lines: medians; dots: worlds. {n_late} of {len(rows)} worlds had not finished at the time limit."
+    caption = (
+        "Lines: medians; dots: worlds. "
+        f"{n_late} of {len(rows)} worlds had not finished at the time limit."
+    )
     with figure(path, columns=len(columns), size=(3.6, 2.9), caption=caption) as panels:
         for axes, name in zip(panels, columns, strict=True):
-            for key, line in lines.items():
-                groups = by(line, first)
-                medians = [_median(group, name) for group in groups.values()]
-                label = ", ".join(map(str, key if isinstance(key, tuple) else (key,)))
-                (drawn,) = axes.plot([abscissa_of[x] for x in groups], medians, "-", label=label)
+            _draw_panel(axes, rows, over, name)
+        if len(over) > 1:
+            panels[0].legend(title=", ".join(over[1:]), fontsize=7, title_fontsize=7)
 
-                dots = [abscissa_of[row[first]] for row in line]
-                axes.plot(dots, _values(line, name), ".", color=drawn.get_color(), alpha=0.5)
-            ylabel = "finished at step" if name == "finished_at" else name.replace("_", " ")
-            axes.set(xlabel=first, ylabel=ylabel)
-            if not are_numbers:
-                axes.set_xticks(list(abscissa_of.values()), list(map(str, abscissa_of)))
-        if others:
-            panels[0].legend(title=", ".join(others), fontsize=7, title_fontsize=7)
+
+def _draw_panel(axes: Any, rows: Rows, over: Sequence[str], name: str) -> None:
+    """Draw a measure over the first setting that varied.
+
+    Args:
+        axes: of the panel.
+        rows: of the sweep.
+        over: names of the settings that varied.
+        name: of the measure.
+    """
+    first, *others = over
+    abscissa_of = _abscissas([row[first] for row in rows])
+    for line in by(rows, *others).values() if others else [rows]:
+        medians = {abscissa_of[x]: _median(group, name) for x, group in by(line, first).items()}
+        label = ", ".join(str(line[0][setting]) for setting in others)
+        (curve,) = axes.plot(list(medians.keys()), list(medians.values()), "-", label=label)
+        dots = [abscissa_of[row[first]] for row in line]
+        axes.plot(dots, _values(line, name), ".", color=curve.get_color(), alpha=0.5)
+
+    ylabel = "finished at step" if name == "finished_at" else name.replace("_", " ")
+    axes.set(xlabel=first, ylabel=ylabel)
+    if not _are_numbers(abscissa_of):
+        axes.set_xticks(list(abscissa_of.values()), list(map(str, abscissa_of)))
+
+
+def _abscissas(values: Iterable[Any]) -> dict[Any, float]:
+    """Return where each value of a setting is drawn: numbers to scale, words side by side."""
+    distinct = list(dict.fromkeys(values))
+    if _are_numbers(distinct):
+        return {value: value for value in distinct}
+    return {value: index for index, value in enumerate(distinct)}
+
+
+def _are_numbers(values: Iterable[Any]) -> bool:
+    """Return whether all values are numbers; Booleans are none."""
+    return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)

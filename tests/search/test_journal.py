@@ -1,4 +1,4 @@
-"""The journal of finished runs: what is in it stays, what does not fit is refused."""
+"""The journal of finished runs: it keeps what was added, and refuses what does not fit."""
 
 import resource
 import signal
@@ -16,141 +16,173 @@ from iswarm_mj.search.sweep import Variant, sweep
 from iswarm_mj.utils.errors import UserError
 
 SETTINGS = {"seed": 3, "config": {"arena": {"size": 49.0, "n_dust": 72}}}
+DAMAGED = r"^[^\n]*not a journal of iswarm, or damaged[^\n]*$"
 
 
 @pytest.fixture
 def path(tmp_path):
+    """Return the path of a journal."""
     return tmp_path / "checkpoint.sqlite"
 
 
-def entries(path, settings=SETTINGS):
-    with journal(path, settings) as found:
-        return found.entries
-
-
 @pytest.fixture
-def written(path):
-    """Three runs, not in order, with floats that decimals do not meet."""
-    with journal(path, SETTINGS) as made:
+def entries(path):
+    """Return the entries of a journal of three runs, in some order, with floats of many digits."""
+    with journal(path, SETTINGS) as runs:
         for key in ((0, 1, 0), (0, 0, 0), (1, 0, 0)):
-            made.add(key, {"fitness": key[1] + 0.1 + 0.2, "left": None, "ok": True})
-        return dict(made.entries)
+            runs.add(key, {"fitness": key[1] + 0.1 + 0.2, "left": None, "ok": True})
+        return dict(runs.entries)
 
 
-def test_what_was_added_comes_back(path, written):
-    assert entries(path) == written and len(written) == count(path) == 3
-    with journal(path, SETTINGS) as again:
-        again.add((1, 1, 0), 1 / 3)
-        again.add((0, 0, 0), 2 / 3)
-        with (
-            pytest.raises(UserError, match="is in use by another process"),
-            journal(path, SETTINGS, again=True),
-        ):
+def read(path, settings=SETTINGS):
+    """Return the entries of a journal."""
+    with journal(path, settings) as runs:
+        return runs.entries
+
+
+class TestEntries:
+    def test_they_come_back(self, path, entries):
+        assert read(path) == entries
+        assert count(path) == len(entries) == 3
+
+    def test_runs_may_be_added_and_replaced(self, path, entries):
+        with journal(path, SETTINGS) as runs:
+            runs.add((1, 1, 0), 1 / 3)
+            runs.add((0, 0, 0), 2 / 3)
+        assert read(path) == {**entries, (1, 1, 0): 1 / 3, (0, 0, 0): 2 / 3}
+
+    def test_they_are_discarded_on_request(self, path, entries):
+        with journal(path, SETTINGS, again=True) as runs:
+            assert runs.entries == {}
+
+    def test_one_process_at_a_time_writes(self, path, entries):
+        in_use = pytest.raises(UserError, match="is in use by another process")
+        with journal(path, SETTINGS), in_use, journal(path, SETTINGS, again=True):
             pass
-    assert entries(path) == written | {(1, 1, 0): 1 / 3, (0, 0, 0): 2 / 3}
-    with journal(path, SETTINGS, again=True) as anew:
-        assert anew.entries == {}
+        assert read(path) == entries
 
 
 KILLED = """
-import os, sys
+import os, sqlite3, sys
 from pathlib import Path
 from iswarm_mj.search.journal import journal
-with journal(Path(sys.argv[1]), {}) as kept:
-    for n in range(3):
-        kept.add((n,), n)
-    with kept._file:
-        kept._file.execute("DELETE FROM runs WHERE entry = '1'")
+
+path = Path(sys.argv[1])
+with journal(path, {}) as runs:
+    for number in range(3):
+        runs.add((number,), number)
+    with sqlite3.connect(path) as file:
+        file.execute("DELETE FROM runs WHERE entry = '1'")
         os.kill(os.getpid(), 9)
 """
 
 
-def test_each_run_is_kept_where_the_process_is_killed(path):
-    """Also where a transaction has begun by then."""
-    assert (
-        subprocess.run([sys.executable, "-c", KILLED, path], check=False).returncode
-        == -signal.SIGKILL
-    )
-    assert entries(path, {}) == {(0,): 0, (1,): 1, (2,): 2}
+def test_each_run_is_kept_when_the_process_is_killed(path):
+    """Also when a transaction has begun by then."""
+    process = subprocess.run([sys.executable, "-c", KILLED, path], check=False)
+    assert process.returncode == -signal.SIGKILL
+    assert read(path, {}) == {(0,): 0, (1,): 1, (2,): 2}
 
 
-def test_a_full_disk_is_an_error_and_the_file_stays_good(path, written):
-    """A limit of the file's size stands for the disk's."""
+def test_a_full_disk_is_an_error_and_the_file_stays_good(path, entries):
+    """A limit of the file's size stands for that of the disk."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with journal(path, SETTINGS) as full:
+    with journal(path, SETTINGS) as runs:
         resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size, limits[1]))
         try:
             with pytest.raises(UserError, match=r"checkpoint\.sqlite cannot be written"):
-                full.add((2, 0, 0), "much" * 9999)
+                runs.add((2, 0, 0), "much" * 9999)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-        assert full.entries == written
-    assert entries(path) == written
+        assert runs.entries == entries
+    assert read(path) == entries
 
 
-@pytest.mark.parametrize("content", [b"a note", b"SQLite format 3\0"])
-def test_other_files_are_refused(path, content):
-    path.write_bytes(content)
-    assert count(path) == 0
-    with pytest.raises(UserError, match=r"^[^\n]*damaged[^\n]*$"):
-        entries(path)
-    assert path.read_bytes() == content
+def test_a_journal_is_begun_whole_or_not_at_all(path):
+    """Its first entry does not fit on the disk."""
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (8192, limits[1]))
+    try:
+        with pytest.raises(UserError, match="cannot be written"), journal(path, {"a": "b" * 9999}):
+            pass
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert read(path) == {}
 
 
-def test_what_is_refused_stays_as_it_was(path, written, monkeypatch):
-    """Of other settings or versions, and of a file that is cut off anywhere."""
-    whole = path.read_bytes()
-    with pytest.raises(
-        UserError,
-        match=r"different settings \(config\.arena\.n_dust: 72 there, 70 now, seed: 3 there",
-    ):
-        entries(path, {"seed": 4, "config": {"arena": {"size": 49.0, "n_dust": 70}}})
-    for other in (SETTINGS | {"new": 1}, {"seed": 3}):  # one has a setting that the other lacks
-        with pytest.raises(UserError, match="different settings"):
-            entries(path, other)
-    for size in (*range(512, len(whole), 1024), len(whole)):
-        path.write_bytes(whole[:size])
-        with pytest.raises(UserError):
-            entries(path, {"seed": 4})
-        assert path.read_bytes() == whole[:size]
-    monkeypatch.setattr(
-        journals, "versions", lambda: {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"}
+class TestOtherSettings:
+    """They are refused, and the file stays as it was."""
+
+    @pytest.mark.parametrize(
+        ("settings", "differences"),
+        [
+            (
+                {"seed": 4, "config": {"arena": {"size": 49.0, "n_dust": 70}}},
+                r" \(config\.arena\.n_dust: 72 there, 70 now, seed: 3 there",
+            ),
+            (SETTINGS | {"new": 1}, ""),
+            ({"seed": 3}, ""),
+        ],
     )
-    with pytest.raises(UserError, match=r"different versions \(iswarm_mj: .* there, 9\.9 now, "):
-        entries(path)
+    def test_the_message_names_them(self, path, entries, settings, differences):
+        before = path.read_bytes()
+        with pytest.raises(UserError, match=f"different settings{differences}"):
+            read(path, settings)
+        assert path.read_bytes() == before
+
+    def test_versions_of_packages_must_be_the_same(self, path, entries, monkeypatch):
+        versions = {"iswarm_mj": "9.9", "mujoco": "1", "jax": "2", "numpy": "3"}
+        monkeypatch.setattr(journals, "versions", lambda: versions)
+        message = r"different versions \(iswarm_mj: .* there, 9\.9 now, "
+        with pytest.raises(UserError, match=message):
+            read(path)
+
+    def test_a_file_that_is_cut_off_anywhere_stays_as_it_was(self, path, entries):
+        whole = path.read_bytes()
+        for size in (*range(512, len(whole), 1024), len(whole)):
+            path.write_bytes(whole[:size])
+            with pytest.raises(UserError):
+                read(path, {"seed": 4})
+            assert path.read_bytes() == whole[:size]
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        "ALTER TABLE runs RENAME TO others; CREATE VIEW runs AS WITH RECURSIVE endless (key, entry) AS "
-        "(SELECT '[]', '1' UNION ALL SELECT key, entry FROM endless) SELECT * FROM endless",
-        "CREATE TRIGGER forgets AFTER INSERT ON runs BEGIN DELETE FROM runs; END",
-        """UPDATE runs SET entry = '{"versions": "x", "settings": []}' WHERE key = '[]'""",
-    ],
-)
-def test_journals_hold_data_alone(path, written, change):
-    """Views could compute for ever, and triggers remove runs."""
-    with closing(sqlite3.connect(path)) as file:
-        file.executescript(change)
-    assert count(path) == (3 if change.startswith("UPDATE") else 0)
-    with pytest.raises(UserError, match=r"^[^\n]*damaged[^\n]*$"):
-        entries(path)
+class TestOtherFiles:
+    @pytest.mark.parametrize("content", [b"a note", b"SQLite format 3\0"])
+    def test_they_are_refused(self, path, content):
+        path.write_bytes(content)
+        assert count(path) == 0
+        with pytest.raises(UserError, match=DAMAGED):
+            read(path)
+        assert path.read_bytes() == content
 
+    @pytest.mark.parametrize(
+        ("change", "n_counted"),
+        [
+            (
+                "ALTER TABLE runs RENAME TO others; "
+                "CREATE VIEW runs AS WITH RECURSIVE endless (key, entry) AS "
+                "(SELECT '[]', '1' UNION ALL SELECT key, entry FROM endless) SELECT * FROM endless",
+                0,
+            ),
+            ("CREATE TRIGGER forgets AFTER INSERT ON runs BEGIN DELETE FROM runs; END", 0),
+            ("""UPDATE runs SET entry = '{"versions": "x", "settings": []}' WHERE key = '[]'""", 3),
+        ],
+        ids=["view", "trigger", "settings"],
+    )
+    def test_databases_with_more_than_data_are_refused(self, path, entries, change, n_counted):
+        """Views could compute for ever, and triggers remove runs."""
+        with closing(sqlite3.connect(path)) as file:
+            file.executescript(change)
+        assert count(path) == n_counted
+        with pytest.raises(UserError, match=DAMAGED):
+            read(path)
 
-def test_entries_of_another_form_are_refused(path):
-    one = Variant({"x": 1}, "one", lambda: None)
-    with journal(path.with_name(RUNS), {"kind": "sweep"}) as made:
-        made.add(hashed(one.identity), [[{"x": 1}, {"seed": 0}]])
-        made.add((0,), [1.0, 2.0])
-        with pytest.raises(UserError, match="not a journal of iswarm, or damaged"):
-            run_missing({(0,): None}, made, Execution(), None)
-    with pytest.raises(UserError, match="not a journal of iswarm, or damaged"):
-        sweep([one], path.parent, {"over": ["x"]})
-
-
-def test_a_journal_is_begun_whole_or_not_at_all(tmp_path, monkeypatch):
-    with monkeypatch.context() as patch, pytest.raises(UserError):
-        patch.setattr(journals, "_INSERT", "killed here")
-        journals.Journal(tmp_path / "a.sqlite", {})
-    journals.Journal(tmp_path / "a.sqlite", {}).close()
+    def test_entries_of_another_form_are_refused(self, tmp_path):
+        variant = Variant({"x": 1}, "identity", lambda: None)
+        with journal(tmp_path / RUNS, {"kind": "sweep"}) as runs:
+            runs.add(hashed(variant.identity), [[{"x": 1}, {"seed": 0}]])
+            runs.add((0,), [1.0, 2.0])
+            with pytest.raises(UserError, match=DAMAGED):
+                run_missing({(0,): None}, runs, Execution(), None)
+        with pytest.raises(UserError, match=DAMAGED):
+            sweep([variant], tmp_path, {"over": ["x"]})

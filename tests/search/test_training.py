@@ -1,5 +1,4 @@
-"""`iswarm train`: its flags, real trainings, and what cannot be trained, of which nothing stays
-behind."""
+"""`iswarm train`: its flags, a real training, and what cannot be trained."""
 
 import re
 from dataclasses import replace
@@ -24,7 +23,7 @@ from iswarm_mj.tasks.aggregation import Aggregation
 from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.utils.errors import UserError
 
-pytestmark = pytest.mark.usefixtures("few_pixels")
+DOCUMENTATION = Path(__file__).parents[2] / "docs/policies.md"
 FLAGS = [
     "--generations=3",
     "--population=3",
@@ -33,8 +32,6 @@ FLAGS = [
     "--robots=4",
     "--seed=5",
     "--threads=1",
-]
-FLAGS += [
     "--arena.size=15",
     "--arena.dump-size=3",
     "--arena.dust-area-size=3",
@@ -42,86 +39,99 @@ FLAGS += [
 ]
 
 
-def test_the_command_trains_in_worlds(tmp_path, capfd, monkeypatch):
-    """The policy of the documentation, whose flag takes the weights."""
+@pytest.mark.usefixtures("few_pixels")
+def test_the_command_trains_the_policy_of_the_documentation(tmp_path, capfd, monkeypatch):
+    """Its flag `--weights` takes the weights that were written."""
     monkeypatch.chdir(tmp_path)
-    page = (Path(__file__).parents[2] / "docs/policies.md").read_text()
-    Path("turner.py").write_text(re.search(r"```python\n(# turner.py.*?)```", page, re.S)[1])
+    code = re.search(r"```python\n(# turner.py.*?)```", DOCUMENTATION.read_text(), re.S)[1]
+    Path("turner.py").write_text(code)
     cli.main(["train", "--strategy", "turner.py:Turner", *FLAGS])
-    assert re.search(
-        r"fitness .* in generation 3\n.*weights in runs/train/weights\.npz", capfd.readouterr().out
-    )
+    summary = r"fitness .* in generation 3\n.*weights in runs/train/weights\.npz"
+    assert re.search(summary, capfd.readouterr().out)
+
     weights = load_weights("runs/train/weights.npz")
     assert len(weights) == 3 * 4 + 4 * 2
-    again = cli.parse(
-        ["train", "--strategy", "turner.py:Turner", "--weights", "runs/train/weights.npz"]
-    )
-    flat, _ = ravel_pytree(policy(again.own, SMALL, 4).weights)
-    np.testing.assert_array_equal(flat, weights)
+    again = ["train", "--strategy", "turner.py:Turner", "--weights", "runs/train/weights.npz"]
+    strategy = cli.parse(again).own
+    flat_weights, _ = ravel_pytree(policy(strategy, SMALL, 4).weights)
+    np.testing.assert_array_equal(flat_weights, weights)
+
+
+def test_classes_that_are_no_strategies_are_refused(tmp_path, capfd, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     Path("walk.py").write_text(
         "class Walk:\n    init = picks = act = None\n    def __init__(self): pass\n"
     )
     with pytest.raises(SystemExit):
         cli.main(["train", "--strategy", "walk.py:Walk"])
-    assert (
-        "Walk is not a strategy, since it does not derive from Strategy" in capfd.readouterr().err
-    )
+    message = "Walk is not a strategy, since it does not derive from Strategy"
+    assert message in capfd.readouterr().err
 
 
-def test_the_command_forwards_all_flags(tmp_path, monkeypatch):
-    given = {}
-    monkeypatch.setattr(
-        training, "train", lambda *args, **options: given.update(options, args=args)
-    )
-    path = robot_file(tmp_path, "five")
-    flags = [*FLAGS, "--validation=6", "--spread=0.25", "--sizes", "15", "20", "--arena.n-dust=6"]
-    cli.main(["train", *flags, f"--out={tmp_path / 'out'}", f"--robot={path}", "--again"])
-    plan, strategy, out, engine = given.pop("args")
-    numbers = {
-        "steps": 6,
-        "generations": 3,
-        "population": 3,
-        "worlds": 1,
-        "validation": 6,
-        "spread": 0.25,
-        "seed": 5,
-    }
-    assert plan == Training(config=SMALL, robots=(4,), sizes=(15, 20), **numbers)
-    assert (strategy, out, engine) == (Neural(), tmp_path / "out", PlanarSettings(1).for_batches())
-    assert given == {"task": CLEANING, "robot_file": path, "again": True}
-    cli.main(
-        [
-            "train",
-            "--task=aggregation",
-            "--out",
-            str(tmp_path / "out"),
-            "--engine=mjx",
-            "--impl=warp",
-        ]
-    )
-    assert (
-        isinstance(given["task"], Aggregation)
-        and given["robot_file"] is None
-        and not given["again"]
-    )
-    assert given["args"][0] == Training() and given["args"][3] == MjxSettings(
-        "warp"
-    ).for_batches() != MjxSettings("warp")
+class TestFlags:
+    @pytest.fixture
+    def call(self, monkeypatch):
+        """Return the arguments of the last call of a stand-in for `train`."""
+        call = {}
+
+        def pretend(*arguments, **options):
+            call.clear()
+            call.update(options, arguments=arguments)
+
+        monkeypatch.setattr(training, "train", pretend)
+        return call
+
+    def test_all_of_them_are_forwarded(self, tmp_path, call):
+        robot = robot_file(tmp_path, "five")
+        out = tmp_path / "out"
+        plan_flags = ["--validation=6", "--spread=0.25", "--sizes", "15", "20", "--arena.n-dust=6"]
+        cli.main(["train", *FLAGS, *plan_flags, f"--out={out}", f"--robot={robot}", "--again"])
+        wanted = Training(
+            config=SMALL,
+            robots=(4,),
+            sizes=(15, 20),
+            steps=6,
+            generations=3,
+            population=3,
+            worlds=1,
+            validation=6,
+            spread=0.25,
+            seed=5,
+        )
+        engine = PlanarSettings(1).for_batches()
+        assert call == {
+            "arguments": (wanted, Neural(), out, engine),
+            "task": CLEANING,
+            "robot_file": robot,
+            "again": True,
+        }
+
+    def test_the_task_and_the_engine_may_be_others(self, tmp_path, call):
+        out = f"--out={tmp_path}"
+        cli.main(["train", "--task=aggregation", out, "--engine=mjx", "--impl=warp"])
+        plan, _, _, engine = call["arguments"]
+        assert plan == Training()
+        assert engine == MjxSettings("warp").for_batches() != MjxSettings("warp")
+        assert isinstance(call["task"], Aggregation)
+        assert call["robot_file"] is None
+        assert not call["again"]
 
 
-class Balls(Aggregation):
+class WithoutBalls(Aggregation):
     """A task with a fitness but no balls."""
 
     fitness = Cleaning.fitness
 
 
-class Wrong(Cleaning):
+class Raising(Cleaning):
+    """A task whose fitness raises an error."""
+
     def fitness(self, measures, config, n_robots, steps):
         raise ValueError("no idea")
 
 
 class Unequal(Aggregation):
-    """Its state has a number for each robot."""
+    """A task whose state has a number for each robot."""
 
     def lay_out(self, config, n_robots, rng, shared, cell):
         poses, spots = super().lay_out(config, n_robots, rng, shared, cell)
@@ -132,65 +142,68 @@ class Unequal(Aggregation):
         return state, sensed
 
 
-class Heard(Aggregation):
+class RewardingCommands(Aggregation):
+    """A task whose rewards depend on commands, which a training does not have."""
+
     def reward(self, before, after, inputs):
         return inputs.command.forward
 
 
 @pytest.mark.parametrize(
-    ("task", "robots", "sentence"),
+    ("task", "robots", "message"),
     [
-        (Balls(), (4,), "Balls has a fitness, .* no method balls"),
-        (Wrong(), (4,), r"Wrong.fitness raised ValueError: no idea"),
+        (WithoutBalls(), (4,), "WithoutBalls has a fitness, .* no method balls"),
+        (Raising(), (4,), r"Raising.fitness raised ValueError: no idea"),
         (Unequal(), (4, 3), "Unequal has other shapes in worlds with other numbers of robots"),
-        (Heard(), (4,), "Heard.reward, here without commands and messages, raised AttributeError"),
+        (
+            RewardingCommands(),
+            (4,),
+            "RewardingCommands.reward, here without commands and messages, raised AttributeError",
+        ),
     ],
 )
-def test_tasks_that_cannot_be_scored(task, robots, sentence, tmp_path):
-    """Nothing stays behind, so that the next training may have the place."""
-    few = replace(
+def test_tasks_that_cannot_be_scored_are_refused(task, robots, message, tmp_path):
+    """Nothing stays behind, so that the next training may use the directory."""
+    short = replace(
         TRAINING, config=SwarmConfig(), robots=robots, steps=1, generations=1, population=2
     )
-    with pytest.raises(UserError, match=sentence):
-        train(few, Three(jnp.zeros(3)), tmp_path / "out", PlanarSettings(1), task=task)
-    assert not list((tmp_path / "out").glob("*.*"))
+    out = tmp_path / "out"
+    with pytest.raises(UserError, match=message):
+        train(short, Three(jnp.zeros(3)), out, PlanarSettings(1), task=task)
+    assert not list(out.glob("*.*"))
 
 
-@pytest.mark.parametrize(
-    ("changed", "sentence"),
-    [
-        ({"robots": ()}, "robots must be between 1 and 2 numbers"),
-        (
-            {"robots": (4, 5, 6)},
-            "robots must be between 1 and 2 numbers, since a candidate has 2 worlds",
-        ),
-        ({"robots": (4000,)}, "robots"),
-        ({"sizes": (15.0, 9.0)}, "^sizes"),
-        ({"spread": 0.0}, "^spread"),
-        ({"sizes": (15.0, 10.5)}, "dust_area_offset"),
-    ],
-)
-def test_worlds_that_cannot_be_are_refused_at_once(changed, sentence):
-    with pytest.raises(UserError, match=sentence):
-        replace(TRAINING, **changed)
-
-
-def test_a_candidate_may_have_a_world_for_each_number_of_robots():
-    assert replace(TRAINING, robots=(4, 5)).robots == (4, 5) and Training().worlds >= len(
-        Training().robots
+class TestWorlds:
+    @pytest.mark.parametrize(
+        ("change", "message"),
+        [
+            ({"robots": ()}, "robots must be between 1 and 2 numbers"),
+            (
+                {"robots": (4, 5, 6)},
+                "robots must be between 1 and 2 numbers, since a candidate has 2 worlds",
+            ),
+            ({"robots": (4000,)}, "robots"),
+            ({"sizes": (15.0, 9.0)}, "^sizes"),
+            ({"spread": 0.0}, "^spread"),
+            ({"sizes": (15.0, 10.5)}, "dust_area_offset"),
+        ],
     )
+    def test_impossible_ones_are_refused_at_once(self, change, message):
+        with pytest.raises(UserError, match=message):
+            replace(TRAINING, **change)
+
+    def test_a_candidate_may_have_one_for_each_number_of_robots(self):
+        assert replace(TRAINING, robots=(4, 5)).robots == (4, 5)
+        assert Training().worlds >= len(Training().robots)
 
 
-@pytest.mark.parametrize(
-    ("weights", "sentence"),
-    [
-        *((none, "Three has no weights to train") for none in (None, [1.0], jnp.zeros(3, int))),
-        *(
-            (jnp.array(first, float), "weights must be")
-            for first in ([], [0.5], [0.0, np.nan], [2e6, 0.0])
-        ),
-    ],
-)
-def test_weights_that_no_search_can_begin_with(weights, sentence):
-    with pytest.raises(UserError, match=sentence):
-        policy(Three(weights), SMALL, 4)
+class TestWeights:
+    @pytest.mark.parametrize("weights", [None, [1.0], jnp.zeros(3, int)])
+    def test_they_must_be_arrays_of_floats(self, weights):
+        with pytest.raises(UserError, match="Three has no weights to train"):
+            policy(Three(weights), SMALL, 4)
+
+    @pytest.mark.parametrize("weights", [[], [0.5], [0.0, np.nan], [2e6, 0.0]])
+    def test_they_must_be_at_least_two_and_small(self, weights):
+        with pytest.raises(UserError, match="weights must be"):
+            policy(Three(jnp.array(weights, float)), SMALL, 4)
