@@ -1,4 +1,6 @@
-"""How deep robots of a whole run push into each other in MuJoCo; run with `pytest -m slow`."""
+"""Contacts of robots in whole runs in MuJoCo: how deep they are, and which of them are counted."""
+
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -11,57 +13,81 @@ from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.genome import PRESETS
 
 pytestmark = pytest.mark.slow
+MAX_PARTNERS = 12
+"""Robots that touch one robot in a control step at most."""
 
 
-def contacts(seed):
-    """Depths in all physics steps of a run [mm], its collisions, those that two readings find, and
-    those counted."""
-    run = Run(
-        Scenario(
-            strategy=PRESETS["type1"],
-            robots=280,
-            engine=MujocoSettings(threads=1),
-            seed=seed,
-            steps=160,
-        )
+class Contacts(NamedTuple):
+    """Contacts of a run."""
+
+    depths: list[float]
+    """Depth of the deepest contact after each physics step [mm]."""
+    n_collisions: int
+    """Collisions by the contacts of all physics steps."""
+    n_read: int
+    """Those by two readings in a control step."""
+    n_counted: int
+    """Those that the run has counted."""
+
+
+def contacts_of_run(seed):
+    """Run a swarm, whose engine is watched in each physics step, and return its contacts."""
+    scenario = Scenario(
+        strategy=PRESETS["type1"],
+        robots=280,
+        engine=MujocoSettings(threads=1),
+        seed=seed,
+        steps=160,
     )
+    run = Run(scenario)
     engine = engine_of(run)
-    step, depths, every, found = engine._step, [], 0, 0
-    lists = np.zeros(
-        (2, 12, engine._capacity), np.int32
-    )  # partners in all physics steps, and in those that are read
-    before = np.False_
+    step = engine._step
+    depths = []
+    partners = np.zeros((2, MAX_PARTNERS, engine._capacity), np.int32)
+    of_all_steps, of_readings = partners
 
-    def step_by_step(n_substeps, worlds, is_jam):
+    def step_one_by_one(n_substeps, worlds, is_jam):
         for _ in range(n_substeps):
             assert step(1, worlds, is_jam) == []
-            engine._read_contacts(0, lists[0], np.zeros(1, int))
+            engine._read_contacts(0, of_all_steps, np.zeros(1, int))
             contact = engine._batch.get_data(0, engine._scratch).contact
             depths.append(-contact.dist.min(initial=0.0))
-        engine._read_contacts(0, lists[1], np.zeros(1, int))
+        engine._read_contacts(0, of_readings, np.zeros(1, int))
         return []
 
-    engine._step = step_by_step
+    engine._step = step_one_by_one
+    n_collisions = 0
+    n_read = 0
+    touched_before = np.False_
     while not run.is_over:
-        lists[:] = 0
+        partners[:] = 0
         run.advance()
-        touched, read = pairs_of(lists)
-        every += (touched & ~before).sum()
-        found += (read & ~before).sum()
-        before = touched
-    return depths, every, found, run.measures(0).collisions
+        touched, read = pairs_of(partners)
+        n_collisions += (touched & ~touched_before).sum()
+        n_read += (read & ~touched_before).sum()
+        touched_before = touched
+    return Contacts(depths, n_collisions, n_read, run.measures(0).collisions)
 
 
-def test_contacts_of_whole_runs():
-    """How deep robots run into each other, and what two readings in ten physics steps make of their
-    collisions.
+@pytest.fixture(scope="module")
+def runs():
+    """Return the contacts of four runs."""
+    return [contacts_of_run(seed) for seed in range(1, 5)]
 
-    They miss the shortest, and count a contact that comes and goes each time that they find it.
-    """
-    depths, every, found, counted = zip(*map(contacts, range(1, 5)), strict=True)
-    depths, every = np.array(depths), np.array(every)
-    deep, found, counted = np.mean(depths > 0.4), np.mean(found / every), np.mean(counted / every)
-    print(f"deepest {depths.max():.2f} mm, beyond 0.4 mm in {deep:.1%} of physics steps")
-    print(f"{found:.0%} of {every.sum()} collisions found, {counted:.0%} counted")
-    assert 0.4 < depths.max() < 0.75 and deep < 0.2
-    assert 0.77 < found < 0.83 and 1.13 < counted < 1.25
+
+def test_contacts_are_rarely_deep(runs):
+    depths = np.array([run.depths for run in runs])
+    share_of_deep = np.mean(depths > 0.4)
+    print(f"deepest {depths.max():.2f} mm, beyond 0.4 mm in {share_of_deep:.1%} of physics steps")
+    assert 0.4 < depths.max() < 0.75
+    assert share_of_deep < 0.2
+
+
+def test_two_readings_in_ten_physics_steps_miss_short_contacts(runs):
+    """They count a contact that comes and goes each time that they find it."""
+    n_collisions = np.array([run.n_collisions for run in runs])
+    share_read = np.mean([run.n_read for run in runs] / n_collisions)
+    share_counted = np.mean([run.n_counted for run in runs] / n_collisions)
+    print(f"{share_read:.0%} of {n_collisions.sum()} collisions found, {share_counted:.0%} counted")
+    assert 0.77 < share_read < 0.83
+    assert 1.13 < share_counted < 1.25
