@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from iswarm_mj import (
+    AreaStyle,
     Command,
-    Look,
     Quantity,
     Strategy,
     Task,
@@ -44,7 +44,7 @@ class Coverage(Task):
     measured: ClassVar = {
         "covered": Quantity("share of the cells that have been visited", high=1.0),
     }
-    drawn: ClassVar = {"visited": Look(colour=(185, 215, 185), shape="square")}
+    drawn: ClassVar = {"visited": AreaStyle(colour=(185, 215, 185), shape="square")}
     unused: ClassVar = ("gripper", "arena.n_dust")
 
     def lay_out(self, config, n_robots, rng, shared, cell):

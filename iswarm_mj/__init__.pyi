@@ -67,7 +67,7 @@ from .strategy.neural import Neural as Neural
 from .strategy.teams import Teams as Teams
 from .tasks.aggregation import Aggregation as Aggregation
 from .tasks.aggregation import Beeclust as Beeclust
-from .tasks.base import Look as Look
+from .tasks.base import AreaStyle as AreaStyle
 from .tasks.base import Quantity as Quantity
 from .tasks.base import Sensed as Sensed
 from .tasks.base import Task as Task

@@ -1,5 +1,4 @@
-"""Floor, walls, dump, dust and obstacles of an arena, with their limits and units; a part of
-`config.SwarmConfig`."""
+"""Settings of the arena: floor, walls, dump, dust and obstacles, with their limits and units."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -7,17 +6,28 @@ from typing import Annotated
 import numpy as np
 from jaxtyping import Float
 
-from iswarm_mj.geometry.obstacles import FIELDS, OF_BOX, check_boxes, checked
+from iswarm_mj.geometry.obstacles import (
+    BOX_FIELDS,
+    OBSTACLE_FIELDS,
+    check_boxes,
+    checked_rows,
+)
 from iswarm_mj.geometry.walls import corners_of, half_planes, outline_of
 from iswarm_mj.utils.constraints import Above, Within, check, validate
 from iswarm_mj.utils.errors import ConfigError
 
+_DEFAULT_SIZE = 49.0
+"""Edge of the paper's arena (Table 1) [rd]."""
+
 
 @dataclass(frozen=True)
 class ArenaConfig:
-    """Floor, dump and dust. Lengths are in robot diameters [rd] unless stated otherwise."""
+    """Floor, walls, dump, dust and obstacles of an arena.
 
-    size: Annotated[float, Within(10, 1000, "rd")] = 49.0
+    Lengths are in robot diameters [rd] unless stated otherwise.
+    """
+
+    size: Annotated[float, Within(10, 1000, "rd")] = _DEFAULT_SIZE
     """Edge of the square arena (Table 1) [rd]; with an `outline`, of the square around it."""
     outline: tuple[tuple[float, float], ...] = ()
     """Width and height of a rectangular arena, or the corners x y of a convex one, in place of the
@@ -46,9 +56,23 @@ class ArenaConfig:
 
     def __post_init__(self):
         validate(self, "arena")
-        object.__setattr__(self, "outline", outline_of(self.outline) if self.outline else ())
-        width = 2 * max(abs(part) for corner in self.corners for part in corner)
-        if self.outline and self.size not in (49.0, width):
+        self._set_outline()
+        self._set_boxes()
+        self._check_dump_and_dust()
+        check(
+            "arena.ball_radius_max",
+            self.ball_radius_max,
+            "at least `arena.ball_radius_min`",
+            self.ball_radius_min <= self.ball_radius_max,
+        )
+
+    def _set_outline(self) -> None:
+        """Set the outline as tuples of floats, and the size of the square around it."""
+        outline = outline_of(self.outline) if self.outline else ()
+        object.__setattr__(self, "outline", outline)
+
+        width = 2 * max(abs(coordinate) for corner in self.corners for coordinate in corner)
+        if self.outline and self.size not in (_DEFAULT_SIZE, width):
             raise ConfigError("arena.size", self.size, "left out with `arena.outline`")
         object.__setattr__(self, "size", width)
         check(
@@ -57,51 +81,66 @@ class ArenaConfig:
             "at least 10 rd and at most 1000 rd wide",
             10 <= width <= 1000,
         )
-        for name, fields, units in (
-            ("obstacles", FIELDS, "rd, deg"),
-            ("boxes", OF_BOX, "rd, deg, kg"),
-        ):
-            rows = checked(
-                f"arena.{name}", fields, units, getattr(self, name), self.walls, self.dump_size / 2
-            )
-            object.__setattr__(self, name, rows)
+
+    def _set_boxes(self) -> None:
+        """Set obstacles and boxes as tuples of floats, once they are checked."""
+        half_dump = self.dump_size / 2
+        obstacles = checked_rows(
+            "arena.obstacles",
+            fields=OBSTACLE_FIELDS,
+            units="rd, deg",
+            value=self.obstacles,
+            walls=self.walls,
+            half_dump=half_dump,
+        )
+        object.__setattr__(self, "obstacles", obstacles)
+        boxes = checked_rows(
+            "arena.boxes",
+            fields=BOX_FIELDS,
+            units="rd, deg, kg",
+            value=self.boxes,
+            walls=self.walls,
+            half_dump=half_dump,
+        )
+        object.__setattr__(self, "boxes", boxes)
         check_boxes(self.boxes, self.obstacles)
-        half, edge = self.inradius, self.dust_area_size / 2
-        offset, least = self.dust_area_offset, self.dump_size / 2 + edge
+
+    def _check_dump_and_dust(self) -> None:
+        """Check that the dump is small enough, and that the dust lies between dump and walls."""
         check(
             "arena.dump_size",
             self.dump_size,
             "at most half of `arena.size`",
-            self.dump_size <= half,
+            self.dump_size <= self.inradius,
         )
+
+        # A square of half edge h at (x, 0) is inside a wall with normal (nx, ny) and distance d
+        # where |nx| x + (|nx| + |ny|) h <= d; the other square, at (-x, 0), likewise.
+        half_dump = self.dump_size / 2
+        half_edge = self.dust_area_size / 2
         across, along = np.abs(self.walls[:, :2]).T
-        # For the areas to fit between dump and walls at their best offset, `least`.
-        widest = float(
-            2 * min((self.walls[:, 2] - across * self.dump_size / 2) / (2 * across + along))
-        )
-        room = f"at most {widest:g} rd, for the dust to lie between the dump and the walls"
-        check("arena.dust_area_size", self.dust_area_size, room, self.dust_area_size <= widest)
-        most = min((self.walls[:, 2] - edge * (across + along))[across > 0] / across[across > 0])
-        is_inside, is_outside = offset <= most, offset - edge >= self.dump_size / 2
-        check(
-            "arena.dust_area_offset",
-            offset,
-            f"at most {most:g} rd, for the dust to lie within the walls",
-            is_inside,
-        )
-        outside = f"at least {least:g} rd, for the dust to lie outside the dump"
-        check("arena.dust_area_offset", offset, outside, is_outside)
-        is_ordered = self.ball_radius_min <= self.ball_radius_max
-        check(
-            "arena.ball_radius_max",
-            self.ball_radius_max,
-            "at least `arena.ball_radius_min`",
-            is_ordered,
-        )
+        distance = self.walls[:, 2]
+
+        # Areas fit if they do at their best offset, beside the dump.
+        largest = float(2 * min((distance - across * self.dump_size / 2) / (2 * across + along)))
+        limit = f"at most {largest:g} rd, for the dust to lie between the dump and the walls"
+        is_allowed = self.dust_area_size <= largest
+        check("arena.dust_area_size", self.dust_area_size, limit, is_allowed)
+
+        # The actual offset leaves them inside the walls and outside the dump.
+        offset = self.dust_area_offset
+        stops = across > 0
+        farthest = min((distance - half_edge * (across + along))[stops] / across[stops])
+        limit = f"at most {farthest:g} rd, for the dust to lie within the walls"
+        check("arena.dust_area_offset", offset, limit, offset <= farthest)
+
+        nearest = half_dump + half_edge
+        limit = f"at least {nearest:g} rd, for the dust to lie outside the dump"
+        check("arena.dust_area_offset", offset, limit, offset - half_edge >= half_dump)
 
     @property
     def corners(self) -> tuple[tuple[float, float], ...]:
-        """Of the arena, anticlockwise [rd]."""
+        """Corners of the arena, anticlockwise [rd]."""
         return corners_of(self.outline or ((self.size, self.size),))
 
     @property
@@ -111,7 +150,7 @@ class ArenaConfig:
 
     @property
     def standing(self) -> tuple[tuple[float, ...], ...]:
-        """Obstacles, and boxes where they start: where no robot can."""
+        """Obstacles, and boxes where they start: no robot can start there."""
         return (*self.obstacles, *self.boxes)
 
     @property

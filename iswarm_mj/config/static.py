@@ -1,10 +1,9 @@
-"""Settings that programs are compiled for: the part of a configuration that all worlds of a run
-share.
+"""Settings that programs are compiled for, which all worlds of a run share.
 
 Programs take everything else as arrays (`sensors.conditions`, `sensors.arena`, `strategy.rules`),
-so runs of different settings share a compiled program, and nothing in a control step can read a
-value that is not its world's. The classes of `config` derive from those here and add what may
-differ.
+so runs of different settings share a compiled program, and a control step can only read the values
+of its own world. The classes of `config.swarm` derive from those here and add the settings that may
+differ between worlds.
 """
 
 import math
@@ -14,19 +13,22 @@ from typing import Annotated, Any, Literal
 from iswarm_mj.config.energy import EnergyConfig
 from iswarm_mj.utils.constraints import Above, Needs, Within, check, validate
 
-LONGEST_STEP, LARGEST_TURN = 0.085, 30.0
-"""Motion of a robot in one physics step at most [rd, deg].
+LONGEST_STEP = 0.085
+"""Longest distance that a robot may move in one physics step [rd].
 
-Contacts part robots that overlap, by pushing them back the way they came, unless in MuJoCo they
-overlap by more than their height: then it pushes them up. Within these limits crowds that fill the
-arena and press upon each other at full speed do not (`tests/engines/test_longest_steps.py`); with
-0.092 rd, or 45 degrees, robots come out on the other side.
+Contacts part robots that overlap by pushing them back the way they came. MuJoCo pushes them up
+instead where they overlap by more than their height. Within these limits that does not happen, even
+in crowds that fill the arena and press upon each other at full speed
+(`tests/engines/test_longest_steps.py`); with 0.092 rd, or turns of 45 degrees, robots come out on
+the other side.
 """
+LARGEST_TURN = 30.0
+"""Largest turn of a robot in one physics step [deg], for the same reason."""
 
 
 @dataclass(frozen=True)
 class StaticDrive:
-    """Motion of a robot in a control step, as it is compiled in."""
+    """Motion of a robot in a control step: the settings that are compiled in."""
 
     step_length: Annotated[float, Above(0, 1, "rd")] = 0.5
     """Distance walked in one control step (Table 1) [rd]."""
@@ -49,17 +51,21 @@ class StaticDrive:
         self._check_substeps("walk_substeps", "step_length", LONGEST_STEP, "rd")
         self._check_substeps("turn_substeps", "max_turn", LARGEST_TURN, "deg")
 
-    def _check_substeps(self, name: str, whole: str, largest: float, unit: str) -> None:
-        """Check that physics steps are short enough for what a robot moves in all of them."""
-        n_steps, amount = getattr(self, name), getattr(self, whole)
-        least = math.ceil(amount / largest - 1e-9)
-        limit = f"so that a robot moves by at most {largest:g} {unit} in a physics step"
-        check(
-            f"drive.{name}",
-            n_steps,
-            f"at least {least} with `drive.{whole}` {amount:g}, {limit}",
-            n_steps >= least,
-        )
+    def _check_substeps(self, name: str, motion_name: str, largest: float, unit: str) -> None:
+        """Check that a robot does not move too far in one physics step.
+
+        Args:
+            name: setting with the number of physics steps.
+            motion_name: setting with the largest motion in all of them.
+            largest: largest motion in one of them.
+            unit: unit of the motion.
+        """
+        n_steps = getattr(self, name)
+        motion = getattr(self, motion_name)
+        fewest = math.ceil(motion / largest - 1e-9)
+        reason = f"so that a robot moves by at most {largest:g} {unit} in a physics step"
+        limit = f"at least {fewest} with `drive.{motion_name}` {motion:g}, {reason}"
+        check(f"drive.{name}", n_steps, limit, n_steps >= fewest)
 
     @property
     def timestep(self) -> float:
@@ -68,8 +74,7 @@ class StaticDrive:
 
     @property
     def walk_time(self) -> float:
-        """Part of a control step in which a robot walks, at the speed of `step_length` in that time
-        [s]."""
+        """Part of a control step in which a robot walks; it covers `step_length` in it [s]."""
         return self.walk_substeps * self.timestep
 
 
@@ -86,7 +91,7 @@ _IN_TRIALS = Needs("resolution", ("dynamic",))
 
 @dataclass(frozen=True)
 class StaticOptics:
-    """Reach, beams and timing of the light, as they are compiled in."""
+    """Reach, beams and timing of the light: the settings that are compiled in."""
 
     mode: Literal["sector", "power"] = "sector"
     """How links are decided: by range and beam cones as in the paper (`sector`), or by received
@@ -123,12 +128,8 @@ class StaticOptics:
 
     def __post_init__(self):
         validate(self, "optics")
-        check(
-            "optics.capture_ratio",
-            self.capture_ratio,
-            "0 or at least 1",
-            not 0 < self.capture_ratio < 1,
-        )
+        is_ratio = self.capture_ratio == 0 or self.capture_ratio >= 1
+        check("optics.capture_ratio", self.capture_ratio, "0 or at least 1", is_ratio)
         ever_listens = self.slots > N_LEDS or self.photodiodes_while_emitting != "none"
         check(
             "optics.slots",
@@ -150,7 +151,7 @@ class StaticOptics:
 
 @dataclass(frozen=True)
 class StaticGripper:
-    """How attempts to pick up and to release are decided, as it is compiled in."""
+    """Attempts to pick up and to release balls: the settings that are compiled in."""
 
     release_gap: Annotated[float, Within(1e-6, 2e-5, "m")] = 5e-6
     """Gap between ball and floor at release (section 3.2.3) [m]."""
@@ -179,7 +180,7 @@ class StaticGripper:
 
 @dataclass(frozen=True)
 class StaticStrategy:
-    """Form and order of the messages, as they are compiled in."""
+    """Form and order of the messages: the settings that are compiled in."""
 
     message_range: Annotated[float, Above(0, 1000, "rd")] = 49.0
     """Longest vector that a message can carry [rd]."""
@@ -221,7 +222,8 @@ def static_part(settings: Any, cls: type) -> Any:
     """Return the settings of a group that are compiled in.
 
     Args:
-        settings: a group of a configuration, as `DriveConfig`.
-        cls: the class that it derives from, as `StaticDrive`.
+        settings: a group of a configuration, such as a `DriveConfig`.
+        cls: the class that it derives from, such as `StaticDrive`.
     """
-    return cls(**{f.name: getattr(settings, f.name) for f in fields(cls)})
+    values = {field.name: getattr(settings, field.name) for field in fields(cls)}
+    return cls(**values)

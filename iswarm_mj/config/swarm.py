@@ -1,5 +1,4 @@
-"""The configuration of a cleaning run: every parameter that is not evolved, with its limits and
-unit.
+"""The configuration of a run: all parameters that are not evolved, with their limits and units.
 
 Defaults marked "Table 1" are those of the paper (Valdastri et al. 2006). The others are choices of
 this simulator where the paper gives no value. An object outside its limits raises `ConfigError`.
@@ -89,7 +88,7 @@ class GripperConfig(StaticGripper):
 
 @dataclass(frozen=True)
 class StrategyConfig(StaticStrategy):
-    """The robots' rules: interpretations of the paper's sentences, and parameters that it does not specify."""
+    """The robots' rules: interpretations of the paper, and parameters that it does not specify."""
 
     dust_range: Annotated[float, Above(0, 5, "rd")] = 0.75
     """Distance from the robot's centre within which it senses a ball [rd]."""
@@ -144,14 +143,13 @@ class SwarmConfig:
 
     def __post_init__(self):
         validate(self)
-        window, walk = self.optics.window, self.drive.walk_time
-        limit = f"high enough for {self.optics.slots} slots to take less than the {walk:g} s in which robots walk"
-        check(
-            "optics.baud_rate",
-            self.optics.baud_rate,
-            f"{limit}, and not {window:g} s",
-            window < walk,
+        window = self.optics.window
+        walk_time = self.drive.walk_time
+        limit = (
+            f"high enough for {self.optics.slots} slots to take less than the {walk_time:g} s "
+            f"in which robots walk, and not {window:g} s"
         )
+        check("optics.baud_rate", self.optics.baud_rate, limit, window < walk_time)
         self.energy.check_step(self.drive.control_period)
 
     @property
@@ -174,13 +172,16 @@ class SwarmConfig:
 INTERPRETATIONS = {
     "paper": SwarmConfig(),
     "initial": SwarmConfig(
-        ArenaConfig(dust_area_offset=16.0),
+        arena=ArenaConfig(dust_area_offset=16.0),
         strategy=StrategyConfig(avoidance_sides="all", priority_repulsion="scaled"),
     ),
     "selected": SwarmConfig(
-        strategy=StrategyConfig(avoidance_course="crossing"), gripper=GripperConfig(drop_rate=0.01)
+        strategy=StrategyConfig(avoidance_course="crossing"),
+        gripper=GripperConfig(drop_rate=0.01),
     ),
 }
-"""Interpretations of the paper's rules: as it states them, as in the first version of this
-simulator, and as Fig. 17 and the penalties in Table 2 select them by the rule in
-docs/readings.md."""
+"""Interpretations of the paper's rules, by name.
+
+`paper`: as the paper states them. `initial`: as in the first version of this simulator. `selected`:
+as Fig. 17 and the penalties in Table 2 select them, by the rule in docs/readings.md.
+"""

@@ -30,75 +30,83 @@ class Phase(NamedTuple):
     """Consecutive physics steps in which servos hold the same velocities."""
 
     n_substeps: int
-    """Of `config.drive.timestep` each."""
+    """Number of physics steps, of `config.drive.timestep` each."""
     velocity: Callable[[Array], Array]
-    """From the poses (*B, N, 3) as the phase begins to world velocities (*B, N, 3) [mm/s, mm/s,
-    rad/s]."""
+    """Function from the poses (*B, N, 3) as the phase begins [mm, mm, rad] to the velocities of the
+    robots in the arena (*B, N, 3) [mm/s, mm/s, rad/s]."""
     boxes: Float[Array, "*B M 3"] | None = None
-    """Velocities of driven boxes, likewise; those of others have no effect. None: they stand
-    still."""
+    """Velocities of driven boxes [mm/s, mm/s, rad/s]; those of others have no effect. None: driven
+    boxes stand still."""
 
 
 class Motion(NamedTuple):
     """Outcome of `Engine.move`."""
 
     bodies: Any
+    """Mechanical state after the motion."""
     touching: Int[Array, "*B K N"]
-    """int32, the robots of higher index in contact with each robot at the end of any phase, highest
-    first, then 0; in a heap the highest `Robots.most_partners`."""
+    """Partners of higher index of each robot, int32: those in contact at the end of any phase,
+    highest first, then 0; in a heap the highest `Robots.most_partners`."""
     fault: Int[Array, "*B"]
     """Bits of `FaultKind`; 0 if nothing went wrong."""
     robot: Int[Array, "*B"]
-    """The first robot concerned, where the fault is one of poses."""
+    """First robot whose pose is at fault; undefined for other faults."""
 
 
 def find_lost(
     poses: Float[Array, "*B N 3"], is_present: Bool[Array, "*B N"], walls: Float[Array, "W 3"]
 ) -> tuple[Int[Array, "*B"], Int[Array, "*B"]]:
-    """Return faults of poses that are not finite or beyond the walls, as bits of `FaultKind`, and
-    the first robot.
+    """Find robots whose poses are not finite or beyond the walls.
 
     Args:
         poses: x, y [mm] and yaw [rad].
-        is_present: the other robots do not count.
-        walls: see `utils.walls.half_planes` [mm].
+        is_present: robots that count.
+        walls: walls of the arena, see `geometry.walls.half_planes` [mm].
+
+    Returns:
+        Bits of `FaultKind`, and the first robot of the worst kind, 0 if there is none.
     """
     xp = array_module(poses)
     not_finite = ~xp.isfinite(poses).all(axis=-1) & is_present
-    outside = (beyond(poses[..., :2], walls) >= 0) & is_present & ~not_finite
-    bits = xp.where(not_finite.any(axis=-1), int(FaultKind.POSE_NOT_FINITE), 0)
-    bits = bits | xp.where(outside.any(axis=-1), int(FaultKind.OUTSIDE), 0)
-    first = xp.where(not_finite.any(axis=-1), not_finite.argmax(axis=-1), outside.argmax(axis=-1))
-    return bits.astype(xp.int32), first.astype(xp.int32)
+    is_outside = (beyond(poses[..., :2], walls) >= 0) & is_present & ~not_finite
+
+    any_not_finite = not_finite.any(axis=-1)
+    fault = xp.where(any_not_finite, int(FaultKind.POSE_NOT_FINITE), 0)
+    fault = fault | xp.where(is_outside.any(axis=-1), int(FaultKind.OUTSIDE), 0)
+
+    first_not_finite = not_finite.argmax(axis=-1)
+    first_outside = is_outside.argmax(axis=-1)
+    robot = xp.where(any_not_finite, first_not_finite, first_outside)
+    return fault.astype(xp.int32), robot.astype(xp.int32)
 
 
 class FreeBodies(NamedTuple):
-    """Mechanical state of N robots, and of boxes after them, in one world or in several, all of which is here."""
+    """Complete mechanical state of N robots, followed by M boxes, in one world or in several."""
 
     poses: Float[Array, "*B NM 3"]
     """x, y [mm] and yaw [rad], which is not wrapped."""
     velocity: Float[Array, "*B NM 3"]
-    """[mm/s, mm/s, rad/s]"""
+    """Velocities [mm/s, mm/s, rad/s]."""
     is_present: Bool[Array, "*B NM"]
-    """The others stay where they are, and touch and hide nothing."""
+    """Bodies that take part; the others stay where they are, and touch and hide nothing."""
     overlap: Any = None
-    """(B,) deepest overlap of bodies with each other and with walls since the latest control step
-    began [mm]; None where the engine does not look for it."""
+    """Deepest overlap of bodies with each other and with walls since the latest control step began
+    (B,) [mm]; None where the engine does not measure it."""
     work: Any = None
-    """(B,) what an engine that begins with the slowest worlds counted in the latest phase of
-    each."""
+    """Work that each world was in its latest phase (B,), for engines that begin with the slowest
+    worlds."""
 
 
 class BoxesMixin(ABC):
-    """Part of engines whose bodies have `poses` (*B, N + M, 3), those of robots and then of boxes."""
+    """Part of engines whose bodies have `poses` (*B, N + M, 3), robots first and boxes last."""
 
     @property
     @abstractmethod
     def n_boxes(self) -> int:
-        """M."""
+        """Number of boxes M."""
 
     def n_robots(self, bodies: Any) -> int:
-        """Return N."""
+        """Return the number of robots N."""
         return bodies.poses.shape[-2] - self.n_boxes
 
     def poses(self, bodies: Any) -> Float[Array, "*B N 3"]:
@@ -110,26 +118,37 @@ class BoxesMixin(ABC):
         return bodies.poses[..., self.n_robots(bodies) :, :]
 
 
-def with_boxes(of_robots: Shaped[Array, "*B N"], n_boxes: int) -> Shaped[Array, "*B NM"]:
-    """Return flags of robots with those of boxes after them, which are all present."""
-    xp = array_module(of_robots)
-    return xp.concatenate([of_robots, xp.ones((*of_robots.shape[:-1], n_boxes), bool)], axis=-1)
+def with_boxes(is_present: Shaped[Array, "*B N"], n_boxes: int) -> Shaped[Array, "*B NM"]:
+    """Return which robots and boxes are present, boxes last, from which robots are."""
+    xp = array_module(is_present)
+    all_boxes = xp.ones((*is_present.shape[:-1], n_boxes), bool)
+    return xp.concatenate([is_present, all_boxes], axis=-1)
 
 
 def set_points(
     phase: Phase, poses: Float[Array, "*B NM 3"], n_robots: int
 ) -> Float[Array, "*B NM 3"]:
-    """Return the velocities that the drives of robots and boxes hold in a phase which begins at
-    these poses."""
-    xp, robots = array_module(poses), phase.velocity(poses[..., :n_robots, :])
-    boxes = xp.zeros_like(poses[..., n_robots:, :]) if phase.boxes is None else phase.boxes
+    """Return the velocities that the drives of robots and boxes hold in a phase.
+
+    Args:
+        phase: the phase.
+        poses: poses as it begins [mm, mm, rad].
+        n_robots: number of robots.
+    """
+    xp = array_module(poses)
+    robots = phase.velocity(poses[..., :n_robots, :])
+    boxes = phase.boxes
+    if boxes is None:
+        boxes = xp.zeros_like(poses[..., n_robots:, :])
     return xp.concatenate([robots, boxes], axis=-2) if boxes.size else robots
 
 
 StepBodies = Callable[[Any, Array, int, Array, Array], tuple[Any, Array, Array]]
-"""Takes the physics steps of a phase: bodies, set points of their drives (*B, N, 3) [mm/s, mm/s,
-rad/s], number of steps, worlds that take them (*B,), pairs in contact so far -> bodies, pairs in
-contact, bits of `FaultKind` (*B,)."""
+"""Function that takes the physics steps of a phase.
+
+Its arguments are the bodies, the set points of their drives (*B, N, 3) [mm/s, mm/s, rad/s], the
+number of steps, which worlds take them (*B,), and the partners in contact so far (see
+`Motion.touching`). It returns bodies, partners in contact, and bits of `FaultKind` (*B,)."""
 
 
 def take_phases(
@@ -141,24 +160,27 @@ def take_phases(
     n_robots: int,
     step_bodies: StepBodies,
 ) -> Motion:
-    """Take the steps of one phase after the other, as `Engine.move` must; a fault ends those of its
-    world.
+    """Take the steps of one phase after the other, as `Engine.move` must.
+
+    A world with a fault takes no more steps.
 
     Args:
-        bodies: a named tuple of arrays or None, the first axes those of worlds; has `poses` and
+        bodies: named tuple of arrays or None, the first axes those of worlds; has `poses` and
             `is_present`.
-        phases: what the robots do.
-        is_running: which worlds move.
-        walls: see `utils.walls.half_planes` [mm].
-        robot: its geometry.
-        n_robots: N; bodies beyond them have no drives.
-        step_bodies: takes the steps of a phase.
+        phases: phases of the motion.
+        is_running: worlds that move.
+        walls: walls of the arena, see `geometry.walls.half_planes` [mm].
+        robot: geometry of the robots.
+        n_robots: number of robots; bodies beyond them have no drives.
+        step_bodies: function that takes the steps of a phase.
     """
     xp = array_module(bodies.poses)
-    moved, fault = bodies, xp.zeros(is_running.shape, xp.int32)
+    moved = bodies
+    fault = xp.zeros(is_running.shape, xp.int32)
     touching = xp.zeros((*is_running.shape, robot.most_partners, n_robots), xp.int32)
     for phase in phases:
-        targets, runs = set_points(phase, moved.poses, n_robots), is_running & (fault == 0)
+        targets = set_points(phase, moved.poses, n_robots)
+        runs = is_running & (fault == 0)
         moved, touching, failure = step_bodies(moved, targets, phase.n_substeps, runs, touching)
         fault = fault | failure
     return finish_motion(bodies, moved, touching, fault, is_running, walls)
@@ -167,20 +189,32 @@ def take_phases(
 def finish_motion(
     bodies: Any, moved: Any, touching: Array, fault: Array, is_running: Array, walls: Array
 ) -> Motion:
-    """Outcome of a motion to `moved`: robots that got lost are faults too, and worlds with faults
-    keep their bodies.
+    """Return the outcome of a motion.
 
-    Args: as for `take_phases`; `fault` is what occurred on the way.
+    Lost robots are faults, too, and worlds with faults keep the bodies that they had before.
+
+    Args:
+        bodies: bodies before the motion.
+        moved: bodies after it.
+        touching: partners in contact, see `Motion.touching`.
+        fault: bits of `FaultKind` that occurred on the way.
+        is_running: worlds that moved.
+        walls: walls of the arena, see `geometry.walls.half_planes` [mm].
     """
     xp = array_module(bodies.poses)
     lost, robot = find_lost(moved.poses, bodies.is_present, walls)
     fault = xp.where(is_running, fault | lost, 0).astype(xp.int32)
-    keeps = ~is_running | (fault != 0)
-    kept = (
-        None if new is None else xp.where(keeps[(..., *[None] * (new.ndim - keeps.ndim))], old, new)
-        for old, new in zip(bodies, moved, strict=True)
-    )
-    return Motion(type(bodies)(*kept), touching, fault, robot)
+    keeps_old = ~is_running | (fault != 0)
+
+    def choose(old: Any, new: Any) -> Any:
+        """Return the values of an array after the motion; None where the engine has none."""
+        if new is None:
+            return None
+        trailing_axes = [None] * (new.ndim - keeps_old.ndim)
+        return xp.where(keeps_old[(..., *trailing_axes)], old, new)
+
+    parts = [choose(old, new) for old, new in zip(bodies, moved, strict=True)]
+    return Motion(type(bodies)(*parts), touching, fault, robot)
 
 
 class Engine(ABC, Generic[Bodies]):
@@ -190,8 +224,8 @@ class Engine(ABC, Generic[Bodies]):
     `robot`, and writes the four methods; `take_phases` and `sensors.links.find_links` help with two
     of them.
 
-    An engine acts on one world, and is mapped over worlds by `jax.vmap`, or on B worlds at once,
-    and all arrays have a leading axis; `*B` stands for either.
+    An engine acts either on one world, and is mapped over worlds by `jax.vmap`, or on B worlds at
+    once, and all arrays have a leading axis; `*B` stands for either.
     """
 
     robot: Robots
@@ -214,10 +248,10 @@ class Engine(ABC, Generic[Bodies]):
         """Find links and walls in sight.
 
         Args:
-            bodies: where the robots are.
-            emits: (*B, N) bool, which robots send light, or the power of their LEDs, from 0 to 1;
-                dark ones still stand in the way.
-            is_running: which worlds need an answer; that of the others is undefined.
+            bodies: mechanical state.
+            emits: robots that send light (*B, N), bool, or the power of their LEDs from 0 to 1;
+                dark robots still stand in the way.
+            is_running: worlds that need an answer; that of the others is undefined.
         """
 
     @abstractmethod
@@ -230,8 +264,10 @@ class Engine(ABC, Generic[Bodies]):
         """
 
     def boxes(self, bodies: Bodies) -> Float[Array, "*B M 3"] | None:
-        """Return x, y [mm] and yaw [rad] of the boxes (`ArenaConfig.boxes`), yaw not wrapped; None
-        without boxes."""
+        """Return x, y [mm] and yaw [rad] of the boxes (`ArenaConfig.boxes`), or None.
+
+        Yaw is not wrapped. Engines that take no boxes return None.
+        """
         return None
 
 
@@ -242,8 +278,11 @@ def boxes_of(engine: Engine, bodies: Any) -> Float[Array, "*B M 3"] | None:
 
 
 Mapping = Literal["batch", "vmap", "in turn"]
-"""How a compiled program goes through its worlds: the engine acts on all at once, or on one, and is
-mapped over them, or computes one after the other."""
+"""How a compiled program goes through its worlds.
+
+The engine acts on all of them at once (`batch`); or it acts on one, and the program maps it over
+the worlds (`vmap`), or computes them one after the other (`in turn`).
+"""
 
 
 class CompiledEngine(Engine[Bodies]):
@@ -251,4 +290,4 @@ class CompiledEngine(Engine[Bodies]):
 
     @abstractmethod
     def mapping(self, platform: str) -> Mapping:
-        """Return how a program for devices of this platform goes through its worlds."""
+        """Return how a program for devices of a platform, such as "cpu", goes through worlds."""

@@ -110,24 +110,31 @@ def separation(first: Rectangle, second: Rectangle) -> tuple[float, int]:
     By the separating axis theorem they overlap where it is negative.
 
     Returns:
-        The gap; and its axis, such as `X_OF_FIRST`. Of
-        equal gaps the first one counts, in MuJoCo's order of the axes.
+        The gap, and its axis, such as `X_OF_FIRST`; of equal gaps the first one in MuJoCo's order
+        of the axes.
     """
+    # From centre to centre in the arena, and in the frames of both rectangles.
     dx = second.x - first.x
     dy = second.y - first.y
+    ahead1 = first.cos * dx + first.sin * dy
+    left1 = first.cos * dy - first.sin * dx
+    ahead2 = second.cos * dx + second.sin * dy
+    left2 = second.cos * dy - second.sin * dx
+
+    # Cosine and sine of the angle between the rectangles, whose signs do not matter.
     cos = abs(first.cos * second.cos + first.sin * second.sin)
     sin = abs(first.cos * second.sin - first.sin * second.cos)
 
-    # Along each axis: the distance of the centres less what both rectangles extend towards each
-    # other.
-    extent_x1 = first.half_x + second.half_x * cos + second.half_y * sin
-    gap_x1 = abs(first.cos * dx + first.sin * dy) - extent_x1
-    extent_x2 = second.half_x + first.half_x * cos + first.half_y * sin
-    gap_x2 = abs(second.cos * dx + second.sin * dy) - extent_x2
-    extent_y1 = first.half_y + second.half_x * sin + second.half_y * cos
-    gap_y1 = abs(first.cos * dy - first.sin * dx) - extent_y1
-    extent_y2 = second.half_y + first.half_x * sin + first.half_y * cos
-    gap_y2 = abs(second.cos * dy - second.sin * dx) - extent_y2
+    # The distance of the centres along each axis at which the rectangles would touch.
+    reach_x1 = first.half_x + second.half_x * cos + second.half_y * sin
+    reach_x2 = second.half_x + first.half_x * cos + first.half_y * sin
+    reach_y1 = first.half_y + second.half_x * sin + second.half_y * cos
+    reach_y2 = second.half_y + first.half_x * sin + first.half_y * cos
+
+    gap_x1 = abs(ahead1) - reach_x1
+    gap_x2 = abs(ahead2) - reach_x2
+    gap_y1 = abs(left1) - reach_y1
+    gap_y2 = abs(left2) - reach_y2
 
     gap, axis = wider_gap(gap_x1, X_OF_FIRST, gap_x2, X_OF_SECOND)
     gap, axis = wider_gap(gap, axis, gap_y1, Y_OF_FIRST)

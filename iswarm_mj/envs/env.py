@@ -42,7 +42,14 @@ class Env:
     def __init__(
         self, core: Core, engine: CompiledEngine | Engine, n_worlds: int | None, *, on_host: bool
     ):
-        """Compile nothing yet; `on_host` says whether the engine computes on the host."""
+        """Take the parts of an environment, and compile nothing yet.
+
+        Args:
+            core: the part that does not depend on the engine.
+            engine: the engine.
+            n_worlds: number of worlds, see the attribute.
+            on_host: the engine computes on the host.
+        """
         self.core = core
         self.n_worlds = n_worlds
         self.n_robots = core.n_robots
@@ -70,7 +77,8 @@ class Env:
         """
         if getattr(obs, "shape", ())[-1:] != (self.observation_size,):
             raise UserError(
-                f"obs must be an array (..., {self.observation_size}) (got {shown(obs)}); give the `obs` of a state."
+                f"obs must be an array (..., {self.observation_size}) (got {shown(obs)}); "
+                "give the `obs` of a state."
             )
         return tables.split(self.observations, obs)
 
@@ -175,17 +183,25 @@ class Env:
 
     def _look(self, episode: Episode, is_new: Any, intent: Intent, motion: Motion) -> State:
         """Return the state after a motion: the engine senses, and the robots perceive."""
-        engine = self._engine
         bodies = motion.bodies
-        emits, all_run = self._for_engine((intent.is_emitting, jnp.ones(self._axes, bool)))
-        sight = engine.sense(bodies, emits, all_run)
-        sensed_poses = (engine.poses(bodies), boxes_of(engine, bodies))
-        poses, boxes = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), sensed_poses)
+        seen = self._sense(bodies, intent)
+        state = self._observe(episode, is_new, intent, motion._replace(bodies=None), seen)
 
-        motion = motion._replace(bodies=None)
-        state = self._observe(episode, is_new, intent, motion, Seen(poses, boxes, sight))
+        # `Core` knows nothing of the bodies, which only the engine understands.
         world = state.data.world._replace(bodies=bodies)
         return state._replace(data=state.data._replace(world=world))
+
+    def _sense(self, bodies: Any, intent: Intent) -> Seen:
+        """Return what the engine senses: poses and light."""
+        emits = self._for_engine(intent.is_emitting)
+        all_run = self._for_engine(jnp.ones(self._axes, bool))
+        light = self._engine.sense(bodies, emits, all_run)
+
+        poses = jnp.asarray(self._engine.poses(bodies), jnp.float32)
+        boxes = boxes_of(self._engine, bodies)
+        if boxes is not None:
+            boxes = jnp.asarray(boxes, jnp.float32)
+        return Seen(poses, boxes, light)
 
     def _stage(self, name: str) -> Callable[..., Any]:
         """Return a method of `Core` for all worlds that `reset` and `step` take."""

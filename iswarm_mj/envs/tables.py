@@ -362,7 +362,10 @@ def _message_row(name: str, field: Field) -> Row:
 def _vector_row(name: str, field: Vector) -> Row:
     """Return the row of an action that sets a vector: known, x, y and hop count."""
     reach = field.max_range
-    description = f"a vector is sent, above 0; ahead and left in {reach:g} mm; hop count from 0 to {field.max_hop}"
+    description = (
+        f"a vector is sent, above 0; ahead and left in {reach:g} mm; "
+        f"hop count from 0 to {field.max_hop}"
+    )
 
     def vector(numbers: Float[Array, "N 4"]) -> VectorMemory:
         hop = jnp.round((numbers[:, 3] + 1) / 2 * field.max_hop).astype(jnp.int32)
@@ -381,17 +384,19 @@ def decode_action(
     """Return commands and messages of robots, and which robots have actions that are not finite.
 
     Args:
-        table: rows of the action (`action_rows`).
-        action: numbers, clipped to -1 and 1; those of robots with an action that is not finite
-            count as 0.
+        table: rows of the action, see `action_rows`.
+        action: numbers, clipped to -1 and 1; all numbers of a robot count as 0 if one of them is
+            not finite.
     """
-    is_bad = ~jnp.isfinite(action).all(axis=-1)
-    numbers = jnp.clip(jnp.where(is_bad[:, None], 0.0, action), -1.0, 1.0)
-    parts = split(table, numbers)
-    values = {row.name: row.convert(parts[row.name]) for row in table}
+    not_finite = ~jnp.isfinite(action).all(axis=-1)
+    action = jnp.where(not_finite[:, None], 0.0, action)
+    numbers_of_row = split(table, jnp.clip(action, -1.0, 1.0))
+    values = {row.name: row.convert(numbers_of_row[row.name]) for row in table}
+
+    # Two rows are the command, and the others the fields of the message.
     command = Command(turn=values.pop("turn"), forward=values.pop("forward"))
     payload = {name.removeprefix(_SAY): value for name, value in values.items()}
-    return command, payload, is_bad
+    return command, payload, not_finite
 
 
 def silence(payload: Payload, n_robots: int) -> dict[str, Any]:
@@ -418,6 +423,7 @@ def check_action(action: Any, shape: tuple[int, ...]) -> Array:
         )
     if values.shape != shape:
         raise UserError(
-            f"an action must have the shape {shape}, of robots and their numbers (got {values.shape})"
+            f"an action must have the shape {shape}, of robots and their numbers "
+            f"(got {values.shape})"
         )
     return values.astype(np.float32)

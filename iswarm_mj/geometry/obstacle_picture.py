@@ -21,12 +21,13 @@ def boxes_of_picture(path: Path, width: float, height: float) -> tuple[Obstacle,
     The picture is stretched over a rectangle about the origin.
 
     Args:
-        path: of the picture, in any format that Pillow reads; what is transparent is white.
-        width: of the rectangle [rd].
-        height: of the rectangle [rd].
+        path: file of the picture, in any format that Pillow reads; transparent pixels are white.
+        width: width of the rectangle [rd].
+        height: height of the rectangle [rd].
 
     Raises:
-        ConfigError: it is no picture, has no dark pixel, or needs too many boxes.
+        ConfigError: the file holds no picture, or the picture has no dark pixel, or needs too many
+            boxes.
     """
     from PIL import Image, UnidentifiedImageError
 
@@ -39,8 +40,8 @@ def boxes_of_picture(path: Path, width: float, height: float) -> tuple[Obstacle,
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError, ValueError) as error:
         raise ConfigError("maze", str(path), f"a picture, as PNG ({error})") from None
 
-    in_pixels = rectangles(pixels < _DARK)
-    n_boxes = len(in_pixels)
+    corners = rectangles(pixels < _DARK)
+    n_boxes = len(corners)
     if not 0 < n_boxes <= MAX_BOXES:
         remedy = "draw walls in black"
         if n_boxes:
@@ -50,8 +51,8 @@ def boxes_of_picture(path: Path, width: float, height: float) -> tuple[Obstacle,
 
     # Columns run along x, rows against y.
     n_rows, n_columns = pixels.shape
-    x = in_pixels[:, [0, 2]] * (width / n_columns) - width / 2
-    y = height / 2 - in_pixels[:, [1, 3]] * (height / n_rows)
+    x = corners[:, [0, 2]] * (width / n_columns) - width / 2
+    y = height / 2 - corners[:, [1, 3]] * (height / n_rows)
     half_x = np.diff(x)[:, 0] / 2
     half_y = -np.diff(y)[:, 0] / 2
     yaw = np.zeros(n_boxes)
@@ -60,19 +61,30 @@ def boxes_of_picture(path: Path, width: float, height: float) -> tuple[Obstacle,
 
 
 def rectangles(dark: Bool[np.ndarray, "H W"]) -> Int[np.ndarray, "K 4"]:
-    """Return rectangles that cover what is dark: first column and row, and those after the last.
+    """Return rectangles that cover the dark pixels.
 
-    A run of dark pixels of a row continues in the next row if it begins and ends at the same
-    columns.
+    A run of dark pixels in a row belongs to the rectangle above it if both begin and end at the
+    same columns.
+
+    Returns:
+        Left column, top row, and the column and the row after the last ones of each rectangle.
     """
     closed = []
-    first_row_of: dict[tuple[int, int], int] = {}  # by the first column, and that after the last
-    below = np.zeros_like(dark[:1])  # closes all
-    for row, line in enumerate(np.vstack([dark, below])):
-        edges = np.flatnonzero(np.diff(line, prepend=False, append=False)).reshape(-1, 2)
-        runs = {(int(first), int(last)) for first, last in edges}
-        for (first, last), first_row in first_row_of.items():
-            if (first, last) not in runs:
-                closed.append((first, first_row, last, row))
-        first_row_of = {run: first_row_of.get(run, row) for run in sorted(runs)}
+    top_of_run: dict[tuple[int, int], int] = {}  # top row of each open rectangle, by its run
+    blank_row = np.zeros_like(dark[:1])  # closes all rectangles
+    for row, pixels in enumerate(np.vstack([dark, blank_row])):
+        previous_runs = top_of_run
+        top_of_run = {run: previous_runs.get(run, row) for run in _runs(pixels)}
+
+        # Close the rectangles that do not continue.
+        for run, top in previous_runs.items():
+            if run not in top_of_run:
+                left, right = run
+                closed.append((left, top, right, row))
     return np.array(closed, int).reshape(-1, 4)
+
+
+def _runs(pixels: Bool[np.ndarray, "W"]) -> list[tuple[int, int]]:
+    """Return the runs of dark pixels of a row: the first column, and that after the last."""
+    edges = np.flatnonzero(np.diff(pixels, prepend=False, append=False)).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))

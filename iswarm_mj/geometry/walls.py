@@ -17,19 +17,19 @@ MAX_CORNERS = 32
 """Maximum number of corners of an arena."""
 
 
-def outline_of(given: Any) -> tuple[Any, ...]:
+def outline_of(value: Any) -> tuple[Any, ...]:
     """Return the outline of an arena as tuples of floats.
 
     Args:
-        given: width and height of a rectangle, as one pair, or the corners of a convex polygon
+        value: width and height of a rectangle, as one pair, or the corners of a convex polygon
             [rd].
 
     Raises:
-        ConfigError: it is something else, or does not contain the origin.
+        ConfigError: the value has another form, or the outline does not contain the origin.
     """
     setting = "arena.outline"
     form = "pairs of numbers: width and height, or the corners x and y [rd]"
-    outline = rows_of(setting, given, ("x", "y"), form)
+    outline = rows_of(setting, value, ("x", "y"), form)
     if len(outline) == 2 or len(outline) > MAX_CORNERS:
         allowed = f"width and height, or 3 to {MAX_CORNERS} corners"
         raise ConfigError(setting, f"{len(outline)} pairs", allowed)
@@ -56,32 +56,45 @@ def outline_of(given: Any) -> tuple[Any, ...]:
 
 
 def rows_of(
-    setting: str, given: Any, names: Sequence[str], form: str
+    setting: str, value: Any, names: Sequence[str], form: str
 ) -> tuple[tuple[float, ...], ...]:
     """Return rows of finite numbers as tuples of floats.
 
     Args:
-        setting: its name, for messages.
-        given: its value.
-        names: of the numbers of a row.
-        form: that the value must have, for messages.
+        setting: name of the setting, for messages.
+        value: value of the setting.
+        names: names of the numbers of a row.
+        form: form that the value must have, for messages.
 
     Raises:
         ConfigError: the value has another form, or holds other numbers.
     """
-    rows = given.tolist() if isinstance(given, np.ndarray) else given
-    is_list = isinstance(rows, Sequence) and not isinstance(rows, str)
-    if not is_list or not all(isinstance(row, Sequence) and len(row) == len(names) for row in rows):
+    rows = value.tolist() if isinstance(value, np.ndarray) else value
+    is_table = isinstance(rows, Sequence) and not isinstance(rows, str)
+    if is_table:
+        is_table = all(_is_row(row, len(names)) for row in rows)
+    if not is_table:
         raise ConfigError(setting, rows, form)
+
+    allowed = f"finite numbers {', '.join(names)}"
     for index, row in enumerate(rows):
-        if not all(isinstance(value, int | float) and math.isfinite(value) for value in row):
-            allowed = f"finite numbers {', '.join(names)}"
+        if not all(_is_finite(number) for number in row):
             raise ConfigError(f"{setting}[{index}]", tuple(row), allowed)
-    return tuple(tuple(map(float, row)) for row in rows)
+    return tuple(tuple(float(number) for number in row) for row in rows)
+
+
+def _is_row(row: Any, length: int) -> bool:
+    """Return whether a row is a sequence of this length."""
+    return isinstance(row, Sequence) and len(row) == length
+
+
+def _is_finite(number: Any) -> bool:
+    """Return whether a number of a row is a finite number at all."""
+    return isinstance(number, int | float) and math.isfinite(number)
 
 
 def corners_of(outline: Sequence[Any]) -> tuple[Corner, ...]:
-    """Return the corners of an arena, anticlockwise, see `outline_of`."""
+    """Return the corners of an arena, anticlockwise; see `outline_of` for the outline."""
     if len(outline) == 1:
         width, height = outline[0]
         x = width / 2
@@ -97,17 +110,23 @@ def area_of(corners: Sequence[Corner]) -> float:
 
 
 def half_planes(corners: Sequence[Corner]) -> Float[np.ndarray, "W 3"]:
-    """Return the walls from each corner to the next: outward normal x and y, and distance from the
-    origin."""
+    """Return the walls from each corner to the next.
+
+    Returns:
+        x and y of the outward normal, and distance from the origin, in the unit of the corners.
+    """
     starts = np.array(corners)
     along = np.roll(starts, -1, axis=0) - starts
     normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]
     distances = (normals * starts).sum(axis=1)
-    return np.column_stack([normals, distances]) + 0.0  # which makes 0 of -0
+    return np.column_stack([normals, distances]) + 0.0  # adding 0 turns -0 into 0
 
 
 def beyond(points: Float[Array, "*P 2"], walls: Float[Array, "W 3"]) -> Float[Array, "*P"]:
-    """Return the distance by which points are beyond the walls, negative within; NumPy or JAX."""
+    """Return how far points are beyond the farthest wall, negative within all of them.
+
+    Points and walls may be arrays of NumPy or JAX.
+    """
     walls = array_module(points).asarray(walls)
     along_normals = walls[:, 0] * points[..., :1] + walls[:, 1] * points[..., 1:2]
     return (along_normals - walls[:, 2]).max(axis=-1)

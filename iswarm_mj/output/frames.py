@@ -17,7 +17,7 @@ from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import StepRecord
 from iswarm_mj.strategy.attributes import array_name, parts_of
-from iswarm_mj.tasks.base import Look, Quantity, Task
+from iswarm_mj.tasks.base import AreaStyle, Quantity, Task
 from iswarm_mj.tasks.grasping import ball_centres
 from iswarm_mj.tasks.layout import no_balls
 from iswarm_mj.utils.errors import UserError
@@ -172,8 +172,8 @@ class RecordedWorld:
             boxes=boxes * box_units,
             corners=np.array(arena.corners) * ROBOT_DIAMETER,
             area_names=tuple(areas),
-            area_colours=tuple(look.colour for look in areas.values()),
-            area_shapes=tuple(look.shape for look in areas.values()),
+            area_colours=tuple(style.colour for style in areas.values()),
+            area_shapes=tuple(style.shape for style in areas.values()),
             metric_names=tuple(metrics),
             metric_units=tuple(quantity.unit for quantity in metrics.values()),
             metric_descriptions=tuple(quantity.description for quantity in metrics.values()),
@@ -227,9 +227,9 @@ def _in_si(part: Any, unit: str) -> Shaped[np.ndarray, "T N *shape"]:
     return values
 
 
-def _changing_areas(task: Task) -> dict[str, Look]:
-    """Return the looks of the areas that may change from step to step, by name."""
-    return {name: look for name, look in task.drawn.items() if name not in FIXED_AREAS}
+def _changing_areas(task: Task) -> dict[str, AreaStyle]:
+    """Return the styles of the areas that may change from step to step, by name."""
+    return {name: style for name, style in task.drawn.items() if name not in FIXED_AREAS}
 
 
 def _added_metrics(task: Task) -> dict[str, Quantity]:

@@ -131,6 +131,7 @@ def draw_figures(rows: Rows, settings: Mapping[str, Any], out: Path) -> None:
 
 
 def _of_experiment(rows: Rows, experiment: str) -> Rows:
+    """Return the rows of one experiment."""
     return [row for row in rows if row["experiment"] == experiment]
 
 
@@ -334,15 +335,18 @@ def _draw_attempts(path: Path, rows: Rows, laws: Laws) -> None:
 
 def _draw_least_voltages(axes: Axes, rows: Rows, laws: Laws) -> None:
     """Draw for each humidity the least voltage over the radii of the rows, against the gap."""
-    gaps = column_array(rows, "gap")
-    radii = column_array(rows, "radius")
-    law_gaps = np.linspace(0.5 * gaps.min(), 1.2 * gaps.max(), 101)
-    law_radii = np.linspace(radii.min(), radii.max(), 11)
-    for number, humidity in enumerate(sorted({row["relative_humidity"] for row in rows})):
-        voltages = laws.grasp(law_radii[:, None], humidity, law_gaps)
+    measured_gaps = column_array(rows, "gap")
+    measured_radii = column_array(rows, "radius")
+    gaps = np.linspace(0.5 * measured_gaps.min(), 1.2 * measured_gaps.max(), 101)
+    radii = np.linspace(measured_radii.min(), measured_radii.max(), 11)
+
+    humidities = sorted({row["relative_humidity"] for row in rows})
+    for number, humidity in enumerate(humidities):
+        voltages = laws.grasp(radii[:, None], humidity, gaps)
+        least_voltages = voltages.min(axis=0)
         colour = COLOURS[number % len(COLOURS)]
         label = f"force laws, {humidity:g} % RH"
-        axes.plot(law_gaps * UM, voltages.min(axis=0), "--", color=colour, lw=1, label=label)
+        axes.plot(gaps * UM, least_voltages, "--", color=colour, lw=1, label=label)
 
 
 def column_array(rows: Rows, name: str) -> np.ndarray:
@@ -351,6 +355,7 @@ def column_array(rows: Rows, name: str) -> np.ndarray:
 
 
 def _without_faulty(rows: Rows) -> Rows:
+    """Return the rows of trials without a fault."""
     return [row for row in rows if not row["faulty"]]
 
 

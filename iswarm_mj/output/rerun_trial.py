@@ -152,17 +152,23 @@ def _columns_of_block(
 def _moving(trace: Trace) -> Iterator[tuple[str, Any, dict[str, np.ndarray]]]:
     """Yield entity, archetype and fields (T, instances, ...) of bodies, forces and time series."""
     shapes = trial_shapes(trace)
-    on_plate = shapes.ball * np.array([1, 1, 0])
-    class_ids = np.where(trace.on_plate_potential, 0, 1).astype(np.uint16)
+
+    # Probe, ball with the colour of its potential, and the ball's shadow and mark.
     yield PROBE, rr.Cylinders3D, {"centers": shapes.probe[:, None]}
-    ball = {"positions": shapes.ball[:, None], "class_ids": class_ids[:, None]}
-    yield BALL, rr.Points3D, ball
-    yield SHADOW, rr.Cylinders3D, {"centers": on_plate[:, None]}
+    class_of_potential = np.where(trace.on_plate_potential, 0, 1).astype(np.uint16)
+    ball_fields = {"positions": shapes.ball[:, None], "class_ids": class_of_potential[:, None]}
+    yield BALL, rr.Points3D, ball_fields
+    below_ball = shapes.ball * np.array([1, 1, 0])
+    yield SHADOW, rr.Cylinders3D, {"centers": below_ball[:, None]}
     yield BALL_MARK, rr.Points3D, {"positions": shapes.mark[:, None]}
+
+    # Forces on the ball.
     yield FORCES, rr.Arrows3D, {"origins": shapes.origins, "vectors": shapes.arrows}
+
+    # Time series; the weight is a single number.
     for line in LINES:
         values = np.asarray(getattr(trace, line.field) * line.factor, float)
-        values_in_time = np.broadcast_to(values, len(trace.time))  # the weight is one number
+        values_in_time = np.broadcast_to(values, len(trace.time))
         yield f"series/{line.name}", rr.Scalars, {"scalars": values_in_time[:, None]}
 
 

@@ -35,6 +35,7 @@ class Boxes(NamedTuple):
     """Upright boxes of one colour that stand still."""
 
     name: str
+    """Name of the boxes in recordings."""
     places: Float[np.ndarray, "O 5"]
     """x, y, half edges [mm], yaw [rad] of each box."""
     low: float
@@ -42,6 +43,7 @@ class Boxes(NamedTuple):
     high: float
     """Height of their tops [mm]."""
     colour: str
+    """Colour in hexadecimal digits."""
 
 
 def outline(scene: Scene) -> Float[np.ndarray, "W 2"]:
@@ -85,13 +87,18 @@ def _walls(scene: Scene) -> Float[np.ndarray, "W 5"]:
     """Return the walls as places of `Boxes`: slabs around the arena that meet at its corners."""
     half_thickness = scene.height * MILLIMETRES / 4
     corners = outline(scene)
-    along = np.roll(corners, -1, axis=0) - corners
-    length = np.hypot(along[:, 0], along[:, 1])
-    yaw = np.arctan2(-along[:, 0], along[:, 1])  # direction of the outward normal
+    next_corners = np.roll(corners, -1, axis=0)
+
+    # Each slab looks outwards, at a right angle to the side that it stands along.
+    side = next_corners - corners
+    yaw = np.arctan2(-side[:, 0], side[:, 1])
     outward = np.column_stack([np.cos(yaw), np.sin(yaw)])
-    centre = corners + along / 2 + half_thickness * outward
-    half_length = length / 2 + 2 * half_thickness
-    return np.column_stack([centre, np.full(len(yaw), half_thickness), half_length, yaw])
+
+    # It stands outside of the arena, and is long enough to meet its neighbours.
+    centre = corners + side / 2 + half_thickness * outward
+    half_length = np.hypot(side[:, 0], side[:, 1]) / 2 + 2 * half_thickness
+    half_thicknesses = np.full(len(corners), half_thickness)
+    return np.column_stack([centre, half_thicknesses, half_length, yaw])
 
 
 def _painted(rectangles: Float[np.ndarray, "A 4"]) -> Float[np.ndarray, "A 5"]:
@@ -153,21 +160,27 @@ def link_ends(frames: Frames, centre: Float[np.ndarray, "T N 3"]) -> Float[np.nd
 def trails(
     is_loaded: Bool[np.ndarray, "T N"], history: Float[np.ndarray, "_ N 3"], n_before: int
 ) -> tuple[Float[np.ndarray, "P 3"], Int[np.ndarray, "M"]]:
-    """Return the trails of loaded robots, oldest point first, and the number of points of each.
+    """Return the trails of loaded robots, oldest point first.
 
     Args:
         is_loaded: robots that hold a ball in T frames.
-        history: centres in those frames, and in some before them.
-        n_before: number of frames before; trails are shorter where they are less than
-            `TRAIL_FRAMES`.
+        history: centres in those frames, and in some before them [mm].
+        n_before: number of frames before; where they are fewer than `TRAIL_FRAMES`, the first
+            trails are shorter.
+
+    Returns:
+        Points of all trails [mm], and the number of points of each trail.
     """
+    # One trail (row) for each robot in each frame in which it is loaded; a column for each age.
     frame, robot = np.nonzero(is_loaded)
     ages = np.arange(TRAIL_FRAMES, -1, -1)
-    frames_of_trail = frame[:, None] + n_before - ages
-    exists = frames_of_trail >= 0
-    robots_of_trail = np.broadcast_to(robot[:, None], frames_of_trail.shape)
-    points = history[frames_of_trail[exists], robots_of_trail[exists]]
-    return points, np.count_nonzero(exists, axis=1)
+    frame_in_history = frame[:, None] + n_before - ages
+    robot_of_point = np.broadcast_to(robot[:, None], frame_in_history.shape)
+
+    is_recorded = frame_in_history >= 0
+    points = history[frame_in_history[is_recorded], robot_of_point[is_recorded]]
+    n_points = np.count_nonzero(is_recorded, axis=1)
+    return points, n_points
 
 
 def arrows(
@@ -182,14 +195,18 @@ def arrows(
         centre: centres of the robots [mm].
 
     Returns:
-        Origins of M arrows, their directions in the arena, and which robots know the vector.
+        Origins of M arrows and their vectors in the arena [mm], and which robots know the vector.
     """
-    known = is_known(frames, vector)
-    height = ARROW_HEIGHT * scene.height * MILLIMETRES
-    origins = centre[known] + np.array([0, 0, height], np.float32)
+    knows_vector = is_known(frames, vector)
 
-    in_own_frame = frames.memory[vector.name][known]
-    yaw = frames.pose[..., 2][known]
-    directions = np.zeros((len(origins), 3), np.float32)
-    directions[:, :2] = rotate(in_own_frame, yaw) * np.float32(MILLIMETRES)
-    return origins, directions, known
+    # An arrow starts above its robot.
+    height = ARROW_HEIGHT * scene.height * MILLIMETRES
+    offset = np.array([0, 0, height], np.float32)
+    origins = centre[knows_vector] + offset
+
+    # Robots remember vectors in their own frames [m].
+    remembered = frames.memory[vector.name][knows_vector]
+    yaw = frames.pose[..., 2][knows_vector]
+    arrow_vectors = np.zeros((len(origins), 3), np.float32)
+    arrow_vectors[:, :2] = rotate(remembered, yaw) * np.float32(MILLIMETRES)
+    return origins, arrow_vectors, knows_vector

@@ -206,34 +206,44 @@ class Vector:
         """Return the codes of vectors."""
         x = values.vector[..., 0]
         y = values.vector[..., 1]
-        direction = jnp.round(jnp.arctan2(y, x) * (self._n_bearings / (2 * jnp.pi)))
-        bearing = direction.astype(jnp.int32) % self._n_bearings
 
+        # Bearing, in steps of the full circle.
+        bearing_steps = jnp.round(jnp.arctan2(y, x) * (self._n_bearings / (2 * jnp.pi)))
+        bearing_code = bearing_steps.astype(jnp.int32) % self._n_bearings
+
+        # Range, in steps up to the longest one.
         range_steps = jnp.round(jnp.hypot(x, y) * (self._n_ranges / self.max_range))
-        clipped = jnp.clip(range_steps, 0, self._n_ranges)
-        distance = low_bits(clipped.astype(jnp.int32), self.range_bits)
+        clipped_steps = jnp.clip(range_steps, 0, self._n_ranges)
+        range_code = low_bits(clipped_steps.astype(jnp.int32), self.range_bits)
 
+        # Hop count, or the code for "no vector".
         has_hop = values.known & (values.hop >= 0) & (values.hop <= self.max_hop)
         is_sent = has_hop & ~jnp.isnan(range_steps)
-        hop = jnp.where(is_sent, values.hop, self._no_vector)
-        code = bearing | (distance << self._range_offset) | (hop << self._hop_offset)
+        hop_code = jnp.where(is_sent, values.hop, self._no_vector)
+
+        code = bearing_code | (range_code << self._range_offset) | (hop_code << self._hop_offset)
         return code.astype(jnp.uint32)
 
     def decode(self, codes: UInt32[Array, "*N"]) -> VectorMemory:
         """Return the vectors of codes, within half a step of the sent ones."""
         xp = array_module(codes)
         codes = codes.astype(np.int32)
-        bearing = low_bits(codes, self.bearing_bits)
-        range_steps = bits_from(codes, self._range_offset, self.range_bits)
-        hop = bits_from(codes, self._hop_offset, self.hop_bits)
-        known = hop != self._no_vector
+        bearing_code = low_bits(codes, self.bearing_bits)
+        range_code = bits_from(codes, self._range_offset, self.range_bits)
+        hop_code = bits_from(codes, self._hop_offset, self.hop_bits)
+        known = hop_code != self._no_vector
 
-        angle = np.arange(self._n_bearings) * (2 * math.pi / self._n_bearings)
-        directions = np.column_stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
+        # Unknown vectors are 0, and so are their hop counts.
         step = np.float32(self.max_range / self._n_ranges)
-        distance = xp.where(known, range_steps.astype(np.float32) * step, 0.0)
-        vector = distance[..., None] * xp.asarray(directions)[bearing]
-        return VectorMemory(vector, xp.where(known, hop, 0), known)
+        distance = xp.where(known, range_code.astype(np.float32) * step, 0.0)
+        direction = xp.asarray(self._directions())[bearing_code]
+        vector = distance[..., None] * direction
+        return VectorMemory(vector, xp.where(known, hop_code, 0), known)
+
+    def _directions(self) -> Float[np.ndarray, "K 2"]:
+        """Return the unit vectors of all bearings, in the order of their codes."""
+        angle = np.arange(self._n_bearings) * (2 * math.pi / self._n_bearings)
+        return np.column_stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
 
     def shapes(self, *shape: int) -> VectorMemory:
         """Return shapes and types of vectors."""

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.engines.validation import check_engine
-from iswarm_mj.geometry.obstacles import OF_BOX, poses_of_boxes
+from iswarm_mj.geometry.obstacles import BOX_FIELDS, poses_of_boxes
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.sensors.links import Links
 from iswarm_mj.simulation.compiled_loop import CompiledLoop
@@ -40,7 +40,7 @@ UNREACHABLE_GOAL = 2**31 - 1
 _MAX_EXERCISED = 2
 """Largest number of worlds in which an engine is exercised: two may differ, as in a run of many."""
 
-_MASS = OF_BOX.index("mass")
+_MASS = BOX_FIELDS.index("mass")
 
 
 class InitialMemories(NamedTuple):

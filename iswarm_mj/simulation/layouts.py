@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from iswarm_mj.config.swarm import SwarmConfig
-from iswarm_mj.geometry.obstacles import OF_BOX, Box
+from iswarm_mj.geometry.obstacles import BOX_FIELDS, Box
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.simulation.layout_checks import check_poses
 from iswarm_mj.strategy.base import overrides
@@ -166,7 +166,7 @@ def check_boxes(task: Task, starts: Sequence[Start]) -> None:
 
 def _fixed_properties(start: Start) -> list[dict[str, float]]:
     """Return the properties of each box of a world that are the same in all worlds, by name."""
-    boxes = [dict(zip(OF_BOX, box, strict=True)) for box in start.boxes or ()]
+    boxes = [dict(zip(BOX_FIELDS, box, strict=True)) for box in start.boxes or ()]
     return [
         {name: value for name, value in box.items() if name not in _VARIES_BETWEEN_WORLDS}
         for box in boxes

@@ -1,5 +1,6 @@
-"""Worlds of a run: what each of them is, and the arrays that they begin with."""
+"""Worlds of a run: their description, and the arrays with which they begin."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
@@ -23,13 +24,13 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.constraints import Within, check, check_kind, validate
 from iswarm_mj.utils.user_code import user_code
 
-_AT_ONCE = 64
-"""Worlds whose keys a program makes; one by one, 4096 take half a second."""
+_KEYS_AT_ONCE = 64
+"""Number of keys that a program makes at once; one by one, 4096 take half a second."""
 
 
 @dataclass(frozen=True)
 class World:
-    """One world of a run; what is not given is as in the run's configuration."""
+    """One world of a run; settings without a value are those of the run."""
 
     genome: Genome
     """The paper's strategy with these parameters (Table 2); ignored in a run of another
@@ -56,17 +57,16 @@ class World:
         is_key = isinstance(self.key, jax.Array) and jnp.issubdtype(
             self.key.dtype, jax.dtypes.prng_key
         )
-        is_one = self.key is None or (is_key and not self.key.ndim)
-        check("key", self.key, "one random key, as jax.random.key(0)", is_one)
+        is_one_key = is_key and self.key.ndim == 0
+        allowed = "one random key, as jax.random.key(0)"
+        check("key", self.key, allowed, self.key is None or is_one_key)
 
     @property
     def random_key(self) -> Array:
-        """Key of the world's noise and of its robots' chances."""
-        return (
-            jax.random.fold_in(jax.random.key(self.seed), self.index)
-            if self.key is None
-            else self.key
-        )
+        """Key of the world's noise and of its robots' random decisions."""
+        if self.key is not None:
+            return self.key
+        return jax.random.fold_in(jax.random.key(self.seed), self.index)
 
 
 def starts_of(
@@ -77,92 +77,117 @@ def starts_of(
     Raises:
         UserError: a world differs in what all worlds of a run share, or cannot begin so.
     """
-    for own in {world.config for world in worlds if world.config is not None}:
-        check_shared_settings(config, own)
-    # The shapes of a task's state may depend on the number of robots.
-    first_of_size: dict[int, Start] = {}
-    first_of_key: dict[Any, Start] = {}
+    for world_config in {world.config for world in worlds if world.config is not None}:
+        check_shared_settings(config, world_config)
+
+    # The shapes of a task's state may depend on the number of robots. Starts of the user must have
+    # those of a start that is drawn for the same number.
+    example_of_size: dict[int, Start] = {}
+    start_of_key: dict[Any, Start] = {}
     starts = []
     for world in worlds:
+        n_robots = world.n_robots
         if world.start is None:
-            start = _draw_start(config, task, robot, world, first_of_key)
-            first_of_size.setdefault(world.n_robots, start)
+            start = _draw_start(config, task, robot, world, start_of_key)
+            example_of_size.setdefault(n_robots, start)
         else:
-            if world.n_robots not in first_of_size:
-                like_it = replace(world, start=None, key=None)
-                first_of_size[world.n_robots] = _draw_start(config, task, robot, like_it, {})
-            start = _checked_start(config, task, robot, world, first_of_size[world.n_robots])
+            if n_robots not in example_of_size:
+                drawn_world = replace(world, start=None, key=None)
+                example_of_size[n_robots] = _draw_start(config, task, robot, drawn_world, {})
+            start = _checked_start(config, task, robot, world, example_of_size[n_robots])
         starts.append(start)
     return starts
 
 
 def random_keys(worlds: Sequence[World]) -> Array:
-    """Return the `World.random_key` of B worlds (B,); on the way they are on the host: JAX would
-    compile for each B."""
-    if any(world.key is not None for world in worlds):
-        keys = [world.random_key for world in worlds]
-        data = np.stack(jax.device_get([jax.random.key_data(key) for key in keys]))
-        return jax.random.wrap_key_data(jax.device_put(data), impl=jax.random.key_impl(keys[0]))
-    numbers = np.zeros((2, -(-len(worlds) // _AT_ONCE), _AT_ONCE), np.uint32)
-    numbers.reshape(2, -1)[:, : len(worlds)] = (
-        [world.seed for world in worlds],
-        [world.index for world in worlds],
-    )
-    data = np.concatenate([_key_data(*part) for part in numbers.swapaxes(0, 1)])[: len(worlds)]
-    return jax.random.wrap_key_data(jax.device_put(data))
+    """Return the `World.random_key` of B worlds (B,).
+
+    They are stacked on the host, since JAX would compile a program for each B.
+    """
+    if all(world.key is None for world in worlds):
+        return _keys_of_seeds(worlds)
+    keys = [world.random_key for world in worlds]
+    data = np.stack(jax.device_get([jax.random.key_data(key) for key in keys]))
+    return jax.random.wrap_key_data(jax.device_put(data), impl=jax.random.key_impl(keys[0]))
+
+
+def _keys_of_seeds(worlds: Sequence[World]) -> Array:
+    """Return the random keys of worlds (B,) from their seeds and indices."""
+    n_worlds = len(worlds)
+    n_groups = math.ceil(n_worlds / _KEYS_AT_ONCE)
+
+    # The last group is filled up with zeros, so that all have the same shape.
+    seeds = np.zeros(n_groups * _KEYS_AT_ONCE, np.uint32)
+    indices = np.zeros(n_groups * _KEYS_AT_ONCE, np.uint32)
+    seeds[:n_worlds] = [world.seed for world in worlds]
+    indices[:n_worlds] = [world.index for world in worlds]
+
+    groups = zip(np.split(seeds, n_groups), np.split(indices, n_groups), strict=True)
+    data = np.concatenate([_key_data(seed, index) for seed, index in groups])
+    return jax.random.wrap_key_data(jax.device_put(data[:n_worlds]))
 
 
 def conditions_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Conditions:
-    """Return the conditions of B worlds, NumPy arrays (B,); of worlds without a configuration those
-    of the run's."""
-    each = [conditions_of(world.config or config) for world in worlds]
-    columns = zip(*each, strict=True)
-    return Conditions(
-        *(
-            np.array(column, bool if isinstance(column[0], bool) else np.float32)
-            for column in columns
-        )
-    )
+    """Return the conditions of B worlds as NumPy arrays (B,).
+
+    Args:
+        config: configuration of worlds without one of their own.
+        worlds: the worlds.
+    """
+    conditions = [conditions_of(world.config or config) for world in worlds]
+    arrays = []
+    for column in zip(*conditions, strict=True):
+        dtype = bool if isinstance(column[0], bool) else np.float32
+        arrays.append(np.array(column, dtype))
+    return Conditions(*arrays)
 
 
 def arenas_of_worlds(config: SwarmConfig, worlds: Sequence[World]) -> Arena:
-    """Return the arenas of B worlds, NumPy arrays (B, ...); of worlds without a configuration those
-    of the run's."""
-    each = [arena_of((world.config or config).arena) for world in worlds]
-    return jax.tree.map(lambda *values: np.stack(values), *each)
+    """Return the arenas of B worlds as NumPy arrays (B, ...).
+
+    Args:
+        config: configuration of worlds without one of their own.
+        worlds: the worlds.
+    """
+    arenas = [arena_of((world.config or config).arena) for world in worlds]
+    return jax.tree.map(lambda *values: np.stack(values), *arenas)
 
 
 def vector_strategies(
     config: SwarmConfig, robot: Robots, worlds: Sequence[World]
 ) -> VectorStrategy:
-    """Return the paper's strategy with the genome and the readings of each world, stacked along a
-    first axis."""
-    rules = rules_of_worlds(
-        [world.genome for world in worlds], [(world.config or config).strategy for world in worlds]
-    )
-    n_scouts = np.array(
-        [round(world.genome.fraction_scouts * world.n_robots) for world in worlds], np.int32
-    )
-    return VectorStrategy(rules, n_scouts, config.static, robot)
+    """Return the paper's strategy with a first axis of worlds.
+
+    Args:
+        config: configuration of worlds without one of their own.
+        robot: geometry of the robots.
+        worlds: worlds with their genomes and interpretations of the paper.
+    """
+    genomes = [world.genome for world in worlds]
+    settings = [(world.config or config).strategy for world in worlds]
+    rules = rules_of_worlds(genomes, settings)
+    n_scouts = [round(world.genome.fraction_scouts * world.n_robots) for world in worlds]
+    return VectorStrategy(rules, np.array(n_scouts, np.int32), config.static, robot)
 
 
 @jax.jit
 @jax.vmap
 def _key_data(seed: Array, index: Array) -> Array:
+    """Return the data of the random key of a seed and an index."""
     return jax.random.key_data(jax.random.fold_in(jax.random.key(seed), index))
 
 
 def _draw_start(
-    config: SwarmConfig, task: Task, robot: Robots, world: World, first_of_key: dict[Any, Start]
+    config: SwarmConfig, task: Task, robot: Robots, world: World, start_of_key: dict[Any, Start]
 ) -> Start:
     """Draw how a world begins.
 
     Args:
-        config: of the run.
-        task: lays out robots and all else.
-        robot: geometry.
-        world: to be drawn.
-        first_of_key: starts that were drawn from keys, which worlds of equal keys share.
+        config: configuration of the run.
+        task: task of the run, which lays out robots and balls.
+        robot: geometry of the robots.
+        world: the world.
+        start_of_key: starts that were drawn from keys, which worlds of equal keys share.
     """
     config = world.config or config
     if world.key is None:
@@ -171,9 +196,9 @@ def _draw_start(
         )
     key_data = np.asarray(jax.random.key_data(world.key))
     identity = (key_data.tobytes(), world.n_robots, world.failed_fraction, config)
-    if identity not in first_of_key:
+    if identity not in start_of_key:
         rng = np.random.default_rng(key_data)
-        first_of_key[identity] = draw_start_with(
+        start_of_key[identity] = draw_start_with(
             config,
             task,
             robot,
@@ -182,20 +207,20 @@ def _draw_start(
             shared=rng,
             failed_fraction=world.failed_fraction,
         )
-    return first_of_key[identity]
+    return start_of_key[identity]
 
 
 def _checked_start(
-    config: SwarmConfig, task: Task, robot: Robots, world: World, drawn: Start
+    config: SwarmConfig, task: Task, robot: Robots, world: World, example: Start
 ) -> Start:
-    """Return the start that is given for a world.
+    """Return the user's start of a world, with its boxes.
 
     Args:
-        config: of the run.
-        task: of the run.
-        robot: geometry.
-        world: with a start.
-        drawn: a start of the same number of robots, whose state has the right shapes.
+        config: configuration of the run.
+        task: task of the run.
+        robot: geometry of the robots.
+        world: world with a start.
+        example: a start of the same number of robots, whose task state has the right shapes.
 
     Raises:
         UserError: the world cannot begin so.
@@ -206,7 +231,7 @@ def _checked_start(
     if start.boxes is None:
         start = start._replace(boxes=config.arena.boxes)
     config = with_boxes_laid(config, start.boxes, "start")
-    check_start(start, drawn)
+    check_start(start, example)
     check_poses("start.poses", np.asarray(start.poses), robot, config.arena)
     if has_balls(task):
         with user_code(f"{type(task).__name__}.balls"):

@@ -18,7 +18,7 @@ from jaxtyping import Float, Int
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command, Observation
-from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs, without_balls
+from iswarm_mj.tasks.base import AreaStyle, Quantity, Sensed, Task, TaskInputs, without_balls
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.constraints import Above, Within, validate
@@ -67,9 +67,9 @@ class Aggregation(Task):
         "arena.ball_radius_max",
         "gripper",
     )
-    drawn: ClassVar[Mapping[str, Look]] = {
-        "bright": Look(colour=(255, 214, 70)),
-        "dim": Look(colour=(214, 196, 140)),
+    drawn: ClassVar[Mapping[str, AreaStyle]] = {
+        "bright": AreaStyle(colour=(255, 214, 70)),
+        "dim": AreaStyle(colour=(214, 196, 140)),
     }
 
     def lay_out(

@@ -51,7 +51,7 @@ class Quantity(NamedTuple):
     """Largest value."""
 
 
-class Look(NamedTuple):
+class AreaStyle(NamedTuple):
     """Colour and shape in which areas on the floor are drawn."""
 
     colour: tuple[int, int, int]
@@ -160,7 +160,7 @@ class Task(ABC):
     """Quantities that robots sense besides balls and dump (`Sensed.own`, `Observation.sensed`)."""
     measured: ClassVar[Mapping[str, Quantity]] = {}
     """Quantities that `metrics` returns."""
-    drawn: ClassVar[Mapping[str, Look]] = {}
+    drawn: ClassVar[Mapping[str, AreaStyle]] = {}
     """Kinds of areas on the floor that `areas` returns, with their colours and shapes."""
     unused: ClassVar[tuple[str, ...]] = ()
     """Settings without effect in the task, as "arena.n_dust", or "gripper" for the whole group.

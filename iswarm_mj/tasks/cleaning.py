@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.gripper.handling import Balls
-from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs
+from iswarm_mj.tasks.base import AreaStyle, Quantity, Sensed, Task, TaskInputs
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.layout import balls_on_floor, draw_radii, place_balls, place_robots
 from iswarm_mj.tasks.measures import DELIVERED, PICKED, Measures, fitness
@@ -29,9 +29,9 @@ class Cleaning(Task):
         "delivered": Quantity("balls at the dump"),
         "picked": Quantity("different balls that were picked up at least once"),
     }
-    drawn: ClassVar[Mapping[str, Look]] = {
-        "dump": Look((250, 205, 50), "square"),
-        "dust_areas": Look((150, 190, 240), "square"),
+    drawn: ClassVar[Mapping[str, AreaStyle]] = {
+        "dump": AreaStyle((250, 205, 50), "square"),
+        "dust_areas": AreaStyle((150, 190, 240), "square"),
     }
 
     def lay_out(

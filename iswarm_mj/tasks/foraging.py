@@ -16,7 +16,7 @@ from iswarm_mj.sensors.memory import VectorMemory
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command, Observation
 from iswarm_mj.strategy.vectors import after_motion, learn_place
-from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs
+from iswarm_mj.tasks.base import AreaStyle, Quantity, Sensed, Task, TaskInputs
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.tasks.layout import balls_on_floor, draw_radii, place_robots
 from iswarm_mj.utils.arrays import Array
@@ -61,9 +61,9 @@ class Foraging(Task):
         "rate": Quantity("items brought home per time", "1/min"),
         "moves": Quantity("sources that ran dry and came back elsewhere"),
     }
-    drawn: ClassVar[Mapping[str, Look]] = {
-        "dump": Look(colour=(250, 205, 50), shape="square"),
-        "sources": Look(colour=(120, 190, 110)),
+    drawn: ClassVar[Mapping[str, AreaStyle]] = {
+        "dump": AreaStyle(colour=(250, 205, 50), shape="square"),
+        "sources": AreaStyle(colour=(120, 190, 110)),
     }
 
     def lay_out(
@@ -246,7 +246,6 @@ class Forager(Strategy):
         """Go to an item beside the robot, home with an item, back to the last item, or anywhere."""
         seen = observation
         step = mm_from_rd(0.5)
-        n_robots = len(seen.at_dust)
         picks_up = seen.at_dust & ~seen.is_loaded & ~seen.grasp_failed
 
         # Remember home where the dump is, and food where an item is or was.
@@ -254,18 +253,7 @@ class Forager(Strategy):
         home = learn_place(memory["home"], seen.on_dump, here, step)
         food = memory["food"].where(~seen.grasp_failed)
         food = learn_place(food, picks_up, seen.ball_vector, step)
-
-        # Head for home when loaded, for food when empty, anywhere when the way is unknown.
-        knows_way = jnp.where(seen.is_loaded, home.known & ~seen.on_dump, food.known)
-        goal = jnp.where(seen.is_loaded[:, None], home.vector, food.vector)
-        wander, side = jax.random.uniform(key, (2, n_robots), minval=-1.0)
-        random_heading = jnp.deg2rad(self.random_turn) * wander
-        heading = jnp.where(knows_way, jnp.arctan2(goal[:, 1], goal[:, 0]), random_heading)
-
-        # Turn aside for a robot ahead and, when wandering, for a wall.
-        robot_ahead = seen.is_heard[:, 0] & (seen.distance[:, 0] < mm_from_rd(1.4)) & ~picks_up
-        wall_ahead = seen.sees_wall[:, 0] & ~knows_way
-        heading = jnp.where(robot_ahead | wall_ahead, jnp.sign(side) * jnp.pi / 2, heading)
+        heading = self._heading(seen, picks_up, home, food, key)
 
         # Turn by at most a quarter, and walk only once the turn is complete.
         turn = jnp.clip(heading, -jnp.pi / 2, jnp.pi / 2)
@@ -278,3 +266,25 @@ class Forager(Strategy):
             "food": after_motion(food, turn, forward),
         }
         return memory, Command(turn, forward)
+
+    def _heading(
+        self,
+        seen: Observation,
+        picks_up: Bool[Array, "N"],
+        home: VectorMemory,
+        food: VectorMemory,
+        key: Array,
+    ) -> Float[Array, "N"]:
+        """Return the direction in which each robot wants to go, from its front [rad]."""
+        # Head for home when loaded, for food when empty, anywhere when the way is unknown.
+        knows_way = jnp.where(seen.is_loaded, home.known & ~seen.on_dump, food.known)
+        goal = jnp.where(seen.is_loaded[:, None], home.vector, food.vector)
+        n_robots = len(seen.at_dust)
+        wander, side = jax.random.uniform(key, (2, n_robots), minval=-1.0)
+        random_heading = jnp.deg2rad(self.random_turn) * wander
+        heading = jnp.where(knows_way, jnp.arctan2(goal[:, 1], goal[:, 0]), random_heading)
+
+        # Turn aside for a robot ahead and, when wandering, for a wall.
+        robot_ahead = seen.is_heard[:, 0] & (seen.distance[:, 0] < mm_from_rd(1.4)) & ~picks_up
+        wall_ahead = seen.sees_wall[:, 0] & ~knows_way
+        return jnp.where(robot_ahead | wall_ahead, jnp.sign(side) * jnp.pi / 2, heading)

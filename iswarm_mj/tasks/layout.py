@@ -51,16 +51,26 @@ def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
 
 
 def _grid(arena: ArenaConfig, cell: float) -> np.ndarray:
-    """Return the centres (C, 2) of all cells in the bounding box of the arena [mm]."""
+    """Return the centres (C, 2) of all cells in the bounding box of the arena [mm].
+
+    Args:
+        arena: arena whose corners count.
+        cell: width of a cell [rd].
+    """
     low = np.min(arena.corners, axis=0)
     high = np.max(arena.corners, axis=0)
-    n_x, n_y = ((high - low) / cell).astype(int)
+    n_columns, n_rows = ((high - low) / cell).astype(int)
     middle_x, middle_y = (low + high) / 2 * RD
 
-    x = (np.arange(n_x) - (n_x - 1) / 2) * (cell * RD) + middle_x
-    y = (np.arange(n_y) - (n_y - 1) / 2) * (cell * RD) + middle_y
-    x, y = np.meshgrid(x, y, indexing="ij")
+    column_x = _centres_of_row(n_columns, cell * RD) + middle_x
+    row_y = _centres_of_row(n_rows, cell * RD) + middle_y
+    x, y = np.meshgrid(column_x, row_y, indexing="ij")
     return np.column_stack([x.ravel(), y.ravel()])
+
+
+def _centres_of_row(n_cells: int, width: float) -> Float[np.ndarray, "C"]:
+    """Return the centres of cells side by side, seen from the middle of all of them."""
+    return (np.arange(n_cells) - (n_cells - 1) / 2) * width
 
 
 def cell_of(robot: Robots) -> float:

@@ -17,7 +17,9 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.fusion import fusion_barrier
 
 _ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
+"""Rotations of the four rounds of even and odd groups, a constant of Threefry-2x32 [bits]."""
 _PARITY = 0x1BD11BDA
+"""Constant of Threefry from which the third word of the key is made."""
 _LEAST = float(np.nextafter(np.float32(-1), np.float32(0)))
 """Smallest argument of the inverse error function whose value is finite."""
 
@@ -30,16 +32,25 @@ def threefry(
     Args:
         key: two words.
         high: first word of the counter.
-        low: second word.
+        low: second word of the counter.
     """
-    words = key[0], key[1], key[0] ^ key[1] ^ jnp.uint32(_PARITY)
-    x, y = high + words[0], low + words[1]
+    key_words = (key[0], key[1], key[0] ^ key[1] ^ jnp.uint32(_PARITY))
+    x = high + key_words[0]
+    y = low + key_words[1]
     for group in range(5):
-        for rotation in _ROTATIONS[group % 2]:
+        for distance in _ROTATIONS[group % 2]:
             x = x + y
-            y = ((y << rotation) | (y >> (32 - rotation))) ^ x
-        x, y = x + words[(group + 1) % 3], y + words[(group + 2) % 3] + jnp.uint32(group + 1)
+            y = _rotated(y, distance) ^ x
+
+        # Words of the key enter after every four rounds.
+        x = x + key_words[(group + 1) % 3]
+        y = y + key_words[(group + 2) % 3] + jnp.uint32(group + 1)
     return x, y
+
+
+def _rotated(word: UInt32[Array, "*N"], distance: int) -> UInt32[Array, "*N"]:
+    """Return a word whose bits are rotated to the left."""
+    return (word << distance) | (word >> (32 - distance))
 
 
 class Draws(NamedTuple):
@@ -56,19 +67,34 @@ class Draws(NamedTuple):
 
 @partial(jax.jit, static_argnames=("n_uniform", "n_normal", "shape"))
 def _drawn(words: Array, n_uniform: int, n_normal: int, shape: tuple[int, ...]) -> Draws:
-    """Return random numbers of places, see `draw`; `words` is the key."""
-    n = n_uniform + n_normal
-    place = jax.lax.iota(jnp.uint32, math.prod(shape)).reshape(shape)
-    low = n * place + jnp.arange(n, dtype=jnp.uint32).reshape(n, *(1 for _ in shape))
-    blocks = threefry(words, jnp.zeros_like(low), low)
+    """Return random numbers of places, see `draw`.
 
-    # 23 random bits as the mantissa of a float in [1, 2).
-    exponent = jnp.float32(1).view(jnp.uint32)
-    first, second = ((bits >> 9 | exponent).view(jnp.float32) - 1.0 for bits in blocks)
+    Args:
+        words: key.
+        n_uniform: number of uniform numbers of each place, in each of the two arrays.
+        n_normal: number of normal numbers.
+        shape: shape of the places.
+    """
+    # Each place counts its blocks on from those of the place before.
+    n_blocks = n_uniform + n_normal
+    place = jax.lax.iota(jnp.uint32, math.prod(shape)).reshape(shape)
+    block = jnp.arange(n_blocks, dtype=jnp.uint32).reshape(n_blocks, *[1] * len(shape))
+    counter = n_blocks * place + block
+    first_words, second_words = threefry(words, jnp.zeros_like(counter), counter)
+
+    first = _uniform(first_words)
+    second = _uniform(second_words)
     return Draws(
         uniform=(first[:n_uniform], second[:n_uniform]),
         normal=(normal(first[n_uniform:]), normal(second[n_uniform:])),
     )
+
+
+def _uniform(words: UInt32[Array, "*N"]) -> Float[Array, "*N"]:
+    """Return uniform numbers in [0, 1) from random words."""
+    # 23 random bits as the mantissa of a float in [1, 2).
+    exponent = jnp.float32(1).view(jnp.uint32)
+    return (words >> 9 | exponent).view(jnp.float32) - 1.0
 
 
 def draw(key: Array, shape: tuple[int, ...], n_uniform: int = 0, n_normal: int = 0) -> Draws:
@@ -78,9 +104,9 @@ def draw(key: Array, shape: tuple[int, ...], n_uniform: int = 0, n_normal: int =
 
     Args:
         key: random key of any generator of JAX, or its data, of which the first 64 bits count.
-        shape: of the places.
-        n_uniform: uniform numbers of each place, in each of the two arrays.
-        n_normal: normal ones, likewise.
+        shape: shape of the places.
+        n_uniform: number of uniform numbers of each place, in each of the two arrays.
+        n_normal: number of normal numbers of each place, in each of the two arrays.
     """
     drawn = partial(_drawn, n_uniform=n_uniform, n_normal=n_normal, shape=shape)
     return fusion_barrier(drawn, _words(key))

@@ -12,7 +12,7 @@ from iswarm_mj.geometry.obstacles import poses_of_boxes
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.base import Look, Quantity, Task, without_balls
+from iswarm_mj.tasks.base import AreaStyle, Quantity, Task, without_balls
 from iswarm_mj.tasks.cleaning import CLEANING, Cleaning
 from iswarm_mj.tasks.grasping import update_balls
 from iswarm_mj.utils.units import mm_from_rd
@@ -115,7 +115,7 @@ class Own(Task):
 class Zoned(Own):
     """A disc on the floor, as large as the dump, goes north beside the dust."""
 
-    drawn: ClassVar = {"disc": Look((10, 200, 30))}
+    drawn: ClassVar = {"disc": AreaStyle((10, 200, 30))}
 
     def areas(self, config, state):
         x, radius = (

@@ -12,7 +12,7 @@ from iswarm_mj.sensors.fields import Integer
 from iswarm_mj.sensors.messages import Payload
 from iswarm_mj.strategy.base import Strategy
 from iswarm_mj.strategy.interface import Command
-from iswarm_mj.tasks.base import Look, Quantity, Task, without_balls
+from iswarm_mj.tasks.base import AreaStyle, Quantity, Task, without_balls
 from iswarm_mj.tasks.cleaning import Cleaning
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.constraints import Within
@@ -30,7 +30,7 @@ class Eastward(Task):
         "share": Quantity("of the robots that are east of the line"),
         "steps": Quantity("taken"),
     }
-    drawn: ClassVar = {"east": Look((10, 200, 30), "square")}
+    drawn: ClassVar = {"east": AreaStyle((10, 200, 30), "square")}
 
     def lay_out(self, config, n_robots, rng, shared, cell):
         own = {"is_east": np.zeros(n_robots, bool), "steps": np.int32(0)}

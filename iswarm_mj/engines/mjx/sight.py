@@ -49,15 +49,29 @@ class _Component(NamedTuple):
     """Half the box's edge."""
 
 
-def _in_frames(origin: Array, path: Array, boxes: Array) -> tuple[_Component, _Component]:
-    """Return the components of straight paths along both edges of each box."""
+def _components(origin: Array, path: Array, boxes: Array) -> tuple[_Component, _Component]:
+    """Return the components of straight paths along both edges of each box.
+
+    Args: as for `share_before_entry`.
+
+    Returns:
+        Components along the boxes' own x axes, and along their y axes.
+    """
     x, y, cos, sin, half_x, half_y = boxes.T
     dx = origin[..., :1] - x
     dy = origin[..., 1:] - y
     path_x = path[..., :1]
     path_y = path[..., 1:]
-    along_x = _Component(cos * dx + sin * dy, cos * path_x + sin * path_y, half_x)
-    along_y = _Component(cos * dy - sin * dx, cos * path_y - sin * path_x, half_y)
+    along_x = _Component(
+        start=cos * dx + sin * dy,
+        length=cos * path_x + sin * path_y,
+        half_edge=half_x,
+    )
+    along_y = _Component(
+        start=cos * dy - sin * dx,
+        length=cos * path_y - sin * path_x,
+        half_edge=half_y,
+    )
     return along_x, along_y
 
 
@@ -69,14 +83,14 @@ def share_before_entry(
     It is 0 for a path that begins inside, and infinite for one that does not enter the box.
 
     Args:
-        origin: where the path begins [mm].
-        path: vector to its end [mm].
-        boxes: see `geometry.obstacles.numbers` [mm].
+        origin: start of the path [mm].
+        path: vector from its start to its end [mm].
+        boxes: boxes, see `geometry.obstacles.numbers` [mm].
     """
     # The path is in the box where it is between both pairs of parallel edges.
     enters = 0.0
     leaves = 1.0
-    for start, length, half_edge in _in_frames(origin, path, boxes):
+    for start, length, half_edge in _components(origin, path, boxes):
         at_low_edge = (-half_edge - start) / length
         at_high_edge = (half_edge - start) / length
         is_parallel = length == 0
@@ -95,7 +109,7 @@ def crosses(
 
     Args: as for `share_before_entry`.
     """
-    along_x, along_y = _in_frames(origin, path, boxes)
+    along_x, along_y = _components(origin, path, boxes)
     half_x = along_x.half_edge
     half_y = along_y.half_edge
     half_length_x = jnp.abs(along_x.length) / 2
@@ -128,10 +142,10 @@ def find_links(config: SwarmConfig, arena: MjxArena, crowd: Crowd, emits: Array)
     """Return the nearest senders in sight of each side.
 
     Args:
-        config: its optics are used.
-        arena: the robots.
+        config: configuration, whose optics count.
+        arena: geometry of the robots.
         crowd: the world.
-        emits: (N,) flags, or the power of the LEDs from 0 to 1.
+        emits: robots that send light (N,), bool, or the power of their LEDs from 0 to 1.
     """
     poses = crowd.poses
     index = jnp.arange(len(poses), dtype=jnp.int32)
@@ -191,12 +205,13 @@ def next_candidate(search: Search, distance: Array, side: Array) -> tuple[Array,
     """Return the next candidate after the last one, by distance and then by index.
 
     Args:
-        search: with the last candidates.
-        distance: (N, N) effective distance of a sender (second axis) from a receiver [mm].
-        side: (N, N) the receiver's side that faces the sender.
+        search: progress of the search, with the last candidates.
+        distance: effective distance of each sender (second axis) from each receiver (N, N) [mm].
+        side: the receiver's side that faces the sender (N, N).
 
     Returns:
-        Distance [mm], infinite where there is none, and index of each side's candidate (N, S).
+        Distance [mm], infinite where no candidate is left, and index of each side's candidate
+        (N, S).
     """
     index = jnp.arange(len(distance), dtype=jnp.int32)
     next_distances = []
@@ -252,11 +267,11 @@ def _receive(
     """Return how each robot receives light from senders (N, M), or from the same (M,) for all.
 
     Args:
-        config: its optics are used.
-        arena: the robots.
-        poses: (N, 3) [mm, mm, rad].
+        config: configuration, whose optics count.
+        arena: geometry of the robots.
+        poses: poses of the robots (N, 3) [mm, mm, rad].
         sender: indices of the senders.
-        power: (M,) of the senders' LEDs from 0 to 1; None for full power.
+        power: power of the senders' LEDs (M,) from 0 to 1; None for full power.
     """
     dx = poses[sender, 0] - poses[:, None, 0]
     dy = poses[sender, 1] - poses[:, None, 1]
@@ -283,22 +298,46 @@ def _heading(poses: Array) -> tuple[Array, Array]:
 def find_walls(config: SwarmConfig, arena: MjxArena, crowd: Crowd) -> Bool[Array, "N S"]:
     """Return the LEDs that have a wall, an obstacle or a box in sight.
 
-    It is the first thing on the LED's axis, within range. An LED inside one sees it.
+    It must be the first thing on the LED's axis, and within range. An LED inside one sees it.
+
+    Args:
+        config: configuration, whose optics count.
+        arena: walls and geometry of the robots.
+        crowd: the world.
     """
     leds = led_positions(crowd.poses, arena.robot)
     path = led_axes(crowd.poses, arena.robot) * mm_from_rd(config.optics.wall_range)
 
-    # Shares of the path before walls, and before what stands in front of them.
-    normals = arena.walls[:, :2].T
-    gap = arena.walls[:, 2] - leds @ normals
-    towards_wall = path @ normals
-    before_wall = jnp.where(towards_wall > 0, gap / towards_wall, jnp.inf)
-    before_wall = jnp.where(gap < 0, 0.0, before_wall)
+    # The share of each path that lies before the nearest wall, obstacle or box.
+    before_wall = _share_before_walls(leds, path, arena.walls)
     before_box = share_before_entry(leds, path, crowd.solid)
     before_solid = jnp.concatenate([before_wall, before_box], axis=-1).min(axis=-1)
 
+    # The share that lies before the nearest other robot.
     index = jnp.arange(len(leds))
-    is_other = crowd.is_present & (index != index[:, None, None])
+    is_other_robot = crowd.is_present & (index != index[:, None, None])
     before_hull = share_before_entry(leds, path, arena.hulls(crowd.poses))
-    before_robot = jnp.where(is_other, before_hull, jnp.inf).min(axis=-1)
-    return (before_solid <= 1.0) & (before_robot >= before_solid) & crowd.is_present[:, None]
+    before_robot = jnp.where(is_other_robot, before_hull, jnp.inf).min(axis=-1)
+
+    in_range = before_solid <= 1.0
+    not_hidden = before_robot >= before_solid
+    return in_range & not_hidden & crowd.is_present[:, None]
+
+
+def _share_before_walls(
+    origin: Float[Array, "*P 2"], path: Float[Array, "*P 2"], walls: Float[Array, "W 3"]
+) -> Float[Array, "*P W"]:
+    """Return the share of a straight path that lies before each wall.
+
+    It is 0 for a path that begins beyond the wall, and infinite for one that leads away from it.
+
+    Args:
+        origin: start of the path [mm].
+        path: vector from its start to its end [mm].
+        walls: walls of the arena, see `geometry.walls.half_planes` [mm].
+    """
+    normals = walls[:, :2].T
+    gap = walls[:, 2] - origin @ normals
+    towards_wall = path @ normals
+    before_wall = jnp.where(towards_wall > 0, gap / towards_wall, jnp.inf)
+    return jnp.where(gap < 0, 0.0, before_wall)

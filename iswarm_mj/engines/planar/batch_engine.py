@@ -1,4 +1,4 @@
-"""The planar engine for NVIDIA GPUs: Warp's kernels in a program of JAX, all worlds at once."""
+"""Planar engine for NVIDIA GPUs: Warp's kernels in a program of JAX, all worlds at once."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -45,22 +45,24 @@ from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array
 
 ROBOTS_PER_WARP = 70
-"""Number of a world's robots for each 32 threads of its block."""
+"""Number of a world's robots for each warp of its block."""
 _MOST_WARPS = 8
-_WARP_SIZE = 32  # threads
+"""Maximum number of warps of a block."""
+_WARP_SIZE = 32
+"""Threads of a warp."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class PlanarBatchEngine(BoxesMixin, CompiledEngine):
-    """`CompiledEngine` of B worlds at once.
+    """Planar engine that computes B worlds at once.
 
     Attributes:
         plane: arena.
         kinds: kinds of the robots and of each box, see `plane.read_kinds`.
         light: optics.
         robot: geometry of the robots.
-        on_gpu: for NVIDIA GPUs; on a CPU worlds are computed one after the other.
+        on_gpu: the worlds are computed on an NVIDIA GPU; on a CPU one after the other.
         solids: walls and obstacles, see `plane.solids_of` [mm].
     """
 
@@ -91,16 +93,23 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
         """See `Engine.sense`."""
         n_robots = self.n_robots(bodies)
         is_present = bodies.is_present[:, :n_robots] & is_running[:, None]
-        places, ends, robots = self._sort_robots(bodies, is_present)
-        near = self._look_around(places, ends, robots, emits, is_present)
+
+        # Sort the robots into cells, and list those near each robot.
+        places, ends, robots_in_cells = self._sort_robots(bodies, is_present)
+        near = self._look_around(places, ends, robots_in_cells, emits, is_present)
+
+        # Find the senders, walls and obstacles that each side has in sight.
         solids = solids_with(self._solids(), self.boxes(bodies), self.kinds, self.robot)
-        *links, sees_wall = self._find_light(places, robots, is_present, solids, near)
+        outputs = self._find_light(places, robots_in_cells, is_present, solids, near)
+        *link_fields, sees_wall = outputs
+
+        # Engines report a single sender without an axis of senders.
         if self.light.n_senders == 1:
-            links = [values[..., 0] for values in links]
-        return LightReading(Links(*links), sees_wall)
+            link_fields = [values[..., 0] for values in link_fields]
+        return LightReading(links=Links(*link_fields), sees_wall=sees_wall)
 
     def _sort_robots(self, bodies: FreeBodies, is_present: Array) -> Sequence[Array]:
-        """Return the outputs of `surroundings.sort_robots`: places, and robots in cells."""
+        """Return outputs of `surroundings.sort_robots`: places, ends of cells, robots in cells."""
         n_worlds, n_robots = is_present.shape
         n_threads = self._threads(n_robots)
         radius = search_radius(self.light, self.plane)
@@ -253,7 +262,7 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
         return jnp.asarray(self.solids, jnp.float32)
 
     def _threads(self, n_robots: int) -> int:
-        """Return the threads of a block, which computes a world: about one a contact; 1 on CPUs."""
+        """Return the number of threads that compute a world: about one a contact; 1 on CPUs."""
         if not self.on_gpu:
             return 1
         n_warps = max(1, min(_MOST_WARPS, round(n_robots / ROBOTS_PER_WARP)))
@@ -266,11 +275,11 @@ def read_engine(
     platform: str,
     tolerance: float = FINEST,
 ) -> PlanarBatchEngine:
-    """Read the model.
+    """Return the engine of an arena.
 
     Args:
-        arena: compiled; one robot of each kind stands for all.
-        config: optics and obstacles.
+        arena: compiled arena, in which one robot of each kind stands for all.
+        config: configuration, whose optics and obstacles count.
         platform: platform of the devices, as JAX calls it.
         tolerance: see `read_plane`.
 

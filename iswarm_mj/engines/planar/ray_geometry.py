@@ -90,17 +90,20 @@ def meets_wall_at(ray: Ray, wall: Wall) -> float:
 @shared
 def is_crossed(ray: Ray, rectangle: Rectangle) -> bool:
     """Return whether a ray meets a rectangle before its vector ends (separating axis theorem)."""
-    # In the rectangle's frame: half the vector, and the middle of the path.
+    # In the rectangle's frame: the origin, half the vector, and the middle of the path.
     x = ray.x - rectangle.x
     y = ray.y - rectangle.y
-    half_ahead = 0.5 * (rectangle.cos * ray.vector_x + rectangle.sin * ray.vector_y)
-    half_left = 0.5 * (rectangle.cos * ray.vector_y - rectangle.sin * ray.vector_x)
-    ahead = rectangle.cos * x + rectangle.sin * y + half_ahead
-    left = rectangle.cos * y - rectangle.sin * x + half_left
+    origin_ahead, origin_left = into_frame(x, y, rectangle.cos, rectangle.sin)
+    vector_ahead, vector_left = into_frame(ray.vector_x, ray.vector_y, rectangle.cos, rectangle.sin)
+    half_ahead = 0.5 * vector_ahead
+    half_left = 0.5 * vector_left
+    middle_ahead = origin_ahead + half_ahead
+    middle_left = origin_left + half_left
 
-    # A gap along the ray's normal, or along one of the rectangle's axes.
-    moment = abs(ahead * half_left - left * half_ahead)
-    is_beside = moment > rectangle.half_x * abs(half_left) + rectangle.half_y * abs(half_ahead)
-    is_away_ahead = abs(ahead) > rectangle.half_x + abs(half_ahead)
-    is_away_left = abs(left) > rectangle.half_y + abs(half_left)
-    return not (is_beside or is_away_ahead or is_away_left)
+    # They are apart if there is a gap along one of the rectangle's axes, or across the path.
+    is_away_ahead = abs(middle_ahead) > rectangle.half_x + abs(half_ahead)
+    is_away_left = abs(middle_left) > rectangle.half_y + abs(half_left)
+    off_path = abs(middle_ahead * half_left - middle_left * half_ahead)
+    reach = rectangle.half_x * abs(half_left) + rectangle.half_y * abs(half_ahead)
+    is_away_across = off_path > reach
+    return not (is_away_across or is_away_ahead or is_away_left)

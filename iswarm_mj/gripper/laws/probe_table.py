@@ -36,6 +36,7 @@ AXES = np.array([_axis(GAP_EXPONENTS), _axis(PROBE_EXPONENTS)])
 """Axes of the table, see `_axis`."""
 
 FILE = "probe_table.csv"
+"""File of the table."""
 
 
 def probe_factor(task: str, gap_ratio: Quantity, probe_ratio: Quantity) -> Quantity:
@@ -111,27 +112,34 @@ def capacitance_spline(task: str) -> np.ndarray:
     The force of `pick_force` or `release_force` on a ball at a fixed voltage is V^2 / 2 times the
     derivative of C, so that work and energy agree.
 
-    Source: integral of `probe_factor` from the table's largest gap, 4 R, on. The capacitance that
-    is left there is a choice: to the plate nearly none, since the probe shields the ball, and to
-    the probe that of a factor which falls with the square of the gap. Boundary elements find up to
-    20 % more to the probe, and to the plate the same within 3 %
+    Source: integral of `probe_factor` over the gap, up to the table's largest one, 4 R. The
+    capacitance that is left there is a choice: to the plate nearly none, since the probe shields
+    the ball, and to the probe that of a factor which falls with the square of the gap. Boundary
+    elements find up to 20 % more to the probe, and to the plate the same within 3 %
     (`tests/gripper/test_capacitance.py`).
 
     Args:
         task: "pick", to the probe, or "release", to the plate.
     """
-    # Gauss-Legendre quadrature between each pair of gaps of the table.
+    probe_ratios = 2.0**PROBE_EXPONENTS
+
+    # F = f pi eps0 V^2 R / D = V^2 / 2 |dC / dD|, hence dC / d ln(D) = -2 pi eps0 R f:
+    # Gauss-Legendre quadrature of f / 2 between each pair of neighbouring gaps of the table.
     node, weight = np.polynomial.legendre.leggauss(6)
     step = GAP_EXPONENTS[1] - GAP_EXPONENTS[0]
-    places = GAP_EXPONENTS[:-1, None] + step * (node + 1) / 2
-    factor = probe_factor(task, 2.0 ** places[..., None], 2.0**PROBE_EXPONENTS)
-    # F = f pi eps0 V^2 R / D = V^2 / 2 |dC / dD|, hence dC / d ln(D) = -2 pi eps0 R f.
-    parts = math.log(2) / 2 * step / 2 * np.einsum("gnp,n->gp", np.asarray(factor), weight)
-    last = 2.0 ** GAP_EXPONENTS[-1]
-    edge_divisor = 4 if task == "pick" else 40
-    edge = np.asarray(probe_factor(task, last, 2.0**PROBE_EXPONENTS)) / edge_divisor
-    tail = np.cumsum(parts[::-1], axis=0)[::-1]
-    return coefficients_of(np.concatenate([tail, np.zeros((1, len(PROBE_EXPONENTS)))]) + edge)
+    exponents = GAP_EXPONENTS[:-1, None] + step * (node + 1) / 2
+    factor = np.asarray(probe_factor(task, 2.0 ** exponents[..., None], probe_ratios))
+    increments = math.log(2) / 2 * step / 2 * np.einsum("gnp,n->gp", factor, weight)
+
+    # Their sums from each gap to the largest one.
+    sums = np.cumsum(increments[::-1], axis=0)[::-1]
+    sums = np.concatenate([sums, np.zeros((1, len(PROBE_EXPONENTS)))])
+
+    # What is left at the largest gap, f / 4 for a factor that falls with its square.
+    largest_gap = 2.0 ** GAP_EXPONENTS[-1]
+    divisor = 4 if task == "pick" else 40
+    remainder = np.asarray(probe_factor(task, largest_gap, probe_ratios)) / divisor
+    return coefficients_of(sums + remainder)
 
 
 def tables() -> tuple[np.ndarray, np.ndarray]:

@@ -60,8 +60,8 @@ def take_steps_in(n_shared: int) -> Callable:
             poses: (B, N + M) x, y [mm] and yaw [rad] of robots and boxes.
             velocities: (B, N + M) velocities [mm/s, mm/s, rad/s].
             targets: (B, N + M) set points of the drives [mm/s, mm/s, rad/s].
-            is_present: (B, N + M) the others stay where they are, and touch nothing.
-            runs: (B,) the other worlds stay as they are.
+            is_present: (B, N + M) bodies that take part; the others stay and touch nothing.
+            runs: (B,) worlds that take the steps; the others stay as they are.
             order: (B,) worlds in the order in which blocks begin with them.
             plane_words: arena, see `functions.words_of`.
             kind_words: (N + M + 1,) kinds of `plane.of_bodies`, see `functions.words_of`.
@@ -171,10 +171,14 @@ def _drive(w: World, targets: wp.array(dtype=wp.vec3), lane: int):
     """Move all velocities towards the set points of the drives, then let friction act on them."""
     for body in range(lane, w.places.shape[0], wp.block_dim()):
         kind = w.kinds[body]
-        old = _velocity(w, body)
+
+        # Each component takes a share of the way to its set point.
+        velocity = _velocity(w, body)
         share = wp.vec3(kind.drive_x, kind.drive_y, kind.drive_yaw)
-        new = old + wp.cw_mul(share, targets[body] - old)
-        w.velocities[body] = wp.vec4(new[0], new[1], new[2], 0.0)
+        driven = velocity + wp.cw_mul(share, targets[body] - velocity)
+        w.velocities[body] = wp.vec4(driven[0], driven[1], driven[2], 0.0)
+
+        # Friction starts from nothing in each step; momentum starts from here.
         if kind.friction_impulse > 0.0:
             w.friction[body] = wp.vec4()
             w.velocities[body] = apply_friction(w, body, kind, w.velocities[body])

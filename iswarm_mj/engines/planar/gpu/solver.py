@@ -266,12 +266,16 @@ def apply_friction(w: World, body: int, kind: Kind, velocity: wp.vec4) -> wp.vec
         kind: kind of the body.
         velocity: velocity with the friction so far.
     """
-    old = w.friction[body]
-    new = _floor_friction(kind, velocity_in(velocity), _Friction(old[0], old[1], old[2]))
-    w.friction[body] = wp.vec4(new.x, new.y, new.yaw, 0.0)
+    # The impulses of the friction, so far and from now on.
+    before = w.friction[body]
+    friction = _Friction(before[0], before[1], before[2])
+    after = _floor_friction(kind, velocity_in(velocity), friction)
+    w.friction[body] = wp.vec4(after.x, after.y, after.yaw, 0.0)
+
+    # What the difference adds to the velocity.
     mass = kind.inverse_mass
     inertia = kind.inverse_inertia
-    change_x = mass * (new.x - old[0])
-    change_y = mass * (new.y - old[1])
-    change_yaw = inertia * (new.yaw - old[2])
+    change_x = mass * (after.x - before[0])
+    change_y = mass * (after.y - before[1])
+    change_yaw = inertia * (after.yaw - before[2])
     return velocity + wp.vec4(change_x, change_y, change_yaw, 0.0)
