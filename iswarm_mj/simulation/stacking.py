@@ -1,4 +1,4 @@
-"""The strategy and the task of all worlds of a run, made of what the user gives."""
+"""Strategies and tasks of all worlds of a run, stacked from those of the user; and as JSON."""
 
 import json
 from collections.abc import Sequence
@@ -22,40 +22,45 @@ from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.user_code import user_code
 
-_MAX_STATED = 64
-"""Numbers of an array that results state."""
+_MAX_LISTED = 64
+"""Maximum size of an array whose numbers results list."""
 
 
 def of_worlds(tree: Any, n_worlds: int) -> Any:
-    """Return a pytree of arrays with a first axis of B worlds."""
+    """Return a pytree of arrays, the same for all B worlds, with a first axis of worlds."""
     return jax.tree.map(lambda a: jnp.broadcast_to(a, (n_worlds, *a.shape)), tree)
 
 
 def goal_of(task: Task, config: SwarmConfig, settings: RunSettings) -> int | None:
-    """Return the progress of a task that finishes a world; None if it never is.
+    """Return the progress of a task that finishes a world; None if nothing does.
 
     Raises:
-        UserError: the settings want more than there is to do, or the task says something else.
+        UserError: the settings ask for more than the task's goal, or the goal is not a positive
+            whole number.
     """
-    with user_code(f"{type(task).__name__}.goal"):
-        most = task.goal(config, settings.n_robots)
-    if most is not None and (not isinstance(most, int) or isinstance(most, bool) or most < 1):
-        raise UserError(
-            f"{type(task).__name__}.goal must return a whole number above 0, or None (got {most!r})"
-        )
-    if settings.stop_at is None or most is None:
-        return most if settings.stop_at is None else int(settings.stop_at)
-    constraint = f"between 1 and the goal of {type(task).__name__}, {most}"
-    check("stop_at", settings.stop_at, constraint, settings.stop_at <= most)
-    return int(settings.stop_at)
+    task_name = type(task).__name__
+    with user_code(f"{task_name}.goal"):
+        goal = task.goal(config, settings.n_robots)
+    is_whole = isinstance(goal, int) and not isinstance(goal, bool)
+    if goal is not None and not (is_whole and goal >= 1):
+        form = "a whole number above 0, or None"
+        raise UserError(f"{task_name}.goal must return {form} (got {goal!r})")
+
+    stop_at = settings.stop_at
+    if stop_at is None:
+        return goal
+    if goal is not None:
+        constraint = f"between 1 and the goal of {task_name}, {goal}"
+        check("stop_at", stop_at, constraint, stop_at <= goal)
+    return int(stop_at)
 
 
 def metrics_of(task: Task, state: Any) -> dict[str, np.ndarray]:
     """Return the metrics (`Task.metrics`) of B worlds as NumPy arrays (B,).
 
     Args:
-        task: with a first axis of B worlds.
-        state: of the task, likewise.
+        task: task whose arrays have a first axis of B worlds.
+        state: state of the task, with the same axis.
     """
     with jax.default_device(jax.local_devices(backend="cpu")[0]):
         return {name: np.asarray(values) for name, values in _metrics(task, state).items()}
@@ -64,11 +69,12 @@ def metrics_of(task: Task, state: Any) -> dict[str, np.ndarray]:
 @jax.jit
 @jax.vmap
 def _metrics(task: Task, state: Any) -> Any:
+    """Return the metrics of worlds."""
     return task.metrics(state)
 
 
 def of_all_worlds(
-    given: Any,
+    strategy: Any,
     config: SwarmConfig,
     robot: Robots,
     worlds: Sequence[World],
@@ -77,80 +83,93 @@ def of_all_worlds(
 ) -> Any:
     """Return a strategy whose arrays have a first axis of B worlds.
 
-    Where it makes strategies (`StrategyFactory`), what its `for_world` returns is the strategy of a
-    world.
+    A strategy factory (`StrategyFactory`) makes the strategy of each world by its `for_world`.
 
     Args:
-        given: the user's strategy, see `strategy.validation.as_strategy`.
-        config: of worlds without one of their own.
-        robot: its geometry.
-        worlds: B of them.
-        is_per_world: its arrays have that axis already.
+        strategy: the user's strategy, see `strategy.validation.as_strategy`.
+        config: configuration of worlds without one of their own.
+        robot: geometry of the robots.
+        worlds: the B worlds.
+        is_per_world: the arrays have the axis of worlds already.
 
     Raises:
         UserError: it is no strategy, holds something that is no array, or its arrays do not fit
             each other.
     """
+    n_worlds = len(worlds)
     if is_per_world:
-        return _per_world(as_arrays(as_strategy(given), "strategy"), len(worlds))
-    if not makes_strategies(given):
-        own = as_arrays(as_strategy(given), "strategy")
-        return of_worlds(own, len(worlds))
-    name, made = type(given).__name__, {}
-    for key in dict.fromkeys((world.config or config, world.n_robots) for world in worlds):
+        strategy = as_arrays(as_strategy(strategy), "strategy")
+        _check_first_axis(strategy, n_worlds)
+        return strategy
+    if makes_strategies(strategy):
+        return _made_for_worlds(strategy, config, robot, worlds)
+    return of_worlds(as_arrays(as_strategy(strategy), "strategy"), n_worlds)
+
+
+def _made_for_worlds(
+    factory: Any, config: SwarmConfig, robot: Robots, worlds: Sequence[World]
+) -> Any:
+    """Return the strategies that a factory makes for B worlds, stacked along a first axis.
+
+    Args: as for `of_all_worlds`.
+
+    Raises:
+        UserError: the strategies differ in more than the values of their arrays.
+    """
+    # Worlds with equal configurations and numbers of robots share a strategy.
+    name = type(factory).__name__
+    keys = [(world.config or config, world.n_robots) for world in worlds]
+    strategy_of_key = {}
+    for key in dict.fromkeys(keys):
+        world_config, n_robots = key
         with user_code(f"{name}.for_world"):
-            found = given.for_world(key[0], robot, key[1])
-        made[key] = as_arrays(as_strategy(found), "strategy")
-    first = next(iter(made.values()))
-    for other in made.values():
-        shapes = [
-            (jax.tree.structure(tree), [leaf.shape for leaf in jax.tree.leaves(tree)])
-            for tree in (first, other)
-        ]
-        if shapes[0] != shapes[1]:
-            raise UserError(
-                f"{name}.for_world must return strategies that differ in the values of their arrays alone: worlds of "
-                "one run share one program; return the same class with the same static fields and shapes."
-            )
-    each = [made[world.config or config, world.n_robots] for world in worlds]
-    return jax.tree.map(lambda *arrays: jnp.stack(arrays), *each)
+            strategy = factory.for_world(world_config, robot, n_robots)
+        strategy_of_key[key] = as_arrays(as_strategy(strategy), "strategy")
+
+    forms = [_form(strategy) for strategy in strategy_of_key.values()]
+    if any(form != forms[0] for form in forms):
+        raise UserError(
+            f"{name}.for_world must return strategies that differ in the values of their arrays "
+            "alone: worlds of one run share one program; return the same class with the same "
+            "static fields and shapes."
+        )
+    strategies = [strategy_of_key[key] for key in keys]
+    return jax.tree.map(lambda *arrays: jnp.stack(arrays), *strategies)
 
 
-def to_json(given: Any) -> dict[str, Any]:
-    """Return a strategy's class and its parameters as results state them; of large arrays, their
-    shapes."""
-    if isinstance(given, Teams):
-        return {"class": "Teams"} | {
-            team.name: {"share": team.share, **to_json(team.strategy)} for team in given.teams
-        }
-    values = (
-        {f.name: plain(getattr(given, f.name)) for f in fields(given)}
-        if is_dataclass(given)
-        else {}
-    )
-    return {"class": type(given).__name__, **values}
+def _form(tree: Any) -> tuple[Any, list[tuple[int, ...]]]:
+    """Return the structure of a pytree and the shapes of its arrays."""
+    return jax.tree.structure(tree), [leaf.shape for leaf in jax.tree.leaves(tree)]
+
+
+def to_json(plugin: Any) -> dict[str, Any]:
+    """Return class and parameters of a strategy or a task as results state them."""
+    content: dict[str, Any] = {"class": type(plugin).__name__}
+    if isinstance(plugin, Teams):
+        for team in plugin.teams:
+            content[team.name] = {"share": team.share, **to_json(team.strategy)}
+    elif is_dataclass(plugin):
+        content |= {field.name: plain(getattr(plugin, field.name)) for field in fields(plugin)}
+    return content
 
 
 def plain(value: Any) -> Any:
-    """Return a parameter in JSON."""
+    """Return a parameter in JSON: the numbers of an array, or type and shape of a large one."""
     if isinstance(value, jax.Array | np.ndarray | np.generic):
-        return (
-            np.asarray(value).tolist()
-            if np.size(value) <= _MAX_STATED
-            else f"{value.dtype}{list(value.shape)}"
-        )
+        if np.size(value) > _MAX_LISTED:
+            return f"{value.dtype}{list(value.shape)}"
+        return np.asarray(value).tolist()
     try:
         return json.loads(json.dumps(value))
     except (TypeError, ValueError):
         return str(value)
 
 
-def _per_world(strategy: Any, n_worlds: int) -> Any:
-    """The strategy, whose arrays must have a first axis of worlds."""
+def _check_first_axis(strategy: Any, n_worlds: int) -> None:
+    """Raise a UserError unless all arrays of a strategy have a first axis of worlds."""
     for leaf in jax.tree.leaves(strategy):
         if leaf.shape[:1] != (n_worlds,):
             raise UserError(
-                f"strategy has an array of shape {leaf.shape}; with strategy_per_world its first axis is that of the "
-                f"{n_worlds} worlds: stack the strategies of all worlds."
+                f"strategy has an array of shape {leaf.shape}; with strategy_per_world its first "
+                f"axis is that of the {n_worlds} worlds: stack the strategies of all worlds."
             )
-    return strategy

@@ -1,4 +1,4 @@
-"""Settings of JAX."""
+"""Settings of JAX: the check of those that matter, the cache of programs, and devices."""
 
 import importlib.util
 import os
@@ -6,53 +6,56 @@ import platform
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NamedTuple
 
 import platformdirs
 
 from iswarm_mj.utils.environment import check_environment
 from iswarm_mj.utils.errors import ConfigError, UserError, shown
 
-_GUARDS = (None, "allow", "log", "log_explicit")
-_ALLOWED: dict[str, tuple[tuple[Any, ...], str]] = {
-    "jax_enable_x64": ((False,), "since robots compute with 32-bit floats"),
-    "jax_disable_jit": ((False,), "since programs round otherwise when they are not compiled"),
-    "jax_no_execution": ((False,), "since programs run"),
-    "jax_random_seed_offset": ((0,), "since it changes what a seed draws"),
-    "jax_error_checking_behavior_nan": (
-        ("ignore",),
-        "since numbers that are not finite are faults",
+
+class _Rule(NamedTuple):
+    """Values of a setting of JAX with which programs work and give the same results."""
+
+    allowed: tuple[Any, ...]
+    """Allowed values, the default first."""
+    reason: str
+    """Reason, for messages."""
+
+
+_NOT_FINITE = _Rule(("ignore",), "since numbers that are not finite are faults")
+_GUARD = _Rule((None, "allow", "log", "log_explicit"), "since engines hand over arrays")
+_ALLOWED: dict[str, _Rule] = {
+    "jax_enable_x64": _Rule((False,), "since robots compute with 32-bit floats"),
+    "jax_disable_jit": _Rule((False,), "since programs round otherwise when they are not compiled"),
+    "jax_no_execution": _Rule((False,), "since programs run"),
+    "jax_random_seed_offset": _Rule((0,), "since it changes what a seed draws"),
+    "jax_error_checking_behavior_nan": _NOT_FINITE,
+    "jax_error_checking_behavior_divide": _NOT_FINITE,
+    "jax_error_checking_behavior_oob": _Rule(
+        ("ignore",), "since programs clip what lies beyond their arrays"
     ),
-    "jax_error_checking_behavior_divide": (
-        ("ignore",),
-        "since numbers that are not finite are faults",
-    ),
-    "jax_error_checking_behavior_oob": (
-        ("ignore",),
-        "since programs clip what lies beyond their arrays",
-    ),
-    "jax_numpy_dtype_promotion": (("standard",), "since programs mix types of numbers"),
-    "jax_numpy_rank_promotion": (("allow", "warn"), "since programs broadcast"),
-    "jax_transfer_guard": (_GUARDS, "since engines hand over arrays"),
-    "jax_transfer_guard_host_to_device": (_GUARDS, "since engines hand over arrays"),
-    "jax_transfer_guard_device_to_device": (_GUARDS, "since engines hand over arrays"),
-    "jax_transfer_guard_device_to_host": (_GUARDS, "since engines hand over arrays"),
+    "jax_numpy_dtype_promotion": _Rule(("standard",), "since programs mix types of numbers"),
+    "jax_numpy_rank_promotion": _Rule(("allow", "warn"), "since programs broadcast"),
+    "jax_transfer_guard": _GUARD,
+    "jax_transfer_guard_host_to_device": _GUARD,
+    "jax_transfer_guard_device_to_device": _GUARD,
+    "jax_transfer_guard_device_to_host": _GUARD,
 }
-"""Settings of JAX with some values of which programs fail or come to other results: the other
-values, and why."""
+"""Rules of the settings of JAX that can make programs fail or give other results."""
 
 
 class _Process:
     """State of this process."""
 
     is_fork_of_jax = False
-    """It was forked after JAX had started its threads, which it lacks: it would wait for them for
-    ever."""
+    """The process was forked after JAX had started its threads. A fork has no threads, and would
+    wait for them for ever."""
 
 
 def _note_fork() -> None:
-    """Note in a new process whether JAX had started in the one that was forked."""
-    bridge = sys.modules.get("jax._src.xla_bridge")  # JAX does not say it elsewhere
+    """Note in a new process whether JAX had started in the process that was forked."""
+    bridge = sys.modules.get("jax._src.xla_bridge")  # no public function of JAX tells this
     if bridge is not None and bridge.backends_are_initialized():
         _Process.is_fork_of_jax = True
 
@@ -62,12 +65,11 @@ if hasattr(os, "register_at_fork"):
 
 
 def configure_jax() -> None:
-    """Check the settings of JAX, and keep compiled programs in the user's cache directory, in one
-    for this host.
+    """Check the settings of JAX, and let it keep compiled programs in the user's cache.
 
-    A directory that is set already takes precedence, be it by the environment's
-    JAX_COMPILATION_CACHE_DIR or in Python; else it is that of the operating system, on Linux
-    XDG_CACHE_HOME or ~/.cache. May be called any number of times.
+    Each host has its own directory there, which is in XDG_CACHE_HOME or ~/.cache on Linux. A
+    directory that is already set takes precedence, by JAX_COMPILATION_CACHE_DIR or in Python. The
+    function may be called any number of times.
 
     Raises:
         UserError: see `check_environment` and `check_jax`.
@@ -77,40 +79,42 @@ def configure_jax() -> None:
     import jax
 
     if not jax.config.jax_compilation_cache_dir:
-        cache = (
-            platformdirs.user_cache_path("iswarm_mj", appauthor=False) / f"jax-{platform.node()}"
-        )
-        jax.config.update("jax_compilation_cache_dir", str(cache))
+        user_cache = platformdirs.user_cache_path("iswarm_mj", appauthor=False)
+        directory = user_cache / f"jax-{platform.node()}"
+        jax.config.update("jax_compilation_cache_dir", str(directory))
+
+    # Keep all programs, however small.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
-    # Programs run in the thread that calls them: handing each control step's to another takes 0.06
-    # ms.
+
+    # Run programs in the thread that calls them: another thread takes 0.06 ms a control step.
     jax.config.update("jax_cpu_enable_async_dispatch", False)
 
 
 def check_jax() -> None:
-    """Refuse a process or settings in which programs of JAX would hang, fail or come to other
-    results.
+    """Check that programs of JAX work in this process, with its present settings.
 
-    Settings are those of now, be they by environment variables or in Python.
+    Settings may be changed by environment variables or in Python.
 
     Raises:
-        UserError: with the name of the setting and of its environment variable, or how to start
-            processes.
+        UserError: programs would hang, fail or give other results.
     """
     import jax
 
     if _Process.is_fork_of_jax:
         raise UserError(
-            "JAX cannot run in a process that was forked after it had started; start processes by spawn, as "
-            'multiprocessing.get_context("spawn"), or in Gymnasium with vector_kwargs={"context": "spawn"}'
+            "JAX cannot run in a process that was forked after it had started; start processes by "
+            'spawn, as multiprocessing.get_context("spawn"), or in Gymnasium with '
+            'vector_kwargs={"context": "spawn"}'
         )
-    for name, (allowed, reason) in _ALLOWED.items():
-        value = getattr(jax.config, name, allowed[0])  # other versions of JAX may lack it
-        if getattr(value, "value", value) not in allowed:
-            choices = " or ".join(str(choice) for choice in allowed)
+    for name, rule in _ALLOWED.items():
+        value = getattr(jax.config, name, rule.allowed[0])  # other versions of JAX may lack it
+        value_or_member = getattr(value, "value", value)  # some values are members of an enum
+        if value_or_member not in rule.allowed:
+            choices = " or ".join(str(choice) for choice in rule.allowed)
             raise UserError(
-                f"{name.upper()} must be {choices}, {reason} (got {shown(value)}); leave it unset"
+                f"{name.upper()} must be {choices}, {rule.reason} (got {shown(value)}); "
+                "leave it unset"
             )
     platforms = jax.config.jax_platforms
     if platforms and "cpu" not in platforms.split(","):
@@ -120,10 +124,10 @@ def check_jax() -> None:
 
 
 def check_devices() -> None:
-    """Refuse settings of JAX with which it has no devices; starts its threads.
+    """Check that JAX has devices, which starts its threads.
 
     Raises:
-        UserError: with the names of the environment variables.
+        UserError: the settings of JAX are not allowed, or leave it without devices.
     """
     check_jax()
     import jax
@@ -134,23 +138,27 @@ def check_devices() -> None:
         if isinstance(default, str):
             jax.devices(default)
     except (RuntimeError, AssertionError) as error:
-        names = "jax_platforms", "jax_platform_name", "jax_default_device", "jax_num_cpu_devices"
-        choices = {name.upper(): getattr(jax.config, name, None) for name in names}
-        choices |= {name: value for name, value in os.environ.items() if name in choices}
-        given = ", ".join(
-            f"{name}={shown(value)}"
-            for name, value in choices.items()
-            if value not in (None, "", -1)
-        )
+        settings = _chosen_devices() or "the devices of this machine"
         reason = shown(error) if str(error) else "it finds no device"
         raise UserError(
-            f"JAX cannot start with {given or 'the devices of this machine'} ({reason}); "
+            f"JAX cannot start with {settings} ({reason}); "
             "they must name devices of this machine, or be unset"
         ) from None
 
 
+def _chosen_devices() -> str:
+    """Return the settings of JAX that choose its devices, for messages; empty if none is set."""
+    import jax
+
+    names = ("jax_platforms", "jax_platform_name", "jax_default_device", "jax_num_cpu_devices")
+    values = {name.upper(): getattr(jax.config, name, None) for name in names}
+    values |= {name: value for name, value in os.environ.items() if name in values}
+    chosen = {name: value for name, value in values.items() if value not in (None, "", -1)}
+    return ", ".join(f"{name}={shown(value)}" for name, value in chosen.items())
+
+
 def can_use_warp() -> bool:
-    """Whether JAX's first device is an NVIDIA GPU and Warp is installed."""
+    """Return whether JAX's first device is an NVIDIA GPU and Warp is installed."""
     check_environment()
     check_devices()
     import jax
@@ -170,7 +178,7 @@ def without_shardy() -> Iterator[None]:
     import jax
 
     name = "jax_use_shardy_partitioner"
-    before = getattr(jax.config, name, None)
+    before = getattr(jax.config, name, None)  # other versions of JAX may lack it
     if not before:
         yield
         return
@@ -185,10 +193,10 @@ def devices(count: str) -> list[Any]:
     """Return the devices to use.
 
     Args:
-        count: "all", or how many of the visible ones.
+        count: "all", or the number of devices, as text.
 
     Raises:
-        ConfigError: it is neither, or there are fewer devices.
+        ConfigError: the count is neither, or JAX sees fewer devices.
     """
     import jax
 
@@ -196,9 +204,8 @@ def devices(count: str) -> list[Any]:
     visible = jax.local_devices()
     if count == "all":
         return visible
-    if not (count.isascii() and count.isdecimal() and len(count) < 10) or not 1 <= int(
-        count
-    ) <= len(visible):
+    is_number = count.isascii() and count.isdecimal() and len(count) < 10
+    if not is_number or not 1 <= int(count) <= len(visible):
         constraint = f"all, or between 1 and {len(visible)}, the number of devices that JAX sees"
         raise ConfigError("devices", count, f"{constraint} ({visible[0].device_kind})")
     return visible[: int(count)]
