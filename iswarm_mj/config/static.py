@@ -94,7 +94,7 @@ class StaticOptics:
     """Reach, beams and timing of the light: the settings that are compiled in."""
 
     mode: Literal["sector", "power"] = "sector"
-    """How links are decided: by range and beam cones as in the paper (`sector`), or by received
+    """Rule that decides about links: range and beam cones as in the paper (`sector`), or received
     power (`power`)."""
     communication_radius: Annotated[float, Above(0, 20, "rd")] = 3.5
     """Range on the axis of a beam (Table 1) [rd]."""
@@ -158,11 +158,11 @@ class StaticGripper:
     tool_reach: Annotated[float, Above(0, 1e-3, "m")] = 0.2e-3
     """Reach of the tool from its rest position, in two degrees of freedom [m]."""
     resolution: Literal["quasi-static", "dynamic"] = "quasi-static"
-    """What decides about attempts to pick up and release: a force balance (`quasi-static`) or
-    trials (`dynamic`)."""
+    """Model of attempts to pick up and release: a force balance (`quasi-static`) or trials
+    (`dynamic`)."""
     bench: Annotated[Literal["auto", "c", "mjx"], _IN_TRIALS] = "auto"
-    """Where trials run: MuJoCo in C, or a batch in MJX; `auto`: C with engines on the CPU, MJX with
-    compiled ones."""
+    """Program that runs trials: MuJoCo in C (`c`), or a batch in MJX (`mjx`); `auto`: C with engines
+    on the CPU, MJX with compiled ones."""
     bench_capacity: Annotated[int, Within(1, 1024), _IN_TRIALS] = 8
     """Trials per world and control step in MJX; further robots try again in the next step."""
     tool_error: Annotated[float, Within(0, 1e-4, "m")] = 0.0

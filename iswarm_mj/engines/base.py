@@ -1,4 +1,4 @@
-"""What every engine can do: put robots somewhere, sense light, move."""
+"""Base classes of engines, which place robots, sense their light and move them."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -110,11 +110,11 @@ class BoxesMixin(ABC):
         return bodies.poses.shape[-2] - self.n_boxes
 
     def poses(self, bodies: Any) -> Float[Array, "*B N 3"]:
-        """See `Engine.poses`."""
+        """Return the poses of the robots; see `Engine.poses`."""
         return bodies.poses[..., : self.n_robots(bodies), :]
 
     def boxes(self, bodies: Any) -> Float[Array, "*B M 3"]:
-        """See `Engine.boxes`."""
+        """Return the poses of the boxes; see `Engine.boxes`."""
         return bodies.poses[..., self.n_robots(bodies) :, :]
 
 
@@ -278,7 +278,7 @@ def boxes_of(engine: Engine, bodies: Any) -> Float[Array, "*B M 3"] | None:
 
 
 Mapping = Literal["batch", "vmap", "in turn"]
-"""How a compiled program goes through its worlds.
+"""Way in which a compiled program goes through its worlds.
 
 The engine acts on all of them at once (`batch`); or it acts on one, and the program maps it over
 the worlds (`vmap`), or computes them one after the other (`in turn`).

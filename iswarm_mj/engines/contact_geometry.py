@@ -1,4 +1,4 @@
-"""Where rectangles touch each other and walls, as functions of numbers.
+"""Contacts of rectangles with each other and with walls, as functions of numbers.
 
 Robots, obstacles and boxes are upright boxes; seen from above they are rectangles. MuJoCo finds
 up to four contact points of two boxes, two at the upper rim and two at the lower one. Points

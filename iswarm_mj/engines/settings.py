@@ -1,4 +1,4 @@
-"""What every engine's settings can do: name the engine, estimate its memory, build it."""
+"""Base class of the settings of engines, which name an engine, estimate its memory and build it."""
 
 import importlib.util
 from abc import ABC, abstractmethod
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 Devices: TypeAlias = tuple[Any, ...] | None
 """JAX devices that share the worlds of a compiled program; None for all visible ones."""
 OF_MACHINE = {"threads", "chunk", "devices"}
-"""Settings that results do not depend on."""
+"""Names of settings that depend on the machine; results do not depend on them."""
 
 
 class ModelSpec(NamedTuple):
-    """What an engine simulates."""
+    """Worlds that an engine simulates."""
 
     config: SwarmConfig
-    """Arena, drive and optics."""
+    """Configuration, whose arena, drive and optics count."""
     n_robots: int
-    """In the largest world."""
+    """Number of robots in the largest world."""
     capacity: int
     """Places for robots in arrays, at least `n_robots`."""
     robot_file: RobotFile = None
@@ -38,19 +38,19 @@ class ModelSpec(NamedTuple):
 
 @dataclass(frozen=True)
 class EngineSettings(ABC):
-    """Settings of an engine: a frozen dataclass whose fields, with defaults and docstrings, become flags of commands.
+    """Settings of an engine: a frozen dataclass whose fields become flags of commands.
 
-    `--engine` shows the first line of the class's docstring. A field has an effect where its
-    `Needs` are met.
+    Fields have defaults, and docstrings that become help texts. `--engine` shows the first line of
+    the class's docstring. A field has an effect where its `Needs` are met.
 
     An engine acts on the host, one control step at a time on NumPy arrays, or inside programs that
-    JAX compiles, which take a chunk of control steps. A class that can do one of these defines
+    JAX compiles, which take a chunk of control steps in a call. Accordingly, its class defines
     `host_engine` or `compiled_engine`; settings of compiled engines have fields `chunk` (control
     steps of a call) and `devices`.
     """
 
     name: ClassVar[str]
-    """Of the engine, as `--engine` takes it."""
+    """Name of the engine, as `--engine` takes it."""
     has_boxes: ClassVar[bool] = False
     """The engine simulates `ArenaConfig.boxes`, and has `Engine.boxes`."""
 
@@ -61,56 +61,67 @@ class EngineSettings(ABC):
                 "`impl` warp needs the package warp-lang; run pip install 'iswarm-mj[warp]'."
             )
         devices = getattr(self, "devices", None)
-        is_given = isinstance(devices, tuple) and len(devices) > 0
-        check("devices", devices, "a tuple of JAX devices, or None", devices is None or is_given)
+        is_tuple = isinstance(devices, tuple) and len(devices) > 0
+        check("devices", devices, "a tuple of JAX devices, or None", devices is None or is_tuple)
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Name and the settings that results depend on, as results state them."""
-        own = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in OF_MACHINE}
-        return {"engine": self.name, **own}
+        """Name and settings that results depend on, as results state them."""
+        names = [field.name for field in fields(self) if field.name not in OF_MACHINE]
+        return {"engine": self.name} | {name: getattr(self, name) for name in names}
 
     @property
     def is_shipped(self) -> bool:
-        """Whether this package has the engine, and not a user."""
+        """The engine is one of this package, not of a user."""
         return type(self).__module__.startswith(f"{__package__}.")
 
     @property
     def on_host(self) -> bool:
-        """Whether the CPU's threads do all."""
+        """The engine computes on the host, in threads of the CPU."""
         return True
 
     @property
     @abstractmethod
     def bytes_per_robot(self) -> int:
-        """Memory that each robot of each world takes at least [bytes]."""
+        """Least memory that each robot of each world takes [bytes]."""
 
     @classmethod
     def usual(cls) -> Self:
-        """Return the settings for this machine, which are the defaults of the flags: on an NVIDIA
-        GPU with Warp."""
-        return cls(**{"impl": "warp"} if "warp" in choices(cls, "impl") and can_use_warp() else {})
+        """Return the settings for this machine, which are the defaults of the flags.
+
+        On an NVIDIA GPU engines use Warp, if they can.
+        """
+        if "warp" in choices(cls, "impl") and can_use_warp():
+            return cls(**{"impl": "warp"})
+        return cls()
 
     def for_batches(self) -> Self:
-        """Return these settings with the contact buffers, if any, with which batches of many runs
-        begin."""
+        """Return these settings with the contact buffers that batches of many runs begin with."""
         return self
 
     def host_engine(self, model: ModelSpec) -> "Callable[[int, int], Engine]":
-        """Return what makes an engine on the host for a number of worlds and of threads."""
+        """Return a function that makes an engine on the host.
+
+        Args:
+            model: worlds to simulate.
+
+        Returns:
+            Function of the number of worlds and the number of threads.
+        """
         raise TypeError(f"{type(self).__name__} has no engine on the host")
 
     def compiled_engine(self, model: ModelSpec, n_worlds: int, platform: str) -> "CompiledEngine":
         """Return an engine for programs of JAX.
 
         Args:
-            model: what it simulates.
-            n_worlds: of a device.
-            platform: of the devices.
+            model: worlds to simulate.
+            n_worlds: number of worlds of a device.
+            platform: platform of the devices, as JAX calls it.
         """
         raise TypeError(f"{type(self).__name__} has no compiled engine")
 
     def in_chunks(self, steps: int) -> Self:
-        """Return these settings with so many control steps in a call, where the engine takes
-        several."""
-        return replace(self, **({"chunk": steps} if hasattr(self, "chunk") else {}))
+        """Return these settings with a number of control steps in a call, if they have `chunk`."""
+        if not hasattr(self, "chunk"):
+            return replace(self)
+        return replace(self, **{"chunk": steps})

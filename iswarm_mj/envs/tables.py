@@ -38,7 +38,7 @@ class Row(NamedTuple):
     name: str
     """Name of the numbers."""
     size: int
-    """How many numbers there are."""
+    """Number of numbers."""
     unit: str
     """Unit; empty for numbers without one, and for flags."""
     low: float

@@ -49,7 +49,7 @@ class Sides:
 
     @property
     def is_regular(self) -> bool:
-        """Whether they are the paper's, for which there are shorter formulas."""
+        """The sides are the paper's, for which there are shorter formulas."""
         return self.leds == SIDES and self.photodiodes == SIDES
 
     @property

@@ -44,7 +44,7 @@ _MASS = BOX_FIELDS.index("mass")
 
 
 class InitialMemories(NamedTuple):
-    """What the strategy contributes to the state at the start."""
+    """Contribution of the strategy to the state at the start."""
 
     memory: Any = None
     """Memories of the robots of B worlds; None where no strategy acts, as in environments."""
@@ -223,8 +223,8 @@ def _stacked(task: Task, states: Sequence[Any]) -> Any:
     shapes = {tuple(map(np.shape, jax.tree.leaves(state))) for state in states}
     if len(shapes) > 1:
         raise UserError(
-            f"the state of {type(task).__name__} has other shapes in worlds with other numbers of robots; "
-            "give all worlds the same number"
+            f"the state of {type(task).__name__} has other shapes in worlds with other numbers of "
+            "robots; give all worlds the same number"
         )
     return jax.tree.map(lambda *values: np.stack(values), *states)
 

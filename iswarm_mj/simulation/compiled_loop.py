@@ -62,7 +62,7 @@ class Program(NamedTuple):
     n_steps: int
     """Number of control steps of a call."""
     records: bool
-    """Whether worlds are recorded."""
+    """Some worlds are recorded."""
     node_types: tuple[type | None, ...]
     """Types of the nodes of parameters and state (`packed.node_types_of`)."""
 

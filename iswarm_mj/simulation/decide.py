@@ -47,7 +47,7 @@ class Decision(NamedTuple):
     links: Links | None
     """Links over which messages arrived; None where they are those of the inputs."""
     received: Received
-    """What the sides received, see `Perceived`."""
+    """Messages that the sides received, see `Perceived`."""
     box_targets: Float[Array, "*B M 3"] | None = None
     """Poses to which the task drives boxes, see `Task.drive_boxes`; None where it drives none."""
 
@@ -136,8 +136,8 @@ def _observe_in_turn(
     """
     if not overrides(strategy, Strategy, "listen"):
         raise UserError(
-            f"strategy.update_order is sequential, but {type(strategy).__name__} has no method listen; add one "
-            "(see Strategy.listen), or use synchronous updates."
+            f"strategy.update_order is sequential, but {type(strategy).__name__} has no method "
+            "listen; add one (see Strategy.listen), or use synchronous updates."
         )
 
     def relay(observation: Observation) -> Message:

@@ -153,14 +153,16 @@ def check_boxes(task: Task, starts: Sequence[Start]) -> None:
     for world, boxes in enumerate(boxes_of_worlds):
         if boxes != boxes_of_worlds[0]:
             raise UserError(
-                f"world {world} of {name} has other boxes than the first; worlds of a run may differ in x, y and "
-                "yaw of their boxes, not in number, half edges, mass and friction"
+                f"world {world} of {name} has other boxes than the first; worlds of a run may "
+                "differ in x, y and yaw of their boxes, not in number, half edges, mass and "
+                "friction"
             )
 
     has_driven_box = any(box["mass"] == 0 for box in boxes_of_worlds[0])
     if overrides(task, Task, "drive_boxes") and not has_driven_box:
         raise UserError(
-            f"{name}.drive_boxes moves boxes of mass 0, of which there are none; lay one, or add it to `arena.boxes`"
+            f"{name}.drive_boxes moves boxes of mass 0, of which there are none; lay one, or add "
+            "it to `arena.boxes`"
         )
 
 

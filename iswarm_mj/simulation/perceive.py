@@ -58,13 +58,13 @@ class Perceived(NamedTuple):
     swarm: SwarmState
     """State with task advanced and capacitors charged; the memory is that of the previous step."""
     sensed: Sensed
-    """What the task let the robots sense."""
+    """Quantities that the task let the robots sense."""
     task_inputs: TaskInputs
     """Inputs of the task."""
     links: Links
     """Sender whose message each side (N, S) receives unless noise spoils it."""
     received: Received
-    """What the sides received; its message is None, since the observation has it."""
+    """Messages that the sides received; `message` is None, since the observation has it."""
     transmit: Callable[[dict[str, Any]], Received]
     """Sends other messages over the same links with the same noise, as sequential updates need."""
 

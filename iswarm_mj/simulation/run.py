@@ -155,7 +155,7 @@ class Run:
 
     @property
     def is_over(self) -> bool:
-        """Whether the time is up or every world has ended."""
+        """The time is up, or every world has ended."""
         return self._n_taken >= self.settings.steps or bool(self._has_ended.all())
 
     @property

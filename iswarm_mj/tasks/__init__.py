@@ -1,1 +1,1 @@
-"""What a swarm is to do: the base class of tasks, cleaning and other tasks."""
+"""Tasks of swarms: their base class, cleaning and other tasks."""

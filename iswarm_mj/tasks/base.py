@@ -167,7 +167,7 @@ class Task(ABC):
 
     `iswarm run` rejects their flags."""
     batch_invariant: ClassVar[bool] = False
-    """See `Strategy.batch_invariant`."""
+    """Compiled, it rounds alike for one world and several, see `Strategy.batch_invariant`."""
 
     @abstractmethod
     def lay_out(

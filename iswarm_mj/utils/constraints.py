@@ -65,7 +65,7 @@ class Above(Within):
 
 @dataclass(frozen=True)
 class Needs:
-    """What a setting needs in order to have an effect: a value of another setting of its class.
+    """Condition under which a setting has an effect: a value of another setting of its class.
 
     To be used in an annotation.
     """

@@ -69,7 +69,7 @@ class MjxEngine(BoxesMixin, CompiledEngine):
     # A property, since the arena is a pytree, and its robots are static.
     @property
     def robot(self) -> Robots:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """See `Engine.robot`."""
+        """Geometry and mass of the robots."""
         return self.arena.robot
 
     def mapping(self, platform: str) -> Mapping:
@@ -81,16 +81,16 @@ class MjxEngine(BoxesMixin, CompiledEngine):
         return "in turn" if self.arena.impl == "jax" and platform == "cpu" else "vmap"
 
     def place(self, poses: Float[Array, "NM 3"], is_present: Bool[Array, "N"]) -> FreeBodies:
-        """See `Engine.place`."""
+        """Return robots and boxes at rest; see `Engine.place`."""
         return FreeBodies(poses, jnp.zeros_like(poses), with_boxes(is_present, self.n_boxes))
 
     @property
     def n_boxes(self) -> int:
-        """See `BoxesMixin.n_boxes`."""
+        """Number of boxes M."""
         return len(self.arena.halves)
 
     def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, ""]) -> LightReading:
-        """See `Engine.sense`."""
+        """Find links and walls in sight; see `Engine.sense`."""
         solid = with_poses(self.arena.obstacles, self.boxes(bodies), self.arena.halves)
         crowd = Crowd(self.poses(bodies), bodies.is_present[: self.arena.n_robots], solid)
         with jax.default_matmul_precision("highest"):
@@ -105,7 +105,7 @@ class MjxEngine(BoxesMixin, CompiledEngine):
         phases: Sequence[Phase],
         is_running: Bool[Array, ""],
     ) -> Motion:
-        """See `Engine.move`."""
+        """Take the physics steps of some phases; see `Engine.move`."""
         with (
             jax.default_matmul_precision("highest"),
             planar_contacts(),

@@ -43,20 +43,23 @@ class MjxSettings(EngineSettings):
 
     @property
     def on_host(self) -> bool:
-        """See `EngineSettings.on_host`."""
+        """The engine computes on the host, see `EngineSettings.on_host`."""
         return False
 
     @property
     def bytes_per_robot(self) -> int:
-        """See `EngineSettings.bytes_per_robot`; measured, see docs/performance.md."""
+        """Memory of each robot [bytes], as measured in docs/performance.md."""
         return 25_000 if self.impl == "jax" else 4_000
 
     def for_batches(self) -> Self:
-        """See `EngineSettings.for_batches`; unused room costs time with `jax` alone."""
+        """Return settings with contact buffers for batches; see `EngineSettings.for_batches`.
+
+        Unused room in the buffers costs time with `jax`, but none with `warp`.
+        """
         return replace(self, contact_capacity=max(self.contact_capacity, BATCH_CAPACITY))
 
     def compiled_engine(self, model: ModelSpec, n_worlds: int, platform: str) -> "CompiledEngine":
-        """See `EngineSettings.compiled_engine`."""
+        """Return an engine for programs; see `EngineSettings.compiled_engine`."""
         from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
         from iswarm_mj.engines.mjx.engine import MjxEngine
         from iswarm_mj.engines.robot_file import read_robots

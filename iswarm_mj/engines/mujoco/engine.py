@@ -100,11 +100,11 @@ class MujocoEngine(BoxesMixin, Engine):
 
     @property
     def n_boxes(self) -> int:
-        """See `BoxesMixin.n_boxes`."""
+        """Number of boxes M."""
         return len(self._arena.hull) - self._n_robots
 
     def place(self, poses: Float[Array, "B PM 3"], is_present: Bool[Array, "B P"]) -> Bodies:
-        """See `Engine.place`."""
+        """Return robots and boxes at rest; see `Engine.place`."""
         self._is_present = is_present[:, : self._n_robots]
         self._park_absent_robots()
         self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
@@ -125,7 +125,7 @@ class MujocoEngine(BoxesMixin, Engine):
         self._height[:, robots] = np.where(self._is_present, on_floor, parked)
 
     def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> LightReading:
-        """See `Engine.sense`."""
+        """Find links and walls in sight; see `Engine.sense`."""
         self._qpos[:, self._arena.qpos] = np.asarray(bodies.poses)[:, self._places]
         reading = sense(
             scene=self._scene,
@@ -140,7 +140,7 @@ class MujocoEngine(BoxesMixin, Engine):
         return LightReading(links, self._pad_robots(reading.sees_wall))
 
     def move(self, bodies: Bodies, phases: Sequence[Phase], is_running: Bool[Array, "B"]) -> Motion:
-        """See `Engine.move`."""
+        """Take the physics steps of some phases; see `Engine.move`."""
         return take_phases(
             bodies=bodies,
             phases=phases,
@@ -154,7 +154,7 @@ class MujocoEngine(BoxesMixin, Engine):
     def _take_steps(
         self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[Bodies, Array, Array]:
-        """See `StepBodies`."""
+        """Take the physics steps of a phase; see `StepBodies`."""
         self._qpos[:, self._arena.qpos] = bodies.poses[:, self._places]
         self._qvel[:] = bodies.velocity
         self._force[:, self._arena.qpos] = self._arena.servo_gain * targets[:, self._places]

@@ -25,11 +25,11 @@ class MujocoSettings(EngineSettings):
 
     @property
     def bytes_per_robot(self) -> int:
-        """See `EngineSettings.bytes_per_robot`."""
+        """Memory of each robot, see `EngineSettings.bytes_per_robot`."""
         return 1_000
 
     def host_engine(self, model: ModelSpec) -> "Callable[[int, int], Engine]":
-        """See `EngineSettings.host_engine`."""
+        """Return a maker of engines; see `EngineSettings.host_engine`."""
         from iswarm_mj.engines.arena import compile_arena
         from iswarm_mj.engines.mujoco.engine import MujocoEngine
 

@@ -74,11 +74,11 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
     solids: tuple[tuple[float, ...], ...] = field(metadata={"static": True})
 
     def mapping(self, platform: str) -> Mapping:
-        """See `CompiledEngine.mapping`."""
+        """Return how programs go through worlds; see `CompiledEngine.mapping`."""
         return "batch"
 
     def place(self, poses: Float[Array, "B NM 3"], is_present: Bool[Array, "B N"]) -> FreeBodies:
-        """See `Engine.place`."""
+        """Return robots and boxes at rest; see `Engine.place`."""
         poses = jnp.asarray(poses, jnp.float32)
         bodies_present = with_boxes(jnp.asarray(is_present), self.n_boxes)
         work = jnp.zeros(len(poses), jnp.int32)
@@ -86,11 +86,11 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
 
     @property
     def n_boxes(self) -> int:
-        """See `BoxesMixin.n_boxes`."""
+        """Number of boxes M."""
         return len(self.kinds) - len(self.robot.kinds)
 
     def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> LightReading:
-        """See `Engine.sense`."""
+        """Find links and walls in sight; see `Engine.sense`."""
         n_robots = self.n_robots(bodies)
         is_present = bodies.is_present[:, :n_robots] & is_running[:, None]
 
@@ -180,7 +180,7 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
         phases: Sequence[Phase],
         is_running: Bool[Array, "B"],
     ) -> Motion:
-        """See `Engine.move`."""
+        """Take the physics steps of some phases; see `Engine.move`."""
         walls = self._solids()[: self.plane.n_walls, :3]
         n_robots = self.n_robots(bodies)
         return take_phases(
@@ -196,7 +196,7 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
     def _take_steps(
         self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[FreeBodies, Array, Array]:
-        """See `StepBodies`."""
+        """Take the physics steps of a phase; see `StepBodies`."""
         n_worlds, n_bodies = bodies.is_present.shape
         n_robots = self.n_robots(bodies)
         n_threads = self._threads(n_robots)

@@ -1,4 +1,4 @@
-"""What the solver needs of a contact, and one step of the solver at it: for one pair of bodies.
+"""Contact of one pair of bodies: what the solver needs of it, and one step of the solver.
 
 A contact has one or two rows, one for each contact point. At a point the surfaces separate with
 velocity

@@ -73,18 +73,18 @@ class PlanarEngine(BoxesMixin, Engine):
         self._pool = ThreadPoolExecutor(self._n_threads) if self._n_threads > 1 else None
 
     def place(self, poses: Float[Array, "B NM 3"], is_present: Bool[Array, "B N"]) -> FreeBodies:
-        """See `Engine.place`."""
+        """Return robots and boxes at rest; see `Engine.place`."""
         poses = np.array(poses, float)
         bodies_present = np.array(with_boxes(np.asarray(is_present, bool), self.n_boxes))
         return FreeBodies(poses, np.zeros_like(poses), bodies_present, np.zeros(len(poses)))
 
     @property
     def n_boxes(self) -> int:
-        """See `BoxesMixin.n_boxes`."""
+        """Number of boxes M."""
         return len(self.kinds) - len(self.robot.kinds)
 
     def sense(self, bodies: FreeBodies, emits: Array, is_running: Bool[Array, "B"]) -> LightReading:
-        """See `Engine.sense`."""
+        """Find links and walls in sight; see `Engine.sense`."""
         n_worlds = len(bodies.poses)
         n_robots = self.n_robots(bodies)
         n_senders = self._light.n_senders
@@ -112,7 +112,7 @@ class PlanarEngine(BoxesMixin, Engine):
         phases: Sequence[Phase],
         is_running: Bool[Array, "B"],
     ) -> Motion:
-        """See `Engine.move`."""
+        """Take the physics steps of some phases; see `Engine.move`."""
         bodies = bodies._replace(overlap=np.zeros(len(is_running)))
         walls = self._solids[: self.plane.n_walls, :3]
         n_robots = self.n_robots(bodies)
@@ -129,7 +129,7 @@ class PlanarEngine(BoxesMixin, Engine):
     def _take_steps(
         self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[FreeBodies, Array, Array]:
-        """See `StepBodies`."""
+        """Take the physics steps of a phase; see `StepBodies`."""
         new_bodies = bodies._replace(
             poses=np.copy(bodies.poses),
             velocity=np.copy(bodies.velocity),

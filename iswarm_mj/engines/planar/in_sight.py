@@ -43,7 +43,7 @@ _SPARE = 1e-6  # of the radius within which robots are looked for, for rounding
 
 
 class Scene(NamedTuple):
-    """What the light of a world depends on, beside the robots."""
+    """Optics and surroundings of a world: all that its light depends on, besides the robots."""
 
     light: Light
     """Optics."""

@@ -21,7 +21,7 @@ shared = register_jitable(forceinline=True)
 
 
 class Place(NamedTuple):
-    """Where a body is."""
+    """Position and heading of a body."""
 
     x: float
     """x of its centre [mm]."""

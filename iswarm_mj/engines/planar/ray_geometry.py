@@ -1,4 +1,4 @@
-"""Where rays of light meet rectangles and walls, as functions of numbers. Units: mm."""
+"""Rays of light that meet rectangles and walls, as functions of numbers. Units: mm."""
 
 import math
 from typing import NamedTuple

@@ -22,7 +22,7 @@ class Light(NamedTuple):
     is_power: bool
     """Power mode, otherwise sector mode (see `OpticsConfig.mode`)."""
     needs_sight: bool
-    """Whether a robot in between blocks the light."""
+    """A robot in between blocks the light."""
     reach: float
     """Effective distance at which light is no longer received."""
     farthest: float
@@ -42,11 +42,11 @@ class Light(NamedTuple):
     wall_reach: float
     """Distance from an LED up to which a wall reflects its light."""
     optical_offset: float
-    """See `Robots.optical_offset`."""
+    """Offset that effective distances are measured with, see `Robots.optical_offset` [mm]."""
     n_senders: int
     """Number of senders that a side reports, the nearest ones in sight."""
     is_regular: bool
-    """See `Sides.is_regular`."""
+    """The sides are the paper's, see `Sides.is_regular`."""
     n_sides: int
     """Number S of a robot's sides."""
 

@@ -42,21 +42,21 @@ class PlanarSettings(EngineSettings):
 
     @property
     def identity(self) -> dict[str, Any]:
-        """See `EngineSettings.identity`."""
+        """Name and settings that results depend on; `numba`, the default, is left out."""
         return {name: value for name, value in super().identity.items() if value != "numba"}
 
     @property
     def on_host(self) -> bool:
-        """See `EngineSettings.on_host`."""
+        """The engine computes on the host, see `EngineSettings.on_host`."""
         return self.impl == "numba"
 
     @property
     def bytes_per_robot(self) -> int:
-        """See `EngineSettings.bytes_per_robot`."""
+        """Memory of each robot, see `EngineSettings.bytes_per_robot`."""
         return 1_000 if self.impl == "numba" else 4_000
 
     def host_engine(self, model: ModelSpec) -> "Callable[[int, int], Engine]":
-        """See `EngineSettings.host_engine`."""
+        """Return a maker of engines; see `EngineSettings.host_engine`."""
         from iswarm_mj.engines.planar.engine import PlanarEngine
 
         arena = self._compile_arena(model)
@@ -64,7 +64,7 @@ class PlanarSettings(EngineSettings):
         return lambda n_worlds, n_threads: PlanarEngine(model.config, arena, n_threads, tolerance)
 
     def compiled_engine(self, model: ModelSpec, n_worlds: int, platform: str) -> "CompiledEngine":
-        """See `EngineSettings.compiled_engine`."""
+        """Return an engine for programs; see `EngineSettings.compiled_engine`."""
         from iswarm_mj.engines.planar.batch_engine import read_engine
 
         arena = self._compile_arena(model)

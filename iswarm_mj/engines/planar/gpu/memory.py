@@ -22,7 +22,7 @@ MOST_SHARED = 46 * 1024
 
 @wp.struct
 class Memory:
-    """Where the arrays of a block lie."""
+    """Addresses at which the arrays of a block lie."""
 
     shared: wp.uint64
     """Address of the shared memory."""

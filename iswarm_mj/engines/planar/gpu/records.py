@@ -1,4 +1,4 @@
-"""What the solver needs of each contact, in records of 17 words.
+"""Records of contacts, of 17 words each, from which the solver reads all it needs.
 
 An odd number of words lets the records of neighbouring threads lie in different banks of shared
 memory.

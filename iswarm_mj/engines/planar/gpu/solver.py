@@ -68,7 +68,7 @@ class End:
     ahead: wp.vec4
     """Velocity that has moved on by the momentum."""
     is_first_visit: bool
-    """Whether no contact of the body was solved before in this sweep."""
+    """No contact of the body was solved before in this sweep."""
 
 
 @wp.func
