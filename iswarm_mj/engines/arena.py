@@ -338,7 +338,7 @@ def _add_box(spec: mujoco.MjSpec, prefix: str, box: Box, hull: mujoco.MjsGeom) -
         spec: the arena.
         prefix: beginning of the names of its parts.
         box: half edges [rd], mass [kg] and friction coefficient, see `geometry.obstacles.Box`.
-        hull: that of a robot.
+        hull: hull of a robot.
     """
     _, _, half_x, half_y, _, mass_in_kg, friction = box
     is_driven = mass_in_kg == 0

@@ -173,7 +173,7 @@ def _check_referenced_files(spec: mujoco.MjSpec, folder: Path) -> None:
 
     Args:
         spec: specification of the robot.
-        folder: that of the robot's file.
+        folder: folder of the robot's file.
 
     Raises:
         UserError: a name is no text, or the file is not a plain one.
@@ -338,7 +338,7 @@ def _read_sides(model: mujoco.MjModel, sites: list[list[str]], path: Path) -> Si
 
     Args:
         model: the robot.
-        sites: of each side, see `_sites_of_side`.
+        sites: names of the sites of each side, see `_sites_of_side`.
         path: the robot's file.
 
     Raises:

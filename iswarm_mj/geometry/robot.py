@@ -152,7 +152,7 @@ class Robots:
         """Return an attribute of each robot.
 
         Args:
-            name: of the attribute of `Robot`, such as "probe_tip".
+            name: name of an attribute of `Robot`, such as "probe_tip".
             which: number of robots, from the first one on, or their indices.
         """
         values_of_kinds = np.array([getattr(kind, name) for kind in self.kinds])
@@ -195,7 +195,7 @@ class Robot(Robots):
         photodiodes: places of the two photodiodes of each side [mm].
         probe_tip: place of the tip of the probe [mm].
         tip_height: height of the tip above the floor [mm].
-        mass: of the robot [mg].
+        mass: mass of the robot [mg].
         sides: directions of LEDs and photodiodes.
     """
 

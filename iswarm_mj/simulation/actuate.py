@@ -67,7 +67,7 @@ def actuate(
         config: longest step, largest turn, costs.
         conditions: errors of the actuators.
         command: turns [rad] and distances [mm].
-        inputs: which robots can move, and where they are.
+        inputs: state of the robots: who can move, and where they are.
         key: random key of the errors.
     """
     # Dead and waiting robots stand still, whatever they command.

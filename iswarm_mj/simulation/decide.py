@@ -177,12 +177,12 @@ def hear_in_turn(
     takes one sweep more than the longest path of news has links.
 
     Args:
-        observation: what N robots sense, with the messages that were said at the end of the
+        observation: observation of N robots, with the messages that were sent at the end of the
             previous step.
-        turns: when each robot has its turn (`draw_turns`).
+        turns: order of each robot's turn (`draw_turns`).
         sender: sender of each side, where something is heard.
-        relay: returns the messages (N, S) that arrive if all robots have heard what it is given,
-            and say so.
+        relay: function of an observation; returns the messages (N, S) that arrive if all robots
+            have heard it, and pass it on.
     """
     old_messages = Message(observation.led, observation.payload)
     is_new = observation.is_heard & (turns[sender] < turns[:, None])

@@ -69,8 +69,8 @@ def energy_after_step(
         energy: energies with what light charged in this step [J].
         command: motion that the drives carry out.
         tool_voltage_squared: sum of V^2 over the attempts of each robot [V^2].
-        led_power: which robots light their LEDs, or at what power, from 0 to 1. Robots that wait
-            for energy do not, whatever it says.
+        led_power: robots that light their LEDs, or the power of the LEDs from 0 to 1. Robots that
+            wait for energy never light them.
     """
     costs = config.energy
     drive = config.drive

@@ -73,7 +73,7 @@ class Run:
         """Prepare the worlds.
 
         Args:
-            scenario: what is simulated.
+            scenario: scenario to simulate.
             record_worlds: numbers of the worlds whose steps `advance` returns.
             capacity: robots for which compiled programs have room: runs of the same capacity share
                 them. None for the robots of the largest world.

@@ -8,19 +8,19 @@ from iswarm_mj.utils.constraints import Within, check, validate
 
 @dataclass(frozen=True)
 class RunSettings:
-    """One run of B worlds; world w of seed s has its own random numbers."""
+    """Settings of a run of B worlds; world w of seed s has its own random numbers."""
 
     n_robots: Annotated[int, Within(1)]
-    """N, robots in the largest world."""
+    """Number of robots N in the largest world."""
     steps: Annotated[int, Within(1, 1_000_000)]
-    """Control steps at most."""
+    """Maximum number of control steps."""
     seed: Annotated[int, Within(0, 2**32 - 2)] = 0
     """Seed of all random numbers."""
     n_worlds: Annotated[int, Within(1)] = 1
-    """B, independent worlds at once."""
+    """Number B of independent worlds, simulated at once."""
     stop_at: Annotated[int | None, Within(1)] = None
-    """Progress of the task at which a world is finished, in cleaning balls delivered; None for the
-    task's goal."""
+    """Progress of the task that finishes a world, in cleaning the number of balls delivered; None
+    for the task's goal."""
     failed_fraction: Annotated[float, Within(0, 1)] = 0.0
     """Share of robots that are dead from the start and only stand in the way."""
     capacity: Annotated[int | None, Within(1)] = None
@@ -34,15 +34,13 @@ class RunSettings:
     def __post_init__(self):
         validate(self)
         if self.capacity is not None:
-            check(
-                "capacity",
-                self.capacity,
-                "at least the number of robots",
-                self.capacity >= self.n_robots,
-            )
+            has_room = self.capacity >= self.n_robots
+            check("capacity", self.capacity, "at least the number of robots", has_room)
+
         recorded = self.record_worlds
-        known = isinstance(recorded, tuple) and all(
+        allowed = f"distinct worlds from 0 to {self.n_worlds - 1}"
+        are_worlds = isinstance(recorded, tuple) and all(
             world in range(self.n_worlds) for world in recorded
         )
-        distinct = known and len(set(recorded)) == len(recorded)
-        check("record_worlds", recorded, f"distinct worlds from 0 to {self.n_worlds - 1}", distinct)
+        are_distinct = are_worlds and len(set(recorded)) == len(recorded)
+        check("record_worlds", recorded, allowed, are_distinct)

@@ -1,6 +1,6 @@
-"""What runs and environments are made of: what the user gives, checked once, and the engine that it
-asks for."""
+"""Preparation of runs and environments: checks of a scenario, and its engine."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -30,26 +30,28 @@ from iswarm_mj.utils.jax_setup import check_devices, configure_jax
 
 
 class Setup(NamedTuple):
-    """A scenario that is checked, and how its worlds begin."""
+    """Scenario that has been checked, and the starts of its worlds."""
 
     scenario: Scenario
-    """What is simulated."""
+    """The scenario."""
     config: SwarmConfig
     """Configuration of the run, with the boxes that its task lays."""
     static: StaticConfig
-    """What control steps are compiled for."""
+    """Settings that control steps are compiled for."""
     settings: RunSettings
+    """Settings of the run."""
     robot: Robots
     """Geometry of the robots."""
     tasks: Any
     """The task, with a first axis of B worlds."""
     sensed: dict[str, Any]
-    """Shapes and types of what robots sense of it beside balls and dump."""
+    """Shapes and types of the quantities of the task that robots sense besides balls and dump."""
     goal: int | None
-    """Progress of the task that finishes a world; None if it never is."""
+    """Progress of the task that finishes a world; None if nothing does."""
     worlds: Sequence[World]
+    """The B worlds."""
     starts: Sequence[Start]
-    """How each world begins."""
+    """Start of each world."""
 
     @property
     def engine(self) -> EngineSettings:
@@ -58,7 +60,7 @@ class Setup(NamedTuple):
 
     @property
     def task(self) -> Task:
-        """The task as given."""
+        """The user's task."""
         return self.scenario.task
 
     @property
@@ -73,48 +75,63 @@ class Setup(NamedTuple):
 
     @property
     def device(self) -> Any:
-        """JAX device of what is not the engine's, None for the default: engines on the host leave
-        GPUs alone."""
+        """JAX device of everything but the engine; None for the default.
+
+        With an engine on the host GPUs stay free.
+        """
         check_devices()
         return jax.local_devices(backend="cpu")[0] if self.engine.on_host else None
 
     @property
     def model(self) -> ModelSpec:
-        """What the engine simulates."""
+        """Worlds as the engine needs to know them."""
         is_masked = any(world.n_robots < self.capacity for world in self.worlds)
         return ModelSpec(
-            self.config, self.settings.n_robots, self.capacity, self.robot_file, is_masked
+            config=self.config,
+            n_robots=self.settings.n_robots,
+            capacity=self.capacity,
+            robot_file=self.robot_file,
+            is_masked=is_masked,
         )
 
     def host_engine(self) -> Callable[[int, int], Engine]:
-        """Return what makes an engine on the host for a number of worlds and of threads."""
+        """Return a function of the numbers of worlds and threads that makes an engine."""
         return make_host_engine(self.engine, self.model, self.robot)
 
     def compiled_engine(self, n_worlds: int) -> tuple[CompiledEngine, Sequence[Any]]:
-        """Return an engine for programs of JAX, and the devices that share so many worlds."""
+        """Return an engine for programs of JAX, and the devices that share the worlds.
+
+        Args:
+            n_worlds: number of worlds of all devices.
+        """
         devices = devices_of(self.engine)[:n_worlds]
-        n_rows, platform = -(-n_worlds // len(devices)), devices[0].platform
-        return make_compiled_engine(self.engine, self.model, self.robot, n_rows, platform), devices
+        n_rows = math.ceil(n_worlds / len(devices))
+        platform = devices[0].platform
+        engine = make_compiled_engine(self.engine, self.model, self.robot, n_rows, platform)
+        return engine, devices
 
 
 def set_up(
     scenario: Scenario, settings: RunSettings, layouts: Sequence[World] | None = None
 ) -> Setup:
-    """Check what is simulated, and draw how worlds begin.
+    """Check a scenario, and draw the starts of its worlds.
 
     Args:
-        scenario: what is simulated.
-        settings: of the run.
+        scenario: the scenario.
+        settings: settings of the run.
         layouts: worlds whose starts are drawn, by default all of the scenario.
 
     Raises:
-        UserError: robots, worlds, a task or settings that do not fit, or too little memory.
+        UserError: robots, worlds, a task or settings do not fit, or memory does not suffice.
     """
     configure_jax()
     check_kind("scenario", scenario, Scenario)
-    config, engine, task = scenario.config, scenario.engine, scenario.task
+    config = scenario.config
+    engine = scenario.engine
+    task = scenario.task
     check_settings(engine)
 
+    # Robots and their number.
     check_total(scenario.robot_file, settings.n_robots)
     robot = read_robots(scenario.robot_file)
     capacity = settings.capacity or settings.n_robots
@@ -127,22 +144,24 @@ def set_up(
     usable_task(task)
     goal = goal_of(task, config, settings)
     check_robots(config.arena, largest, cell_of(robot))
-    slots, n_leds = config.optics.slots, len(robot.sides)
-    is_long = not config.optics.baud_rate or slots >= n_leds
-    check("optics.slots", slots, f"at least {n_leds}, one for each LED of the robot", is_long)
+    slots = config.optics.slots
+    n_leds = len(robot.sides)
+    has_enough_slots = not config.optics.baud_rate or slots >= n_leds
+    allowed = f"at least {n_leds}, one for each LED of the robot"
+    check("optics.slots", slots, allowed, has_enough_slots)
 
+    # Starts of the worlds, whose boxes the task may have laid.
     starts = starts_of(config, task, robot, worlds)
     check_boxes(task, starts)
-    if (boxes := starts[0].boxes) != config.arena.boxes:
+    boxes = starts[0].boxes
+    if boxes != config.arena.boxes:
         config = with_boxes_laid(config, boxes, "start")
-        worlds = [
-            replace(w, config=w.config and with_boxes_laid(w.config, boxes, "start"))
-            for w in worlds
-        ]
+        worlds = [_with_boxes(world, boxes) for world in worlds]
     can_have_boxes = config.arena.boxes == () or engine.has_boxes
     allowed = f"left out with the engine {engine.name}, which has none"
     check("arena.boxes", config.arena.boxes, allowed, can_have_boxes)
 
+    # The task, as control steps need it.
     static = static_config(config, on_host=engine.on_host)
     arrays = as_task(task)
     sensed = check_task(arrays, config, static, robot, starts[0].task, capacity)
@@ -158,3 +177,10 @@ def set_up(
         worlds=worlds,
         starts=starts,
     )
+
+
+def _with_boxes(world: World, boxes: Any) -> World:
+    """Return a world whose configuration, if it has one, has the boxes of its start."""
+    if world.config is None:
+        return world
+    return replace(world, config=with_boxes_laid(world.config, boxes, "start"))

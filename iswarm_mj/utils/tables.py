@@ -16,6 +16,7 @@ from iswarm_mj.utils.files import atomic_write, check_file, check_name
 MAX_VALUES = 10**8
 """Largest table that is read, in values: a compressed one may be small on disk."""
 _KEY = b"iswarm_mj"
+"""Key of the settings in the metadata of a parquet file."""
 
 
 def write_table(
@@ -29,12 +30,12 @@ def write_table(
     """Write a table in one step: parquet, and optionally CSV beside it.
 
     Args:
-        path: of the parquet file.
+        path: path of the parquet file.
         rows: mappings with the same names; None is a missing value.
-        settings: that the rows depend on; stored in the file as JSON, with the version of the
-            package.
+        settings: settings that the rows depend on; stored in the file as JSON, with the version of
+            the package.
         csv: also write a CSV file of the same name.
-        units: of columns, for their metadata in the parquet file.
+        units: units of columns, for the metadata of the parquet file.
     """
     check_name(path, ".parquet", setting="path")
     table = pa.Table.from_pylist(list(map(dict, rows)))
@@ -70,7 +71,8 @@ def read_table(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         settings = json.loads(table.schema.metadata[_KEY])
     except (OSError, pa.ArrowException, TypeError, KeyError, ValueError, RecursionError):
         raise UserError(
-            f"{path} is not a readable table of iswarm; give the directory of a finished run or run it again."
+            f"{path} is not a readable table of iswarm; give the directory of a finished run or "
+            "run it again."
         ) from None
     return table.to_pylist(), settings
 

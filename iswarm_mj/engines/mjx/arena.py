@@ -51,7 +51,7 @@ def contact_capacity(config: SwarmConfig, n_robots: int, factor: float = 1.0) ->
     Args:
         config: the arena.
         n_robots: N.
-        factor: by which the buffers are larger.
+        factor: size of the buffers relative to the default.
     """
     arena = config.arena
     n_bodies = n_robots + len(arena.boxes)

@@ -58,7 +58,7 @@ class MjxEngine(BoxesMixin, CompiledEngine):
 
     Attributes:
         arena: compiled arena.
-        config: its optics are used.
+        config: configuration, whose optics count.
         is_masked: some worlds have fewer robots than the arena.
     """
 
@@ -170,7 +170,7 @@ class MjxEngine(BoxesMixin, CompiledEngine):
         """Return the robots of higher index that overlap each robot, see `Motion.touching`.
 
         Args:
-            poses: of robots and boxes, at the end of each phase.
+            poses: poses of robots and boxes at the end of each phase [mm, mm, rad].
             is_present: robots and boxes that others touch.
         """
         n_robots = self.arena.n_robots

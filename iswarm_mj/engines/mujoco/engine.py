@@ -205,8 +205,8 @@ class MujocoEngine(BoxesMixin, Engine):
         """Read the contacts of a world's last physics step.
 
         Args:
-            world: its index.
-            partners: of each robot, see `Motion.touching`; those that touch it now are added.
+            world: index of the world.
+            partners: partners of each robot, see `Motion.touching`; present ones are added.
             n_contacts: number of contact points in each world; that of this world is set.
         """
         contact = self._batch.get_data(world, self._scratch).contact

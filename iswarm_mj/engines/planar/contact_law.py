@@ -145,7 +145,7 @@ def velocity_change(
     Args:
         impulse: sum of the changes of both impulses [mg mm/s].
         angular_impulse: sum of the changes times their arms [mg mm^2/s].
-        inverse_mass: of the body [1/mg].
+        inverse_mass: inverse mass of the body [1/mg].
         swing: inverse inertia of the body times the radius of its circumcircle [1/(mg mm)].
     """
     return inverse_mass * abs(impulse) + swing * abs(angular_impulse)

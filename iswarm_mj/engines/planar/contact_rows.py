@@ -223,7 +223,7 @@ def rows_of(
     """Return the rows of a contact.
 
     Args:
-        touch: where the bodies touch.
+        touch: points at which the bodies touch.
         first_velocity: velocity of the first body before the step.
         second_velocity: velocity of the second body before the step.
         law: the contact's law.
@@ -336,7 +336,7 @@ def floor_friction(kind: Kind, velocity: Velocity, friction: Friction) -> Fricti
 
     Args:
         kind: the body's kind.
-        velocity: of the body, with the impulses so far.
+        velocity: velocity of the body, with the impulses so far.
         friction: the impulses so far.
     """
     yields = 1.0 + 0.5 * CREEP
