@@ -10,7 +10,7 @@ from iswarm_mj.utils.constraints import Needs, Within, check, constraint_of
 from iswarm_mj.utils.directory_lock import locked
 
 _RECORDED = Needs("record", why="with --no-record")
-_DYNAMIC = Needs("has_trials", why="without `gripper.resolution` dynamic")
+_WITH_TRIALS = Needs("has_trials", why="without `gripper.resolution` dynamic")
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class Clean(Swarm):
     )
 
     steps: Annotated[int, constraint_of(RunSettings, "steps")] = 800
-    """Control steps at most."""
+    """Maximum number of control steps."""
     stop_at: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
     """Finish when this many balls are delivered; all of them by default."""
     out: Path = Path("runs/clean")
@@ -39,13 +39,13 @@ class Clean(Swarm):
     """Record to trajectory.npz, and to a file for Rerun."""
     record_worlds: Annotated[tuple[int, ...], Within(0), _RECORDED] = (0,)
     """Worlds to record; the files of all but the first of them go into world-N."""
-    record_grasps: Annotated[int, Within(0, 10_000), _RECORDED, _DYNAMIC] = 0
-    """Attempts to lift or release whose trials on the bench are recorded beside the arena, the
-    first so many; with --gripper.resolution dynamic."""
+    record_grasps: Annotated[int, Within(0, 10_000), _RECORDED, _WITH_TRIALS] = 0
+    """Number of attempts to lift or release, from the first one on, whose trials on the bench are
+    recorded beside the arena; with --gripper.resolution dynamic."""
 
     @property
     def has_trials(self) -> bool:
-        """Whether attempts to lift and release are trials on the bench."""
+        """Attempts to lift and release are trials on the bench."""
         return self.gripper.resolution == "dynamic"
 
     @property
@@ -53,12 +53,8 @@ class Clean(Swarm):
         """Progress that finishes a world; None for the task's own."""
         n_dust = self.arena.n_dust
         stop_at = n_dust if self.stop_at is None else self.stop_at
-        check(
-            "stop_at",
-            stop_at,
-            f"between 1 and the number of balls, {n_dust}",
-            1 <= stop_at <= n_dust,
-        )
+        allowed = f"between 1 and the number of balls, {n_dust}"
+        check("stop_at", stop_at, allowed, 1 <= stop_at <= n_dust)
         return stop_at
 
     def run(self) -> None:
@@ -73,7 +69,7 @@ class Clean(Swarm):
         run_swarm(run_of(scenario, recorded), self.out, self.record_grasps)
 
     def scenario(self, **fields: Any) -> Any:
-        """See `Swarm.scenario`."""
+        """Return the scenario, see `Swarm.scenario`."""
         return super().scenario(steps=self.steps, goal=self.goal, **fields)
 
 
@@ -100,5 +96,5 @@ class Run(WithTask, Clean):
 
     @property
     def goal(self) -> int | None:
-        """See `Clean.goal`."""
+        """Progress that finishes a world, see `Clean.goal`."""
         return self.stop_at

@@ -99,7 +99,7 @@ class Experiment(ManyRunsOptions):
 
     @property
     def configs(self) -> Sequence[SwarmConfig]:
-        """See `ConfigOptions.configs`; of all runs, which may differ from that of the flags."""
+        """Configurations of all runs, which may differ from that of the flags."""
         from iswarm_mj.paper.studies.experiment import Plan
         from iswarm_mj.paper.studies.registry import EXPERIMENTS
 

@@ -50,7 +50,7 @@ class Reproduce(ManyRunsOptions):
     only: tuple[str, ...] = ()
     """Parts to make, such as density or evolve-paper; --list names them. All by default."""
     list: bool = False
-    """Say which parts are there, and why the others have to be made."""
+    """List the parts that exist, and why the others have to be made."""
     tables: bool = False
     """Rewrite the findings and the tables from existing results, without runs."""
     quick: bool = False
@@ -59,7 +59,7 @@ class Reproduce(ManyRunsOptions):
     again: Annotated[bool, Needs("list", (False,))] = False
     """Make also what is there, from the beginning."""
     replicates: Annotated[Repeats, Needs("quick", (False,))] = 16
-    """Of each search."""
+    """Replicates of each search."""
     trials: Annotated[int, Within(1, 10_000), Needs("quick", (False,))] = 20
     """Grasps at each radius and humidity."""
     results: Path | None = None

@@ -46,7 +46,7 @@ class Sweep:
     command: tyro.conf.Positional[Literal["clean", "run"]] = "clean"
     """The command whose flags vary."""
     over: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FLAG=VALUES")] = ()
-    """What varies, each with each: FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as
+    """Flags that vary, in all combinations: FLAG=VALUE,VALUE,... or FLAG=START:STOP:COUNT, as
     density=0.1:0.4:7."""
     again: tyro.conf.FlagCreatePairsOff[bool] = False
     """Repeat runs that --out already holds."""

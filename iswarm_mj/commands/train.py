@@ -23,11 +23,11 @@ class Train(TrainingPlan, TaskOptions, ConfigOptions, RobotOptions):
     controller: Annotated[str, tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")] = (
         "neural"
     )
-    """What is trained: a strategy with weights; its fields become flags, see --strategy ...
+    """Strategy with weights, which are trained; its fields become flags, see --strategy ...
     --help."""
     engine: EngineName = "planar"
     out: Path = Path("runs/train")
-    """Directory for the results. A training in it goes on."""
+    """Directory for the results; a training in it resumes."""
     again: bool = False
     """Repeat generations that --out already holds."""
     own: Any = None
@@ -39,7 +39,7 @@ class Train(TrainingPlan, TaskOptions, ConfigOptions, RobotOptions):
         from iswarm_mj.strategy.neural import Neural
 
         strategy = Neural() if self.own is None else self.own
-        plan = {f.name: getattr(self, f.name) for f in fields(TrainingPlan)}
+        plan = {field.name: getattr(self, field.name) for field in fields(TrainingPlan)}
         training = Training(**plan, config=self.config)
         engine = self.engine_settings.for_batches()
         train(
