@@ -1,7 +1,7 @@
-"""`iswarm bench`: where the time and the memory of a control step go, on this machine, for every
-engine."""
+"""`iswarm bench`: time and memory of a control step on this machine, with any engine."""
 
 import json
+import math
 import os
 import platform
 import time
@@ -32,16 +32,22 @@ class Bench(Swarm):
         """Run the command."""
         engine = self.engine_settings
         chunk = 1 if engine.on_host else min(engine.chunk, self.steps)
-        warm_up, steps = (-(-count // chunk) * chunk for count in (self.warm_up, self.steps))
+        warm_up = _whole_chunks(self.warm_up, chunk)
+        steps = warm_up + _whole_chunks(self.steps, chunk)
         in_chunks = replace(self, physics=engine.in_chunks(chunk))
-        bench(run_of(in_chunks.scenario(steps=warm_up + steps)), warm_up)
+        bench(run_of(in_chunks.scenario(steps=steps)), warm_up)
+
+
+def _whole_chunks(n_steps: int, chunk: int) -> int:
+    """Return the number of control steps, rounded up to whole chunks."""
+    return math.ceil(n_steps / chunk) * chunk
 
 
 def bench(run: Any, warm_up: int) -> dict[str, Any]:
     """Time control steps after a warm-up, print one JSON line and return its content.
 
-    Times are milliseconds per control step of all worlds together: the median over the calls of the
-    whole, and of each stage.
+    Times are milliseconds per control step of all worlds together: medians over the calls, of the
+    whole step and of each stage.
 
     Args:
         run: a `Run` at its start, with enough steps for the warm-up and those that are timed.
@@ -49,25 +55,35 @@ def bench(run: Any, warm_up: int) -> dict[str, Any]:
 
     Raises:
         UserError: all worlds ended within the warm-up.
-        SimulationFault: a world could not go on, so that the times say nothing.
+        SimulationFault: a fault ended a world, so that the times say nothing.
     """
     first_call_s, steps_s = _time(run, warm_up)
     run.raise_faults()
-    n_worlds, step_s, memory = len(run.worlds), float(np.median(steps_s)), run.peak_memory_gb()
-    drive, refinement = run.config.drive, run.identity.get("refinement", 1)
-    n_physics = (
-        n_worlds * run.settings.n_robots * (drive.turn_substeps + drive.walk_substeps) * refinement
-    )
-    content = {
-        **run.identity,
-        **({} if run.robot_file is None else {"robot": run.robot_file}),
-        "n_robots": run.settings.n_robots,
+    step_s = float(np.median(steps_s))
+    memory = run.peak_memory_gb()
+
+    # Physics steps of all robots in a control step.
+    n_worlds = len(run.worlds)
+    n_robots = run.settings.n_robots
+    drive = run.config.drive
+    refinement = run.identity.get("refinement", 1)
+    n_substeps = (drive.turn_substeps + drive.walk_substeps) * refinement
+    n_physics = n_worlds * n_robots * n_substeps
+
+    content = dict(run.identity)
+    if run.robot_file is not None:
+        content["robot"] = run.robot_file
+    content |= {
+        "n_robots": n_robots,
         "n_worlds": n_worlds,
         "steps": run.step - warm_up,
         "ms_per_step": round(1e3 * step_s, 3),
         "ms_per_step_mean": round(1e3 * float(np.mean(steps_s)), 3),
         "robot_physics_steps_per_s": round(n_physics / step_s),
-        **{f"{stage}_ms": round(1e3 * seconds, 3) for stage, seconds in run.stage_times().items()},
+    }
+    for stage, seconds in run.stage_times().items():
+        content[f"{stage}_ms"] = round(1e3 * seconds, 3)
+    content |= {
         "first_call_s": round(first_call_s, 1),
         "delivered_mean": int(run.progress().sum()) / n_worlds,
         "peak_memory_gb": memory,
@@ -80,29 +96,33 @@ def bench(run: Any, warm_up: int) -> dict[str, Any]:
 
 
 def _time(run: Any, warm_up: int) -> tuple[float, list[float]]:
-    """Take all steps; return the time of the first call, and per control step that of each call
-    after the warm-up."""
-    laps: list[float] = []
+    """Take all steps, and return how long they took.
+
+    Returns:
+        Time of the first call [s], and time of a control step in each call after the warm-up [s].
+    """
+    times: list[float] = []
     first_call_s = 0.0
     while not run.is_over:
-        before, started = run.step, time.perf_counter()
+        step_before = run.step
+        started = time.perf_counter()
         run.advance()
         seconds = time.perf_counter() - started
         first_call_s = first_call_s or seconds
-        if before >= warm_up:
-            laps.append(seconds / (run.step - before))
+        if step_before >= warm_up:
+            times.append(seconds / (run.step - step_before))
         if run.step == warm_up:
             run.watch.laps.clear()
-    if not laps:
+    if not times:
         raise UserError(
-            f"all worlds ended after {run.step} control steps, within the warm-up of {warm_up}; use more balls or "
-            "a shorter `warm_up`"
+            f"all worlds ended after {run.step} control steps, within the warm-up of {warm_up}; "
+            "use more balls or a shorter `warm_up`"
         )
-    return first_call_s, laps
+    return first_call_s, times
 
 
 def processor() -> str:
-    """Name of the processor, as reported by the system."""
+    """Return the name of the processor, as reported by the system."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
         return next(

@@ -82,8 +82,8 @@ class Experiment(ManyRunsOptions):
         """Refuse settings that differ from their defaults and change no run of an experiment.
 
         Args:
-            experiment: that is to be run.
-            plan: made of the settings.
+            experiment: experiment of the command.
+            plan: plan that the settings make.
 
         Raises:
             UserError: there is such a setting.
@@ -117,9 +117,9 @@ def _with_default(plan: Any, defaults: Any, name: str) -> Any:
     """Return a plan in which a setting has its default; None if the setting is no part of plans.
 
     Args:
-        plan: with the settings of the command.
+        plan: plan with the settings of the command.
         defaults: the command with its defaults.
-        name: of the setting, with its group.
+        name: name of the setting, with its group.
 
     Raises:
         ConfigError: other settings do not allow the default.

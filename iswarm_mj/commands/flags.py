@@ -38,8 +38,8 @@ def in_flags(error: UserError | SimulationFault, settings: Collection[str]) -> s
     """Return the message of an error with flags in place of the settings that it names.
 
     Args:
-        error: whose message names settings as Python does, such as `arena.size`.
-        settings: of the command; the message keeps the names of others.
+        error: error whose message names settings as Python does, such as `arena.size`.
+        settings: settings of the command; the message keeps the names of others.
     """
     known = set(settings)
     for setting, same_setting in (_FLAG_OF_SETTING | SETTING_OF_FLAG).items():

@@ -61,15 +61,14 @@ class Grasp(GraspSettings):
         from iswarm_mj.workflows.grasp import run_force_curves, run_grasp
 
         if self.force_curve:
-            given = changed(self)
-            refuse_changed(
-                self, [name for name in given if name not in OF_CURVES], "with `force_curve`"
-            )
+            changed_names = changed(self)
+            not_of_curves = [name for name in changed_names if name not in OF_CURVES]
+            refuse_changed(self, not_of_curves, "with `force_curve`")
             check(
                 "rh",
                 self.rh,
                 "one relative humidity with `force_curve`",
-                len(self.rh) == 1 or "rh" not in given,
+                len(self.rh) == 1 or "rh" not in changed_names,
             )
             check(
                 "tip_curvature",

@@ -117,7 +117,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     It exits with 2 on bad input, 1 on a fault of the simulation, 128 + n on signal n.
 
     Args:
-        arguments: by default those of the process, whose signals are handled then.
+        arguments: arguments of the command; by default those of the process, whose signals are
+            handled then.
     """
     command = None
 
@@ -127,10 +128,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         if arguments is None:
             handle_signals(farewell)
-        given = sys.argv[1:] if arguments is None else arguments
+        words = sys.argv[1:] if arguments is None else arguments
         _prepare_output()
-        check_text(given)
-        command = parse(given)
+        check_text(words)
+        command = parse(words)
         for name, reason in ineffective_settings(command).items():
             raise without_effect(name, reason)
         check_environment()
@@ -174,8 +175,8 @@ def _explain(error: BaseException, command: Any) -> int | None:
     """Print the sentence of an error on stderr, and return the exit code.
 
     Args:
-        error: that ended the command.
-        command: that ended; None if it was not read yet.
+        error: error that ended the command.
+        command: command that ended; None if it was not read yet.
 
     Returns:
         None where the error is a mistake of the program.

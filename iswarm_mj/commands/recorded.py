@@ -118,6 +118,8 @@ class Replay(Film):
         from iswarm_mj.player.replay import write_replay
 
         run = load_recorded(self.directory)
-        last, end = write_replay(run, self, self.out), int(run.arrays["step"][-1])
-        more = f"; --last {end} shows all" if self.last is None and last < end else ""
+        last = write_replay(run, self, self.out)
+        end = int(run.arrays["step"][-1])
+        is_cut = self.last is None and last < end
+        more = f"; --last {end} shows all" if is_cut else ""
         print(f"steps {self.first} to {last} of {self.directory}: {self.out}{more}")

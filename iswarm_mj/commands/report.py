@@ -78,8 +78,9 @@ class Reproduce(ManyRunsOptions):
     def run(self) -> None:
         """Run the command."""
         if self.tables:
-            others = [name for name in changed(self) if name not in ("tables", "results", "pages")]
-            refuse_changed(self, others, "with `tables`, which makes no runs")
+            of_tables = ("tables", "results", "pages")
+            of_runs = [name for name in changed(self) if name not in of_tables]
+            refuse_changed(self, of_runs, "with `tables`, which makes no runs")
         from iswarm_mj.paper.report.reproduce import listing, parts_of, reproduce, rewrite
         from iswarm_mj.paper.studies.experiment import Plan
 

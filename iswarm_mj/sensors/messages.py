@@ -219,7 +219,7 @@ def corrupt(
     steps = jnp.minimum((second_place * (WORD - 1)).astype(jnp.uint32), WORD - 2)
     second = (first + 1 + steps) % WORD
 
-    one = jnp.uint32(1)
-    first_flip = jnp.where(count >= p_none, one << first, 0)
-    second_flip = jnp.where(count >= p_one_at_most, one << second, 0)
+    lowest_bit = jnp.uint32(1)
+    first_flip = jnp.where(count >= p_none, lowest_bit << first, 0)
+    second_flip = jnp.where(count >= p_one_at_most, lowest_bit << second, 0)
     return bits ^ (first_flip | second_flip).astype(jnp.uint32)

@@ -45,10 +45,10 @@ def _check_import(library: str, beginning: str) -> None:
     try:
         import_module(library)
     except Exception as error:  # of any kind, such as AttributeError where OpenGL has no library
-        given = ", ".join(f"{name}={shown(os.environ[name])}" for name in sorted(names))
+        variables = ", ".join(f"{name}={shown(os.environ[name])}" for name in sorted(names))
         remedy = "unset it, or correct it and install what it names"
         raise UserError(
-            f"{library} cannot be imported with {given} ({shown(error)}); {remedy}"
+            f"{library} cannot be imported with {variables} ({shown(error)}); {remedy}"
         ) from None
 
 

@@ -135,8 +135,8 @@ def _add_up(cells: Cells, lane: int):
 
     # Then it continues from the totals of the threads before.
     begin = int(0)
-    for other in range(lane):
-        begin += cells.totals[other]
+    for lane_before in range(lane):
+        begin += cells.totals[lane_before]
     for cell in range(first, last):
         count = cells.ends[cell // n, cell % n]
         cells.ends[cell // n, cell % n] = begin

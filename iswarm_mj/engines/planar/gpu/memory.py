@@ -71,52 +71,52 @@ def lay_out(
     w.counts = wp.array(ptr=_at(m, 0, 16), shape=(_N_COUNTS,), dtype=int)
     w.farthest = wp.array(ptr=_at(m, 16, 16), shape=(1,), dtype=float)
     w.colour_ends = wp.array(ptr=_at(m, 32, 128), shape=(_MAX_COLOURS + 1,), dtype=int)
-    at = int(160)
+    start = int(160)
 
     # Velocities and records of contacts.
     size = 16 * (n + 1)
-    w.velocities = wp.array(ptr=_at(m, at, size), shape=(n + 1,), dtype=wp.vec4)
-    at += size
-    w.last_velocities = wp.array(ptr=_at(m, at, size), shape=(n + 1,), dtype=wp.vec4)
-    at += size
-    n_that_fit = (m.n_shared - at) // _RECORD_BYTES
+    w.velocities = wp.array(ptr=_at(m, start, size), shape=(n + 1,), dtype=wp.vec4)
+    start += size
+    w.last_velocities = wp.array(ptr=_at(m, start, size), shape=(n + 1,), dtype=wp.vec4)
+    start += size
+    n_that_fit = (m.n_shared - start) // _RECORD_BYTES
     w.n_shared_records = wp.clamp(n_that_fit, 0, wp.min(room_contacts, _most_shared_records(n)))
-    w.shared_records = m.shared + wp.uint64(at)
-    at += _aligned(_RECORD_BYTES * w.n_shared_records)
+    w.shared_records = m.shared + wp.uint64(start)
+    start += _aligned(_RECORD_BYTES * w.n_shared_records)
 
     # Places and colours of bodies.
-    w.places = wp.array(ptr=_at(m, at, 16 * n), shape=(n,), dtype=wp.vec4)
-    at += 16 * n
-    w.least_keys = wp.array(ptr=_at(m, at, 8 * n), shape=(n,), dtype=wp.int64)
-    at += _aligned(8 * n)
-    w.used_colours = wp.array(ptr=_at(m, at, 4 * n), shape=(n,), dtype=int)
-    at += _aligned(4 * n)
-    w.yaw = wp.array(ptr=_at(m, at, 4 * n), shape=(n,), dtype=float)
-    at += _aligned(4 * n)
+    w.places = wp.array(ptr=_at(m, start, 16 * n), shape=(n,), dtype=wp.vec4)
+    start += 16 * n
+    w.least_keys = wp.array(ptr=_at(m, start, 8 * n), shape=(n,), dtype=wp.int64)
+    start += _aligned(8 * n)
+    w.used_colours = wp.array(ptr=_at(m, start, 4 * n), shape=(n,), dtype=int)
+    start += _aligned(4 * n)
+    w.yaw = wp.array(ptr=_at(m, start, 4 * n), shape=(n,), dtype=float)
+    start += _aligned(4 * n)
 
     # Lists of contacts and near pairs.
     size = 12 * room_contacts
-    w.contacts = wp.array(ptr=_at(m, at, size), shape=(room_contacts,), dtype=wp.vec3i)
-    at += _aligned(size)
+    w.contacts = wp.array(ptr=_at(m, start, size), shape=(room_contacts,), dtype=wp.vec3i)
+    start += _aligned(size)
     size = 8 * room_near
-    w.near_pairs = wp.array(ptr=_at(m, at, size), shape=(room_near,), dtype=wp.vec2i)
-    at += _aligned(size)
+    w.near_pairs = wp.array(ptr=_at(m, start, size), shape=(room_near,), dtype=wp.vec2i)
+    start += _aligned(size)
 
     # Cells.
-    w.cells.robots = wp.array(ptr=_at(m, at, 4 * n), shape=(n,), dtype=int)
-    at += _aligned(4 * n)
+    w.cells.robots = wp.array(ptr=_at(m, start, 4 * n), shape=(n,), dtype=int)
+    start += _aligned(4 * n)
     size = 4 * (n_lanes + 1)
-    w.cells.totals = wp.array(ptr=_at(m, at, size), shape=(n_lanes + 1,), dtype=int)
-    at += _aligned(size)
+    w.cells.totals = wp.array(ptr=_at(m, start, size), shape=(n_lanes + 1,), dtype=int)
+    start += _aligned(size)
     size = 4 * n_cells * n_cells
-    w.cells.ends = wp.array(ptr=_at(m, at, size), shape=(n_cells, n_cells), dtype=int)
-    at += _aligned(size)
+    w.cells.ends = wp.array(ptr=_at(m, start, size), shape=(n_cells, n_cells), dtype=int)
+    start += _aligned(size)
 
     # Friction, and the records that do not fit into shared memory.
-    w.friction = wp.array(ptr=_at(m, at, 16 * n), shape=(n,), dtype=wp.vec4)
-    at += 16 * n
-    w.last_friction = wp.array(ptr=_at(m, at, 16 * n), shape=(n,), dtype=wp.vec4)
-    w.other_records = m.own + wp.uint64(at + 16 * n)
+    w.friction = wp.array(ptr=_at(m, start, 16 * n), shape=(n,), dtype=wp.vec4)
+    start += 16 * n
+    w.last_friction = wp.array(ptr=_at(m, start, 16 * n), shape=(n,), dtype=wp.vec4)
+    w.other_records = m.own + wp.uint64(start + 16 * n)
     return w
 
 
