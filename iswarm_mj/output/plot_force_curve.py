@@ -67,7 +67,7 @@ def pull_off(gap: np.ndarray, force: np.ndarray) -> tuple[float, float]:
 
 
 class _Branch(NamedTuple):
-    """How a branch of a curve is drawn."""
+    """Style of a branch of a curve."""
 
     direction: str
     width: float

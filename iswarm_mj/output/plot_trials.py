@@ -48,7 +48,7 @@ _FITTED = {
     "release": _FITTED_RELEASE,
     "no_contact": f"{_FITTED_GAP} from gaps of 1 µm and more.",
 }
-"""What the constants behind the figure of each experiment are fitted to."""
+"""Data to which the constants behind the figure of each experiment are fitted."""
 
 
 class Laws:

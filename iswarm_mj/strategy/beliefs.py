@@ -27,7 +27,7 @@ class Trust(NamedTuple):
 
 
 class Belief(NamedTuple):
-    """Where N robots believe a place to lie."""
+    """Beliefs of N robots about the position of a place."""
 
     vector: Float[Array, "N 2"]
     """Vector from the robot to the place, in the robot's frame [mm]; zero where not known."""

@@ -60,7 +60,7 @@ class Draws(NamedTuple):
 
 
 class Target(NamedTuple):
-    """Where N robots want to go."""
+    """Directions and distances that N robots want to go."""
 
     direction: Float[Array, "N 2"]
     """Unit vectors in the robots' frames."""

@@ -159,9 +159,9 @@ class Memory(NamedTuple):
     """Memory of N robots between control steps."""
 
     dust: Belief
-    """Where dust lies."""
+    """Beliefs about the position of dust."""
     dump: Belief
-    """Where the dump lies."""
+    """Beliefs about the position of the dump."""
     flag: Bool[Array, "N"]
     """Flag that the network decided to send."""
     character: Float[Array, "N"]

@@ -55,11 +55,11 @@ class Leap(NamedTuple):
     flown: Quantity
     """Time for which the ball flew [ms]."""
     lift: Quantity
-    """Change of its height [um]."""
+    """Change of the height of the ball [um]."""
     rise: Quantity
-    """Its upward speed [um/ms]."""
+    """Upward speed of the ball [um/ms]."""
     charge: Quantity
-    """Its charge [fC]."""
+    """Charge of the ball [fC]."""
 
 
 def leap(
