@@ -64,7 +64,8 @@ def find_lost(
         walls: walls of the arena, see `geometry.walls.half_planes` [mm].
 
     Returns:
-        Bits of `FaultKind`, and the first robot of the worst kind, 0 if there is none.
+        Bits of `FaultKind`, and the first robot whose pose is not finite or, if all are, that is
+        beyond the walls; 0 if none is lost.
     """
     xp = array_module(poses)
     not_finite = ~xp.isfinite(poses).all(axis=-1) & is_present
@@ -93,8 +94,8 @@ class FreeBodies(NamedTuple):
     """Deepest overlap of bodies with each other and with walls since the latest control step began
     (B,) [mm]; None where the engine does not measure it."""
     work: Any = None
-    """Work that each world was in its latest phase (B,), for engines that begin with the slowest
-    worlds."""
+    """Work that each world took in its latest phase (B,), in a unit of the engine; for engines that
+    begin with the slowest worlds."""
 
 
 class BoxesMixin(ABC):
@@ -119,7 +120,7 @@ class BoxesMixin(ABC):
 
 
 def with_boxes(is_present: Shaped[Array, "*B N"], n_boxes: int) -> Shaped[Array, "*B NM"]:
-    """Return which robots and boxes are present, boxes last, from which robots are."""
+    """Return the flags of robots, followed by those of boxes, which are all present."""
     xp = array_module(is_present)
     all_boxes = xp.ones((*is_present.shape[:-1], n_boxes), bool)
     return xp.concatenate([is_present, all_boxes], axis=-1)

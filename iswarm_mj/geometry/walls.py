@@ -89,7 +89,7 @@ def _is_row(row: Any, length: int) -> bool:
 
 
 def _is_finite(number: Any) -> bool:
-    """Return whether a number of a row is a finite number at all."""
+    """Return whether an entry of a row is a finite number."""
     return isinstance(number, int | float) and math.isfinite(number)
 
 
