@@ -59,7 +59,7 @@ def _grid(arena: ArenaConfig, cell: float) -> np.ndarray:
     """
     low = np.min(arena.corners, axis=0)
     high = np.max(arena.corners, axis=0)
-    n_columns, n_rows = ((high - low) / cell).astype(int)
+    n_columns, n_rows = ((high - low) / cell).astype(int).tolist()
     middle_x, middle_y = (low + high) / 2 * RD
 
     column_x = _centres_of_row(n_columns, cell * RD) + middle_x
