@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from iswarm_mj.paper.report.page_blocks import ResultBlocks, fill_blocks
 from iswarm_mj.paper.report.reproduce import parts_of
-from iswarm_mj.paper.report.tables import Tables, filled
 from iswarm_mj.paper.studies.experiment import FINDINGS, Plan
 from iswarm_mj.search.pool import Execution
 from iswarm_mj.strategy.genome import Genome
@@ -27,7 +27,7 @@ REMEDY = "run `iswarm reproduce --tables`"
 
 @pytest.fixture(scope="module")
 def tables():
-    return Tables(ROOT)
+    return ResultBlocks(ROOT)
 
 
 @pytest.mark.parametrize(
@@ -78,4 +78,4 @@ def test_searches_are_repeated_with_the_densities_of_the_results(method):
 @pytest.mark.parametrize("page", PAGES)
 def test_numbers_on_pages_are_those_of_the_results(page, tables):
     text = (ROOT / page).read_text()
-    assert filled(text, tables.content) == text, REMEDY
+    assert fill_blocks(text, tables.content) == text, REMEDY

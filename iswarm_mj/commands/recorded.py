@@ -21,9 +21,9 @@ class Inspect:
 
     def run(self) -> None:
         """Run the command."""
-        from iswarm_mj.paper.report.inspection import inspection
+        from iswarm_mj.paper.report.inspection import describe_directory
 
-        print("\n".join(map(printable, inspection(self.directory).split("\n"))))
+        print("\n".join(map(printable, describe_directory(self.directory).split("\n"))))
 
 
 @dataclass(frozen=True)

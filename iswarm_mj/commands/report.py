@@ -26,9 +26,9 @@ class Report:
         """Run the command."""
         check("results", "nothing", "at least one directory", bool(self.results))
         check_name(self.out, ".html")
-        from iswarm_mj.paper.report.results import report
+        from iswarm_mj.paper.report.html_report import write_report
 
-        report(self.results, self.out)
+        write_report(self.results, self.out)
 
 
 @dataclass(frozen=True)
@@ -81,13 +81,18 @@ class Reproduce(ManyRunsOptions):
             of_tables = ("tables", "results", "pages")
             of_runs = [name for name in changed(self) if name not in of_tables]
             refuse_changed(self, of_runs, "with `tables`, which makes no runs")
-        from iswarm_mj.paper.report.reproduce import listing, parts_of, reproduce, rewrite
+        from iswarm_mj.paper.report.reproduce import (
+            listing,
+            parts_of,
+            reproduce,
+            rewrite_findings,
+        )
         from iswarm_mj.paper.studies.experiment import Plan
 
         out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
         results = self.results or (out / "results" if self.quick else Path("results/default"))
         if self.tables:
-            rewrite(results, self._pages)
+            rewrite_findings(results, self._pages)
             return
         plan = Plan(self.config, seed=self.seed, quick=self.quick)
         parts = parts_of(plan, self.execution, self.replicates, self.trials, self.only)

@@ -13,7 +13,7 @@ import pytest
 import iswarm_mj
 from iswarm_mj.commands.config_file import ConfigFile
 from iswarm_mj.commands.main import main
-from iswarm_mj.paper.report.inspection import inspection
+from iswarm_mj.paper.report.inspection import describe_directory
 from iswarm_mj.search.journal import journal
 from iswarm_mj.utils.errors import UserError
 
@@ -40,14 +40,14 @@ def test_a_run(run, capfd):
 
 
 def test_the_ways_to_open_files_work(run):
-    text = inspection(run)
+    text = describe_directory(run)
     (python,) = (line for line in text.splitlines() if line.startswith("trajectory.npz"))
     call = python.split(": ", 1)[1].split(", .balls")[0]
     assert eval(call, {"iswarm_mj": iswarm_mj}).num_rows == 20 * 13
     table = ROOT / "results/default/hop-count/hop_count.parquet"
     (parquet,) = (
         line
-        for line in inspection(table.parent).splitlines()
+        for line in describe_directory(table.parent).splitlines()
         if line.startswith("hop_count.parquet")
     )
     assert eval(parquet.split("table: ")[1], {"pyarrow": pyarrow}).num_rows == 24
@@ -63,12 +63,12 @@ def test_the_ways_to_open_files_work(run):
 def test_all_recordings_open_at_once(run, tmp_path, below):
     out = tmp_path / "it's $HOME"
     shutil.copytree(run, out)
-    assert "as one dataset" not in inspection(out)
+    assert "as one dataset" not in describe_directory(out)
     for world in (2, 11):
         shutil.copytree(run, out / f"world-{world}", ignore=lambda *_: ["result.json"])
     (line,) = (
         line
-        for line in inspection(tmp_path if below else out).splitlines()
+        for line in describe_directory(tmp_path if below else out).splitlines()
         if "all 3 recordings" in line
     )
     opened = subprocess.run(
@@ -99,7 +99,7 @@ def test_all_recordings_open_at_once(run, tmp_path, below):
 def test_own_classes_are_to_be_named_again(run, tmp_path, about, command):
     content = json.loads((run / "result.json").read_text()) | about
     (tmp_path / "result.json").write_text(json.dumps(content))
-    assert command in inspection(tmp_path)
+    assert command in describe_directory(tmp_path)
     with pytest.raises(UserError, match=re.escape(command.split(" --")[1])):
         ConfigFile.read(tmp_path / "result.json", [])
 
@@ -109,7 +109,9 @@ def test_a_trajectory_that_is_cut_off(run, tmp_path):
     whole = (run / "trajectory.npz").read_bytes()
     (tmp_path / "trajectory.npz").write_bytes(whole[:-10])
     (line,) = (
-        line for line in inspection(tmp_path).splitlines() if line.startswith("trajectory.npz")
+        line
+        for line in describe_directory(tmp_path).splitlines()
+        if line.startswith("trajectory.npz")
     )
     assert "cut off" in line and "load" not in line
 
@@ -123,7 +125,7 @@ def test_an_interrupted_run_with_a_fault(run, tmp_path):
     }
     content |= dict.fromkeys(("delivered", "picked", "collisions", "fitness"))
     (tmp_path / "result.json").write_text(json.dumps(content))
-    text = inspection(tmp_path)
+    text = describe_directory(tmp_path)
     assert "interrupted after 7 of 12 control steps" in text
     assert "fault: step 7, world 0: the contact solver failed" in text
 
@@ -139,7 +141,7 @@ def test_a_search_that_was_killed_has_a_table(tmp_path, ended):
     for name in ("evolution.parquet", "best.json")[: 1 + ended]:
         shutil.copy(ROOT / "results/default/evolve-cmaes" / name, tmp_path)
     journal_of_two(tmp_path / "checkpoint.sqlite")
-    text = inspection(tmp_path)
+    text = describe_directory(tmp_path)
     assert (
         "interrupted: 2 finished runs of a search" in text and "same command goes on" in text
     ) != ended
@@ -150,7 +152,7 @@ def test_a_training_ends_with_its_figure(tmp_path, ended):
     for name in ("learning.csv", "learning.png")[: 1 + ended]:
         (tmp_path / name).touch()
     journal_of_two(tmp_path / "checkpoint.sqlite")
-    assert ("interrupted" in inspection(tmp_path)) != ended
+    assert ("interrupted" in describe_directory(tmp_path)) != ended
 
 
 def test_what_is_read_controls_no_terminal(run, tmp_path, capfd):
@@ -170,6 +172,6 @@ def test_several_runs_are_one_table(run, tmp_path):
         }
         (tmp_path / name).mkdir()
         (tmp_path / name / "result.json").write_text(json.dumps(content))
-    head, *lines = inspection(tmp_path).splitlines()
+    head, *lines = describe_directory(tmp_path).splitlines()
     assert head.split()[0] == "directory" and head.split()[-1] == "collisions"
     assert [line.split()[-1] for line in lines] == ["3", "7"]

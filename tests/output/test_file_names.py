@@ -12,7 +12,7 @@ from iswarm_mj import load
 from iswarm_mj.output.offscreen import Shot, render
 from iswarm_mj.output.rerun_format import RrdFile
 from iswarm_mj.output.video import write_video
-from iswarm_mj.paper.report.results import report
+from iswarm_mj.paper.report.html_report import write_report
 from iswarm_mj.player.film import Film
 from iswarm_mj.player.replay import write_replay
 from iswarm_mj.strategy.network import save_weights
@@ -25,7 +25,7 @@ WRITERS = {
     "picture": lambda path, run: render(run, 1, Shot(), path),
     "video": lambda path, run: write_video(run, path, Shot()),
     "replay": lambda path, run: write_replay(load(run), Film(), path),
-    "report": lambda path, run: report([run], path),
+    "report": lambda path, run: write_report([run], path),
     "table": lambda path, run: write_table(path, [{"a": 1}], {}),
     "csv": lambda path, run: write_csv(path, [{"a": 1}]),
     "weights": lambda path, run: save_weights(path, np.zeros(3)),

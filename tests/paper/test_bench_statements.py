@@ -61,4 +61,4 @@ def test_a_peak_is_near_the_balls_radius_in_both_forces(monkeypatch, release, pi
 
     monkeypatch.setattr(bench_statements, "release_force", force(release))
     monkeypatch.setattr(bench_statements, "pick_force", force(pick))
-    assert bench_statements.peak()[1] == holds
+    assert bench_statements.peak_fact().holds == holds

@@ -77,7 +77,7 @@ def test_real_runs_of_a_small_arena(small, tmp_path):
     """In workers: the table tells what the runs give by themselves, and all of it follows from
     it."""
     plan = Plan(config=small, quick=True)
-    few = replace(HOP_COUNT, few=1, steps=30)
+    few = replace(HOP_COUNT, quick_repeats=1, quick_limit=30)
     short = few.entries(plan)
     run_experiment(few, plan, tmp_path, Execution(workers=2))
     rows, settings = read_table(tmp_path / "hop_count.parquet")

@@ -45,11 +45,11 @@ def test_the_fittest_are_those_of_generations_35_to_100():
     rows = [
         {**common, "generation": g, "fitness": float(g % 97)} for g in range(120) for _ in range(10)
     ]
-    top = Evolution(rows, 72).top
+    top = Evolution(rows, 72).fittest
     assert len(top) == 250 and {row["generation"] for row in top} == set(range(72, 97))
     edges = [{**row, "fitness": float(row["generation"] in (33, 34, 99, 100))} for row in rows]
     assert (
-        sorted(r["generation"] for r in Evolution(edges, 72).top if r["fitness"])
+        sorted(r["generation"] for r in Evolution(edges, 72).fittest if r["fitness"])
         == [34] * 10 + [99] * 10
     )
 
@@ -73,10 +73,14 @@ def test_quantities_of_one_search():
         and list(one.bests[:2]) == [50.0, 150.0]
         and list(one.means[:2]) == [25.0, 125.0]
     )
-    assert one.gain == (29.5 - 2.0) * 100 and one.final == 29.5 * 100 + 25
-    assert one.density == pytest.approx(0.295) and one.late("fraction_scouts") == pytest.approx(0.2)
+    assert one.gain == (29.5 - 2.0) * 100 and one.final_fitness == 29.5 * 100 + 25
+    assert one.density == pytest.approx(0.295) and one.late_mean(
+        "fraction_scouts"
+    ) == pytest.approx(0.2)
     assert (
-        one.apart("fraction_scouts") == pytest.approx(0.2)
-        and Evolution(rows[:58], 72).apart("x") is None
+        one.cleaning_difference("fraction_scouts") == pytest.approx(0.2)
+        and Evolution(rows[:58], 72).cleaning_difference("x") is None
     )
-    assert one.trade is None and one.top == [] and one.exceptions == 0.0
+    assert (
+        one.forgetting_against_scouts is None and one.fittest == [] and one.exception_share == 0.0
+    )

@@ -6,11 +6,23 @@ import pytest
 
 from iswarm_mj.config.swarm import INTERPRETATIONS, SwarmConfig
 from iswarm_mj.paper.analysis.statistics import Interval
-from iswarm_mj.paper.studies import infer
+from iswarm_mj.paper.studies import reading_combinations
 from iswarm_mj.paper.studies.experiment import Plan, varied
-from iswarm_mj.paper.studies.infer import ALONE, FACTORS, NAMED, NAMED_REPEATS, SETTINGS, design
+from iswarm_mj.paper.studies.reading_combinations import (
+    FACTORS,
+    FIGURE_SETTINGS,
+    NAMED_READINGS,
+    NAMED_REPEATS,
+    SINGLE_CHANGES,
+    sample_combinations,
+)
+from iswarm_mj.paper.studies.reading_support import (
+    Combination,
+    accept_best,
+    label_instead_of,
+    support_of_factors,
+)
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
-from iswarm_mj.paper.studies.support import Combination, gives_way, sample_of, supports
 from iswarm_mj.strategy.genome import PRESETS
 
 N = 40
@@ -19,25 +31,27 @@ N = 40
 @cache
 def listed():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(infer, "COMBINATIONS", N)
+        patch.setattr(reading_combinations, "N_COMBINATIONS", N)
         return EXPERIMENTS["infer"].entries(Plan())
 
 
 def test_every_label_comes_equally_often_and_is_a_setting_of_its_own():
-    drawn = design(60, 0)
+    drawn = sample_combinations(60, 0)
     for name, levels in FACTORS.items():
         assert [sum(labels[name] == level for labels in drawn) for level in levels] == len(
             levels
         ) * [60 // len(levels)]
         configs = [varied(SwarmConfig(), values) for values in levels.values()]
         assert len(set(configs)) == len(levels) and SwarmConfig() in configs, name
-    assert drawn != design(60, 1) and drawn == design(60, 0)
+    assert drawn != sample_combinations(60, 1) and drawn == sample_combinations(60, 0)
 
 
 def test_each_combination_is_run_on_all_figures_and_both_types():
     sampled = [e for e in listed() if e.labels["reading"] is None]
-    assert len(sampled) == N * len(SETTINGS) == N * 12
-    assert len(listed()) - len(sampled) == (len(NAMED) + len(ALONE)) * NAMED_REPEATS * len(SETTINGS)
+    assert len(sampled) == N * len(FIGURE_SETTINGS) == N * 12
+    assert len(listed()) - len(sampled) == (
+        len(NAMED_READINGS) + len(SINGLE_CHANGES)
+    ) * NAMED_REPEATS * len(FIGURE_SETTINGS)
     for entry in sampled[:24]:
         config = SwarmConfig()
         for name in FACTORS:
@@ -63,7 +77,7 @@ def test_the_paper_s_reading_is_run_with_each_other_value_alone_in_the_same_layo
     plain, *changed = [found[place] for place in sorted(found, reverse=True)]
     assert (
         len(changed)
-        == len(ALONE)
+        == len(SINGLE_CHANGES)
         == len({one[0].job.config for one in changed} - {plain[0].job.config})
     )
     for one in changed:
@@ -92,7 +106,7 @@ def test_a_default_gives_way_to_what_is_supported_and_does_no_worse_alone(
         "b": Interval(0.5, low, 0.6),
         "c": Interval(0.6, 0.5, 0.7),
     }
-    assert gives_way(default, shares, counts) == expected
+    assert label_instead_of(default, shares, counts) == expected
 
 
 def test_chances_are_corrected_for_the_number_of_factors_and_penalties_decide_between_equals():
@@ -109,11 +123,13 @@ def test_chances_are_corrected_for_the_number_of_factors_and_penalties_decide_be
         )
         for k in range(200)
     ]
-    found = supports([*sample, Combination("paper", dict.fromkeys(FACTORS), [True], 0.0, [1])])
+    found = support_of_factors(
+        [*sample, Combination("paper", dict.fromkeys(FACTORS), [True], 0.0, [1])]
+    )
     assert found["stops"].p == pytest.approx(2 / 2**10) and found["drops"].p == pytest.approx(1)
     assert (
-        found["stops"].adjusted == pytest.approx(len(FACTORS) * 2 / 2**10)
+        found["stops"].adjusted_p == pytest.approx(len(FACTORS) * 2 / 2**10)
         and len(found["stops"].shares) == 2
     )
     near = [one._replace(penalty_error=abs(k - 10)) for k, one in enumerate(sample[:40])]
-    assert [near.index(one) for one in sample_of(near)[1]] == [10, 8]
+    assert [near.index(one) for one in accept_best(near).accepted] == [10, 8]

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from iswarm_mj.config.swarm import DriveConfig, SwarmConfig
-from iswarm_mj.paper.analysis.statements import refusals
+from iswarm_mj.paper.analysis.varied_values import refused_rates
 from iswarm_mj.paper.studies.experiment import Plan
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.strategy.genome import PRESETS
@@ -103,6 +103,6 @@ def test_time_steps_are_those_that_the_drive_allows():
         assert drive.turn_substeps + drive.walk_substeps == entry.labels["rate"]
         assert replace(drive, turn_substeps=4, walk_substeps=6) == DriveConfig()
     assert (
-        refusals(DriveConfig()).keys() == {2, 5}
-        and refusals(DriveConfig(step_length=0.08, max_turn=30)) == {}
+        refused_rates(DriveConfig()).keys() == {2, 5}
+        and refused_rates(DriveConfig(step_length=0.08, max_turn=30)) == {}
     )

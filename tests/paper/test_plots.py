@@ -71,10 +71,10 @@ def test_effects_are_differences_from_the_default_in_the_colours_of_their_signs(
 
 
 def test_scouts_and_forgetting_of_the_fittest(shown, paper):
-    plots.draw_trade(evolutions(paper[:1200], 72), Path("trade"))
+    plots.draw_trade_off(evolutions(paper[:1200], 72), Path("trade"))
     (axes,) = shown["trade"]
     points, fit = (one.get_xydata() for one in axes.lines)
-    top = evolutions(paper[:1200], 72)[0].top
+    top = evolutions(paper[:1200], 72)[0].fittest
     np.testing.assert_array_equal(
         points, [[row["fraction_scouts"], row["p_vector_forget"]] for row in top]
     )

@@ -7,8 +7,13 @@ import pytest
 
 from iswarm_mj.config.swarm import INTERPRETATIONS, SwarmConfig
 from iswarm_mj.paper.studies.experiment import varied
-from iswarm_mj.paper.studies.infer import DEFAULTS, FACTORS
-from iswarm_mj.paper.studies.support import answers, combinations_of, sample_of, supports
+from iswarm_mj.paper.studies.reading_combinations import DEFAULT_LABELS, FACTORS
+from iswarm_mj.paper.studies.reading_support import (
+    accept_best,
+    combinations_of,
+    reproduced_statements,
+    support_of_factors,
+)
 from iswarm_mj.utils.tables import read_table
 
 ROOT = Path(__file__).parents[2]
@@ -20,18 +25,18 @@ def test_the_selected_reading_is_that_of_the_rule_and_the_page_says_what_is_supp
     rows, _ = read_table(ROOT / "results/default/infer/infer.parquet")
     every = combinations_of(rows)
     found, (_, kept), (paper, _) = (
-        supports(every),
-        sample_of(every),
+        support_of_factors(every),
+        accept_best(every),
         [c for c in every if c.is_named],
     )
     settings = {}
     for name, levels in FACTORS.items():
         assert found[name].counts.keys() == found[name].shares.keys() == levels.keys()
-        settings |= dict(levels[found[name].gives_way or DEFAULTS[name]])
+        settings |= dict(levels[found[name].replacement or DEFAULT_LABELS[name]])
     assert varied(SwarmConfig(), settings) == INTERPRETATIONS["selected"]
-    assert {name for name, one in found.items() if one.adjusted < 0.05} == {"turns"}
+    assert {name for name, one in found.items() if one.adjusted_p < 0.05} == {"turns"}
     assert all(share.low < 1 / 3 < share.high for share in found["dust_offset"].shares.values())
-    times = [*answers([row for row in rows if row["combination"] == 0])[1]].index(
+    times = [*reproduced_statements([row for row in rows if row["combination"] == 0])[1]].index(
         "Type 1 takes 310 steps"
     )
     assert not any(c.held_out[place] for c in kept for place in (times, times + 1))

@@ -11,7 +11,8 @@ from support.findings import search_rows, settings_of
 
 from iswarm_mj.commands.main import main
 from iswarm_mj.paper.analysis.findings import HOLDS, NOT_RUN
-from iswarm_mj.paper.report.results import collect, files_in, report
+from iswarm_mj.paper.report.html_report import write_report
+from iswarm_mj.paper.report.results import collect_results, files_in
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.tables import read_table, write_table
 
@@ -20,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 
 def test_the_page_is_whole_and_self_contained(results, tmp_path):
     """Links lead to places on it, pictures are in it, and each statement stands on it."""
-    sections = report([results], tmp_path / "report.html")
+    sections = write_report([results], tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     assert {*re.findall(r'href="#(\w+)"', page)} <= {
         *re.findall(r'id="(\w+)"', page)
@@ -41,14 +42,14 @@ def test_the_page_is_whole_and_self_contained(results, tmp_path):
 
 def test_full_tables_come_before_quick_ones(results, tmp_path):
     """However many rows these have."""
-    full = collect([results])["hop-count"]
+    full = collect_results([results])["hop-count"]
     assert full.path == results / "full/hop_count.parquet"
-    assert list(collect([results])) == ["grasp", "evolve-paper", "hop-count"]
+    assert list(collect_results([results])) == ["grasp", "evolve-paper", "hop-count"]
     write_table(
         tmp_path / "hop_count.parquet", [*full.rows, *full.rows], {**full.settings, "quick": True}
     )
-    assert collect([tmp_path, results / "full"])["hop-count"].path == full.path
-    assert len(collect([tmp_path])["hop-count"].rows) == 48
+    assert collect_results([tmp_path, results / "full"])["hop-count"].path == full.path
+    assert len(collect_results([tmp_path])["hop-count"].rows) == 48
 
 
 def test_links_out_of_the_directory_are_not_followed(results, tmp_path):
@@ -57,7 +58,7 @@ def test_links_out_of_the_directory_are_not_followed(results, tmp_path):
     write_table(inside / "types" / "evolution.parquet", search_rows(2), settings_of())
     for name in ("evolution.parquet", "type1.png"):
         (inside / name).symlink_to(results / "evolve" / "evolution.parquet")
-    assert [result.path for result in collect([inside]).values()] == [
+    assert [result.path for result in collect_results([inside]).values()] == [
         inside / "types" / "evolution.parquet"
     ]
     assert list(files_in(inside, "*.png")) == []

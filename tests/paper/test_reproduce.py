@@ -33,7 +33,7 @@ def jobs(monkeypatch, tmp_path):
             )
 
     monkeypatch.setattr(pool, "run_jobs", run_jobs)
-    monkeypatch.setattr("iswarm_mj.paper.report.reproduce.report", lambda *_: None)
+    monkeypatch.setattr("iswarm_mj.paper.report.reproduce.write_report", lambda *_: None)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "README.md").write_text(PAGE.format("hop-count"))
     return seen
@@ -124,7 +124,7 @@ def test_studies_with_an_engine_of_their_own_are_not_made_with_another(tmp_path)
     for name, lacks in (("time-step", "made with another engine"), ("density", "")):
         (tmp_path / name).mkdir()
         write_table(tmp_path / name / "t.parquet", [{"a": 1}], {"engine": "mujoco"})
-        assert Part(name, "t.parquet", {"engine": "planar"}, None).lacks(tmp_path) == lacks
+        assert Part(name, "t.parquet", {"engine": "planar"}, None).reason_to_make(tmp_path) == lacks
 
 
 def test_an_interruption_leaves_the_results_alone_and_loses_no_run(jobs, monkeypatch, tmp_path):

@@ -10,7 +10,7 @@ from support.outcomes import PLAN, done, rows_of
 
 from iswarm_mj.paper.analysis.findings import NOT_RUN, TOO_FEW
 from iswarm_mj.paper.analysis.measures import ATTEMPTS, latest_finish
-from iswarm_mj.paper.studies import observed
+from iswarm_mj.paper.studies import observed_runs
 from iswarm_mj.paper.studies.experiment import Plan, row_of
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.strategy.genome import PRESETS
@@ -55,7 +55,7 @@ class TestTypes:
             "ball_position": np.zeros((3, 4, 3)),
             "delivered": np.array([0, 1, 2]),
         }
-        assert observed.aggregation(frames) == pytest.approx((2 / 3 + 0) / 2)
+        assert observed_runs.aggregation_share(frames) == pytest.approx((2 / 3 + 0) / 2)
 
 
 def test_the_first_run_of_each_type_is_recorded_and_drawn_where_half_is_delivered(
@@ -68,18 +68,18 @@ def test_the_first_run_of_each_type_is_recorded_and_drawn_where_half_is_delivere
         "Run": lambda scenario: (scenario.strategy, scenario.n_robots, scenario.seed),
         "run_swarm": lambda run, out: made.append((*run, out.name)),
         "load": lambda _: SimpleNamespace(arrays=frames),
-        "aggregation": lambda _: 0.25,
+        "aggregation_share": lambda _: 0.25,
         "draw_swarm": lambda _, step, title, path: drawn.append((step, title, path.name)),
     }
     for name, stand_in in stand_ins.items():
-        monkeypatch.setattr(observed, name, stand_in)
+        monkeypatch.setattr(observed_runs, name, stand_in)
     about = [
         {"type": name, "repeat": k, "n_robots": n}
         for name, n in (("type1", 3), ("type2", 5))
         for k in (0, 1)
     ]
     rows = [{**row, "max_steps": 9, "seed": 10 * row["n_robots"] + row["repeat"]} for row in about]
-    observed.record(replace(PLAN, quick=True), tmp_path, rows)
+    observed_runs.record_types(replace(PLAN, quick=True), tmp_path, rows)
     assert made == [(PRESETS["type1"], 3, 30, "type1-0"), (PRESETS["type2"], 5, 50, "type2-0")]
     assert drawn == [
         (4, f"{name}, step 4, 2 of 4 balls delivered", name) for name in ("type1", "type2")
@@ -97,7 +97,7 @@ def test_overlaps_and_times_are_observed(small):
     ]
     entries = [e for e in entries if e.labels["type"] == "type1" and e.labels["rate"] in (10, 50)]
     rows = [row_of(e, done(e.job, None)) for e in entries]
-    observed.observe(plan, None, rows)
+    observed_runs.observe_time_steps(plan, None, rows)
     overlap = {row["rate"]: row["overlap"] for row in rows if row["repeat"] == 0}
     assert 0.02 < overlap[50] < 0.5 * overlap[10] < 0.5
     assert all((row["overlap"] is None) == (row["repeat"] > 0) for row in rows)

@@ -10,15 +10,15 @@ from scipy import stats
 from iswarm_mj.paper.analysis.statistics import (
     compare,
     difference,
-    even,
     holm,
     interval,
-    lowest,
+    lowest_median_shares,
+    multinomial_p,
     ratio,
-    share,
+    ratio_trend,
+    share_interval,
     slope,
     smallest_p,
-    trend,
 )
 
 
@@ -86,7 +86,7 @@ class TestIntervals:
         rng, x = np.random.default_rng(4), np.array([0.1, 0.2, 0.4])
         samples = [np.exp(rng.normal(size, 0.3, 40)) for size in (1.0, 1.0, 1.0, 1.1, 1.4, 2.0)]
         logs = [np.log(sample) for sample in samples]
-        found = trend(x, samples[:3], samples[3:])
+        found = ratio_trend(x, samples[:3], samples[3:])
         means = [each.mean() for each in logs]
         assert found.estimate == pytest.approx(
             np.polyfit(x, np.subtract(means[3:], means[:3]), 1)[0]
@@ -104,7 +104,7 @@ class TestIntervals:
     )
     def test_wilson(self, count, total, low, high):
         """(p + z^2/2n +- z sqrt(p (1 - p) / n + z^2 / 4 n^2)) / (1 + z^2 / n), by hand."""
-        found = share(count, total)
+        found = share_interval(count, total)
         assert tuple(found) == (
             count / total,
             pytest.approx(low, abs=1e-4),
@@ -114,19 +114,21 @@ class TestIntervals:
     def test_exact_intervals(self):
         """Of 6 of 6 the low end is where 6 successes have a probability of 2.5 %; of a half it
         contains one half."""
-        assert tuple(share(6, 6, "exact")) == pytest.approx((1.0, 0.025 ** (1 / 6), 1.0))
-        assert tuple(share(0, 6, "exact")) == pytest.approx((0.0, 0.0, 1 - 0.025 ** (1 / 6)))
-        found = share(3, 6, "exact")
-        assert found.low + found.high == pytest.approx(1) and found.low < share(3, 6).low
+        assert tuple(share_interval(6, 6, "exact")) == pytest.approx((1.0, 0.025 ** (1 / 6), 1.0))
+        assert tuple(share_interval(0, 6, "exact")) == pytest.approx(
+            (0.0, 0.0, 1 - 0.025 ** (1 / 6))
+        )
+        found = share_interval(3, 6, "exact")
+        assert found.low + found.high == pytest.approx(1) and found.low < share_interval(3, 6).low
 
 
 def test_lowest_medians():
     """Medians of (0, 2) are 0, 1, 2 in 1/4, 1/2, 1/4 of the resamples; 1 is lowest in 1/4 and half
     of 1/2."""
-    found = lowest([[0.0, 2.0], [1.0]])
+    found = lowest_median_shares([[0.0, 2.0], [1.0]])
     assert found == pytest.approx([0.5, 0.5], abs=0.015) and found.sum() == pytest.approx(1)
-    assert lowest([[5.0, 6.0], [1.0, 2.0], [9.0]]).tolist() == [0, 1, 0]
-    assert lowest([[3.0] * 4, [3.0] * 5]).tolist() == [0.5, 0.5]
+    assert lowest_median_shares([[5.0, 6.0], [1.0, 2.0], [9.0]]).tolist() == [0, 1, 0]
+    assert lowest_median_shares([[3.0] * 4, [3.0] * 5]).tolist() == [0.5, 0.5]
 
 
 def test_slope_by_hand():
@@ -147,12 +149,12 @@ def test_counts_against_shares():
     """Of two classes the binomial test; of the 27 equally probable draws of three from three, 3 are
     of one class."""
     for count in (3, 6, 13, 20):
-        assert even([count, 26 - count], [0.5, 0.5]) == pytest.approx(
+        assert multinomial_p([count, 26 - count], [0.5, 0.5]) == pytest.approx(
             stats.binomtest(count, 26).pvalue
         )
-    assert even([5, 5], [0.3, 0.7]) == pytest.approx(stats.binomtest(5, 10, 0.3).pvalue)
-    found = [even(counts, [1 / 3] * 3) for counts in ([3, 0, 0], [2, 1, 0], [1, 1, 1])]
+    assert multinomial_p([5, 5], [0.3, 0.7]) == pytest.approx(stats.binomtest(5, 10, 0.3).pvalue)
+    found = [multinomial_p(counts, [1 / 3] * 3) for counts in ([3, 0, 0], [2, 1, 0], [1, 1, 1])]
     assert found == pytest.approx([3 / 27, 21 / 27, 1])
-    assert [even(counts, [1 / 3] * 3) for counts in permutations((4, 1, 1))] == pytest.approx(
-        [279 / 729] * 6
-    )
+    assert [
+        multinomial_p(counts, [1 / 3] * 3) for counts in permutations((4, 1, 1))
+    ] == pytest.approx([279 / 729] * 6)

@@ -25,8 +25,8 @@ from iswarm_mj.commands.main import parse
 from iswarm_mj.engines.robot_file import models_directory, read_robot
 from iswarm_mj.output.offscreen import load_recorded
 from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
-from iswarm_mj.paper.report.inspection import inspection
-from iswarm_mj.paper.report.results import report
+from iswarm_mj.paper.report.html_report import write_report
+from iswarm_mj.paper.report.inspection import describe_directory
 from iswarm_mj.paper.studies import experiment
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.search import pool, search
@@ -350,7 +350,7 @@ def read_everything(out):
     for read in (
         partial(read_tables, out),
         partial(load_recorded, out),
-        partial(inspection, out),
+        partial(describe_directory, out),
         partial(read_config, out / RESULT),
     ):
         try:
@@ -427,5 +427,5 @@ def test_tables(tmp_path, name, seed):
     path = tmp_path / name
     path.parent.mkdir(exist_ok=True)
     path.write_bytes((models_directory().parent / "results/default" / name).read_bytes())
-    read = partial(report, [tmp_path], tmp_path / "report.html")
+    read = partial(write_report, [tmp_path], tmp_path / "report.html")
     attack_file(np.random.default_rng(seed), path, read, odd_table)

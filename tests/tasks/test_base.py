@@ -14,7 +14,7 @@ from support.tasks import Eastward
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.output.loading import load
-from iswarm_mj.paper.report.inspection import inspection
+from iswarm_mj.paper.report.inspection import describe_directory
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.base import Strategy
@@ -224,7 +224,7 @@ class TestFiles:
         run_swarm(run, tmp_path)
         text = capsys.readouterr().out
         assert "       steps  12, 12 steps\n" in text and "       share  0" in text
-        assert "       steps  12, 12 steps\n" in inspection(tmp_path)
+        assert "       steps  12, 12 steps\n" in describe_directory(tmp_path)
 
     def test_metrics_of_each_step(self, saved):
         """The share that was counted in a step is that of the robots as the step began."""

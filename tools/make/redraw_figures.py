@@ -10,12 +10,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-from iswarm_mj.paper.report.results import collect
+from iswarm_mj.paper.report.results import collect_results
 
 if __name__ == "__main__":
     results = Path(sys.argv[1])
     svg_files_before = set(results.glob("**/*.svg"))
-    for result in collect([results]).values():
+    for result in collect_results([results]).values():
         result.draw(result.path.parent)
     for path in results.glob("**/*.svg"):
         if path not in svg_files_before:

@@ -1,5 +1,6 @@
-"""The statements on the gripper: of section 3.2.1, which the laws decide without runs, and of
-section 3.2.3 (Figs. 6 to 11) and section 5, by trials on the bench.
+"""Statements on the gripper: of section 3.2.1 by its laws, of sections 3.2.3 and 5 by trials.
+
+The laws decide without runs. Trials are those on the bench (Figs. 6 to 11).
 
 Of the laws only the peak of the force is predicted, by boundary elements. The others repeat what is
 put in or compare the paper with its own equations. Of the trials nothing is predicted: the works of
@@ -13,8 +14,9 @@ this are choices. Whether a ball stays where it lands follows from restitution b
 from the voltage after the release, which is a choice: it is cut at once.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,129 +47,204 @@ from iswarm_mj.paper.analysis.findings import (
     FAILS,
     HOLDS,
     UNDECIDED,
-    Judged,
+    Judgement,
     Test,
-    named,
-    number,
-    stated,
+    number_text,
+    paper_statements,
 )
 from iswarm_mj.paper.analysis.judge import (
-    RARE,
+    RARE_SHARE,
     Estimate,
-    always,
-    averages,
-    differences,
-    judged,
-    shares,
+    judge_always,
+    judge_averages,
+    judge_differences,
+    judge_estimates,
+    judge_shares,
 )
 from iswarm_mj.paper.analysis.measures import VOLTAGE, values
 from iswarm_mj.paper.analysis.statistics import Interval, difference, slope
 from iswarm_mj.search.rows import Rows, by, select
 from iswarm_mj.tasks.measures import Measures, fitness
 
-_R, _V = 20e-6, 40.0
-"""A ball in the middle of the range, and a voltage of the range [m], [V]."""
-NEARLY = (0.9, 1.1)
+_RADIUS = 20e-6
+"""Radius of a ball in the middle of the range [m]."""
+_VOLTAGE = 40.0
+"""A voltage of the range [V]."""
+NEARLY_EQUAL = (0.9, 1.1)
 """A radius of the tool between these multiples of the ball's is nearly the ball's."""
-FLAT = 0.2
+FLAT_SLOPE = 0.2
 """A voltage does not depend on the radius if its slope is less than this, a fifth of the paper's
 band from its least to its largest ball [V/um]."""
 _MOST = (0.95, np.inf)
 """Limits of the share of the trials that lie within a range that the paper gives."""
 TRANSPORT = 50e-6
-"""Distance of the target, to which balls are carried [m]; of a ball's diameter or more."""
+"""Distance of the target to which balls are carried [m]; at least a ball's diameter."""
 _UM = 1e6
-_MELTED = 15e-6
+"""Micrometres per metre."""
+_MELTED_RADIUS = 15e-6
 """Radius of the ball that was seen to melt [m]."""
 
 
-# --- Laws; they need no results. What is found, and whether the statement holds ---
-
-Fact = tuple[str, bool | np.bool_]
+# --- Laws, which need no results ---
 
 
-def peak() -> Fact:
-    """Where both forces are largest over the radius of the tool; at an end of the range they have
-    no peak."""
-    ratios, said, near = np.linspace(0.65, 2.0, 271), [], []
+class Fact(NamedTuple):
+    """The consequence of the laws for a statement."""
+
+    text: str
+    """Numbers that follow from them."""
+    holds: bool | np.bool_
+    """The statement holds."""
+
+
+def _is_within(value: float, reference: float, margin: float) -> bool:
+    """Return whether a value differs from a reference by less than this share of it."""
+    return abs(value / reference - 1) < margin
+
+
+def _force_grows_with_the_voltage_squared() -> Fact:
+    once = release_force(_VOLTAGE, RELEASE_GAP, _RADIUS, PROBE_RADIUS)
+    twice = release_force(2 * _VOLTAGE, RELEASE_GAP, _RADIUS, PROBE_RADIUS)
+    ratio = float(twice / once)
+    return Fact(
+        f"twice the voltage gives {number_text(ratio, 6)} times the force", abs(ratio - 4) < 1e-9
+    )
+
+
+def _force_does_not_depend_on_the_size() -> Fact:
+    sizes = np.array([RELEASE_GAP, _RADIUS, PROBE_RADIUS])
+    changes = []
+    for law in (release_force, pick_force):
+        ratio = float(law(_VOLTAGE, *(2 * sizes)) / law(_VOLTAGE, *sizes))
+        changes.append(abs(ratio - 1))
+    change = max(changes)
+    return Fact(f"twice the size changes the force by {100 * change:.1g} %", change < 1e-9)
+
+
+def peak_fact() -> Fact:
+    """Return where both forces are largest over the radius of the tool.
+
+    At an end of the range they have no peak.
+    """
+    ratios = np.linspace(0.65, 2.0, 271)
+    texts = []
+    is_near = []
     for name, law in (("release", release_force), ("pick", pick_force)):
-        place = int(np.asarray(law(_V, RELEASE_GAP, _R, ratios * _R)).argmax())
-        has_peak = 0 < place < len(ratios) - 1
-        said.append(
-            f"{name}: {'peak' if has_peak else 'no peak, largest'} at R_m = {ratios[place]:.2f} R"
-        )
-        near.append(has_peak and NEARLY[0] <= ratios[place] <= NEARLY[1])
-    return "; ".join(said), all(near)
+        forces = np.asarray(law(_VOLTAGE, RELEASE_GAP, _RADIUS, ratios * _RADIUS))
+        index = int(forces.argmax())
+        ratio = ratios[index]
+        has_peak = 0 < index < len(ratios) - 1
+
+        where = "peak" if has_peak else "no peak, largest"
+        texts.append(f"{name}: {where} at R_m = {ratio:.2f} R")
+        is_near.append(has_peak and NEARLY_EQUAL[0] <= ratio <= NEARLY_EQUAL[1])
+    return Fact("; ".join(texts), all(is_near))
 
 
-@cache
-def laws() -> dict[str, Fact]:
-    """Facts by the names of their statements."""
-    sizes = np.array([RELEASE_GAP, _R, PROBE_RADIUS])
-    forces = release_force, pick_force
-    square = float(release_force(2 * _V, *sizes) / release_force(_V, *sizes))
-    scale = max(abs(float(law(_V, *(2 * sizes)) / law(_V, *sizes)) - 1) for law in forces)
-    near = [float(law(_V, *sizes) / asymptotic_force(_V, RELEASE_GAP, _R)) for law in forces]
-    low, high = (float(law(_R, WORK_OBJECT_SUBSTRATE)) for law in (jkr_pull_off, dmt_pull_off))
-    right, printed = (
-        [float(detachment_voltage(w, RELEASE_GAP, constant)) for w in (0.01, 1.0)]
-        for constant in (EQ3_CONSTANT, PRINTED_EQ3_CONSTANT)
+def _small_gap_equation_holds_at_the_release() -> Fact:
+    limit = asymptotic_force(_VOLTAGE, RELEASE_GAP, _RADIUS)
+    release = float(release_force(_VOLTAGE, RELEASE_GAP, _RADIUS, PROBE_RADIUS) / limit)
+    pick = float(pick_force(_VOLTAGE, RELEASE_GAP, _RADIUS, PROBE_RADIUS) / limit)
+    holds = _is_within(release, 1, 0.1) and _is_within(pick, 1, 0.1)
+    return Fact(f"release {release:.3f}, pick {pick:.3f} of it", holds)
+
+
+def _pull_off_lies_between_jkr_and_dmt() -> Fact:
+    low = float(jkr_pull_off(_RADIUS, WORK_OBJECT_SUBSTRATE))
+    high = float(dmt_pull_off(_RADIUS, WORK_OBJECT_SUBSTRATE))
+    work = f"{1e3 * WORK_OBJECT_SUBSTRATE:g} mJ/m^2"
+    return Fact(f"{1e6 * low:.3f} to {1e6 * high:.3f} µN for 20 µm and W of {work}", low < high)
+
+
+def _constant_of_equation_3_is_the_printed_one() -> Fact:
+    return Fact(f"{EQ3_CONSTANT:.3e}", _is_within(EQ3_CONSTANT, PRINTED_EQ3_CONSTANT, 0.01))
+
+
+def _release_voltages_are_those_of_equation_4() -> Fact:
+    works = (0.01, 1.0)
+    low, high = (float(detachment_voltage(work, RELEASE_GAP, EQ3_CONSTANT)) for work in works)
+    printed_low, printed_high = (
+        float(detachment_voltage(work, RELEASE_GAP, PRINTED_EQ3_CONSTANT)) for work in works
     )
-    weight = [
-        float(ball_weight(r) / dmt_pull_off(r, WORK_OBJECT_SUBSTRATE)) for r in (15e-6, 25e-6)
-    ]
-    half = [1 / float(humidity_factor(rh)) for rh in (90.0, 70.0)]
-    drier = [seen / float(humidity_factor(rh)) ** 0.5 for seen, rh in ((100, 90.0), (500, 70.0))]
-    most = fitness(Measures(71, 72, 0, None, None), 280, 72, 800)
-    best = fitness(Measures(72, 72, 0, None, 250), 280, 72, 800)
-    return {
-        "voltage squared": (
-            f"twice the voltage gives {number(square, 6)} times the force",
-            abs(square - 4) < 1e-9,
-        ),
-        "scale": (f"twice the size changes the force by {100 * scale:.1g} %", scale < 1e-9),
-        "peak": peak(),
-        "small gaps": (
-            f"release {near[0]:.3f}, pick {near[1]:.3f} of it",
-            all(abs(f - 1) < 0.1 for f in near),
-        ),
-        "pull-off bounds": (
-            f"{1e6 * low:.3f} to {1e6 * high:.3f} µN for 20 µm and W of {1e3 * WORK_OBJECT_SUBSTRATE:g} mJ/m^2",
-            low < high,
-        ),
-        "constant": (f"{EQ3_CONSTANT:.3e}", abs(EQ3_CONSTANT / PRINTED_EQ3_CONSTANT - 1) < 0.01),
-        "release range": (
-            f"{right[0]:.0f} to {right[1]:.0f} V; {printed[0]:.0f} to {printed[1]:.0f} V with the printed constant",
-            abs(right[0] / 120 - 1) < 0.05 and abs(right[1] / 1200 - 1) < 0.05,
-        ),
-        "gravity": (
-            f"the weight is {100 * weight[0]:.2f} to {100 * weight[1]:.2f} % of the pull-off force for 15 to 25 µm",
-            max(weight) < 0.01,
-        ),
-        "half adhesion": (f"{half[0]:.2f} to {half[1]:.2f} of it", 0.4 < half[0] < half[1] < 0.6),
-        "drier air": (
-            f"{drier[0]:.0f} to {drier[1]:.0f} V",
-            abs(drier[0] / 70 - 1) < 0.1 and abs(drier[1] / 350 - 1) < 0.1,
-        ),
-        "points": (f"{most:.0f} and {best:.0f}", most == 2860 and best == 8360),
-    }
-
-
-def _melting() -> Fact:
-    """Whether the oxide breaks down, and the heat melts the ball, while the tool touches it."""
-    contacts, time = Contacts(), Protocol().contact_time
-    does = bool(melts(MELTING_VOLTAGE, _MELTED, contacts.breaks_at, contacts.supply, time))
-    takes = 1e3 * float(melting_time(MELTING_VOLTAGE, _MELTED, contacts.supply))
-    return (
-        f"breakdown at {contacts.breaks_at:g} V, heat enough after {takes:.2f} ms of {1e3 * time:.2f}",
-        does,
+    return Fact(
+        f"{low:.0f} to {high:.0f} V; {printed_low:.0f} to {printed_high:.0f} V with the printed "
+        "constant",
+        _is_within(low, 120, 0.05) and _is_within(high, 1200, 0.05),
     )
 
 
-def _law(fact: Callable[[], Fact]) -> Test:
-    def test(_: object) -> Judged:
-        ours, holds = fact()
-        return Judged(ours, "", HOLDS if holds else FAILS)
+def _gravity_is_negligible() -> Fact:
+    small, large = (
+        float(ball_weight(radius) / dmt_pull_off(radius, WORK_OBJECT_SUBSTRATE))
+        for radius in (15e-6, 25e-6)
+    )
+    return Fact(
+        f"the weight is {100 * small:.2f} to {100 * large:.2f} % of the pull-off force for 15 to "
+        "25 µm",
+        max(small, large) < 0.01,
+    )
+
+
+def _adhesion_in_dry_air_is_half() -> Fact:
+    at_90, at_70 = (1 / float(humidity_factor(humidity)) for humidity in (90.0, 70.0))
+    return Fact(f"{at_90:.2f} to {at_70:.2f} of it", 0.4 < at_90 < at_70 < 0.6)
+
+
+def _release_voltages_in_drier_air() -> Fact:
+    # Voltages that the paper quotes for air, by the root of the ratio of adhesion.
+    low = 100 / float(humidity_factor(90.0)) ** 0.5
+    high = 500 / float(humidity_factor(70.0)) ** 0.5
+    holds = _is_within(low, 70, 0.1) and _is_within(high, 350, 0.1)
+    return Fact(f"{low:.0f} to {high:.0f} V", holds)
+
+
+def _largest_points() -> Fact:
+    # All balls picked up but one delivered; and all delivered in 250 steps.
+    unfinished = Measures(71, 72, 0, mean_carriage_steps=None, finished_at=None)
+    finished = Measures(72, 72, 0, mean_carriage_steps=None, finished_at=250)
+    most = fitness(unfinished, 280, 72, 800)
+    best = fitness(finished, 280, 72, 800)
+    return Fact(f"{most:.0f} and {best:.0f}", most == 2860 and best == 8360)
+
+
+LAWS: Mapping[str, Callable[[], Fact]] = {
+    "voltage squared": _force_grows_with_the_voltage_squared,
+    "scale": _force_does_not_depend_on_the_size,
+    "peak": peak_fact,
+    "small gaps": _small_gap_equation_holds_at_the_release,
+    "pull-off bounds": _pull_off_lies_between_jkr_and_dmt,
+    "constant": _constant_of_equation_3_is_the_printed_one,
+    "release range": _release_voltages_are_those_of_equation_4,
+    "gravity": _gravity_is_negligible,
+    "half adhesion": _adhesion_in_dry_air_is_half,
+    "drier air": _release_voltages_in_drier_air,
+    "points": _largest_points,
+}
+"""Facts of the laws, by the names of their statements in statements.csv."""
+
+
+def _melting_fact() -> Fact:
+    """Return whether the oxide breaks down, and heat melts the ball, while the tool touches it."""
+    contacts = Contacts()
+    time = Protocol().contact_time
+    does_melt = bool(
+        melts(MELTING_VOLTAGE, _MELTED_RADIUS, contacts.breaks_at, contacts.supply, time)
+    )
+    needed = float(melting_time(MELTING_VOLTAGE, _MELTED_RADIUS, contacts.supply))
+    return Fact(
+        f"breakdown at {contacts.breaks_at:g} V, heat enough after {1e3 * needed:.2f} ms of "
+        f"{1e3 * time:.2f}",
+        does_melt,
+    )
+
+
+def _test_of_fact(fact: Callable[[], Fact]) -> Test:
+    """Return a test that does not depend on results; its fact is worked out once."""
+    cached_fact = cache(fact)
+
+    def test(_: object) -> Judgement:
+        text, holds = cached_fact()
+        return Judgement(text, "", HOLDS if holds else FAILS)
 
     return test
 
@@ -176,120 +253,168 @@ def _law(fact: Callable[[], Fact]) -> Test:
 
 
 def _trials(rows: Rows, experiment: str) -> Rows:
-    """Trials that are not faulty; at the paper's humidity, and of releases at its gap."""
-    found = select(rows, experiment=experiment, faulty=False, relative_humidity=PAPER_HUMIDITY)
-    return [row for row in found if experiment != "release" or np.isclose(row["gap"], RELEASE_GAP)]
+    """Return the trials that are not faulty, at the paper's humidity, of releases at its gap."""
+    trials = select(rows, experiment=experiment, faulty=False, relative_humidity=PAPER_HUMIDITY)
+    if experiment != "release":
+        return trials
+    return [row for row in trials if np.isclose(row["gap"], RELEASE_GAP)]
 
 
-def _without_contact(rows: Rows) -> Judged | None:
-    """That no trial lifts a ball; undecided if the trials ended below the paper's voltage."""
-    tried = _trials(rows, "no_contact")
-    if not tried:
+def _voltages(rows: Rows, experiment: str) -> np.ndarray:
+    """Return the voltages of `_trials` that reached one [V]."""
+    return values(_trials(rows, experiment), VOLTAGE)
+
+
+def _judge_without_contact(rows: Rows) -> Judgement | None:
+    """Judge whether no trial without contact lifts a ball.
+
+    It is undecided if trials ended below the paper's voltage.
+    """
+    trials = _trials(rows, "no_contact")
+    if not trials:
         return None
-    low = int((values(tried, VOLTAGE) < PAPER_NO_CONTACT).sum())
-    found = always(len(tried) - low, len(tried), " not lifted below 50 V")
-    is_open = min(row["limit_voltage"] for row in tried) < PAPER_NO_CONTACT
-    return found._replace(verdict=UNDECIDED) if is_open else found
+
+    n_lifted = int((values(trials, VOLTAGE) < PAPER_NO_CONTACT).sum())
+    judgement = judge_always(len(trials) - n_lifted, len(trials), " not lifted below 50 V")
+    if min(row["limit_voltage"] for row in trials) < PAPER_NO_CONTACT:
+        return judgement._replace(verdict=UNDECIDED)
+    return judgement
 
 
-def _always(rows: Rows) -> Judged | None:
-    tried = select(rows, experiment="grasp", faulty=False)
-    return always(len(values(tried, VOLTAGE)), len(tried), ", at all humidities") if tried else None
+def _judge_always_lifted(rows: Rows) -> Judgement | None:
+    """Judge whether all trials lift their ball, at any humidity."""
+    trials = select(rows, experiment="grasp", faulty=False)
+    if not trials:
+        return None
+    return judge_always(len(values(trials, VOLTAGE)), len(trials), ", at all humidities")
 
 
-def _grasp_band(rows: Rows) -> Judged | None:
-    """Whether the means at each radius, which the paper plots, lie in its band."""
+def _judge_grasp_band(rows: Rows) -> Judgement | None:
+    """Judge whether the means at each radius, which the paper plots, lie in its band."""
     groups = sorted(by(_trials(rows, "grasp"), "radius").items())
-    return averages(
-        {f"{r * _UM:g} µm": values(runs, VOLTAGE) for r, runs in groups}, PAPER_GRASP, "V"
-    )
+    samples = {f"{radius * _UM:g} µm": values(runs, VOLTAGE) for radius, runs in groups}
+    return judge_averages(samples, PAPER_GRASP, "V")
 
 
-def _within(
+def _judge_share_within(
     experiments: Sequence[str], band: Sequence[float], limits: tuple[float, float], rows: Rows
-) -> Judged | None:
-    """Whether the share of single trials in a band lies within limits; voltages are multiples of a
-    step, of which rounding makes 36.999... V."""
-    groups = {name: np.round(values(_trials(rows, name), VOLTAGE), 6) for name in experiments}
-    counts = {
-        name * (len(groups) > 1): (int(((band[0] <= found) & (found <= band[1])).sum()), len(found))
-        for name, found in groups.items()
-        if len(found)
-    }
-    return shares(counts, limits)
+) -> Judgement | None:
+    """Judge whether the share of single trials whose voltage is in a band lies within limits.
+
+    Args:
+        experiments: experiments of the trials.
+        band: lowest and highest voltage [V].
+        limits: limits of the share of each experiment.
+        rows: the trials.
+    """
+    counts = {}
+    for experiment in experiments:
+        # Voltages are multiples of a step, of which rounding makes 36.999... V.
+        voltages = np.round(_voltages(rows, experiment), 6)
+        if len(voltages):
+            n_inside = int(((band[0] <= voltages) & (voltages <= band[1])).sum())
+            label = experiment if len(experiments) > 1 else ""
+            counts[label] = (n_inside, len(voltages))
+    return judge_shares(counts, limits)
 
 
-def _flat(experiment: str, rows: Rows) -> Judged | None:
-    pairs = [
-        (r["radius"] * _UM, r["voltage"])
-        for r in _trials(rows, experiment)
-        if r["voltage"] is not None
-    ]
-    found = slope(*zip(*pairs, strict=True)) if pairs else Interval(np.nan, np.nan, np.nan)
-    estimates = [] if np.isnan(found.estimate) else [Estimate(found, (len(pairs),), -FLAT, FLAT)]
-    return judged(estimates, "slope", "V/µm")
-
-
-def _humid(humidity: float, rows: Rows) -> Judged | None:
-    wet = select(rows, experiment="grasp", faulty=False, relative_humidity=humidity)
-    return differences({"": (wet, _trials(rows, "grasp"))}, VOLTAGE)
-
-
-def _reliable(rows: Rows) -> Judged | None:
-    let_go = _trials(rows, "release")
-    found, landed = values(let_go, VOLTAGE), sum(bool(row["landed"]) for row in let_go)
-    if not len(found):
+def _judge_flat(experiment: str, rows: Rows) -> Judgement | None:
+    """Judge whether the voltage of an experiment does not depend on the ball's radius."""
+    trials = [row for row in _trials(rows, experiment) if row["voltage"] is not None]
+    radii = [row["radius"] * _UM for row in trials]
+    line_slope = slope(radii, [row["voltage"] for row in trials])
+    if np.isnan(line_slope.estimate):
         return None
-    spread = float(found.std(ddof=1) / found.mean()) if len(found) > 1 else 0.0
-    return always(
-        landed, len(let_go), f" landed and stayed; coefficient of variation {100 * spread:.1f} %"
+    estimate = Estimate(line_slope, sizes=(len(trials),), low=-FLAT_SLOPE, high=FLAT_SLOPE)
+    return judge_estimates([estimate], "slope", "V/µm")
+
+
+def _judge_humid(humidity: float, rows: Rows) -> Judgement | None:
+    """Judge whether grasps at this humidity [%] take more voltage than at the paper's."""
+    trials = select(rows, experiment="grasp", faulty=False, relative_humidity=humidity)
+    return judge_differences({"": (trials, _trials(rows, "grasp"))}, VOLTAGE)
+
+
+def _judge_reliable(rows: Rows) -> Judgement | None:
+    """Judge whether all released balls land and stay; report how much the voltages scatter."""
+    releases = _trials(rows, "release")
+    voltages = values(releases, VOLTAGE)
+    if not len(voltages):
+        return None
+
+    variation = float(voltages.std(ddof=1) / voltages.mean()) if len(voltages) > 1 else 0.0
+    n_landed = sum(bool(row["landed"]) for row in releases)
+    remark = f" landed and stayed; coefficient of variation {100 * variation:.1f} %"
+    return judge_always(n_landed, len(releases), remark)
+
+
+def _judge_release_below_theory(rows: Rows) -> Judgement | None:
+    """Judge whether releases take less than the theory's 70 V on average."""
+    return judge_averages({"": _voltages(rows, "release")}, (-np.inf, 70.0), "V")
+
+
+def _judge_alike_voltages(rows: Rows) -> Judgement | None:
+    """Judge whether releases take half to twice the voltage of grasps on average."""
+    grasps = _voltages(rows, "grasp")
+    releases = _voltages(rows, "release")
+    if not len(grasps) or not len(releases):
+        return None
+
+    log_ratio = difference(np.log(releases), np.log(grasps), np.mean)
+    estimate = Estimate(
+        Interval(*map(float, np.exp(log_ratio))),
+        sizes=(len(releases), len(grasps)),
+        low=0.5,
+        high=2.0,
+        prefix=f"release {releases.mean():.1f} V, grasp {grasps.mean():.1f} V on average, ratio ",
     )
+    return judge_estimates([estimate], "geometric means")
 
 
-def _alike(rows: Rows) -> Judged | None:
-    lift, drop = (values(_trials(rows, name), VOLTAGE) for name in ("grasp", "release"))
-    if not len(lift) or not len(drop):
+def _judge_transported(rows: Rows) -> Judgement | None:
+    """Judge whether each grasped ball ends within its radius of the target aside."""
+    trials = [
+        row
+        for row in select(rows, relative_humidity=PAPER_HUMIDITY)
+        if row["experiment"] != "no_contact"
+    ]
+    balls = by(trials, "radius", "repeat").values()
+    balls_without_fault = [ball for ball in balls if not any(row["faulty"] for row in ball)]
+
+    # Distances from the target, in radii; earlier tables have no transport.
+    distances = []
+    for ball in balls_without_fault:
+        for row in ball:
+            if row.get("transport") == TRANSPORT:
+                is_lost = not row["landed"]
+                distances.append(np.inf if is_lost else row["off_target"] / row["radius"])
+    if not distances:
         return None
-    ratio = Interval(*map(float, np.exp(difference(np.log(drop), np.log(lift), np.mean))))
-    said = f"release {drop.mean():.1f} V, grasp {lift.mean():.1f} V on average, ratio "
-    return judged([Estimate(ratio, (len(drop), len(lift)), 0.5, 2.0, said=said)], "geometric means")
+
+    n_on_target = sum(distance <= 1 for distance in distances)
+    remark = f" balls, at most {number_text(max(distances))} radii from the target"
+    return judge_always(n_on_target, len(balls_without_fault), remark)
 
 
-def _transported(rows: Rows) -> Judged | None:
-    """Whether each grasped ball ends within its radius of the target aside."""
-    dry = select(rows, relative_humidity=PAPER_HUMIDITY)
-    balls = by(
-        [row for row in dry if row["experiment"] != "no_contact"], "radius", "repeat"
-    ).values()
-    tried = [ball for ball in balls if not any(row["faulty"] for row in ball)]
-    releases = [
-        row for ball in tried for row in ball if row.get("transport") == TRANSPORT
-    ]  # earlier tables lack it
-    off = [row["off_target"] / row["radius"] if row["landed"] else np.inf for row in releases]
-    said = f" balls, at most {number(max(off))} radii from the target" if off else ""
-    return always(sum(each <= 1 for each in off), len(tried), said) if off else None
-
-
-TRIALS: dict[str, Test] = {
-    "no contact": _without_contact,
-    "always lifts": _always,
-    "grasp band": _grasp_band,
-    "grasp flat": partial(_flat, "grasp"),
-    "humid 5": partial(_humid, 5.0),
-    "humid 30": partial(_humid, 30.0),
-    "humid 50": partial(_humid, 50.0),
-    "release band": partial(
-        _within, ["release"], PAPER_RELEASE, _MOST
-    ),  # where the paper gives no means
-    "reliable": _reliable,
-    "below theory": lambda rows: averages(
-        {"": values(_trials(rows, "release"), VOLTAGE)}, (-np.inf, 70.0), "V"
-    ),
-    "release flat": partial(_flat, "release"),
-    "alike voltages": _alike,
-    "melting": _law(_melting),
-    "on board": partial(_within, ["grasp", "release"], PAPER_ON_BOARD, _MOST),
-    "figure 6": partial(_within, ["grasp"], (0.0, PAPER_FIG_6), (RARE, np.inf)),
-    "transport": _transported,
+TRIALS: Mapping[str, Test] = {
+    "no contact": _judge_without_contact,
+    "always lifts": _judge_always_lifted,
+    "grasp band": _judge_grasp_band,
+    "grasp flat": partial(_judge_flat, "grasp"),
+    "humid 5": partial(_judge_humid, 5.0),
+    "humid 30": partial(_judge_humid, 30.0),
+    "humid 50": partial(_judge_humid, 50.0),
+    # The paper gives no means of its releases.
+    "release band": partial(_judge_share_within, ["release"], PAPER_RELEASE, _MOST),
+    "reliable": _judge_reliable,
+    "below theory": _judge_release_below_theory,
+    "release flat": partial(_judge_flat, "release"),
+    "alike voltages": _judge_alike_voltages,
+    "melting": _test_of_fact(_melting_fact),
+    "on board": partial(_judge_share_within, ["grasp", "release"], PAPER_ON_BOARD, _MOST),
+    "figure 6": partial(_judge_share_within, ["grasp"], (0.0, PAPER_FIG_6), (RARE_SHARE, np.inf)),
+    "transport": _judge_transported,
 }
-STATEMENTS = stated({name: _law(lambda name=name: laws()[name]) for name in named("laws")} | TRIALS)
+"""Tests of the statements on trials, by their names in statements.csv."""
+_TESTS_OF_LAWS = {name: _test_of_fact(fact) for name, fact in LAWS.items()}
+STATEMENTS = paper_statements(_TESTS_OF_LAWS | dict(TRIALS))

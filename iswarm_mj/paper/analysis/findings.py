@@ -1,5 +1,4 @@
-"""Findings on statements: the paper's value, ours, the statistics, whether the statement holds, and
-what that tells."""
+"""Findings on statements: the paper's value, ours, the statistics, the verdict and its kind."""
 
 import csv
 import math
@@ -9,37 +8,46 @@ from typing import Any, NamedTuple
 
 from iswarm_mj.paper.analysis.statistics import Interval
 
-HOLDS, FAILS, UNDECIDED, NOT_RUN = "holds", "does not hold", "undecided", "not run yet"
+HOLDS = "holds"
+FAILS = "does not hold"
+UNDECIDED = "undecided"
+NOT_RUN = "not run yet"
 TOO_FEW = "too few runs to judge"
 NOT_IN_PAPER = "not in the paper"
 """Source of a statement that the paper does not make."""
 ALPHA = 0.01
-"""Level below which a p-value is named; verdicts follow from intervals."""
+"""Level below which a p-value is mentioned; verdicts follow from intervals."""
 
-PREDICTED, FITTED, CONSTRUCTED = "predicted", "fitted", "by construction"
-SLIP, NOT_COMPARABLE = "the paper's slip", "not comparable"
+PREDICTED = "predicted"
+FITTED = "fitted"
+CONSTRUCTED = "by construction"
+SLIP = "the paper's slip"
+NOT_COMPARABLE = "not comparable"
 KINDS = {
-    PREDICTED: "follows from the model's rules; no value was set with the statement alone in view (the default's "
-    "distance of the dust was chosen by Figs. 15 and 17 and Table 2 together)",
+    PREDICTED: "follows from the model's rules; no value was set with the statement alone in view "
+    "(the default's distance of the dust was chosen by Figs. 15 and 17 and Table 2 together)",
     FITTED: "a value was set so that it holds, or was selected by the measure that it is about",
     CONSTRUCTED: "put in, or algebra: it could not have come out otherwise",
-    SLIP: "on the paper's own arithmetic, or on an equation of it outside of the range for which it is stated",
-    NOT_COMPARABLE: "what is measured here is not what the paper measured, or depends on the computer",
+    SLIP: "on the paper's own arithmetic, or on an equation of it outside of the range for which "
+    "it is stated",
+    NOT_COMPARABLE: "what is measured here is not what the paper measured, or depends on the "
+    "computer",
 }
-"""What a verdict on a statement is worth: the kinds and their meanings."""
+"""Meanings of the kinds of statements: what a verdict on them is worth."""
 
 
 class Finding(NamedTuple):
     """A statement and the verdict on it."""
 
     claim: str
+    """The statement."""
     source: str
-    """Place in the paper, or a note that the paper does not say so."""
+    """Place in the paper, or NOT_IN_PAPER."""
     paper: str
     """The paper's value."""
     kind: str
-    """What the verdict is about, one of `KINDS`; of what `infer` asks also whether it selects or is
-    held out."""
+    """One of `KINDS`; for statements that the experiment `infer` uses also whether it selects by
+    them or holds them out."""
     ours: str = ""
     """Our value; empty without results."""
     statistics: str = ""
@@ -49,86 +57,102 @@ class Finding(NamedTuple):
     without a verdict."""
 
 
-class Judged(NamedTuple):
-    """What results say on a statement; the fields of `Finding`."""
+class Judgement(NamedTuple):
+    """The outcome of a test: the fields of a `Finding` that depend on results."""
 
     ours: str
     statistics: str
     verdict: str = ""
 
 
-Test = Callable[[Any], Judged | None]
+Test = Callable[[Any], Judgement | None]
+"""Judges results: rows, or searches by their methods; returns None where they say nothing."""
 
 
 class Statement(NamedTuple):
     """A statement of the paper, or one beyond it, and how it is judged."""
 
     study: str
-    """Whose results it is about."""
+    """Study whose results it is about."""
     claim: str
+    """The statement."""
     source: str
+    """Place in the paper, or NOT_IN_PAPER."""
     paper: str
+    """The paper's value."""
     kind: str
-    """As in `Finding`."""
+    """Kind of the statement, as in `Finding`."""
     note: str
-    """What is to be known of the test or the verdict; ends the statistics of the finding."""
+    """Remark on the test or the verdict; it ends the statistics of the finding."""
     test: Test
-    """Of the results: rows, or for evolutions samples by methods; None where they have nothing on
-    it."""
+    """Judges the results."""
 
     def finding(self, results: Any) -> Finding:
-        """Return the finding; results that are empty, or None, were not made."""
-        judged = self.test(results) if results else None
-        if judged:
-            judged = judged._replace(
-                statistics="; ".join(filter(None, (judged.statistics, self.note)))
-            )
-        return Finding(*self[1:5], *(judged or ()))
+        """Return the finding; results that are empty or None count as not run yet."""
+        finding = Finding(self.claim, self.source, self.paper, self.kind)
+        judgement = self.test(results) if results else None
+        if judgement is None:
+            return finding
+
+        statistics = filter(None, (judgement.statistics, self.note))
+        return finding._replace(
+            ours=judgement.ours, statistics="; ".join(statistics), verdict=judgement.verdict
+        )
 
 
-_TABLE = files("iswarm_mj.paper.analysis").joinpath("statements.csv").read_text(encoding="utf-8")
-_WORDS = {row.pop("test"): row for row in csv.DictReader(_TABLE.splitlines())}
-"""Study, claim, source, the paper's value, kind, role and note by the names of tests."""
-for _row in _WORDS.values():
-    _row["kind"] = ", ".join(filter(None, (_row["kind"], _row.pop("role"))))
+def _read_statements() -> dict[str, dict[str, str]]:
+    """Return the fields of the paper's statements, without their tests, by the tests' names."""
+    table = files("iswarm_mj.paper.analysis").joinpath("statements.csv")
+    fields_of = {}
+    for row in csv.DictReader(table.read_text(encoding="utf-8").splitlines()):
+        test_name = row.pop("test")
+        role = row.pop("role")
+        row["kind"] = ", ".join(filter(None, (row["kind"], role)))
+        fields_of[test_name] = row
+    return fields_of
 
 
-def named(study: str) -> list[str]:
-    """Names of the tests of a study in the table."""
-    return [name for name, words in _WORDS.items() if words["study"] == study]
+_PAPER_STATEMENTS = _read_statements()
 
 
-def stated(tests: Mapping[str, Test]) -> list[Statement]:
-    """Statements that these tests judge, by their names in the table beside this file, which has
-    the words."""
-    return [Statement(**_WORDS[name], test=test) for name, test in tests.items()]
+def paper_statements(tests: Mapping[str, Test]) -> list[Statement]:
+    """Return the statements of statements.csv that these tests judge, by the tests' names there."""
+    return [Statement(**_PAPER_STATEMENTS[name], test=test) for name, test in tests.items()]
 
 
-def findings_on(statements: Sequence[Statement], study: str, results: Any) -> list[Finding]:
-    """Findings on the statements of a study."""
-    return [one.finding(results) for one in statements if one.study == study]
-
-
-def added(study: str, claim: str, test: Test) -> Statement:
-    """Statement that the paper does not make, on a question that it does not study."""
+def added_statement(study: str, claim: str, test: Test) -> Statement:
+    """Return a statement on a question that the paper does not study."""
     return Statement(study, claim, NOT_IN_PAPER, "not studied", PREDICTED, "", test)
 
 
-def number(value: float, digits: int = 3) -> str:
-    """A number with `digits` significant digits, without an exponent if it has at most six
-    places."""
+def findings_on(statements: Sequence[Statement], study: str, results: Any) -> list[Finding]:
+    """Return the findings on the statements of a study."""
+    return [statement.finding(results) for statement in statements if statement.study == study]
+
+
+def number_text(value: float, digits: int = 3) -> str:
+    """Return a number with so many significant digits.
+
+    Numbers from 0.001 to a million are written without an exponent and without trailing zeros.
+    """
     if math.isnan(value):
         return "undefined"
-    if value == 0 or 1e-3 <= abs(value) < 1e6:
-        places = max(0, digits - 1 - math.floor(math.log10(abs(value)))) if value else 0
-        text = f"{value:z.{places}f}"
-        return text.rstrip("0").rstrip(".") if "." in text else text
-    return f"{value:.{digits - 1}e}"
+    if value == 0:
+        return "0"
+    if not 1e-3 <= abs(value) < 1e6:
+        return f"{value:.{digits - 1}e}"
+
+    places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
+    text = f"{value:z.{places}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
 
 
-def short(value: Interval, unit: str = "", digits: int = 3) -> str:
-    """An estimate with its interval, if it has one: 3.1 V (2.8 to 3.4); shares as 43 % (38 to
-    48)."""
-    estimate, low, high = (number(100 * end if unit == "%" else end, digits) for end in value)
-    shown = f"{estimate} {unit}".rstrip()
-    return shown if math.isnan(value.low) else f"{shown} ({low} to {high})"
+def interval_text(value: Interval, unit: str = "", digits: int = 3) -> str:
+    """Return an estimate with its interval, if it has one.
+
+    Shares, with the unit %, are multiplied by 100: 3.1 V (2.8 to 3.4), 43 % (38 to 48).
+    """
+    factor = 100 if unit == "%" else 1
+    estimate, low, high = (number_text(factor * number, digits) for number in value)
+    text = f"{estimate} {unit}".rstrip()
+    return text if math.isnan(value.low) else f"{text} ({low} to {high})"

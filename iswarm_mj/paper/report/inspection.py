@@ -1,234 +1,230 @@
-"""What a directory of results holds, in words: of runs, experiments, searches and trials,
-interrupted ones included."""
+"""Descriptions of directories of results: of runs, experiments, searches and trials.
 
-import re
+Interrupted ones are described as far as they came.
+"""
+
 import shlex
-from collections.abc import Iterator, Mapping
-from fnmatch import fnmatch
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from zipfile import is_zipfile
-
-from tqdm import tqdm
 
 from iswarm_mj.output.loading import read_result
-from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
-from iswarm_mj.paper.report import results
+from iswarm_mj.output.trajectory import RESULT
+from iswarm_mj.paper.report.listed_files import file_lines, is_of_bench, recording_lines
+from iswarm_mj.paper.report.results import SEARCH, TRIALS, explaining_damage
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.search import sweep
 from iswarm_mj.search.best import best_of
 from iswarm_mj.search.journal import RUNS, count
+from iswarm_mj.search.rows import Row, Rows
 from iswarm_mj.search.search import BEST, CHECKPOINT
-from iswarm_mj.strategy.library import STRATEGIES, TASKS, naming, offered
-from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import aligned, read_table
 from iswarm_mj.workflows import grasp
 from iswarm_mj.workflows.clean import strategy_of, summary
 
 _JOURNALS = {RUNS: "an experiment or a sweep", CHECKPOINT: "a search"}
+"""Names of journals, and what their runs are of."""
 _TABLES = (
-    results.SEARCH,
-    results.TRIALS,
+    SEARCH,
+    TRIALS,
     grasp.CURVES,
     sweep.SWEEP,
     *(experiment.table for experiment in EXPERIMENTS.values()),
 )
-_KNOWN = (RESULT, *_TABLES, *_JOURNALS)
-_USUAL = type(CLEANING).__name__
-_MAX_LISTED = 20
-FILES = {
-    "result.json": "measures and settings: iswarm_mj.load({parent!r}).result; iswarm clean --config {path} repeats it",
-    "trajectory.npz": "what was recorded: iswarm_mj.load({parent!r}).robots, .balls, .links, .steps",
-    "*.rrd": "recording: rerun {path}",
-    "best*.json": "best genome: iswarm clean --genome {path}",
-    "runs.sqlite": "finished runs, which are not repeated",
-    "checkpoint.sqlite": "finished runs, with which the same command goes on",
-    "findings.csv": "statements and verdicts, a row each",
-    "*.parquet": "table: pyarrow.parquet.read_table({path!r})",
-    "*.csv": "the same table for spreadsheets",
-    "*.html": "page for a browser",
-    "*.png": "figure or picture",
-    "*.svg": "the same figure, for print",
-    "*.mp4": "video",
-}
-"""By the pattern of its name: what it is and how to open it."""
+"""Names of tables that are described."""
+_DESCRIBED = (RESULT, *_TABLES, *_JOURNALS)
+"""Names of all files that are described."""
+_ENDS_OF_SEARCH = (BEST, "learning.png")
+"""Files of which a search writes one at its end: its best genome, or the figure of a training."""
+_RUN_FACTS = ("engine", "n_robots", "n_worlds", "steps")
+_RUN_MEASURES = ("delivered", "finished_at", "collisions")
+_MAX_FAULTS = 20
+"""Maximum number of faults that are listed."""
 
 
-def inspection(directory: Path) -> str:
-    """Return what a directory holds; of one that only holds others, a paragraph for each of these.
+def describe_directory(directory: Path) -> str:
+    """Return what a directory holds.
+
+    If it only holds other directories with results, there is a paragraph for each, or one table if
+    all of them are single runs.
 
     Raises:
         UserError: it does not exist, or there are no results in it or below.
     """
     if not directory.is_dir():
         raise UserError(f"{directory} is no directory; give the --out of a command.")
-    found = sorted(
-        {path.parent for name in _KNOWN for path in directory.glob(f"**/{name}") if path.is_file()}
-    )
-    if not found:
+    places = _directories_with_results(directory)
+    if not places:
         raise UserError(
             f"{directory} holds no results; give the --out of a command, or a directory of such."
         )
-    if directory in found:
-        return "\n".join([*_about(directory), "", *_files(directory), *_recordings(directory)])
-    if len(found) > 1 and all(
-        (place / RESULT).is_file() and not _is_of_bench(place / RESULT) for place in found
-    ):
-        return "\n".join(_of_many({place: read_result(place / RESULT) for place in found}))
-    paragraphs = (
-        [str(place), *(f"  {line}" for line in (*_about(place), *_recordings(place, 1)))]
-        for place in found
-    )
-    return "\n\n".join(map("\n".join, paragraphs))
+
+    if directory in places:
+        lines = [*_describe(directory), "", *file_lines(directory), *recording_lines(directory)]
+        return "\n".join(lines)
+    if len(places) > 1 and all(_holds_a_run(place) for place in places):
+        return "\n".join(_table_of_runs({place: read_result(place / RESULT) for place in places}))
+    return "\n\n".join(_paragraph(place) for place in places)
 
 
-def _of_many(runs: Mapping[Path, Mapping[str, Any]]) -> list[str]:
-    """A line for each run, with means over its worlds."""
+def _directories_with_results(directory: Path) -> list[Path]:
+    """Return the directories with results at any depth, itself included."""
+    files = (path for name in _DESCRIBED for path in directory.glob(f"**/{name}"))
+    return sorted({path.parent for path in files if path.is_file()})
 
-    def mean(value: Any) -> str:
-        known = [
-            v for v in (value if isinstance(value, list) else [value]) if isinstance(v, int | float)
-        ]
-        return f"{sum(known) / len(known):.5g}" if known else "-"
 
-    facts, measures = (
-        ("engine", "n_robots", "n_worlds", "steps"),
-        ("delivered", "finished_at", "collisions"),
-    )
-    lines = [
-        ["directory", "rules", "engine", "robots", "worlds", "steps"]
-        + [name.replace("_", " ") for name in measures]
-    ]
-    for place, content in runs.items():
-        about = map(str, (place, strategy_of(content), *map(content.get, facts)))
-        lines.append([*about, *(mean(content.get(name)) for name in measures)])
+def _holds_a_run(directory: Path) -> bool:
+    """Return whether a directory holds a run of a task."""
+    result = directory / RESULT
+    return result.is_file() and not is_of_bench(result)
+
+
+def _paragraph(directory: Path) -> str:
+    """Return the name of a directory and, indented, what it holds."""
+    lines = [*_describe(directory), *recording_lines(directory, at_least=1)]
+    return "\n".join([str(directory), *(f"  {line}" for line in lines)])
+
+
+# --- Several runs ---
+
+
+def _table_of_runs(results: Mapping[Path, Mapping[str, Any]]) -> list[str]:
+    """Return a line for each run, with means over its worlds.
+
+    Args:
+        results: contents of result.json by their directories.
+    """
+    headings = [name.replace("_", " ") for name in _RUN_MEASURES]
+    lines = [["directory", "rules", "engine", "robots", "worlds", "steps", *headings]]
+    for place, content in results.items():
+        facts = [str(content.get(name)) for name in _RUN_FACTS]
+        means = [_mean_text(content.get(name)) for name in _RUN_MEASURES]
+        lines.append([str(place), str(strategy_of(content)), *facts, *means])
     return aligned(lines)
 
 
-def _is_of_bench(result: Path) -> bool:
-    """Whether a result.json is of `iswarm grasp`, whose tables say more."""
-    return any((result.parent / name).is_file() for name in (results.TRIALS, grasp.CURVES))
+def _mean_text(value: Any) -> str:
+    """Return the mean of a number, or of a list of them, over those that are known."""
+    values = value if isinstance(value, list) else [value]
+    numbers = [number for number in values if isinstance(number, int | float)]
+    return f"{sum(numbers) / len(numbers):.5g}" if numbers else "-"
 
 
-def _about(directory: Path) -> Iterator[str]:
-    """Say what ran, and its outcome."""
-    there = [directory / name for name in (RESULT, *_TABLES) if (directory / name).is_file()]
-    there = [path for path in there if not (path.name == RESULT and _is_of_bench(path))]
-    for path in there:
-        try:
-            with results.as_named(path):
-                yield from (
-                    _run(read_result(path), directory) if path.name == RESULT else _table(path)
-                )
-        except UserError as error:
-            yield str(error)
+# --- One directory ---
+
+
+def _describe(directory: Path) -> Iterator[str]:
+    """Yield lines on what ran in a directory, and on its outcome."""
+    files = [directory / name for name in (RESULT, *_TABLES) if (directory / name).is_file()]
+    described = [path for path in files if path.name != RESULT or not is_of_bench(path)]
+    for path in described:
+        yield from _describe_file(path)
+
     for name, kind in _JOURNALS.items():
-        if (directory / name).is_file():
-            kept = f"{count(directory / name)} finished runs of {kind} are kept in {name}"
-            # A search writes its table as it goes on, and its best genome at the end; a training
-            # its figure.
-            last = (BEST, "learning.png")
-            ended = (
-                any((directory / one).is_file() for one in last)
-                if name == CHECKPOINT
-                else bool(there)
-            )
-            yield kept if ended else f"interrupted: {kept}; the same command goes on"
+        journal = directory / name
+        if journal.is_file():
+            # A search writes its table as it goes on.
+            if name == CHECKPOINT:
+                has_ended = any((directory / end).is_file() for end in _ENDS_OF_SEARCH)
+            else:
+                has_ended = bool(described)
+            kept = f"{count(journal)} finished runs of {kind} are kept in {name}"
+            yield kept if has_ended else f"interrupted: {kept}; the same command goes on"
 
 
-def _run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
-    """Of `iswarm clean` and `iswarm run`."""
-    engine = " ".join(str(content[name]) for name in ("engine", "impl") if name in content)
+def _describe_file(path: Path) -> Iterator[str]:
+    """Yield lines on a result or a table; the error if it is damaged."""
+    try:
+        with explaining_damage(path):
+            if path.name == RESULT:
+                yield from _describe_run(read_result(path), path.parent)
+            else:
+                yield from _describe_table(path)
+    except UserError as error:
+        yield str(error)
+
+
+def _describe_run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
+    """Yield lines on a run of `iswarm clean` or `iswarm run`.
+
+    Args:
+        content: content of result.json.
+        directory: directory of the run.
+    """
     kind = "cleaning run" if "delivered" in content else "run of a task"
+    engine = " ".join(str(content[name]) for name in ("engine", "impl") if name in content)
     yield f"{kind} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
     if content.get("interrupted"):
-        yield f"interrupted after {content.get('steps')} of {content.get('max_steps')} control steps"
+        steps = f"{content.get('steps')} of {content.get('max_steps')}"
+        yield f"interrupted after {steps} control steps"
     yield summary(content, directory)
+
     faults = list(content["faults"])
-    yield from (f"fault: {fault}" for fault in faults[:_MAX_LISTED])
-    if len(faults) > _MAX_LISTED:
-        yield f"{len(faults) - _MAX_LISTED} more faults are in {RESULT}"
+    for fault in faults[:_MAX_FAULTS]:
+        yield f"fault: {fault}"
+    if len(faults) > _MAX_FAULTS:
+        yield f"{len(faults) - _MAX_FAULTS} more faults are in {RESULT}"
 
 
-def _table(path: Path) -> list[str]:
-    """Of an experiment, a sweep, a search, trials or curves."""
+def _describe_table(path: Path) -> Sequence[str]:
+    """Return lines on the table of an experiment, a sweep, a search, trials or curves."""
     rows, settings = read_table(path)
-    about = f"version {settings.get('version')}, seed {settings.get('seed')}"
-    match path.name:
-        case sweep.SWEEP:
-            arguments = shlex.join([settings["command"], *settings["arguments"]])
-            title = f"sweep of {arguments}, {len(rows)} worlds, version {settings['version']}"
-            return [title, *sweep.summary(rows, settings["over"])]
-        case results.SEARCH:
-            best, made = best_of(rows), len({row["generation"] for row in rows})
-            done = f"{made} of {settings['generations']} generations, {len(rows)} runs, {about}"
-            last = f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s), in {BEST}"
-            return [f"search by {settings['method']}: {done}", last]
-        case results.TRIALS:
-            trials = [grasp.TrialRow(*map(row.__getitem__, grasp.TrialRow._fields)) for row in rows]
-            n_trials = len({(row.radius, row.relative_humidity, row.repeat) for row in trials})
-            lines = (f"{name:>12}  {text}" for name, text in grasp.outcome_lines(trials))
-            return [f"{path.stem}: {n_trials} trials in {len(rows)} rows, {about}", *lines]
-        case grasp.CURVES:
-            return [f"{path.stem}: {len(rows)} rows, {about}"]
-    name, quick = str(settings.get("experiment")), " --quick" * bool(settings["quick"])
-    title = f"experiment {name}{quick} on {settings['engine']}: {len(rows)} runs, {about}"
-    findings = EXPERIMENTS[name].findings(rows)
-    return [title, *(f"  {each.verdict or '-'}: {each.claim}: {each.ours}" for each in findings)]
+    if path.name == sweep.SWEEP:
+        return _describe_sweep(rows, settings)
+    if path.name == SEARCH:
+        return _describe_search(rows, settings)
+    if path.name == TRIALS:
+        return _describe_trials(path.stem, rows, settings)
+    if path.name == grasp.CURVES:
+        return [f"{path.stem}: {len(rows)} rows, {_version_and_seed(settings)}"]
+    return _describe_experiment(rows, settings)
 
 
-def _files(directory: Path) -> Iterator[str]:
-    """Name the files, and say how to open each."""
-    files = [
-        path
-        for path in sorted(directory.rglob("*"))
-        if path.is_file() and not path.name.startswith(".")
+def _version_and_seed(settings: Mapping[str, Any]) -> str:
+    """Return version and seed of a table."""
+    return f"version {settings.get('version')}, seed {settings.get('seed')}"
+
+
+def _describe_sweep(rows: Rows, settings: Mapping[str, Any]) -> list[str]:
+    """Return lines on the table of a sweep."""
+    command = shlex.join([settings["command"], *settings["arguments"]])
+    title = f"sweep of {command}, {len(rows)} worlds, version {settings['version']}"
+    return [title, *sweep.summary(rows, settings["over"])]
+
+
+def _describe_search(rows: Rows, settings: Mapping[str, Any]) -> list[str]:
+    """Return lines on the table of a search."""
+    n_generations = len({row["generation"] for row in rows})
+    progress = f"{n_generations} of {settings['generations']} generations, {len(rows)} runs"
+    best = best_of(rows)
+    return [
+        f"search by {settings['method']}: {progress}, {_version_and_seed(settings)}",
+        f"best {best.fitness:z.0f} on average over its {best.n_runs} run(s), in {BEST}",
     ]
-    names = [str(path.relative_to(directory)) for path in files[:_MAX_LISTED]]
-    width = max(map(len, names), default=0)
-    for name, path in zip(names, files, strict=False):
-        text = opening(path)
-        if path.name == RESULT and _is_of_bench(path):
-            text = (
-                f"measures and settings: iswarm grasp --config {shlex.quote(str(path))} repeats it"
-            )
-        elif path.name == RESULT:
-            text = text.replace("iswarm clean", _repeating(read_result(path)))
-        elif path.name == TRAJECTORY and not is_zipfile(path):
-            text = "cut off; the same command records it again"
-        yield f"{name:<{width}}  {tqdm.format_sizeof(path.stat().st_size, 'B'):>8}  {text}"
-    if len(files) > _MAX_LISTED:
-        yield f"{len(files) - _MAX_LISTED} more files"
 
 
-def _repeating(content: Mapping[str, Any]) -> str:
-    """The command that repeats a run, with flags for classes that no package offers."""
-    task = content.get("task")
-    is_cleaning = not isinstance(task, Mapping) or task.get("class", _USUAL) == _USUAL
-    words = ["iswarm clean" if is_cleaning else "iswarm run"]
-    for offer in (STRATEGIES, TASKS):
-        own = content.get(offer.word)
-        cls = str(own.get("class", _USUAL)) if isinstance(own, Mapping) else _USUAL
-        if cls != _USUAL and offered(offer, cls, {*(own or {})} - {"class"}) is None:
-            words.append(naming(offer, cls))
-    return " ".join(words)
+def _describe_trials(name: str, rows: Rows, settings: Mapping[str, Any]) -> list[str]:
+    """Return lines on the table of trials with this name."""
+    trial_rows = [_trial_row(row) for row in rows]
+    n_trials = len({(row.radius, row.relative_humidity, row.repeat) for row in trial_rows})
+    outcomes = [f"{experiment:>12}  {text}" for experiment, text in grasp.outcome_lines(trial_rows)]
+    counts = f"{n_trials} trials in {len(rows)} rows"
+    return [f"{name}: {counts}, {_version_and_seed(settings)}", *outcomes]
 
 
-def _recordings(directory: Path, at_least: int = 2) -> Iterator[str]:
-    """Say how to open all recordings at once, with the numbers of worlds and trials left to the
-    shell."""
-    found = [path for path in sorted(directory.rglob("*.rrd")) if path.is_file()]
-    if len(found) >= at_least:
-        names = [shlex.quote(str(path.relative_to(directory))) for path in found]
-        names = dict.fromkeys(name if "'" in name else re.sub(r"\d+", "*", name) for name in names)
-        opened = " ".join(f"{shlex.quote(str(directory))}/{name}" for name in names)
-        yield f"{'recording' if len(found) == 1 else f'all {len(found)} recordings as one dataset'}: rerun {opened}"
+def _trial_row(row: Row) -> grasp.TrialRow:
+    """Return a row of the table of trials with named fields; others are left out."""
+    return grasp.TrialRow(**{name: row[name] for name in grasp.TrialRow._fields})
 
 
-def opening(path: Path) -> str:
-    """Return what a file is, and how to open it; nothing for a file that no command writes."""
-    text = next((text for pattern, text in FILES.items() if fnmatch(path.name, pattern)), "")
-    is_python = "!r" in text
-    name = str(path) if is_python and "--config" not in text else shlex.quote(str(path))
-    return text.format(path=name, parent=str(path.parent))
+def _describe_experiment(rows: Rows, settings: Mapping[str, Any]) -> list[str]:
+    """Return lines on the table of an experiment: what ran, and a line for each finding."""
+    name = str(settings.get("experiment"))
+    quick = " --quick" if settings["quick"] else ""
+    title = f"experiment {name}{quick} on {settings['engine']}: {len(rows)} runs"
+    findings = [
+        f"  {finding.verdict or '-'}: {finding.claim}: {finding.ours}"
+        for finding in EXPERIMENTS[name].findings(rows)
+    ]
+    return [f"{title}, {_version_and_seed(settings)}", *findings]

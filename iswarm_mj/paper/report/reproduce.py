@@ -1,9 +1,8 @@
-"""All results by their parts, the findings on them, the report, and the tables of README and
-docs."""
+"""All results by their parts, the findings on them, the report, and the tables of pages."""
 
 import json
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -15,8 +14,9 @@ from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.paper.analysis.bench_statements import TRANSPORT
-from iswarm_mj.paper.report.results import GRASP, SEARCH, TRIALS, collect, report, topics_of
-from iswarm_mj.paper.report.tables import Tables, new_texts
+from iswarm_mj.paper.report.html_report import write_report
+from iswarm_mj.paper.report.page_blocks import ResultBlocks, changed_pages
+from iswarm_mj.paper.report.results import GRASP, SEARCH, TRIALS, collect_results, topics_of
 from iswarm_mj.paper.studies.experiment import FINDINGS, Plan, run_experiment, settings_of
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.search.methods import METHODS, Operators
@@ -32,10 +32,11 @@ from iswarm_mj.utils.tables import read_table, write_csv
 from iswarm_mj.workflows.grasp import run_grasp
 from iswarm_mj.workflows.grasp_settings import GraspSettings
 
-OWN_ENGINE = ("time-step", "resolved-grasps")
-"""Experiments that are about planar with MuJoCo's time step, or have too many runs for others."""
+PLANAR_ONLY = ("time-step", "resolved-grasps")
+"""Experiments that are made with planar whichever engine is asked for: they are about its time
+step, or have too many runs for other engines."""
 PUBLISHED = ("*.png", "best*.json")
-"""What is kept of a part beside its table."""
+"""Patterns of the files of a part that are kept beside its table."""
 
 
 @dataclass(frozen=True)
@@ -43,17 +44,22 @@ class Part:
     """A directory of results with one table."""
 
     name: str
-    """Of the directory."""
+    """Name of the directory."""
     table: str
     """Name of the table's file."""
     settings: Mapping[str, Any]
-    """That the table contains."""
+    """Settings that the table contains."""
     make: Callable[..., Any]
     """Writes the results into a directory, resuming what is there unless called with `again`."""
 
-    def lacks(self, results: Path) -> str:
-        """Why the part has to be made, in words; empty if its table is there below `results`, of
-        whichever engine."""
+    def reason_to_make(self, results: Path) -> str:
+        """Return why the part has to be made; an empty text if its table is there.
+
+        A table made with another engine is as good, except for parts that are about an engine.
+
+        Args:
+            results: directory of the parts.
+        """
         path = results / self.name / self.table
         if not path.is_file():
             return "not there"
@@ -61,73 +67,112 @@ class Part:
             _, settings = read_table(path)
         except UserError:
             return "not readable"
+
+        # As JSON, since tables store their settings so.
         wanted = json.loads(json.dumps({**self.settings, "version": __version__}))
-        ignored = () if self.name in OWN_ENGINE else IDENTITY
-        names = {
-            name for name in {*wanted, *settings} if wanted.get(name) != settings.get(name)
-        }.difference(ignored)
-        return f"made with another {', another '.join(sorted(names))}" if names else ""
+        ignored = set() if self.name in PLANAR_ONLY else set(IDENTITY)
+        names = (wanted.keys() | settings.keys()) - ignored
+        differing = sorted(name for name in names if wanted.get(name) != settings.get(name))
+        return f"made with another {', another '.join(differing)}" if differing else ""
 
     def publish(self, work: Path, results: Path) -> None:
-        """Copy the table, the figures and the best genomes from where they were made; remove older
-        ones."""
+        """Copy the table, the figures and the best genomes into the results; remove older ones.
+
+        Args:
+            work: where the part was made.
+            results: directory of the parts.
+        """
         target = results / self.name
-        made = [work / self.table, *(path for pattern in PUBLISHED for path in work.glob(pattern))]
         with locked(target):
-            for path in {path for pattern in PUBLISHED for path in target.glob(pattern)}:
+            for path in _published(target):
                 remove(path)
-            for path in made:
+            for path in (work / self.table, *_published(work)):
                 with atomic_write(target / path.name) as part:
                     shutil.copyfile(path, part)
+
+
+def _published(directory: Path) -> list[Path]:
+    """Return the files of a directory that are kept beside its table."""
+    return [path for pattern in PUBLISHED for path in directory.glob(pattern)]
 
 
 def parts_of(
     plan: Plan, execution: Execution, replicates: int, repeats: int, only: Sequence[str] = ()
 ) -> list[Part]:
-    """Parts of these names, all if there are none; searches last, since they take longest.
+    """Return the parts of the results; searches come last, since they take longest.
 
-    Searches have densities up to 0.5, since a batch waits for its densest world. Quick searches and
-    trials are just enough for each step to be taken. `replicates` are of each search, `repeats`
-    grasps at each radius and humidity.
+    Quick searches and trials are just enough for each step to be taken.
+
+    Args:
+        plan: settings of the experiments.
+        execution: how runs are executed.
+        replicates: replicates of each search.
+        repeats: grasps at each radius and humidity.
+        only: names of the parts; all if there are none.
+
+    Raises:
+        ConfigError: there is no part of a name.
     """
-    scenario = Scenario(plan.config, engine=execution.engine, seed=plan.seed)
-    search = Search(replicates=replicates, operators=Operators(density_max=0.5), scenario=scenario)
-    if plan.quick:
-        quick = replace(scenario, steps=60)
-        search = replace(search, generations=3, population=4, replicates=2, scenario=quick)
-        repeats = 1
+    parts = [
+        _trials_part(plan, repeats),
+        *_experiment_parts(plan, execution),
+        *_search_parts(plan, execution, replicates),
+    ]
+    names = [part.name for part in parts]
+    check("only", " ".join(only), " or ".join(names), set(only) <= set(names))
+    return [part for part in parts if not only or part.name in only]
+
+
+def _trials_part(plan: Plan, repeats: int) -> Part:
+    """Return the part of the trials on the gripper's bench."""
     trials = GraspSettings(
         ("15e-6:25e-6:6",),
         (5.0, 10.0, 30.0, 50.0),
-        repeats=repeats,
+        repeats=1 if plan.quick else repeats,
         seed=plan.seed,
         protocol=Protocol(transport=TRANSPORT),
         contacts=Contacts(rolling=50e-9),
     )
-    found = [
-        Part(GRASP, TRIALS, trials.metadata(), lambda out, again: run_grasp(trials, out, record=()))
-    ]
+
+    def make(out: Path, again: bool) -> None:
+        # Trials are not resumed: they are made again in any case.
+        run_grasp(trials, out, record=())
+
+    return Part(GRASP, TRIALS, trials.metadata(), make)
+
+
+def _experiment_parts(plan: Plan, execution: Execution) -> Iterator[Part]:
+    """Yield the parts of the experiments."""
     planar = replace(execution, engine=replace(PlanarSettings.usual(), refinement=1))
-    for name, each in EXPERIMENTS.items():
-        own = planar if name in OWN_ENGINE else execution
-        make = partial(run_experiment, each, plan, execution=own)
-        found.append(Part(name, each.table, settings_of(each, plan, own), make))
-    for one in (replace(search, method=method) for method in METHODS):
-        make = partial(run_search, one, execution=execution)
-        found.append(Part(f"evolve-{one.method}", SEARCH, settings_of_search(one, execution), make))
-    check(
-        "only",
-        " ".join(only),
-        " or ".join(part.name for part in found),
-        {*only} <= {part.name for part in found},
-    )
-    return [part for part in found if not only or part.name in only]
+    for name, experiment in EXPERIMENTS.items():
+        own_execution = planar if name in PLANAR_ONLY else execution
+        settings = settings_of(experiment, plan, own_execution)
+        make = partial(run_experiment, experiment, plan, execution=own_execution)
+        yield Part(name, experiment.table, settings, make)
+
+
+def _search_parts(plan: Plan, execution: Execution, replicates: int) -> Iterator[Part]:
+    """Yield the parts of the searches by each method."""
+    # Densities reach up to 0.5, since a batch waits for its densest world.
+    scenario = Scenario(plan.config, engine=execution.engine, seed=plan.seed)
+    search = Search(replicates=replicates, operators=Operators(density_max=0.5), scenario=scenario)
+    if plan.quick:
+        short = replace(scenario, steps=60)
+        search = replace(search, generations=3, population=4, replicates=2, scenario=short)
+
+    for method in METHODS:
+        search_by_method = replace(search, method=method)
+        settings = settings_of_search(search_by_method, execution)
+        make = partial(run_search, search_by_method, execution=execution)
+        yield Part(f"evolve-{method}", SEARCH, settings, make)
 
 
 def listing(parts: Sequence[Part], results: Path) -> str:
-    """What is there and what has to be made, a line each."""
+    """Return which parts are there and which have to be made, a line each."""
     width = max(len(part.name) for part in parts)
-    return "\n".join(f"{part.name:{width}}  {part.lacks(results) or 'there'}" for part in parts)
+    return "\n".join(
+        f"{part.name:{width}}  {part.reason_to_make(results) or 'there'}" for part in parts
+    )
 
 
 def reproduce(
@@ -135,37 +180,49 @@ def reproduce(
 ) -> None:
     """Make the parts that are not there, then findings, tables and the report from all results.
 
-    A part is made in a directory of its own, from which it can go on after an interruption, and its
-    table, figures and best genomes are copied into the results when it is complete.
+    A part is made in a directory of its own, from which it can be resumed after an interruption.
+    Its table, figures and best genomes are copied into the results when it is complete.
 
     Args:
-        parts: to make.
+        parts: parts to make.
         results: directory of the parts.
-        out: where parts are made, a directory each, and of the report.
+        out: where parts are made, a directory each, and directory of the report.
         pages: Markdown files with blocks of results.
-        again: make all of them, from the beginning.
+        again: make all parts, from the beginning.
     """
     make_output_directory(results, setting="results")
     with locked(out):
         print(listing(parts, results), flush=True)
         for part in parts:
-            if again or part.lacks(results):
+            if again or part.reason_to_make(results):
                 part.make(out / part.name, again=again)
                 part.publish(out / part.name, results)
-        rewrite(results, pages)
-        report([results], out / "report.html")
+        rewrite_findings(results, pages)
+        write_report([results], out / "report.html")
 
 
-def rewrite(results: Path, pages: Sequence[Path]) -> None:
-    """Write the findings beside the tables, and the blocks of the pages, from the results that are
-    there; nothing if a block has an unknown name."""
-    topics, texts = topics_of(collect([results])), new_texts(pages, Tables().content)
+def rewrite_findings(results: Path, pages: Sequence[Path]) -> None:
+    """Write the findings beside the tables, and the blocks of the pages, from existing results.
+
+    Nothing is written if a block has an unknown name.
+
+    Args:
+        results: directory of the parts.
+        pages: Markdown files with blocks of results.
+    """
+    topics = topics_of(collect_results([results]))
+    new_texts = changed_pages(pages, ResultBlocks().content)
+
     with locked(results):
         for topic in topics:
-            if topic.results:  # of the evolution beside its first table
+            if topic.results:
+                # Those on evolutions stand beside the first table of a search.
                 path = topic.results[0].path.with_name(FINDINGS)
                 write_csv(path, [finding._asdict() for finding in topic.findings])
-    for path, text in texts.items():
+    for path, text in new_texts.items():
         with atomic_write(path) as part:
             part.write_text(text, encoding="utf-8")
-    print(f"findings in {results}" + "".join(f"\ntables in {path}" for path in texts))
+
+    print(f"findings in {results}")
+    for path in new_texts:
+        print(f"tables in {path}")

@@ -1,18 +1,20 @@
-"""An experiment: labelled runs, and what follows from them. Finished runs are kept and not
-repeated."""
+"""An experiment: labelled runs, and the findings, figures and tables that follow from them.
+
+Finished runs are kept and not repeated.
+"""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypedDict
 
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.paper.analysis.findings import Finding, findings_on
 from iswarm_mj.paper.analysis.measures import Measure
-from iswarm_mj.paper.analysis.statements import STATEMENTS
-from iswarm_mj.search.journal import RUNS, hashed, journal
+from iswarm_mj.paper.analysis.swarm_statements import STATEMENTS
+from iswarm_mj.search.journal import RUNS, Key, hashed, journal
 from iswarm_mj.search.pool import Execution, Job, Outcome, progress, run_missing
 from iswarm_mj.search.rows import Rows
 from iswarm_mj.search.seeds import run_seed
@@ -24,11 +26,11 @@ from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.tables import write_csv, write_table
 
 FINDINGS = "findings.csv"
+"""Name of the file of findings."""
 GOAL_SHARE = 66 / 72
-"""A run of the paper's experiments ends when this share of the balls is delivered (section
-4.6.1)."""
+"""Share of the balls whose delivery ends a run of the paper's experiments (section 4.6.1)."""
 TIME_LIMIT = 1200
-"""Control steps at most (section 4.6.1)."""
+"""Maximum number of control steps (section 4.6.1)."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +38,11 @@ class Plan:
     """Settings of an experiment."""
 
     config: SwarmConfig = field(default_factory=SwarmConfig)
+    """Configuration of the swarm."""
     genome: Genome = field(default_factory=Genome)
-    """Of the swarm; the paper uses type 1, the fittest."""
+    """Genome of the swarm; the paper uses type 1, the fittest."""
     seed: Seed = 0
+    """Seed from which those of all runs follow."""
     quick: bool = False
     """A version of about a minute, with fewer and shorter runs."""
 
@@ -51,15 +55,45 @@ class Plan:
         return round(GOAL_SHARE * self.config.arena.n_dust)
 
 
+class Overrides(TypedDict, total=False):
+    """Differences of the runs of a setting from the plan and from the experiment."""
+
+    config: SwarmConfig
+    """Configuration, instead of the plan's."""
+    genome: Genome
+    """Genome, instead of the plan's."""
+    density: float
+    """Density of robots, instead of the genome's."""
+    n_robots: int
+    """Number of robots, instead of that which follows from the density."""
+    goal: int | None
+    """Number of delivered balls at which a run ends, instead of the plan's; None for all."""
+    failed_fraction: float
+    """Fraction of the robots that are dead from the start, instead of none."""
+    limit: int
+    """Maximum number of control steps, instead of the experiment's; not in the quick version."""
+    repeats: int
+    """Number of runs, instead of the experiment's; not in the quick version."""
+
+
+class Setting(NamedTuple):
+    """A setting of an experiment, which is run several times."""
+
+    labels: Mapping[str, Any]
+    """Labels of its runs, columns of the table."""
+    seed_path: tuple[int, ...]
+    """Numbers from which, with the plan's seed, the seeds of its runs follow."""
+    overrides: Overrides
+    """Differences from the plan and from the experiment."""
+
+
 class Entry(NamedTuple):
     """A run, and the labels by which the experiment compares it with others."""
 
     labels: Mapping[str, Any]
+    """Labels of the run, columns of the table."""
     job: Job
-
-
-Setting = tuple[Mapping[str, Any], tuple[int, ...], Mapping[str, Any]]
-"""Labels, place of the seeds, and what differs from the plan or the experiment in these runs."""
+    """The run."""
 
 
 @dataclass(frozen=True)
@@ -71,59 +105,72 @@ class Experiment:
     """
 
     name: str
+    """Name on the command line."""
     source: str
     """Figure of the paper, or that it is not in the paper."""
     title: str
     """What it does, in one line."""
     settings: Callable[[Plan], Iterator[Setting]]
+    """Yields its settings."""
     figure: Callable[[Rows, Path], None]
     """Draws figures as PNG and SVG files with this path, without suffix."""
     columns: tuple[str, ...] = ()
-    """That tell its groups apart in tables of medians."""
+    """Columns that tell its groups apart in tables of medians."""
     measures: tuple[Measure, ...] = ()
-    """Whose medians these tables have."""
-    extra: Callable[[Plan, Path, list[dict[str, Any]]], None] | None = None
+    """Measures whose medians these tables have."""
+    observe: Callable[[Plan, Path, list[dict[str, Any]]], None] | None = None
     """Writes further files into its directory; may add columns to the rows."""
     judge: Callable[[Rows], list[Finding]] | None = None
-    """Computes the findings from the rows of its table, by default by the statements on it."""
+    """Returns the findings on the rows of its table; by default the statements on it do."""
     repeats: int = 12
     """Runs of each setting."""
-    few: int = 3
-    """Runs of each setting in the quick version, of at most `steps` instead of `limit` control
-    steps."""
-    steps: int = 300
+    quick_repeats: int = 3
+    """Runs of each setting in the quick version."""
     limit: int = TIME_LIMIT
+    """Maximum number of control steps."""
+    quick_limit: int = 300
+    """Maximum number of control steps in the quick version."""
 
     def entries(self, plan: Plan) -> list[Entry]:
-        """Return its runs; arguments of `Job` follow from the plan unless a setting says
-        otherwise."""
-        listed = []
-        for labels, place, own in self.settings(plan):
-            config, genome = own.get("config", plan.config), own.get("genome", plan.genome)
-            density = own.get("density", genome.density_of_robots)
-            n_robots = own.get("n_robots", robots_for(plan.config.arena, density))
-            goal, failed = own.get("goal", plan.goal), own.get("failed", 0.0)
-            steps = self.steps if plan.quick else own.get("limit", self.limit)
-            for repeat in range(self.few if plan.quick else own.get("repeats", self.repeats)):
-                job = Job(
-                    config,
-                    genome,
-                    n_robots,
-                    run_seed(plan.seed, *place, repeat),
-                    steps,
-                    goal,
-                    failed,
-                )
-                listed.append(Entry({**labels, "repeat": repeat}, job))
-        return listed
+        """Return its runs; what a setting does not override follows from the plan."""
+        entries = []
+        for setting in self.settings(plan):
+            for repeat in range(self._repeats_of(setting, plan)):
+                labels = {**setting.labels, "repeat": repeat}
+                entries.append(Entry(labels, self._job_of(setting, plan, repeat)))
+        return entries
+
+    def _repeats_of(self, setting: Setting, plan: Plan) -> int:
+        """Return the number of runs of a setting."""
+        if plan.quick:
+            return self.quick_repeats
+        return setting.overrides.get("repeats", self.repeats)
+
+    def _job_of(self, setting: Setting, plan: Plan, repeat: int) -> Job:
+        """Return one of the runs of a setting."""
+        overrides = setting.overrides
+        genome = overrides.get("genome", plan.genome)
+        density = overrides.get("density", genome.density_of_robots)
+        limit = self.quick_limit if plan.quick else overrides.get("limit", self.limit)
+        return Job(
+            config=overrides.get("config", plan.config),
+            genome=genome,
+            n_robots=overrides.get("n_robots", robots_for(plan.config.arena, density)),
+            seed=run_seed(plan.seed, *setting.seed_path, repeat),
+            steps=limit,
+            stop_at=overrides.get("goal", plan.goal),
+            failed_fraction=overrides.get("failed_fraction", 0.0),
+        )
 
     def findings(self, rows: Rows) -> list[Finding]:
-        """Findings from the rows of its table; without rows, they say that it was not run."""
-        return self.judge(rows) if self.judge else findings_on(STATEMENTS, self.name, rows)
+        """Return the findings on the rows of its table; without rows, that it was not run."""
+        if self.judge is not None:
+            return self.judge(rows)
+        return findings_on(STATEMENTS, self.name, rows)
 
     @property
     def table(self) -> str:
-        """Name of its table."""
+        """Name of the file of its table."""
         return f"{self.name.replace('-', '_')}.parquet"
 
     def draw(self, rows: Rows, out: Path) -> None:
@@ -132,17 +179,18 @@ class Experiment:
 
 
 Values = Mapping[str, Any]
-"""Settings by names such as optics.mode."""
+"""Values of settings by names such as optics.mode."""
 
 
 def varied(config: SwarmConfig, values: Values) -> SwarmConfig:
-    """Configuration with these values; those of one part are changed at once, since they may depend
-    on each other."""
+    """Return a configuration with these values.
+
+    Those of one part are changed at once, since they may depend on each other.
+    """
     parts = {}
     for part, names in groupby(sorted(values), key=lambda name: name.partition(".")[0]):
-        parts[part] = replace(
-            getattr(config, part), **{name.partition(".")[2]: values[name] for name in names}
-        )
+        part_values = {name.partition(".")[2]: values[name] for name in names}
+        parts[part] = replace(getattr(config, part), **part_values)
     return replace(config, **parts)
 
 
@@ -153,15 +201,14 @@ def run_experiment(
     execution: Execution | None = None,
     again: bool = False,
 ) -> list[Finding]:
-    """Run an experiment, write its results into `out`, print the findings.
+    """Run an experiment, write its results, print the findings.
 
-    Files: the table, a row per run (parquet and CSV); findings.csv; figures; runs.sqlite with the
-        finished
-    runs. A run that is in it is not repeated, whichever experiment of the same version of the
-    package asks for it.
+    Its files are the table, a row per run (parquet and CSV); findings.csv; figures; and runs.sqlite
+    with the finished runs. A run that is in it is not repeated, whichever experiment of the same
+    version of the package asks for it.
 
     Args:
-        experiment: which one.
+        experiment: the experiment.
         plan: its settings.
         out: directory of the results.
         execution: how to run the jobs, by default on all cores.
@@ -169,22 +216,22 @@ def run_experiment(
     """
     execution = execution or Execution()
     entries = experiment.entries(plan)
-    keys = [
-        hashed(json.dumps([execution.identity, asdict(e.job)], sort_keys=True)) for e in entries
-    ]
-    jobs = dict(zip(keys, (entry.job for entry in entries), strict=True))
+    keys = [_key_of(entry.job, execution) for entry in entries]
+    jobs = {key: entry.job for key, entry in zip(keys, entries, strict=True)}
+
     with journal(out / RUNS, {"kind": "runs of experiments"}, again) as finished:
-        with progress(
-            len(jobs), experiment.name, len(jobs.keys() & finished.entries.keys())
-        ) as bar:
+        n_finished = len(jobs.keys() & finished.entries.keys())
+        with progress(len(jobs), experiment.name, n_finished) as bar:
             outcomes = dict(zip(jobs, run_missing(jobs, finished, execution, bar), strict=True))
+
         rows = [row_of(entry, outcomes[key]) for key, entry in zip(keys, entries, strict=True)]
-        if experiment.extra is not None:
-            experiment.extra(plan, out, rows)
-        remove(out / FINDINGS)  # of an earlier table
-        write_table(
-            out / experiment.table, rows, settings_of(experiment, plan, execution), csv=True
-        )
+        if experiment.observe is not None:
+            experiment.observe(plan, out, rows)
+
+        # Findings of an earlier table must not stand beside a new one.
+        remove(out / FINDINGS)
+        settings = settings_of(experiment, plan, execution)
+        write_table(out / experiment.table, rows, settings, csv=True)
         findings = experiment.findings(rows)
         write_csv(out / FINDINGS, [finding._asdict() for finding in findings])
         experiment.draw(rows, out)
@@ -192,13 +239,18 @@ def run_experiment(
     return findings
 
 
+def _key_of(job: Job, execution: Execution) -> Key:
+    """Return the key of a run in the journal."""
+    return hashed(json.dumps([execution.identity, asdict(job)], sort_keys=True))
+
+
 def settings_of(experiment: Experiment, plan: Plan, execution: Execution) -> dict[str, Any]:
-    """Settings that determine the outcome, as tables contain them."""
+    """Return the settings that determine the outcome, as tables contain them."""
     return {"experiment": experiment.name, **asdict(plan), **execution.identity}
 
 
 def row_of(entry: Entry, outcome: Outcome) -> dict[str, Any]:
-    """Row of the table: labels, what was run, measures."""
+    """Return a row of the table: labels, what was run, measures."""
     job = entry.job
     return {
         **entry.labels,
@@ -213,7 +265,7 @@ def row_of(entry: Entry, outcome: Outcome) -> dict[str, Any]:
 
 
 def summary(findings: Sequence[Finding], n_runs: int, out: Path) -> str:
-    """Readable summary of the findings."""
+    """Return a readable summary of the findings."""
     lines = [f"{n_runs} runs"]
     for finding in findings:
         lines += [
@@ -222,4 +274,5 @@ def summary(findings: Sequence[Finding], n_runs: int, out: Path) -> str:
             f"    {finding.ours}",
             f"    {finding.statistics}",
         ]
-    return "\n".join([*lines, "", f"results in {out}"])
+    lines += ["", f"results in {out}"]
+    return "\n".join(lines)

@@ -2,148 +2,176 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 from iswarm_mj.paper.analysis import measures as m
 from iswarm_mj.paper.analysis.findings import NOT_IN_PAPER
 from iswarm_mj.paper.analysis.plots import draw_bars, draw_effects
-from iswarm_mj.paper.analysis.statements import TRIALS
-from iswarm_mj.paper.studies import infer, observed, plans, support
+from iswarm_mj.paper.analysis.varied_values import TRIALS
+from iswarm_mj.paper.studies import settings
 from iswarm_mj.paper.studies.experiment import Experiment
+from iswarm_mj.paper.studies.observed_runs import observe_time_steps, record_types
+from iswarm_mj.paper.studies.reading_combinations import N_COMBINATIONS, combination_settings
+from iswarm_mj.paper.studies.reading_support import support_findings
+from iswarm_mj.paper.studies.reading_support_plot import draw_support
 from iswarm_mj.search.rows import Rows, by, select
 
 
 def _bars(
-    columns: Sequence[str], label: str, name: Callable[..., str], *measures: m.Measure
-) -> Any:
-    """What draws the bars of a study, see `draw_bars`."""
-    return lambda rows, path: draw_bars(rows, columns, label, name, path, measures or m.MEASURES)
+    columns: Sequence[str],
+    label: str,
+    name: Callable[..., str],
+    measures: Sequence[m.Measure] = m.MEASURES,
+) -> Callable[[Rows, Path], None]:
+    """Return a function that draws the bars of an experiment, see `draw_bars`."""
+
+    def draw(rows: Rows, path: Path) -> None:
+        draw_bars(rows, columns, label, name, path, measures)
+
+    return draw
 
 
-def _with(flag: bool) -> str:
+def _with_or_without(flag: bool) -> str:
+    """Return the name of a bar with or without hop counts."""
     return "with" if flag else "without"
 
 
-def _message(setting: str, flag: bool) -> str:
+def _message_bar(setting: str, use_hop_count: bool) -> str:
+    """Return the name of a bar of the study of message times."""
     lines = setting.replace(" bit", "\nbit").replace(", all photodiodes", "\nall")
-    return f"{lines}\n{_with(flag)}"
+    return f"{lines}\n{_with_or_without(use_hop_count)}"
 
 
-def _grip(voltage: float, resolution: str) -> str:
+def _robustness_bar(fraction: float, kind: str) -> str:
+    """Return the name of a bar of the study of failed robots."""
+    return f"{100 * fraction:.0f} %\n{kind}"
+
+
+def _grasp_bar(voltage: float, resolution: str) -> str:
+    """Return the name of a bar of the study of grasps."""
     return f"{voltage:g} V\n{'trials' if resolution == TRIALS else 'balance'}"
 
 
-def _resolved_grasps(rows: Rows, path: Path) -> None:
-    """By the voltage in the dampest air, a figure for each type."""
-    damp = max(row["relative_humidity"] for row in rows)
-    label, measures = (
-        f"voltage while lifting, at {damp:g} % RH",
-        (m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK),
-    )
-    for name, mine in by(select(rows, relative_humidity=damp), "type").items():
-        at = path.with_name(f"{path.name}_{name}")
-        draw_bars(mine, ["grasp_voltage", "resolution"], label, _grip, at, measures)
+def _draw_resolved_grasps(rows: Rows, path: Path) -> None:
+    """Draw bars by the voltage in the dampest air, a figure for each type."""
+    dampest = max(row["relative_humidity"] for row in rows)
+    for swarm, swarm_rows in by(select(rows, relative_humidity=dampest), "type").items():
+        draw_bars(
+            swarm_rows,
+            columns=["grasp_voltage", "resolution"],
+            label=f"voltage while lifting, at {dampest:g} % RH",
+            name=_grasp_bar,
+            path=path.with_name(f"{path.name}_{swarm}"),
+            measures=(m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK),
+        )
 
 
 _UNTIL = "until 66 of 72 balls or 1200 steps"
-_LISTED = (
+_ALL = (
     Experiment(
-        *("hop-count", "Fig. 15", f"with and without hop counts, 12 runs each, {_UNTIL}"),
-        plans.hop_count,
-        _bars(["use_hop_count"], "hop counts", _with),
-        ("use_hop_count",),
-        m.MEASURES,
+        name="hop-count",
+        source="Fig. 15",
+        title=f"with and without hop counts, 12 runs each, {_UNTIL}",
+        settings=settings.hop_count_settings,
+        figure=_bars(["use_hop_count"], "hop counts", _with_or_without),
+        columns=("use_hop_count",),
+        measures=m.MEASURES,
     ),
     Experiment(
-        *("density", "Fig. 17", f"densities from 0.05 to 0.4, 12 runs each, {_UNTIL}"),
-        plans.density,
-        _bars(["density"], "density of robots", "{:g}".format),
-        ("density",),
-        m.MEASURES,
-        few=2,
+        name="density",
+        source="Fig. 17",
+        title=f"densities from 0.05 to 0.4, 12 runs each, {_UNTIL}",
+        settings=settings.density_settings,
+        figure=_bars(["density"], "density of robots", "{:g}".format),
+        columns=("density",),
+        measures=m.MEASURES,
+        quick_repeats=2,
     ),
     Experiment(
-        *(
-            "types",
-            "Fig. 16, Table 2",
-            "times and fitness of both evolved types over 96 runs, with drawings",
+        name="types",
+        source="Fig. 16, Table 2",
+        title="times and fitness of both evolved types over 96 runs, with drawings",
+        settings=settings.type_settings,
+        figure=_bars(
+            ["type"], "type", str, measures=(m.FITNESS, m.TIME, m.COLLISIONS, m.AGGREGATION)
         ),
-        plans.types,
-        _bars(["type"], "type", str, m.FITNESS, m.TIME, m.COLLISIONS, m.AGGREGATION),
-        ("type",),
-        (m.TIME, m.FITNESS, m.AGGREGATION),
-        extra=observed.record,
+        columns=("type",),
+        measures=(m.TIME, m.FITNESS, m.AGGREGATION),
+        observe=record_types,
         repeats=24,
-        steps=200,
-        limit=m.STEPS,
+        limit=m.EVOLUTION_STEPS,
+        quick_limit=200,
     ),
     Experiment(
-        *("sensitivity", NOT_IN_PAPER),
-        "each choice that the paper leaves open, one at a time about the default, 10 runs each",
-        plans.sensitivity,
-        draw_effects,
+        name="sensitivity",
+        source=NOT_IN_PAPER,
+        title="each choice that the paper leaves open, one at a time about the default, 10 runs "
+        "each",
+        settings=settings.sensitivity_settings,
+        figure=draw_effects,
         repeats=10,
     ),
     Experiment(
-        *(
-            "robustness",
-            NOT_IN_PAPER,
-            f"0 to 50 % of the robots dead, or left out, 12 runs each, {_UNTIL}",
-        ),
-        plans.robustness,
-        _bars(
-            ["fraction", "kind"], "failed robots", lambda part, kind: f"{100 * part:.0f} %\n{kind}"
-        ),
-        ("fraction", "kind"),
-        (m.TIME, m.DUST),
+        name="robustness",
+        source=NOT_IN_PAPER,
+        title=f"0 to 50 % of the robots dead, or left out, 12 runs each, {_UNTIL}",
+        settings=settings.robustness_settings,
+        figure=_bars(["fraction", "kind"], "failed robots", _robustness_bar),
+        columns=("fraction", "kind"),
+        measures=(m.TIME, m.DUST),
     ),
     Experiment(
-        *(
-            "time-step",
-            NOT_IN_PAPER,
-            f"both types at 2 to 100 physics steps a second, 24 runs each, {_UNTIL}",
-        ),
-        plans.time_step,
-        _bars(["type", "rate"], "physics steps a second", "{}\n{}".format),
-        ("type", "rate"),
-        (m.TIME, m.COLLISIONS, m.OVERLAP, m.STEP_TIME),
-        extra=observed.observe,
+        name="time-step",
+        source=NOT_IN_PAPER,
+        title=f"both types at 2 to 100 physics steps a second, 24 runs each, {_UNTIL}",
+        settings=settings.time_step_settings,
+        figure=_bars(["type", "rate"], "physics steps a second", "{}\n{}".format),
+        columns=("type", "rate"),
+        measures=(m.TIME, m.COLLISIONS, m.OVERLAP, m.STEP_TIME),
+        observe=observe_time_steps,
         repeats=24,
     ),
     Experiment(
-        *("message-time", "section 4.1, Fig. 15"),
-        "hop counts on and off where messages take time, at three baud rates, 12 runs each",
-        plans.message_time,
-        _bars(["setting", "use_hop_count"], "messages, hop counts", _message),
-        ("setting", "use_hop_count"),
-        (m.TIME, m.DUST, m.COLLISIONS),
+        name="message-time",
+        source="section 4.1, Fig. 15",
+        title="hop counts on and off where messages take time, at three baud rates, 12 runs each",
+        settings=settings.message_time_settings,
+        figure=_bars(["setting", "use_hop_count"], "messages, hop counts", _message_bar),
+        columns=("setting", "use_hop_count"),
+        measures=(m.TIME, m.DUST, m.COLLISIONS),
     ),
     Experiment(
-        *("resolved-grasps", NOT_IN_PAPER),
-        "grasps by trials and by the balance of the forces, three humidities and voltages, 24 pairs of runs each",
-        plans.resolved_grasps,
-        _resolved_grasps,
-        ("type", "relative_humidity", "grasp_voltage", "resolution"),
-        (m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK, m.BROKEN, m.LOST),
+        name="resolved-grasps",
+        source=NOT_IN_PAPER,
+        title="grasps by trials and by the balance of the forces, three humidities and voltages, "
+        "24 pairs of runs each",
+        settings=settings.resolved_grasps_settings,
+        figure=_draw_resolved_grasps,
+        columns=("type", "relative_humidity", "grasp_voltage", "resolution"),
+        measures=(m.TIME, m.ATTEMPTS, m.FAILED, m.STUCK, m.BROKEN, m.LOST),
         repeats=24,
-        few=2,
-        steps=100,
+        quick_repeats=2,
+        quick_limit=100,
     ),
     Experiment(
-        *("infer", "section 4.6"),
-        f"{infer.COMBINATIONS} combinations of readings on Figs. 15 and 17 and both types",
-        infer.settings,
-        support.draw,
-        judge=support.findings,
+        name="infer",
+        source="section 4.6",
+        title=f"{N_COMBINATIONS} combinations of readings on Figs. 15 and 17 and both types",
+        settings=combination_settings,
+        figure=draw_support,
+        judge=support_findings,
         repeats=1,
-        few=1,
-        steps=100,
+        quick_repeats=1,
+        quick_limit=100,
     ),
 )
-EXPERIMENTS = {experiment.name: experiment for experiment in _LISTED}
+EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
+"""All experiments by their names, in the order of lists and reports."""
 
 
 def listing() -> str:
-    """Names and titles, a line each."""
+    """Return names and titles, a line each."""
     width = max(map(len, EXPERIMENTS))
-    return "\n".join(f"{e.name:{width}}  {e.source}: {e.title}" for e in EXPERIMENTS.values())
+    return "\n".join(
+        f"{name:{width}}  {experiment.source}: {experiment.title}"
+        for name, experiment in EXPERIMENTS.items()
+    )
