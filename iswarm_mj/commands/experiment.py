@@ -76,7 +76,7 @@ class Experiment(ManyRunsOptions):
         out = self.out or Path("runs/experiments") / (
             f"{self.name}-quick" if self.quick else self.name
         )
-        run_experiment(EXPERIMENTS[self.name], plan, out, self.execution, self.again)
+        run_experiment(EXPERIMENTS[self.name], plan, out, self.execution, again=self.again)
 
     def _check_varied(self, experiment: Any, plan: Any) -> None:
         """Refuse settings that differ from their defaults and change no run of an experiment.

@@ -99,7 +99,7 @@ class Reproduce(ManyRunsOptions):
         if self.list:
             print(listing(parts, results))
         else:
-            reproduce(parts, results, out, self._pages, self.again)
+            reproduce(parts, results, out, self._pages, again=self.again)
 
     @property
     def _pages(self) -> Sequence[Path]:

@@ -204,7 +204,8 @@ def test_the_genome_is_a_file_with_single_parameters_and_tells_the_density(here)
 def test_quick_experiments_have_directories_of_their_own(monkeypatch):
     given = []
     monkeypatch.setattr(
-        "iswarm_mj.paper.studies.experiment.run_experiment", lambda *args: given.append(args)
+        "iswarm_mj.paper.studies.experiment.run_experiment",
+        lambda *args, again: given.append((*args, again)),
     )
     for flags in (
         [],

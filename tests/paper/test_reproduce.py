@@ -89,7 +89,8 @@ def test_all_is_made_and_nothing_twice(jobs, tmp_path, capsys):
 def test_quick_results_are_kept_away_from_the_others_and_from_pages(jobs, monkeypatch, tmp_path):
     given = []
     monkeypatch.setattr(
-        "iswarm_mj.paper.report.reproduce.reproduce", lambda *args: given.append(args)
+        "iswarm_mj.paper.report.reproduce.reproduce",
+        lambda *args, again: given.append((*args, again)),
     )
     for flags in (["--quick"], ["--trials=7"]):
         main(["reproduce", "--only", "grasp", *flags])

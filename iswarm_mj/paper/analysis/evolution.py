@@ -129,7 +129,7 @@ class Evolution:
         n_cleaning = sum(not row["use_hop_count"] for row in self.cleaning_runs)
         return n_cleaning / len(self.runs_without_hop_counts)
 
-    def cleaning_difference(self, name: str, with_hop_counts: bool = False) -> float | None:
+    def cleaning_difference(self, name: str, *, with_hop_counts: bool = False) -> float | None:
         """Return the mean of a parameter in runs that clean the arena minus that in the others.
 
         Args:

@@ -107,13 +107,13 @@ def _judge_property(has_property: Callable[[Genome], bool], samples: Samples) ->
     return judge_shares({"": (count, len(evolutions))}, (0.5, math.inf), MIN_EVOLUTIONS)
 
 
-def _judge_against(method: str, gives_verdict: bool, samples: Samples) -> Judgement | None:
+def _judge_against(method: str, samples: Samples, *, gives_verdict: bool) -> Judgement | None:
     """Judge whether the best runs of the evolutions are fitter than those of another method.
 
     Args:
         method: the other method.
-        gives_verdict: give a verdict; otherwise the difference is reported without one.
         samples: searches by method.
+        gives_verdict: give a verdict; otherwise the difference is reported without one.
     """
     if "paper" not in samples or method not in samples:
         return None
@@ -153,9 +153,9 @@ def _judge_equal(name: str, samples: Samples) -> Judgement | None:
     The difference in runs with hop counts alone is reported beside it.
     """
 
-    def judge(with_hop_counts: bool) -> Judgement | None:
+    def judge(*, with_hop_counts: bool) -> Judgement | None:
         def difference(evolution: Evolution) -> float | None:
-            return evolution.cleaning_difference(name, with_hop_counts)
+            return evolution.cleaning_difference(name, with_hop_counts=with_hop_counts)
 
         return _judge_median(difference, samples, -PARAMETER_MARGIN, PARAMETER_MARGIN)
 
@@ -278,8 +278,8 @@ def _avoids_as_the_paper(best: Genome) -> bool:
 TESTS: Mapping[str, Test] = {
     "rises": partial(_judge_median, attrgetter("rise"), low=0.5),
     "learns": partial(_judge_median, attrgetter("gain"), low=0.0, unit="points"),
-    "beats random": partial(_judge_against, "random", True),
-    "against CMA-ES": partial(_judge_against, "cmaes", False),
+    "beats random": partial(_judge_against, "random", gives_verdict=True),
+    "against CMA-ES": partial(_judge_against, "cmaes", gives_verdict=False),
     "as fit": partial(
         _judge_median,
         _best_fitness,

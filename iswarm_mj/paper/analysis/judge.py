@@ -192,6 +192,7 @@ def _numbers(p_values: Sequence[float]) -> str:
 def judge_differences(
     pairs: Mapping[str, tuple[Rows, Rows]],
     measure: Measure = TIME,
+    *,
     more: bool = True,
     margin: Callable[[Values, Values], float] | None = None,
     statistic: Statistic = np.median,
@@ -272,7 +273,7 @@ def judge_shares(
     return judge_estimates(estimates, "shares", "%")
 
 
-def judge_reaching(groups: Mapping[str, Rows], does: bool = True) -> Judgement | None:
+def judge_reaching(groups: Mapping[str, Rows], *, does: bool = True) -> Judgement | None:
     """Judge whether more than half of the runs of each group reach the goal, or do not."""
     counts = {label: (count_finished(runs), len(runs)) for label, runs in groups.items()}
     return judge_shares(counts, (0.5, math.inf) if does else (-math.inf, 0.5))

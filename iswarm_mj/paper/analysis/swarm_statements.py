@@ -220,12 +220,12 @@ def _list_effects(rows: Rows) -> Judgement | None:
     return Judgement(ours, f"Mann-Whitney, n = {len(default_runs)} each")
 
 
-def _judge_choices_reach(by_balance: bool, rows: Rows) -> Judgement | None:
+def _judge_choices_reach(rows: Rows, *, by_balance: bool) -> Judgement | None:
     """Judge whether swarms with other values of choices reach the goal.
 
     Args:
-        by_balance: take the choices by which the balance of forces alone decides, else the others.
         rows: the runs.
+        by_balance: take the choices by which the balance of forces alone decides, else the others.
     """
     chosen = [
         row
@@ -433,10 +433,10 @@ TESTS: Mapping[str, Test] = {
     "evolved type1": _compare_values(m.FITNESS, "type", "evolved", "type1"),
     "evolved type2": _compare_values(m.FITNESS, "type", "evolved", "type2"),
     # Choices.
-    "choices reach": partial(_judge_choices_reach, False),
+    "choices reach": partial(_judge_choices_reach, by_balance=False),
     # Whether 55 V release a ball, and a voltage lifts one, is arithmetic with the fitted works of
     # adhesion.
-    "grips reach": partial(_judge_choices_reach, True),
+    "grips reach": partial(_judge_choices_reach, by_balance=True),
     "choices change": _list_effects,
     # The paper calls its swarm robust without a run in which robots fail.
     "robust": _judge_robust,

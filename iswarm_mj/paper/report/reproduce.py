@@ -134,7 +134,7 @@ def _trials_part(plan: Plan, repeats: int) -> Part:
         contacts=Contacts(rolling=50e-9),
     )
 
-    def make(out: Path, again: bool) -> None:
+    def make(out: Path, *, again: bool) -> None:
         # Trials are not resumed: they are made again in any case.
         run_grasp(trials, out, record=())
 
@@ -176,7 +176,7 @@ def listing(parts: Sequence[Part], results: Path) -> str:
 
 
 def reproduce(
-    parts: Sequence[Part], results: Path, out: Path, pages: Sequence[Path], again: bool = False
+    parts: Sequence[Part], results: Path, out: Path, pages: Sequence[Path], *, again: bool = False
 ) -> None:
     """Make the parts that are not there, then findings, tables and the report from all results.
 

@@ -199,6 +199,7 @@ def run_experiment(
     plan: Plan,
     out: Path,
     execution: Execution | None = None,
+    *,
     again: bool = False,
 ) -> list[Finding]:
     """Run an experiment, write its results, print the findings.

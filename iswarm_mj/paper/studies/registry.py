@@ -30,9 +30,9 @@ def _bars(
     return draw
 
 
-def _with_or_without(flag: bool) -> str:
+def _with_or_without(use_hop_count: bool) -> str:
     """Return the name of a bar with or without hop counts."""
-    return "with" if flag else "without"
+    return "with" if use_hop_count else "without"
 
 
 def _message_bar(setting: str, use_hop_count: bool) -> str:
