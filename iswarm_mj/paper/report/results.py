@@ -215,7 +215,7 @@ def count_verdicts(findings: Sequence[Finding]) -> tuple[list[str], dict[str, li
         kind = finding.kind.split(",")[0]
         count_by_verdict.setdefault(finding.verdict, Counter())[kind] += 1
 
-    occurring = set().union(*count_by_verdict.values())
+    occurring: set[str] = set().union(*count_by_verdict.values())
     kinds = [kind for kind in KINDS if kind in occurring]
     return kinds, {
         verdict: [counts[kind] for kind in kinds] for verdict, counts in count_by_verdict.items()

@@ -300,7 +300,7 @@ def support_of_factors(combinations: Sequence[Combination]) -> dict[str, Support
     """Return the support of the labels of all factors; labels that the sample lacks are left out.
 
     Raises:
-        ValueError: the paper's reading as it is is missing, or is there twice.
+        ValueError: the unchanged reading of the paper is missing, or is there twice.
     """
     sample = accept_best(combinations)
     papers = [combination for combination in combinations if combination.reading == "paper"]
