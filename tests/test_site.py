@@ -73,9 +73,8 @@ def example(tmp_path, monkeypatch):
         re.search(r"```python\n(# walk.py.*?)```", strategies, re.S)[1]
     )
     tasks = (ROOT / "docs/tasks.md").read_text(encoding="utf-8")
-    (tmp_path / "gather.py").write_text(
-        re.search(r"```python\n(# gather.py.*?)```", tasks, re.S)[1]
-    )
+    for name in ("gather.py", "closing.py"):
+        (tmp_path / name).write_text(re.search(rf"```python\n(# {name}.*?)```", tasks, re.S)[1])
     (tmp_path / "boxes.toml").write_text(re.search(r"```toml\n(.*?)```", tasks, re.S)[1])
     policies = (ROOT / "docs/policies.md").read_text(encoding="utf-8")
     (tmp_path / "turner.py").write_text(
@@ -193,7 +192,7 @@ def test_python_runs(name, example):
     what they load."""
     page = ROOT / "docs" / name
     text = page.read_text(encoding="utf-8")
-    files = ("# walk", "# gather")
+    files = ("# walk", "# gather", "# closing")
     blocks = [
         block
         for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL)

@@ -6,13 +6,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from iswarm_mj.config.setting_names import setting_names
 from iswarm_mj.config.swarm import INTERPRETATIONS, SwarmConfig
 from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import needs_of
 from iswarm_mj.utils.errors import UserError
 
-_WITHOUT_PREFIX = ("own", "own_task", "physics")
-"""Groups whose flags have no prefix: strategy, task and engine."""
+PART_OF_FIELD = {"own": "strategy", "own_task": "task", "physics": "engine"}
+"""Parts of a scenario by the fields of commands that hold them."""
 _CONFIG_GROUPS = {f"{part.name}." for part in fields(SwarmConfig)}
 
 
@@ -20,7 +21,9 @@ class Setting(NamedTuple):
     """A setting of a command."""
 
     name: str
-    """Name with its group, such as `robots` or `arena.size`."""
+    """Name in messages and flags, such as `robots`, `arena.size` or `task.range`."""
+    path: str
+    """Where it is in the command, such as `arena.size` or `own_task.range`."""
     value: Any
     owner: Any
     """Object that has the setting as a field: the command, or one of its groups."""
@@ -30,22 +33,40 @@ class Setting(NamedTuple):
 
 def settings(command: Any) -> Iterator[Setting]:
     """Yield the settings of a command, those of its groups included."""
-    if is_dataclass(command):
-        field_names = [field.name for field in fields(command)]
+    parts = {}
+    for field_name, part in PART_OF_FIELD.items():
+        owner = getattr(command, field_name, None)
+        if owner is not None:
+            parts[part] = owner
+    name_of = {setting: name for name, setting in setting_names(parts).items()}
+
+    for setting in _settings_of_group(command):
+        group, _, field_name = setting.path.partition(".")
+        if group in PART_OF_FIELD and field_name:
+            part_field = (PART_OF_FIELD[group], field_name)
+            yield setting._replace(name=name_of.get(part_field, field_name))
+        elif group not in PART_OF_FIELD:
+            yield setting
+
+
+def _settings_of_group(owner: Any) -> Iterator[Setting]:
+    """Yield the settings of a command or of one of its groups, called by their paths."""
+    if is_dataclass(owner):
+        field_names = [field.name for field in fields(owner)]
     else:
-        field_names = getattr(command, "_fields", ())
+        field_names = getattr(owner, "_fields", ())
 
     for name in field_names:
-        value = getattr(command, name)
+        value = getattr(owner, name)
         is_group = (is_dataclass(value) and not isinstance(value, type)) or hasattr(
             value, "_fields"
         )
-        if is_group:
-            prefix = "" if name in _WITHOUT_PREFIX else f"{name}."
-            for setting in settings(value):
-                yield setting._replace(name=prefix + setting.name)
-        elif name not in _WITHOUT_PREFIX:
-            yield Setting(name, value, command, name)
+        if not is_group:
+            yield Setting(name, name, value, owner, name)
+            continue
+        for setting in _settings_of_group(value):
+            path = f"{name}.{setting.path}"
+            yield setting._replace(name=path, path=path)
 
 
 def with_defaults(command: Any) -> Any:
@@ -63,16 +84,21 @@ def with_defaults(command: Any) -> Any:
 
 def changed(command: Any) -> list[str]:
     """Return the names of the settings that differ from their defaults."""
+    return [setting.name for setting in _changed_settings(command)]
+
+
+def _changed_settings(command: Any) -> list[Setting]:
+    """Return the settings that differ from their defaults."""
     default_of = {
-        (setting.name, type(setting.owner)): setting.value
+        (setting.path, type(setting.owner)): setting.value
         for setting in settings(with_defaults(command))
     }
-    names = []
+    found = []
     for setting in settings(command):
-        default = default_of.get((setting.name, type(setting.owner)), setting.value)
+        default = default_of.get((setting.path, type(setting.owner)), setting.value)
         if np.any(setting.value != default):
-            names.append(setting.name)
-    return names
+            found.append(setting)
+    return found
 
 
 def refuse_changed(command: Any, names: Iterable[str], reason: str) -> None:
@@ -80,16 +106,22 @@ def refuse_changed(command: Any, names: Iterable[str], reason: str) -> None:
 
     Args:
         command: that has the settings.
-        names: of the settings.
+        names: of the settings. The name with the part, such as `engine.chunk`, is that of no other
+            part's setting.
         reason: to be read after "has no effect".
 
     Raises:
         UserError: one of them differs.
     """
-    changed_names = set(changed(command))
+    changed_name_of: dict[str, str] = {}
+    for setting in _changed_settings(command):
+        changed_name_of[setting.name] = setting.name
+        group, _, field_name = setting.path.partition(".")
+        if group in PART_OF_FIELD:
+            changed_name_of.setdefault(f"{PART_OF_FIELD[group]}.{field_name}", setting.name)
     for name in names:
-        if name in changed_names:
-            raise without_effect(name, reason)
+        if name in changed_name_of:
+            raise without_effect(changed_name_of[name], reason)
 
 
 def without_effect(name: str, reason: str) -> UserError:
@@ -103,20 +135,17 @@ def ineffective_settings(command: Any) -> dict[str, str]:
     A setting has no effect where it lacks what its annotation needs (`Needs`). A setting of the
     configuration must lack it in each of the command's `configs`.
     """
-    changed_names = set(changed(command))
     reason_of: dict[str, str] = {}
-    for setting in settings(command):
-        if setting.name not in changed_names:
-            continue
-
-        group = setting.name.removesuffix(setting.field)
+    for setting in _changed_settings(command):
+        group = setting.path.removesuffix(setting.field)
         if group in _CONFIG_GROUPS:
             owners = [getattr(config, group.removesuffix(".")) for config in command.configs]
         else:
             owners = [setting.owner]
 
+        prefix = setting.name.removesuffix(setting.field)
         for need in needs_of(type(setting.owner), setting.field):
-            reasons = [need.unmet(owner, group) for owner in owners]
+            reasons = [need.unmet(owner, prefix) for owner in owners]
             if all(reasons):
                 reason_of.setdefault(setting.name, reasons[0])
     return reason_of

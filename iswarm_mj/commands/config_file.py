@@ -1,11 +1,12 @@
 """Files of `--config`: TOML whose keys are flags, or the result.json of an earlier run."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from iswarm_mj.commands.flags import SETTING_OF_FLAG, flag, names, switch
+from iswarm_mj.config.setting_names import CONFIG_NAMES, Parts, canonical_name
 from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.utils.errors import UserError, closest, shown
 from iswarm_mj.utils.files import by_flags, read_json, read_toml
@@ -49,6 +50,22 @@ class ConfigFile:
             content = read_json(path, _REMEDY, what="--config ")
             return cls(path, _values_of_result(path, content, given_flags), True)
         return cls(path, read_toml(path, _REMEDY, what="--config "), False)
+
+    def by_canonical_names(self, parts: Parts) -> "ConfigFile":
+        """Return this file with its values by the names that settings have beside these parts.
+
+        Raises:
+            UserError: a key is the name of settings of several parts, or names one again.
+        """
+        values: dict[str, Any] = {}
+        for key, value in self.values.items():
+            name = canonical_name(key, parts, source=f"--config {self.path}: ")
+            if name in values:
+                raise UserError(
+                    f"--config {self.path} names {name} twice, also as {key}; leave out one of them"
+                )
+            values[name] = value
+        return replace(self, values=values)
 
     def arguments(
         self, command: str, defaults: Mapping[str, Any], given_flags: Collection[str]
@@ -163,7 +180,8 @@ def _values_of_result(path: Path, content: Any, given_flags: Collection[str]) ->
 
     values = {name: part("settings").get(key) for key, name in _FLAG_OF_SETTING.items()}
     values |= by_flags(part("config"))
-    values |= {name: content.get(name) for name in IDENTITY}
+    for name in IDENTITY:
+        values[name if name == "engine" else f"engine.{name}"] = content.get(name)
     values["robot"] = part("robot").get("file")
     if part("genome"):
         values["genome"] = str(path)
@@ -193,8 +211,11 @@ def _values_of_plugin(
 
     class_name = content.get("class")
     values = {name: value for name, value in content.items() if name != "class"}
+    named = {_name_with_part(kind, name): value for name, value in by_flags(values).items()}
+    if class_name == "Teams":  # whose settings have names with their teams
+        named = by_flags(values)
     if kind in given_flags:
-        return by_flags(values)
+        return named
     if kind == "task" and class_name == type(CLEANING).__name__:
         return {}
 
@@ -205,4 +226,10 @@ def _values_of_plugin(
         raise UserError(
             f"--config {path} is of the {kind} {shown(class_name)}; name it by {remedy}"
         )
-    return {**values, kind: name}
+    return {**named, kind: name}
+
+
+def _name_with_part(part: str, field: str) -> str:
+    """Return the name of a setting that no other part has; its own if that is the configuration's."""
+    name = f"{part}.{field}"
+    return field if name in CONFIG_NAMES else name

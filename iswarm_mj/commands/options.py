@@ -87,7 +87,7 @@ class ManyRunsOptions(ConfigOptions):
             "one that is installed, since workers import it",
             ":" not in self.engine,
         )
-        refuse_changed(self, ["threads"], "with many runs, each of which has one")
+        refuse_changed(self, ["engine.threads"], "with many runs, each of which has one")
         return Execution(self.engine_settings, self.workers, self.backend)
 
     @property

@@ -7,9 +7,9 @@ stages: the flags that decide, what they name, the flags that there are then, an
 
 from argparse import ArgumentParser
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import redirect_stderr
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, fields
 from io import StringIO
 from itertools import groupby
 from pathlib import Path
@@ -17,10 +17,11 @@ from typing import Any
 
 import tyro
 
-from iswarm_mj.commands.command_settings import settings
+from iswarm_mj.commands.command_settings import PART_OF_FIELD, settings
 from iswarm_mj.commands.config_file import ConfigFile
 from iswarm_mj.commands.flags import SETTING_OF_FLAG, flag, in_flags, names
 from iswarm_mj.commands.tyro_rules import TeamFlags, TyroRules
+from iswarm_mj.config.setting_names import Parts, canonical_name, names_of, setting_names
 from iswarm_mj.config.swarm import INTERPRETATIONS
 from iswarm_mj.engines.registry import SETTINGS as ENGINE_SETTINGS
 from iswarm_mj.engines.registry import check_settings, find_engine
@@ -93,8 +94,15 @@ class _Reader:
         plugins = self._find_plugins(words, command)
 
         self.defaults = {setting.name: setting.value for setting in settings(command)}
-        for plugin in plugins.values():
-            self.defaults |= _flags_of_plugin(plugin, self._name, self.defaults)
+        parts = {PART_OF_FIELD[field_name]: plugin for field_name, plugin in plugins.items()}
+        self.defaults |= _defaults_of_parts(parts, self._name, self.defaults)
+
+        # From here on settings have one name each, with their part only where it is needed.
+        self._arguments = [_by_canonical_name(word, parts) for word in self._arguments]
+        self._flag_names = names(self._arguments)
+        self._refuse_repeated_flags()
+        if config_file is not None:
+            config_file = config_file.by_canonical_names(parts)
         self._refuse_flags_of_other_engines(words, command, plugins, config_file)
 
         arguments = self._arguments
@@ -172,14 +180,15 @@ class _Reader:
         shows_all = not asks_for_help or bool(set(self._arguments) & HELP_ALL)
 
         # Short help has the flags of those plug-ins that are named.
-        shown_plugins = {}
-        for field_name, plugin in plugins.items():
+        shown_plugins = []
+        for field_name in plugins:
             if shows_all or any(words[word] for word in _FLAGS_OF_PLUGIN[field_name]):
-                shown_plugins[field_name] = plugin
+                shown_plugins.append(field_name)
 
         rules = TyroRules(
             self._command_class,
-            shown_plugins,
+            plugins,
+            shown=shown_plugins,
             shows_all=shows_all,
             has_strategy=bool(words["strategy"]),
         )
@@ -288,11 +297,24 @@ def _find_task(name: str) -> Any:
     return task
 
 
-def _flags_of_plugin(plugin: Any, command: str, taken: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings of an engine, a strategy or a task, and their defaults.
+def _by_canonical_name(word: str, parts: Parts) -> str:
+    """Return an argument; a flag without its part where the setting's name does without it.
+
+    Raises:
+        UserError: it is the flag of settings of several parts.
+    """
+    for name in names([word]):
+        if canonical_name(name, parts, written=flag) != name:
+            part, _, _ = name.partition(".")
+            return word.replace(f"{part}.", "", 1)
+    return word
+
+
+def _defaults_of_parts(parts: Parts, command: str, taken: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the defaults of the settings of strategy, task and engine by their names.
 
     Args:
-        plugin: a class, an object that has the defaults, or teams.
+        parts: classes, objects that have the defaults, or teams as the strategy.
         command: its name, for messages.
         taken: settings that the command has already.
 
@@ -302,26 +324,29 @@ def _flags_of_plugin(plugin: Any, command: str, taken: dict[str, Any]) -> dict[s
     Raises:
         UserError: one of them has the flag of another setting.
     """
-    if isinstance(plugin, TeamFlags):
-        return {
-            f"{team}.{name}": default
-            for team, strategy in plugin.strategies.items()
-            for name, default in _flags_of_plugin(strategy, command, {}).items()
-        }
-
-    cls = plugin if isinstance(plugin, type) else type(plugin)
-    if not is_dataclass(cls):
-        return {}
-    defaults: dict[str, Any] = {}
-    for field in fields(cls):
-        defaults[field.name] = None if field.default is MISSING else field.default
-
     taken_flags = {flag(name) for name in taken}
-    for name in defaults:
-        if flag(name) in taken_flags:
-            field_name = flag(name).removeprefix("--").replace("-", "_")
-            raise UserError(
-                f"{cls.__name__} has a field {field_name}, "
-                f"but {flag(name)} is already a flag of iswarm {command}; rename the field"
-            )
+    for owner in parts.values():
+        cls = owner if isinstance(owner, type) else type(owner)
+        for field_name in names_of(cls):
+            if flag(field_name) in taken_flags:
+                raise UserError(
+                    f"{cls.__name__} has a field {field_name}, "
+                    f"but {flag(field_name)} is already a flag of iswarm {command}; "
+                    "rename the field"
+                )
+
+    defaults: dict[str, Any] = {}
+    for name, setting in setting_names(parts).items():
+        defaults[name] = _default_of(parts[setting.part], setting.field)
+    teams = parts.get("strategy")
+    if isinstance(teams, TeamFlags):
+        for team, strategy in teams.strategies.items():
+            for field_name in names_of(strategy):
+                defaults[f"{team}.{field_name}"] = _default_of(strategy, field_name)
     return defaults
+
+
+def _default_of(owner: Any, name: str) -> Any:
+    """Return the default of a field of a class or of an object's class; None where it has none."""
+    (declaration,) = [field for field in fields(owner) if field.name == name]
+    return None if declaration.default is MISSING else declaration.default

@@ -46,7 +46,7 @@ class Play(WithTask):
     def session(self) -> Any:
         """Return the run at its start, as a `Session`."""
         described = self.scenario()
-        refuse_changed(self, ["chunk"], "on the page, which shows every step")
+        refuse_changed(self, ["engine.chunk"], "on the page, which shows every step")
         from iswarm_mj.player.changes import Change
         from iswarm_mj.player.scenario import PageScenario
         from iswarm_mj.player.session import Session

@@ -100,7 +100,7 @@ class Swarm(ConfigOptions, RobotOptions):
         from iswarm_mj.tasks.layout import cell_of, check_robots
 
         if self.robots is not None or self.density is not None:
-            refuse_changed(self, ["density_of_robots"], "with `robots` or `density`")
+            refuse_changed(self, ["strategy.density_of_robots"], "with `robots` or `density`")
         self._refuse_number_as_file()
 
         robot_file = self.robot_file

@@ -22,7 +22,7 @@ from iswarm_mj.commands.command_settings import (
 from iswarm_mj.commands.flags import flag, in_flags, switch
 from iswarm_mj.commands.parser import parse
 from iswarm_mj.commands.swarm import run_of
-from iswarm_mj.strategy.library import sources
+from iswarm_mj.strategy.user_files import sources
 from iswarm_mj.utils.constraints import check, spaced, validate
 from iswarm_mj.utils.errors import SimulationFault, UserError
 

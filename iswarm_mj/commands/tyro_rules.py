@@ -1,6 +1,6 @@
 """Rules by which tyro makes the flags of a command, with their ranges, units and defaults."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
@@ -16,13 +16,14 @@ from tyro.constructors import (
     StructTypeInfo,
 )
 
+from iswarm_mj.commands.command_settings import PART_OF_FIELD
+from iswarm_mj.commands.flags import flag
+from iswarm_mj.config.setting_names import PartField, setting_names
 from iswarm_mj.engines.settings import Devices
 from iswarm_mj.utils.constraints import constraint_of, validate
 from iswarm_mj.utils.docstrings import field_docs
+from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.jax_setup import devices
-
-_PLUGIN_FIELDS = {"own", "own_task", "physics"}
-"""Fields of commands that hold a strategy, a task and an engine."""
 
 
 class CommonFlags(NamedTuple):
@@ -67,6 +68,7 @@ class TyroRules(ConstructorRegistry):
     Args:
         command_class: dataclass of its flags; its `MAIN` names those of short help, if it has one.
         plugins: classes, or objects that have the defaults, by the fields that hold them.
+        shown: fields of those plug-ins that have flags.
         shows_all: whether there are all flags, or those of short help.
         has_strategy: whether a strategy is named, which takes the place of the genome.
     """
@@ -76,11 +78,14 @@ class TyroRules(ConstructorRegistry):
         command_class: type,
         plugins: dict[str, Any],
         *,
+        shown: Collection[str],
         shows_all: bool = True,
         has_strategy: bool = False,
     ):
         super().__init__()
         self._command_class = command_class
+        self._names = _names_of_fields(plugins)
+        plugins = {name: plugin for name, plugin in plugins.items() if name in shown}
         self._plugins = plugins
         self._has_strategy = has_strategy
         self._main = () if shows_all else getattr(command_class, "MAIN", ())
@@ -109,13 +114,30 @@ class TyroRules(ConstructorRegistry):
         is_whole = plugin is not None and not isinstance(plugin, type) and not is_dataclass(plugin)
         if is_whole:  # an object without flags, such as a learned policy
             return StructConstructorSpec(lambda: default, ())
-        make = cls if plugin is None else _checked_constructor(cls)
-        flags = [_flag(cls, *member) for member in _members(cls, default)]
-        return StructConstructorSpec(make, tuple(flags))
+        if plugin is None:
+            flags = [_flag(cls, *member) for member in _members(cls, default)]
+            return StructConstructorSpec(cls, tuple(flags))
+        name_of = self._names_in(plugin)
+        flags = []
+        for name, annotation, value in _members(cls, default):
+            flags.append(_flag(cls, name, annotation, value, name_of.get(name)))
+        return StructConstructorSpec(_checked_constructor(cls, name_of), tuple(flags))
+
+    def _names_in(self, plugin: Any) -> dict[str, str]:
+        """Return the names of the settings of a plug-in by its fields; those of teams are plain."""
+        for field_name, each in self._plugins.items():
+            if each is plugin:
+                part = PART_OF_FIELD[field_name]
+                return {
+                    setting.field: name
+                    for setting, name in self._names.items()
+                    if setting.part == part
+                }
+        return {}
 
     def _command_flags(self, default: Any) -> StructConstructorSpec:
         """Return the flags of the command, those of its plug-ins included."""
-        hidden = set(_PLUGIN_FIELDS)
+        hidden = set(PART_OF_FIELD)
         if self._main and self._has_strategy:
             hidden.add("genome")
 
@@ -172,8 +194,24 @@ def _plugin_flags(name: str, plugin: Any, argument: object) -> StructFieldSpec:
     return StructFieldSpec(name, _annotated(cls, argument), default)
 
 
-def _flag(cls: Any, name: str, annotation: Any, default: Any) -> StructFieldSpec:
-    """Return a flag with its text, range, unit and default."""
+def _names_of_fields(plugins: dict[str, Any]) -> dict[PartField, str]:
+    """Return the names of settings by the fields of plug-ins."""
+    parts = {PART_OF_FIELD[field_name]: plugin for field_name, plugin in plugins.items()}
+    return {setting: name for name, setting in setting_names(parts).items()}
+
+
+def _flag(
+    cls: Any, name: str, annotation: Any, default: Any, setting: str | None = None
+) -> StructFieldSpec:
+    """Return a flag with its text, range, unit and default.
+
+    Args:
+        cls: dataclass or named tuple.
+        name: name of its field.
+        annotation: annotation of the field.
+        default: default of the field.
+        setting: name of the setting, where it is not that of the field.
+    """
     limits = str(constraint_of(cls, name) or "").split(", since")[0]
     text = field_docs(cls).get(name, "")
 
@@ -183,7 +221,10 @@ def _flag(cls: Any, name: str, annotation: Any, default: Any) -> StructFieldSpec
             facts.append(f"default {shown_default}")
         return f"({'; '.join(facts)})" if facts else ""
 
-    argument = tyro.conf.arg(help_behavior_hint=hint)
+    flag_name = None
+    if setting is not None and setting != name:
+        flag_name = flag(setting).removeprefix("--")
+    argument = tyro.conf.arg(name=flag_name, help_behavior_hint=hint)
     return StructFieldSpec(name, _annotated(annotation, argument), default, text)
 
 
@@ -192,18 +233,26 @@ def _annotated(annotation: Any, argument: object) -> Any:
     return Annotated[annotation, argument]
 
 
-def _checked_constructor(cls: type) -> Callable[..., Any]:
+def _checked_constructor(cls: type, name_of: Mapping[str, str]) -> Callable[..., Any]:
     """Return what makes a strategy, a task or an engine of a user, and checks its values.
 
     It explains errors of the user's own code by their line.
+
+    Args:
+        cls: class of the plug-in.
+        name_of: names of its settings by its fields.
     """
     from iswarm_mj.utils.user_code import user_code
 
     def make(**values: Any) -> Any:
-        with user_code(cls.__name__):
-            plugin = cls(**values)
-        if is_dataclass(plugin):
-            validate(plugin)
+        try:
+            with user_code(cls.__name__):
+                plugin = cls(**values)
+            if is_dataclass(plugin):
+                validate(plugin)
+        except ConfigError as error:
+            name = name_of.get(error.field, error.field)
+            raise ConfigError(name, error.value, error.constraint, error.remedy) from None
         return plugin
 
     return make

@@ -90,7 +90,7 @@ def is_live(scenario: PageScenario, name: str) -> bool:
 
     Those may that compiled programs take as arrays (`PER_WORLD_FIELDS`, `Conditions`, `Rules`).
     """
-    match scenario.paths().get(name):
+    match scenario.path_of(name):
         case ("config", group, field_name):
             has_rules = scenario.genome and group == "strategy"
             is_rule = has_rules and field_name in Rules._fields
@@ -149,18 +149,19 @@ def _controls_of_parts(scenario: PageScenario) -> list[Control]:
     if scenario.genome is None:
         unused.add("strategy")
     owner = "the strategy" if scenario.genome else type(scenario.strategy).__name__
-    parts = [
-        ("", scenario.strategy, f"Rules of {owner}"),
-        ("", scenario.task, f"Task {type(scenario.task).__name__}"),
+    parts: list[tuple[tuple[str, ...], Any, str]] = [
+        (("strategy",), scenario.strategy, f"Rules of {owner}"),
+        (("task",), scenario.task, f"Task {type(scenario.task).__name__}"),
     ]
     for group, part in vars(scenario.config).items():
         if group not in unused:
-            parts.append((f"{group}.", part, group.capitalize()))
+            parts.append((("config", group), part, group.capitalize()))
 
+    name_of = {path: name for name, path in scenario.paths().items()}
     settings: list[Control] = []
-    for prefix, part, group in parts:
+    for path, part, group in parts:
         for control in declared(part):
-            name = prefix + control.name
+            name = name_of[*path, control.name]
             if name not in unused:
                 is_rule = is_live(scenario, name)
                 settings.append(control._replace(name=name, group=group, is_live=is_rule))

@@ -4,12 +4,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
+from iswarm_mj.config.setting_names import canonical_name
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.scenario_flags import (
     engine_name,
     made_of,
+    parts_of,
     paths_of,
     strategy_name,
     task_name,
@@ -65,6 +67,24 @@ class PageScenario(Scenario):
         """Return the path of attributes to each setting that is a field of a part, by its name."""
         return paths_of(self)
 
+    def path_of(self, name: str) -> tuple[str, ...]:
+        """Return the path of attributes to a setting of a part by any of its names.
+
+        The path is empty where there is none, or where several parts have a setting of this name.
+        """
+        paths = self.paths()
+        part, _, field_name = name.partition(".")
+        full_path = (part, field_name)
+        return paths.get(name, full_path if full_path in paths.values() else ())
+
+    def canonical_name(self, name: str) -> str:
+        """Return the name of a control by any name of its setting.
+
+        Raises:
+            UserError: several parts have a setting of this name.
+        """
+        return canonical_name(name, parts_of(self))
+
     def at(self, path: Iterable[str]) -> Any:
         """Return the value at a path of attributes; None where there is none."""
         return value_at(self, path)
@@ -77,7 +97,7 @@ class PageScenario(Scenario):
             return task_name(self)
         if name == "engine":
             return engine_name(self.engine)
-        return self.at(self.paths().get(name, (name,)))
+        return self.at(self.path_of(name) or (name,))
 
     def set(self, name: str, value: Any) -> Self:
         """Return this scenario with another value of a setting.
@@ -93,13 +113,13 @@ class PageScenario(Scenario):
             return replace(self, strategy=made_of(STRATEGIES, value), strategy_name=value)
         if name == "task":
             return replace(self, task=made_of(TASKS, value), task_name=value)
-        path = (name,) if name in _WITHOUT_PART else self.paths().get(name, ())
+        path = (name,) if name in _WITHOUT_PART else self.path_of(self.canonical_name(name))
         if not path:
             strategy = type(self.strategy).__name__
             task = type(self.task).__name__
             raise UserError(f"{strategy} and {task} have no setting {shown(name)}")
         before = self
-        if name == "density_of_robots":
+        if self.genome and path == ("strategy", "density_of_robots"):
             before = replace(self, robots=None)  # which would outweigh the density
         with user_code(type(self.at(path[:-1])).__name__):
             return _with_value(before, path, value)
@@ -111,13 +131,22 @@ class PageScenario(Scenario):
             changed[f"{name}_name"] = getattr(other, f"{name}_name")
         return replace(self, **changed)
 
-    def shares(self, name: str, other: "PageScenario") -> bool:
-        """Return whether a setting belongs to parts of the same class in two scenarios."""
-        path = self.paths().get(name, ())
-        if path != other.paths().get(name, ()):
-            return False
-        part = path[:-1]
-        return type(self.at(part)) is type(other.at(part))
+    def shared_name(self, name: str, other: "PageScenario") -> str | None:
+        """Return the name here of a setting of another scenario.
+
+        Args:
+            name: name of a control of the other scenario.
+            other: scenario that has the setting.
+
+        Returns:
+            The name; None where the setting belongs to a part that is of another class here.
+        """
+        path = other.path_of(name)
+        if not path:  # of the scenario itself
+            return name
+        if type(self.at(path[:-1])) is not type(other.at(path[:-1])):
+            return None
+        return next(own_name for own_name, own_path in self.paths().items() if own_path == path)
 
 
 def _with_value(settings: Any, path: tuple[str, ...], value: Any) -> Any:

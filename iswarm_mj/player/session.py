@@ -269,7 +269,7 @@ class Session:
         now = self.now  # once, as another thread replaces both
         wanted = self.wanted
         rules = [control for control in controls(now, self._initial) if control.is_live]
-        carried = {rule.name for rule in rules if wanted.shares(rule.name, now)}
+        carried = {wanted.shared_name(rule.name, now) for rule in rules}
         waiting = [
             control._replace(is_live=False)
             for control in controls(wanted, self._initial)
@@ -285,8 +285,9 @@ class Session:
         present = {control.name: control.value for control in controls(now)}
         labels = []
         for control in controls(wanted):
-            is_changed = not is_same(control.value, present.get(control.name))
-            if is_changed and wanted.shares(control.name, now):  # not all of another strategy's
+            name = now.shared_name(control.name, wanted)
+            is_shared = name is not None  # not all settings of another strategy
+            if is_shared and not is_same(control.value, present.get(name)):
                 labels.append(control.label)
         if wanted.config.arena.obstacles != now.config.arena.obstacles:
             labels.append("obstacles")
@@ -331,6 +332,8 @@ class Session:
         Raises:
             UserError: there is no such setting, robot or place, or the value is out of range.
         """
+        if name not in EDITS:
+            name = self.now.canonical_name(name)
         change = Change(self.step, name, value)
         if name in EDITS:
             self.run.edit(edit(self.run, change))
@@ -353,8 +356,9 @@ class Session:
         config_before = self.now.config
         now = self.now.set(name, parsed(self.now, name, text))
         wanted = self.wanted
-        if wanted.shares(name, now):
-            wanted = wanted.set(name, now.get(name))
+        name_in_wanted = wanted.shared_name(name, now)
+        if name_in_wanted is not None:
+            wanted = wanted.set(name_in_wanted, now.get(name))
         task = None if is_same(now.task, self.now.task) else now.task
         self.run.change(now.config, now.strategy, task)
         self.now = now
@@ -466,5 +470,5 @@ def _check_changes(scenario: PageScenario, changes: Sequence[Change]) -> None:
     """
     for change in changes:
         if change.name not in EDITS:
-            value = parsed(scenario, change.name, change.value)
-            scenario = scenario.set(change.name, value)
+            name = scenario.canonical_name(change.name)
+            scenario = scenario.set(name, parsed(scenario, name, change.value))

@@ -5,16 +5,23 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import is_dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NamedTuple, NoReturn, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from iswarm_mj.config.setting_names import (
+    PartField,
+    Parts,
+    canonical_name,
+    names_of,
+    setting_names,
+)
 from iswarm_mj.config.swarm import INTERPRETATIONS, SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.registry import find_engine
 from iswarm_mj.engines.robot_file import as_robot_file
 from iswarm_mj.engines.settings import OF_MACHINE
-from iswarm_mj.simulation.scenario_flags import default_of, names_of
+from iswarm_mj.simulation.scenario_flags import default_of
 from iswarm_mj.simulation.stacking import plain, to_json
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome, load_genome
@@ -48,12 +55,26 @@ def fields_of_toml(path: Path) -> dict[str, Any]:
     left = {name: _as_tuple(value) for name, value in values.items()}
     found = {field: left.pop(key) for key, field in _OF_RUN.items() if key in left}
     found["config"] = _config(left)
-    found |= _strategy(left)
-    if "task" in left:
-        found["task_name"] = str(left.pop("task"))
-        found["task"] = _object(find(TASKS, found["task_name"]), left)
-    usual_engine = find_engine(str(left.pop("engine", MujocoSettings.name))).usual()
-    found["engine"] = _object(usual_engine, left)
+
+    # What has settings of its own, as classes or objects.
+    strategy = _find_strategy(left)
+    task_name = str(left.pop("task")) if "task" in left else None
+    parts = {
+        "strategy": strategy.found,
+        "task": CLEANING if task_name is None else find(TASKS, task_name),
+        "engine": find_engine(str(left.pop("engine", MujocoSettings.name))).usual(),
+    }
+    left = _by_canonical_names(left, parts, path)
+
+    # These with their settings, which are taken away from those that are left.
+    setting_of = setting_names(parts)
+    found["strategy"] = _make_strategy(strategy, left, setting_of)
+    found["strategy_name"] = strategy.name
+    if task_name is not None:
+        found["task"] = _object(parts["task"], left, _keys_of("task", setting_of))
+        found["task_name"] = task_name
+    found["engine"] = _object(parts["engine"], left, _keys_of("engine", setting_of))
+
     if "robot" in left:
         found["robot_file"] = _robot_file(left.pop("robot"))
     if "density" in left:
@@ -65,35 +86,72 @@ def fields_of_toml(path: Path) -> dict[str, Any]:
     return found
 
 
+def _by_canonical_names(left: Mapping[str, Any], parts: Parts, path: Path) -> dict[str, Any]:
+    """Return the values of a file by the names in `setting_names`.
+
+    Raises:
+        UserError: it names a setting twice, or one that several parts have.
+    """
+    named: dict[str, Any] = {}
+    for key, value in left.items():
+        name = canonical_name(key, parts, source=f"{path}: ")
+        if name in named:
+            raise UserError(f"{path} names {name} twice, also as {key}; leave out one of them")
+        named[name] = value
+    return named
+
+
+def _keys_of(part: str, setting_of: Mapping[str, PartField]) -> dict[str, str]:
+    """Return the keys of the fields of a part by the names of these."""
+    return {setting.field: key for key, setting in setting_of.items() if setting.part == part}
+
+
 def _config(left: dict[str, Any]) -> SwarmConfig:
     """Return the configuration of a file, whose values are taken away from those that are left."""
     reading = left.pop("reading", "paper")
     check("reading", reading, f"one of {', '.join(INTERPRETATIONS)}", reading in INTERPRETATIONS)
     usual = INTERPRETATIONS[reading]
-    return replace(
-        usual, **{group: _object(part, left, f"{group}.") for group, part in vars(usual).items()}
-    )
+    groups = {}
+    for group, part in vars(usual).items():
+        keys = {name: f"{group}.{name}" for name in names_of(part)}
+        groups[group] = _object(part, left, keys)
+    return replace(usual, **groups)
 
 
-def _strategy(left: dict[str, Any]) -> dict[str, Any]:
-    """Return the strategy of a file and its name; its values are taken away from those that are
-    left."""
+class _Strategy(NamedTuple):
+    """The strategy that a file names."""
+
+    found: Any
+    """Class or object; None for teams."""
+    name: str | None
+    """Name of the scenario's strategy, see `Scenario.strategy_name`."""
+    teams: Mapping[str, tuple[float | int, Any]]
+    """Share, and class or object, of each team; empty without teams."""
+
+
+def _find_strategy(left: dict[str, Any]) -> _Strategy:
+    """Return the strategy that a file names, and take its name away from what is left."""
     if "strategy" not in left:
         name = str(left.pop("genome", "type1"))
-        return {
-            "strategy": _object(load_genome(name), left),
-            "strategy_name": name if name in PRESETS else None,
-        }
+        return _Strategy(load_genome(name), name if name in PRESETS else None, {})
     given = left.pop("strategy")
     words = [str(word) for word in given] if isinstance(given, tuple) else [str(given)]
     name = shlex.join(words) if words[1:] else words[0]
     teams = find_teams(words)
-    if not teams:
-        return {"strategy": _object(find(STRATEGIES, words[0]), left), "strategy_name": name}
-    own = {
-        team: (share, _object(found, left, f"{team}.")) for team, (share, found) in teams.items()
-    }
-    return {"strategy": Teams(own), "strategy_name": name}
+    return _Strategy(None if teams else find(STRATEGIES, words[0]), name, teams)
+
+
+def _make_strategy(
+    strategy: _Strategy, left: dict[str, Any], setting_of: Mapping[str, PartField]
+) -> Any:
+    """Return a strategy with its values in a file, which are taken away from those left."""
+    if not strategy.teams:
+        return _object(strategy.found, left, _keys_of("strategy", setting_of))
+    teams = {}
+    for team, (share, found) in strategy.teams.items():
+        keys = {name: f"{team}.{name}" for name in names_of(_class_of(found))}
+        teams[team] = (share, _object(found, left, keys))
+    return Teams(teams)
 
 
 def _robot_file(given: Any) -> Any:
@@ -105,17 +163,25 @@ def _robot_file(given: Any) -> Any:
         return as_robot_file(words[0] if len(words) == 1 else words)
 
 
-def _object(found: Any, left: dict[str, Any], prefix: str = "") -> Any:
+def _class_of(found: Any) -> type:
+    """Return a class, or the class of an object."""
+    return found if isinstance(found, type) else type(found)
+
+
+def _object(found: Any, left: dict[str, Any], keys: Mapping[str, str]) -> Any:
     """Return an object of a class, or one like an object, with values of a file.
 
     Args:
         found: the class, or the object.
-        left: values by name; those of its fields are taken away.
-        prefix: of the fields' names.
+        left: values by the keys of the file; those of its fields are taken away.
+        keys: keys of its fields by the names of these.
     """
-    cls = found if isinstance(found, type) else type(found)
-    values = {name: left.pop(prefix + name) for name in names_of(cls) if prefix + name in left}
-    return _made(found, {name: _as_path(cls, name, value) for name, value in values.items()})
+    cls = _class_of(found)
+    values = {}
+    for name, key in keys.items():
+        if key in left:
+            values[name] = _as_path(cls, name, left.pop(key))
+    return _made(found, values)
 
 
 def _made(found: Any, values: dict[str, Any]) -> Any:

@@ -5,13 +5,14 @@ import json
 import re
 import shlex
 from collections.abc import Iterable, Mapping
-from dataclasses import MISSING, fields, is_dataclass, replace
+from dataclasses import MISSING, fields, replace
 from functools import cache, reduce
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from iswarm_mj.config.setting_names import PARTS, SCENARIO_KEYS, names_of, setting_names
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.registry import ENGINES, OFFER
@@ -34,14 +35,24 @@ _NO_FILE = "FILE.py:"
 _REMEDY = "repeat this run in Python"
 
 
+def parts_of(scenario: "Scenario") -> dict[str, Any]:
+    """Return the strategy, the task and the engine of a scenario by these words."""
+    return {part: getattr(scenario, part) for part in PARTS}
+
+
 def paths_of(scenario: "Scenario") -> dict[str, tuple[str, ...]]:
     """Return where settings are that are fields of a scenario's parts, as attributes of
-    attributes."""
+    attributes.
+
+    Raises:
+        UserError: a field has the name of another setting, see `setting_names`.
+    """
     paths: dict[str, tuple[str, ...]] = {}
-    for part in ("strategy", "task", "engine"):
-        paths |= {name: (part, name) for name in names_of(getattr(scenario, part))}
+    for name, setting in setting_names(parts_of(scenario)).items():
+        paths[name] = tuple(setting)
     for group, part in vars(scenario.config).items():
-        paths |= {f"{group}.{name}": ("config", group, name) for name in names_of(part)}
+        for name in names_of(part):
+            paths[f"{group}.{name}"] = ("config", group, name)
     return paths
 
 
@@ -125,20 +136,40 @@ def _changed(scenario: "Scenario") -> dict[str, Any]:
         task=CLEANING,
         engine=type(scenario.engine).usual(),
     )
-    left_out = OF_MACHINE | ({"density_of_robots"} if scenario.robots is not None else set())
+    left_out: set[tuple[str, ...]] = {("engine", name) for name in OF_MACHINE}
+    if scenario.genome is not None and scenario.robots is not None:
+        left_out.add(("strategy", "density_of_robots"))
+
     found = {}
     for name, path in paths_of(scenario).items():
         part, usual_part = value_at(scenario, path[:-1]), value_at(usual, path[:-1])
         value = value_at(scenario, path)
         has_usual = type(part) is type(usual_part)
         is_usual = has_usual and is_same(value, value_at(usual, path))
-        if name in left_out or is_usual or isinstance(part, Teams):
+        if path in left_out or is_usual:
             continue
+        is_default = is_same(value, default_of(part, path[-1]))
+        if not is_default:
+            _refuse_flag_of_run(part, path)
         if isinstance(value, STATED):
             found[name] = value
-        elif not is_same(value, default_of(part, path[-1])):
+        elif not is_default:
             raise _unstated(name, value)
     return found
+
+
+def _refuse_flag_of_run(part: Any, path: tuple[str, ...]) -> None:
+    """Refuse to state a field of a part that has the name of a flag of `iswarm run`.
+
+    Raises:
+        UserError: it has.
+    """
+    field_name = path[-1]
+    if path[0] in PARTS and field_name in SCENARIO_KEYS:
+        raise UserError(
+            f"no flag can state {field_name} of {type(part).__name__}, "
+            f"as `{field_name}` is a flag of iswarm run; rename the field, or {_REMEDY}"
+        )
 
 
 def is_same(one: Any, other: Any) -> bool:
@@ -207,11 +238,6 @@ def _changed_in_teams(teams: Teams, name: str) -> dict[str, Any]:
     return found
 
 
-def names_of(given: Any) -> list[str]:
-    """Return the names of the fields of a dataclass; none of anything else."""
-    return [f.name for f in fields(given) if f.init] if is_dataclass(given) else []
-
-
 def made_of(offer: PluginKind, name: str) -> Any:
     """Return the strategy or the task of a name, with the defaults of its fields.
 
@@ -269,7 +295,13 @@ def toml(values: Mapping[str, Any]) -> str:
     Raises:
         UserError: one is a text that no file in UTF-8 can hold.
     """
-    return "".join(f"{_toml_key(name)} = {_toml(value)}\n" for name, value in values.items())
+    lines = []
+    for name, value in values.items():
+        # In `task = "a.py:A"` the task is a word, and then `task.range` no key of a table.
+        is_whole = name.partition(".")[0] in values
+        key = _toml(name) if is_whole and "." in name else _toml_key(name)
+        lines.append(f"{key} = {_toml(value)}\n")
+    return "".join(lines)
 
 
 def _toml_key(name: str) -> str:

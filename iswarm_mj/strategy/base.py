@@ -163,6 +163,10 @@ def is_batch_invariant(rules: Any) -> bool:
 
 
 def overrides(value: Any, base: type, method: str) -> bool:
-    """Return whether an object or class overrides the default method of a base class."""
+    """Return whether an object or class overrides the default method of a base class.
+
+    For a task that wraps another one (`tasks.rewarded`) the other one counts.
+    """
+    value = getattr(value, "wrapped_task", value)
     cls = value if isinstance(value, type) else type(value)
     return getattr(cls, method) is not getattr(base, method)

@@ -1,25 +1,18 @@
-"""Strategies and tasks by name: of a class in a file, or of an entry point of an installed package.
+"""Strategies and tasks by name: a class in a file, or an entry point of an installed package."""
 
-What lies beside a user's file its code can import, and no other code.
-"""
-
-import ast
-import importlib.util
 import re
-import sys
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
-from importlib.machinery import ModuleSpec, PathFinder
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from iswarm_mj.strategy.base import makes_strategies
+from iswarm_mj.strategy.user_files import import_file
 from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 from iswarm_mj.utils.files import check_file
-from iswarm_mj.utils.user_code import is_users, user_code
+from iswarm_mj.utils.user_code import user_code
 
 
 class PluginKind(NamedTuple):
@@ -158,115 +151,21 @@ def _of_file(offer: PluginKind, path: Path, name: str) -> Any:
 
 
 def _imported(offer: PluginKind, path: Path) -> ModuleType:
-    """Execute a file, which may import others beside it."""
+    """Return the module of a file, which is executed.
+
+    Raises:
+        UserError: it does not exist, cannot be read, or is not Python; or it raises an exception.
+    """
     fault = "does not exist"
+    module = None
     try:
-        if is_there := path.is_file():
+        if path.is_file():
             check_file(path)
             fault = "is not Python"
+            with user_code(f"{offer.word} file {path.name}"):
+                module = import_file(path)
     except OSError as error:
-        is_there, fault = False, f"cannot be read ({error.strerror or error})"
-    if is_there and (script := _running_script(path)) is not None:
-        return script
-    spec = (
-        importlib.util.spec_from_file_location(f"iswarm_strategy_{path.stem}", path.resolve())
-        if is_there
-        else None
-    )
-    if spec is None or spec.loader is None:
+        fault = f"cannot be read ({error.strerror or error})"
+    if module is None:
         raise UserError(f"{offer.word} file {shown(path)} {fault}; give {offer.form}")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[module.__name__] = module  # dataclasses look for their types there
-    add_folder(path.resolve().parent)
-    with user_code(f"{offer.word} file {path.name}"):
-        spec.loader.exec_module(module)
     return module
-
-
-def _running_script(path: Path) -> ModuleType | None:
-    """Return the script that this process runs, if a file is that script; None otherwise.
-
-    Executed as another module, it would execute itself again, with what it asks for.
-    """
-    script = sys.modules.get("__main__")
-    file = getattr(script, "__file__", None)
-    return script if file is not None and Path(file).resolve() == path.resolve() else None
-
-
-class UserModuleFinder:
-    """A finder of modules, asked after all others.
-
-    Were the folders in `sys.path`, packages would take users' files for modules that are not
-    installed: numba looks for `coverage`.
-    """
-
-    folders: tuple[str, ...] = ()
-
-    @classmethod
-    def find_spec(cls, name: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
-        """Return where a module is that a user's code imports, or `sources` for it."""
-        frame = sys._getframe(1)
-        while frame.f_back and frame.f_globals.get("__name__", "").startswith("importlib"):
-            frame = frame.f_back
-        asks = is_users(frame.f_code.co_filename) or frame.f_globals.get("__name__") == __name__
-        return PathFinder.find_spec(name, list(cls.folders)) if asks and path is None else None
-
-
-def add_folder(folder: Path) -> None:
-    """Let users' code import what is in a folder."""
-    if UserModuleFinder not in sys.meta_path:
-        sys.meta_path.append(UserModuleFinder)
-    if str(folder) not in UserModuleFinder.folders:
-        UserModuleFinder.folders += (str(folder),)
-
-
-def sources(path: Path) -> list[Path]:
-    """Return a file of Python, and the files of a user that it imports in any of its lines,
-    directly or not.
-
-    What is found depends on `sys.path`, as for the import itself; the file is one that could be
-    imported.
-    """
-    found = [path.resolve()]
-    for file in found:  # grows on the way
-        package = _package(file)
-        for name in _names_in(ast.parse(file.read_bytes())):
-            for origin in _origins(name, package):
-                if (
-                    origin.endswith(".py")
-                    and is_users(origin)
-                    and Path(origin).resolve() not in found
-                ):
-                    found.append(Path(origin).resolve())
-    return found
-
-
-def _origins(name: str, package: str) -> Iterator[str]:
-    """Files of a module and of the packages above it; none if the name is none of a module."""
-    with suppress(ImportError, ValueError, AttributeError):
-        parts = importlib.util.resolve_name(name, package).split(".")
-        for n in range(1, len(parts) + 1):
-            spec = importlib.util.find_spec(".".join(parts[:n]))
-            if spec is not None and spec.origin:
-                yield spec.origin
-
-
-def _names_in(tree: ast.AST) -> Iterator[str]:
-    """Names of all that could be a module, with dots before relative ones."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            module = "." * node.level + (node.module or "")
-            yield module
-            dot = "." if node.module else ""
-            yield from (f"{module}{dot}{alias.name}" for alias in node.names)
-
-
-def _package(file: Path) -> str:
-    """The package that a file belongs to, by the folders with an `__init__.py` above it."""
-    parts: list[str] = []
-    folder = file.parent
-    while (folder / "__init__.py").exists():
-        parts, folder = [folder.name, *parts], folder.parent
-    return ".".join(parts)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import Any, NamedTuple
 
@@ -70,7 +70,7 @@ class Teams(Strategy):
     The memory is a dictionary by the teams' names, with 0 for the robots of other teams.
     """
 
-    teams: Any
+    teams: Any = field(metadata={"is_setting": False})
     """Share and strategy of each team by its name; kept as a tuple of `Team`.
 
     Shares are floats that add up to 1, or ints that add up to the number of robots. A strategy may

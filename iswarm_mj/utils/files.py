@@ -211,6 +211,8 @@ def read_toml(path: Path, remedy: str, what: str = "") -> dict[str, Any]:
     try:
         return by_flags(tomllib.loads(text))
     except (ValueError, RecursionError) as error:
+        if "overwrite a value" in str(error):  # `task.range = 5` after `task = "a.py:A"`
+            remedy = 'put a key with a dot in quotes, as "task.range" = 5, beside task = "a.py:A"'
         raise UserError(f"{what}{path} is no TOML ({shown(error)}); {remedy}") from None
 
 

@@ -115,8 +115,3 @@ def test_all_else_is_as_it_was():
     assert rewards[3] == 4 * 6
     assert made.metrics(earned) == {"taken": 7, REWARD: -3.5}
     assert list(made.measured) == ["taken", REWARD] and made.measured[REWARD].low == -np.inf
-
-
-def test_a_class_is_made_once():
-    plain, made = tasks()
-    assert type(rewarded(plain)) is type(made) and made.gain == plain.gain == 0.5

@@ -1,0 +1,150 @@
+"""Python files of users: how they are imported, and which files they import themselves."""
+
+import ast
+import importlib.util
+import os
+import re
+import sys
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import ModuleType
+
+from iswarm_mj.utils.user_code import is_users
+
+
+def import_file(path: Path) -> ModuleType | None:
+    """Execute a file, and return its module; None if it is no file of Python.
+
+    The file can import what lies beside it, as a script can. It is executed each time, so that
+    edits count; what it imports is executed once, as all modules are. Files of one name in
+    different directories are different modules, and so are those beside them.
+    """
+    path = path.resolve()
+    script = _running_script(path)
+    if script is not None:
+        return script
+
+    number = zlib.crc32(os.fsencode(path))
+    name = f"{re.sub(r'[^A-Za-z0-9]', '_', path.stem)}_{number:08x}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        return None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # dataclasses look for their types there
+    with _first_in_path(path.parent):
+        names_before = {*sys.modules}
+        spec.loader.exec_module(module)
+        for new_name in sys.modules.keys() - names_before:
+            _pickle_by_value(sys.modules[new_name])
+    _pickle_by_value(module)
+    return module
+
+
+def _pickle_by_value(module: ModuleType) -> None:
+    """Let asynchronous environments take a user's module to other processes, which cannot import it.
+
+    They pickle by cloudpickle, which comes with Gymnasium.
+    """
+    file = getattr(module, "__file__", None)
+    if file is not None and is_users(file):
+        with suppress(ImportError):
+            import cloudpickle  # noqa: TID251, as nothing is read
+
+            cloudpickle.register_pickle_by_value(module)
+
+
+def _running_script(path: Path) -> ModuleType | None:
+    """Return the script that this process runs, if a file is that script; None otherwise.
+
+    Executed as another module, it would execute itself again, with what it asks for.
+    """
+    script = sys.modules.get("__main__")
+    file = getattr(script, "__file__", None)
+    return script if file is not None and Path(file).resolve() == path else None
+
+
+@contextmanager
+def _first_in_path(directory: Path) -> Iterator[None]:
+    """Let imports look into a directory first, until the end of the block.
+
+    Only so long, since packages look for modules that are not installed, as numba for `coverage`,
+    and would take users' files for them.
+    """
+    hidden_by = {
+        name: module for name, module in [*sys.modules.items()] if _hides(name, module, directory)
+    }
+    for name in hidden_by:
+        del sys.modules[name]
+    importlib.invalidate_caches()  # a file may be as new as what they hold
+    sys.path.insert(0, str(directory))
+    try:
+        yield
+    finally:
+        with suppress(ValueError):  # the file may have changed the path
+            sys.path.remove(str(directory))
+        sys.modules.update(hidden_by)
+
+
+def _hides(name: str, module: ModuleType, directory: Path) -> bool:
+    """Return whether a module of a user has a name that another file in a directory has."""
+    file = getattr(module, "__file__", None)
+    if name == "__main__" or file is None or not is_users(file):
+        return False
+    top = name.partition(".")[0]
+    is_there = (directory / f"{top}.py").exists() or (directory / top).is_dir()
+    return is_there and not Path(file).resolve().is_relative_to(directory)
+
+
+def sources(path: Path) -> list[Path]:
+    """Return a file of Python, and the files of a user that it imports in any of its lines,
+    directly or not.
+
+    What is found depends on `sys.path`, as for the import itself; the file is one that could be
+    imported.
+    """
+    found = [path.resolve()]
+    with _first_in_path(found[0].parent):
+        for file in found:  # grows on the way
+            package = _package(file)
+            for name in _names_in(ast.parse(file.read_bytes())):
+                for origin in map(Path, _origins(name, package)):
+                    is_source = origin.suffix == ".py" and is_users(str(origin))
+                    if is_source and origin.resolve() not in found:
+                        found.append(origin.resolve())
+    return found
+
+
+def _origins(name: str, package: str) -> Iterator[str]:
+    """Yield the files of a module and of the packages above it; none if it is no module."""
+    with suppress(ImportError, ValueError, AttributeError):
+        parts = importlib.util.resolve_name(name, package).split(".")
+        for n in range(1, len(parts) + 1):
+            spec = importlib.util.find_spec(".".join(parts[:n]))
+            if spec is not None and spec.origin:
+                yield spec.origin
+
+
+def _names_in(tree: ast.AST) -> Iterator[str]:
+    """Yield the names of all that could be a module, with dots before relative ones."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name
+        elif isinstance(node, ast.ImportFrom):
+            module = "." * node.level + (node.module or "")
+            yield module
+            dot = "." if node.module else ""
+            for alias in node.names:
+                yield f"{module}{dot}{alias.name}"
+
+
+def _package(file: Path) -> str:
+    """Return the package that a file belongs to, by the folders with an `__init__.py` above it."""
+    parts: list[str] = []
+    folder = file.parent
+    while (folder / "__init__.py").exists():
+        parts = [folder.name, *parts]
+        folder = folder.parent
+    return ".".join(parts)
