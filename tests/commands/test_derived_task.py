@@ -50,7 +50,7 @@ class Closing(Cleaning):
     drawn: ClassVar = {**Cleaning.drawn, "lock": Look(colour=(10, 20, 30))}
 
     def lay_boxes(self, config, rng, shared):
-        return [(6.0, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0)]
+        return [(0.0, 7.0, 0.5, 1.0, 0.0, 0.0, 0.0)]
 
     def lay_out(self, config, n_robots, rng, shared, cell):
         poses, balls = super().lay_out(config, n_robots, rng, shared, cell)

@@ -14,6 +14,7 @@ from tempfile import mkdtemp
 
 import jax
 import numpy as np
+import pyarrow.csv
 import pytest
 from support.cli import code_of, refused, result
 from support.mjx import ran
@@ -273,7 +274,7 @@ class TestCommands:
         values = ("--strategy.reach=2", "--task.reach=50", "--task.fast")
         assert code_of("run", *OWN, *FEW, *values) == 0
         first = result("runs/task")
-        assert first["metrics"]["zone"] == [150.0]
+        assert first["metrics"]["zone"] == 150.0
         assert first["strategy"]["reach"] == 2.0 and first["task"]["reach"] == 50.0
         robots = iswarm_mj.load("runs/task").robots
         np.testing.assert_allclose(robots["reach"].to_numpy()[-N:], 2e-3)
@@ -323,11 +324,10 @@ class TestCommands:
         error = refused(capfd, here, *sweep, "reach=10,20")
         assert error.startswith(f"iswarm: {OF_FLAGS}")
         assert code_of(*sweep, "task.reach=10,20", "strategy.fast=True,False") == 0
-        table = Path("runs/sweep/sweep.csv").read_text().splitlines()
-        columns = table[0].split(",")
-        assert "task.reach" in columns and "strategy.fast" in columns
-        zones = [float(row.split(",")[columns.index("zone")]) for row in table[1:]]
-        assert zones == [10.0, 10.0, 20.0, 20.0]
+        rows = pyarrow.csv.read_csv("runs/sweep/sweep.csv").to_pylist()
+        assert [row["task.reach"] for row in rows] == [10, 10, 20, 20]
+        assert [row["strategy.fast"] for row in rows] == [True, False, True, False]
+        assert [row["zone"] for row in rows] == [10.0, 10.0, 20.0, 20.0]
 
 
 class TestScenario:

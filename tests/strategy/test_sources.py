@@ -50,11 +50,10 @@ STRATEGY = """
 from dataclasses import dataclass
 
 from helpers import STEP
-from iswarm_mj.strategy.vector_strategy import VectorStrategy
 
 
 @dataclass(frozen=True)
-class Walk(VectorStrategy):
+class Walk:
     step: float = STEP
 """
 
