@@ -408,7 +408,7 @@ class TestPage:
         memory = session.snapshots[-1].record.swarm.memory["reach"]
         assert (np.asarray(memory) == 6.0).all()
         assert (session.now.strategy.turn, session.wanted.task.reach) == (0.5, 70.0)
-        assert [change.what for change in session.changes] == [
+        assert [change.name for change in session.changes] == [
             *("task.reach", "strategy.reach", "turn"),
         ]
         with pytest.raises(UserError, match=f"^{re.escape(OF_NAMES)}$"):
