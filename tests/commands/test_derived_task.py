@@ -151,14 +151,16 @@ def test_the_recording_has_its_areas_boxes_balls_and_metrics(place):
     boxes = np.array(recorded["/world/boxes"]["Boxes3D:centers"])
     moved = boxes[:, 0, 1] - boxes[0, 0, 1]
     np.testing.assert_allclose(moved, np.concatenate([[0], WAY[1:]]), atol=YIELDS)
-    assert len(recorded["/world/balls"]["Points3D:positions"][0]) == 6
+    assert len(recorded["/world/balls/true_size"]["Points3D:positions"][0]) == 6
     assert "/world/arena/dump" in recorded and "/world/arena/dust_areas" in recorded
 
 
 def test_tables_have_its_metrics_and_boxes():
     run = iswarm_mj.load("runs/task")
-    np.testing.assert_allclose(run.steps["way"].to_numpy(), 1e-3 * WAY, rtol=1e-6)
-    assert run.boxes.num_rows == STEPS + 1 and run.balls.num_rows == 6 * (STEPS + 1)
+    way = run.steps["way"].to_numpy().reshape(2, STEPS + 1)
+    np.testing.assert_allclose(way, [WAY, WAY], rtol=1e-6)
+    assert run.steps.schema.field("way").metadata[b"unit"] == b"mm"
+    assert run.boxes.num_rows == 2 * len(WAY) and run.balls.num_rows == 2 * 6 * len(WAY)
 
 
 def test_inspect_shows_it_and_a_command_that_repeats_it(capfd):

@@ -96,7 +96,7 @@ def test_tasks_without_a_fitness_are_trained_by_their_rewards(monkeypatch, out):
     """Rewards grow towards a goal, and the search comes near it."""
 
     def rollout(scenario, **_):
-        assert isinstance(scenario.task, Aggregation)
+        assert isinstance(scenario.task.wrapped_task, Aggregation)
         assert REWARD in scenario.task.measured
         distances = np.abs(np.asarray(scenario.strategy.weights) - GOAL).sum(axis=1)
         return empty_rollout(scenario.n_worlds, metrics={REWARD: 10 - distances})
