@@ -4,6 +4,7 @@ A kernel is written for each function: it calls the function with each row of a 
 A named tuple among the arguments stands for its fields, one after the other.
 """
 
+import importlib
 import importlib.util
 import math
 from types import FunctionType
@@ -248,3 +249,17 @@ def test_a_function_returns_what_python_returns(kernels, name):
     wp.launch(getattr(kernels, f"k_{name}"), N_SAMPLES, [table], [results], device="cpu")
     np.testing.assert_allclose(results.numpy(), expected, rtol=2e-5, atol=1e-5)
     assert len(np.unique(expected, axis=0)) > 1
+
+
+@pytest.mark.parametrize("mode", ["sector", "power"])
+def test_words_of_parameters_do_not_depend_on_what_lay_in_memory(mode):
+    """They are constants of programs, which processes find in the cache if all are the same."""
+    functions = importlib.import_module("iswarm_mj.engines.planar.gpu.functions")
+    light = read_light(read_robot(), OpticsConfig(mode=mode))
+    n_bytes = functions.words_of(light).nbytes
+    words = []
+    for byte in (0x00, 0xFF):
+        blocks = [np.full(n_bytes, byte, np.uint8) for _ in range(100)]
+        del blocks
+        words.append(functions.words_of(light).tolist())
+    assert words[0] == words[1]

@@ -180,10 +180,15 @@ View = view.View
 def words_of(*parameters: tuple) -> np.ndarray:
     """Return the numbers of named tuples as they lie in their structs, in words of 32 bits.
 
-    Kernels in JAX programs take arrays only, so parameters travel as words.
+    Kernels in JAX programs take arrays only, so parameters travel as words. They become constants
+    of these programs, so bytes between fields are 0: with whatever lay in memory each process would
+    compile a program of its own.
     """
     struct = _COUNTERPARTS[type(parameters[0])]
-    return np.array([tuple(each) for each in parameters], struct.numpy_dtype()).view(np.int32)
+    structs = np.zeros(len(parameters), struct.numpy_dtype())
+    for index, parameter in enumerate(parameters):
+        structs[index] = tuple(parameter)
+    return structs.view(np.int32)
 
 
 @wp.func
