@@ -1,5 +1,7 @@
-"""One small arena for all tests that run a swarm: JAX compiles once for each configuration and
-number of robots."""
+"""Settings of all tests: types are checked, programs compile fast, and most share a small arena.
+
+JAX compiles once for each configuration and number of robots.
+"""
 
 import gc
 import os
@@ -58,8 +60,7 @@ CHECKED = [
         "output.rerun_trial",
     )
 ]
-"""Modules whose annotations, shapes included, are checked at every call; none that numba
-compiles."""
+"""Modules whose annotations, shapes included, are checked at calls; none that numba compiles."""
 install_import_hook(CHECKED, "support.types.check")
 
 from hypothesis import settings
@@ -77,49 +78,52 @@ settings.register_profile("repeatable", derandomize=True)  # the same examples e
 settings.load_profile("repeatable")
 
 
-QUICK = ["--xla_backend_optimization_level=0", "--xla_cpu_parallel_codegen_split_count=1"]
+FAST_COMPILATION = [
+    "--xla_backend_optimization_level=0",
+    "--xla_cpu_parallel_codegen_split_count=1",
+]
 """Flags of XLA with which programs compile in half the time, and run slower."""
-if version("jaxlib") < "0.11":  # later ones do not know it, and end the process
-    QUICK.append("--xla_cpu_use_fusion_emitters=false")
+if version("jaxlib") < "0.11":
+    # Later versions end the process when they are given a flag that they do not know.
+    FAST_COMPILATION.append("--xla_cpu_use_fusion_emitters=false")
 
 
 def pytest_configure(config):
-    """Compiling takes longest in the tests of every day; the slow ones run what users run."""
+    """Let programs compile fast, except in slow tests, which run what users run."""
     if config.option.markexpr == "not slow":
-        os.environ.setdefault("XLA_FLAGS", " ".join(QUICK))
+        os.environ.setdefault("XLA_FLAGS", " ".join(FAST_COMPILATION))
 
 
-MOST_MEMORY = max(1.5e9, psutil.virtual_memory().total / 8)
-"""Of a process, with compiled programs that files of tests share, from which on they go [bytes]."""
+MAX_MEMORY = max(1.5e9, psutil.virtual_memory().total / 8)
+"""Memory of a process above which it forgets the programs that JAX compiled [bytes]."""
 REGROWTH = 0.5e9
-"""Since the system gets little back when they go, by how much it grows until they go again
-[bytes]."""
+"""Growth of the memory after which the process forgets programs again [bytes].
+
+The system gets little memory back when programs go."""
+memory_limit = MAX_MEMORY
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _programs_go():
-    """All that JAX compiled would take gigabytes in the end."""
+def _forget_programs():
+    """Forget compiled programs after a file of tests, once they take gigabytes."""
     import jax
 
-    global limit
+    global memory_limit
     yield
-    if psutil.Process().memory_info().rss > limit:
+    if psutil.Process().memory_info().rss > memory_limit:
         jax.clear_caches()
         gc.collect()
-        limit = max(MOST_MEMORY, psutil.Process().memory_info().rss + REGROWTH)
-
-
-limit = MOST_MEMORY
+        memory_limit = max(MAX_MEMORY, psutil.Process().memory_info().rss + REGROWTH)
 
 
 @pytest.fixture(autouse=True)
-def _types_are_checked_anew():
+def _check_types_again():
     begin_test()
 
 
 @pytest.fixture(scope="session")
 def small():
-    """15 x 15 rd, a dump of 3 x 3 rd, 24 balls in two areas of 3 x 3 rd."""
+    """An arena of 15 x 15 rd, with a dump of 3 x 3 rd and 24 balls in two areas of 3 x 3 rd."""
     return SMALL
 
 
@@ -131,8 +135,9 @@ def few_pixels(monkeypatch):
     savefig = Figure.savefig
 
     def save(drawing, path, format, metadata):
-        savefig(
-            drawing, path, format=format, metadata=metadata, dpi=20
-        ) if format == "png" else path.touch()
+        if format == "png":
+            savefig(drawing, path, format=format, metadata=metadata, dpi=20)
+        else:
+            path.touch()
 
     monkeypatch.setattr(Figure, "savefig", save)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.boxes import ARENA, at_start, placed
+from support.boxes import ARENA, moving, placed
 
 from iswarm_mj.config.swarm import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
@@ -42,7 +42,7 @@ def engines_with(boxes, tune=None):
 def bodies_at(engine, boxes, poses, velocities):
     """Return a robot and boxes of one world at poses (1 + M, 3) with velocities (1 + M, 3)."""
     bodies = placed(engine, np.zeros((1, 1, 3)), boxes)
-    return at_start(engine, bodies, np.array([poses]), np.array([velocities]))
+    return moving(engine, bodies, np.array([poses]), np.array([velocities]))
 
 
 def moved(engine, bodies, n_steps):
@@ -54,21 +54,23 @@ def push(engine, robots, boxes, velocity, n_steps=40):
     """Return robots (T, N, 3) and boxes (T, M, 3) after each step with these set points."""
     bodies = placed(engine, [robots], boxes)
     targets = np.broadcast_to(np.asarray(velocity, float), (1, len(robots), 3))
-    robot_poses, box_poses = [], []
+    robot_poses = []
+    box_poses = []
     for _ in range(n_steps):
         motion = engine.move(bodies, [Phase(1, lambda _: targets)], np.ones(1, bool))
         assert not np.asarray(motion.fault).any()
         assert not np.asarray(motion.touching).any()
+
         bodies = motion.bodies
         robot_poses.append(np.array(engine.poses(bodies)[0]))
         box_poses.append(np.array(engine.boxes(bodies)[0]))
     return np.array(robot_poses), np.array(box_poses)
 
 
-def stopping_way(speed, slower):
-    """Return the way and the steps of a body that loses a speed in each step until it stands."""
-    n_steps = int(speed / slower)
-    return TIMESTEP * (n_steps * speed - slower * n_steps * (n_steps + 1) / 2), n_steps
+def stopping_distance(speed, loss):
+    """Return the distance and the steps of a body that slows by `loss` a step until it stands."""
+    n_steps = int(speed / loss)
+    return TIMESTEP * (n_steps * speed - loss * n_steps * (n_steps + 1) / 2), n_steps
 
 
 @pytest.mark.parametrize("degrees", [0.0, 45.0, 90.0, 157.5])
@@ -77,13 +79,14 @@ def test_friction_stops_a_sliding_box(degrees):
 
     Midway between an axis and a diagonal friction is 1 / cos(22.5 deg) as much.
     """
-    friction, speed = 0.002, 20.0
+    friction = 0.002
+    speed = 20.0
     is_midway = degrees % 45 != 0
     factor = 1 / math.cos(math.pi / 8) if is_midway else 1.0
-    slower = friction * GRAVITY * TIMESTEP * factor  # in a step
-    way, _ = stopping_way(speed, slower)
-    continuous = speed**2 * TIMESTEP / (2 * slower) - speed * TIMESTEP / 2
-    assert way == pytest.approx(continuous, rel=0.02)
+    loss = friction * GRAVITY * TIMESTEP * factor  # of speed in a step
+    distance, _ = stopping_distance(speed, loss)
+    continuous = speed**2 * TIMESTEP / (2 * loss) - speed * TIMESTEP / 2
+    assert distance == pytest.approx(continuous, rel=0.02)
 
     direction = np.array([math.cos(math.radians(degrees)), math.sin(math.radians(degrees))])
     boxes = [box(y=3.0, friction=friction)]
@@ -92,19 +95,22 @@ def test_friction_stops_a_sliding_box(degrees):
         bodies = bodies_at(engine, boxes, [CORNER, [0.0, 0.0, 0.0]], velocities)
         for _ in range(20):
             bodies = moved(engine, bodies, 1)
-        np.testing.assert_allclose(engine.boxes(bodies)[0, 0, :2], way * direction, atol=0.002)
+        expected = distance * direction
+        np.testing.assert_allclose(engine.boxes(bodies)[0, 0, :2], expected, atol=0.002)
 
 
 @pytest.mark.parametrize(("half_x", "half_y"), [(1.0, 0.25), (0.4, 0.8)])
 def test_friction_stops_a_spinning_box(half_x, half_y):
     """After w^2 / (2 a) in steps of h, where I a is the moment of mu g m spread over the box."""
-    friction, speed, yaw = 0.0003, 3.0, 0.5
+    friction = 0.0003
+    speed = 3.0
+    yaw = 0.5
     n_points = 400
     middles = (np.arange(n_points) + 0.5) / n_points
     x, y = np.meshgrid(middles * half_x * RD, middles * half_y * RD)
     inertia_per_mass = RD**2 * (half_x**2 + half_y**2) / 3
-    slower = TIMESTEP * friction * GRAVITY * np.hypot(x, y).mean() / inertia_per_mass
-    angle, n_steps = stopping_way(speed, slower)
+    loss = TIMESTEP * friction * GRAVITY * np.hypot(x, y).mean() / inertia_per_mass
+    angle, n_steps = stopping_distance(speed, loss)
     assert 5 < n_steps < 25
 
     boxes = [box(y=3.0, half_x=half_x, half_y=half_y, degrees=30.0, mass=3e-5, friction=friction)]
@@ -159,8 +165,8 @@ def test_a_drive_pushes_boxes_up_to_its_force(degrees, share_of_limit, moves):
     robot_x = box_x - half_extent - 1.0  # flush with the box
     for engine in engines_with(boxes):
         robot_poses, box_poses = push(engine, [[robot_x, 0, 0]], boxes, [speed, 0, 0])
-        way = box_poses[-1, 0] - [box_x, 0, math.radians(degrees)]
-        np.testing.assert_allclose(way[1:], 0, atol=1e-6)
+        displacement = box_poses[-1, 0] - [box_x, 0, math.radians(degrees)]
+        np.testing.assert_allclose(displacement[1:], 0, atol=1e-6)
 
         steady = (box_poses[-1, 0, 0] - box_poses[-2, 0, 0]) / TIMESTEP
         expected = (1 - share_of_limit) * speed if moves else 0.0
@@ -172,7 +178,7 @@ def test_a_drive_pushes_boxes_up_to_its_force(degrees, share_of_limit, moves):
 
 
 def test_a_led_in_the_box_of_its_own_world_sees_it():
-    """However short its range; in the first of two worlds the box is elsewhere."""
+    """Its range does not matter; in the first of two worlds the box is elsewhere."""
     boxes = (box(friction=0.1),)
     config = SwarmConfig(replace(ARENA, boxes=boxes), optics=OpticsConfig(wall_range=0.05))
     arena = compile_arena(config, 1, np.zeros(0))
@@ -180,8 +186,9 @@ def test_a_led_in_the_box_of_its_own_world_sees_it():
     far_box = (9.0, 9.0, 0.0)
     near_box = (0.9 + RD / 2, 0.0, 0.0)
     poses = np.array([[robot, far_box], [robot, near_box]])
+
     for engine in (MujocoEngine(config, arena, 2, 1, 1), PlanarEngine(config, arena, 1)):
         bodies = placed(engine, np.zeros((2, 1, 3)), boxes)
-        bodies = at_start(engine, bodies, poses, np.zeros_like(poses))
+        bodies = moving(engine, bodies, poses, np.zeros_like(poses))
         reading = engine.sense(bodies, np.ones((2, 1), bool), np.ones(2, bool))
         assert reading.sees_wall[:, 0, 0].tolist() == [False, True]

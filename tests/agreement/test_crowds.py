@@ -12,7 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.boxes import BOXES, at_start
+from support.boxes import BOXES, moving
+from support.mujoco import velocities_of
 from support.robots import two_kinds
 from support.small import SMALL
 from support.touching import pairs_of
@@ -51,9 +52,10 @@ BODIES_PRESENT = np.append(IS_PRESENT, np.ones(len(BOXES), bool))
 """Robots that are present, and boxes."""
 
 BOUND = {"square": 2e-5, "furnished": 1e-4}
-"""How far planar on CPUs may be off MuJoCo in C, velocities times the time step included [mm]."""
+"""Largest difference between planar on CPUs and MuJoCo in C, in poses and in velocities times the
+time step [mm, rad]."""
 BOUND_32_BITS = 1e-3
-"""How far 99 % of robots may be off in addition with 32-bit floats.
+"""Further difference of 99 % of the robots with 32-bit floats.
 
 Rounding decides between equal faces of the others."""
 LARGEST_ERROR_32_BITS = 0.02
@@ -76,16 +78,18 @@ def engines(config, robot_files):
     Planar engines are read from one robot of each kind.
     """
     all_robots = compile_arena(config, N_ROBOTS, np.zeros(0), robot_file=robot_files)
+    in_c = MujocoEngine(config, all_robots, N_WORLDS, 1, N_ROBOTS)
+
     one_of_each = arena_of_one(config, robot_files)
-    others = {
+    tested_engines = {
         "numba": PlanarEngine(config, one_of_each, 1),
         "warp": read_engine(one_of_each, config, jax.default_backend()),
     }
     if robot_files:
         capacity = contact_capacity(config, N_ROBOTS, 4.0)
         arena = compile_mjx_arena(config, N_ROBOTS, "jax", 1, capacity, robot_file=robot_files)
-        others["mjx"] = MjxEngine(arena, config, True)
-    return MujocoEngine(config, all_robots, N_WORLDS, 1, N_ROBOTS), others
+        tested_engines["mjx"] = MjxEngine(arena, config, True)
+    return in_c, tested_engines
 
 
 def arena_of_one(config, robot_files):
@@ -104,12 +108,14 @@ def starts(config, robot_files, rng):
     poses = np.stack([place_robots(config.arena, N_ROBOTS, rng, cell) for _ in range(N_WORLDS)])
     poses[..., :2] += rng.uniform(-0.02, 0.02, (N_WORLDS, N_ROBOTS, 2))
     boxes = np.tile(poses_of_boxes(config.arena.boxes), (N_WORLDS, 1, 1))
+
     poses[:, ABSENT, :2] = poses[:, [8, 9, 10], :2] + 0.5
     if config.arena.boxes:
         obstacles = numbers(config.arena.obstacles, RD)[:, :2]
         in_wall = [6.5 * RD, 0.0]
         poses[0, ABSENT[:2], :2] = [boxes[0, 1, :2], obstacles[1]]
         poses[1, ABSENT[:2], :2] = [obstacles[0], in_wall]
+
     return np.float32(np.concatenate([poses, boxes], axis=1)).astype(float)
 
 
@@ -129,10 +135,11 @@ def press_into_walls(poses, walls):
 @jax.jit
 def step_in_mjx(engine, poses, velocity, command):
     """Return the motion of a world in a control step, and the light before."""
-    present, running = jnp.asarray(IS_PRESENT), jnp.bool_(True)
+    present = jnp.asarray(IS_PRESENT)
+    is_running = jnp.bool_(True)
     bodies = engine.place(poses, present)._replace(velocity=velocity)
-    motion = engine.move(bodies, drive_phases(FURNISHED.drive, command), running)
-    return motion, engine.sense(bodies, present, running)
+    motion = engine.move(bodies, drive_phases(FURNISHED.drive, command), is_running)
+    return motion, engine.sense(bodies, present, is_running)
 
 
 def step(engine, poses, velocities, command):
@@ -144,15 +151,11 @@ def step(engine, poses, velocities, command):
             state = np.float32(poses[world]), np.float32(velocities[world])
             outcomes.append(step_in_mjx(engine, *state, world_command))
         return jax.tree.map(lambda *parts: np.stack(parts), *outcomes)
-    bodies = at_start(engine, engine.place(poses, PRESENT), poses, velocities)
+
+    bodies = moving(engine, engine.place(poses, PRESENT), poses, velocities)
     reading = engine.sense(bodies, PRESENT, RUNNING)
     motion = engine.move(bodies, drive_phases(FURNISHED.drive, command), RUNNING)
     return jax.tree.map(np.asarray, (motion, reading))
-
-
-def velocities_in_c(engine):
-    """Return velocities of robots and boxes (B, N + M, 3) after the latest step in C."""
-    return engine._qvel[:, engine._arena.qpos]
 
 
 def corners_of(poses):
@@ -172,19 +175,26 @@ class TestControlSteps:
         timestep = config.drive.timestep
         walls = in_mm(config.arena.walls)
         rng = np.random.default_rng(1)
-        in_c, others = engines(config, robot_files)
+        in_c, tested_engines = engines(config, robot_files)
         start = starts(config, robot_files, rng)
         is_present = BODIES_PRESENT[: start.shape[1]]
-        poses, velocities = start, np.zeros_like(start)
-        n_touching, n_at_walls = 0, 0
-        errors = {engine_name: [] for engine_name in others}
+
+        poses = start
+        velocities = np.zeros_like(start)
+        n_touching = 0
+        n_at_walls = 0
+        errors = {engine_name: [] for engine_name in tested_engines}
         for _ in range(12):
+            # A step in C: all robots walk ahead and turn somewhat.
             turn = np.float32(rng.uniform(-0.3, 0.3, (N_WORLDS, N_ROBOTS)))
             command = Command(turn, np.full((N_WORLDS, N_ROBOTS), 1.4, np.float32))
             expected, _ = step(in_c, poses, velocities, command)
             assert not expected.fault.any()
-            ends = np.dstack([expected.bodies.poses, timestep * velocities_in_c(in_c)])
-            for engine_name, engine in others.items():
+            end_velocities = velocities_of(in_c, expected.bodies)
+            ends = np.dstack([expected.bodies.poses, timestep * end_velocities])
+
+            # The same step in the other engines.
+            for engine_name, engine in tested_engines.items():
                 motion, _ = step(engine, poses, velocities, command)
                 assert not motion.fault.any()
                 state = np.dstack([motion.bodies.poses, timestep * motion.bodies.velocity])
@@ -193,7 +203,8 @@ class TestControlSteps:
                 different_pairs = pairs_of(motion.touching) != pairs_of(expected.touching)
                 assert different_pairs.sum() <= MOST_DIFFERENT_PAIRS[engine_name], engine_name
 
-            velocities = np.float32(velocities_in_c(in_c)).astype(float)
+            # All go on from where C ends, in numbers that 32-bit floats hold.
+            velocities = np.float32(end_velocities).astype(float)
             rounded = np.float32(expected.bodies.poses)
             poses = np.where(is_present[:, None], rounded, start).astype(float)
             n_touching += pairs_of(expected.touching).sum()
@@ -213,27 +224,29 @@ class TestControlSteps:
                 assert np.mean(error < bound + BOUND_32_BITS) > 0.99
                 assert error.max() < LARGEST_ERROR_32_BITS
 
-    def check_that_contacts_mattered(self, way, n_touching, n_at_walls):
+    def check_that_contacts_mattered(self, displacement, n_touching, n_at_walls):
         """Check that robots touched each other and walls, and pushed all but the rough box."""
         assert n_touching > 200
         assert n_at_walls > 70
-        distance = np.hypot(way[..., 0], way[..., 1]).T  # (N + M, B)
+
+        distance = np.hypot(displacement[..., 0], displacement[..., 1]).T  # (N + M, B)
         assert distance[1].min() > 1
-        boxes = distance[N_ROBOTS:]
-        if len(boxes):
-            assert (boxes > 0.5).sum() >= 4
-            assert boxes[-1].max() < 0.01
+        distance_of_boxes = distance[N_ROBOTS:]
+        if len(distance_of_boxes):
+            assert (distance_of_boxes > 0.5).sum() >= 4
+            assert distance_of_boxes[-1].max() < 0.01
 
 
 def test_light(scene):
     """All engines find the same senders, and the same LEDs that see walls, obstacles or boxes."""
     name, robot_files = scene
     config = SCENES[name]
-    in_c, others = engines(config, robot_files)
+    in_c, tested_engines = engines(config, robot_files)
     bare = replace(config, arena=replace(config.arena, obstacles=(), boxes=()))
     bare_engine = PlanarEngine(bare, arena_of_one(bare, robot_files), 1)
     stand = Command(*np.zeros((2, N_WORLDS, N_ROBOTS), np.float32))
-    n_hidden, n_obstacles_seen = 0, 0
+    n_hidden = 0
+    n_obstacles_seen = 0
     for seed in range(3):
         poses = starts(config, robot_files, np.random.default_rng(10 + seed))
         poses = press_into_walls(poses, in_mm(config.arena.walls))
@@ -241,7 +254,7 @@ def test_light(scene):
         _, expected = step(in_c, poses, at_rest, stand)
         valid = expected.links.valid
         senders = expected.links.sender[valid]
-        for engine_name, engine in others.items():
+        for engine_name, engine in tested_engines.items():
             _, reading = step(engine, poses, at_rest, stand)
             links = reading.links
             np.testing.assert_array_equal(links.valid, valid, err_msg=engine_name)
@@ -249,10 +262,12 @@ def test_light(scene):
             sees_wall = reading.sees_wall
             np.testing.assert_array_equal(sees_wall, expected.sees_wall, err_msg=engine_name)
 
+        # What would be heard and seen without obstacles and boxes.
         bodies = bare_engine.place(poses[:, :N_ROBOTS], PRESENT)
         unhindered = bare_engine.sense(bodies, PRESENT, RUNNING)
         n_hidden += (unhindered.links.valid & ~valid).sum()
         n_obstacles_seen += (expected.sees_wall & ~unhindered.sees_wall).sum()
+
     if name == "furnished":
         assert min(n_hidden, n_obstacles_seen) > 30
     else:
@@ -268,8 +283,8 @@ class TestObliqueWalls:
     def test_a_robot_beyond_one_is_lost(self, name):
         """It is still inside the square around the walls."""
         config = SwarmConfig(OPEN)
-        in_c, others = engines(config, None)
-        engine = in_c if name == "mujoco" else others[name]
+        in_c, tested_engines = engines(config, None)
+        engine = in_c if name == "mujoco" else tested_engines[name]
         poses = starts(config, None, np.random.default_rng(4))
         poses[1, 5, :2] = np.array([-6.8, 0.0]) * RD
         motion = engine.move(engine.place(poses, PRESENT), [], RUNNING)

@@ -19,8 +19,10 @@ from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import UserError
 
 N_ROBOTS = 60
-LIGHT, HEAVY = 10.0, 30.0
-"""Masses of both kinds."""
+LIGHT = 10.0
+"""Mass of a robot of the first kind."""
+HEAVY = 30.0
+"""Mass of a robot of the second kind."""
 TIMESTEP = 0.1
 
 
@@ -31,6 +33,7 @@ def robot_files(tmp_path_factory):
 
 
 def paths_of(robot_files):
+    """Return the paths of robots' files, without the numbers of robots."""
     return [path for path, _ in files_of(robot_files)]
 
 
@@ -59,6 +62,7 @@ def test_kinds_of_different_mass_exchange_momentum(robot_files, name, atol):
     poses = np.array([[(-1.0, 0.0, 0.0), (8.0, 8.0, 0.0), (1.15, 0.0, np.pi)]])
     set_points = np.array([[(1.4, 0, 0), (0, 0.5, 0), (-1.0, 0, 0)]])
     bodies = moved(engine, placed(engine, poses), set_points, 1).bodies
+
     velocities = (np.asarray(engine.poses(bodies)) - poses)[0] / TIMESTEP
     gained = masses[:, None] * (velocities - set_points[0])[:, :2]
     assert gained[2, 0] > 5
@@ -67,7 +71,7 @@ def test_kinds_of_different_mass_exchange_momentum(robot_files, name, atol):
 
 
 def test_a_file_twice_is_one_kind():
-    """Bit by bit, in motion and light."""
+    """Motion and light are the same bit by bit."""
     path = models_directory() / "robot.xml"
     poses = place_robots(SMALL.arena, N_ROBOTS, np.random.default_rng(5))[None]
     outcomes = []
@@ -77,6 +81,7 @@ def test_a_file_twice_is_one_kind():
         bodies = moved(engine, placed(engine, poses), (1.0, 0.3, 0.4)).bodies
         reading = engine.sense(bodies, np.ones((1, N_ROBOTS)), np.ones(1, bool))
         outcomes.append((bodies.poses, reading))
+
     assert jax.tree.all(jax.tree.map(np.array_equal, *outcomes))
     _, reading = outcomes[0]
     assert reading.links.valid.sum() > 20
@@ -117,13 +122,13 @@ class TestRobots:
     @pytest.mark.parametrize("difference", ["sides", "height"])
     def test_must_look_alike(self, difference):
         papers = read_robot()
-        others = {
+        different_robots = {
             "sides": read_robot(models_directory() / "robot6.xml"),
             "height": replace(papers, half_edges=(1, 1, 0.4)),
         }
         message = "same height and number of sides, and LEDs and photodiodes that look"
         with pytest.raises(UserError, match=message):
-            Mixed((papers, others[difference]), (0, 1))
+            Mixed((papers, different_robots[difference]), (0, 1))
 
     def test_that_touch_one_are_bounded(self):
         """Around a large robot there is room for more small ones than around one of their size."""

@@ -28,7 +28,7 @@ SHARES = (0.995, 1.005)
 TIP_AT_ZERO = 45.0
 """Height of the tip where the probe's slide is 0."""
 TOUCH = 2e-4
-"""How deep the ball is in what it touches at the start."""
+"""Depth of the ball in the plate or the probe that it touches at the start."""
 LIFTED = 5.0
 """Height of the ball above the plate before it is released."""
 PULL_UP = np.concatenate(
@@ -69,6 +69,7 @@ def draw_trials(task):
     share = np.repeat(SHARES, N_TRIALS)
     work_plate, work_probe = work.T * 1e-3  # J/m^2
     radius_si = radius * 1e-6  # m
+
     if task == "grasp":
         voltage = share * grasp_voltage(radius_si, work_probe, work_plate)
         height = np.zeros_like(radius)
@@ -77,6 +78,7 @@ def draw_trials(task):
         voltage = share * release_voltage(radius_si, work_probe)
         height = np.full_like(radius, LIFTED)
         shift = HOLD
+
     tip = height + 2 * radius - TIP_AT_ZERO
     return Trials(radius, work, voltage, height, tip, tip[:, None] + shift)
 
@@ -84,13 +86,17 @@ def draw_trials(task):
 def gaps_in_c(task):
     """Return the gaps between balls and plate (2 N,) at the end, in the C engine."""
     trials = draw_trials(task)
-    models, states, controls = [], [], []
+    models = []
+    states = []
+    controls = []
     for trial in zip(*trials, strict=True):
         radius, (work_plate, work_probe), voltage, height, tip, path = trial
         is_on_probe = height > 0
         spec = mujoco.MjSpec.from_file(str(BENCH))
         spec.geom("ball").size[0] = radius
         model = spec.compile()
+
+        # Where the trial starts, with the properties of its surfaces.
         data = mujoco.MjData(model)
         data.joint("ball").qpos[2] = height + radius + (TOUCH if is_on_probe else -TOUCH)
         data.joint("probe_z").qpos = tip
@@ -106,6 +112,7 @@ def gaps_in_c(task):
         models.append(model)
         states.append(state)
         controls.append(np.stack([0 * path, path, np.full_like(path, voltage)], axis=1))
+
     one_thread = [mujoco.MjData(models[0])]
     result, _ = mujoco.rollout.rollout(models, one_thread, np.array(states), np.array(controls))
     height_index = 1 + 2  # of the ball, after the time

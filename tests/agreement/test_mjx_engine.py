@@ -29,9 +29,10 @@ def grid(spacing, offset):
 
 @pytest.mark.slow
 def test_too_little_room_is_a_fault():
-    """20 pairs and 30 contact points, for 67 pairs that are near, 10 that touch, and none.
+    """There is room for 20 pairs and 30 contact points; worlds have 67 near pairs, 10 that touch,
+    and none.
 
-    Also where there is room again at the end, as in the last world, whose robots go apart.
+    It is a fault even if there is room again at the end, as in the last world, whose robots part.
     """
     near = grid(2.4, -7)
     free = grid(3.0, -9)
@@ -53,6 +54,7 @@ def test_too_little_room_is_a_fault():
         return engine.move(bodies, [Phase(10, lambda _: velocity)], jnp.bool_(True))
 
     motion = move(poses, velocity)
-    too_many_pairs, too_many_contacts = FaultKind.TOO_MANY_PAIRS, FaultKind.TOO_MANY_CONTACTS
-    assert motion.fault.tolist() == [too_many_pairs, too_many_contacts, 0, too_many_pairs]
+    pairs = FaultKind.TOO_MANY_PAIRS
+    contacts = FaultKind.TOO_MANY_CONTACTS
+    assert motion.fault.tolist() == [pairs, contacts, 0, pairs]
     np.testing.assert_array_equal(motion.bodies.poses, poses)

@@ -75,7 +75,7 @@ def test_links_are_those_of_the_reference(file, density):
 def readings_of_engines(file, config, poses, is_present, power, with_mjx):
     """Return the `LightReading` of each engine, by its name.
 
-    MJX's programs take long to compile.
+    MJX is optional, since its programs take long to compile.
     """
     n_worlds, n_robots = is_present.shape
     arena = compile_arena(config, n_robots, np.zeros(0), robot_file=file)
@@ -84,6 +84,7 @@ def readings_of_engines(file, config, poses, is_present, power, with_mjx):
         "numba": PlanarEngine(config, arena, 1),
         "warp": read_engine(arena, config, jax.default_backend()),
     }
+
     readings = {}
     for name, engine in engines.items():
         bodies = engine.place(poses, is_present)
@@ -130,6 +131,7 @@ def test_every_engine_senses_the_same(file, optics_name, with_mjx):
     emits, is_drawn = np.random.default_rng(5).random((2, *is_inside.shape)) < 0.9
     is_present = is_inside & is_drawn
     power = emits * np.random.default_rng(6).choice([0.3, 1.0], emits.shape)
+
     readings = readings_of_engines(file, config, poses, is_present, power, with_mjx)
 
     expected = readings.pop("mujoco")
@@ -144,10 +146,6 @@ def test_every_engine_senses_the_same(file, optics_name, with_mjx):
             values = np.asarray(getattr(reading.links, field))[valid]
             expected_values = getattr(expected.links, field)[valid]
             is_exact = name == "numba" or expected_values.dtype != np.float32
-            np.testing.assert_allclose(
-                values,
-                expected_values,
-                rtol=0,
-                atol=0 if is_exact else 2e-5,
-                err_msg=f"{name} {field}",
-            )
+            limits = {"rtol": 0, "atol": 0 if is_exact else 2e-5}
+            message = f"{name} {field}"
+            np.testing.assert_allclose(values, expected_values, **limits, err_msg=message)

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 import pytest
+from support.mujoco import velocities_of
 from support.touching import pairs_of
 
 from iswarm_mj.config.swarm import SwarmConfig
@@ -38,7 +39,7 @@ GENOME = replace(PRESETS["type1"], use_hop_count=False)
 
 
 class Crowd(NamedTuple):
-    """Control step of worlds in C."""
+    """Control step of some worlds in C."""
 
     poses: np.ndarray
     """(B, N, 3) before the step."""
@@ -63,7 +64,7 @@ def crowds(n_robots):
         step = steps_of_engine.get(id(engine), 0) + 1
         steps_of_engine[id(engine)] = step
         poses = bodies.poses.copy()
-        velocities = engine._qvel[:, engine._arena.qpos]
+        velocities = velocities_of(engine, bodies)
         motion = move_in_c(engine, bodies, phases, running)
         if step in AT_STEPS:
             assert running.all()
@@ -72,6 +73,7 @@ def crowds(n_robots):
             recorded.append(Crowd(poses, velocities, phases, ends, motion.touching))
         return motion
 
+    # The runs are those of users; only their steps are recorded.
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(MujocoEngine, "move", move_and_record)
         scenario = Scenario(
@@ -107,7 +109,7 @@ def move_in_planar(impl, crowd):
 @pytest.mark.parametrize("impl", ["numba", "warp"])
 @pytest.mark.parametrize("n_robots", [283, 785])
 def test_crowds_of_runs_end_where_mujoco_ends(n_robots, impl):
-    """With 32 bits rounding decides between equal faces of some pairs."""
+    """A few pairs may differ with 32 bits, where rounding decides between equal faces."""
     if impl == "warp":
         pytest.importorskip("warp")
     differences = []

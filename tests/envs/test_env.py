@@ -5,7 +5,7 @@ from dataclasses import replace
 import jax
 import numpy as np
 import pytest
-from support.envs import ENGINES, FIELDS, SMALL, act, made, poses_of, roll
+from support.envs import ENGINES, FIELDS, SMALL, act, begin, poses_of, roll
 from support.mjx import compilations
 from support.tasks import Eastward
 
@@ -18,34 +18,34 @@ from iswarm_mj.utils.errors import FaultKind
 
 KEYS = jax.random.split(jax.random.key(5), 3)
 EPISODE_STEPS = 6
-"""Steps of an episode of `made`."""
+"""Steps of an episode of `begin`."""
 
 
 @pytest.mark.parametrize("engine", ENGINES, ids=["planar", "mujoco", "mjx"])
 class TestEveryEngine:
     def test_the_same_keys_and_actions_make_the_same_episodes(self, engine):
-        env, step, start = made(engine, KEYS)
-        _, _, same_start = made(engine, KEYS, env)
+        env, step, start = begin(engine, KEYS)
+        _, _, same_start = begin(engine, KEYS, env)
         state = roll(env, step, start, 4)
         same_state = roll(env, step, same_start, 4)
         jax.tree.map(np.testing.assert_array_equal, state[1:], same_state[1:])
 
     def test_keys_determine_the_start(self, engine):
         """They may be given as their data."""
-        env, _, start = made(engine, KEYS)
-        _, _, of_key_data = made(engine, jax.random.key_data(KEYS), env)
+        env, _, start = begin(engine, KEYS)
+        _, _, of_key_data = begin(engine, jax.random.key_data(KEYS), env)
         np.testing.assert_array_equal(of_key_data.obs, start.obs)
 
-        _, _, reversed_start = made(engine, KEYS[::-1], env)
+        _, _, reversed_start = begin(engine, KEYS[::-1], env)
         assert not np.array_equal(reversed_start.obs, start.obs)
         np.testing.assert_array_equal(np.asarray(reversed_start.obs)[::-1], start.obs)
 
     def test_a_fault_ends_its_own_episode_and_the_next_one_begins(self, engine):
-        env, step, start = made(engine, KEYS)
+        env, step, start = begin(engine, KEYS)
         action = act(env, 0)
         without_fault = step(start, action)
 
-        _, _, start = made(engine, KEYS, env)
+        _, _, start = begin(engine, KEYS, env)
         bad_action = action.copy()
         bad_action[1, 2, 0] = np.nan
         state = step(start, bad_action)
@@ -64,7 +64,7 @@ class TestEveryEngine:
 
     def test_time_is_up(self, engine):
         """The next episode begins as that of its key, whatever the actions before."""
-        env, step, state = made(engine, KEYS)
+        env, step, state = begin(engine, KEYS)
         for n_steps in range(1, EPISODE_STEPS + 1):
             state = step(state, act(env, n_steps))
             is_last = n_steps == EPISODE_STEPS
@@ -72,17 +72,17 @@ class TestEveryEngine:
             np.testing.assert_array_equal(state.done, is_last)
 
         next_state = step(state, act(env, 9))
-        _, _, expected = made(engine, state.data.next_key, env)
+        _, _, expected = begin(engine, state.data.next_key, env)
         jax.tree.map(np.testing.assert_array_equal, next_state[1:], expected[1:])
-        next_world, expected_world = next_state.data.world, expected.data.world
-        jax.tree.map(np.testing.assert_array_equal, next_world, expected_world)
+        expected_world = expected.data.world
+        jax.tree.map(np.testing.assert_array_equal, next_state.data.world, expected_world)
         assert np.abs(poses_of(env, next_state) - poses_of(env, state)).max() > 1
 
 
 @pytest.mark.slow
 def test_worlds_of_a_batch_are_worlds_alone():
-    """On MJX, whose environments are of one world, mapped by `jax.vmap`."""
-    env, step, state = made(MjxSettings(), KEYS)
+    """Environments of MJX are of one world, and mapped by `jax.vmap`."""
+    env, step, state = begin(MjxSettings(), KEYS)
     states_alone = [env.reset(key) for key in KEYS]
     for seed in range(3):
         actions = act(env, seed)
@@ -97,7 +97,7 @@ def test_worlds_of_a_batch_are_worlds_alone():
 
 
 def test_worlds_of_the_host_do_not_depend_on_their_neighbours():
-    env, step, state = made(PlanarSettings(1), KEYS)
+    env, step, state = begin(PlanarSettings(1), KEYS)
     single = make_env(
         config=SMALL,
         robots=6,
@@ -128,7 +128,7 @@ class TestPrograms:
     @pytest.fixture
     def first_step(self):
         """An environment, an action, and the state after it; their programs are compiled."""
-        env, step, start = made(PlanarSettings(1), KEYS)
+        env, step, start = begin(PlanarSettings(1), KEYS)
         action = act(env, 0)
         return env, action, step(start, action)
 
@@ -146,12 +146,12 @@ class TestPrograms:
         config = replace(
             SMALL, drive=DriveConfig(max_turn=30.0), strategy=StrategyConfig(dust_range=1.0)
         )
-        other = make_env(config=config, **self.SETTINGS)
-        bounds = {row.name: row.high for row in other.observations}
+        other_env = make_env(config=config, **self.SETTINGS)
+        bounds = {row.name: row.high for row in other_env.observations}
         assert bounds["ball"] == 1.0
 
         with compilations() as names:
-            other_state = other.step(other.reset(KEYS), action)
+            other_state = other_env.step(other_env.reset(KEYS), action)
         n_stages = 4
         assert names.count("jit(of_worlds)") == n_stages
         assert np.abs(poses_of(env, other_state) - poses_of(env, state)).max() > 0.1
@@ -159,7 +159,7 @@ class TestPrograms:
 
 @pytest.mark.parametrize("engine", [PlanarSettings(1), MujocoSettings(1)], ids=["planar", "mujoco"])
 def test_a_state_can_be_stepped_twice(engine):
-    env, step, state = made(engine, KEYS)
+    env, step, state = begin(engine, KEYS)
     state = roll(env, step, state, 2)
     action = act(env, 1)
     first = step(state, action)

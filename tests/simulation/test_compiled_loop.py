@@ -24,6 +24,7 @@ from support.mjx import (
     tiny_run,
     warp,
 )
+from support.runs import loop_of
 from support.worlds import begin_with, centres, start_of
 
 from iswarm_mj.engines.mjx.arena import contact_capacity
@@ -46,7 +47,10 @@ ON_THE_HOST = {"mjx": MujocoSettings(1), "warp": PlanarSettings(1)}
 def run_to_end(engine, genome=TYPE1, **fields):
     """Return a run of three tiny worlds after its end, and its records.
 
-    `fields` are of its scenario.
+    Args:
+        engine: settings of the engine.
+        genome: genome of all worlds.
+        fields: further fields of the scenario.
     """
     run = tiny_run(engine, strategy=genome, **fields)
     return run, ran(run)
@@ -89,14 +93,13 @@ def test_the_first_steps_are_those_on_the_host(batch):
     assert jax.tree.structure(record) == jax.tree.structure(expected)
     assert jax.tree.map(np.shape, record) == jax.tree.map(np.shape, expected)
     for name in ("valid", "sender", "led"):
-        links, expected_links = getattr(record.links, name), getattr(expected.links, name)
-        np.testing.assert_array_equal(links, expected_links)
+        np.testing.assert_array_equal(getattr(record.links, name), getattr(expected.links, name))
     for name in ("step", "has_priority", "collisions", "is_running"):
         np.testing.assert_array_equal(getattr(record, name), getattr(expected, name))
 
     np.testing.assert_allclose(record.poses, expected.poses, atol=0.02)
-    distance, expected_distance = record.links.true_distance, expected.links.true_distance
-    np.testing.assert_allclose(distance, expected_distance, atol=0.02)
+    expected_distance = expected.links.true_distance
+    np.testing.assert_allclose(record.links.true_distance, expected_distance, atol=0.02)
     np.testing.assert_allclose(centres(record), centres(expected), atol=0.02)
     np.testing.assert_allclose(record.speed, expected.speed, rtol=1e-3)
 
@@ -147,12 +150,12 @@ def test_a_fault_ends_its_world_alone(batch, monkeypatch):
     np.testing.assert_array_equal(poses(run)[1], start.poses.astype(np.float32))
     assert run.measures(1).collisions == 0
 
-    # The others are as in a run without the fault.
-    others = [0, 2]
+    # The other worlds are as in a run without the fault.
+    sound = [0, 2]
     assert run.step == 20
     assert_same_bits(record, batch.record)
-    assert measures_of(run, others) == measures_of(batch.run, others)
-    np.testing.assert_array_equal(poses(run)[others], poses(batch.run)[others])
+    assert measures_of(run, sound) == measures_of(batch.run, sound)
+    np.testing.assert_array_equal(poses(run)[sound], poses(batch.run)[sound])
 
 
 def test_a_run_may_end_within_a_call(batch):
@@ -233,6 +236,7 @@ def test_worlds_of_other_sizes_and_genomes():
     ]
     run, _ = run_to_end(warp(), worlds=worlds, steps=4)
     expected, _ = run_to_end(ON_THE_HOST["warp"], worlds=worlds, steps=4)
+
     np.testing.assert_allclose(poses(run)[:, :n_fewer], poses(expected)[:, :n_fewer], atol=0.02)
     np.testing.assert_allclose(poses(run)[1:], poses(expected)[1:], atol=0.02)
     assert measures_of(run) == measures_of(expected)
@@ -240,7 +244,7 @@ def test_worlds_of_other_sizes_and_genomes():
 
 
 def test_stages_are_timed_on_worlds_of_the_run_alone(batch):
-    params, state, _ = batch.run._loop.on_first_device()
+    params, state, _ = loop_of(batch.run).on_first_device()
     assert {leaf.shape[0] for leaf in jax.tree.leaves((params, state))} == {WORLDS}
     assert_same_bits((params, state), batch.run.arrays())
     if batch.name == "warp":
@@ -302,10 +306,7 @@ print(json.dumps([len(run.devices), measures, sums]))
     indirect=["batch"],
 )
 def test_devices_and_chunks_change_no_bit(batch, n_devices, n_used):
-    """Of three worlds two devices take two each, one of them padding.
-
-    Of four devices three take one each.
-    """
+    """Two devices take two of three worlds each, one of them padding; three of four take one."""
     flags = os.environ.get("XLA_FLAGS", "")
     flags = f"{flags} --xla_force_host_platform_device_count={n_devices}"
     finished = subprocess.run(
@@ -315,6 +316,7 @@ def test_devices_and_chunks_change_no_bit(batch, n_devices, n_used):
         env=os.environ | {"XLA_FLAGS": flags, "JAX_PLATFORMS": "cpu"},
         check=True,
     )
+
     devices, measures, (sums_recorded, sums) = json.loads(finished.stdout.splitlines()[-1])
     assert devices == n_used
     assert measures == [list(of_world) for of_world in measures_of(batch.run)]
@@ -331,9 +333,11 @@ def test_whole_runs_are_distributed_as_on_the_cpu_engine(impl):
 
     if impl == "warp":
         pytest.importorskip("warp")
-    n_worlds, steps = 24, 100
+    n_worlds = 24
+    n_steps = 100
 
-    def measures_of_engine(engine, seed):
+    def samples_of(engine, seed):
+        """Return the measures of all worlds by their names."""
         scenario = Scenario(
             TINY,
             strategy=TYPE1,
@@ -341,23 +345,21 @@ def test_whole_runs_are_distributed_as_on_the_cpu_engine(impl):
             engine=engine,
             seed=seed,
             worlds=n_worlds,
-            steps=steps,
+            steps=n_steps,
         )
         run = Run(scenario, record_worlds=())
         ran(run)
-        return measures_of(run, range(n_worlds))
+        measures = measures_of(run, range(n_worlds))
+        return {
+            "delivered": [of_world.delivered for of_world in measures],
+            "picked": [of_world.picked for of_world in measures],
+            "collisions": [of_world.collisions for of_world in measures],
+            "time": [of_world.finished_at or n_steps for of_world in measures],
+        }
 
-    compiled = measures_of_engine(mjx(impl=impl, solver_iterations=20), SEED)
-    on_the_host = measures_of_engine(MujocoSettings(), 99)
-    for name in ("delivered", "picked", "collisions"):
-        samples = [
-            [getattr(of_world, name) for of_world in measures]
-            for measures in (compiled, on_the_host)
-        ]
-        print(impl, name, *map(np.mean, samples), ks_2samp(*samples).pvalue)
-        assert ks_2samp(*samples).pvalue > 0.01
-    times = [
-        [of_world.finished_at or steps for of_world in measures]
-        for measures in (compiled, on_the_host)
-    ]
-    assert ks_2samp(*times).pvalue > 0.01
+    compiled = samples_of(mjx(impl=impl, solver_iterations=20), SEED)
+    on_the_host = samples_of(MujocoSettings(), 99)
+    for name, sample in compiled.items():
+        p_value = ks_2samp(sample, on_the_host[name]).pvalue
+        print(impl, name, np.mean(sample), np.mean(on_the_host[name]), p_value)
+        assert p_value > 0.01

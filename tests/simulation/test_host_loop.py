@@ -5,7 +5,7 @@ import threading
 import jax
 import numpy as np
 import pytest
-from support.runs import N, end_of, poses_of
+from support.runs import N, end_of, poses_of, shards_of
 
 from iswarm_mj.config.swarm import INTERPRETATIONS
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
@@ -169,7 +169,7 @@ class TestThreads:
 
     def test_an_error_in_a_thread_is_raised_by_the_step(self, run, monkeypatch):
         advance = WorldShard.advance
-        last_shard = run._loop._shards[-1]
+        _, last_shard = shards_of(run)[-1]
 
         def fail_in_last_shard(shard, *arguments):
             if shard is last_shard:

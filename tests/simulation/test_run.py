@@ -7,7 +7,7 @@ import jax
 import numpy as np
 import pytest
 from support.mjx import compilations
-from support.runs import N, check_balls, end_of, first_step, poses_of, records, run_of
+from support.runs import N, check_balls, end_of, first_step, loop_of, poses_of, records, run_of
 from support.worlds import centres
 
 from iswarm_mj.config.swarm import INTERPRETATIONS
@@ -33,17 +33,18 @@ def test_balls_are_neither_lost_nor_duplicated(small):
     n_held = []
     for record in records(run):
         check_balls(run, record)
-        old, new = previous.swarm.task, record.swarm.task
+        balls_before = previous.swarm.task
+        balls = record.swarm.task
 
         # Delivered balls stay at the dump, and lying ones where they are.
-        assert (new.is_delivered >= old.is_delivered).all()
-        stays = (old.is_lying & new.is_lying) | old.is_delivered
+        assert (balls.is_delivered >= balls_before.is_delivered).all()
+        stays = (balls_before.is_lying & balls.is_lying) | balls_before.is_delivered
         np.testing.assert_array_equal(centres(record)[stays], centres(previous)[stays])
 
-        was_picked |= new.is_held[0]
-        carried_steps += new.is_held[0]
-        np.testing.assert_array_equal(new.carried_steps[0], carried_steps)
-        n_held.append(new.is_held.sum())
+        was_picked |= balls.is_held[0]
+        carried_steps += balls.is_held[0]
+        np.testing.assert_array_equal(balls.carried_steps[0], carried_steps)
+        n_held.append(balls.is_held.sum())
         previous = record
 
     measures = run.measures(0)
@@ -69,7 +70,7 @@ class TestMeasures:
 
         key = "peak_bytes_in_use"
         stats_of_devices = [None, {key: 1.234e9}, {key: 1e9}, {}]
-        run._loop.devices = [
+        loop_of(run).devices = [
             SimpleNamespace(memory_stats=lambda stats=stats: stats) for stats in stats_of_devices
         ]
         assert run.peak_memory_gb() == 1.23
@@ -177,6 +178,7 @@ def test_the_dead_neither_move_nor_send_nor_carry(small):
     n_alone = 0
     before = run.start.poses[0, 0]
     for record in records(run):
+        # Dead robots without a neighbour do not move.
         after = record.poses[0]
         of_pairs = before[:, None, :2] - before[None, :, :2]
         distance = np.linalg.norm(of_pairs, axis=-1) + 99 * np.eye(N)
@@ -185,6 +187,7 @@ def test_the_dead_neither_move_nor_send_nor_carry(small):
         np.testing.assert_allclose(after[is_alone], before[is_alone], atol=1e-6)
         before = after
 
+        # None sends, claims priority, or holds a ball.
         links = record.links
         valid = links.valid[0]
         assert not is_dead[links.sender[0][valid]].any()
@@ -197,6 +200,7 @@ def test_the_dead_neither_move_nor_send_nor_carry(small):
         message, is_right = run.payload.unpack(record.message[0][~is_dead])
         assert is_right.all()
         assert not message.led.any()
+
     assert n_alone > 20
     assert len(errors) > 500
     assert np.std(errors) == pytest.approx(0.1, rel=0.15)
@@ -204,15 +208,15 @@ def test_the_dead_neither_move_nor_send_nor_carry(small):
 
 def test_a_change_is_of_rules_and_conditions_of_all_worlds(small):
     """The parameters are then those of a run that begins with them."""
-    other = replace(
+    changed_config = replace(
         small,
         drive=replace(small.drive, error_turn=5.0),
         strategy=INTERPRETATIONS["initial"].strategy,
     )
     run = run_of(small, worlds=2)
-    run.change(other, PRESETS["type2"])
+    run.change(changed_config, PRESETS["type2"])
     params, _ = run.arrays()
-    expected, _ = run_of(other, PRESETS["type2"], worlds=2).arrays()
+    expected, _ = run_of(changed_config, PRESETS["type2"], worlds=2).arrays()
     for leaf, expected_leaf in zip(jax.tree.leaves(params), jax.tree.leaves(expected), strict=True):
         np.testing.assert_array_equal(leaf, expected_leaf)
 
@@ -226,13 +230,13 @@ class TestSeedsAndWorlds:
         assert measures == same_measures != other_measures
 
     def test_worlds_err_by_seed_and_index(self, small):
-        """With one start all soon go their own ways."""
+        """Worlds with the same start soon differ."""
         start = run_of(small).starts[0]
         seeds_and_indices = ((0, 0), (1, 0), (0, 1))
         worlds = [World(TYPE1, N, seed, index, start=start) for seed, index in seeds_and_indices]
         poses, _ = end_of(run_of(small, steps=3, worlds=worlds))
-        for world, other in ((0, 1), (0, 2), (1, 2)):
-            assert np.abs(poses[world] - poses[other]).max() > 0.1
+        for first, second in ((0, 1), (0, 2), (1, 2)):
+            assert np.abs(poses[first] - poses[second]).max() > 0.1
 
 
 class TestCapacity:

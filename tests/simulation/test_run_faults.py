@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 from support.mujoco import spoil as spoil_steps
-from support.runs import N, end_of, place_of, poses_of, records, run_of, scripted
+from support.runs import N, end_of, engine_and_place, poses_of, records, run_of, scripted
 
 from iswarm_mj.engines.base import find_lost
 from iswarm_mj.geometry.walls import corners_of, half_planes, in_mm
@@ -54,7 +54,7 @@ class TestFaultsEndTheirWorldAlone:
         poses = poses_of(run)[1].copy()
         collisions = run.measures(1).collisions
 
-        engine, place = place_of(run, 1)
+        engine, place = engine_and_place(run, 1)
         spoil_steps(engine, place, [4, 7], value, column)
         check_other_world(run)
 
@@ -64,7 +64,7 @@ class TestFaultsEndTheirWorldAlone:
         assert run.measures(1).collisions == collisions
 
     def test_faults_of_commands(self, small):
-        """From step 9 on nobody in world 1 hears anything or moves, and nothing changes."""
+        """Nobody in world 1 hears anything or moves from step 9 on, and nothing changes."""
         fault_step = 9
         fields = {"worlds": 2, "steps": 200, "goal": GOAL}
         strategy = scripted(
@@ -76,13 +76,15 @@ class TestFaultsEndTheirWorldAlone:
         previous = None
         for record in records(run):
             is_running.append(record.is_running)
-            swarm = jax.tree.map(lambda a: a[1], record.swarm)
+            swarm = jax.tree.map(lambda values: values[1], record.swarm)
             if not record.is_running[1]:
                 jax.tree.map(np.testing.assert_array_equal, swarm, previous)
             previous = swarm
+
             for values in (record.links.valid, record.is_heard, *record.command):
                 assert values[0].any()
                 assert values[1].any() == record.is_running[1]
+
         is_running = np.array(is_running)
         assert is_running[:fault_step].all()
         assert is_running[fault_step:, 0].all()

@@ -1,1 +1,1 @@
-"""What tests share: small worlds, made-up results, references, and ways to look at what is made."""
+"""Shared parts of the tests: small worlds, made-up results, slow references, readers of output."""

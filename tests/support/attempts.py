@@ -32,8 +32,10 @@ PROBE = np.array([0.9, 0.0], np.float32)
 """Position of the tip ahead of and to the left of the robot's centre [mm]."""
 DUMP = 5 * RD
 """Edge of the dump [mm]."""
-N, K = 4, 4
-"""Numbers of robots and balls for which a step is compiled, at least."""
+N = 4
+"""Number of robots for which a step is compiled, at least."""
+K = 4
+"""Number of balls for which a step is compiled, at least."""
 GRIPPER = GripperConfig(spread_tool_object=0.0, spread_object_substrate=0.0)
 """A gripper whose attempts are alike."""
 KEY = jax.random.key(0)
@@ -72,14 +74,16 @@ def any_attempts(count, seed):
     random = np.random.default_rng(seed)
     radius = random.uniform(15e-6, 25e-6, count)
     lifts = random.random(count) < 0.5
+
+    # Works of adhesion, which water on the surfaces raises.
     factors = np.array([float(humidity_factor(humidity)) for humidity in HUMIDITIES])
     factor = factors[random.integers(0, len(HUMIDITIES), count)]
-    tool = factor * np.asarray(
-        scattered_work(WORK_TOOL_OBJECT, VARIATION_TOOL_OBJECT, random.normal(size=count)),
-    )
-    floor = factor * np.asarray(
-        scattered_work(WORK_OBJECT_SUBSTRATE, VARIATION_OBJECT_SUBSTRATE, random.normal(size=count))
-    )
+    tool_scatter = random.normal(size=count)
+    floor_scatter = random.normal(size=count)
+    tool = scattered_work(WORK_TOOL_OBJECT, VARIATION_TOOL_OBJECT, tool_scatter)
+    floor = scattered_work(WORK_OBJECT_SUBSTRATE, VARIATION_OBJECT_SUBSTRATE, floor_scatter)
+    tool = factor * np.asarray(tool)
+    floor = factor * np.asarray(floor)
 
     threshold = _threshold(lifts, radius, tool, floor)
     voltage = random.uniform(0.0, HIGHEST_VOLTAGE, count)

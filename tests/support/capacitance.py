@@ -1,4 +1,4 @@
-"""The capacitance of a ball in SI."""
+"""Capacitance of a ball, in SI units, from the package's tables."""
 
 import numpy as np
 
@@ -8,7 +8,16 @@ from iswarm_mj.utils.scalar_backends import in_arrays
 
 
 def capacitance(task, gap, radius, probe_radius, least=0.0):
-    """Capacitance [F] to the probe ("pick") or to the plate ("release") across a gap [m]."""
-    place, um = ("pick", "release").index(task), 1e6
-    sizes = (np.asarray(size) * um for size in (radius, gap, least, probe_radius))
-    return in_arrays(spline, np).shape_of(place, *sizes, *tables())[1] * 1e-15
+    """Return the capacitance to the probe ("pick") or to the plate ("release") [F].
+
+    Args:
+        task: "pick" or "release".
+        gap: between the ball and the probe or the plate [m].
+        radius: of the ball [m].
+        probe_radius: of the probe [m].
+        least: smallest gap that the field sees [m].
+    """
+    table = ("pick", "release").index(task)
+    sizes_in_um = (1e6 * np.asarray(size) for size in (radius, gap, least, probe_radius))
+    _, femtofarads = in_arrays(spline, np).shape_of(table, *sizes_in_um, *tables())
+    return femtofarads * 1e-15

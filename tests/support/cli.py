@@ -1,4 +1,4 @@
-"""The command line in this process, as a user sees it."""
+"""The command line, run in this process, as a user sees it."""
 
 import json
 import re
@@ -31,7 +31,7 @@ class Walk(Strategy):
 
 
 def code_of(*arguments):
-    """Exit code of `iswarm`."""
+    """Return the exit code of `iswarm` with these arguments."""
     try:
         cli.main([str(a) for a in arguments])
     except SystemExit as end:
@@ -40,16 +40,17 @@ def code_of(*arguments):
 
 
 def result(path="runs/clean"):
-    """Content of a run's result.json."""
+    """Return the content of a run's result.json."""
     with open(f"{path}/result.json") as file:
         return json.load(file)
 
 
 def refused(capfd, here, *arguments):
-    """The one sentence with which `iswarm` refuses; nothing is created."""
+    """Return the one sentence with which `iswarm` refuses; it creates no file below `here`."""
     before = sorted(here.rglob("*"))
     assert code_of(*arguments) == 2
     out, error = capfd.readouterr()
-    assert out == "" and sorted(here.rglob("*")) == before
+    assert out == ""
+    assert sorted(here.rglob("*")) == before
     assert re.fullmatch(r"iswarm: [^\n]*\n", error), error
     return error

@@ -19,53 +19,56 @@ RULES = rules_of(PRESETS["type1"])
 ROBOT = read_robot()
 STEP = 0.5 * RD
 PROBE = (0.9, 0.0)
-MANY = 20_000  # robots, for statistics; `act_here` is compiled for them
+MANY = 20_000
+"""Robots of tests that count; `act_here` is compiled for this number."""
 
 
 def act(config, probe_tip, rules, memory, seen, key):
-    """A step of the paper's strategy with these rules."""
-    return VectorStrategy(rules, 0, config, replace(ROBOT, probe_tip=probe_tip)).act(
-        memory, seen, key
-    )
+    """Take a step of the paper's strategy with these rules."""
+    robot = replace(ROBOT, probe_tip=probe_tip)
+    return VectorStrategy(rules, 0, config, robot).act(memory, seen, key)
 
 
-def approach_with(config, tip, approaches, *given):
-    """`approach_ball` of robots of one kind."""
-    return approach_ball(config, np.tile(tip, (len(approaches), 1)), approaches, *given)
+def approach_with(config, tip, approaches, ball_vector, command):
+    """Return the commands of `approach_ball` for robots of one kind."""
+    tips = np.tile(tip, (len(approaches), 1))
+    return approach_ball(config, tips, approaches, ball_vector, command)
 
 
-act_here, approach_here = (jax.jit(f, static_argnums=(0, 1)) for f in (act, approach_with))
+act_here = jax.jit(act, static_argnums=(0, 1))
+approach_here = jax.jit(approach_with, static_argnums=(0, 1))
 
 
 def memories(n, scouts=False, dust=None, dump=None):
-    """Memories of n robots with these vectors, the same for each, or none."""
+    """Return memories of n robots with these vectors, the same for each; None is unknown."""
 
     def memory(vector):
-        return remember(
-            np.broadcast_to(np.zeros(2) if vector is None else vector, (n, 2)),
-            known=vector is not None,
-        )
+        is_known = vector is not None
+        vectors = np.broadcast_to(vector if is_known else np.zeros(2), (n, 2))
+        return remember(vectors, known=is_known)
 
     return RobotMemory(memory(dust), memory(dump), np.full(n, scouts))
 
 
 def draws(n, **numbers):
-    """Draws of n robots that are zero but for these numbers."""
+    """Return random numbers of n robots: zero but for these, the same for each robot."""
+    zero = np.zeros(n, np.float32)
+    ties = np.zeros((n, 4), np.float32)
+    all_zero = Draws(zero, zero, zero, zero, ties, ties, np.zeros((n, 2), np.float32))
     numbers = {name: np.broadcast_to(np.float32(number), n) for name, number in numbers.items()}
-    zero, ties = np.zeros(n, np.float32), np.zeros((n, 4), np.float32)
-    return Draws(zero, zero, zero, zero, ties, ties, np.zeros((n, 2), np.float32))._replace(
-        **numbers
-    )
+    return all_zero._replace(**numbers)
 
 
 def genes(**values):
+    """Return the rules of a genome with these values."""
     return rules_of(Genome(**values))
 
 
 def genes_read(genome=PRESETS["type1"], **readings):
+    """Return the rules of a genome under these interpretations of the paper."""
     return rules_of(genome, StrategyConfig(**readings))
 
 
 def strategy(rules=RULES, n_scouts=0):
-    """The paper's strategy with these rules."""
+    """Return the paper's strategy with these rules."""
     return VectorStrategy(rules, n_scouts, CONFIG, ROBOT)

@@ -6,7 +6,7 @@ from iswarm_mj.utils.units import RD
 
 
 def crowd(n_worlds, rng, n_robots=25):
-    """Robots on distinct cells (B, N, 3), at random headings."""
+    """Return robots on distinct cells (B, N, 3), at random headings."""
     places = (np.arange(7) - 3) * RD
     cells = np.stack(np.meshgrid(places, places), -1).reshape(-1, 2)
     xy = np.stack([cells[rng.permutation(len(cells))[:n_robots]] for _ in range(n_worlds)])

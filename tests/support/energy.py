@@ -1,4 +1,4 @@
-"""Energy of a trial by its trace: what source, drive and weight put in, and where it went."""
+"""Energy balance of a trial from its trace: the work of source, drive and weight, and its uses."""
 
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ Steps = Float[np.ndarray, "T-1"]
 
 
 class EnergyBalance(NamedTuple):
-    """Energies of a trial, summed over its samples. None is found from the balance of others."""
+    """Energies of a trial, summed over its samples; none follows from the balance of others."""
 
     turnover: float
     """Work of the source without its sign, with which errors are compared [J]."""
@@ -135,7 +135,7 @@ def _conducted(trace: Trace, trial: Trial, capacitance: np.ndarray) -> tuple[Ste
     integral_of_square = relaxation / 2 * -np.expm1(-2 * step / relaxation)
 
     def squared(final: np.ndarray, difference: np.ndarray) -> np.ndarray:
-        """Integral of the square of a voltage that relaxes to a final one."""
+        """Return the integral of the square of a voltage that relaxes to a final one."""
         mixed = 2 * final * difference * integral
         return final**2 * step + mixed + difference**2 * integral_of_square
 

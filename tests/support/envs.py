@@ -1,4 +1,4 @@
-"""Small environments, and what to do in them."""
+"""Small environments, compiled once, and random actions in them."""
 
 from functools import cache
 
@@ -23,35 +23,33 @@ ENGINES = (
 
 @cache
 def _env(engine, n_worlds):
-    mapped = isinstance(engine, MjxSettings)
+    """Return an environment of six robots with its `reset` and `step` for B worlds."""
     env = make_env(config=SMALL, robots=6, engine=engine, worlds=n_worlds, steps=6, payload=FIELDS)
-    return (
-        (env, jax.jit(jax.vmap(env.reset)), jax.jit(jax.vmap(env.step)))
-        if mapped
-        else (env, env.reset, env.step)
-    )
+    takes_one_world = isinstance(engine, MjxSettings)
+    if not takes_one_world:
+        return env, env.reset, env.step
+    return env, jax.jit(jax.vmap(env.reset)), jax.jit(jax.vmap(env.step))
 
 
-def made(engine, keys, env=None):
-    """An environment of six robots, its step, and the state at the beginning of worlds with these
-    keys."""
+def begin(engine, keys):
+    """Return an environment of six robots, its step, and the first state of worlds with keys."""
     env, reset, step = _env(engine, len(keys))
     return env, step, reset(keys)
 
 
 def act(env, seed, n_worlds=3):
-    """Random actions."""
+    """Return random actions (B, N, A)."""
     shape = (n_worlds, env.n_robots, env.action_size)
     return np.random.default_rng(seed).uniform(-1, 1, shape).astype(np.float32)
 
 
 def roll(env, step, state, n_steps):
-    """The state after some random steps."""
+    """Return the state after some steps with random actions."""
     for seed in range(n_steps):
         state = step(state, act(env, seed))
     return state
 
 
 def poses_of(env, state):
-    """Poses of the robots (*B, N, 3)."""
+    """Return the poses of the robots (*B, N, 3)."""
     return np.asarray(state.data.world.bodies.poses)

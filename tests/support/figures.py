@@ -1,4 +1,4 @@
-"""Figures that are looked at, and not written."""
+"""Figures that tests look at instead of writing them."""
 
 from contextlib import contextmanager
 
@@ -8,7 +8,7 @@ from iswarm_mj.output.plot_style import STYLE, blank
 
 
 def captured(monkeypatch, *modules):
-    """Axes by the names of their files, of what functions of these modules draw."""
+    """Return a dictionary that functions of these modules fill: file name -> axes they draw."""
     axes = {}
 
     @contextmanager
@@ -23,5 +23,5 @@ def captured(monkeypatch, *modules):
 
 
 def line(axes, label):
-    """Points (n, 2) of the first line with a label."""
+    """Return the points (n, 2) of the first line with a label."""
     return next(line.get_xydata() for line in axes.lines if line.get_label() == label)

@@ -1,4 +1,4 @@
-"""Disks that are full, and memory that ends, by the system's limits; memory that is taken."""
+"""Full disks and small memories, by the system's limits; and the memory in use."""
 
 import resource
 from contextlib import contextmanager
@@ -7,7 +7,7 @@ from pathlib import Path
 
 @contextmanager
 def full_disk(n_bytes=0):
-    """No file becomes larger than this, in this process and in those it starts."""
+    """Let no file become larger than this, in this process and in those it starts."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (n_bytes, hard))
     try:
@@ -18,7 +18,7 @@ def full_disk(n_bytes=0):
 
 @contextmanager
 def little_memory(n_bytes):
-    """This process can have so many bytes more than now."""
+    """Let this process have only so many bytes more than it has."""
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     now = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (now + n_bytes, hard))
@@ -29,5 +29,5 @@ def little_memory(n_bytes):
 
 
 def memory_mb():
-    """Resident memory of this process."""
+    """Return the resident memory of this process [MB]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize() / 1e6

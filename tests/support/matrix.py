@@ -1,4 +1,4 @@
-"""Cells of the matrix, how each of them is played, and what came of it."""
+"""Cells of the matrix of tasks, engines, arenas and modes, and the outcome of playing one."""
 
 from functools import cache
 from pathlib import Path
@@ -36,29 +36,33 @@ ENGINES = {
     "mujoco": MujocoSettings(threads=1),
     "mjx": MjxSettings(chunk=STEPS, devices=tuple(jax.devices("cpu")[:1])),
 }
-WAYS = {
+MODES = {
     "square": ("run", "run of 3", "environment of 3", "page"),
     "rectangle": ("run of 3", "environment", "environment of 3", "page"),
 }
-"""Ways in which the planar engine plays an arena; the other engines play some."""
-QUICK_WAYS = [
+"""Modes in which the planar engine plays each arena; the other engines play some."""
+QUICK_MODES = [
     {("square", "run"), ("square", "environment of 3"), ("rectangle", "page")},
     {("square", "page"), ("rectangle", "run of 3"), ("rectangle", "environment")},
 ]
-"""Of these, those of every other task in the suite of every day, so that each pair of a task and a
-kind of way, of a task and an arena, and of an arena and a way is among them."""
+"""Arenas and modes of the planar engine that are tested every day, those of every other task.
+
+Each pair of a task and a kind of mode, of a task and an arena, and of an arena and a mode is among
+them."""
 SEED = 4
 CHANGED_AFTER = 2
 """Control steps on the page, after which settings are changed."""
 
 
 class Cell(NamedTuple):
-    """A task, an engine, an arena (robots of 2.4 x 1.6 mm in the rectangle), and a way to play it."""
+    """A task on an engine, in an arena, played in a mode."""
 
     task: str
     engine: str
     arena: str
-    way: str
+    """The rectangle has robots of 2.4 x 1.6 mm."""
+    mode: str
+    """A run, environment or page; of one world or of 3."""
 
     def __str__(self) -> str:
         return ", ".join(self)
@@ -66,10 +70,10 @@ class Cell(NamedTuple):
 
 CELLS = [
     *(
-        Cell(task, "planar", arena, way)
+        Cell(task, "planar", arena, mode)
         for task in TASKS
-        for arena, ways in WAYS.items()
-        for way in ways
+        for arena, modes in MODES.items()
+        for mode in modes
     ),
     Cell("own", "mujoco", "square", "run of 3"),
     Cell("own", "mujoco", "rectangle", "environment"),
@@ -104,22 +108,22 @@ def cells_of(*tasks: str) -> list[Any]:
 def is_slow(cell: Cell) -> bool:
     """Return whether a cell is left to the slow tests; MJX compiles for long."""
     if cell.engine == "planar":
-        return (cell.arena, cell.way) not in QUICK_WAYS[list(TASKS).index(cell.task) % 2]
+        return (cell.arena, cell.mode) not in QUICK_MODES[list(TASKS).index(cell.task) % 2]
     return cell.engine == "mjx"
 
 
 class Story(NamedTuple):
-    """What came of B worlds in T control steps."""
+    """Course of B worlds over T control steps."""
 
     configs: list[list[SwarmConfig]]
-    """Of each step and world."""
+    """Configuration of each step and world."""
     numbers: tuple[int, ...]
-    """Robots of each world."""
+    """Number of robots of each world."""
     robot: Robots
     poses: np.ndarray
-    """(T + 1, B, N, 3), from the start."""
+    """(T + 1, B, N, 3), from the start [mm, mm, rad]."""
     boxes: np.ndarray
-    """(T + 1, B, M, 3)"""
+    """(T + 1, B, M, 3) poses, from the start [mm, mm, rad]."""
     is_alive: np.ndarray
     """(T, B, N)"""
     task: Any
@@ -127,11 +131,11 @@ class Story(NamedTuple):
     metrics: dict[str, np.ndarray]
     """(T, B)"""
     record: StepRecord | None = None
-    """(T, B, ...); None of environments."""
+    """(T, B, ...); None for environments."""
     drawn: list[tuple[Scene, list[Frames]]] | None = None
-    """What each world looks like, scene and frames of all steps; None of environments."""
+    """Picture of each world, its scene and the frames of all steps; None for environments."""
     reward: np.ndarray | None = None
-    """(T - 1, B, N) of the steps before the last; None of runs."""
+    """(T - 1, B, N), from all steps but the last; None for runs."""
 
 
 @cache
@@ -142,31 +146,29 @@ def robots_of(arena: str) -> Path | None:
 
 def play(cell: Cell) -> Story:
     """Play a cell."""
-    if cell.way == "page":
+    if cell.mode == "page":
         return play_page(cell)
-    n_worlds = 3 if cell.way.endswith("3") else 1
-    if cell.way.startswith("environment"):
+    n_worlds = 3 if cell.mode.endswith("3") else 1
+    if cell.mode.startswith("environment"):
         return play_environment(cell, n_worlds)
     return play_run(cell, n_worlds)
 
 
 def run_of(cell: Cell, worlds: list[World], config: SwarmConfig) -> Run:
     """Return a run whose worlds are recorded in the opposite order."""
-    recorded = tuple(range(len(worlds)))[::-1]
-    return Run(
-        Scenario(
-            config,
-            strategy=Drill(),
-            task=TASKS[cell.task],
-            robots=N,
-            robot_file=robots_of(cell.arena),
-            engine=ENGINES[cell.engine],
-            seed=SEED,
-            worlds=worlds,
-            steps=STEPS,
-        ),
-        record_worlds=recorded,
+    scenario = Scenario(
+        config,
+        strategy=Drill(),
+        task=TASKS[cell.task],
+        robots=N,
+        robot_file=robots_of(cell.arena),
+        engine=ENGINES[cell.engine],
+        seed=SEED,
+        worlds=worlds,
+        steps=STEPS,
     )
+    last_first = tuple(range(len(worlds)))[::-1]
+    return Run(scenario, record_worlds=last_first)
 
 
 def play_run(cell: Cell, n_worlds: int) -> Story:
@@ -178,15 +180,26 @@ def play_run(cell: Cell, n_worlds: int) -> Story:
 
 
 def story_of(run: Run, record: StepRecord, configs: list[list[SwarmConfig]]) -> Story:
-    """Return what came of a run."""
+    """Return the course of a run, world by world in their order."""
     assert not run.faults
     rows = list(run.settings.record_worlds)
-    recorded = [RecordedWorld.of_run(run, rows.index(world)) for world in range(len(rows))]
-    frames = [world.frames([record]) for world in recorded]
-    in_order = [rows.index(world) for world in range(len(rows))]
-    start = jax.tree.map(lambda a: np.asarray(a)[:, in_order], run.start)
-    record = jax.tree.map(lambda a: np.asarray(a)[:, in_order], record)
-    metrics = {name: [one.arrays()[METRIC + name] for one in frames] for name in run.task.measured}
+    row_of_world = [rows.index(world) for world in range(len(rows))]
+
+    # What users see of each world: frames, with the metrics of the task.
+    recorded_worlds = [RecordedWorld.of_run(run, row) for row in row_of_world]
+    frames_of_worlds = [world.frames([record]) for world in recorded_worlds]
+    arrays_of_worlds = [frames.arrays() for frames in frames_of_worlds]
+    metrics = {}
+    for name in run.task.measured:
+        values = [arrays[METRIC + name] for arrays in arrays_of_worlds]
+        metrics[name] = np.stack(values, axis=1)
+    drawn = [
+        (world.scene, [frames])
+        for world, frames in zip(recorded_worlds, frames_of_worlds, strict=True)
+    ]
+
+    start = jax.tree.map(lambda a: np.asarray(a)[:, row_of_world], run.start)
+    record = jax.tree.map(lambda a: np.asarray(a)[:, row_of_world], record)
     return Story(
         configs=configs,
         numbers=tuple(world.n_robots for world in run.worlds),
@@ -195,39 +208,51 @@ def story_of(run: Run, record: StepRecord, configs: list[list[SwarmConfig]]) -> 
         boxes=np.concatenate([start.boxes, record.boxes]),
         is_alive=record.swarm.is_alive,
         task=record.swarm.task,
-        metrics={name: np.stack(values, axis=1) for name, values in metrics.items()},
+        metrics=metrics,
         record=record,
-        drawn=[(world.scene, [one]) for world, one in zip(recorded, frames, strict=True)],
+        drawn=drawn,
     )
 
 
 def play_environment(cell: Cell, n_worlds: int) -> Story:
-    """Play episodes, whose robots do what the strategy does; the run with their keys must come to
-    the same.
+    """Play episodes whose robots do what the strategy does; a run with their keys ends alike.
 
     Robots of an environment have perceived when a step ends, so that its tasks are a step ahead of
     its poses.
     """
-    config, task, engine = config_of(cell.arena, 0), TASKS[cell.task], ENGINES[cell.engine]
-    given = {"worlds": n_worlds, "n_starts": 1, "seed": SEED, "robot_file": robots_of(cell.arena)}
-    env = make_env(config=config, task=task, robots=N, engine=engine, **given)
+    config = config_of(cell.arena, 0)
+    task = TASKS[cell.task]
+    env = make_env(
+        config=config,
+        task=task,
+        robots=N,
+        engine=ENGINES[cell.engine],
+        worlds=n_worlds,
+        n_starts=1,
+        seed=SEED,
+        robot_file=robots_of(cell.arena),
+    )
     state = env.reset(jax.random.split(jax.random.key(SEED), n_worlds))
     keys = list(state.data.key)
-    action = np.zeros((n_worlds, N, env.action_size), np.float32)
-    action[:, 5, 0], action[:, 1::2, 1] = 0.5, 1.0
 
-    poses, boxes, swarms, metrics, rewards = [], [], [], [], []
-    for step in range(STEPS + 1):
+    # The commands of `Drill`, as shares of the largest ones.
+    action = np.zeros((n_worlds, N, env.action_size), np.float32)
+    action[:, 5, 0] = 0.5
+    action[:, 1::2, 1] = 1.0
+
+    poses = []
+    boxes = []
+    states = []
+    for _ in range(STEPS):
         poses.append(np.asarray(env.poses(state)))
         boxes.append(np.asarray(env.boxes(state)))
-        if step < STEPS:
-            swarms.append(jax.device_get(state.data.world.swarm))
-            metrics.append(jax.device_get(state.metrics))
-            rewards.append(np.asarray(state.reward))
-            state = env.step(state, action)
+        states.append(jax.device_get((state.data.world.swarm, state.metrics, state.reward)))
+        state = env.step(state, action)
+    poses.append(np.asarray(env.poses(state)))
+    boxes.append(np.asarray(env.boxes(state)))
     assert not np.asarray(state.info["fault"]).any()
 
-    swarm = jax.tree.map(lambda *values: np.stack(values), *swarms)
+    swarm, metrics, reward = jax.tree.map(lambda *values: np.stack(values), *states)
     story = Story(
         configs=[[config] * n_worlds] * STEPS,
         numbers=(N,) * n_worlds,
@@ -236,42 +261,47 @@ def play_environment(cell: Cell, n_worlds: int) -> Story:
         boxes=np.stack(boxes),
         is_alive=swarm.is_alive,
         task=swarm.task,
-        metrics={name: np.stack([one[name] for one in metrics]) for name in task.measured},
-        reward=np.stack(rewards[1:]),
+        metrics={name: metrics[name] for name in task.measured},
+        reward=reward[1:],
     )
+
+    # The same start and keys in a run.
     start = draw_start(config, task, env.core.robot, N, SEED, 0)
-    run = run_of(
-        cell, [World(TYPE1, N, key=key, start=start, config=config) for key in keys], config
-    )
+    worlds = [World(TYPE1, N, key=key, start=start, config=config) for key in keys]
+    run = run_of(cell, worlds, config)
     assert_alike(story, story_of(run, ran(run), story.configs))
     return story
 
 
-def assert_alike(story: Story, other: Story) -> None:
-    """Poses, lives and the task are the same, but for what 32-bit floats round."""
-    leaves = [
-        jax.tree.leaves((one.poses, one.boxes, one.is_alive, one.task)) for one in (story, other)
-    ]
-    for value, expected in zip(*leaves, strict=True):
-        np.testing.assert_allclose(value, expected, rtol=1e-5, atol=2e-3)
+def assert_alike(story: Story, expected: Story) -> None:
+    """Assert that poses, lives and the task are the same, but for what 32-bit floats round."""
+    leaves = jax.tree.leaves((story.poses, story.boxes, story.is_alive, story.task))
+    expected_leaves = jax.tree.leaves(
+        (expected.poses, expected.boxes, expected.is_alive, expected.task)
+    )
+    for values, expected_values in zip(leaves, expected_leaves, strict=True):
+        np.testing.assert_allclose(values, expected_values, rtol=1e-5, atol=2e-3)
 
 
 def play_page(cell: Cell) -> Story:
-    """Play the page's session, in which settings change; the run that changes so comes to the
-    same."""
-    config, task, engine = config_of(cell.arena, 1), TASKS[cell.task], ENGINES[cell.engine]
+    """Play the page's session, in which settings change; a run that changes alike ends alike."""
+    config = config_of(cell.arena, 1)
+    task = TASKS[cell.task]
     scenario = PageScenario(
         config,
         strategy=Drill(),
         task=task,
         robots=N,
         seed=SEED,
-        engine=engine,
+        engine=ENGINES[cell.engine],
         robot_file=robots_of(cell.arena),
     )
     session = Session(scenario)
     run = session.start.run()
-    snapshots, records = [], []
+
+    # Change settings of both between two control steps.
+    snapshots = []
+    records = []
     for step in range(STEPS):
         if step == CHANGED_AFTER:
             for name, value in CHANGES.items():
@@ -282,15 +312,15 @@ def play_page(cell: Cell) -> Story:
         records.append(run.advance())
 
     configs = [[config]] * CHANGED_AFTER + [[changed(config)]] * (STEPS - CHANGED_AFTER)
-    story = story_of(session.run, joined([one.record for one in snapshots]), configs)
+    record = joined([snapshot.record for snapshot in snapshots])
+    story = story_of(session.run, record, configs)
     repeated = story_of(run, joined(records), configs)
     jax.tree.map(np.testing.assert_array_equal, story.record, repeated.record)
 
     # What the page plots and draws; its lines begin at the start.
     metrics = {name: np.array(session.lines[name])[1:, None] for name in task.measured}
-    return story._replace(
-        metrics=metrics, drawn=[(session.scene, [one.frames for one in snapshots])]
-    )
+    frames = [snapshot.frames for snapshot in snapshots]
+    return story._replace(metrics=metrics, drawn=[(session.scene, frames)])
 
 
 def joined(records: list[StepRecord]) -> StepRecord:

@@ -1,5 +1,7 @@
-"""Tasks of the matrix, each with another part that a task may have, and the strategy of their
-robots. Units: mm, s."""
+"""Tasks of the matrix, each with another part that a task may have; and the strategy of all.
+
+Units: mm, s.
+"""
 
 import math
 from dataclasses import dataclass
@@ -24,9 +26,12 @@ GATE_STEP = 1.5
 """Gates slide by this in a control step [mm]."""
 DIES_AT = 3
 """Control step in which mortal robots die, from 1."""
-LIFTS_AT, CALM_AT, DROPS_AT = 2, 3, 4
-"""Control steps, from 1: the only one in which balls can be lifted, one without errors of the
-drive, and the first one in which all balls fall."""
+LIFTS_AT = 2
+"""The only control step in which balls can be lifted in bad weather, from 1."""
+CALM_AT = 3
+"""The control step of bad weather without errors of the drive, from 1."""
+DROPS_AT = 4
+"""The first control step of bad weather in which all balls fall, from 1."""
 
 
 @dataclass(frozen=True)
@@ -50,16 +55,17 @@ class Diary(NamedTuple):
     """State of the tasks."""
 
     step: np.ndarray
-    """Control steps taken."""
+    """Number of control steps taken."""
     seen: dict[str, Any]
-    """What the task saw of arena and conditions in the latest one."""
+    """Values of `look` in the latest step."""
     gates: np.ndarray
-    """Where boxes are to be [mm, mm, rad]."""
+    """Poses that the boxes are to take [mm, mm, rad]."""
     balls: Balls | None
+    """Balls of tasks that derive from `Cleaning`."""
 
 
 def look(arena: Any, conditions: Any) -> dict[str, Any]:
-    """Return some of what a task sees of its world."""
+    """Return some settings and conditions that a task sees."""
     return {
         "edge": arena.size,
         "half_height": arena.half_extent[1],
@@ -73,11 +79,12 @@ def look(arena: Any, conditions: Any) -> dict[str, Any]:
 
 
 SEEN = ("edge", "half_height", "offset", "dust_size", "dump", "lifting", "dropping", "turning")
+"""Names of the values that `look` returns."""
 
 
 @dataclass(frozen=True)
 class Own(Task):
-    """Derives from `Task`: it notes what it sees."""
+    """A task that derives from `Task` and notes what it sees."""
 
     measured: ClassVar = {name: Quantity("of the world") for name in SEEN}
 
@@ -85,20 +92,22 @@ class Own(Task):
         nothing = {name: np.float32(0) for name in SEEN}
         gates = poses_of_boxes(config.arena.boxes).astype(np.float32)
         poses = places(config.arena)[:n_robots]
-        return poses, Diary(
-            np.int32(0), nothing, gates, self.lay_balls(config, poses, rng, shared, cell)
-        )
+        balls = self.lay_balls(config, poses, rng, shared, cell)
+        return poses, Diary(np.int32(0), nothing, gates, balls)
 
     def lay_balls(self, config, poses, rng, shared, cell):
         return None
 
     def advance(self, state, inputs, key):
         balls, sensed = self.handle(state, inputs, key)
-        seen = {
-            name: jnp.float32(value)
-            for name, value in look(inputs.arena, inputs.conditions).items()
-        }
-        gates = inputs.boxes + GATE_STEP * jnp.array([[0, 1, 0], [0, -1, 0], [3, 3, 0], [3, 3, 0]])
+        sight = look(inputs.arena, inputs.conditions)
+        seen = {name: jnp.float32(value) for name, value in sight.items()}
+
+        # Gates slide apart; the other boxes have a mass, so that no task drives them.
+        north = [0, 1, 0]
+        south = [0, -1, 0]
+        ignored = [3, 3, 0]
+        gates = inputs.boxes + GATE_STEP * jnp.array([north, south, ignored, ignored])
         return Diary(state.step + 1, seen, jnp.float32(gates), balls), sensed
 
     def handle(self, state, inputs, key):
@@ -113,23 +122,20 @@ class Own(Task):
 
 @dataclass(frozen=True)
 class Zoned(Own):
-    """A disc on the floor, as large as the dump, goes north beside the dust."""
+    """A task with a disc on the floor, as large as the dump, that goes north beside the dust."""
 
     drawn: ClassVar = {"disc": AreaStyle((10, 200, 30))}
 
     def areas(self, config, state):
-        x, radius = (
-            mm_from_rd(config.arena.dust_area_offset),
-            mm_from_rd(config.arena.dump_size) / 2,
-        )
-        return {
-            "disc": jnp.stack([jnp.float32(x), jnp.float32(state.step), jnp.float32(radius)])[None]
-        }
+        x = mm_from_rd(config.arena.dust_area_offset)
+        radius = mm_from_rd(config.arena.dump_size) / 2
+        disc = [jnp.float32(x), jnp.float32(state.step), jnp.float32(radius)]
+        return {"disc": jnp.stack(disc)[None]}
 
 
 @dataclass(frozen=True)
 class Tidy(Own, Cleaning):
-    """Derives from `Cleaning`: balls lie at the tools of robots, the last one in the dust."""
+    """A task that derives from `Cleaning`: balls lie at tools of robots, the last in the dust."""
 
     drawn: ClassVar = Cleaning.drawn
 
@@ -137,12 +143,9 @@ class Tidy(Own, Cleaning):
         _, balls = CLEANING.lay_out(config, len(poses), rng, shared, cell)
         x, y, yaw = poses[list(HOLDERS)].T
         ahead, aside = TIP
-        tips = np.column_stack(
-            [
-                x + ahead * np.cos(yaw) - aside * np.sin(yaw),
-                y + ahead * np.sin(yaw) + aside * np.cos(yaw),
-            ]
-        )
+        tip_x = x + ahead * np.cos(yaw) - aside * np.sin(yaw)
+        tip_y = y + ahead * np.sin(yaw) + aside * np.cos(yaw)
+        tips = np.column_stack([tip_x, tip_y])
         dust = [[-mm_from_rd(config.arena.dust_area_offset), 0.0]]
         return balls._replace(position=np.float32(np.concatenate([tips, dust])))
 
@@ -160,7 +163,7 @@ class Tidy(Own, Cleaning):
 
 
 class Gates:
-    """Gates slide apart; in the rectangle the task lays its own boxes, elsewhere in each world."""
+    """A part of tasks: gates slide apart; in the rectangle the task lays other boxes."""
 
     def lay_boxes(self, config, rng, shared):
         return laid_boxes(config) if config.arena.outline else None
@@ -170,27 +173,27 @@ class Gates:
 
 
 def laid_boxes(config):
-    """Return the boxes of a world of the rectangle, shifted by what its dust areas are."""
+    """Return the boxes of a world of the rectangle, shifted by the place of its dust areas."""
     shift = 0.1 * (config.arena.dust_area_offset - 8.0)
     return [(x + shift, *rest) for x, *rest in BOXES]
 
 
 class Deaths:
-    """Some robots die."""
+    """A part of tasks: some robots die."""
 
     def survives(self, state):
         return (state.step < DIES_AT) | ~np.isin(np.arange(N), MORTAL)
 
 
 class Weather:
-    """Balls can be lifted in one control step alone, and all fall two steps later; one step is without errors."""
+    """A part of tasks: conditions change with the control steps, see `LIFTS_AT` and the next."""
 
     def conditions(self, state, conditions):
-        now = state.step + 1
+        step = state.step + 1
         return conditions._replace(
-            grasp_voltage=jnp.where(now == LIFTS_AT, conditions.grasp_voltage, 0.0),
-            error_turn=jnp.where(now == CALM_AT, 0.0, conditions.error_turn),
-            drop_rate=jnp.where(now >= DROPS_AT, 1.0, conditions.drop_rate),
+            grasp_voltage=jnp.where(step == LIFTS_AT, conditions.grasp_voltage, 0.0),
+            error_turn=jnp.where(step == CALM_AT, 0.0, conditions.error_turn),
+            drop_rate=jnp.where(step >= DROPS_AT, 1.0, conditions.drop_rate),
         )
 
 
@@ -211,7 +214,7 @@ class Stormy(Weather, Tidy):
 
 @dataclass(frozen=True)
 class Everything(Gates, Deaths, Weather, Tidy):
-    """All of these, and a disc beside the areas of cleaning."""
+    """A task with all parts, and a disc beside the areas of cleaning."""
 
     drawn: ClassVar = {**Cleaning.drawn, **Zoned.drawn}
 

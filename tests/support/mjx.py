@@ -1,8 +1,8 @@
-"""Small worlds in compiled engines, and what is compiled for them: tests that agree in all of this
-share one program.
+"""Small worlds in compiled engines, and the names of the programs that JAX compiles.
 
 A program depends on the configuration, the number of robots, the worlds of a device, the number of
-recorded worlds and the steps of a chunk, which are ten in `ENGINES`.
+recorded worlds and the steps of a chunk, which are ten in `ENGINES`. Tests that agree in all of
+these share one program.
 """
 
 import logging
@@ -20,46 +20,52 @@ from iswarm_mj.simulation.scenario import Scenario
 TINY = SwarmConfig(
     arena=ArenaConfig(size=12, dump_size=3, dust_area_size=2, dust_area_offset=4, n_dust=12)
 )
-N, WORLDS, RECORDED, SEED = 24, 3, (2, 0), 5
+N = 24
+"""Robots of a tiny world."""
+WORLDS = 3
+RECORDED = (2, 0)
+SEED = 5
 
 
 def tiny_run(engine, record_worlds=RECORDED, capacity=None, **fields):
     """Return a run of three tiny worlds, with other fields of their scenario."""
-    usual = {"robots": N, "steps": 20, "seed": SEED, "worlds": WORLDS}
-    scenario = Scenario(TINY, engine=engine, **usual | fields)
+    defaults = {"robots": N, "steps": 20, "seed": SEED, "worlds": WORLDS}
+    scenario = Scenario(TINY, engine=engine, **defaults | fields)
     return Run(scenario, record_worlds=record_worlds, capacity=capacity)
 
 
-def mjx(**own):
-    return MjxSettings(**{"devices": tuple(jax.devices("cpu")[:1]), **own})
+def mjx(**settings):
+    """Return MJX on one device, with further settings."""
+    return MjxSettings(**{"devices": tuple(jax.devices("cpu")[:1]), **settings})
 
 
-def warp(**own):
-    return PlanarSettings(
-        **{"impl": "warp", "chunk": 10, "devices": tuple(jax.devices("cpu")[:1]), **own}
-    )
+def warp(**settings):
+    """Return the planar engine for batches on one device, with further settings."""
+    one_device = tuple(jax.devices("cpu")[:1])
+    return PlanarSettings(**{"impl": "warp", "chunk": 10, "devices": one_device, **settings})
 
 
 ENGINES = {"mjx": mjx(chunk=10), "warp": warp()}
 
 
 def ran(run):
-    """All records of a run (T, W, ...), None if there are none."""
+    """Return all records of a run (T, W, ...); None if it records no world."""
     records = []
     while not run.is_over:
         records.append(run.advance())
-    return None if records[0] is None else jax.tree.map(lambda *a: np.concatenate(a), *records)
+    if records[0] is None:
+        return None
+    return jax.tree.map(lambda *parts: np.concatenate(parts), *records)
 
 
 def poses(run):
-    """Poses (B, N, 3) of the worlds."""
+    """Return the poses (B, N, 3) of the robots of all worlds."""
     return np.asarray(run.arrays()[1].bodies.poses)
 
 
 @contextmanager
 def compilations():
-    """List of the names of the programs that are compiled, or read from the cache, within the
-    block."""
+    """Yield a list of the programs that JAX compiles within the block, or reads from the cache."""
     names = []
 
     class Listener(logging.Handler):
@@ -68,7 +74,8 @@ def compilations():
             if message.startswith("Finished XLA compilation of "):
                 names.append(message.split()[4])
 
-    listener, logger = Listener(), logging.getLogger("jax")
+    listener = Listener()
+    logger = logging.getLogger("jax")
     logger.addHandler(listener)
     try:
         with jax.log_compiles(True):

@@ -27,7 +27,7 @@ def strategy(trust=FIRST_TRUST, **constants):
 
 
 def does(policy, observation, memory=None):
-    """Return memories and commands of a step, by default of robots that know nothing."""
+    """Return memories and commands of a step; robots know nothing by default."""
     if memory is None:
         memory = policy.init(len(observation.at_dust), jax.random.key(1))
     return act_jit(policy, memory, observation, jax.random.key(0))

@@ -13,25 +13,25 @@ from iswarm_mj.output.palette import rgb
 
 @cache
 def has_off_screen_opengl():
-    """Whether pictures can be drawn here; asked in a process of its own, since a failure may be
-    fatal."""
+    """Return whether pictures can be drawn on this machine.
+
+    A process of its own tries it, since a failure may be fatal.
+    """
     code = "import mujoco; mujoco.GLContext(8, 8).make_current()"
-    environment = (
-        {**os.environ, "MUJOCO_GL": "egl"} if sys.platform == "linux" else dict(os.environ)
-    )
-    return (
-        subprocess.run(
-            [sys.executable, "-c", code], env=environment, capture_output=True
-        ).returncode
-        == 0
-    )
+    environment = dict(os.environ)
+    if sys.platform == "linux":
+        environment["MUJOCO_GL"] = "egl"
+    process = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True)
+    return process.returncode == 0
 
 
 needs_opengl = pytest.mark.skipif(not has_off_screen_opengl(), reason="no off-screen OpenGL")
 
 
 def of_colour(pixels, colour):
-    """Which pixels (..., 3) have a colour, whatever the light."""
+    """Return which pixels (..., 3) have a colour, whatever the light."""
     wanted = np.array(rgb(colour), float)
     lengths = np.linalg.norm(pixels, axis=-1)
-    return (pixels @ wanted > 0.98 * lengths * np.linalg.norm(wanted)) & (lengths > 90)
+    is_parallel = pixels @ wanted > 0.98 * lengths * np.linalg.norm(wanted)
+    is_lit = lengths > 90
+    return is_parallel & is_lit

@@ -8,12 +8,11 @@ PLAN = Plan()
 
 
 def rows_of(entries, outcome):
-    """Rows with outcomes by a function of the entry."""
+    """Return rows whose outcomes are a function of the entry."""
     return [row_of(entry, outcome(entry)) for entry in entries]
 
 
 def done(job, time, delivered=66, collisions=280, carriage=50.0):
-    """Outcome of a run that reached its goal after `time` steps, or did not, where it is None."""
-    return outcome_of(
-        Measures(delivered, delivered, collisions, carriage, time), time or job.steps, 0.0
-    )
+    """Return the outcome of a run that reached its goal after `time` steps; None for never."""
+    measures = Measures(delivered, delivered, collisions, carriage, time)
+    return outcome_of(measures, time or job.steps, 0.0)

@@ -26,19 +26,19 @@ class Side(NamedTuple):
 
 
 def direction(angle):
-    """Cosine and sine of an angle [deg]."""
+    """Return cosine and sine of an angle [deg]."""
     return math.cos(math.radians(angle)), math.sin(math.radians(angle))
 
 
 def site(name, x, y, angle):
-    """Element of an LED or a photodiode at (x, y) [mm] that looks along `angle` [deg]."""
+    """Return the element of an LED or a photodiode at (x, y) [mm], which looks along `angle`."""
     cos, sin = direction(angle)
     axes = f"{cos!r} {sin!r} 0 {-sin!r} {cos!r} 0"
     return f'<site name="{name}" class="optics" pos="{x!r} {y!r} 0" xyaxes="{axes}"/>'
 
 
 def sites_of(number, side):
-    """Elements of an LED and two photodiodes."""
+    """Return the elements of an LED and two photodiodes."""
     angle = side.angle + side.askew
     cos, sin = direction(angle)
     sites = [site(f"led{number}", side.x, side.y, side.angle)]
@@ -50,7 +50,7 @@ def sites_of(number, side):
 
 
 def robot_xml(half_edges, sides, probe=(0.9, 0.0), height=1.0, mass=10):
-    """Text of a robot's file, whose visible parts keep their places.
+    """Return the text of a robot's file, whose visible parts keep their places.
 
     Args:
         half_edges: half the hull's length and width [mm].
@@ -62,16 +62,18 @@ def robot_xml(half_edges, sides, probe=(0.9, 0.0), height=1.0, mass=10):
     half_x, half_y = half_edges
     half_height = height / 2
     tip_x, tip_y = probe
+    replacements = {
+        'class="hull" size="1 1 0.5"': f'class="hull" size="{half_x} {half_y} {half_height}"',
+        'mass="10"/>': f'mass="{mass}"/>',
+        'name="robot" pos="0 0 0.5"': f'name="robot" pos="0 0 {half_height}"',
+        '0 0.35" size="1 1 0.05"': f'0 0.35" size="{half_x} {half_y} 0.05"',
+        'name="probe_tip" pos="0.9 0': f'name="probe_tip" pos="{tip_x} {tip_y}',
+    }
     text = (models_directory() / "robot.xml").read_text()
-    for paper, changed in (
-        ('class="hull" size="1 1 0.5"', f'class="hull" size="{half_x} {half_y} {half_height}"'),
-        ('mass="10"/>', f'mass="{mass}"/>'),
-        ('name="robot" pos="0 0 0.5"', f'name="robot" pos="0 0 {half_height}"'),
-        ('0 0.35" size="1 1 0.05"', f'0 0.35" size="{half_x} {half_y} 0.05"'),
-        ('name="probe_tip" pos="0.9 0', f'name="probe_tip" pos="{tip_x} {tip_y}'),
-    ):
-        text = text.replace(paper, changed)
+    for of_paper, replacement in replacements.items():
+        text = text.replace(of_paper, replacement)
 
+    # The sites of light, before the tip of the probe.
     text = re.sub(r'\s*<site name="(led|photodiode).*/>', "", text)
     sites = [element for number, side in enumerate(sides) for element in sites_of(number, side)]
     probe_tip = '<site name="probe_tip"'
@@ -79,7 +81,7 @@ def robot_xml(half_edges, sides, probe=(0.9, 0.0), height=1.0, mass=10):
 
 
 def around(half_edges, angles, **optics):
-    """Sides where rays from the centre at these angles [deg] leave the hull, looking along them.
+    """Return sides where rays from the centre leave the hull, looking along them.
 
     Args:
         half_edges: half the hull's length and width [mm].
@@ -121,7 +123,7 @@ PROBE = (1.1, 0.1)
 
 
 def robot_file(directory, name):
-    """Path of the file of one of `ROBOTS`."""
+    """Write the file of one of `ROBOTS`, and return its path."""
     path = directory / f"{name.replace(' ', '_')}.xml"
     path.write_text(robot_xml(HALF, ROBOTS[name], probe=PROBE))
     return path
@@ -132,7 +134,10 @@ FOUR = [Side(1.2, 0.4, 0), Side(-0.5, 0.8, 90), Side(-1.2, -0.3, 180), Side(0.6,
 
 
 def two_kinds(directory, n_robots):
-    """Files of the paper's robots, two fifths of all, and of robots of 2.4 x 1.6 mm and 30 mg."""
+    """Return files of the paper's robots, two fifths of all, and of larger ones of 30 mg.
+
+    The others have hulls of 2.4 x 1.6 mm.
+    """
     path = directory / "heavy.xml"
     path.write_text(robot_xml(HALF, FOUR, probe=PROBE, mass=30))
     n_light = 2 * n_robots // 5
@@ -141,5 +146,5 @@ def two_kinds(directory, n_robots):
 
 
 def numbered(paths, *numbers):
-    """Files with the numbers of their robots."""
+    """Return files with the numbers of their robots, `FILE:NUMBER`."""
     return tuple(f"{path}:{number}" for path, number in zip(paths, numbers, strict=True))

@@ -1,4 +1,4 @@
-"""A search whose runs are pretended: their fitness is how near a genome is to a goal."""
+"""A search without physics, whose fitness is how near a genome is to a goal."""
 
 import sqlite3
 from dataclasses import fields, replace
@@ -23,18 +23,24 @@ def seeded(search, seed, **changes):
 
 
 def worth(genome):
-    """Fitness without noise, 1000 at most: how near a genome is to that of type 2."""
+    """Return the fitness without noise, 1000 at most: how near a genome is to that of type 2."""
     return float(1000 - 80 * np.abs(to_vector(genome) - GOAL).sum())
 
 
 def genome_of(row):
-    """Genome of a row."""
+    """Return the genome of a row."""
     return Genome(*(row[field.name] for field in fields(Genome)))
 
 
 def pretend(monkeypatch, breaks_after=None):
-    """Jobs without physics, finished in an order that depends on the workers; returns those that
-    were begun."""
+    """Replace jobs by ones without physics, and return the list of those that were begun.
+
+    They finish in an order that depends on the number of workers.
+
+    Args:
+        monkeypatch: fixture.
+        breaks_after: jobs after which the user interrupts; None for never.
+    """
     begun = []
 
     def run_jobs(jobs, execution):
@@ -53,9 +59,12 @@ def pretend(monkeypatch, breaks_after=None):
 
 
 def contents(out):
-    """Bytes of the files of a directory by their names, and rows of journals."""
-    found = {path.name: path.read_bytes() for path in out.iterdir() if path.suffix != ".sqlite"}
-    for path in out.glob("*.sqlite"):
-        with sqlite3.connect(path) as file:
-            found[path.name] = sorted(file.execute("SELECT * FROM runs"))
-    return found
+    """Return the bytes of the files of a directory by their names, and the rows of journals."""
+    contents_of_files = {}
+    for path in out.iterdir():
+        if path.suffix == ".sqlite":
+            with sqlite3.connect(path) as journal:
+                contents_of_files[path.name] = sorted(journal.execute("SELECT * FROM runs"))
+        else:
+            contents_of_files[path.name] = path.read_bytes()
+    return contents_of_files

@@ -1,6 +1,7 @@
 """Small worlds for tests of light, memory and floor, and a slow but plain reference for links."""
 
 import dataclasses
+from typing import NamedTuple
 from unittest.mock import patch
 
 import jax
@@ -33,23 +34,23 @@ SHIFTED = dataclasses.replace(
 
 
 def place(*rows):
-    """Poses (N, 3) from rows of x, y [mm] and heading [deg]."""
+    """Return poses (N, 3) from rows of x, y [mm] and heading [deg]."""
     return np.array([[x, y, np.radians(heading)] for x, y, heading in rows], float)
 
 
 def turned(xy, angle):
-    """Vectors (..., 2) turned by `angle` (...,), by complex numbers."""
+    """Return vectors (..., 2) turned by `angle` (...,), by complex numbers."""
     z = (xy[..., 0] + 1j * xy[..., 1]) * np.exp(1j * np.asarray(angle))
     return np.stack([z.real, z.imag], axis=-1)
 
 
 def wrapped(angle):
-    """Angle within -pi to pi."""
+    """Return an angle as one within -pi to pi."""
     return np.angle(np.exp(1j * np.asarray(angle)))
 
 
 def remember(vector, hop=0, known=True):
-    """Memories of vectors (..., 2), empty where not `known`."""
+    """Return memories of vectors (..., 2), empty where not `known`."""
     vector = np.asarray(vector, np.float32)
     known = np.broadcast_to(known, vector.shape[:-1])
     hop = np.where(known, hop, 0).astype(np.int32)
@@ -57,7 +58,7 @@ def remember(vector, hop=0, known=True):
 
 
 def senses_nothing(n, sides=4):
-    """Observation of N robots that neither hear nor feel anything; use `_replace`."""
+    """Return an observation of N robots that sense nothing; tests `_replace` some of it."""
     no_robot = np.zeros(n, bool)
     no_side = np.zeros((n, sides), bool)
     no_vector = remember(np.zeros((n, sides, 2)), known=False)
@@ -80,35 +81,37 @@ def senses_nothing(n, sides=4):
 
 
 def lay(*positions, holders=None):
-    """Balls of the median strength.
+    """Return balls of the median strength.
 
     Args:
         positions: x and y of each ball [mm].
         holders: robot that holds each ball, None for nobody.
     """
     n_balls = len(positions)
-    holders = holders or [None] * n_balls
-    is_held = np.array([holder is not None for holder in holders])
-    holder = np.array([holder or 0 for holder in holders], np.int32)
     radius = np.full(n_balls, 20e-6)
     balls = balls_on_floor(GripperConfig(), np.array(positions, float), radius)
-    balls = balls._replace(is_held=is_held, holder=holder, was_picked=is_held)
+
+    holders = holders or [None] * n_balls
+    is_held = np.array([holder is not None for holder in holders])
+    holder_index = np.array([holder or 0 for holder in holders], np.int32)
+    balls = balls._replace(is_held=is_held, holder=holder_index, was_picked=is_held)
     return jax.tree.map(jnp.asarray, balls)
 
 
 def crowd(rng, density, edge=9):
-    """Poses of edge^2 robots that do not overlap, like bricks in a wall.
+    """Return poses of edge^2 robots that do not overlap, like bricks in a wall.
 
     Args:
         rng: random generator.
         density: share of the floor that the robots cover.
         edge: number of rows, and of robots in each.
     """
+    # Headings at which a square of 2 x 2 mm fits into its cell.
     cell = 2 / np.sqrt(density)
     yaw = []
     while len(yaw) < edge**2:
         angle = rng.uniform(-np.pi, np.pi)
-        half_width = abs(np.cos(angle)) + abs(np.sin(angle))  # of a square of 2 x 2 mm
+        half_width = abs(np.cos(angle)) + abs(np.sin(angle))
         if half_width <= cell / 2:
             yaw.append(angle)
     yaw = np.array(yaw)
@@ -126,7 +129,7 @@ def crowd(rng, density, edge=9):
 
 
 def thirds_in_the_way(rng, n, reach, size):
-    """Worlds (n, 3, 3) of a receiver, a sender at the end of its reach, and a third robot.
+    """Return worlds (n, 3, 3) of a receiver, a sender at the end of its reach, and a third robot.
 
     The third robot is near the sender, on any side of it, or beside the path of the light.
 
@@ -136,6 +139,7 @@ def thirds_in_the_way(rng, n, reach, size):
         reach: range of the light [mm].
         size: size of the third robot [mm].
     """
+    # The sender is ahead of the receiver, and one of its sides looks back at it.
     direction = rng.uniform(-np.pi, np.pi, n)
     distance = reach * rng.uniform(0.96, 1.0, n)
     poses = np.zeros((n, 3, 3))
@@ -146,17 +150,19 @@ def thirds_in_the_way(rng, n, reach, size):
     poses[:, 1, 0] = distance
     poses[:, 2, 0] = distance
 
+    # The third robot, alternately near the sender and beside the path.
     gap = np.column_stack([rng.uniform(0, 1.5 * size, n), np.zeros(n)])
     near_sender = turned(gap, rng.uniform(-1.6, 1.6, n))
     beside_path = np.column_stack([rng.uniform(-distance, 0), rng.uniform(-size, size, n)])
     is_near_sender = np.arange(n)[:, None] % 2
     poses[:, 2, :2] += np.where(is_near_sender, near_sender, beside_path)
+
     poses[..., :2] = turned(poses[..., :2], direction[:, None])
     return poses
 
 
 def links_by_rays(*arguments):
-    """Result of `find_links` that asks `reaches` about all pairs, whatever stands in between."""
+    """Return the links that `find_links` finds when it asks `reaches` about all pairs."""
 
     def undecided_circles(_, which):
         n_robots = len(which)
@@ -167,7 +173,7 @@ def links_by_rays(*arguments):
 
 
 def squares_in_the_way(poses, half_edges=(1.0, 1.0)):
-    """Exact `reaches` for worlds (B, N, 3): no third robot's rectangle meets the ray.
+    """Return an exact `reaches` for worlds (B, N, 3): no third robot's rectangle meets the ray.
 
     Args:
         poses: of the robots.
@@ -196,11 +202,30 @@ def squares_in_the_way(poses, half_edges=(1.0, 1.0)):
     return reaches
 
 
-def all_links(poses, reaches, sector=90.0, beam=60.0, robot=None):
-    """Links of one world by trying every pair, in sector mode.
+class Optics(NamedTuple):
+    """Places and directions of a robot's light as complex numbers [mm]."""
 
-    Points and axes are complex numbers, by default those of four LEDs and photodiodes in the middle
-    of the sides of a square.
+    leds: np.ndarray
+    led_axes: np.ndarray
+    receivers: np.ndarray
+    receiver_axes: np.ndarray
+
+
+def optics_of(robot):
+    """Return the optics of a robot, by default in the middle of the sides of a square."""
+    if robot is None:
+        quarters = np.exp(1j * np.arange(4) * np.pi / 2)
+        return Optics(quarters, quarters, quarters, quarters)
+    return Optics(
+        leds=np.array(robot.leds) @ [1, 1j],
+        led_axes=np.array(robot.sides.leds) @ [1, 1j],
+        receivers=np.array(robot.receivers) @ [1, 1j],
+        receiver_axes=np.array(robot.sides.photodiodes) @ [1, 1j],
+    )
+
+
+def all_links(poses, reaches, sector=90.0, beam=60.0, robot=None):
+    """Return the links of one world by trying every pair, in sector mode.
 
     Args:
         poses: (N, 3) of the robots.
@@ -213,16 +238,9 @@ def all_links(poses, reaches, sector=90.0, beam=60.0, robot=None):
         Sender and LED (N, S), -1 for none; and the number of sides whose nearest sender is hidden
         while another one is heard.
     """
-    quarters = np.exp(1j * np.arange(4) * np.pi / 2)
-    leds = receivers = led_axes = axes = quarters
-    if robot is not None:
-        leds = np.array(robot.leds) @ [1, 1j]
-        receivers = np.array(robot.receivers) @ [1, 1j]
-        led_axes = np.array(robot.sides.leds) @ [1, 1j]
-        axes = np.array(robot.sides.photodiodes) @ [1, 1j]
-
+    optics = optics_of(robot)
     n_robots = len(poses)
-    n_sides = len(axes)
+    n_sides = len(optics.receivers)
     centre = poses[:, 0] + 1j * poses[:, 1]
     heading = np.exp(1j * poses[:, 2])
     sender = np.full((n_robots, n_sides), -1)
@@ -235,15 +253,16 @@ def all_links(poses, reaches, sector=90.0, beam=60.0, robot=None):
         for j in np.flatnonzero(is_in_range):
             # The side of i and the LED of j that look nearest at the other robot.
             offset = centre[j] - centre[i]
-            off_axis = abs(np.degrees(np.angle(offset / heading[i] / axes)))
-            off_beam = abs(np.degrees(np.angle(-offset / heading[j] / led_axes)))
+            off_axis = abs(np.degrees(np.angle(offset / heading[i] / optics.receiver_axes)))
+            off_beam = abs(np.degrees(np.angle(-offset / heading[j] / optics.led_axes)))
             side = off_axis.argmin()
             facing_led = off_beam.argmin()
             if off_axis[side] > sector / 2 or off_beam[facing_led] > beam / 2:
                 continue
 
-            origin = centre[i] + heading[i] * receivers[side]
-            target = centre[j] + heading[j] * leds[facing_led]
+            # The nearest sender whose light no third robot stops.
+            origin = centre[i] + heading[i] * optics.receivers[side]
+            target = centre[j] + heading[j] * optics.leds[facing_led]
             is_clear = reaches(
                 np.array([0]),
                 np.array([[origin.real, origin.imag]]),
@@ -258,6 +277,7 @@ def all_links(poses, reaches, sector=90.0, beam=60.0, robot=None):
                 nearest_heard[side] = distance
                 sender[i, side] = j
                 led[i, side] = facing_led
+
         hears = np.isfinite(nearest_heard)
         passed_over += int((nearest_hidden < nearest_heard)[hears].sum())
     return sender, led, passed_over

@@ -1,5 +1,4 @@
-"""Tasks: robots are to be east of a line, which they sense, or clean in bad weather. A strategy:
-robots stand."""
+"""Users' tasks, to walk east or to clean in bad weather; and a strategy of robots that stand."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
@@ -23,7 +22,7 @@ class Eastward(Task):
     """Robots are to be east of a line."""
 
     line: Annotated[float, Within(-20, 20, "mm")] = 0.0
-    """Where it is [mm]."""
+    """Place of the line, to the east of the middle [mm]."""
 
     senses: ClassVar = {"gap": Quantity("distance of the line to the east", "mm", -100, 100)}
     measured: ClassVar = {
@@ -33,16 +32,16 @@ class Eastward(Task):
     drawn: ClassVar = {"east": AreaStyle((10, 200, 30), "square")}
 
     def lay_out(self, config, n_robots, rng, shared, cell):
-        own = {"is_east": np.zeros(n_robots, bool), "steps": np.int32(0)}
-        return place_robots(config.arena, n_robots, rng, cell), own
+        state = {"is_east": np.zeros(n_robots, bool), "steps": np.int32(0)}
+        return place_robots(config.arena, n_robots, rng, cell), state
 
     def goal(self, config, n_robots):
         return n_robots
 
     def advance(self, state, inputs, key):
         gap = self.line - inputs.poses[:, 0]
-        own = {"is_east": (gap < 0) & inputs.is_present, "steps": state["steps"] + 1}
-        return own, without_balls(len(gap), gap=gap)
+        after = {"is_east": (gap < 0) & inputs.is_present, "steps": state["steps"] + 1}
+        return after, without_balls(len(gap), gap=gap)
 
     def progress(self, state):
         return state["is_east"].sum(dtype=jnp.int32)
@@ -54,7 +53,8 @@ class Eastward(Task):
         return {"share": state["is_east"].mean(), "steps": state["steps"]}
 
     def areas(self, config, state):
-        return {"east": jnp.stack([self.line + 5.0, jnp.float32(0.0), jnp.float32(5.0)])[None]}
+        square = [self.line + 5.0, jnp.float32(0.0), jnp.float32(5.0)]
+        return {"east": jnp.stack(square)[None]}
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,10 @@ class Still(Strategy):
 
 @dataclass(frozen=True)
 class Weather(Cleaning):
-    """In the third to the sixth control step no message arrives, and drives err; then every second robot is dead."""
+    """Cleaning in weather that is bad in the control steps 3 to 6: no message arrives, drives err.
+
+    From step 4 on every second of 12 robots is dead.
+    """
 
     def lay_out(self, config, n_robots, rng, shared, cell):
         poses, balls = super().lay_out(config, n_robots, rng, shared, cell)
@@ -84,13 +87,17 @@ class Weather(Cleaning):
         return (balls, state[1] + 1), sensed
 
     def conditions(self, state, conditions):
-        bad = jnp.where((state[1] >= 2) & (state[1] < 6), 1.0, 0.0)
+        _, steps = state
+        is_bad = jnp.where((steps >= 2) & (steps < 6), 1.0, 0.0)
         return conditions._replace(
-            error_in_communication=0.9 * bad, p_communication_break=bad, error_turn=9.0 * bad
+            error_in_communication=0.9 * is_bad,
+            p_communication_break=is_bad,
+            error_turn=9.0 * is_bad,
         )
 
     def survives(self, state):
-        return (state[1] < 3) | (jnp.arange(12) % 2 == 0)
+        _, steps = state
+        return (steps < 3) | (jnp.arange(12) % 2 == 0)
 
     def balls(self, state: Any) -> Balls:
         return state[0]
@@ -99,8 +106,8 @@ class Weather(Cleaning):
         return super().progress(state[0])
 
     def reward(self, before, after, inputs):
-        said = COUNT.unpack(inputs.message)[0].payload["count"]
-        return inputs.command.forward - said
+        message, _ = COUNT.unpack(inputs.message)
+        return inputs.command.forward - message.payload["count"]
 
     def metrics(self, state):
         return super().metrics(state[0])
@@ -110,3 +117,4 @@ class Weather(Cleaning):
 
 
 COUNT = Payload({"count": Integer(4)})
+"""Messages of the robots in bad weather."""

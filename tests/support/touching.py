@@ -4,7 +4,7 @@ import numpy as np
 
 
 def pairs_of(touching):
-    """Pairs that touch (*B, N, N) bool, in the upper triangle."""
+    """Return which pairs touch (*B, N, N), in the upper triangle."""
     touching = np.asarray(touching)
     index = np.arange(touching.shape[-1])
     is_partner = (touching[..., None] == index).any(axis=-3)

@@ -21,6 +21,7 @@ TRAINING = Training(
     config=SMALL, robots=(4,), steps=10, generations=5, population=4, worlds=2, seed=3
 )
 GOAL = np.array([0.5, -1.0, 0.25])
+"""Weights of the highest fitness."""
 
 
 @dataclass
@@ -40,24 +41,36 @@ class Three(Strategy):
 
 
 def pretend(monkeypatch, breaks_after=None):
-    """Rollouts without physics: the nearer weights are to a goal, the more balls; returns the
-    weights of each call."""
-    asked = []
+    """Replace rollouts by ones without physics, and return the list of weights of each call.
+
+    Robots deliver the more balls the nearer their weights are to `GOAL`.
+
+    Args:
+        monkeypatch: fixture.
+        breaks_after: rollouts after which the user interrupts; None for never.
+    """
+    weights_of_calls = []
 
     def rollout(scenario, *, every):
-        if breaks_after is not None and len(asked) >= breaks_after:
+        if breaks_after is not None and len(weights_of_calls) >= breaks_after:
             raise KeyboardInterrupt
         weights = np.asarray(scenario.strategy.weights)
-        assert scenario.strategy_per_world and scenario.n_worlds == len(weights)
-        asked.append(weights)
-        worth = np.round(1000 - 100 * np.abs(weights - GOAL).sum(axis=1))
-        columns = np.tile(worth[:, None] // 2, (1, -(-scenario.steps // every)))
+        assert scenario.strategy_per_world
+        assert scenario.n_worlds == len(weights)
+        weights_of_calls.append(weights)
+
+        n_balls = np.round(1000 - 100 * np.abs(weights - GOAL).sum(axis=1))
+        n_columns = -(-scenario.steps // every)
+        columns = np.tile(n_balls[:, None] // 2, (1, n_columns))
         none = np.zeros(len(weights))
-        return Rollout(worth, worth, none, none, none > 1, none, columns[0], columns, None, [], {})
+        return Rollout(
+            n_balls, n_balls, none, none, none > 1, none, columns[0], columns, None, [], {}
+        )
 
     monkeypatch.setattr(training, "rollout", rollout)
-    return asked
+    return weights_of_calls
 
 
-def trained(out, wanted=TRAINING, **options):
-    return train(wanted, Three(jnp.zeros(3)), out, PlanarSettings(1), task=CLEANING, **options)
+def trained(out, settings=TRAINING, **options):
+    """Return the outcome of training three weights."""
+    return train(settings, Three(jnp.zeros(3)), out, PlanarSettings(1), task=CLEANING, **options)

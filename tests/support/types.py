@@ -1,4 +1,4 @@
-"""The type checker of the tests."""
+"""The type checker of the tests: beartype, where types or shapes are new to a test."""
 
 from collections import Counter
 from functools import wraps
@@ -6,19 +6,17 @@ from functools import wraps
 from beartype import BeartypeConf, beartype
 
 CALLS = 3
-"""Calls of a function with arguments and a result of the same types and shapes that are checked in
-each test."""
+"""Calls of a function with the same types and shapes that are checked in each test."""
 _calls = Counter()
 _is_pep484_tower = beartype(conf=BeartypeConf(is_pep484_tower=True))
 """An int is a float, as PEP 484 says."""
 
 
 def check(function):
-    """Check a function where types or shapes are new to the test; it is prepared for that when it
-    is first called.
+    """Return a function that checks its arguments where their types or shapes are new to the test.
 
-    A run calls some functions at every control step, with the same ones. Results are checked like a
-    further argument.
+    A run calls some functions at every control step, with the same types. Results are checked like
+    a further argument. Beartype prepares the function when it is first called.
     """
     checked = None
 
@@ -36,10 +34,10 @@ def check(function):
 
 
 def kind(value):
-    """Type of an argument; of arrays also the shape and the type of the elements."""
+    """Return the type of an argument; for arrays also the shape and the type of the elements."""
     return type(value), getattr(value, "shape", None), getattr(value, "dtype", None)
 
 
 def begin_test():
-    """Count anew."""
+    """Count the calls of the next test from zero."""
     _calls.clear()

@@ -1,4 +1,4 @@
-"""Beginnings, parameters and states of worlds of cleaning, and where balls are."""
+"""Starts, parameters and states of worlds of cleaning, and the places of their balls."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,32 +15,29 @@ from iswarm_mj.tasks.grasping import ball_centres
 
 
 def start_of(config, n_robots, seed, index, failed_fraction=0.0, task=CLEANING):
-    """How world `index` of a seed begins, with the paper's robots."""
+    """Return the start of world `index` of a seed, with the paper's robots."""
     return layouts.draw_start(config, task, read_robot(), n_robots, seed, index, failed_fraction)
 
 
 def begin_with(monkeypatch, starts):
-    """Let worlds begin with these starts, by their indices, however they are; the other ones as
-    they are drawn."""
+    """Let worlds begin with these starts, by their indices; the other starts are drawn."""
     draw = worlds.draw_start
 
     def draw_start(config, task, robot, n_robots, seed, index, *more):
-        return (
-            starts[index]
-            if index in starts
-            else draw(config, task, robot, n_robots, seed, index, *more)
-        )
+        if index in starts:
+            return starts[index]
+        return draw(config, task, robot, n_robots, seed, index, *more)
 
     monkeypatch.setattr(worlds, "draw_start", draw_start)
 
 
 def centres(record):
-    """Centres of the balls in the record of a run of cleaning, with the paper's robots [mm]."""
+    """Return the centres of the balls in a record of cleaning by the paper's robots [mm]."""
     return ball_centres(record.swarm.task, record.poses, read_robot())
 
 
 def params_of(config, strategy, key, n_robots):
-    """Parameters of a world of N robots, which the first delivery finishes."""
+    """Return the parameters of a world of N robots, which the first delivery finishes."""
     return WorldParams(
         strategy=strategy,
         conditions=conditions_of(config),
@@ -54,16 +51,16 @@ def params_of(config, strategy, key, n_robots):
 
 
 def task_inputs(config, poses, robot, is_present=None, **more):
-    """What a task finds in a world of this configuration, in which all robots live and pick
-    nothing."""
-    there = np.ones(len(poses), bool) if is_present is None else np.asarray(is_present)
+    """Return the inputs of a task in a world whose robots all live and pick nothing up."""
+    n_robots = len(poses)
+    is_present = np.ones(n_robots, bool) if is_present is None else np.asarray(is_present)
     inputs = TaskInputs(
         poses=poses,
-        is_present=there,
-        is_alive=there,
-        picks=np.zeros_like(there),
-        team=np.zeros(len(there), np.int32),
-        kind=np.zeros(len(there), np.int32),
+        is_present=is_present,
+        is_alive=is_present,
+        picks=np.zeros(n_robots, bool),
+        team=np.zeros(n_robots, np.int32),
+        kind=np.zeros(n_robots, np.int32),
         conditions=conditions_of(config),
         arena=arena_of(config.arena),
         config=config.static,
@@ -73,5 +70,5 @@ def task_inputs(config, poses, robot, is_present=None, **more):
 
 
 def swarm_of(memory, balls, n_robots):
-    """State of a world of N living robots."""
+    """Return the state of a world of N living robots."""
     return SwarmState(memory, balls, jnp.ones(n_robots, bool), loaded(balls, n_robots))

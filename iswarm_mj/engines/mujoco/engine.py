@@ -59,7 +59,12 @@ class Bodies(NamedTuple):
 
 
 class MujocoEngine(BoxesMixin, Engine):
-    """`Engine` on `mujoco.batch`: B worlds at once, bit-identical at any number of threads."""
+    """`Engine` on `mujoco.batch`: B worlds at once, bit-identical at any number of threads.
+
+    Attributes:
+        robot: geometry of the robots.
+        joints: (N + M, 3) addresses of x, y and yaw of each body in MuJoCo's qpos and qvel.
+    """
 
     def __init__(
         self,
@@ -79,6 +84,7 @@ class MujocoEngine(BoxesMixin, Engine):
             capacity: P, places for robots in the arrays that pass in and out; at least N.
         """
         self.robot = arena.robot
+        self.joints = arena.qpos
         self._arena = arena
         self._capacity = capacity
         self._n_robots = arena.n_robots
@@ -108,7 +114,7 @@ class MujocoEngine(BoxesMixin, Engine):
         self._is_present = is_present[:, : self._n_robots]
         self._park_absent_robots()
         self._batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._qpos[:, self._arena.qpos] = np.asarray(poses)[:, self._places]
+        self._qpos[:, self.joints] = np.asarray(poses)[:, self._places]
         self._batch.forward()
         bodies_present = np.asarray(with_boxes(self._is_present, self.n_boxes))
         return self._bodies(self._in_places(bodies_present), np.zeros(len(poses), int))
@@ -126,7 +132,7 @@ class MujocoEngine(BoxesMixin, Engine):
 
     def sense(self, bodies: Bodies, emits: Array, is_running: Bool[Array, "B"]) -> LightReading:
         """Find links and walls in sight; see `Engine.sense`."""
-        self._qpos[:, self._arena.qpos] = np.asarray(bodies.poses)[:, self._places]
+        self._qpos[:, self.joints] = np.asarray(bodies.poses)[:, self._places]
         reading = sense(
             scene=self._scene,
             poses=bodies.poses[:, : self._n_robots],
@@ -155,9 +161,9 @@ class MujocoEngine(BoxesMixin, Engine):
         self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
     ) -> tuple[Bodies, Array, Array]:
         """Take the physics steps of a phase; see `StepBodies`."""
-        self._qpos[:, self._arena.qpos] = bodies.poses[:, self._places]
+        self._qpos[:, self.joints] = bodies.poses[:, self._places]
         self._qvel[:] = bodies.velocity
-        self._force[:, self._arena.qpos] = self._arena.servo_gain * targets[:, self._places]
+        self._force[:, self.joints] = self._arena.servo_gain * targets[:, self._places]
 
         worlds = np.flatnonzero(runs)
         n_contacts = bodies.n_contacts.copy()
@@ -176,7 +182,7 @@ class MujocoEngine(BoxesMixin, Engine):
         n_contacts: Int[np.ndarray, "B"],
     ) -> Bodies:
         """Return bodies at MuJoCo's poses and velocities."""
-        poses = self._in_places(self._qpos[:, self._arena.qpos])
+        poses = self._in_places(self._qpos[:, self.joints])
         return Bodies(poses, is_present, self._qvel.copy(), n_contacts)
 
     def _step(

@@ -4,7 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.mujoco import EDGE, INERTIA, MASS, Worlds, corners, far_apart, separation
+from support.mujoco import (
+    EDGE,
+    INERTIA,
+    MASS,
+    Worlds,
+    corners,
+    far_apart,
+    separation,
+    solvers_of,
+)
 from support.touching import pairs_of
 
 from iswarm_mj.engines.base import Phase
@@ -18,7 +27,7 @@ CONJUGATE_GRADIENTS = 1
 
 
 def grid_of_robots(distance):
-    """Poses (25, 3) of five by five robots."""
+    """Return poses (25, 3) of five by five robots."""
     places = (np.arange(5) - 2) * distance
     xy = np.stack(np.meshgrid(places, places), -1).reshape(25, 2)
     return np.column_stack([xy, np.zeros(25)])
@@ -43,7 +52,7 @@ def test_robots_are_placed_at_rest(small):
 
 
 def momenta(poses, velocity):
-    """Linear momentum (2,), angular momentum and kinetic energy of robots."""
+    """Return the linear momentum (2,), angular momentum and kinetic energy of robots."""
     linear = MASS * velocity[:, :2].sum(axis=0)
     orbital = poses[:, 0] * velocity[:, 1] - poses[:, 1] * velocity[:, 0]
     angular = MASS * orbital + INERTIA * velocity[:, 2]
@@ -58,9 +67,9 @@ def momenta(poses, velocity):
 )
 def test_momentum_is_conserved_without_drive_and_damping(small, second):
     worlds = Worlds(small, [[(-1.0, 0.3, 0.2), second]], free=True)
-    worlds.qvel()[0, worlds.qpos] = [[1.4, 0.2, 0.3], [-0.9, -0.7, -0.5]]
+    worlds.qvel()[0, worlds.joints] = [[1.4, 0.2, 0.3], [-0.9, -0.7, -0.5]]
     start_velocity = worlds.qvel()[0].copy()
-    velocity = worlds.qvel()[0, worlds.qpos]
+    velocity = worlds.qvel()[0, worlds.joints]
     start_linear, start_angular, start_energy = momenta(worlds.poses[0], velocity)
 
     no_targets = np.zeros((1, 2, 3))
@@ -68,7 +77,7 @@ def test_momentum_is_conserved_without_drive_and_damping(small, second):
     have_touched = False
     for _ in range(12):
         have_touched |= worlds.move(no_targets, 1).touching.any()
-        velocity = worlds.qvel()[0, worlds.qpos]
+        velocity = worlds.qvel()[0, worlds.joints]
         linear, angular, energy = momenta(worlds.poses[0], velocity)
         np.testing.assert_allclose(linear, start_linear, rtol=1e-9)
         np.testing.assert_allclose(angular, start_angular, rtol=1e-9)
@@ -95,7 +104,8 @@ def test_walls_hold_robots_in(small):
 
 def test_contacts_are_the_touching_pairs(small):
     rng = np.random.default_rng(7)
-    n_worlds, n_robots = 4, 30
+    n_worlds = 4
+    n_robots = 30
     xy = rng.uniform(-6, 6, (n_worlds, n_robots, 2))
     yaw = rng.uniform(-np.pi, np.pi, (n_worlds, n_robots))
     poses = np.dstack([xy, yaw])
@@ -143,13 +153,13 @@ def test_the_other_solver_ends_a_jam_at_the_same_place(small, monkeypatch):
     velocity = np.random.default_rng(15).uniform(-2, 2, start.shape)
 
     def move_with(jam):
-        """Poses after some steps, and the solver of each world."""
+        """Return poses after some steps, and the solver of each world."""
         monkeypatch.setattr(mujoco_engine, "JAM", jam)
         worlds = Worlds(small, start)
         worlds.bodies = worlds.bodies._replace(n_contacts=np.array([99, 0]))
         worlds.move(velocity, 3)
         assert (worlds.bodies.n_contacts > 30).tolist() == [True, False]
-        return worlds.poses, worlds.engine._solver.tolist()
+        return worlds.poses, solvers_of(worlds.engine)
 
     by_newton, solvers = move_with(jam=10**6)
     assert solvers == [NEWTON, NEWTON]

@@ -1,10 +1,9 @@
 """Worlds of a batch in C: independent, with empty places, and with faults."""
 
 import numpy as np
-from support.mujoco import Worlds, far_apart, spoil
+from support.mujoco import Worlds, fail_steps, far_apart, spoil
 from support.touching import pairs_of
 
-from iswarm_mj.engines.mujoco import engine as mujoco_engine
 from iswarm_mj.utils.errors import FaultKind
 
 DISTANCE = 0.4
@@ -40,7 +39,8 @@ def test_a_world_that_fails_keeps_its_bodies_at_rest(small, tmp_path, monkeypatc
     velocity = np.ones(start.shape)
     spoil(worlds.engine, 1, [4, 7], np.nan)
     motion = worlds.move(velocity, 4)
-    assert motion.fault.tolist() == [0, FaultKind.POSE_NOT_FINITE, 0] and motion.robot[1] == 4
+    assert motion.fault.tolist() == [0, FaultKind.POSE_NOT_FINITE, 0]
+    assert motion.robot[1] == 4
     np.testing.assert_array_equal(worlds.poses[1], start[1])
     np.testing.assert_allclose(worlds.poses[[0, 2]], start[[0, 2]] + DISTANCE, atol=1e-9)
     assert not worlds.qvel()[1].any()
@@ -50,24 +50,10 @@ def test_a_world_that_fails_keeps_its_bodies_at_rest(small, tmp_path, monkeypatc
     assert not list(tmp_path.iterdir())  # MuJoCo wrote no log into the working directory
 
 
-class FailingBatch:
-    """A batch of MuJoCo that reports an error of world 2 after each step."""
-
-    def __init__(self, batch):
-        self.batch = batch
-
-    def __getattr__(self, name):
-        return getattr(self.batch, name)
-
-    def step(self, ids, nstep):
-        self.batch.step(ids=ids, nstep=nstep)
-        raise mujoco_engine.SimulationError(np.array([2]), "no stack")
-
-
 def test_an_error_of_mujoco_is_a_fault_of_its_world(small, monkeypatch):
     start = far_apart(3, np.random.default_rng(21))
     worlds = Worlds(small, start)
-    monkeypatch.setattr(worlds.engine, "_batch", FailingBatch(worlds.engine._batch))
+    fail_steps(monkeypatch, worlds.engine, 2)
     motion = worlds.move(np.ones(start.shape), 4)
     assert motion.fault.tolist() == [0, 0, FaultKind.SOLVER_FAILED]
     np.testing.assert_array_equal(worlds.poses[2], start[2])
