@@ -86,7 +86,7 @@ def test_each_attempt_draws_its_own_adhesion_with_the_calibrated_spread():
 
 
 def test_an_attempt_that_fails_succeeds_later():
-    """At the median's voltage half of the attempts succeed; in the end all balls are released."""
+    """Half of the attempts at the median's voltage succeed; in the end all balls are released."""
     n_balls = 300
     gripper = GripperConfig(
         grasp_voltage=float(grasp_voltage(20e-6)),
@@ -207,7 +207,7 @@ def test_a_ball_that_falls_in_the_middle_of_its_release_occupies_nobody():
 
 
 def without_room(gripper, attempts):
-    """Defer all attempts."""
+    """Return outcomes that defer all attempts."""
     is_made = attempts.lifts | attempts.releases
     never = jnp.zeros_like(is_made)
     outcomes = by_balance(gripper, attempts)

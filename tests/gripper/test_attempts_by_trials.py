@@ -96,7 +96,7 @@ def test_strong_fields_drop_light_balls_that_charge_while_they_are_lifted(
     least_share,
     largest_share,
 ):
-    """By the balance all are lifted; with ten times the resistance they are."""
+    """The balance lifts all; so do trials with ten times the resistance, which keep the charge."""
     radius = np.linspace(15e-6, 16.5e-6, 40)
     voltage = 3.6e6 * radius
     assert by_balance(GRIPPER, lifts_of(radius, voltage)).lifted.all()
@@ -135,7 +135,7 @@ def share_released(adhesion_share, timestep, count):
 
 @pytest.mark.slow
 def test_balls_that_leave_before_they_have_the_tools_voltage_return_to_the_tool():
-    """With a tenth of the adhesion trials release all, but for an error that falls with steps."""
+    """Trials with a tenth of the adhesion release all, but for an error that falls with steps."""
     coarse = swarm_trials.TIMESTEP
     errors = [
         share_released(0.1, coarse, 60),
@@ -200,6 +200,7 @@ def test_a_batch_in_mjx_has_room_for_six_and_decides_as_the_trials_in_c():
         work_object_substrate=1e-3 * np.float32([14.7, 1.4, 14, 14, 14, 14, 14, 14]),
         misalignment=np.float32([0, 0, 0, 0, 0, 0, 3e-6, 0]),
     )
+
     in_mjx = jax.jit(partial(by_batch, replace(GRIPPER, bench_capacity=n_slots)))(attempts)
     assert np.flatnonzero(in_mjx.lifted).tolist() == [1, 6]
     assert np.flatnonzero(in_mjx.released).tolist() == [0, 5]
@@ -211,7 +212,7 @@ def test_a_batch_in_mjx_has_room_for_six_and_decides_as_the_trials_in_c():
 
 
 def test_trials_on_a_bench_that_was_used_are_those_on_a_new_one():
-    """To the last bit, after a lift and a release of other balls."""
+    """They are the same to the last bit, after a lift and a release of other balls."""
     trial = Trial(17e-6, 1.5e-3, 12e-3, 10.0, misalignment=3e-6)
     gap = GRIPPER.release_gap
     swarm_trials.attempt(Trial(24e-6, 1.2e-3, 16e-3), 20.0, None)

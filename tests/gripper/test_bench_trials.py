@@ -43,7 +43,7 @@ def random_trials(count, seed=3):
 
 def slowed(protocol, factor):
     """Return the same protocol with all speeds divided by a factor."""
-    times = (
+    names = (
         "approach_time",
         "dwell",
         "rise_time",
@@ -52,11 +52,12 @@ def slowed(protocol, factor):
         "hold_time",
         "rest_time",
     )
+    times = {name: factor * getattr(protocol, name) for name in names}
     return replace(
         protocol,
         ramp_rate=protocol.ramp_rate / factor,
         acceleration=protocol.acceleration / factor**2,
-        **{name: factor * getattr(protocol, name) for name in times},
+        **times,
     )
 
 
@@ -77,7 +78,7 @@ def test_half_the_speed_leaves_the_voltages():
 
 
 def rungs_that_lift(trial, voltages, protocol):
-    """Try each voltage on a bench of its own."""
+    """Return which voltages lift the ball, each tried on a bench of its own."""
     bench = MujocoBench([trial] * len(voltages), protocol.start_gap)
     touch(bench, protocol)
     return is_lifted(protocol, rung(bench, protocol, voltages))
@@ -90,7 +91,7 @@ NO_LEAK = Contacts(leak=1e12)
 
 @pytest.mark.parametrize("contacts", [THIN_OXIDE, pytest.param(NO_LEAK, marks=pytest.mark.slow)])
 def test_the_grasp_voltage_is_the_first_rung_that_lifts(contacts):
-    """Tried rung by rung; where the oxide breaks down not all higher ones lift."""
+    """It is found rung by rung; where the oxide breaks down not all higher ones lift."""
     voltages = np.arange(0.0, 80.25, 0.25)
     trial = draw(0, 15e-6, 10.0, 1)._replace(contacts=contacts)
     lifted = rungs_that_lift(trial, voltages, Protocol())
@@ -178,12 +179,13 @@ def test_parameters_around_the_defaults_break_nothing(seed):
     """Each number of trial and protocol is 70 to 130 % of the default, with rebounds or without."""
     random = np.random.default_rng(seed)
     contacts = IDEAL if seed % 2 else Contacts(leak=0.0)
-    usual_trial = np.array(
+    defaults = np.array(
         [20e-6, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, 30.0, CONTACT_GAP, PROBE_RADIUS],
     )
-    trial = Trial(*random.uniform(0.7, 1.3, 6) * usual_trial, contacts=contacts)
+    trial = Trial(*random.uniform(0.7, 1.3, 6) * defaults, contacts=contacts)
     gap = random.uniform(0.7, 1.3) * GAP
     tool_gap = 1e-6
+
     names = (
         "approach_time",
         "rise_time",

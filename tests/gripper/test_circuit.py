@@ -51,7 +51,7 @@ def test_a_ball_that_loses_its_charge_while_it_is_lifted_is_not_grasped():
 
 
 def test_a_ball_that_keeps_its_charge_is_not_released():
-    """Its charge holds it as the grasp did; the laws' voltage is 42.5 V."""
+    """The charge holds it as in the grasp; the laws' voltage is 42.5 V."""
     grasp, hung, release = grasp_and_release(ball(leak=1e13))
     assert hung
     assert np.isnan(release)
@@ -68,7 +68,7 @@ def test_through_a_native_oxide_no_ball_is_lifted():
 
 @pytest.mark.parametrize(("voltage", "share"), [(39.0, 0.0), (41.0, 0.25)])
 def test_breakdown_is_where_the_field_across_the_oxide_says(voltage, share):
-    """At 40 V. Then contacts of 3 and of 1 kOhm in series divide the voltage."""
+    """It is at 40 V. Then contacts of 3 and of 1 kOhm in series divide the voltage."""
     trial = ball(oxide=40e-9, contact=3e3)
     bench = MujocoBench([trial], 5e-6, 1, is_recorded=True)
     bench.move("approach", 0.3e-3, PRESSED, 0.0)
@@ -100,7 +100,7 @@ def test_oxide_breaks_down_in_contact_and_is_whole_again_beyond_the_effective_ga
     broken,
     after,
 ):
-    """At 10 V of either sign."""
+    """The oxide breaks down at 10 V of either sign."""
     assert float(LAW.is_broken(across, gap, broken, EFFECTIVE_GAP, 10.0)) == after
 
 
@@ -176,7 +176,7 @@ def trace_and_trial(contacts, timestep=1e-6):
     [Contacts(), pytest.param(Contacts(leak=100e9), marks=pytest.mark.slow)],
 )
 def test_the_energy_of_a_whole_trial_is_accounted_for(contacts):
-    """To 1 % of the source's turnover.
+    """The balance closes to 1 % of the source's turnover.
 
     Source, drive, weight and adhesion give energy; field, heat, motion, contacts and impacts take
     it. The heat is I^2 R of the circuit's resistances. Each half closes by itself: 0.2 % of the

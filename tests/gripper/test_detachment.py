@@ -30,7 +30,9 @@ RADII = np.linspace(15e-6, 25e-6, 21)
 
 
 def test_constant_of_eq_3_follows_from_eqs_1_and_2():
-    work, gap, radius = 0.05, 5e-6, 15e-6
+    work = 0.05
+    gap = 5e-6
+    radius = 15e-6
     balance = asymptotic_force(detachment_voltage(work, gap), gap, radius)
     assert balance == pytest.approx(dmt_pull_off(radius, work), rel=1e-12)
     assert pytest.approx(4.7527e5, rel=1e-5) == EQ3_CONSTANT
@@ -39,8 +41,8 @@ def test_constant_of_eq_3_follows_from_eqs_1_and_2():
 
 @pytest.mark.parametrize(("humidity", "expected"), [(10, 25.0), (30, 28.2), (50, 31.3)])
 def test_grasp_voltage_rises_with_humidity(humidity, expected):
-    h = humidity_factor(humidity)
-    voltage = grasp_voltage(20e-6, h * WORK_TOOL_OBJECT, h * WORK_OBJECT_SUBSTRATE)
+    factor = humidity_factor(humidity)
+    voltage = grasp_voltage(20e-6, factor * WORK_TOOL_OBJECT, factor * WORK_OBJECT_SUBSTRATE)
     assert voltage == pytest.approx(expected, rel=0.007)
 
 
@@ -72,6 +74,7 @@ def test_decisions_turn_at_the_voltages(radius, tool, floor, gap):
     lift = grasp_voltage(radius, tool, floor)
     assert not is_grasped(lift * (1 - 1e-9), radius, tool, floor)
     assert is_grasped(lift * (1 + 1e-9), radius, tool, floor)
+
     drop = release_voltage(radius, tool, gap)
     assert drop == 0 or not is_released(drop * (1 - 1e-9), radius, tool, gap)
     assert is_released(drop * (1 + 1e-9) + 1e-9, radius, tool, gap)
@@ -80,6 +83,7 @@ def test_decisions_turn_at_the_voltages(radius, tool, floor, gap):
 def test_no_voltage_is_needed_where_adhesion_or_weight_suffices():
     assert grasp_voltage(20e-6, 2e-2, 1e-2) == 0
     assert is_grasped(0.0, 20e-6, 2e-2, 1e-2)
+    assert jax.grad(lambda tool: grasp_voltage(20e-6, tool, 1e-2))(2e-2) == 0
+
     assert release_voltage(20e-6, 1e-6) == 0
     assert is_released(0.0, 20e-6, 1e-6)
-    assert jax.grad(lambda w: grasp_voltage(20e-6, w, 1e-2))(2e-2) == 0

@@ -21,6 +21,7 @@ DATA = Path(__file__).parents[1] / "data"
 CYLINDER = np.loadtxt(DATA / "cylinder_sphere_plane.csv", delimiter=",", skiprows=3)
 FORCES = {"release": release_force, "pick": pick_force}
 R = 20e-6
+"""Radius of the ball [m]."""
 
 
 @pytest.mark.parametrize(("task", "column"), [("release", 2), ("pick", 3)])
@@ -40,34 +41,30 @@ def test_probe_table_against_another_solver(task, column):
     scale=st.floats(0.1, 1e3),
 )
 def test_forces_go_with_voltage_squared_and_not_with_size(task, gap, probe, voltage, scale):
-    force = FORCES[task](1.0, gap * R, R, probe * R)
-    assert force > 0
-    assert FORCES[task](voltage, gap * R, R, probe * R) == pytest.approx(
-        voltage**2 * force,
-        rel=1e-12,
-    )
-    assert FORCES[task](-voltage, gap * R, R, probe * R) == FORCES[task](
-        voltage,
-        gap * R,
-        R,
-        probe * R,
-    )
-    other = FORCES[task](1.0, gap * R * scale, R * scale, probe * R * scale)
-    assert other == pytest.approx(force, rel=1e-12)
+    law = FORCES[task]
+    sizes = (gap * R, R, probe * R)
+    at_one_volt = law(1.0, *sizes)
+    assert at_one_volt > 0
+
+    force = law(voltage, *sizes)
+    assert force == pytest.approx(voltage**2 * at_one_volt, rel=1e-12)
+    assert force == law(-voltage, *sizes)
+
+    scaled = law(1.0, *(size * scale for size in sizes))
+    assert scaled == pytest.approx(at_one_volt, rel=1e-12)
 
 
 @pytest.mark.parametrize("task", FORCES)
 @pytest.mark.parametrize("argument", [1, 2, 3])
 def test_gradients(task, argument):
-    force = FORCES[task]
-    arguments = [40.0, 5e-6, 20e-6, 13e-6]
-    step = 1e-4 * arguments[argument]
-    ends = [
-        force(*(x + sign * step * (i == argument) for i, x in enumerate(arguments)))
-        for sign in (1, -1)
-    ]
-    slope = jax.jit(jax.grad(force, argnums=argument))(*(jnp.float32(x) for x in arguments))
-    assert float(slope) == pytest.approx((ends[0] - ends[1]) / (2 * step), rel=1e-3)
+    law = FORCES[task]
+    values = np.array([40.0, 5e-6, 20e-6, 13e-6])
+    step = np.zeros(4)
+    step[argument] = 1e-4 * values[argument]
+    difference = (law(*(values + step)) - law(*(values - step))) / (2 * step[argument])
+
+    slope = jax.jit(jax.grad(law, argnums=argument))(*np.float32(values))
+    assert float(slope) == pytest.approx(difference, rel=1e-3)
 
 
 @pytest.mark.parametrize("task", FORCES)
@@ -83,10 +80,9 @@ def test_concrete_numbers_outside_the_table_are_refused(task, gap, probe):
 
 @pytest.mark.parametrize("task", FORCES)
 def test_traced_numbers_outside_the_table_are_clamped(task):
-    clamped = jax.jit(lambda x, y: probe_factor(task, x, y))
-    low, high = 2.0 ** GAP_EXPONENTS[0], 2.0 ** PROBE_EXPONENTS[-1]
-    assert float(clamped(0.0, 100.0)) == pytest.approx(
-        float(probe_factor(task, low, high)),
-        rel=1e-5,
-    )
+    clamped = jax.jit(lambda gap, probe: probe_factor(task, gap, probe))
+    least_gap = 2.0 ** GAP_EXPONENTS[0]
+    largest_probe = 2.0 ** PROBE_EXPONENTS[-1]
+    at_the_corner = float(probe_factor(task, least_gap, largest_probe))
+    assert float(clamped(0.0, 100.0)) == pytest.approx(at_the_corner, rel=1e-5)
     assert np.isfinite(jax.grad(clamped)(0.0, 1.0))

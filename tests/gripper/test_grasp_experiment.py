@@ -28,33 +28,44 @@ RADII = np.linspace(15e-6, 25e-6, 5)
 SETTINGS = GraspSettings(tuple(map(str, RADII)), (10.0, 50.0), 2, no_contact_gap=(0.5e-6, 1e-6))
 
 
+def rows_of(settings, settings_cases):
+    """Return the rows of the trials of some cases."""
+    trials = [case.trial for case in settings_cases]
+    outcomes = run_trials(trials, settings.protocol, gaps=settings.gaps)
+    return trial_rows(settings, settings_cases, outcomes)
+
+
 @pytest.fixture(scope="module")
 def rows():
-    outcomes = run_trials(
-        [case.trial for case in cases(SETTINGS)],
-        SETTINGS.protocol,
-        gaps=SETTINGS.gaps,
-    )
-    return trial_rows(SETTINGS, cases(SETTINGS), outcomes)
+    """Rows of the experiment."""
+    return rows_of(SETTINGS, cases(SETTINGS))
 
 
 def test_no_ball_is_lifted_without_contact_at_fifty_volts(rows):
-    """From 1 um; from half of that those are for which the law asks for less."""
-    tried = [row for row in rows if row.experiment == "no_contact"]
-    assert len(tried) == 40 and all(row.voltage is None for row in tried if row.gap == 1e-6)
-    assert {row.gap for row in tried if row.voltage is not None} == {0.5e-6}
-    assert all((row.voltage is not None) == (row.quasi_static_voltage < 50) for row in tried)
+    """None is from 1 um; from half of that those are for which the law asks for less."""
+    no_contact = [row for row in rows if row.experiment == "no_contact"]
+    lifted = [row for row in no_contact if row.voltage is not None]
+    assert len(no_contact) == 40
+    assert {row.gap for row in lifted} == {0.5e-6}
+    assert lifted == [row for row in no_contact if row.quasi_static_voltage < 50]
 
 
 def test_released_balls_land_and_stay(rows):
     release = [row for row in rows if row.experiment == "release"]
-    assert len(release) == 20 and all(row.landed for row in release)
+    assert len(release) == 20
+    assert all(row.landed for row in release)
     assert all(0.05e-3 < row.flight_time < 0.3e-3 for row in release)
     assert all(0.03 < row.landing_speed < 0.5 for row in release)
 
 
-def melted(limit, radius=15e-6, **contacts):
-    """Whether the row of a ball that cannot be lifted says that it melted, up to a voltage."""
+def melts_below(limit, radius=15e-6, **contacts):
+    """Return whether the row of a ball that cannot be lifted says that it melted.
+
+    Args:
+        limit: highest voltage that is tried [V].
+        radius: of the ball [m].
+        contacts: fields of `Contacts`.
+    """
     settings = GraspSettings(
         (str(radius),),
         (10.0,),
@@ -64,118 +75,128 @@ def melted(limit, radius=15e-6, **contacts):
         contacts=Contacts(**contacts),
     )
     case = cases(settings)[0]
-    listed = [
-        case._replace(trial=case.trial._replace(work_object_substrate=20 * WORK_OBJECT_SUBSTRATE)),
-    ]
-    row, *more = trial_rows(
-        settings,
-        listed,
-        run_trials([listed[0].trial], settings.protocol, gaps=settings.gaps),
-    )[1:]
-    assert (row.experiment, row.voltage, more) == ("grasp", None, [])
-    return row.melted
+    sticky_trial = case.trial._replace(work_object_substrate=20 * WORK_OBJECT_SUBSTRATE)
+    _, grasp = rows_of(settings, [case._replace(trial=sticky_trial)])
+    assert grasp.experiment == "grasp"
+    assert grasp.voltage is None
+    return grasp.melted
 
 
 def test_a_ball_melts_where_the_oxide_breaks_and_the_heat_suffices_in_the_time_of_contact(rows):
-    """15 um: at 70 V of the default oxide; at 40 V of a thinner one the heat takes 1 ms; a larger
-    ball takes longer."""
+    """The default oxide breaks at 70 V, and melts a ball of 15 um.
+
+    At 40 V, where a thinner oxide breaks, the heat takes 1 ms; a larger ball takes longer, too.
+    """
     assert not any(row.melted for row in rows)
-    assert [melted(limit) for limit in (69.75, 70.0)] == [False, True]
-    assert not melted(40.0, oxide=30e-9) and not melted(70.0, radius=20e-6)
+    assert not melts_below(69.75)
+    assert melts_below(70.0)
+    assert not melts_below(40.0, oxide=30e-9)
+    assert not melts_below(70.0, radius=20e-6)
 
 
 def test_a_ball_that_fell_before_its_release_has_none_and_did_not_melt():
-    """Its charge leaves it while it hangs: it is lifted, but falls before the ramp begins, whose
-    end is 120 V."""
+    """It is lifted, loses its charge while it hangs, and falls before the ramp up to 120 V."""
     settings = GraspSettings(("20e-6",), (10.0,), 1, gap=(5e-6, 6e-6), no_contact_gap=(1e-6,))
-    listed = cases(settings)
-    listed = [listed[0]._replace(trial=listed[0].trial._replace(work_tool_object=1e-6))]
-    outcomes = run_trials([listed[0].trial], settings.protocol, gaps=settings.gaps)
-    rows = trial_rows(settings, listed, outcomes)
-    assert [row.experiment for row in rows] == ["no_contact", "grasp"]
-    assert rows[1].voltage is not None and not rows[1].melted
+    case = cases(settings)[0]
+    loose_trial = case.trial._replace(work_tool_object=1e-6)
+    rows = rows_of(settings, [case._replace(trial=loose_trial)])
+    no_contact, grasp = rows
+    assert no_contact.experiment == "no_contact"
+    assert grasp.experiment == "grasp"
+    assert grasp.voltage is not None
+    assert not grasp.melted
     assert ("fell", "2 lifted balls before a release") in summary(settings, rows)
 
 
 def test_each_voltage_is_the_laws(rows):
-    """At each radius and humidity."""
+    """Voltages are at most a step above those of the laws; releases lag, as charges do."""
     for row in rows:
-        if row.voltage is not None:
-            late = (
-                0.06 * row.voltage if row.experiment == "release" else 0.0
-            )  # the charge follows the ramp
-            near = row.step_voltage + 0.1 + late
-            below = (
-                0.005 * row.voltage if row.experiment == "no_contact" else row.step_voltage + 0.1
-            )
-            assert row.quasi_static_voltage - below < row.voltage < row.quasi_static_voltage + near
+        if row.voltage is None:
+            continue
+        step = row.step_voltage + 0.1
+        lag = 0.06 * row.voltage if row.experiment == "release" else 0.0
+        most_below = 0.005 * row.voltage if row.experiment == "no_contact" else step
+        difference = row.voltage - row.quasi_static_voltage
+        assert -most_below < difference < step + lag
 
 
 def test_rows_state_limits_steps_and_what_the_laws_give(rows):
-    """By the works of adhesion of their trials; voltages rise by ramps but for those that lift,
-    which are tried."""
+    """The laws take the works of adhesion of each trial.
+
+    Voltages rise by ramps, except those that lift, which are tried one by one.
+    """
     ramp = 1e-6 * SETTINGS.protocol.ramp_rate
     for row in rows:
-        tool, plate = row.work_tool_object, row.work_object_substrate
-        *wanted, law = {
-            "no_contact": (
-                50.0,
-                ramp,
-                row.gap,
-                grasp_voltage(row.radius, 0.0, plate, row.gap or 1e-6),
-            ),
-            "grasp": (80.0, 0.25, 0.0, grasp_voltage(row.radius, tool, plate)),
-            "release": (120.0, ramp, 5e-6, release_voltage(row.radius, tool)),
-        }[row.experiment]
-        assert [row.limit_voltage, row.step_voltage, row.gap] == pytest.approx(wanted)
+        tool = row.work_tool_object
+        plate = row.work_object_substrate
+        if row.experiment == "no_contact":
+            expected = [50.0, ramp, row.gap]
+            law = grasp_voltage(row.radius, 0.0, plate, row.gap)
+        elif row.experiment == "grasp":
+            expected = [80.0, 0.25, 0.0]
+            law = grasp_voltage(row.radius, tool, plate)
+        else:
+            expected = [120.0, ramp, 5e-6]
+            law = release_voltage(row.radius, tool)
+        assert [row.limit_voltage, row.step_voltage, row.gap] == pytest.approx(expected)
         assert row.quasi_static_voltage == pytest.approx(float(law))
     assert {row.gap for row in rows if row.experiment == "no_contact"} == {0.5e-6, 1e-6}
 
 
 def test_measures_are_of_the_voltages_that_were_found(rows):
-    lifted = [row for row in rows if row.experiment == "grasp" and row.relative_humidity == 50][:3]
+    grasps = [row for row in rows if row.experiment == "grasp" and row.relative_humidity == 50]
+    lifted = grasps[:3]
+    not_lifted = lifted[0]._replace(voltage=None)
+    (measure,) = measures([*lifted, not_lifted])
+
     voltages = [row.voltage for row in lifted]
-    (found,) = measures([*lifted, lifted[0]._replace(voltage=None)])
-    shown = {
-        "mean": pytest.approx(np.mean(voltages)),
-        "least": min(voltages),
-        "most": max(voltages),
+    assert measure == {
+        "experiment": "grasp",
+        "gap": 0.0,
+        "relative_humidity": 50.0,
+        "trials": 4,
+        "with_voltage": 3,
+        "voltage": {
+            "mean": pytest.approx(np.mean(voltages)),
+            "least": min(voltages),
+            "most": max(voltages),
+        },
     }
-    about = {"experiment": "grasp", "gap": 0.0, "relative_humidity": 50.0}
-    assert found == about | {"trials": 4, "with_voltage": 3, "voltage": shown}
+
+
+def humidities_of(settings):
+    """Return the relative humidities of all trials [%]."""
+    return np.array([case.trial.relative_humidity for case in cases(settings)])
 
 
 def test_humidities_of_trials_spread_evenly_about_their_setting():
-    """Within 3 % of it, cut off at 0 %."""
+    """They are within 3 % of it, cut off at 0 %."""
     settings = GraspSettings(("20e-6",), (1.0, 10.0), repeats=400)
-    low, high = np.array([case.trial.relative_humidity for case in cases(settings)]).reshape(2, 400)
-    assert low.min() == 0 and low.max() < 4 and 0.2 < np.mean(low == 0) < 0.47
-    assert (
-        high.min() < 7.05
-        and high.max() > 12.95
-        and stats.kstest(high, stats.uniform(7, 6).cdf).pvalue > 0.01
-    )
-    assert {case.trial.relative_humidity for case in cases(replace(settings, rh_spread=0.0))} == {
-        1.0,
-        10.0,
-    }
+    about_1, about_10 = humidities_of(settings).reshape(2, 400)
+    assert about_1.min() == 0
+    assert about_1.max() < 4
+    assert 0.2 < np.mean(about_1 == 0) < 0.47
+
+    assert about_10.min() < 7.05
+    assert about_10.max() > 12.95
+    assert stats.kstest(about_10, stats.uniform(7, 6).cdf).pvalue > 0.01
+
+    without_spread = replace(settings, rh_spread=0.0)
+    assert set(humidities_of(without_spread)) == {1.0, 10.0}
 
 
 @pytest.mark.parametrize("spread", [0.0, 3.0, 10.0])
 def test_the_spread_of_the_humidity_is_a_part_of_the_calibrated_one(spread):
-    """At 10 % RH works have the calibrated mean and spread; the largest has its mean within 3
-    standard errors."""
-    drawn = [
-        case.trial for case in cases(GraspSettings(("20e-6",), (10.0,), 4000, rh_spread=spread))
-    ]
-    factor = np.array([humidity_factor(t.relative_humidity) for t in drawn])
+    """Works at 10 % RH have the calibrated mean, within 3 standard errors, and spread."""
+    count = 4000
+    settings = GraspSettings(("20e-6",), (10.0,), count, rh_spread=spread)
+    trials = [case.trial for case in cases(settings)]
+    factor = humidity_factor(humidities_of(settings))
     for name, median, variation in (
         ("work_tool_object", WORK_TOOL_OBJECT, 0.12),
         ("work_object_substrate", WORK_OBJECT_SUBSTRATE, 0.16),
     ):
-        works = factor * [getattr(t, name) for t in drawn]
-        assert works.mean() == pytest.approx(
-            median * (1 + variation**2) ** 0.5,
-            rel=3 * variation / 4000**0.5,
-        )
+        works = factor * [getattr(trial, name) for trial in trials]
+        mean = median * (1 + variation**2) ** 0.5  # of a log-normal distribution
+        assert works.mean() == pytest.approx(mean, rel=3 * variation / count**0.5)
         assert works.std() / works.mean() == pytest.approx(variation, rel=0.05)

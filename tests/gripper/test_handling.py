@@ -28,7 +28,7 @@ def holder_of(balls, ball=0):
 
 @pytest.mark.parametrize(("gap", "lifts"), [(0.19, True), (0.21, False)])
 def test_the_tool_reaches_a_fifth_of_a_millimetre(gap, lifts):
-    """In each direction; a ball out of reach is no failure."""
+    """It does in each direction; a ball out of reach is no failure."""
     for dx, dy in ((gap, 0), (-gap, 0), (0, gap), (0, -gap)):
         balls, failed = step(GRIPPER, lay((40 + TIP + dx, dy)), [(40, 0, 0)])
         assert (holder_of(balls) == 0) is lifts
@@ -63,11 +63,9 @@ def test_the_ball_hangs_at_the_tip():
     [
         ((0, 0, 0), True),
         ((EDGE - 0.5, 0, 180), True),
-        ((EDGE - 0.5, 0, 0), False),  # on the dump, but the tip is beside it
-        (
-            (EDGE + 0.5, 0, 180),
-            False,
-        ),  # the tip is over the dump, but the robot does not stand there
+        # The robot is on the dump, but the tip is beside it; and the other way round.
+        ((EDGE - 0.5, 0, 0), False),
+        ((EDGE + 0.5, 0, 180), False),
         ((40, 0, 0), False),
     ],
 )
@@ -94,7 +92,7 @@ def test_a_ball_that_falls_on_the_dump_is_delivered(robot, is_delivered):
 
 
 COORDINATES = st.sampled_from([-1.8, -0.9, 0.0, 0.9, 6.6, 7.5, 8.4])
-"""On the dump, at its edge, and a tip apart [mm]."""
+"""Coordinates on the dump and at its edge, a tip apart [mm]."""
 ROBOTS = st.tuples(COORDINATES, COORDINATES, st.sampled_from([0, 90, 180, 270]))
 STEPS = st.tuples(
     st.sampled_from([GRIPPER, GRIPPER, WEAK, STICKY]),
@@ -127,7 +125,7 @@ def picked_up(before, after):
 
 
 def check_each_ball_is_somewhere(balls):
-    """Each ball is held, delivered or lying; delivered ones are on the dump."""
+    """Check that each ball is held, delivered or lying, and that delivered ones are on the dump."""
     held = np.asarray(balls.is_held).astype(int)
     delivered = np.asarray(balls.is_delivered)
     lying = np.asarray(balls.is_lying)
@@ -136,7 +134,7 @@ def check_each_ball_is_somewhere(balls):
 
 
 def check_holders(balls, failed):
-    """Each robot holds one ball at most; none that holds one has failed."""
+    """Check that each robot holds one ball at most, and that none with a ball has failed."""
     holders = np.asarray(balls.holder)[np.asarray(balls.is_held)].tolist()
     assert len(holders) == len(set(holders))
     assert all(0 <= holder < N for holder in holders)
@@ -147,9 +145,11 @@ def check_holders(balls, failed):
 
 
 def check_changes(before, after, picks):
-    """Balls change hands, place and state only in the allowed ways."""
-    was_held, is_held = np.asarray(before.is_held), np.asarray(after.is_held)
-    was_delivered, is_delivered = np.asarray(before.is_delivered), np.asarray(after.is_delivered)
+    """Check that balls change hands, place and state only in the allowed ways."""
+    was_held = np.asarray(before.is_held)
+    is_held = np.asarray(after.is_held)
+    was_delivered = np.asarray(before.is_delivered)
+    is_delivered = np.asarray(after.is_delivered)
 
     # Only robots that pick up dust have picked up balls, and carriers keep theirs.
     assert np.array(picks)[np.asarray(after.holder)[picked_up(before, after)]].all()
@@ -161,8 +161,9 @@ def check_changes(before, after, picks):
     assert (was_held | ~is_delivered | was_delivered).all()
 
     # Balls that nobody held have not moved.
-    places_before, places_after = np.asarray(before.position), np.asarray(after.position)
-    np.testing.assert_array_equal(places_after[~was_held], places_before[~was_held])
+    places_before = np.asarray(before.position)[~was_held]
+    places_after = np.asarray(after.position)[~was_held]
+    np.testing.assert_array_equal(places_after, places_before)
 
     np.testing.assert_array_equal(after.carried_steps, before.carried_steps + is_held)
     np.testing.assert_array_equal(after.was_picked, np.asarray(before.was_picked) | is_held)

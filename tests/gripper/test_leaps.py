@@ -32,6 +32,7 @@ RELEASE_VOLTAGE = 60.0
 
 
 def bench_with_ball(gaps=HANGING):
+    """Return a bench on which a ball is at rest."""
     bench = SingleBench(TIMESTEP)
     bench.place(TRIAL, gaps)
     return bench
@@ -224,7 +225,7 @@ def test_trials_with_leaps_decide_as_those_without(monkeypatch):
 
 @pytest.mark.slow
 def test_two_thousand_trials_with_leaps_decide_as_those_without(monkeypatch):
-    """How long a ball bounces depends on the sixth digit of its radius; the mean does not."""
+    """The time that a ball bounces depends on the sixth digit of its radius; the mean does not."""
     same, duration_ratio, impact_ratio = compare_with_every_step(2000, 4, monkeypatch)
     print("same", same, "ratios of mean durations and impacts", duration_ratio, impact_ratio)
     assert same >= 0.998

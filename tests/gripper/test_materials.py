@@ -1,7 +1,7 @@
-"""Materials and tips of the bench: what they change, what a run says of them, and that result.json
-repeats it."""
+"""Materials and tips of the bench: their effects, and how a run reports and repeats them."""
 
 import json
+from contextlib import redirect_stdout
 from typing import get_args
 
 import numpy as np
@@ -18,6 +18,7 @@ from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.workflows.grasp_settings import EffectiveProperties, GraspSettings, cases
 
 SMALL = {"radius": ("20e-6",), "rh": (10.0,), "repeats": 2, "rh_spread": 0.0}
+"""Settings of two trials."""
 
 
 def test_each_name_is_a_material():
@@ -25,27 +26,28 @@ def test_each_name_is_a_material():
 
 
 def test_the_default_materials_are_the_fitted_ones():
-    used = GraspSettings().effective
-    fitted = detachment.WORK_TOOL_OBJECT, detachment.WORK_OBJECT_SUBSTRATE, detachment.BALL_DENSITY
-    assert used == EffectiveProperties(*fitted, Contacts()) and GraspSettings().beyond_the_fit == []
-    solder, aluminium, steel = (
-        materials.MATERIALS[name] for name in (materials.BALL, materials.TOOL, materials.PLATE)
+    contacts = Contacts()
+    assert GraspSettings().beyond_the_fit == []
+    assert GraspSettings().effective == EffectiveProperties(
+        detachment.WORK_TOOL_OBJECT,
+        detachment.WORK_OBJECT_SUBSTRATE,
+        detachment.BALL_DENSITY,
+        contacts,
     )
-    assert materials.reduced_modulus(solder, steel) == pytest.approx(
-        Contacts().plate_modulus, rel=5e-3
-    )
-    assert materials.reduced_modulus(solder, aluminium) == pytest.approx(
-        Contacts().probe_modulus, rel=5e-3
-    )
-    assert (
-        aluminium.breakdown == Contacts().breakdown
-        and solder.yield_pressure == Contacts().yield_pressure
-    )
+
+    solder = materials.MATERIALS[materials.BALL]
+    aluminium = materials.MATERIALS[materials.TOOL]
+    steel = materials.MATERIALS[materials.PLATE]
+    plate_modulus = materials.reduced_modulus(solder, steel)
+    probe_modulus = materials.reduced_modulus(solder, aluminium)
+    assert plate_modulus == pytest.approx(contacts.plate_modulus, rel=5e-3)
+    assert probe_modulus == pytest.approx(contacts.probe_modulus, rel=5e-3)
+    assert aluminium.breakdown == contacts.breakdown
+    assert solder.yield_pressure == contacts.yield_pressure
 
 
 def test_works_go_with_the_geometric_mean_of_the_surface_energies():
-    """Tin has 0.71 J/m^2, copper 1.79; a plate with 2.42 / 4 instead of those of steel holds half
-    as well."""
+    """Tin has 0.71 J/m^2, copper 1.79; a plate of a quarter of steel's 2.42 holds half as well."""
     used = GraspSettings(ball_material="copper", plate_material="0.605", **SMALL).effective
     ratio = np.sqrt(1.79 / 0.71)
     assert used.work_tool_object == pytest.approx(1.41e-3 * ratio)
@@ -56,90 +58,118 @@ def test_works_go_with_the_geometric_mean_of_the_surface_energies():
 
 
 def test_numbers_that_are_given_win():
-    given = {
-        "work_tool_object": 2e-3,
-        "ball_density": 5000.0,
-        "contacts": Contacts(yield_pressure=9e6, breakdown=2e9),
-    }
-    used = GraspSettings(
-        ball_material="copper", tool_material="silicon", **given, **SMALL
-    ).effective
-    assert (used.work_tool_object, used.ball_density) == (2e-3, 5000.0)
-    assert (used.contacts.yield_pressure, used.contacts.breakdown) == (9e6, 2e9)
+    settings = GraspSettings(
+        ball_material="copper",
+        tool_material="silicon",
+        work_tool_object=2e-3,
+        ball_density=5000.0,
+        contacts=Contacts(yield_pressure=9e6, breakdown=2e9),
+        **SMALL,
+    )
+    used = settings.effective
+    assert used.work_tool_object == 2e-3
+    assert used.ball_density == 5000.0
+    assert used.contacts.yield_pressure == 9e6
+    assert used.contacts.breakdown == 2e9
     assert used.work_object_substrate == pytest.approx(14.7e-3 * np.sqrt(1.79 / 0.71))
+
+
+def works_with(**surfaces):
+    """Return the works of adhesion of tool and plate with these surfaces."""
+    trial = cases(GraspSettings(**surfaces, **SMALL))[0].trial
+    return trial.work_tool_object, trial.work_object_substrate
 
 
 def test_each_contact_has_a_surface_of_its_own():
     rough = Surface(1e-9, 0.25e-6)
-    made = [
-        cases(GraspSettings(**own, **SMALL))[0].trial
-        for own in ({}, {"tool": rough}, {"plate": rough})
-    ]
-    (tool, plate), *others = (
-        (trial.work_tool_object, trial.work_object_substrate) for trial in made
-    )
-    lower = [float(effective_work(work, 20e-6, rough)) for work in (tool, plate)]
-    assert others == [(lower[0], plate), (tool, lower[1])] and lower[0] < tool
+    tool, plate = works_with()
+    rough_tool = float(effective_work(tool, 20e-6, rough))
+    rough_plate = float(effective_work(plate, 20e-6, rough))
+    assert rough_tool < tool
+    assert works_with(tool=rough) == (rough_tool, plate)
+    assert works_with(plate=rough) == (tool, rough_plate)
 
 
 @pytest.mark.parametrize("name", ["gould", "-1", "nan"])
-def test_what_is_no_material_is_refused(name):
+def test_unknown_materials_are_refused(name):
     with pytest.raises(ConfigError, match="tool_material must be solder, gold"):
         GraspSettings(tool_material=name)
 
 
 def test_a_round_tip_takes_the_voltages_of_the_laws():
-    """A tip as round as the ball: half of the adhesion, and twice the gap, as of spheres against a
-    plane."""
+    """A tip as round as the ball has half the adhesion and twice the gap, as two spheres have."""
     settings = GraspSettings(tip_curvature=20e-6, **SMALL)
+    flat_cases = cases(GraspSettings(**SMALL))
     rows = iswarm_mj.run_grasp(settings)
+    assert {row.experiment for row in rows} == {"grasp", "release"}
+
     for case in cases(settings):
-        here = {row.experiment: row for row in rows if row.repeat == case.repeat}
-        usual = cases(GraspSettings(**SMALL))[case.repeat].trial
-        tool, plate = usual.work_tool_object / 2, usual.work_object_substrate
-        lift = grasp_voltage(20e-6, tool, plate, 2 * detachment.CONTACT_GAP)
-        assert here["grasp"].voltage == pytest.approx(lift, abs=0.4)
-        assert here["release"].voltage == pytest.approx(release_voltage(20e-6, tool), rel=0.06)
-    assert "no_contact" not in {row.experiment for row in rows}
+        row_of = {row.experiment: row for row in rows if row.repeat == case.repeat}
+        flat = flat_cases[case.repeat].trial
+        tool = flat.work_tool_object / 2
+        lift = grasp_voltage(20e-6, tool, flat.work_object_substrate, 2 * detachment.CONTACT_GAP)
+        assert row_of["grasp"].voltage == pytest.approx(lift, abs=0.4)
+        assert row_of["release"].voltage == pytest.approx(release_voltage(20e-6, tool), rel=0.06)
 
 
-def test_a_run_says_what_is_not_as_in_the_fit_and_result_json_repeats_it(
-    tmp_path, monkeypatch, capfd
-):
-    monkeypatch.chdir(tmp_path)
-    flags = [
-        "--radius=12e-6",
-        "--rh=10",
-        "--repeats=1",
-        "--plate-material=silica",
-        "--tool.roughness=1e-9",
-        "--record",
-    ]
-    flags += ["--contacts.oxide=6e-8", "--protocol.hold-time=0.002", "--no-contact-gap=2e-6"]
-    assert code_of("grasp", *flags, "--out=one") == 0
-    said = capfd.readouterr().out
-    assert "warning" in said and "radius 12 to 12 um, not 15 to 25, plate_material silica" in said
-    result = json.loads((tmp_path / "one/result.json").read_text())
-    assert len(result["beyond_the_fit"]) == 2
-    assert {row["experiment"]: row["trials"] for row in result["measures"]}["grasp"] == 1
-    assert code_of("grasp", "--config=one/result.json", "--out=two") == 0
-    one, two = (tmp_path / name / "trials.csv" for name in ("one", "two"))
-    assert one.read_text() == two.read_text() and len(one.read_text().splitlines()) == 4
-    fields = {
-        field.name: field.metadata[b"unit"].decode()
-        for field in pyarrow.parquet.read_schema("one/trials.parquet")
-    }
-    assert (
-        fields["voltage"] == "V"
-        and fields["work_tool_object"] == "J/m^2"
-        and fields["experiment"] == ""
-    )
-    capfd.readouterr()
-    assert code_of("inspect", "one") == 0
-    said = capfd.readouterr().out
-    assert (
-        said.startswith("trials: 1 trials in 3 rows")
-        and "grasp  10 % RH: " in said
-        and "iswarm grasp --config one/result.json" in said
-    )
-    assert "is of iswarm grasp" in refused(capfd, tmp_path, "clean", "--config=one/result.json")
+BEYOND_THE_FIT = [
+    "--radius=12e-6",
+    "--rh=10",
+    "--repeats=1",
+    "--plate-material=silica",
+    "--tool.roughness=1e-9",
+    "--contacts.oxide=6e-8",
+    "--protocol.hold-time=0.002",
+    "--no-contact-gap=2e-6",
+    "--record",
+]
+"""Flags of a trial unlike those of the fit."""
+
+
+class TestRun:
+    """A run beyond the fit."""
+
+    @pytest.fixture(scope="class")
+    def here(self, tmp_path_factory):
+        """Directory in which the run is, with its output in `run.txt`."""
+        here = tmp_path_factory.mktemp("run")
+        with pytest.MonkeyPatch.context() as patch, (here / "run.txt").open("w") as file:
+            patch.chdir(here)
+            with redirect_stdout(file):
+                assert code_of("grasp", *BEYOND_THE_FIT, "--out=one") == 0
+        return here
+
+    def test_warns_of_what_is_not_as_in_the_fit(self, here):
+        output = (here / "run.txt").read_text()
+        assert "warning" in output
+        assert "radius 12 to 12 um, not 15 to 25, plate_material silica" in output
+        result = json.loads((here / "one/result.json").read_text())
+        assert len(result["beyond_the_fit"]) == 2
+        trials = {measure["experiment"]: measure["trials"] for measure in result["measures"]}
+        assert trials["grasp"] == 1
+
+    def test_is_repeated_from_its_result(self, here, monkeypatch):
+        monkeypatch.chdir(here)
+        assert code_of("grasp", "--config=one/result.json", "--out=two") == 0
+        table = (here / "one/trials.csv").read_text()
+        assert len(table.splitlines()) == 4
+        assert (here / "two/trials.csv").read_text() == table
+
+    def test_has_units_in_its_table(self, here):
+        schema = pyarrow.parquet.read_schema(here / "one/trials.parquet")
+        units = {field.name: field.metadata[b"unit"].decode() for field in schema}
+        assert units["voltage"] == "V"
+        assert units["work_tool_object"] == "J/m^2"
+        assert units["experiment"] == ""
+
+    def test_is_inspected(self, here, monkeypatch, capfd):
+        monkeypatch.chdir(here)
+        assert code_of("inspect", "one") == 0
+        output = capfd.readouterr().out
+        assert output.startswith("trials: 1 trials in 3 rows")
+        assert "grasp  10 % RH: " in output
+        assert "iswarm grasp --config one/result.json" in output
+
+    def test_is_no_run_of_another_command(self, here, monkeypatch, capfd):
+        monkeypatch.chdir(here)
+        assert "is of iswarm grasp" in refused(capfd, here, "clean", "--config=one/result.json")

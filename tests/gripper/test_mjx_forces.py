@@ -88,13 +88,14 @@ class Plugins:
 
     def electrostatic(self, *fields):
         """Return numbers of the electrostatic plugin."""
-        return [self._number("electrostatic", field) for field in fields]
+        return [self.number("electrostatic", field) for field in fields]
 
     def surfaces(self, field):
         """Return a number of each adhesion plugin."""
-        return np.array([self._number(instance, field) for instance in SURFACES])
+        return np.array([self.number(instance, field) for instance in SURFACES])
 
-    def _number(self, instance, field):
+    def number(self, instance, field):
+        """Return a number of an instance of a plugin."""
         return self.data.plugin_state[plugin.state_index(self.model, instance, field)]
 
 
@@ -145,7 +146,7 @@ def generalised(model, data, applied):
 
 
 def check_forces(force, plugins):
-    """Forces, gaps, voltages and capacitances are those of the plugins."""
+    """Check that forces, gaps, voltages and capacitances are those of the plugins."""
     largest = np.abs(plugins.data.qfrc_passive).max()
     force_error = 1e-4 * largest
     np.testing.assert_allclose(
@@ -166,22 +167,14 @@ def check_forces(force, plugins):
         atol=1e-3,
     )
     np.testing.assert_allclose(force.gaps, plugins.surfaces("gap"), rtol=1e-4, atol=1e-5)
-    np.testing.assert_allclose(
-        force.adhesion,
-        plugins.surfaces("force"),
-        rtol=1e-4,
-        atol=force_error,
-    )
-    np.testing.assert_allclose(
-        force.landing_speed,
-        plugins.surfaces("landing_speed"),
-        rtol=1e-4,
-        atol=0.01,
-    )
+    adhesion = plugins.surfaces("force")
+    np.testing.assert_allclose(force.adhesion, adhesion, rtol=1e-4, atol=force_error)
+    landing_speed = plugins.surfaces("landing_speed")
+    np.testing.assert_allclose(force.landing_speed, landing_speed, rtol=1e-4, atol=0.01)
 
 
 def check_state_after_step(state, plugins):
-    """The state for the next step is that of the plugins after a step."""
+    """Check that the state for the next step is that of the plugins after a step."""
     np.testing.assert_allclose(state.closing, plugins.surfaces("closing"), rtol=1e-4, atol=0.01)
     for name in ("charge", "broken", "potential"):
         (expected,) = plugins.electrostatic(name)
@@ -191,7 +184,7 @@ def check_state_after_step(state, plugins):
 
 @pytest.mark.parametrize("circuit", [{}, CIRCUIT])
 def test_forces_and_states_are_the_plugins(world, circuit):
-    """At random places, charges, humidities and voltages, below and above the breakdown.
+    """Places, charges, humidities and voltages are random, below and above the breakdown.
 
     Among them are balls that land, that are thrown back, and whose oxide breaks in a circuit.
     """
@@ -206,8 +199,11 @@ def test_forces_and_states_are_the_plugins(world, circuit):
             attributes[surface, name] = value
     forces = forces.having({place: jnp.float32(value) for place, value in attributes.items()})
 
-    landings, rebounds, breakdowns = set(), set(), set()
+    landings = set()
+    rebounds = set()
+    breakdowns = set()
     for _ in range(150):
+        # The same state in both.
         place_randomly(random, model, data)
         (potential,) = plugins.electrostatic("potential")
         state = random_state(random, forces, potential)
@@ -278,7 +274,10 @@ def test_the_contact_of_a_tool_beside_the_balls_axis_is_that_of_the_cylinder(wor
 
 @jax.jit
 def collide(model, data):
-    """Return the contacts that MJX finds, those far apart included."""
+    """Return the contacts that MJX finds, those far apart included.
+
+    MJX has no public place for them.
+    """
     return mjx.collision(model, mjx.kinematics(model, data))._impl.contact
 
 

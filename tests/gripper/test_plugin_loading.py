@@ -1,4 +1,4 @@
-"""The gripper's MuJoCo plugins: what they are told, and what is cached of them."""
+"""The gripper's MuJoCo plugins: their attributes, and the cache of their compiled callbacks."""
 
 import pickle
 from pathlib import Path
@@ -19,11 +19,12 @@ TEXT = BENCH.read_text(encoding="utf-8")
 
 @pytest.fixture
 def model():
+    """The bench."""
     return mujoco.MjModel.from_xml_path(str(BENCH))
 
 
 def enclosed(callback):
-    """Return what a callback has from the function that made it."""
+    """Return the values that a callback has from the function that made it."""
     return [cell.cell_contents for cell in callback.__wrapped__.__closure__ or ()]
 
 
@@ -74,8 +75,6 @@ def test_a_wrong_attribute_is_a_load_error_with_a_sentence(old, new, message):
 
 
 def test_unknown_state_fields_are_named(model):
-    with pytest.raises(
-        UserError,
-        match="no 'gaps' of 'adhesion_plate'; choose one of ball of adhesion_plate, ",
-    ):
+    message = "no 'gaps' of 'adhesion_plate'; choose one of ball of adhesion_plate, "
+    with pytest.raises(UserError, match=message):
         plugin.state_index(model, "adhesion_plate", "gaps")

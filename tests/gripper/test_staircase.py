@@ -23,7 +23,8 @@ class KnownBenches(MujocoBench):
         tried: voltages of the first bench, one after the other [V].
     """
 
-    timestep, steps = 1e-6, 0
+    timestep = 1e-6
+    steps = 0
 
     def __init__(self, *ranges, bounces=(), breaks=np.inf):
         """Set what happens at which voltage.
@@ -93,7 +94,7 @@ def test_the_highest_rung_is_within_the_limit(step, limit, highest):
 
 
 def test_a_lift_below_a_gap_is_found_below_it():
-    """Where a ball is not lifted higher up, bisection of all rungs finds one above the gap."""
+    """Bisection of all rungs would find one above the gap, where a higher one fails to lift."""
     benches = KnownBenches((28.2, 30.0), (28.2, np.inf), (3.3, 5.0))
     grasp = staircase(benches, Protocol(step_voltage=0.25, grasp_limit=80.0), 3)
     np.testing.assert_array_equal(grasp.voltage, [28.25, 28.25, 3.5])
@@ -108,6 +109,7 @@ def test_a_ball_that_comes_down_again_is_not_lifted():
 
 
 def ramp_without_contact(bench, protocol, count):
+    """Return the outcome of a ramp 1 um above the balls."""
     return no_contact(bench, protocol, 1e-6, count)
 
 
@@ -249,7 +251,7 @@ def test_the_last_touch_the_first_landing_and_rest_end_a_release():
     ],
 )
 def test_when_a_release_is_over(looks, settings, last_look, succeeds):
-    """At the last look, counted from 1, or not at all."""
+    """It is at the last look, counted from 1, or not at all."""
     progress = follow_release(*looks, **settings)
     is_over = [bool(each.is_over) for each in progress]
     if last_look is None:
@@ -261,7 +263,7 @@ def test_when_a_release_is_over(looks, settings, last_look, succeeds):
 
 
 def test_a_release_leaps_while_the_voltage_stays():
-    """Until its patience ends while the ball hangs, and while it bounces."""
+    """It leaps until its patience ends while the ball hangs, and while it bounces."""
     protocol = Protocol()
     assert leap_limits(protocol, RAMP, START, 0.04e-3) == (0.0, 0.0)
     assert leap_limits(protocol, RAMP, START, 0.06e-3) == pytest.approx((0.34e-3, 0.0))
