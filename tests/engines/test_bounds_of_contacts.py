@@ -19,7 +19,7 @@ HALF_BOX = 2.0
 
 
 def moved_by_all(config, poses, velocity, n_substeps):
-    """Motions of one world by MuJoCo in C and by both planar implementations."""
+    """Return motions of one world by MuJoCo in C and by both planar implementations."""
     poses = np.asarray(poses, float)[None]
     n_robots = poses.shape[1]
     arena = compile_arena(config, n_robots, np.zeros(0))
@@ -40,12 +40,13 @@ def test_pairs_are_found_again_before_they_can_touch(gap, n_steps):
     by_mujoco, *by_planar = moved_by_all(SMALL, poses, velocity, n_steps)
     for motion in by_planar:
         np.testing.assert_allclose(motion.bodies.poses, by_mujoco.bodies.poses, atol=1e-3)
-        assert motion.touching.any() and by_mujoco.touching.any()
+        assert motion.touching.any()
+        assert by_mujoco.touching.any()
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_corners_of_square_boxes_stop_robots(sign):
-    """At 45 degrees a box reaches farther than its edges are long."""
+    """A box at 45 degrees reaches farther than its edges are long."""
     box = 0.0, 4.5, HALF_BOX / RD, HALF_BOX / RD, sign * 45.0
     config = replace(SMALL, arena=replace(SMALL.arena, obstacles=(box,)))
     corner = np.sqrt(2) * HALF_BOX

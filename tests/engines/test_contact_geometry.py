@@ -43,7 +43,7 @@ class Scene:
         self.data = mujoco.MjData(self.model)
 
     def contacts(self, *poses):
-        """Rows x, y, distance of all contacts, sorted, and the normal of the first."""
+        """Return rows x, y, distance of all contacts, sorted, and the normal of the first."""
         self.data.qpos[:] = np.concatenate(poses)
         mujoco.mj_forward(self.model, self.data)
         rows = [rounded(*contact.pos[:2], contact.dist) for contact in self.data.contact]
@@ -52,12 +52,12 @@ class Scene:
 
 
 def rounded(x, y, distance):
-    """Numbers of a contact that sort alike whatever their last digits."""
+    """Return numbers of a contact that sort alike whatever their last digits."""
     return tuple(np.round((x, y, distance), 9))
 
 
 def at_both_rims(centre, points):
-    """Points that touch, once for each rim, from the world's origin, sorted.
+    """Return points that touch, once for each rim, from the world's origin, sorted.
 
     Args:
         centre: x and y from which points are seen.
@@ -71,14 +71,17 @@ def at_both_rims(centre, points):
 
 
 def rectangle(centre, yaw, half_edges):
-    """Rectangle with this yaw."""
+    """Return the rectangle with this yaw."""
     return Rectangle(*centre, np.cos(yaw), np.sin(yaw), *half_edges)
 
 
 @pytest.mark.parametrize("second_half_edges", [None, (2.5, 0.3)], ids=["alike", "different"])
 @shapes
 def test_rectangles_touch_where_mujoco_says(half_edges, second_half_edges):
-    """Every tenth pair is parallel."""
+    """Every tenth pair is parallel.
+
+    MuJoCo pushes boxes apart vertically that are deeper in each other than they are high.
+    """
     second_half_edges = second_half_edges or half_edges
     scene = Scene(half_edges, second_half_edges)
     rng = np.random.default_rng(1)
@@ -86,16 +89,16 @@ def test_rectangles_touch_where_mujoco_says(half_edges, second_half_edges):
     n_touching = 0
     for trial in range(3000):
         second = rng.uniform(-2.5, 2.5, 2)
-        yaw1, yaw2 = rng.uniform(-np.pi, np.pi, 2)
+        first_yaw, second_yaw = rng.uniform(-np.pi, np.pi, 2)
         if trial % 10 == 0:
-            yaw2 = yaw1 + rng.integers(4) * np.pi / 2
-        first_hull = rectangle(first, yaw1, half_edges)
-        second_hull = rectangle(second, yaw2, second_half_edges)
+            second_yaw = first_yaw + rng.integers(4) * np.pi / 2
+        first_hull = rectangle(first, first_yaw, half_edges)
+        second_hull = rectangle(second, second_yaw, second_half_edges)
         gap, _ = separation(first_hull, second_hull)
         if gap < -0.95:
-            continue  # deeper than the boxes are high, MuJoCo pushes them apart vertically
+            continue
 
-        expected, normal = scene.contacts([*first, yaw1], [*second, yaw2])
+        expected, normal = scene.contacts([*first, first_yaw], [*second, second_yaw])
         assert (gap < 0) == (len(expected) > 0)
         if gap < 0:
             n_touching += 1
@@ -116,6 +119,7 @@ def test_rectangles_touch_walls_where_mujoco_says(half_edges):
         is_turned = trial % 10 > 0
         yaw = rng.uniform(-np.pi, np.pi) if is_turned else rng.integers(4) * np.pi / 2
         hull = rectangle(centre, yaw, half_edges)
+
         _, _, *points = wall_contact(WALL_X - centre[0], -1.0, 0.0, hull)
         expected, _ = scene.contacts([*centre, yaw], far_away)
         np.testing.assert_allclose(at_both_rims(centre, points), expected, atol=1e-7)

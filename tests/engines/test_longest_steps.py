@@ -29,7 +29,7 @@ N_STEPS = 15
 FIRST, SECOND = np.triu_indices(N_ROBOTS, 1)
 """Robots of each pair."""
 HALF_ROBOT = 1.0
-WAYS = ["centre", "corner", "to and fro", "at random"]
+COURSES = ["centre", "corner", "to and fro", "at random"]
 
 LONGEST = DriveConfig(step_length=6 * LONGEST_STEP, max_turn=4 * LARGEST_TURN)
 FEWEST = DriveConfig(
@@ -38,15 +38,15 @@ FEWEST = DriveConfig(
     max_turn=LARGEST_TURN,
     turn_substeps=1,
 )
-QUICK = replace(LONGEST, control_period=0.1)
+SHORT_PERIOD = replace(LONGEST, control_period=0.1)
 
 
-def crowd_moves(drive, way, make_engine, n_steps=N_STEPS):
-    """Nearest pass of two centres in any physics step [mm], and all faults.
+def crowd_moves(drive, course, make_engine, n_steps=N_STEPS):
+    """Return the nearest pass of two centres in any physics step [mm], and all faults.
 
     Args:
         drive: all robots use its longest steps and largest turns.
-        way: the robots walk to the centre, to one corner, to and fro between random places, or
+        course: the robots walk to the centre, to one corner, to and fro between random places, or
             turn at random.
         make_engine: returns the engine of a configuration.
         n_steps: control steps.
@@ -66,11 +66,13 @@ def crowd_moves(drive, way, make_engine, n_steps=N_STEPS):
     nearest = np.inf
     faults = 0
     for step in range(n_steps):
-        if way == "at random":
+        if course == "at random":
             turn = rng.choice([-max_turn, max_turn], (1, N_ROBOTS))
         else:
             direction = (-1) ** (step // 5)
-            turn = turn_towards(poses, direction * np.asarray(places[way]), max_turn)
+            turn = turn_towards(poses, direction * np.asarray(places[course]), max_turn)
+
+        # Look at each physics step.
         for phase in drive_phases(drive, Command(turn, forward)):
             velocity = phase.velocity(poses)
             for _ in range(phase.n_substeps):
@@ -85,7 +87,7 @@ def crowd_moves(drive, way, make_engine, n_steps=N_STEPS):
 
 
 def turn_towards(poses, place, max_turn):
-    """Turns of robots towards a place, up to the largest turn [rad]."""
+    """Return turns of robots towards a place, up to the largest turn [rad]."""
     offset = place - poses[..., :2]
     angle = np.arctan2(offset[..., 1], offset[..., 0]) - poses[..., 2]
     wrapped = (angle + np.pi) % (2 * np.pi) - np.pi
@@ -93,7 +95,7 @@ def turn_towards(poses, place, max_turn):
 
 
 def nearest_pass(before, after):
-    """Smallest distance of two centres on straight paths between poses (B, N, 3) [mm]."""
+    """Return the smallest distance of two centres on straight paths between poses [mm]."""
     start = before[:, FIRST, :2] - before[:, SECOND, :2]
     end = after[:, FIRST, :2] - after[:, SECOND, :2]
     path = end - start
@@ -103,7 +105,7 @@ def nearest_pass(before, after):
 
 
 def random_drive(rng):
-    """A drive anywhere in its ranges.
+    """Return a drive anywhere in its ranges.
 
     Where it moves too far in a physics step, the error states how many physics steps it needs.
     """
@@ -126,10 +128,12 @@ def random_drive(rng):
 
 
 def planar(config):
+    """Return the planar engine of a configuration."""
     return PlanarEngine(config, compile_arena(config, 1, np.zeros(0)), 1)
 
 
 def mujoco(config):
+    """Return MuJoCo in C of a configuration."""
     return MujocoEngine(config, compile_arena(config, N_ROBOTS, np.zeros(0)), 1, 1, N_ROBOTS)
 
 
@@ -138,25 +142,32 @@ SEEDS = [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 60
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_robots_keep_their_sides_anywhere_in_the_ranges(seed):
-    """Drives, and ways of robots, are drawn; every third time MuJoCo in C moves them, too."""
+    """Drives and courses of robots are random; every third time MuJoCo in C moves them, too."""
     rng = np.random.default_rng(seed)
     drive = random_drive(rng)
-    way = WAYS[rng.integers(4)]
+    course = COURSES[rng.integers(4)]
     for make_engine in (planar, mujoco) if seed % 3 == 0 else (planar,):
-        nearest, faults = crowd_moves(drive, way, make_engine, 6)
-        assert nearest > HALF_ROBOT and faults == 0, drive
+        nearest, faults = crowd_moves(drive, course, make_engine, 6)
+        assert nearest > HALF_ROBOT, drive
+        assert faults == 0, drive
 
 
 @pytest.mark.parametrize(
-    ("drive", "way"),
-    [(LONGEST, "centre"), (LONGEST, "corner"), (FEWEST, "to and fro"), (QUICK, "at random")],
-    ids=["longest to the centre", "longest to a corner", "fewest", "quick"],
+    ("drive", "course"),
+    [
+        pytest.param(LONGEST, "centre", id="longest to the centre"),
+        pytest.param(LONGEST, "corner", id="longest to a corner"),
+        pytest.param(FEWEST, "to and fro", id="fewest"),
+        pytest.param(SHORT_PERIOD, "at random", id="short period"),
+    ],
 )
-def test_planar_robots_keep_their_sides(drive, way):
-    nearest, faults = crowd_moves(drive, way, planar)
-    assert nearest > HALF_ROBOT and faults == 0
+def test_planar_robots_keep_their_sides(drive, course):
+    nearest, faults = crowd_moves(drive, course, planar)
+    assert nearest > HALF_ROBOT
+    assert faults == 0
 
 
 def test_robots_of_mujoco_keep_their_sides():
     nearest, faults = crowd_moves(LONGEST, "centre", mujoco, 6)
-    assert nearest > HALF_ROBOT and faults == 0
+    assert nearest > HALF_ROBOT
+    assert faults == 0

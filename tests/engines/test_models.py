@@ -17,18 +17,18 @@ MODELS = Path(__file__).resolve().parents[2] / "models"
 RD = 2 * np.sqrt(2.0)
 """Robot diameter [mm]."""
 GRAVITY = 9810
-"""[mm/s^2]"""
+"""Acceleration of gravity [mm/s^2]."""
 OUTWARD = np.array([[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], dtype=float)
 """Outward normals of the walls, 0 to 3."""
 
 
 def load(name: str) -> mujoco.MjModel:
-    """Model of a file."""
+    """Return the model of a file."""
     return mujoco.MjModel.from_xml_path(str(MODELS / name))
 
 
 def forwarded(name: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """Model of a file, with positions of its parts in the world."""
+    """Return the model of a file, with positions of its parts in the world."""
     model = load(name)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -98,12 +98,12 @@ class TestRobot:
 
 
 def texts_in(directory: Path) -> dict[str, str]:
-    """Contents of the files in a directory, by name."""
+    """Return contents of the files in a directory, by name."""
     return {path.name: path.read_text() for path in directory.iterdir()}
 
 
 def trajectory(model: mujoco.MjModel) -> np.ndarray:
-    """Positions and velocities in ten steps under a constant force."""
+    """Return positions and velocities in ten steps under a constant force."""
     data = mujoco.MjData(model)
     data.qfrc_applied[:3] = [250.0, -80.0, 60.0]
     rows = []
@@ -117,7 +117,8 @@ def test_stripping_the_visual_parts_leaves_the_dynamics():
     full = load("robot.xml")
     spec = mujoco.MjSpec.from_file(str(MODELS / "robot.xml"))
     stripped = without_visual(spec).compile()
-    assert stripped.ngeom == 1 and stripped.nsite == full.nsite == 13
+    assert stripped.ngeom == 1
+    assert stripped.nsite == full.nsite == 13
     np.testing.assert_array_equal(trajectory(stripped), trajectory(full))
 
 
@@ -147,7 +148,7 @@ class TestArena:
 
     def test_has_cameras_light_and_a_large_framebuffer(self):
         model = load("arena.xml")
-        assert model.camera("above").name and model.camera("oblique").name
+        assert {model.camera(index).name for index in range(model.ncam)} == {"above", "oblique"}
         assert model.nlight == 1
         assert min(model.vis.global_.offwidth, model.vis.global_.offheight) >= 1280
 
@@ -155,25 +156,24 @@ class TestArena:
 def test_floor_markings_balls_and_cameras_follow_the_configuration():
     """An arena four times as long as wide, off the middle; the file's is a square of 49 rd."""
     corners = ((-4.0, -4.0), (6.0, -4.0), (6.0, 36.0), (-4.0, 36.0))
-    config = replace(
-        SMALL,
-        arena=replace(
-            SMALL.arena,
-            size=49.0,
-            outline=corners,
-            dust_area_size=1.5,
-            dust_area_offset=2.6,
-        ),
+    long_arena = replace(
+        SMALL.arena,
+        size=49.0,
+        outline=corners,
+        dust_area_size=1.5,
+        dust_area_offset=2.6,
     )
+    config = replace(SMALL, arena=long_arena)
     ball_radius = np.array([20e-6, 30e-6])
     arena = compile_arena(config, 1, ball_radius)
     model = arena.model
 
+    # The floor has cells of 1 rd, two by two in a picture.
     floor = model.geom("floor")
-    lowest, highest = np.array(corners[0]), np.array(corners[2])
-    np.testing.assert_allclose(floor.pos[:2] - floor.size[:2], RD * lowest)
-    np.testing.assert_allclose(floor.pos[:2] + floor.size[:2], RD * highest)
-    # Cells of 1 rd, two by two in a picture.
+    south_west = RD * np.array(corners[0])
+    north_east = RD * np.array(corners[2])
+    np.testing.assert_allclose(floor.pos[:2] - floor.size[:2], south_west)
+    np.testing.assert_allclose(floor.pos[:2] + floor.size[:2], north_east)
     np.testing.assert_allclose(model.material("floor").texrepeat, [5, 20])
 
     np.testing.assert_allclose(model.geom("dump").size[:2], 1.5 * RD)
@@ -205,6 +205,7 @@ def test_panels_of_a_small_arena_stand_behind_its_walls():
         along_wall = np.abs(outward[[1, 0, 2]])
         rotation = np.zeros(9)
         mujoco.mju_quat2Mat(rotation, panel.quat)
+
         assert model.geom(f"wall{k}").pos @ outward == pytest.approx(edge)
         assert panel.pos @ outward - half_thickness == pytest.approx(edge)
         np.testing.assert_allclose(rotation.reshape(3, 3)[:, 0], outward, atol=1e-12)

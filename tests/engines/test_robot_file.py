@@ -23,7 +23,7 @@ PAPER = (models_directory() / "robot.xml").read_text()
 
 
 def write_file(directory, text):
-    """Path of a robot's file with this text."""
+    """Return the path of a robot's file with this text."""
     path = directory / "my_robot.xml"
     path.write_text(text)
     return path
@@ -31,7 +31,8 @@ def write_file(directory, text):
 
 def test_a_robot_with_six_sides(tmp_path):
     robot = read_robot(robot_file(tmp_path, "six"))
-    assert robot.half_edges == (1.2, 0.8, 0.5) and robot.probe_tip == (1.1, 0.1)
+    assert robot.half_edges == (1.2, 0.8, 0.5)
+    assert robot.probe_tip == (1.1, 0.1)
 
     directions = np.exp(1j * np.radians(np.arange(0, 360, 60)))
     for axes in (robot.sides.leds, robot.sides.photodiodes):
@@ -55,7 +56,8 @@ def test_leds_and_photodiodes_of_one_side_may_look_differently(tmp_path):
 
 
 def test_sides_of_the_papers_robot_are_exact():
-    assert read_robot().sides == PAPER_SIDES and PAPER_SIDES.is_regular
+    assert read_robot().sides == PAPER_SIDES
+    assert PAPER_SIDES.is_regular
     assert PAPER_SIDES.bearings == tuple(k * (np.pi / 2) for k in range(4))
     assert PAPER_SIDES.front == PAPER_SIDES.front_leds == (True, False, False, False)
     assert PAPER_SIDES.back_leds == (False, False, True, False)
@@ -114,12 +116,12 @@ NINE_SIDES = around(HALF, range(0, 360, 40), apart=0.01)
 
 
 def without(kind, name):
-    """The paper's file in which the element of this name has another one."""
+    """Return the paper's file in which the element of this name has another one."""
     return PAPER.replace(f'<{kind} name="{name}"', f'<{kind} name="another"')
 
 
 def changed(old, new):
-    """The paper's file with a text replaced."""
+    """Return the paper's file with a text replaced."""
     assert old in PAPER
     return PAPER.replace(old, new)
 
@@ -203,12 +205,12 @@ def test_robots_that_cannot_be_simulated_are_refused_in_a_sentence(tmp_path, tex
 
 
 def appended(section):
-    """The paper's file with one more section at its end."""
+    """Return the paper's file with one more section at its end."""
     return changed("</mujoco>", section + "</mujoco>")
 
 
 def joint_x(attributes):
-    """The paper's file with these attributes of the joint x."""
+    """Return the paper's file with these attributes of the joint x."""
     return changed(JOINT_X, f"{JOINT_X} {attributes}")
 
 
@@ -233,21 +235,22 @@ def test_parts_that_no_engine_simulates_are_refused_by_name(tmp_path, text, part
     path = write_file(tmp_path, text)
     with pytest.raises(UserError, match=f"has {part}; .* remove") as refused:
         compile_arena(SwarmConfig(), 2, np.zeros(0), robot_file=path)
-    assert str(path) in str(refused.value) and "\n" not in str(refused.value)
+    assert str(path) in str(refused.value)
+    assert "\n" not in str(refused.value)
 
 
 def before_body(element):
-    """The paper's file with an element before the robot's body."""
+    """Return the paper's file with an element before the robot's body."""
     return changed('<body name="robot"', element + '<body name="robot"')
 
 
 def in_assets(element):
-    """The paper's file with an element among its assets."""
+    """Return the paper's file with an element among its assets."""
     return changed("<asset>", "<asset>" + element)
 
 
 def with_texture(size):
-    """The paper's file with a texture of this size."""
+    """Return the paper's file with a texture of this size."""
     return in_assets(f'<texture name="t" type="2d" builtin="flat" {size}/>')
 
 
@@ -275,7 +278,8 @@ def test_small_files_of_huge_robots_are_refused_before_parsing(tmp_path, monkeyp
     message = f"{name}.* line [0-9]+[ ;].*: (write the parts out|lower it)"
     with pytest.raises(UserError, match=message) as refused:
         read_robot(path)
-    assert str(path) in str(refused.value) and "\n" not in str(refused.value)
+    assert str(path) in str(refused.value)
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("asset", ['texture name="t" type="2d"', 'mesh name="m"', 'skin name="s"'])
@@ -303,7 +307,7 @@ def test_a_file_that_mujoco_warns_of_leaves_no_log(tmp_path, monkeypatch):
 
 
 def arena_of_flat_robots(directory, height):
-    """Arena of robots of this height, whose probe's tip is where it is in the paper's robot."""
+    """Return the arena of robots of this height, whose tip is where the paper's robot has it."""
     tip = 0.055 - height / 2  # from the middle of the hull [mm]
     text = robot_xml(HALF, ROBOTS["three"], height=height)
     text = text.replace('pos="0.9 0.0 -0.445"', f'pos="0.9 0 {tip}"')

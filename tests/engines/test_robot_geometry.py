@@ -95,7 +95,7 @@ def test_walls_are_seen_from_the_leds(sense):
     left = 1 + WALL_RANGE
 
     def sees_wall(distance):
-        """Walls that two robots see, each with an LED this much closer to a wall than its range."""
+        """Return walls that two robots see, whose LEDs are this much inside their range."""
         poses = place((EDGE - ahead + distance, 0, 0), (0, EDGE - left + distance, 0), ASIDE)
         return sense(poses).sees_wall[0, :2]
 
@@ -110,15 +110,16 @@ def test_power_depends_on_the_path_from_led_to_photodiodes(file, xp):
     This is 4 mm ahead of the receiver's photodiodes and 0.4 mm to their right.
     """
     zero = xp.zeros(1)
-    one = xp.ones(1)
+    ones = xp.ones(1)
     reception = receive(
-        dx=5 * one,
+        dx=5 * ones,
         dy=zero,
-        receiver=(one, zero),
-        sender=(-one, zero),
+        receiver=(ones, zero),
+        sender=(-ones, zero),
         robot=read_robot(file),
         optics=OpticsConfig(mode="power"),
     )
+
     length = np.hypot(4, 0.4)
     cos = 4 / length
     order = np.log(0.5) / np.log(np.cos(np.radians(30)))

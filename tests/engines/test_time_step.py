@@ -7,8 +7,9 @@ from iswarm_mj.config.swarm import DriveConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 
 MASS = 10.0
+"""Mass of the paper's robot [mg]."""
 YAW_INERTIA = 20 / 3
-"""Of the paper's robot [mg, mg mm^2]."""
+"""Yaw inertia of the paper's robot [mg mm^2]."""
 
 
 @pytest.mark.parametrize("refinement", [1, 7])

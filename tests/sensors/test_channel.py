@@ -30,7 +30,7 @@ unpack_here = jax.jit(PAYLOAD.unpack)
 
 
 def clean_but(**errors):
-    """Optics without noise, but for these errors."""
+    """Return optics without noise, but for these errors."""
     no_noise = {
         "error_distance_measure": 0.0,
         "error_in_communication": 0.0,
@@ -43,7 +43,7 @@ CLEAN = clean_but()
 
 
 def random_content(n_robots, seed=0):
-    """Values that robots send in the paper's strategy."""
+    """Return values that robots send in the paper's strategy."""
     rng = np.random.default_rng(seed)
 
     def memory():
@@ -55,7 +55,7 @@ def random_content(n_robots, seed=0):
 
 
 def random_links(n_robots, seed=0):
-    """Links of each side to a random LED, of which seven in ten are valid."""
+    """Return links of each side to a random LED, of which seven in ten are valid."""
     rng = np.random.default_rng([seed, 1])
     shape = (n_robots, N_LEDS)
     sender = rng.integers(0, n_robots, shape)
@@ -65,19 +65,19 @@ def random_links(n_robots, seed=0):
 
 
 def links_to(sender, led, valid, distance):
-    """Links without a bearing."""
+    """Return links without a bearing."""
     bearing = np.zeros_like(distance)
     return Links(sender, valid, led, bearing, np.float32(distance))
 
 
 def links_to_first_robot(distance):
-    """Valid links of all sides (N, 4) to the first LED of the first robot."""
+    """Return the valid links of all sides (N, 4) to the first LED of the first robot."""
     zeros = np.zeros(np.shape(distance), int)
     return links_to(zeros, zeros, np.ones(np.shape(distance), bool), distance)
 
 
 def send(optics, content, links, seed=0):
-    """Result of an exchange of the paper's messages."""
+    """Return the result of an exchange of the paper's messages."""
     conditions = conditions_of(SwarmConfig(optics=optics))
     return exchange_here(conditions, PAYLOAD, content, links, jax.random.key(seed))
 
@@ -100,14 +100,14 @@ def test_without_noise_everything_arrives_as_packed():
 
 
 def share_lost(optics, seed=1):
-    """Share of 1e5 messages that do not arrive."""
+    """Return the share of 1e5 messages that do not arrive."""
     links = links_to_first_robot(np.full((N_ROBOTS, N_LEDS), 5.0))
     received = send(optics, random_content(2), links, seed)
     return 1 - np.asarray(received.is_heard).mean()
 
 
 def is_close(share, expected):
-    """Whether a share of all messages is within the noise of its expectation."""
+    """Return whether a share of all messages is within the noise of its expectation."""
     deviation = np.sqrt(expected * (1 - expected) / N_MESSAGES)
     return abs(share - expected) < SIGMAS * deviation
 
@@ -181,7 +181,8 @@ def test_messages_that_name_a_missing_led_are_not_heard(n_leds):
         jax.random.key(6),
     )
     led = np.asarray(received.message.led)
-    assert (led >= n_leds).any() and (led == n_leds - 1).any()
+    assert (led >= n_leds).any()
+    assert (led == n_leds - 1).any()
     np.testing.assert_array_equal(received.is_heard, led < n_leds)
 
 
@@ -195,7 +196,8 @@ def test_distances_are_measured_to_ten_percent():
     near = error[: N_ROBOTS // 2]
     far = error[N_ROBOTS // 2 :]
     assert abs(error.mean()) < limit
-    assert abs(near.std() - 0.1) < limit and abs(far.std() - 0.1) < limit
+    assert abs(near.std() - 0.1) < limit
+    assert abs(far.std() - 0.1) < limit
     assert abs(np.corrcoef(error.T) - np.eye(N_LEDS)).max() < 0.03
 
 

@@ -23,12 +23,12 @@ UNDETECTED_PAIRS = {"parity": 496, "crc-3/gsm": 58, "crc-4/interlaken": 19, "crc
 
 
 def bits_of_bytes(content):
-    """Bits of bytes, the highest of each first."""
+    """Return bits of bytes, the highest of each first."""
     return [byte >> bit & 1 for byte in content for bit in reversed(range(8))]
 
 
 def bits_of_word(word, n_bits):
-    """Bits of a number, the highest first."""
+    """Return bits of a number, the highest first."""
     return [word >> bit & 1 for bit in reversed(range(n_bits))]
 
 

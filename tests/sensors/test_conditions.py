@@ -25,7 +25,7 @@ SETTINGS = [
 
 
 def another_value(value):
-    """An allowed value of a setting that is not its default."""
+    """Return an allowed value of a setting that is not its default."""
     if isinstance(value, bool):
         return not value
     return value - 0.5 if value == 1 else value + 0.5
@@ -50,7 +50,7 @@ def test_each_condition_is_the_setting_of_its_name(group, name):
 
 
 def test_all_that_may_differ_between_worlds_reaches_them_once():
-    """As a condition, in the arena, by the rules, or by what a task lays out."""
+    """They are conditions, or in the arena, the rules, or the layout of a task."""
     arrays = [*Conditions._fields, *Arena._fields, *Rules._fields, *READ_BY_LAYOUTS]
     assert len(set(arrays)) == len(arrays)
     assert len(SETTINGS) == len(Conditions._fields) >= 12

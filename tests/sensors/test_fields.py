@@ -26,9 +26,10 @@ FIELDS = (
 
 
 def there_and_back(field, values):
-    """Values of the codes of values."""
+    """Return the values that codes of values stand for."""
     codes = field.encode(values)
-    assert codes.dtype == jnp.uint32 and (np.asarray(codes) < 2**field.bits).all()
+    assert codes.dtype == jnp.uint32
+    assert (np.asarray(codes) < 2**field.bits).all()
     return field.decode(codes)
 
 
@@ -44,11 +45,13 @@ def test_values_keep_their_shapes_and_types_by_jax_and_numpy(field):
 
 @pytest.mark.parametrize("field", FIELDS, ids=str)
 def test_every_code_comes_back(field):
-    """Except of vectors that are none, or so short that they have no bearing."""
+    """Those of unknown vectors, and of ones too short to have a bearing, do not."""
     codes = np.unique(np.linspace(0, 2**field.bits - 1, 600).astype(np.uint32))
     if isinstance(field, Vector):
         codes = codes[np.asarray(field.decode(codes).vector).any(axis=-1)]
-        n_bearings, n_ranges, n_hops = 8, 15, 3
+        n_bearings = 8
+        n_ranges = 15
+        n_hops = 3
         assert len(codes) == n_bearings * n_ranges * n_hops
     np.testing.assert_array_equal(field.encode(field.decode(jnp.asarray(codes))), codes)
 

@@ -25,7 +25,7 @@ def sense_here(poses, probe, balls, is_lying):
 
 
 def view(poses, balls, is_lying=None):
-    """The floor as robots at these poses sense it."""
+    """Return the floor as robots at these poses sense it."""
     balls = np.asarray(balls, float).reshape(-1, 2)
     is_lying = np.ones(len(balls), bool) if is_lying is None else np.asarray(is_lying)
     return sense_here(poses, PROBE, balls, is_lying)
@@ -81,7 +81,8 @@ def test_the_nearest_ball_that_lies_is_sensed():
 
 def test_no_dust_where_no_ball_lies():
     floor = view(place((0, 0, 0)), [(0.1, 0.1)], is_lying=[False])
-    assert not floor.at_dust[0] and not floor.ball_vector.any()
+    assert not floor.at_dust[0]
+    assert not floor.ball_vector.any()
 
 
 @pytest.mark.parametrize("sign", [-1, 1])

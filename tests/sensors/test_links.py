@@ -41,11 +41,12 @@ DARK = 45
 
 @cache
 def arena(n_robots):
+    """Return the paper's arena, compiled."""
     return compile_arena(SwarmConfig(), n_robots, np.zeros(0))
 
 
 def scene_at(poses, optics=OPTICS):
-    """Geoms that rays meet in worlds with robots at (B, N, 3)."""
+    """Return geoms that rays meet in worlds with robots at (B, N, 3)."""
     model = arena(poses.shape[1])
     batch = Batch(model.model, len(poses), 1)
     batch.bind("qpos")[:, model.qpos] = poses
@@ -54,30 +55,30 @@ def scene_at(poses, optics=OPTICS):
 
 
 def by_geometry(poses, optics=OPTICS):
-    """Links with exact squares in the way."""
+    """Return links with exact squares in the way."""
     return find_links(poses, ROBOT, optics, squares_in_the_way(poses))
 
 
 def by_rays(poses, optics=OPTICS):
-    """Links by MuJoCo's rays."""
+    """Return links by MuJoCo's rays."""
     everyone = np.ones(poses.shape[:2], bool)
     no_boxes = np.zeros((len(poses), 0, 3))
     return sense(scene_at(poses, optics), poses, no_boxes, everyone, everyone).links
 
 
 def by_numba(poses, optics=OPTICS):
-    """Links of the planar engine for CPUs."""
+    """Return links of the planar engine for CPUs."""
     return links_of(PlanarEngine(SwarmConfig(optics=optics), arena(1), 1), poses)
 
 
 def by_warp(poses, optics=OPTICS):
-    """Links of the planar engine for batches."""
+    """Return links of the planar engine for batches."""
     engine = read_engine(arena(1), SwarmConfig(optics=optics), jax.default_backend())
     return Links(*map(np.asarray, links_of(engine, poses)))
 
 
 def links_of(engine, poses):
-    """Links that an engine finds in worlds with robots at (B, N, 3), which all emit."""
+    """Return links that an engine finds in worlds with robots at (B, N, 3), which all emit."""
     emits = np.ones(poses.shape[:2], bool)
     return engine.sense(placed(engine, poses), emits, np.ones(len(poses), bool)).links
 
@@ -86,7 +87,7 @@ all_sights = pytest.mark.parametrize("sight", [by_geometry, by_rays, by_numba, b
 
 
 def heard(links, world=0):
-    """Sender and LED that each side of a world hears, by receiver and side."""
+    """Return the sender and LED that each side of a world hears, by receiver and side."""
     pairs = {}
     for receiver, side in np.argwhere(links.valid[world]).tolist():
         sender = int(links.sender[world, receiver, side])
@@ -101,7 +102,7 @@ def assert_same(first, second):
 
 
 def facing_origin(degrees, distance):
-    """Row of a robot at this bearing of the origin that looks back there."""
+    """Return the row of a robot at this bearing of the origin that looks back there."""
     angle = np.radians(degrees)
     return distance * np.cos(angle), distance * np.sin(angle), degrees + 180
 
@@ -209,13 +210,14 @@ def test_circles_and_the_search_decide_as_rays_would(robot):
 
 @pytest.mark.parametrize("mode", ["sector", "power"])
 def test_light_goes_from_the_leds_of_one_kind_to_the_photodiodes_of_another(mode):
-    """As between robots of one kind that has these."""
+    """It does as between robots of one kind that has these LEDs and photodiodes."""
     n_worlds = 1500
     poses = thirds_in_the_way(np.random.default_rng(4), n_worlds, 0.6 * RADIUS, 2**0.5)
     optics = OpticsConfig(mode=mode)
     reaches = squares_in_the_way(poses)
     sends = np.tile([True, True, False], (n_worlds, 1))
     mixed = find_links(poses, Mixed((ROBOT, SHIFTED), (0, 1)), optics, reaches, sends)
+
     for receiver, (kind, other_kind) in enumerate([(ROBOT, SHIFTED), (SHIFTED, ROBOT)]):
         robot = replace(kind, leds=other_kind.leds)
         links = find_links(poses, robot, optics, reaches, sends)
@@ -227,7 +229,8 @@ def test_light_goes_from_the_leds_of_one_kind_to_the_photodiodes_of_another(mode
 @all_sights
 def test_a_robot_alone_hears_nobody(sight):
     links = sight(np.zeros((1, 1, 3)))
-    assert links.valid.shape == (1, 1, 4) and not links.valid.any()
+    assert links.valid.shape == (1, 1, 4)
+    assert not links.valid.any()
 
 
 @all_sights
@@ -239,7 +242,10 @@ def test_the_range_ends_at_the_radius(sight):
 
 
 def test_rays_end_at_the_led():
-    """In worlds in any order: to the sender's hull, short of it, past it, and through a third."""
+    """Rays go to the sender's hull, short of it, past it, and through a third robot.
+
+    Worlds are in any order.
+    """
     third_aside = place((0, 0, 0), (8, 0, 180), (4, 5, 0), (4, 9, 0))
     third_between = place((0, 0, 0), (8, 0, 180), (4, 0, 0), (4, 9, 0))
     reached = scene_at(np.stack([third_aside, third_between])).reaches(
@@ -268,7 +274,9 @@ def test_crowds_link_as_if_every_pair_was_decided_by_a_ray(density, edge):
         sender, led, passed_over = all_links(poses, reaches)
         np.testing.assert_array_equal(np.where(valid, links.sender[0], -1), sender)
         np.testing.assert_array_equal(np.where(valid, links.led[0], -1), led)
-    assert valid.sum() > 80 and passed_over > 0 and sum(n_asked) > 0
+    assert valid.sum() > 80
+    assert passed_over > 0
+    assert sum(n_asked) > 0
 
 
 @pytest.mark.parametrize("mode", ["sector", "power"])
@@ -327,7 +335,8 @@ def test_who_shines_brightest_is_heard_not_who_is_nearest():
 
 
 def test_neighbours_are_all_pairs_within_the_radius_by_robot():
-    n_worlds, n_robots = 2, 30
+    n_worlds = 2
+    n_robots = 30
     radius = 6.0
     xy = np.random.default_rng(11).uniform(0, 20, (n_worlds, n_robots, 2))
     around = find_neighbours(xy, radius)

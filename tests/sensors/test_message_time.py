@@ -32,17 +32,17 @@ understood_here = jax.jit(understood_links, static_argnums=0)
 
 @partial(jax.jit, static_argnums=0)
 def understood_of_many(optics, links, first_slots):
-    """Links that robots understand with each of several sets of first slots."""
+    """Return links that robots understand with each of several sets of first slots."""
     return jax.vmap(partial(understood_links, optics, links))(first_slots)
 
 
 def timed(**settings):
-    """Optics whose messages take time."""
+    """Return optics whose messages take time."""
     return OpticsConfig(**{"baud_rate": 1000.0, "slots": SLOTS, **settings})
 
 
 def senders_understood(optics, poses, first_slots, sends=None):
-    """Senders (T, N, 4) that robots understand, `NOBODY` for none.
+    """Return senders (T, N, 4) that robots understand, `NOBODY` for none.
 
     Args:
         optics: slots and photodiodes.
@@ -137,7 +137,8 @@ def test_two_robots_alone_exchange_everything_unless_they_emit_at_once(side, oth
 
         one_after_the_other = (first[0] - first[1]) % SLOTS == 4
         if one_after_the_other:
-            assert senders[0, side] == 1 and senders[1, other_side] == 0
+            assert senders[0, side] == 1
+            assert senders[1, other_side] == 0
 
 
 def test_a_sender_in_the_same_slot_jams():

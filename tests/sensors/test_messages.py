@@ -25,14 +25,14 @@ corrupt_here = jax.jit(corrupt)
 
 
 def vector(bearing, distance):
-    """Vector [mm] whose bearing and distance are given in steps of a message."""
+    """Return the vector [mm] whose bearing and distance are given in steps of a message."""
     angle = bearing * BEARING_STEP
     direction = np.stack([np.cos(angle), np.sin(angle)], -1)
     return direction * np.asarray(distance)[..., None] * RANGE_STEP
 
 
 def message(led=0, priority=False, dust=None, dump=None):
-    """A message, with no vector to dust or dump by default."""
+    """Return a message, with no vector to dust or dump by default."""
     nothing = remember(np.zeros(2), known=False)
     payload = {
         "priority": np.array(priority),
@@ -90,7 +90,7 @@ def test_too_long_a_vector_ends_at_the_largest_range():
 
 
 def wrong_bits(n_messages, error):
-    """Bits that flip in messages (n_messages, 32)."""
+    """Return bits that flip in messages (n_messages, 32)."""
     uniform = jax.random.uniform(jax.random.key(3), (3, n_messages))
     sent = np.full(n_messages, 0xDEADBEEF, np.uint32)
     flips = np.asarray(corrupt_here(sent, uniform, error)) ^ sent
@@ -98,7 +98,7 @@ def wrong_bits(n_messages, error):
 
 
 def deviation(share, n_messages):
-    """Standard deviation of a share of messages."""
+    """Return the standard deviation of a share of messages."""
     return np.sqrt(share * (1 - share) / n_messages)
 
 

@@ -22,7 +22,7 @@ both_modes = pytest.mark.parametrize("optics", [SECTOR, POWER], ids=["sector", "
 
 
 def receive_light(receiver, sender, optics=SECTOR, power=None):
-    """Reception of the light from each `sender` (P, 3) at each `receiver` (P, 3)."""
+    """Return the reception of the light from each `sender` (P, 3) at each `receiver` (P, 3)."""
     receiver, sender = np.broadcast_arrays(receiver, sender)
     dx, dy = (sender - receiver)[:, :2].T
     heading_of_receiver = np.cos(receiver[:, 2]), np.sin(receiver[:, 2])
@@ -31,23 +31,23 @@ def receive_light(receiver, sender, optics=SECTOR, power=None):
 
 
 def sender_at(degrees, distance=5.0, off_beam=0.0):
-    """A sender at this bearing of the origin, whose front looks `off_beam` degrees past there."""
+    """Return a sender at this bearing of the origin, whose front looks `off_beam` past it [deg]."""
     angle = np.radians(degrees)
     return place((distance * np.cos(angle), distance * np.sin(angle), degrees + 180 + off_beam))
 
 
 def led_of(sender):
-    """Position of a sender's front LED."""
+    """Return the position of a sender's front LED."""
     return sender[0, :2] + turned(HALF_EDGE * AHEAD, sender[0, 2])
 
 
 def arrives(reception):
-    """Whether the light of the first pair arrives."""
+    """Return whether the light of the first pair arrives."""
     return bool(np.isfinite(reception.effective_distance[0]))
 
 
 def random_pairs(n_pairs, seed, reach=1.3):
-    """Receivers and senders up to `reach` times the range apart."""
+    """Return receivers and senders up to `reach` times the range apart."""
     rng = np.random.default_rng(seed)
     receiver = np.column_stack([rng.uniform(-50, 50, (n_pairs, 2)), rng.uniform(-4, 4, n_pairs)])
     sender = np.column_stack([rng.uniform(-50, 50, (n_pairs, 2)), rng.uniform(-4, 4, n_pairs)])
@@ -60,7 +60,7 @@ def random_pairs(n_pairs, seed, reach=1.3):
 @both_modes
 @pytest.mark.parametrize("power", [1.0, 0.5, 0.04])
 def test_reach_grows_with_the_root_of_the_power(optics, power):
-    """In the sector from centre to centre; by power between LED and photodiodes."""
+    """The range is from centre to centre in a sector, from LED to photodiodes by power."""
     within_robots = 2 * HALF_EDGE if optics is POWER else 0.0
     reach = within_robots + (RADIUS - within_robots) * np.sqrt(power)
     for share, is_received in ((0.999, True), (1.001, False)):
@@ -103,7 +103,8 @@ def test_range_in_a_sector_is_the_same_off_axis():
 )
 def test_sectors_meet_at_45_degrees_and_only_the_side_is_known(degrees, side):
     reception = receive_light(AT_ORIGIN, sender_at(degrees))
-    assert arrives(reception) and reception.side[0] == side
+    assert arrives(reception)
+    assert reception.side[0] == side
     assert reception.bearing[0] == pytest.approx(side * np.pi / 2)
 
 
@@ -213,5 +214,6 @@ def test_one_lit_photodiode_measures_its_limit_only():
     assert np.degrees(np.arctan2(y, x - HALF_EDGE)) > 70
 
     reception = receive_light(AT_ORIGIN, sender, POWER)
-    assert arrives(reception) and reception.side[0] == 0
+    assert arrives(reception)
+    assert reception.side[0] == 0
     assert reception.bearing[0] == pytest.approx(np.radians(60), abs=1e-9)

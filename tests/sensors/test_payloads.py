@@ -41,11 +41,12 @@ def test_without_fields_messages_carry_the_led():
     empty = Payload()
     message, is_right = empty.unpack(empty.pack(Message(np.arange(4), {})))
     np.testing.assert_array_equal(message.led, range(4))
-    assert message.payload == {} and is_right.all()
+    assert message.payload == {}
+    assert is_right.all()
 
 
 def receive(payload, content, n_leds=4, error=0.0):
-    """What each of two robots, which hear each other by all sides, receives."""
+    """Return the messages that two robots receive, which hear each other by all sides."""
     optics = OpticsConfig(error_in_communication=error, p_communication_break=0.0)
     shape = (2, n_leds)
     distance = np.full(shape, 5.0, np.float32)
@@ -56,6 +57,7 @@ def receive(payload, content, n_leds=4, error=0.0):
         measured_bearing=distance,
         true_distance=distance,
     )
+
     conditions = conditions_of(SwarmConfig(optics=optics))
     return exchange_here(conditions, payload, content, links, jax.random.key(0))
 
@@ -63,7 +65,8 @@ def receive(payload, content, n_leds=4, error=0.0):
 @pytest.mark.parametrize("n_leds", [2, 4, 6])
 def test_robots_without_payload_are_heard(n_leds):
     received = receive(Payload(), {}, n_leds)
-    assert received.is_heard.all() and received.bits.shape == (2, n_leds)
+    assert received.is_heard.all()
+    assert received.bits.shape == (2, n_leds)
     np.testing.assert_array_equal(received.message.led, [range(n_leds)] * 2)
 
 

@@ -1,4 +1,4 @@
-"""Look-up of joints, against that of MJX."""
+"""Look-up of joints, against the private functions of MJX that it replaces."""
 
 import mujoco
 

@@ -33,7 +33,8 @@ def test_capacity_with_an_obstacle_and_a_box_by_hand():
     assert capacity.pairs == np.ceil(2 * (116 + 16 + areas_around.sum()))
     assert capacity.contacts == 2 * (254 + 16 + 8 * half_edges)
 
-    pairs_of_bodies, pairs_with_obstacle = 6, 4
+    pairs_of_bodies = 6
+    pairs_with_obstacle = 4
     assert contact_capacity(config, 3).pairs == pairs_of_bodies + pairs_with_obstacle
 
 

@@ -113,6 +113,7 @@ class TestObstacles:
         assert room_for_contacts(4, 4) == room_for_contacts(4, 9)
 
     def test_heaps_of_more_obstacles_are_a_fault_of_their_world(self):
+        # Two robots are among thirty obstacles in the second world, and far off in the first.
         obstacles = tuple((4.0 + 0.01 * k, 4.0, 1.0, 1.0, 0.0) for k in range(30))
         arena = replace(
             SMALL.arena,
@@ -122,7 +123,8 @@ class TestObstacles:
             n_dust=2,
         )
         start = np.tile([(9.0, 9.0, 0.1), (9.0, 9.0, 0.2), (-8.0, -8.0, 0.0)], (2, 1, 1))
-        start[0, :2] = [(-8.0, 8.0, 0.0), (8.0, -8.0, 0.0)]  # off the obstacles
+        start[0, :2] = [(-8.0, 8.0, 0.0), (8.0, -8.0, 0.0)]
+
         _, batch = both_engines(replace(SMALL, arena=arena))
         motion = moved(batch, placed(batch, start), 0.1, 2)
         assert motion.fault[0] == 0

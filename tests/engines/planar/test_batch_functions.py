@@ -33,7 +33,7 @@ MODULES = {
 }
 """Modules of functions, by the names of their counterparts in `gpu.functions`."""
 NUMBERS = {float: "float({})", int: "int({})", bool: "{} != 0.0"}
-"""Types of numbers, with what makes them of an element of the table."""
+"""Types of numbers, with their expressions of an element of the table."""
 TUPLES = {
     ContactLaw: "law.ContactLaw",
     ContactPoints: "geometry.ContactPoints",
@@ -54,15 +54,18 @@ TIMESTEP = 0.01
 
 
 def heading(rng):
+    """Return cosine and sine of a random angle."""
     angle = rng.uniform(-4, 4)
     return math.cos(angle), math.sin(angle)
 
 
 def rectangle(rng):
+    """Return the fields of a rectangle near the origin."""
     return *rng.uniform(-0.7, 0.7, 2), *heading(rng), *HALF_EDGES
 
 
 def two_rectangles(rng):
+    """Return the fields of two rectangles that may overlap."""
     return *rectangle(rng), *rng.uniform(-0.7, 0.7, 2), *heading(rng), *HALF_EDGES[::-1]
 
 
@@ -76,21 +79,25 @@ def two_facing_sides(rng):
 
 
 def law(rng):
+    """Return the fields of a contact law."""
     power = rng.choice([1.0, 2.0, 3.0])
     return rng.uniform(10, 40), rng.uniform(5, 20), 0.6, 0.97, 0.3, 0.3, power
 
 
 def matrix(rng):
+    """Return the three elements of a symmetric positive definite matrix."""
     root = rng.normal(size=(2, 2))
-    h = root @ root.T + 0.3 * np.eye(2)
-    return h[0, 0], h[0, 1], h[1, 1]
+    positive = root @ root.T + 0.3 * np.eye(2)
+    return positive[0, 0], positive[0, 1], positive[1, 1]
 
 
 def ray(rng):
+    """Return the fields of a ray."""
     return *rng.uniform(-4, 4, 2), *rng.uniform(-8, 8, 2)
 
 
 def ray_and_rectangle(rng):
+    """Return the fields of a ray and of a rectangle at the origin."""
     return *ray(rng), 0.0, 0.0, *heading(rng), *HALF_EDGES
 
 
@@ -174,6 +181,7 @@ def results_of(function):
 
 def source_of(name, module_name, function):
     """Return the source of a kernel that calls a function with each row of a table."""
+    # Arguments, each of the next columns of the table.
     lines = []
     arguments = []
     column = 0
@@ -188,6 +196,7 @@ def source_of(name, module_name, function):
         else:
             arguments.append(NUMBERS[kind].format(f"table[k, {column}]"))
             column += 1
+
     names, numbers = results_of(function)
     writes = [f"    results[k, {i}] = float({number})" for i, number in enumerate(numbers)]
     return "\n".join(
@@ -247,6 +256,7 @@ def test_a_function_returns_what_python_returns(kernels, name):
     table = wp.array(rows, dtype=float, device="cpu")
     results = wp.zeros(expected.shape, dtype=float, device="cpu")
     wp.launch(getattr(kernels, f"k_{name}"), N_SAMPLES, [table], [results], device="cpu")
+
     np.testing.assert_allclose(results.numpy(), expected, rtol=2e-5, atol=1e-5)
     assert len(np.unique(expected, axis=0)) > 1
 

@@ -104,7 +104,7 @@ def test_worlds_that_do_not_run_keep_their_bodies():
 
 
 def test_pairs_are_in_contact_that_touch_at_the_end_of_any_phase():
-    """Two robots meet in the first phase and part in the second; others reversed."""
+    """Two robots meet in the first phase and part in the second; two others the other way round."""
     start = [
         [(-1.1, 0, 0), (1.1, 0, 0), (-1.1, 6, 0), (1.1, 6, 0), (-1.1, -6, 0), (1.1, -6, 0)],
     ]
@@ -131,8 +131,8 @@ class TestBits:
         together = move_batch(start, velocity, present)
         for world in range(4):
             alone = move_batch(start[[world]], velocity[[world]], present[[world]])
-            for one, batch in zip(arrays_of(alone), arrays_of(together), strict=True):
-                assert same_bits(one[0], batch[world])
+            for of_world, of_batch in zip(arrays_of(alone), arrays_of(together), strict=True):
+                assert same_bits(of_world[0], of_batch[world])
 
     def test_nor_does_the_order_in_which_worlds_begin(self):
         """Their work in the first phase decides on it; a world without contacts has none."""
@@ -148,8 +148,8 @@ class TestBits:
         forth = moved(engine, first, velocity)
         reversed_worlds = jax.tree.map(lambda values: values[::-1], first)
         back = moved(engine, reversed_worlds, velocity[::-1])
-        for one, other in zip(arrays_of(forth), arrays_of(back), strict=True):
-            assert same_bits(one, other[::-1])
+        for in_order, reversed_order in zip(arrays_of(forth), arrays_of(back), strict=True):
+            assert same_bits(in_order, reversed_order[::-1])
 
 
 def softer(spec):
@@ -172,7 +172,8 @@ class TestContactLaws:
         rng = np.random.default_rng(1)
         start = crowd(2, rng)
         start[1, :, :2] += plain.plane.half_extent - 3 * RD - 1.0
-        start, velocity = rounded(start), rounded(rng.uniform(-1.4, 1.4, start.shape))
+        start = rounded(start)
+        velocity = rounded(rng.uniform(-1.4, 1.4, start.shape))
         return batch, start, velocity, cls.ends(plain, start, velocity)
 
     @staticmethod
@@ -190,5 +191,5 @@ class TestContactLaws:
         batch, start, velocity, expected = motions
         law = getattr(batch.plane, law_name)
         changed = law._replace(**{number: 0.9 * getattr(law, number)})
-        other = replace(batch, plane=batch.plane._replace(**{law_name: changed}))
-        assert np.abs(self.ends(other, start, velocity) - expected).max() > 1e-4
+        changed_batch = replace(batch, plane=batch.plane._replace(**{law_name: changed}))
+        assert np.abs(self.ends(changed_batch, start, velocity) - expected).max() > 1e-4

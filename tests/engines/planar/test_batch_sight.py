@@ -53,7 +53,7 @@ def crowds(rng, *densities):
 
 
 def test_lists_have_room_for_all_robots_near_one():
-    """As many as fit around a robot side by side; larger swarms need no longer lists."""
+    """These are as many as fit around a robot side by side, whatever the size of the swarm."""
     _, engine = engines(OpticsConfig())
     within = search_radius(engine.light, engine.plane)
     kind = engine.kinds[0]
@@ -116,11 +116,11 @@ class TestBits:
         together = sense(*scene)
         for world in range(3):
             alone = sense(engine, poses[[world]], emits[[world]], present[[world]])
-            for one, batch in zip(arrays_of(alone), arrays_of(together), strict=True):
-                assert same_bits(one[0], batch[world])
+            for of_world, of_batch in zip(arrays_of(alone), arrays_of(together), strict=True):
+                assert same_bits(of_world[0], of_batch[world])
 
     def test_a_world_that_does_not_run_sees_nothing_and_changes_no_other(self, scene):
-        """To look there would take time."""
+        """It would take time to look there."""
         together = sense(*scene)
         halted = sense(*scene, np.array([True, False, True]))
         assert not np.any(halted.links.valid[1])

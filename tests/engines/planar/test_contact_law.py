@@ -72,11 +72,12 @@ def test_rows_are_those_of_mujoco(solref, solimp, overlap):
 
 
 def test_two_rows_are_solved_exactly():
-    """Of all four sets of rows that may push, the one that contradicts nothing."""
+    """Impulses and velocities are complementary, for each of the four sets of rows that push."""
     rng = np.random.default_rng(3)
     pushing_sets = set()
     for _ in range(500):
-        root, w = rng.normal(size=(2, 2)), rng.normal(size=2)
+        root = rng.normal(size=(2, 2))
+        w = rng.normal(size=2)
         matrix = root @ root.T + 0.01 * np.eye(2)
         before = rng.exponential(size=2) * rng.integers(0, 2, size=2)
         w_before = w + matrix @ before
@@ -98,21 +99,23 @@ def test_one_row_is_solved_whatever_the_second_says(w, impulse):
 
 
 def test_velocity_changes_of_the_fastest_point():
-    """Of points on the circumcircles of bodies with other masses and arms, somewhere around."""
+    """It is the fastest of many points on the circumcircles of two bodies that push each other."""
     rng = np.random.default_rng(4)
-    around = np.exp(1j * np.linspace(0, 2 * np.pi, 3601))
+    circle = np.exp(1j * np.linspace(0, 2 * np.pi, 3601))
     first_is_faster = []
     for _ in range(100):
-        impulses, arms, levers = rng.normal(size=(3, 2))
+        impulses, *arms_of_bodies = rng.normal(size=(3, 2))
         expected = []
         changes = []
-        for arm in (arms, levers):
-            mass, inertia, radius = rng.uniform(0.1, 2.0, 3)
+        for arms in arms_of_bodies:
+            inverse_mass, inverse_inertia, radius = rng.uniform(0.1, 2.0, 3)
             push = impulses.sum()
-            moment = arm @ impulses
-            velocities = mass * push + 1j * inertia * radius * moment * around
+            moment = arms @ impulses
+            turn = inverse_inertia * radius
+            velocities = inverse_mass * push + 1j * turn * moment * circle
             expected.append(np.abs(velocities).max())
-            changes.append(velocity_change(push, moment, mass, inertia * radius))
+            changes.append(velocity_change(push, moment, inverse_mass, turn))
+
         first_is_faster.append(expected[0] > expected[1])
         assert max(changes) == pytest.approx(max(expected), rel=1e-5)
     assert 20 < sum(first_is_faster) < 80

@@ -52,9 +52,9 @@ def test_phases_follow_each_other(small):
 
 
 def test_refinement_is_a_finer_step_of_the_drive(small):
-    """The same steps as of a drive with five times as many, at any number of threads.
+    """The steps and contacts are those of a drive with five times as many steps.
 
-    The same pairs are in contact when a phase ends.
+    The number of threads does not matter.
     """
     drive = small.drive
     finer_drive = replace(
@@ -95,6 +95,7 @@ class TestContacts:
         second_robots = [(1.7, 0, 0), (WALL - 0.9, 3, 0), (5, 0, 0)]
         start = [[(0, 0, 0), second, *absent] for second in second_robots]
         present = np.tile(np.arange(4) < 2, (3, 1))
+
         motion = moved(engine, placed(engine, start, present), 0.0)
         np.testing.assert_allclose(motion.bodies.overlap, [0.3, 0.1, 0.0], atol=1e-9)
 
@@ -104,9 +105,11 @@ class TestContacts:
     def test_a_robot_meets_a_wall(self, small):
         """Two equal rows: J v' + R p / 2 + offset = 0 with m v' = m v - p, solved by hand."""
         engine = engine_of(small)
-        overlap, speed = 0.05, 1.2
+        overlap = 0.05
+        speed = 1.2
         d = 0.99  # impedance
-        time_constant, h = 0.2, 0.1
+        time_constant = 0.2
+        h = 0.1
         softness = (1 - d) / d * (2 / 3 / MASS) / 4  # of four points as one
         reference = 2 / (d * time_constant) * speed + d / (d * time_constant) ** 2 * overlap
         offset = speed - h * reference
@@ -125,10 +128,7 @@ class TestContacts:
         assert np.hypot(*(second - first)) > 1.9
 
     def test_each_step_of_a_jam_is_solved_whatever_impulses_it_begins_with(self, small):
-        """In a phase the solver begins with the impulses of the step before.
-
-        In phases of one step it begins with none.
-        """
+        """The solver begins with the impulses of the step before, or with none in a new phase."""
         n_robots = 60
         rng = np.random.default_rng(8)
         engine = engine_of(small, tolerance=1e-10)
@@ -148,7 +148,7 @@ class TestContacts:
 
 
 class TestAccuracy:
-    """What `PlanarSettings` promise, by control steps from rest in crowds of 60 robots."""
+    """The accuracy that `PlanarSettings` promise, in control steps of crowds from rest."""
 
     N_WORLDS = 6
     N_ROBOTS = 60
@@ -164,26 +164,28 @@ class TestAccuracy:
     @pytest.fixture(scope="class")
     @classmethod
     def errors(cls):
-        """Return how far robots end from where an exact solver puts them, by accuracy [mm]."""
+        """Return distances from where an exact solver puts the robots, by accuracy [mm]."""
         rng = np.random.default_rng(7)
         exact = cls.engine(FINEST)
         exact.plane = exact.plane._replace(tolerance=1e-10)
+        engines = {accuracy: cls.engine(accuracy) for accuracy in cls.ACCURACIES}
+
         shape = cls.N_WORLDS, cls.N_ROBOTS
         all_run = np.ones(cls.N_WORLDS, bool)
-        errors = {accuracy: [] for accuracy in cls.ACCURACIES}
         starts = [place_robots(SMALL.arena, cls.N_ROBOTS, rng) for _ in range(cls.N_WORLDS)]
         poses = np.stack(starts)
+        errors = {accuracy: [] for accuracy in cls.ACCURACIES}
         for _ in range(cls.N_STEPS):
-            turn, forward = rng.uniform(-0.6, 0.6, shape), rng.uniform(0.0, math.sqrt(2), shape)
+            turn = rng.uniform(-0.6, 0.6, shape)
+            forward = rng.uniform(0.0, math.sqrt(2), shape)
             phases = drive_phases(SMALL.drive, Command(turn, forward))
             ends = exact.move(placed(exact, poses), phases, all_run).bodies.poses
-            for accuracy in cls.ACCURACIES:
-                engine = cls.engine(accuracy)
+            for accuracy, engine in engines.items():
                 motion = engine.move(placed(engine, poses), phases, all_run)
                 distances = np.abs(motion.bodies.poses - ends)[..., :2].max(-1)
                 errors[accuracy].append(distances)
             poses = ends
-        return {accuracy: np.concatenate(each) for accuracy, each in errors.items()}
+        return {accuracy: np.concatenate(distances) for accuracy, distances in errors.items()}
 
     def test_99_of_100_robots_end_within_it(self, errors):
         for accuracy, distances in errors.items():
@@ -191,8 +193,8 @@ class TestAccuracy:
 
     def test_a_coarser_one_is_less_accurate(self, errors):
         """It makes fewer sweeps."""
-        finest, usual, coarse = (errors[accuracy].max() for accuracy in self.ACCURACIES)
-        assert 0 < finest < usual < coarse
+        finest, default, coarse = (errors[accuracy].max() for accuracy in self.ACCURACIES)
+        assert 0 < finest < default < coarse
 
     @pytest.mark.parametrize(
         ("control_period", "accuracy", "tolerance"),

@@ -61,18 +61,22 @@ def set_array(name, value, index_in):
 
 
 def second_hull(arena):
+    """Return the geom of the second robot's hull."""
     return arena.hull[1]
 
 
 def second_body(arena):
+    """Return the body of the second robot."""
     return arena.body[1]
 
 
 def second_slide_along_x(arena):
+    """Return the address of the second robot's joint x."""
     return arena.qpos[1, 0]
 
 
 def third_wall(arena):
+    """Return the geom of the third wall."""
     return arena.walls[2]
 
 

@@ -38,16 +38,18 @@ class TestRectangles:
         assert meets_rectangle(Ray(-5, 0, 1, 0), SQUARE) == 4
 
     def test_a_ray_from_inside_meets_the_side_where_it_leaves(self):
-        """As MuJoCo has it."""
+        """MuJoCo's rays do so, too."""
         assert meets_rectangle(Ray(0.5, 0, 1, 0), SQUARE) == 0.5
 
     def test_rays_enter_where_sampled_points_do(self):
         rng = np.random.default_rng(4)
         n_hits = 0
         for _ in range(300):
-            origin, vector = rng.uniform(-4, 4, 2), rng.uniform(-8, 8, 2)
+            origin = rng.uniform(-4, 4, 2)
+            vector = rng.uniform(-8, 8, 2)
             yaw = rng.uniform(-3, 3)
-            cos, sin = np.cos(yaw), np.sin(yaw)
+            cos = np.cos(yaw)
+            sin = np.sin(yaw)
             rectangle = Rectangle(0.0, 0.0, cos, sin, *HALF_EDGES)
             share = meets_rectangle(Ray(*origin, *vector), rectangle)
 

@@ -32,7 +32,8 @@ def views(n_views=4000, seed=0):
     A quarter of them are along axes and diagonals.
     """
     rng = np.random.default_rng(seed)
-    angle, distance = rng.uniform(-4, 4, n_views), rng.uniform(1.5, 13, n_views)
+    angle = rng.uniform(-4, 4, n_views)
+    distance = rng.uniform(1.5, 13, n_views)
     yaws = rng.uniform(-4, 4, (2, n_views))
     n_regular = n_views // 4
     for values in (angle, *yaws):
@@ -55,6 +56,7 @@ def test_one_pair_has_the_reception_of_arrays(optics, robot):
         receiver = Place(0.0, 0.0, float(receiver_cos[k]), float(receiver_sin[k]))
         sender = Place(float(dx[k]), float(dy[k]), float(sender_cos[k]), float(sender_sin[k]))
         received = reception.receive(receiver, sender, 0, 0, float(power[k]), light, points)
+
         assert received.side == expected.side[k]
         assert received.led == expected.led[k]
         assert received.effective == pytest.approx(expected.effective_distance[k], rel=1e-13)

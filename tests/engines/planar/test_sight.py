@@ -39,7 +39,7 @@ def engine_with(optics):
 
 
 def links_of(poses, optics, robot=ROBOT, emits=None):
-    """Return whom robots at (B, N, 3) hear; by default all emit light."""
+    """Return the links of robots at (B, N, 3), which all emit light by default."""
     everyone = np.ones(poses.shape[:2], bool)
     engine = with_robot(engine_with(optics), robot, optics)
     emits = everyone if emits is None else emits
@@ -55,6 +55,7 @@ def test_links_are_those_of_arrays(robot, optics, line_of_sight):
     shape = poses.shape[:2]
     is_lit = rng.random(shape) < 0.9
     emits = is_lit * rng.uniform(0.2, 1.0, shape)
+
     expected = find_links(poses, robot, optics, squares_in_the_way(poses), emits)
     links = links_of(poses, optics, robot, emits)
     for values, expected_values in zip(links, expected, strict=True):
@@ -64,7 +65,7 @@ def test_links_are_those_of_arrays(robot, optics, line_of_sight):
 
 
 def test_a_robot_behind_a_sender_at_the_end_of_the_range_may_hide_it():
-    """With walls seen less far than robots."""
+    """Here robots are seen from farther away than walls."""
     optics = OpticsConfig(wall_range=1.0, led_beam_aperture=90)
     poses = thirds_in_the_way(np.random.default_rng(3), 1500, RADIUS, 2**0.5)
     emits = np.tile([True, True, False], (len(poses), 1))
@@ -103,18 +104,20 @@ def test_walls_at_the_end_of_the_range(degrees, share_of_range, other_robot, see
     distance = led_ahead + share_of_range * optics.wall_range * RD
     receiver = wall - distance * axis
     poses = np.array([[(*receiver, angle), (*(wall + other_robot), 0.0)]])
+
     everyone = np.ones((1, 2), bool)
     reading = engine.sense(engine.place(poses, everyone), everyone, np.ones(1, bool))
     assert reading.sees_wall[0, 0, 0] == sees
 
 
 def test_light_may_come_from_farther_away_than_it_reaches():
-    """In power mode its way is from LED to photodiodes, which may be nearer than the centres."""
+    """The path in power mode, from LED to photodiodes, may be shorter than between the centres."""
     rng = np.random.default_rng(8)
     n_pairs = 100_000
     optics = OpticsConfig(mode="power", led_beam_aperture=90)
     reach = optics.communication_radius * RD
-    angle, distance = rng.uniform(-np.pi, np.pi, n_pairs), rng.uniform(reach, reach + 0.05, n_pairs)
+    angle = rng.uniform(-np.pi, np.pi, n_pairs)
+    distance = rng.uniform(reach, reach + 0.05, n_pairs)
     poses = np.zeros((n_pairs, 2, 3))
     poses[:, 1, 0] = distance * np.cos(angle)
     poses[:, 1, 1] = distance * np.sin(angle)
