@@ -1,4 +1,4 @@
-"""Table 2's values, and what a genome file may hold."""
+"""Genomes: the values of Table 2, and files of genomes."""
 
 import json
 from dataclasses import astuple, fields, replace
@@ -26,6 +26,8 @@ TABLE_2 = {
 
 @pytest.fixture
 def write(tmp_path):
+    """Function that writes text, or an object as JSON, and returns the path."""
+
     def write(text):
         path = tmp_path / "genome.json"
         path.write_text(text if isinstance(text, str) else json.dumps(text))
@@ -44,10 +46,9 @@ def test_a_file_may_hold_all_or_some(write):
     assert load_genome(write({name: row[1] for name, row in TABLE_2.items()})) == PRESETS["type2"]
     some = load_genome(write({"p_vector_forget": 0, "use_hop_count": False}))
     assert some == replace(PRESETS["type1"], p_vector_forget=0, use_hop_count=False)
-    assert (
-        load_genome(write({"steps": 9, "genome": {"p_vector_forget": 0, "use_hop_count": False}}))
-        == some
-    )
+
+    result = {"steps": 9, "genome": {"p_vector_forget": 0, "use_hop_count": False}}
+    assert load_genome(write(result)) == some
 
 
 @pytest.mark.parametrize(
@@ -67,7 +68,8 @@ def test_broken_files(write, text, message):
     path = write(text)
     with pytest.raises(UserError, match=message) as caught:
         load_genome(path)
-    assert path in str(caught.value) and "\n" not in str(caught.value)
+    assert path in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_bytes_that_are_no_text(tmp_path):
@@ -79,18 +81,16 @@ def test_bytes_that_are_no_text(tmp_path):
 
 @pytest.mark.parametrize("name", ["type3", "missing.json", "", "."])
 def test_unknown_names(name):
-    with pytest.raises(
-        UserError,
-        match=r"a preset \(type1, type2, evolved\) or the path of a JSON file",
-    ) as caught:
+    message = r"a preset \(type1, type2, evolved\) or the path of a JSON file"
+    with pytest.raises(UserError, match=message) as caught:
         load_genome(name)
     assert ("there is no file" in str(caught.value)) == (name == "missing.json")
 
 
-def test_the_evolved_preset_is_what_the_search_found():
-    """To the digits that Table 2 has."""
-    found = load_genome(
-        str(Path(__file__).parents[2] / "results/default" / "evolve-paper" / "best.json"),
-    )
-    for mine, theirs in zip(astuple(PRESETS["evolved"]), astuple(found), strict=True):
-        assert type(mine) is type(theirs) and mine == pytest.approx(theirs, abs=1e-3)
+def test_the_evolved_preset_is_the_best_genome_of_the_search():
+    """It has the digits of Table 2."""
+    best = Path(__file__).parents[2] / "results/default" / "evolve-paper" / "best.json"
+    expected = astuple(load_genome(str(best)))
+    for value, expected_value in zip(astuple(PRESETS["evolved"]), expected, strict=True):
+        assert type(value) is type(expected_value)
+        assert value == pytest.approx(expected_value, abs=1e-3)

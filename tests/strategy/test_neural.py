@@ -88,7 +88,7 @@ def known_place(vectors):
 
 
 class TestDirections:
-    """What robots do if the network weighs directions in a simple way."""
+    """Commands of robots whose network weighs directions in a simple way."""
 
     @pytest.mark.parametrize(
         ("speed", "forward"),

@@ -191,8 +191,8 @@ class TestBeliefs:
         )
         zero = np.zeros((1, 4))
         trust = Trust(sharpness, own=0.0, ageing=0.0)
-        own = Belief.empty(1)
-        belief = merge_jit(trust, own, sent, zero, zero, LOOKS_THE_SAME_WAY[:1], ROBOT.sides)
+        nothing = Belief.empty(1)
+        belief = merge_jit(trust, nothing, sent, zero, zero, LOOKS_THE_SAME_WAY[:1], ROBOT.sides)
 
         share = 1 / (1 + np.exp(-2 * np.exp(sharpness)))
         np.testing.assert_allclose(belief.vector, [[8 * share, 0]], rtol=1e-5)
@@ -215,14 +215,14 @@ class TestBeliefs:
         np.testing.assert_allclose(memory.dump.vector, [[-RD / 4, 0]], rtol=1e-5)
 
     def test_merged_by_hand(self):
-        """The robot's own vector has a doubt of 1 and ages by e^-1; it hears two more, of which one
-        came through two robots.
+        """The robot's own vector has a doubt of 1 and ages by e^-1; it hears two more.
 
-        With a sharpness of e^0 = 1 weights are exp(-doubt), and the own one e^0.5 times that. The
-        receiver hears with its front (bearing 0) and its left side (90 degrees). The senders show
-        their front LED, so that their frames are turned by half a turn and by -90 degrees.
+        One of these came through two robots. With a sharpness of e^0 = 1 weights are exp(-doubt),
+        and that of the own vector is e^0.5 times as large. The receiver hears with its front
+        (bearing 0) and its left side (90 degrees). The senders show their front LED, so that their
+        frames are turned by half a turn and by -90 degrees.
         """
-        own = Belief(np.array([[10.0, 0.0]]), np.array([1.0]), np.array([True]))
+        own_belief = Belief(np.array([[10.0, 0.0]]), np.array([1.0]), np.array([True]))
         sent = VectorMemory(
             np.array([[[-4.0, 1.0], [2.0, 0.0], [9.0, 9.0], [0.0, 0.0]]]),
             np.array([[0, 1, 0, 0]]),
@@ -232,7 +232,7 @@ class TestBeliefs:
         distance = np.array([[5.0, 3.0, 1, 1]])
         front_led = np.zeros((1, 4), np.int32)
         trust = Trust(sharpness=0.0, own=0.5, ageing=-1.0)
-        belief = merge_jit(trust, own, sent, bearing, distance, front_led, ROBOT.sides)
+        belief = merge_jit(trust, own_belief, sent, bearing, distance, front_led, ROBOT.sides)
 
         vectors = np.array([[10, 0], [5 + 4, -1], [0, 3 - 2]])
         doubts = np.array([1 + np.exp(-1), 1, 2])

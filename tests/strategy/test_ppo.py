@@ -23,7 +23,9 @@ from iswarm_mj.strategy.network import forward
 from iswarm_mj.strategy.neural import DIRECTIONS, N_WEIGHTS, SHAPE, untrained
 from iswarm_mj.tasks.cleaning import CLEANING
 
-N, STEPS, SEED = 12, 16, 3
+N = 12
+STEPS = 16
+SEED = 3
 
 
 def test_the_loss_by_hand():
@@ -45,8 +47,8 @@ def test_the_loss_by_hand():
     noise = np.asarray(NOISE, float)
     log_densities = stats.norm.logpdf(drawn, mean, noise) - stats.norm.logpdf(0, 0, noise)
     log_density = (matters * log_densities).sum(axis=1)
-    found = jax.jit(log_probability)(strategy, *sample)
-    np.testing.assert_allclose(found, log_density, rtol=1e-4)
+    computed = jax.jit(log_probability)(strategy, *sample)
+    np.testing.assert_allclose(computed, log_density, rtol=1e-4)
 
     critic = rng.normal(0, 0.3, CRITIC.n_weights).astype(np.float32)
     read = rng.normal(size=(n_samples, CRITIC.inputs)).astype(np.float32)
@@ -75,38 +77,34 @@ def test_the_loss_by_hand():
 @pytest.mark.slow
 def test_without_noise_robots_do_what_they_do_in_a_run():
     learner = Learner(SMALL, N, STEPS, 1, SEED)
-    weights = learner.weights + 0.1 * np.random.default_rng(0).normal(size=N_WEIGHTS).astype(
-        np.float32,
-    )
+    noise = np.random.default_rng(0).normal(size=N_WEIGHTS).astype(np.float32)
+    weights = learner.weights + 0.1 * noise
     key = jax.random.key(7)
     state, memory = learner.begin(key)
-    start_key, own, _ = jax.random.split(jax.random.split(key, 1)[0], 3)
+
+    # The run of a world with the start and the key of the learner's world.
+    start_key, world_key, _ = jax.random.split(jax.random.split(key, 1)[0], 3)
     index = int(jax.random.randint(start_key, (), 0, len(learner.env.core.poses)))
     start = starts_of(SMALL, CLEANING, read_robot(), [World(PRESETS["type1"], N, SEED, index)])[0]
     start = start._replace(poses=start.poses.astype(np.float32).astype(float))
-    world = World(PRESETS["type1"], N, start=start, key=own)
-    strategy = replace(learner.strategy, weights=weights)
-    run = Run(
-        Scenario(
-            SMALL,
-            strategy=strategy,
-            robots=N,
-            engine=PlanarSettings(1),
-            worlds=[world],
-            steps=STEPS,
-        )
+    scenario = Scenario(
+        SMALL,
+        strategy=replace(learner.strategy, weights=weights),
+        robots=N,
+        engine=PlanarSettings(1),
+        worlds=[World(PRESETS["type1"], N, start=start, key=world_key)],
+        steps=STEPS,
     )
+    run = Run(scenario)
+
     for _ in range(STEPS):
         state, memory, _ = learner.step(weights, state, memory, jnp.zeros((1, N, 4)))
         record = run.advance()
+        expected = jax.tree.map(lambda values: values[-1], record.swarm.memory)
         np.testing.assert_allclose(poses_of(learner.env, state)[0], record.poses[-1, 0], atol=1e-4)
-        np.testing.assert_array_equal(memory.flag, record.swarm.memory.flag[-1])
-        np.testing.assert_allclose(
-            memory.dust.vector,
-            record.swarm.memory.dust.vector[-1],
-            atol=1e-3,
-        )
-        np.testing.assert_array_equal(memory.dump.known, record.swarm.memory.dump.known[-1])
+        np.testing.assert_array_equal(memory.flag, expected.flag)
+        np.testing.assert_allclose(memory.dust.vector, expected.dust.vector, atol=1e-3)
+        np.testing.assert_array_equal(memory.dump.known, expected.dump.known)
     assert memory.dust.known.sum() > 3
     assert memory.flag.any()
     assert int(state.metrics["picked"][0]) > 0

@@ -74,7 +74,7 @@ class Loud(Strategy):
 
 
 class Relay(Loud):
-    """Remembers chances as it listens, and by how much its robots fell short; says who is loaded."""
+    """A strategy that remembers chances and shortfalls, and says which robots are loaded."""
 
     def say(self, memory, is_loaded):
         return {"loud": is_loaded}
@@ -202,27 +202,32 @@ class TestOptionalMethods:
 
 
 def test_robots_say_nothing_in_the_fields_of_other_teams():
-    said = TEAMS.say(TEAMS.init(10, jax.random.key(0)), jnp.zeros(10, bool))
-    assert said["index"].tolist() == [0, 1, 2, 3, 4, 5, 6, 0, 0, 0]
-    assert said["loud"].tolist() == [False] * 7 + [True] * 3
-    mixed = Teams({"red": (1, TYPE1), "blue": (3, Counter())}).for_world
-    with pytest.raises(UserError, match="4 bits"):  # 29 and 5 of 29 bits
-        mixed(SMALL, read_robot(), 4)
+    content = TEAMS.say(TEAMS.init(10, jax.random.key(0)), jnp.zeros(10, bool))
+    assert content["index"].tolist() == [0, 1, 2, 3, 4, 5, 6, 0, 0, 0]
+    assert content["loud"].tolist() == [False] * 7 + [True] * 3
+
+
+def test_fields_of_all_teams_must_fit_into_a_message():
+    """Those of both teams take 29 and 5 of 29 bits."""
+    teams = Teams({"red": (1, TYPE1), "blue": (3, Counter())})
+    with pytest.raises(UserError, match="4 bits"):
+        teams.for_world(SMALL, read_robot(), 4)
 
 
 def test_vectors_of_robots_without_such_are_unknown():
-    genome = Teams({"red": (2, Still()), "blue": (2, TYPE1)}).for_world(SMALL, read_robot(), 4)
-    said = genome.say(genome.init(4, jax.random.key(0)), jnp.ones(4, bool))
-    bits = dict(genome.payload.fields)["dust"].encode(said["dust"])
-    assert not dict(genome.payload.fields)["dust"].decode(bits).known.any()
-    assert said["priority"].tolist() == [False, False, True, True]
+    teams = Teams({"red": (2, Still()), "blue": (2, TYPE1)}).for_world(SMALL, read_robot(), 4)
+    content = teams.say(teams.init(4, jax.random.key(0)), jnp.ones(4, bool))
+    field = dict(teams.payload.fields)["dust"]
+    assert not field.decode(field.encode(content["dust"])).known.any()
+    assert content["priority"].tolist() == [False, False, True, True]
 
 
 @pytest.mark.parametrize("share", [1.0, 13])
 def test_one_team_of_a_genome_is_the_paper_s_strategy(share):
-    made = Teams({"all": (share, TYPE2)}).for_world(SMALL, read_robot(), 13).teams[0].strategy
-    assert isinstance(made, VectorStrategy)
-    assert made.n_scouts == 4  # 27 % of 13
+    teams = Teams({"all": (share, TYPE2)}).for_world(SMALL, read_robot(), 13)
+    strategy = teams.teams[0].strategy
+    assert isinstance(strategy, VectorStrategy)
+    assert strategy.n_scouts == 4  # 27 % of 13
 
 
 @pytest.mark.parametrize(

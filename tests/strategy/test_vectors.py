@@ -27,12 +27,12 @@ lengths = st.floats(-100, 100)
 
 
 @jax.jit
-def adopt_best(own, offers, use_hop_count, tie):
+def adopt_best(memory, offers, use_hop_count, tie):
     """Return the memories after each robot adopted or rejected the best of its offers (N, S)."""
     side = side_of_best_offer(offers.hop, offers.known, tie, use_hop_count=use_hop_count)
     robots = jnp.arange(len(side))
     best = jax.tree.map(lambda values: values[robots, side], offers)
-    return adopt(own, best, use_hop_count=use_hop_count)
+    return adopt(memory, best, use_hop_count=use_hop_count)
 
 
 def in_frame(pose, point):
@@ -60,12 +60,12 @@ def listen(receiver, sender, sent):
     axis_of_receiver = np.cos(receiver[2:]), np.sin(receiver[2:])
     axis_of_sender = np.cos(sender[2:]), np.sin(sender[2:])
     light = receive(
-        np.array([dx]),
-        np.array([dy]),
-        axis_of_receiver,
-        axis_of_sender,
-        read_robot(),
-        OpticsConfig(),
+        dx=np.array([dx]),
+        dy=np.array([dy]),
+        receiver=axis_of_receiver,
+        sender=axis_of_sender,
+        robot=read_robot(),
+        optics=OpticsConfig(),
     )
     assert np.isfinite(light.effective_distance).all()
     heard = to_receiver_frame_jit(sent, light.bearing, light.effective_distance, light.led)
@@ -165,14 +165,11 @@ def take(own_hop, offered, use_hop_count, n_robots=1, seed=0):
     is_offered = np.array([hop is not None for hop in offered])
     vectors = np.array([[side + 1.0, 0.0] for side in range(4)])
     offers = remember(np.tile(vectors, (n_robots, 1, 1)), hops, is_offered)
-    own = remember(
-        np.tile([float(OWN), 0.0], (n_robots, 1)),
-        hop=own_hop or 0,
-        known=own_hop is not None,
-    )
+    own_vectors = np.tile([float(OWN), 0.0], (n_robots, 1))
+    before = remember(own_vectors, hop=own_hop or 0, known=own_hop is not None)
 
     ties = jax.random.uniform(jax.random.key(seed), (n_robots, 4))
-    memory = adopt_best(own, offers, use_hop_count, ties)
+    memory = adopt_best(before, offers, use_hop_count, ties)
     return np.asarray(memory.vector[:, 0]), np.asarray(memory.hop), np.asarray(memory.known)
 
 
