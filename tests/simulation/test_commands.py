@@ -10,7 +10,7 @@ from support.runs import records
 from support.small import SMALL
 from support.tasks import COUNT, Still, Weather
 
-from iswarm_mj.config.swarm import EnergyConfig, SwarmConfig
+from iswarm_mj.config.swarm import EnergyConfig, GripperConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs.make import make_env
 from iswarm_mj.simulation.layouts import Start
@@ -32,21 +32,26 @@ def world_with_robots_at(*positions):
     """Return a world of cleaning whose robots look along x, at positions [mm]."""
     n_robots = len(positions)
     poses = np.array([(x, y, 0.0) for x, y in positions])
-    rng, shared = np.random.default_rng(0), np.random.default_rng(0)
-    _, balls = CLEANING.lay_out(SMALL, n_robots, rng, shared, 1.0)
+    _, balls = CLEANING.lay_out(
+        config=SMALL,
+        n_robots=n_robots,
+        rng=np.random.default_rng(0),
+        shared=np.random.default_rng(0),
+        cell=1.0,
+    )
     start = Start(poses, balls, np.ones(n_robots, bool))
     return World(TYPE1, n_robots, start=start)
 
 
 class Dim(Still):
-    """Robot 0 is silent, robot 1 has a quarter of the power."""
+    """A strategy in which robot 0 is dark, and robot 1 has a quarter of the power."""
 
     def led_power(self, memory):
         return 0.25 * memory
 
 
 class Fading(Still):
-    """Robots dim their LEDs step by step."""
+    """A strategy of robots that dim their LEDs step by step."""
 
     def led_power(self, memory):
         return 1 / (1 + memory)
@@ -58,14 +63,17 @@ class Fading(Still):
 
 class TestPowerOfLEDs:
     def test_light_reaches_as_far_as_its_power_allows(self):
-        """Of robots in a row, 6 mm apart, light of a quarter of the power reaches half of 9.9 mm.
+        """Light of a quarter of the power reaches half of 9.9 mm; robots are 6 mm apart in a row.
 
         Robot 0 is dark, robot 1 too weak; robot 2 is heard by robot 1, which hides it from robot 0.
         """
-        teams = Teams({"dim": (2, Dim()), "still": (1, Still())})
-        world = world_with_robots_at((-6.0, 8.0), (0.0, 8.0), (6.0, 8.0))
         scenario = Scenario(
-            WITHOUT_NOISE, strategy=teams, robots=3, engine=ENGINE, worlds=[world], steps=2
+            WITHOUT_NOISE,
+            strategy=Teams({"dim": (2, Dim()), "still": (1, Still())}),
+            robots=3,
+            engine=ENGINE,
+            worlds=[world_with_robots_at((-6.0, 8.0), (0.0, 8.0), (6.0, 8.0))],
+            steps=2,
         )
         for record in records(Run(scenario)):
             receiver, side = np.nonzero(record.links.valid[0])
@@ -82,12 +90,13 @@ class TestPowerOfLEDs:
 
 @dataclass(frozen=True)
 class Drop(Still):
-    """Robots of odd number release their balls in the third step.
+    """A strategy in which robots of odd number release their balls in the third step.
 
-    So would robot 0, which has none. Robot 0 picks up balls from the fourth step on. All turn by an
-    angle in each step."""
+    So would robot 0, which has none. Robot 0 picks up balls from the fourth step on.
+    """
 
     turn: float = 0.0
+    """Angle by which all robots turn in each step [rad]."""
 
     def init(self, n_robots, key):
         return {"number": jnp.arange(n_robots), "step": jnp.zeros(n_robots, int)}
@@ -126,19 +135,19 @@ class TestReleases:
     )
 
     def run_with(self, world, release_time):
-        """Return a run of six steps of the world, and of one in which robot 1 is dead.
+        """Return a run of six steps, and its records.
 
-        And its records.
+        The second world is the first, but for robot 1, which is dead.
         """
         is_alive = np.arange(4) != 1
-        dead = replace(world, start=world.start._replace(is_alive=is_alive))
-        gripper = type(SMALL.gripper)(release_time=release_time)
+        with_dead_robot = replace(world, start=world.start._replace(is_alive=is_alive))
+        gripper = GripperConfig(release_time=release_time)
         scenario = Scenario(
             SwarmConfig(SMALL.arena, gripper=gripper, energy=self.ENERGY),
             strategy=Drop(turn=release_time / 200),
             robots=4,
             engine=ENGINE,
-            worlds=[world, dead],
+            worlds=[world, with_dead_robot],
             steps=6,
         )
         run = Run(scenario)
@@ -160,16 +169,17 @@ class TestReleases:
         assert run.task_state.is_held[1][0]
 
     def test_tools_are_charged_for_each_attempt(self, world):
-        """To 40 V for a grasp, and for a release to the capacitor's voltage, less than 55 V."""
+        """A grasp takes 40 V, and a release the capacitor's voltage, which is less than 55 V."""
         _, steps = self.run_with(world, release_time=0.0)
         never = 9
         release_step = np.array([never, 2, never, 0])
         grasp_step = 3
-        income, message = 40e-6, 80e-6
+        light = 40e-6
+        message = 80e-6
 
         energy = np.full(4, self.ENERGY.full)
         for step in range(len(steps)):
-            energy = np.minimum(energy + income, self.ENERGY.full)
+            energy = np.minimum(energy + light, self.ENERGY.full)
             voltage_squared = 2 * energy / self.ENERGY.capacitance
             charges = np.where(step == release_step, voltage_squared, 0.0)
             if step == grasp_step:
@@ -200,6 +210,7 @@ class TestReleases:
         )
         run = Run(scenario)
         assert run.start.swarm.is_loaded[0, 0].tolist() == [False, True, True, True]
+
         *_, last = records(run)
         assert last.swarm.steps_without_energy[0].tolist() == [3] * 4
         assert [run.measures(row).starved for row in range(2)] == [12, 12]
@@ -209,27 +220,32 @@ class TestReleases:
 
 
 class TestTasks:
-    """In bad weather no message arrives from the third step on, and robots of odd number die."""
+    """Bad weather, in which no message arrives from step 3 on, and robots of odd number die."""
 
     def test_change_conditions_and_let_robots_fail(self):
         n_robots = 12
         is_even = np.arange(n_robots) % 2 == 0
+        everyone = np.ones(n_robots, bool)
         scenario = Scenario(
-            SMALL, strategy=TYPE1, task=Weather(), robots=n_robots, engine=ENGINE, steps=6
+            SMALL,
+            strategy=TYPE1,
+            task=Weather(),
+            robots=n_robots,
+            engine=ENGINE,
+            steps=6,
         )
-        for step, record in enumerate(records(Run(scenario))):
-            is_bad = step >= 2
-            n_heard = record.is_heard[0].sum()
-            is_alive = is_even if is_bad else np.ones(n_robots, bool)
-            assert record.swarm.is_alive[0].tolist() == is_alive.tolist()
-            if is_bad:
-                assert n_heard == 0
-            else:
-                assert n_heard == record.links.valid[0].sum() > 0
-            if step > 2:
-                forward = record.command.forward[0]
-                assert not forward[~is_alive].any()
-                assert forward[is_alive].any()
+        *good_days, third, fourth, fifth, sixth = records(Run(scenario))
+        for record in good_days:
+            assert record.swarm.is_alive[0].tolist() == everyone.tolist()
+            assert record.is_heard[0].sum() == record.links.valid[0].sum() > 0
+
+        for record in (third, fourth, fifth, sixth):
+            assert record.swarm.is_alive[0].tolist() == is_even.tolist()
+            assert not record.is_heard[0].any()
+        for record in (fourth, fifth, sixth):
+            forward = record.command.forward[0]
+            assert not forward[~is_even].any()
+            assert forward[is_even].any()
 
     def test_reward_commands_and_messages(self):
         """The reward is the distance walked less the number that the robot sends."""
@@ -249,28 +265,28 @@ class TestTasks:
 
 
 class BadPower(Still):
-    """Returns whole numbers as power."""
+    """A strategy that returns whole numbers as power."""
 
     def led_power(self, memory):
         return memory
 
 
 class BadRelease(Still):
-    """Returns whole numbers as flags."""
+    """A strategy that returns whole numbers as flags."""
 
     def releases(self, memory):
         return memory
 
 
 class BadWeather(Weather):
-    """Returns three drop rates."""
+    """A task that returns three drop rates."""
 
     def conditions(self, state, conditions):
         return conditions._replace(drop_rate=jnp.zeros(3))
 
 
 class BadFailures(Weather):
-    """Returns one flag for all robots."""
+    """A task that returns one flag for all robots."""
 
     def survives(self, state):
         return jnp.bool_(True)

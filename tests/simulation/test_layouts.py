@@ -64,7 +64,8 @@ def test_robots_start_apart_outside_the_dump(arena, yaw_tolerance):
     """There are as many as fit in, and they look in all directions."""
     n_robots = len(layout.free_cells(arena))
     poses = layout.place_robots(arena, n_robots, np.random.default_rng(0))
-    xy, yaw = poses[:, :2], poses[:, 2]
+    xy = poses[:, :2]
+    yaw = poses[:, 2]
 
     gap = np.abs(xy[:, None] - xy[None]).max(axis=-1)
     of_others = gap[~np.eye(n_robots, dtype=bool)]
@@ -117,7 +118,8 @@ class TestBalls:
     def test_dust_lies_in_two_areas(self):
         """One is to the west of the dump, one to the east."""
         position = self.balls_of(CLEANING, seed=1, world=0).position / RD
-        west, east = position[:150], position[150:]
+        west = position[:150]
+        east = position[150:]
         for area, middle in ((west, -8), (east, 8)):
             np.testing.assert_allclose(area.min(axis=0), [middle - 2, -2], atol=0.1)
             np.testing.assert_allclose(area.max(axis=0), [middle + 2, 2], atol=0.1)

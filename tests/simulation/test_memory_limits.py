@@ -73,6 +73,7 @@ class TestHost:
             steps=3,
         )
         Run(scenario)
+
         says = r"n_worlds must be at most 99 .*; use fewer .*, or let robots remember less"
         with pytest.raises(ConfigError, match=says):
             Run(replace(scenario, strategy=policy(1_000_000)))
@@ -80,17 +81,14 @@ class TestHost:
 
 @pytest.mark.parametrize(("impl", "times_host"), [("jax", 25), ("warp", 4)])
 def test_a_gpu_has_memory_of_its_own(four_gigabytes, impl, times_host):
-    """Of each GPU 1 GB is in use, so that two of 4 and 5 GB have 7 GB, and one of 4 GB has 3 GB."""
+    """Two GPUs of 4 and 5 GB have 7 GB, and one of 4 GB has 3 GB: 1 GB of each is in use."""
+
+    def gpu_of(limit):
+        stats = {"bytes_limit": limit, "bytes_in_use": GB}
+        return SimpleNamespace(platform="gpu", memory_stats=lambda: stats)
 
     def settings_with(*limits):
-        devices = [
-            SimpleNamespace(
-                platform="gpu",
-                memory_stats=lambda limit=limit: {"bytes_limit": limit, "bytes_in_use": GB},
-            )
-            for limit in limits
-        ]
-        return MjxSettings(impl, devices=tuple(devices))
+        return MjxSettings(impl, devices=tuple(map(gpu_of, limits)))
 
     n_robots = 10
     of_six_gigabytes = int(6 * GB / (n_robots * BYTES_PER_ROBOT * times_host))

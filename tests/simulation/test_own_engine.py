@@ -29,7 +29,7 @@ def poses_after(poses, turn, forward):
 
 class TestRuns:
     def test_a_run_takes_it(self, small):
-        """With a factor by which nobody leaves the arena."""
+        """Nobody leaves the arena at this factor."""
         factor = 0.1
         engine = TeleportSettings(factor)
         scenario = Scenario(small, robots=N_ROBOTS, engine=engine, seed=1, worlds=2, steps=N_STEPS)

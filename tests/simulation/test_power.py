@@ -49,7 +49,7 @@ class TestLight:
         np.testing.assert_allclose(voltage, [60.0, 30.0], rtol=1e-6)
 
     def test_robots_with_energy_for_a_step_light_their_leds(self):
-        """In the light all have it; without capacitors all that live do."""
+        """All have it in the light, and all that live do without capacitors."""
         is_alive = np.ones((1, 3), bool)
         energy = np.array([[0.67e-3, 0.69e-3, 0.0]])
         in_the_dark = replace(CONFIG, energy=replace(CONFIG.energy, light_power=0.0))
@@ -61,7 +61,7 @@ class TestLight:
 
 class TestDraw:
     def test_robots_pay_for_messages_motion_and_tools(self):
-        """Of two seconds a turn at full rate takes 0.8 s, a walk at full speed 1.2 s."""
+        """A turn at full rate takes 0.8 s of two seconds, a walk at full speed 1.2 s."""
         energy, turn, forward, volts, is_alive, expected = np.array(
             [
                 # energy, turn, forward, tool voltage, alive, drawn
@@ -114,7 +114,7 @@ ON_DUMP = (0, 0, 30)
 def test_a_tool_is_charged_to_the_voltage_of_its_attempt_alone(
     pose, holds, picks, drop_rate, tool_voltage, succeeds, capacitor_voltage
 ):
-    """Or to that of the capacitor, if it is less.
+    """It is charged to that of the capacitor, if it is less.
 
     Robot 1 has a ball at its tip; robot 0 is elsewhere.
     """

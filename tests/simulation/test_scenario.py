@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from dataclasses import dataclass, fields, replace
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -47,10 +48,13 @@ CONFIG = SwarmConfig(ARENA)
 HERE = PlanarSettings(threads=1)
 N = 12
 PAPERS = Scenario(CONFIG, robots=N, seed=3, engine=HERE)
-TYPE1, TYPE2 = PRESETS["type1"], PRESETS["type2"]
+"""A scenario of the paper's strategy and task."""
+TYPE1 = PRESETS["type1"]
+TYPE2 = PRESETS["type2"]
 
 
 def turn_and_walk(weights, obs):
+    """Return the same action for all robots, the weights of a policy."""
     return jnp.broadcast_to(weights, (len(obs), 2))
 
 
@@ -92,13 +96,13 @@ class TestEntries:
         many = rollout(replace(scenario, worlds=64), poses_of=(0, 63))
         np.testing.assert_array_equal(many.poses[0, 0], np.float32(start))
         assert np.abs(many.poses[1, 0] - start).max() > 1
+
         for make in (single_env, vector_env, parallel_env):
             env = make(scenario, n_starts=1)
             env.reset(seed=0)
             worlds = getattr(env, "_vector_env", env)
-            np.testing.assert_allclose(
-                worlds.env.poses(worlds.current_state("poses"))[0], start, atol=1e-5
-            )
+            poses = worlds.env.poses(worlds.current_state("poses"))
+            np.testing.assert_allclose(poses[0], start, atol=1e-5)
 
     @pytest.mark.slow
     @pytest.mark.usefixtures("few_pixels")
@@ -114,9 +118,8 @@ class TestEntries:
             assert (row["picked"], row["collisions"]) == (measures.picked, measures.collisions)
 
     def test_a_search_names_the_fields_that_it_does_not_use(self, tmp_path):
-        with pytest.raises(
-            UserError, match="it does not use robots and goal of its scenario: leave them out"
-        ):
+        says = "it does not use robots and goal of its scenario: leave them out"
+        with pytest.raises(UserError, match=says):
             evolve(replace(PAPERS, goal=3), tmp_path)
 
     def test_a_run_is_that_of_the_command(self, tmp_path):
@@ -124,22 +127,22 @@ class TestEntries:
         file = tmp_path / "scenario.toml"
         file.write_text(scenario.to_toml())
         command = parse(["run", "--config", str(file)])
-        runs = Run(scenario), Run(command.scenario())
-        poses, of_command = (
-            np.concatenate([run.advance().poses for _ in range(3)]) for run in runs
-        )
-        np.testing.assert_array_equal(poses, of_command)
-        assert about(runs[0]) == about(runs[1])
+
+        run = Run(scenario)
+        run_of_command = Run(command.scenario())
+        for _ in range(3):
+            expected = run.advance().poses
+            np.testing.assert_array_equal(run_of_command.advance().poses, expected)
+        assert about(run_of_command) == about(run)
 
     def test_worlds_of_keys_are_those_keys(self):
         keys = jax.random.split(jax.random.key(1), 2)
         scenario = replace(PAPERS, worlds=keys, steps=3)
-        together = rollout(scenario, poses_of=(0, 1))
-        alone = rollout(
-            replace(scenario, worlds=[World(TYPE1, N, key=keys[1])] * 2), poses_of=(0, 1)
-        )
-        np.testing.assert_array_equal(alone.poses, together.poses[[1, 1]])
-        assert np.abs(together.poses[0, 0] - together.poses[1, 0]).max() > 1
+        of_both_keys = rollout(scenario, poses_of=(0, 1))
+        second_twice = [World(TYPE1, N, key=keys[1])] * 2
+        of_second_key = rollout(replace(scenario, worlds=second_twice), poses_of=(0, 1))
+        np.testing.assert_array_equal(of_second_key.poses, of_both_keys.poses[[1, 1]])
+        assert np.abs(of_both_keys.poses[0, 0] - of_both_keys.poses[1, 0]).max() > 1
 
     def test_worlds_of_a_scenario_differ(self):
         noisy = replace(CONFIG, optics=replace(CONFIG.optics, error_in_communication=0.5))
@@ -148,20 +151,17 @@ class TestEntries:
         assert (run.settings.n_robots, run.settings.n_worlds) == (N, 2)
         assert run.start.swarm.is_alive.sum(axis=-1).tolist() == [[5, N // 2]]
 
-    def test_numbers_of_robots_follow(self, tmp_path):
-        dense = replace(TYPE2, density_of_robots=0.1)
-        assert Scenario(CONFIG, strategy=dense).n_robots < Scenario(CONFIG, strategy=TYPE2).n_robots
-        kinds = two_kinds(tmp_path, 6)
-        assert (
-            Scenario(CONFIG, robot_file=kinds).n_robots
-            == Run(Scenario(CONFIG, robot_file=kinds)).settings.n_robots
-        )
+    def test_the_number_of_robots_follows_from_the_genome_or_the_kinds(self, tmp_path):
+        sparse = Scenario(CONFIG, strategy=replace(TYPE2, density_of_robots=0.1))
+        assert sparse.n_robots < Scenario(CONFIG, strategy=TYPE2).n_robots
+        of_kinds = Scenario(CONFIG, robot_file=two_kinds(tmp_path, 6))
+        assert of_kinds.n_robots == Run(of_kinds).settings.n_robots
 
 
 class TestMistakes:
     def test_the_order_of_arguments_does_not_matter(self):
-        given = {"strategy": TYPE2, "seed": 3, "engine": HERE, "config": CONFIG, "steps": 9}
-        assert Scenario(**given) == Scenario(**dict(reversed(given.items())))
+        arguments = {"strategy": TYPE2, "seed": 3, "engine": HERE, "config": CONFIG, "steps": 9}
+        assert Scenario(**arguments) == Scenario(**dict(reversed(arguments.items())))
 
     def test_a_genome_is_no_configuration(self):
         with pytest.raises(UserError, match="config must be a SwarmConfig"):
@@ -177,21 +177,15 @@ class TestMistakes:
         with pytest.raises(UserError, match="`seed` is given beside a scenario"):
             make(PAPERS, seed=0)
 
+    @pytest.mark.parametrize("worlds", [0, [], [TYPE2]], ids=["none", "an empty list", "genomes"])
+    def test_worlds_are_a_number_or_worlds_or_keys(self, worlds):
+        says = "worlds must be a number above 0, a World for each, or a random key for each"
+        with pytest.raises(UserError, match=says):
+            Scenario(CONFIG, worlds=worlds)
+
     @pytest.mark.parametrize(
-        ("given", "words"),
+        ("fields", "says"),
         [
-            (
-                {"worlds": 0},
-                "worlds must be a number above 0, a World for each, or a random key for each",
-            ),
-            (
-                {"worlds": []},
-                "worlds must be a number above 0, a World for each, or a random key for each",
-            ),
-            (
-                {"worlds": [TYPE2]},
-                "worlds must be a number above 0, a World for each, or a random key for each",
-            ),
             (
                 {"worlds": [World(PRESETS["evolved"], N)], "strategy": TYPE2},
                 "worlds have their own",
@@ -202,30 +196,32 @@ class TestMistakes:
             ({"engine": "planar"}, "engine must be"),
         ],
     )
-    def test_what_no_scenario_has(self, given, words):
-        with pytest.raises(UserError, match=words):
-            Scenario(CONFIG, **given)
+    def test_impossible_fields_are_refused(self, fields, says):
+        with pytest.raises(UserError, match=says):
+            Scenario(CONFIG, **fields)
 
-    def test_what_an_entry_cannot_take(self):
-        worlds = replace(PAPERS, worlds=[World(TYPE2, N)])
-        keys = jax.random.split(jax.random.key(1), 2)
-        for call, words in (
-            (lambda: play(worlds), "shows one world"),
-            (lambda: play(replace(PAPERS, goal=3)), "without goal"),
-            (lambda: make_env(worlds), "a number of worlds"),
-            (lambda: make_env(replace(PAPERS, worlds=keys)), "a number of worlds"),
-            (lambda: play(replace(PAPERS, worlds=keys)), "shows one world"),
-            (
-                lambda: vector_env(replace(PAPERS, worlds=3), num_envs=2),
-                "the scenario has 3 worlds",
-            ),
-        ):
-            with pytest.raises(UserError, match=words):
-                call()
+    KEYS = jax.random.split(jax.random.key(1), 2)
+
+    @pytest.mark.parametrize(
+        ("call", "fields", "says"),
+        [
+            (play, {"worlds": [World(TYPE2, N)]}, "shows one world"),
+            (play, {"worlds": KEYS}, "shows one world"),
+            (play, {"goal": 3}, "without goal"),
+            (make_env, {"worlds": [World(TYPE2, N)]}, "a number of worlds"),
+            (make_env, {"worlds": KEYS}, "a number of worlds"),
+            (partial(vector_env, num_envs=2), {"worlds": 3}, "the scenario has 3 worlds"),
+        ],
+    )
+    def test_each_entry_names_the_fields_that_it_cannot_take(self, call, fields, says):
+        with pytest.raises(UserError, match=says):
+            call(replace(PAPERS, **fields))
 
 
 OWN = "from iswarm_mj.tasks.aggregation import Beeclust\n\n\nclass Walk(Beeclust):\n    pass\n"
-BARE = replace(ARENA, n_dust=72)  # as without effect in another task
+"""File of a user's strategy."""
+BARE = replace(ARENA, n_dust=72)
+"""An arena with the default of a setting that has no effect in a task without dust."""
 SPOTS = Aggregation(spot_radius=4.0, spot_offset=7.0)
 BOXES = replace(ARENA, obstacles=((5.0, 5.0, 1.0, 2.0, 30.0), (-6.0, 6.0, 1.0, 1.0, 0.0)))
 ODD = {
@@ -255,6 +251,7 @@ ODD = {
 
 
 def read_back(scenario, file):
+    """Write a scenario to a file, and return what is read from it."""
     file.write_text(scenario.to_toml())
     return Scenario.from_toml(file)
 
@@ -264,26 +261,17 @@ class TestFiles:
     def test_a_toml_file_states_it_to_python_and_to_the_command(self, scenario, tmp_path):
         again = read_back(scenario, tmp_path / "scenario.toml")
         assert again.values() == scenario.values()
-        assert (
-            replace(again, engine=scenario.engine) == scenario
-            and again.engine.identity == scenario.engine.identity
-        )
+        assert replace(again, engine=scenario.engine) == scenario
+        assert again.engine.identity == scenario.engine.identity
 
         command = parse(["run", "--config", str(tmp_path / "scenario.toml")])
-        assert (
-            command.config == scenario.config
-            and command.task == scenario.task
-            and command.rules == scenario.strategy
-        )
-        assert (
-            command.number_of_robots() == scenario.n_robots
-            and command.engine_settings.identity == scenario.engine.identity
-        )
-        assert (command.seed, command.worlds, command.steps) == (
-            scenario.seed,
-            scenario.worlds,
-            scenario.steps,
-        )
+        assert command.config == scenario.config
+        assert command.task == scenario.task
+        assert command.rules == scenario.strategy
+        assert command.number_of_robots() == scenario.n_robots
+        assert command.engine_settings.identity == scenario.engine.identity
+        for name in ("seed", "worlds", "steps"):
+            assert getattr(command, name) == getattr(scenario, name), name
         assert command.stop_at == scenario.goal
 
     @pytest.mark.parametrize("scenario", ODD.values(), ids=ODD)
@@ -298,7 +286,8 @@ class TestFiles:
     def test_kinds_of_robots(self, tmp_path):
         scenario = replace(PAPERS, robots=None, robot_file=two_kinds(tmp_path, 6))
         again = read_back(scenario, tmp_path / "scenario.toml")
-        assert again.robot_file == scenario.robot_file and again.n_robots == scenario.n_robots
+        assert again.robot_file == scenario.robot_file
+        assert again.n_robots == scenario.n_robots
         assert Scenario.from_result(about(Run(scenario))).robot_file == scenario.robot_file
 
     def test_classes_of_files(self, tmp_path):
@@ -306,29 +295,25 @@ class TestFiles:
         walk = find(STRATEGIES, f"{tmp_path}/own.py:Walk")
         scenario = replace(PAPERS, strategy=walk(longest_wait=7.0), task=SPOTS, robots=4)
         again = read_back(scenario, tmp_path / "scenario.toml")
-        assert again.values() == scenario.values() and again.strategy.longest_wait == 7.0
+        assert again.values() == scenario.values()
+        assert again.strategy.longest_wait == 7.0
 
         result = about(Run(scenario))
-        with pytest.raises(
-            UserError,
-            match=r"strategy Walk, which no package offers; give its class.*strategy=Walk",
-        ):
+        says = r"strategy Walk, which no package offers; give its class.*strategy=Walk"
+        with pytest.raises(UserError, match=says):
             Scenario.from_result(result)
         assert Scenario.from_result(result, strategy=walk).strategy == scenario.strategy
 
     def test_engines_of_files_and_of_gpus(self, tmp_path):
         engine = find_engine(f"{Path(__file__).parents[1]}/data/teleport.py:TeleportSettings")
         again = read_back(replace(PAPERS, engine=engine(30.0)), tmp_path / "scenario.toml")
-        assert (
-            type(again.engine).__name__ == "TeleportSettings"
-            and again.engine.identity == engine(30.0).identity
-        )
+        assert type(again.engine).__name__ == "TeleportSettings"
+        assert again.engine.identity == engine(30.0).identity
         result = about(Run(replace(PAPERS, engine=engine(30.0))))
         assert Scenario.from_result(result, engine=engine).engine == engine(30.0)
-        assert (
-            read_back(replace(PAPERS, engine=MjxSettings()), tmp_path / "scenario.toml").engine.name
-            == "mjx"
-        )
+
+        on_mjx = replace(PAPERS, engine=MjxSettings())
+        assert read_back(on_mjx, tmp_path / "scenario.toml").engine.name == "mjx"
 
     def test_dead_robots_of_a_result(self):
         worlds = [World(TYPE2, N, seed=3, index=index, failed_fraction=0.5) for index in range(2)]
@@ -338,35 +323,42 @@ class TestFiles:
         np.testing.assert_array_equal(again.start.swarm.is_alive, run.start.swarm.is_alive)
         np.testing.assert_array_equal(again.start.poses, run.start.poses)
 
-    def test_what_only_the_command_has_is_refused(self, tmp_path):
+    def test_the_flags_of_a_command_may_stand_in_a_file(self, tmp_path):
         file = tmp_path / "run.toml"
-        for text, words in (
-            ("out = 'here'", "names out, which is no part"),
-            ("seed = ", "is no TOML"),
-        ):
-            file.write_text(text)
-            with pytest.raises(UserError, match=words):
-                Scenario.from_toml(file)
         file.write_text('reading = "selected"\nuse-hop-count = false\n[arena]\nn-dust = 24\n')
-        found = Scenario.from_toml(file)
-        assert found.config == replace(INTERPRETATIONS["selected"], arena=ArenaConfig(n_dust=24))
-        assert found.strategy == replace(TYPE1, use_hop_count=False)
+        scenario = Scenario.from_toml(file)
+        assert scenario.config == replace(INTERPRETATIONS["selected"], arena=ArenaConfig(n_dust=24))
+        assert scenario.strategy == replace(TYPE1, use_hop_count=False)
 
-    def test_what_no_file_can_state(self):
-        @dataclass(frozen=True)
-        class Large(Beeclust):
-            weights: object = None
+    @pytest.mark.parametrize(
+        ("text", "says"),
+        [("out = 'here'", "names out, which is no part"), ("seed = ", "is no TOML")],
+    )
+    def test_files_that_state_no_scenario_are_refused(self, tmp_path, text, says):
+        file = tmp_path / "run.toml"
+        file.write_text(text)
+        with pytest.raises(UserError, match=says):
+            Scenario.from_toml(file)
 
+    def test_no_file_can_state_classes_of_a_notebook_and_worlds_that_differ(self):
         of_notebook = type("Own", (Beeclust,), {"__module__": "nowhere"})
         with pytest.raises(UserError, match="no command can name Own"):
             replace(PAPERS, strategy=of_notebook(), task=SPOTS).to_toml()
         with pytest.raises(UserError, match="no flag can state worlds that differ"):
             replace(PAPERS, worlds=[World(TYPE2, N)]).to_toml()
+
+    def test_large_arrays_are_to_be_given_beside_a_result(self):
+        @dataclass(frozen=True)
+        class Large(Beeclust):
+            weights: object = None
+
         large = Large(weights=np.zeros(100, np.float32))
         result = about(Run(replace(PAPERS, strategy=large, task=SPOTS)))
         with pytest.raises(UserError, match="does not state weights of Large completely"):
             Scenario.from_result(result, strategy=Large)
         assert is_same(Scenario.from_result(result, strategy=large).strategy, large)
+
+    def test_other_contents_are_no_results(self):
         for content in ({}, {"config": {}}, {**about(Run(PAPERS)), "settings": {}}):
             with pytest.raises(UserError, match="give the result"):
                 Scenario.from_result(content)
@@ -388,10 +380,11 @@ assert type(scenario.strategy) is Walk and scenario.strategy.longest_wait == 7.0
 
 
 def test_a_script_reads_a_file_that_names_its_own_classes(tmp_path):
-    """Without being executed again."""
+    """The script is not executed again."""
+    settings = 'strategy = "own.py:Walk"\ntask = "aggregation"\nlongest_wait = 7.0\n'
     (tmp_path / "own.py").write_text(SCRIPT)
-    (tmp_path / "own.toml").write_text(
-        'strategy = "own.py:Walk"\ntask = "aggregation"\nlongest_wait = 7.0\n'
+    (tmp_path / "own.toml").write_text(settings)
+    process = subprocess.run(
+        [sys.executable, "own.py"], cwd=tmp_path, capture_output=True, text=True
     )
-    done = subprocess.run([sys.executable, "own.py"], cwd=tmp_path, capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (0, "runs\n"), done.stderr
+    assert (process.returncode, process.stdout) == (0, "runs\n"), process.stderr

@@ -70,8 +70,7 @@ OTHER_PARTS = {
 
 @pytest.fixture(scope="module")
 def configs(small):
-    """Configurations of four worlds: small, all parts different, other places, another
-    interpretation."""
+    """Configurations of four worlds: the small one, and others by parts, places, interpretation."""
     places = replace(small.arena, dump_size=5, dust_area_size=4, dust_area_offset=5.2)
     return [
         small,
@@ -143,8 +142,8 @@ def test_trials_run_on_the_bench_of_the_engine_or_the_chosen_one(chosen, on_host
     ],
 )
 def test_what_is_compiled_in_may_not_differ(small, part, name, value):
-    other = replace(small, **{part: replace(getattr(small, part), **{name: value})})
-    assert shared_settings(small) != shared_settings(other)
+    different = replace(small, **{part: replace(getattr(small, part), **{name: value})})
+    assert shared_settings(small) != shared_settings(different)
     says = rf"differs from its run in {part}\.{name}, which all worlds of one run share"
     with pytest.raises(UserError, match=says):
-        run_of(small, worlds=[World(TYPE1, N, config=other)])
+        run_of(small, worlds=[World(TYPE1, N, config=different)])

@@ -139,7 +139,7 @@ def test_hulls_count_as_long_as_they_are(last):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_robots_on_all_cells_are_allowed(seed):
-    """At 45 degrees their corners just meet."""
+    """Their corners just meet at 45 degrees."""
     n_robots = 96
     arena = ArenaConfig(size=10.7, dump_size=2.2, dust_area_size=2, dust_area_offset=4, n_dust=4)
     poses = start_of(replace(SMALL, arena=arena), n_robots, seed, 0).poses.copy()

@@ -225,7 +225,9 @@ class RemembersWalls(Scripted):
 
 def test_sides_that_are_off_receive_nothing_and_see_no_wall(small):
     """While robots emit, which with four slots is all the time, only their fronts are on."""
-    n_slots, message_bits, baud_rate = 4, 32, 4000
+    n_slots = 4
+    message_bits = 32
+    baud_rate = 4000
     config = replace(small, optics=OpticsConfig(baud_rate=baud_rate, slots=n_slots))
     paper_strategy = scripted(run_of(config), step=0, robot=0, turn=0, forward=0)
     run = run_of(config, strategy=RemembersWalls(**vars(paper_strategy)), steps=30)

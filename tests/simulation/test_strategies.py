@@ -71,7 +71,7 @@ def first_distances(run):
 
 class TestWorlds:
     def test_each_world_gets_a_strategy_of_its_own(self, small):
-        """By its robots, and by its configuration if it has one."""
+        """It follows from its robots, and from its configuration if it has one."""
         slow = replace(small, drive=replace(small.drive, loaded_speed=0.5))
         worlds = [World(TYPE1, 2), World(TYPE1, 5), World(TYPE1, 5, config=slow)]
         scenario = Scenario(small, strategy=Ahead(), engine=ENGINE, worlds=worlds, steps=2)

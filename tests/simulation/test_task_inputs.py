@@ -38,13 +38,8 @@ def settings_of(inputs):
     """Return all of the arena, some of the conditions, and one setting that is compiled in."""
     arena = jnp.concatenate([jnp.ravel(jnp.float32(part)) for part in inputs.arena])
     conditions = inputs.conditions
-    others = [
-        conditions.dump_size,
-        conditions.error_in_communication,
-        conditions.error_turn,
-        inputs.config.drive.step_length,
-    ]
-    return jnp.concatenate([arena, jnp.array(others)])
+    some = [conditions.dump_size, conditions.error_in_communication, conditions.error_turn]
+    return jnp.concatenate([arena, jnp.array([*some, inputs.config.drive.step_length])])
 
 
 def cells_of(positions, size, xp):

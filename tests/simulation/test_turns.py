@@ -174,7 +174,8 @@ def make_crowd(seed):
     key = jax.random.key(seed)
     rules = rules_of(PRESETS["type1"])
     strategy = VectorStrategy(rules, jnp.int32(5), config.static, read_robot())
-    was_loaded, is_loaded = some(0.3), some(0.3)
+    was_loaded = some(0.3)
+    is_loaded = some(0.3)
 
     received = transmit(strategy, links, key, memory, was_loaded)
     shapes = observation_shapes(n_robots, payload=strategy.payload)
@@ -261,10 +262,11 @@ def test_sweeps_give_what_robots_hear_one_by_one():
             np.testing.assert_array_equal(leaf, expected, err_msg=name)
 
     # The step has news, of the dump and of priorities.
-    old, new = swarm.observation.payload, by_sweeps.payload
-    has_news = np.asarray(new["dump"].hop != old["dump"].hop) & is_heard
+    before = swarm.observation.payload
+    after = by_sweeps.payload
+    has_news = np.asarray(after["dump"].hop != before["dump"].hop) & is_heard
     assert has_news.sum() > 10
-    assert (np.asarray(new["priority"] != old["priority"]) & is_heard).any()
+    assert (np.asarray(after["priority"] != before["priority"]) & is_heard).any()
 
 
 class TellsLoad(Still):
@@ -315,7 +317,8 @@ def test_what_robots_remember_is_what_they_told_the_others():
 
 def test_the_order_is_new_in_each_step_and_even():
     """Each robot comes before each other one in half of the steps."""
-    n_steps, n_robots = 400, 50
+    n_steps = 400
+    n_robots = 50
     keys = jax.random.split(jax.random.key(0), n_steps)
     draw = jax.jit(jax.vmap(lambda key: draw_turns(key, n_robots)))
     turns = np.asarray(draw(keys))
@@ -335,14 +338,8 @@ def test_a_strategy_that_cannot_pass_on_news_is_refused():
 
     swarm = swarm_of(deaf.init(2, None), lay((0.0, 60.0)), 2)
     poses = place((0, 0, 0), (8, 0, 0))
-    decision = partial(first_decision, deaf, config)
-    with pytest.raises(
-        UserError, match=r"update_order is sequential, but Deaf has no method listen"
-    ):
-        jax.eval_shape(
-            decision,
-            swarm,
-            jnp.asarray(poses, jnp.float32),
-            links_of(poses, config.optics),
-            jax.random.key(0),
-        )
+    links = links_of(poses, config.optics)
+    arguments = swarm, jnp.asarray(poses, jnp.float32), links, jax.random.key(0)
+    says = r"update_order is sequential, but Deaf has no method listen"
+    with pytest.raises(UserError, match=says):
+        jax.eval_shape(partial(first_decision, deaf, config), *arguments)

@@ -105,11 +105,11 @@ class TestKeys:
 
     @pytest.mark.parametrize("impl", ["threefry2x32", "rbg"])
     def test_may_be_given_and_of_any_kind(self, impl):
-        given = jax.random.split(jax.random.key(3, impl=impl), len(VARIED))
-        worlds = [replace(world, key=key) for world, key in zip(VARIED, given, strict=True)]
+        own_keys = jax.random.split(jax.random.key(3, impl=impl), len(VARIED))
+        worlds = [replace(world, key=key) for world, key in zip(VARIED, own_keys, strict=True)]
         keys = random_keys(worlds)
-        assert jax.random.key_impl(keys) == jax.random.key_impl(given)
-        assert (keys == given).all()
+        assert jax.random.key_impl(keys) == jax.random.key_impl(own_keys)
+        assert (keys == own_keys).all()
 
     @pytest.mark.parametrize(
         "key", [3, jax.random.split(jax.random.key(0), 2), np.zeros(2, np.uint32)], ids=str
@@ -146,10 +146,11 @@ def test_engines_are_told_whether_places_are_empty(small, sizes, capacity, has_e
 
 
 def test_absent_robots_do_nothing(small):
-    """Of two worlds one has robots in all N places, as in other tests, and one in twelve."""
+    """One of two worlds has robots in all N places, as in other tests, and one in twelve."""
     sizes = (N, 12)
     worlds = [World(TYPE1, n_robots, index=index) for index, n_robots in enumerate(sizes)]
     run = run_of(small, worlds=worlds, steps=12)
+
     before = poses_of(run)
     for record in records(run):
         distance = np.linalg.norm((record.poses - before)[..., :2], axis=-1)
@@ -165,6 +166,7 @@ def test_absent_robots_do_nothing(small):
             balls = record.swarm.task
             holders = balls.holder[world][balls.is_held[world]]
             assert (holders < n_robots).all()
+
         _, state = run.arrays()
         assert state.touching[1].max() < sizes[1]
 
@@ -289,7 +291,7 @@ class TestRefusedRuns:
 
 
 def test_the_number_of_scouts_is_rounded(small):
-    """In each world by its genome and its robots."""
+    """It follows from the genome and the robots of each world."""
     shares_and_sizes = ((0.27, 10), (0.23, 10), (0.5, 7))
     worlds = [
         World(replace(TYPE1, fraction_scouts=share), n_robots)
