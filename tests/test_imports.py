@@ -1,5 +1,7 @@
-"""What importing a part of the package loads. Who may import whom: the contracts of import-linter
-in pyproject.toml."""
+"""Imports: what each part of the package loads, and what packages offer.
+
+The contracts of import-linter in pyproject.toml say which part may import which.
+"""
 
 import ast
 import importlib
@@ -15,19 +17,29 @@ LAWS = ["adhesion", "detachment", "electrostatics", "probe_table"]
 """Files of `gripper/laws/`."""
 
 
-def loaded(code):
-    """Modules that a process has after some code."""
+def modules_after(code):
+    """Return the modules that a process has loaded after some code."""
     code += "\nimport sys; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return set(done.stdout.splitlines()[-1].split())
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    return set(process.stdout.splitlines()[-1].split())
+
+
+def names_below(prefix, names):
+    """Return the names that begin with a prefix."""
+    return {name for name in names if name.startswith(prefix)}
 
 
 def test_the_root_is_light():
-    found = loaded("import iswarm_mj; dir(iswarm_mj); iswarm_mj.envs; dir(iswarm_mj.gripper)")
+    """It loads neither NumPy nor any large package."""
+    loaded = modules_after(
+        "import iswarm_mj; dir(iswarm_mj); iswarm_mj.envs; dir(iswarm_mj.gripper)"
+    )
+    of_package = names_below("iswarm", loaded) - names_below("iswarm_mj.utils", loaded)
     packages = {"iswarm_mj", "iswarm_mj._version", "iswarm_mj.envs", "iswarm_mj.gripper"}
-    own = {name for name in found if name.startswith("iswarm")}
-    assert {name for name in own if not name.startswith("iswarm_mj.utils")} == packages
-    assert not {"jax", "mujoco", "numpy", "pyarrow", "rerun", "numba"} & found
+    assert of_package == packages
+    assert not {"jax", "mujoco", "numpy", "pyarrow", "rerun", "numba"} & loaded
 
 
 HELP = """
@@ -51,31 +63,28 @@ def test_laws_settings_workers_and_help_are_light():
         "utils.jax_setup",
     ]
     code = "".join(f"import iswarm_mj.{name}\n" for name in light) + HELP
-    assert not {"jax", "mujoco", "rerun", "scipy", "matplotlib", "trimesh"} & loaded(code)
+    heavy = {"jax", "mujoco", "rerun", "scipy", "matplotlib", "trimesh"}
+    assert not heavy & modules_after(code)
 
 
 def test_simulation_does_without_the_bench_and_mjx():
-    """Large parts, which take longer to import than all else together, and only some runs need."""
-    modules = [
-        f"iswarm_mj.simulation.{path.stem}" for path in MODULES if path.parent.name == "simulation"
-    ]
-    found = loaded(f"import {', '.join(modules)}")
-    assert [
-        name for name in found if name.startswith(("iswarm_mj.gripper.bench", "mujoco.mjx"))
-    ] == []
-
-
-MODULES = sorted(Path(iswarm_mj.__file__).parent.rglob("*.py"))
+    """These take longer to import than all else together, and only some runs need them."""
+    simulation = Path(iswarm_mj.__file__).parent / "simulation"
+    modules = [f"iswarm_mj.simulation.{path.stem}" for path in sorted(simulation.glob("*.py"))]
+    loaded = modules_after(f"import {', '.join(modules)}")
+    assert not names_below("iswarm_mj.gripper.bench", loaded)
+    assert not names_below("mujoco.mjx", loaded)
 
 
 @pytest.mark.parametrize("package", ["iswarm_mj", "iswarm_mj.envs", "iswarm_mj.gripper"])
 def test_a_package_offers_what_its_stub_names(package):
-    """At run time, in `dir`, and to type checkers, for which a stub imports each name as itself."""
+    """A stub imports each name as itself, so that type checkers take it for public."""
     offering = importlib.import_module(package)
     stub = ast.parse(Path(offering.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
-    imported = [
-        alias for node in stub.body if isinstance(node, ast.ImportFrom) for alias in node.names
-    ]
-    assert [alias.name for alias in imported if alias.asname != alias.name] == []
-    names = sorted(alias.name for alias in imported)
-    assert names == sorted(offering.__all__) == sorted(dir(offering))
+    names = []
+    for node in stub.body:
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                assert alias.asname == alias.name
+                names.append(alias.name)
+    assert sorted(names) == sorted(offering.__all__) == sorted(dir(offering))

@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom, and arrive at what they show."""
+"""The notebooks run from top to bottom, and their results are those that their texts describe."""
 
 import ast
 import importlib
@@ -15,6 +15,7 @@ NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 
 
 def first_run(names):
+    """Check that a run delivers balls, and that its files agree."""
     assert names["run"].is_over
     measures = names["measures"]
     assert 0 < measures.delivered == names["delivered"][-1]
@@ -24,6 +25,7 @@ def first_run(names):
 
 
 def batched_rollouts(names):
+    """Check that the paper's strategy beats a walk straight on, in all worlds together."""
     papers, walk = names["found"].values()
     assert papers.delivered.shape == walk.delivered.shape == (3,)
     assert papers.delivered.sum() > walk.delivered.sum() > 0
@@ -33,16 +35,18 @@ def batched_rollouts(names):
 
 
 def own_strategy(names):
-    walk, papers = names["walk"], names["papers"]
-    assert papers.delivered.sum() > walk.delivered.sum()
+    """Check that the paper's strategy beats the user's, whose recording is there."""
+    assert names["papers"].delivered.sum() > names["walk"].delivered.sum()
     assert Path("walk.rrd").stat().st_size > 0
 
 
 def gripper(names):
-    trace, pulls = names["trace"], names["pull_off"]
-    assert trace.gap_plate.max() > 4e-6  # the ball was lifted
-    assert trace.gap_plate[-1] < 1e-6  # and lies again
-    assert 0 < pulls[0] < pulls[10] < pulls[20]
+    """Check that a ball is lifted and released, and that humidity raises the voltage."""
+    gap = names["trace"].gap_plate
+    assert gap.max() > 4e-6
+    assert gap[-1] < 1e-6
+    pull_off = names["pull_off"]
+    assert 0 < pull_off[0] < pull_off[10] < pull_off[20]
 
     grasps = [row for row in names["rows"] if row.experiment == "grasp"]
     voltage = {row.relative_humidity: row.voltage for row in grasps}
@@ -50,7 +54,9 @@ def gripper(names):
 
 
 def evolution(names):
-    fitness, generation = names["fitness"], names["generation"]
+    """Check that the last generation is fitter than the first."""
+    fitness = names["fitness"]
+    generation = names["generation"]
     assert len(fitness) == 48
     assert names["best"].fitness <= fitness.max()
     last = fitness[generation == generation.max()]
@@ -59,7 +65,7 @@ def evolution(names):
 
 
 def recordings(names):
-    """The recordings have what the tables of the trajectories have."""
+    """Check that recordings have what the tables of the trajectories have."""
     saved = iswarm_mj.load(names["out"])
     is_first_world = pc.field("world") == 0
 
@@ -124,13 +130,13 @@ def test_notebook_runs(path, tmp_path, monkeypatch):
 def test_notebooks_import_only_what_exists(path):
     lines = "\n".join(code_cells(path).values()).splitlines()
     code = "\n".join(line for line in lines if not line.startswith(("%", "!")))
-    imports = [
-        (node.module, name.name)
-        for node in ast.walk(ast.parse(code))
-        if isinstance(node, ast.ImportFrom) and node.module.startswith("iswarm_mj")
-        for name in node.names
-    ]
-    assert imports
-    for module, name in imports:
-        has_name = hasattr(importlib.import_module(module), name)
-        assert has_name or importlib.util.find_spec(f"{module}.{name}")
+    statements = [node for node in ast.walk(ast.parse(code)) if isinstance(node, ast.ImportFrom)]
+    of_package = [node for node in statements if node.module.startswith("iswarm_mj")]
+    assert of_package
+    for node in of_package:
+        module = importlib.import_module(node.module)
+        for alias in node.names:
+            exists = hasattr(module, alias.name) or importlib.util.find_spec(
+                f"{node.module}.{alias.name}"
+            )
+            assert exists, alias.name

@@ -1,4 +1,4 @@
-"""What ships: the archives that the build makes, and what the project's files say of each other."""
+"""Packaging: the contents of the archives, and the versions that the project's files state."""
 
 import os
 import re
@@ -16,14 +16,15 @@ import iswarm_mj
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-REQUIRED = {r.name: r for r in map(Requirement, PROJECT["dependencies"])}
-_EXTRAS = PROJECT["optional-dependencies"]
-EXTRA = {r.name: r for r in map(Requirement, (*_EXTRAS["dev"], *_EXTRAS["docs"]))}
+OPTIONAL = PROJECT["optional-dependencies"]
+REQUIREMENTS = [
+    Requirement(line) for line in (*PROJECT["dependencies"], *OPTIONAL["dev"], *OPTIONAL["docs"])
+]
 
 MODELS = [
-    p.relative_to(ROOT).as_posix()
-    for p in (ROOT / "models").rglob("*")
-    if p.suffix in (".xml", ".obj")
+    path.relative_to(ROOT).as_posix()
+    for path in (ROOT / "models").rglob("*")
+    if path.suffix in (".xml", ".obj")
 ]
 
 FROM_ELSEWHERE = """
@@ -39,6 +40,7 @@ print(float(probe_factor("pick", 1 / 512, 8.0)))
 
 
 def build(source, out, target):
+    """Build an archive, "sdist" or "wheel", and return its path."""
     command = [sys.executable, "-m", "hatchling", "build", "-t", target, "-d", str(out)]
     run = subprocess.run(command, cwd=source, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
@@ -50,10 +52,10 @@ def build(source, out, target):
 def sdist(tmp_path_factory):
     """Unpacked source archive."""
     folder = tmp_path_factory.mktemp("sdist")
+    has_filter = hasattr(tarfile, "data_filter")  # from Python 3.11.4 on
+    options = {"filter": "data"} if has_filter else {}
     with tarfile.open(build(ROOT, folder, "sdist")) as archive:
-        archive.extractall(
-            folder, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {})
-        )  # since 3.11.4
+        archive.extractall(folder, **options)
     return folder / f"iswarm_mj-{PROJECT['version']}"
 
 
@@ -68,7 +70,15 @@ def wheel(sdist, tmp_path_factory):
 
 @pytest.mark.slow
 def test_both_archives_hold_the_data_unchanged(sdist, wheel):
-    data = [
+    """The wheel has the models within the package."""
+    meshes = ["models/meshes/leg.obj"]
+    assert {"models/arena.xml", "models/robot.xml", "models/ball.xml", *meshes} <= set(MODELS)
+    for name in MODELS:
+        original = (ROOT / name).read_bytes()
+        assert (sdist / name).read_bytes() == original
+        assert (wheel / "iswarm_mj" / name).read_bytes() == original
+
+    for name in (
         "__init__.pyi",
         "envs/__init__.pyi",
         "gripper/__init__.pyi",
@@ -76,44 +86,35 @@ def test_both_archives_hold_the_data_unchanged(sdist, wheel):
         "py.typed",
         "paper/report/topics.csv",
         "paper/report/templates/report.html",
-    ]
-    assert {
-        "models/arena.xml",
-        "models/robot.xml",
-        "models/ball.xml",
-        "models/meshes/leg.obj",
-    } <= set(MODELS)
-    for name in (*MODELS, *(f"iswarm_mj/{name}" for name in data)):
-        original = (ROOT / name).read_bytes()
-        assert (sdist / name).read_bytes() == original
-        inside = name if name.startswith("iswarm_mj/") else f"iswarm_mj/{name}"
-        assert (wheel / inside).read_bytes() == original
+    ):
+        original = (ROOT / "iswarm_mj" / name).read_bytes()
+        assert (sdist / "iswarm_mj" / name).read_bytes() == original
+        assert (wheel / "iswarm_mj" / name).read_bytes() == original
+
     for name in ("README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md"):
         assert (sdist / name).is_file(), name
 
 
 @pytest.mark.slow
 def test_the_wheel_holds_all_modules_and_nothing_else(wheel):
-    modules = {p.relative_to(ROOT).as_posix() for p in (ROOT / "iswarm_mj").rglob("*.py")}
-    assert {p.relative_to(wheel).as_posix() for p in wheel.rglob("*.py")} == modules
-    assert {p.name for p in wheel.iterdir()} == {
-        "iswarm_mj",
-        f"iswarm_mj-{PROJECT['version']}.dist-info",
-    }
+    modules = {path.relative_to(ROOT) for path in (ROOT / "iswarm_mj").rglob("*.py")}
+    assert {path.relative_to(wheel) for path in wheel.rglob("*.py")} == modules
+    metadata = f"iswarm_mj-{PROJECT['version']}.dist-info"
+    assert {path.name for path in wheel.iterdir()} == {"iswarm_mj", metadata}
 
 
 @pytest.mark.slow
 def test_the_wheel_finds_its_models_far_from_the_checkout(wheel, tmp_path):
-    environment = {**os.environ, "PYTHONPATH": str(wheel)}
-    run = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", FROM_ELSEWHERE],
         cwd=tmp_path,
-        env=environment,
+        env={**os.environ, "PYTHONPATH": str(wheel)},
         capture_output=True,
         text=True,
     )
-    assert run.returncode == 0, run.stderr
-    place, n_robots, factor = run.stdout.split()
+    assert process.returncode == 0, process.stderr
+
+    place, n_robots, factor = process.stdout.split()
     assert Path(place).is_relative_to(wheel)
     assert int(n_robots) == 2
     assert float(factor) == pytest.approx(1, abs=0.02)
@@ -128,16 +129,15 @@ def test_versions_agree():
 def test_the_lock_satisfies_the_requirements():
     lock = (ROOT / ".ci/requirements.lock").read_text(encoding="utf-8")
     locked = re.findall(r"^([a-z0-9][a-z0-9.-]*)==([^\s;]+)", lock, re.MULTILINE)
-    names = {name for name, _ in locked}
-    for requirement in (*REQUIRED.values(), *EXTRA.values()):
-        assert requirement.name in names, (
-            f"{requirement} is not in the lock file: remake it, see CONTRIBUTING.md"
-        )
-    for name, number in locked:
-        wanted = REQUIRED.get(name, EXTRA.get(name))
-        assert wanted is None or wanted.specifier.contains(number), (
-            f"{name} {number} is locked, {wanted} is required"
-        )
-    assert not re.search(r"^--|://| @ |file:", lock, re.MULTILINE), (
-        "the lock names a place to download from"
-    )
+    versions = {}
+    for name, version in locked:
+        versions.setdefault(name, []).append(version)
+
+    for requirement in REQUIREMENTS:
+        remedy = f"{requirement} is not in the lock file: remake it, see CONTRIBUTING.md"
+        assert requirement.name in versions, remedy
+        for version in versions[requirement.name]:
+            assert requirement.specifier.contains(version), f"{version} is not {requirement}"
+
+    place = re.search(r"^--|://| @ |file:", lock, re.MULTILINE)
+    assert place is None, "the lock names a place to download from"

@@ -1,5 +1,4 @@
-"""What is said of the checked-in results, in findings and on pages, is what the code says of their
-tables."""
+"""Checked-in results: findings and pages agree with what the code makes of their tables."""
 
 import csv
 from dataclasses import fields
@@ -21,12 +20,12 @@ PAGES = [
     "results/README.md",
     *(f"docs/{p.name}" for p in (ROOT / "docs").glob("*.md")),
 ]
-ENGINES = ("results/default", "results/mujoco")
 REMEDY = "run `iswarm reproduce --tables`"
 
 
 @pytest.fixture(scope="module")
 def tables():
+    """Tables of the checked-in results, which pages state."""
     return ResultBlocks(ROOT)
 
 
@@ -35,37 +34,46 @@ def tables():
     [f"results/{name}" for name in ("default", "initial", "mujoco", "cells", "stops", "selected")],
 )
 def test_findings_are_what_the_code_says_of_the_tables(tmp_path, results, tables):
-    made = [topic for topic in tables.topics(results) if topic.results]
-    files = {topic.results[0].path.with_name(FINDINGS): topic.findings for topic in made}
-    assert files and set(files) == set((ROOT / results).rglob(FINDINGS))
+    files = {}
+    for topic in tables.topics(results):
+        if topic.results:
+            files[topic.results[0].path.with_name(FINDINGS)] = topic.findings
+    assert files
+    assert set(files) == set((ROOT / results).rglob(FINDINGS))
     for path, findings in files.items():
         write_csv(tmp_path / FINDINGS, [finding._asdict() for finding in findings])
         assert path.read_text() == (tmp_path / FINDINGS).read_text(), REMEDY
 
 
+def verdicts_of(findings):
+    """Return the verdict of each claim in a file of findings."""
+    with findings.open() as file:
+        return {row["claim"]: row["verdict"] for row in csv.DictReader(file)}
+
+
 @pytest.mark.parametrize("part", ["hop-count", "density"])
 def test_both_engines_give_each_statement_the_same_verdict(part):
-    planar, mujoco = (
-        {
-            row["claim"]: row["verdict"]
-            for row in csv.DictReader((ROOT / at / part / FINDINGS).open())
-        }
-        for at in ENGINES
-    )
-    assert planar == mujoco and len(planar) >= 4
+    of_planar = verdicts_of(ROOT / "results/default" / part / FINDINGS)
+    of_mujoco = verdicts_of(ROOT / "results/mujoco" / part / FINDINGS)
+    assert of_planar == of_mujoco
+    assert len(of_planar) >= 4
+
+
+DRAWN = ("replicate", "individual", "n_robots", "seed", *(field.name for field in fields(Genome)))
+"""Columns of a table of evolution that are drawn, and measured by no run."""
+
+
+def first_generation(method):
+    """Return the drawn columns of the first generation of a search, row by row."""
+    rows, _ = read_table(ROOT / "results/default" / f"evolve-{method}" / "evolution.parquet")
+    return [[row[name] for name in DRAWN] for row in rows if row["generation"] == 0]
 
 
 def test_evolutions_begin_as_random_search_does():
-    """The first generation of both is drawn by the same numbers; its runs were worlds of other
-    batches."""
-    first, drawn = (
-        [],
-        ("replicate", "individual", "n_robots", "seed", *(field.name for field in fields(Genome))),
-    )
-    for method in ("paper", "random"):
-        rows, _ = read_table(ROOT / "results/default" / f"evolve-{method}" / "evolution.parquet")
-        first.append([[row[name] for name in drawn] for row in rows if row["generation"] == 0])
-    assert first[0] == first[1] and len(first[0]) == 160
+    """The first generation of both is drawn by the same numbers."""
+    of_evolution = first_generation("paper")
+    assert len(of_evolution) == 160
+    assert of_evolution == first_generation("random")
 
 
 @pytest.mark.parametrize("method", ["paper", "random", "cmaes"])

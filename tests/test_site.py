@@ -1,5 +1,4 @@
-"""The documentation: its tables are those of the code, its commands work, the site builds without
-the network."""
+"""The documentation: its tables follow the code, its commands work, and the site builds."""
 
 import importlib
 import os
@@ -18,21 +17,30 @@ from iswarm_mj.strategy.interface import Observation
 from iswarm_mj.utils.errors import FaultKind
 
 ROOT = Path(__file__).parents[1]
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+DOCS = ROOT / "docs"
+PAGES = sorted([ROOT / "README.md", *DOCS.glob("*.md")])
 NAMING = [*PAGES, ROOT / "CONTRIBUTING.md", ROOT / "results/README.md"]
+"""Pages that name files and modules."""
+
+
+def blocks_of(page, language):
+    """Return the code blocks of a page in a language."""
+    return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
 
 
 def commands(page):
-    """The commands of `iswarm` in a page's blocks, without their comments."""
-    blocks = re.findall(r"```bash\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-    lines = "\n".join(blocks).replace("\\\n", " ").splitlines()
-    parts = [part for line in lines for part in re.split(r"\s&&\s", line)]
-    return [
-        shlex.split(part, comments=True) for part in parts if part.strip().startswith("iswarm ")
-    ]
+    """Return the commands of `iswarm` in a page's blocks, as words without their comments."""
+    lines = "\n".join(blocks_of(page, "bash")).replace("\\\n", " ").splitlines()
+    found_commands = []
+    for line in lines:
+        for part in re.split(r"\s&&\s", line):
+            if part.strip().startswith("iswarm "):
+                found_commands.append(shlex.split(part, comments=True))
+    return found_commands
 
 
-ALL = [(page.name, shlex.join(words)) for page in PAGES for words in commands(page)]
+COMMANDS = [(page.name, shlex.join(words)) for page in PAGES for words in commands(page)]
+"""Page and text of each command."""
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -51,48 +59,59 @@ def test_each_table_is_on_a_page_and_complete():
 
 
 @pytest.mark.parametrize("page", NAMING, ids=lambda page: page.name)
-def test_what_a_page_names_exists(page):
-    """Files, and what code blocks import."""
+def test_names_on_a_page_exist(page):
+    """These are paths of files, and what code blocks import."""
     text = page.read_text(encoding="utf-8")
-    named = re.findall(r"\b((?:tests|docs|iswarm_mj|models|notebooks|tools)/[\w./-]*\w)", text)
-    assert [name for name in named if not (ROOT / name).exists()] == []
-    assert named or page.name != "architecture.md"
-    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-    for module, names in re.findall(
-        r"^from (iswarm_mj[\w.]*) import (.+)$", "\n".join(blocks), re.MULTILINE
-    ):
-        found = importlib.import_module(module)
-        assert all(hasattr(found, name.strip()) for name in names.split(","))
+    paths = re.findall(r"\b((?:tests|docs|iswarm_mj|models|notebooks|tools)/[\w./-]*\w)", text)
+    assert [path for path in paths if not (ROOT / path).exists()] == []
+    assert paths or page.name != "architecture.md"
+
+    code = "\n".join(blocks_of(page, "python"))
+    imports = re.findall(r"^from (iswarm_mj[\w.]*) import (.+)$", code, re.MULTILINE)
+    for module_name, names in imports:
+        module = importlib.import_module(module_name)
+        for name in names.split(","):
+            assert hasattr(module, name.strip()), name
+
+
+PROGRAMS = {
+    "walk.py": "strategies.md",
+    "gather.py": "tasks.md",
+    "closing.py": "tasks.md",
+    "turner.py": "policies.md",
+    "lamp.py": "training.md",
+    "learned.py": "training.md",
+}
+"""Python files that commands name, with the pages that show them."""
+SETTINGS = {"boxes.toml": "tasks.md", "run.toml": "quick-start.md"}
+"""TOML files that commands name, with the pages that show them, first of all."""
+LINKS = {
+    "examples": "examples",
+    "models": "models",
+    "tools": "tools",
+    "results": "results",
+    "my_robot.xml": "models/robot6.xml",
+    "large.xml": "models/robot.xml",
+}
+"""Files that commands name, with those that stand for them; an example writes large.xml."""
 
 
 @pytest.fixture
 def example(tmp_path, monkeypatch):
     """A directory with the files that pages name."""
-    strategies = (ROOT / "docs/strategies.md").read_text(encoding="utf-8")
-    (tmp_path / "walk.py").write_text(
-        re.search(r"```python\n(# walk.py.*?)```", strategies, re.S)[1]
-    )
-    tasks = (ROOT / "docs/tasks.md").read_text(encoding="utf-8")
-    for name in ("gather.py", "closing.py"):
-        (tmp_path / name).write_text(re.search(rf"```python\n(# {name}.*?)```", tasks, re.S)[1])
-    (tmp_path / "boxes.toml").write_text(re.search(r"```toml\n(.*?)```", tasks, re.S)[1])
-    policies = (ROOT / "docs/policies.md").read_text(encoding="utf-8")
-    (tmp_path / "turner.py").write_text(
-        re.search(r"```python\n(# turner.py.*?)```", policies, re.S)[1]
-    )
-    start = (ROOT / "docs/quick-start.md").read_text(encoding="utf-8")
-    (tmp_path / "run.toml").write_text(re.search(r"```toml\n(.*?)```", start, re.S)[1])
-    training = (ROOT / "docs/training.md").read_text()
-    for name in ("lamp.py", "learned.py"):
-        (tmp_path / name).write_text(re.search(rf"```python\n(# {name}.*?)```", training, re.S)[1])
-    np.save(tmp_path / "lamp.npy", np.zeros((30, 2), np.float32))  # which learn.py makes
+    for name, page in PROGRAMS.items():
+        (program,) = [
+            block for block in blocks_of(DOCS / page, "python") if block.startswith(f"# {name}")
+        ]
+        (tmp_path / name).write_text(program)
+    for name, page in SETTINGS.items():
+        (tmp_path / name).write_text(blocks_of(DOCS / page, "toml")[0])
+    for name, target in LINKS.items():
+        (tmp_path / name).symlink_to(ROOT / target)
     (tmp_path / "my-genome.json").write_text('{"p_vector_forget": 0.2, "use_hop_count": true}')
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
-    (tmp_path / "models").symlink_to(ROOT / "models")
-    (tmp_path / "tools").symlink_to(ROOT / "tools")
-    (tmp_path / "large.xml").symlink_to(ROOT / "models/robot.xml")  # which an example makes
-    (tmp_path / "my_robot.xml").symlink_to(ROOT / "models/robot6.xml")
-    (tmp_path / "results").symlink_to(ROOT / "results")
+
+    weights_of_learn = np.zeros((30, 2), np.float32)
+    np.save(tmp_path / "lamp.npy", weights_of_learn)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -104,30 +123,35 @@ INSTALLED = (
     "--task aggregation",
     "--task foraging",
 )
-"""Parts of commands that need the package to be installed, not only to be found, or what such a
-command writes."""
+"""Parts of commands that need the package to be installed, or what such a command writes."""
 
 
-@pytest.mark.parametrize(("page", "command"), ALL)
+def needs_installation(words):
+    """Return whether a command needs the package to be installed, not only to be found."""
+    return any(part in shlex.join(words) for part in INSTALLED)
+
+
+@pytest.mark.parametrize(("page", "command"), COMMANDS)
 def test_commands_are_understood(page, command, example, monkeypatch):
     words = shlex.split(command)[1:]
-    if any(part in command for part in INSTALLED) or (
-        "--config" in words and "result.json" in command
-    ):
+    repeats_result = "--config" in words and "result.json" in command
+    if needs_installation(words) or repeats_result:
         pytest.skip("needs what another command writes; the slow test runs it")
     if "--help" in words:
         with pytest.raises(SystemExit) as end:
             parse(words)
         assert end.value.code == 0
-    else:
-        if "--worlds 1024" in command:  # which is for a GPU
-            monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
-        parsed = parse(words)
-        if hasattr(parsed, "number_of_robots"):
-            parsed.number_of_robots()
+        return
+
+    is_for_gpu = "--worlds 1024" in command
+    if is_for_gpu:
+        monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
+    parsed = parse(words)
+    if hasattr(parsed, "number_of_robots"):
+        parsed.number_of_robots()
 
 
-QUICK = {
+SHORTENING_FLAGS = {
     "clean": "--steps 12",
     "run": "--steps 12",
     "bench": "--steps 4 --warm-up 2 --worlds 2",
@@ -138,24 +162,50 @@ QUICK = {
     "reproduce": "--quick",
     "replay": "--last 3",
 }
-"""What makes a command short, where it is not."""
+"""Flags that make long commands short."""
 
 
 def shortened(words, flags):
-    """A command with these flags in place of its own of the same names."""
-    names, kept, is_replaced = {flag for flag in flags if flag.startswith("--")}, [], False
+    """Return a command with these flags in place of its own of the same names."""
+    names = {flag for flag in flags if flag.startswith("--")}
+    kept_words = []
+    is_replaced = False
     for word in words:
-        is_replaced = word in names if word.startswith("--") else is_replaced
-        kept += [] if is_replaced else [word]
-    return [*kept, *flags]
+        if word.startswith("--"):
+            is_replaced = word in names
+        if not is_replaced:
+            kept_words.append(word)
+    return [*kept_words, *flags]
+
+
+def shortening_flags(words):
+    """Return the flags that make a command short."""
+    name = words[1]
+    flags = SHORTENING_FLAGS.get(name, "").split() if "--force-curve" not in words else []
+    if "--worlds" in words and "--worlds" not in flags:
+        flags += ["--worlds", "3"]
+    if "--replicates" in words:
+        flags += ["--replicates", "2"]
+    if name == "picture":
+        flags += ["--width", "64", "--height", "64", "--step", "5"]
+    return flags
+
+
+def run_python(arguments, *directories):
+    """Run Python with arguments; it finds modules of the checkout and of further directories."""
+    path = os.pathsep.join(map(str, (ROOT, *directories)))
+    process = subprocess.run(
+        [sys.executable, *arguments],
+        capture_output=True,
+        text=True,
+        env=os.environ | {"PYTHONPATH": path},
+    )
+    assert process.returncode == 0, f"{shlex.join(arguments)}: {process.stderr}"
 
 
 def run(arguments):
-    command = [sys.executable, "-m", "iswarm_mj", *arguments]
-    done = subprocess.run(
-        command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(ROOT)}
-    )
-    assert done.returncode == 0, f"{shlex.join(arguments)}: {done.stderr}"
+    """Run `iswarm` with arguments."""
+    run_python(["-m", "iswarm_mj", *arguments])
 
 
 @pytest.mark.slow
@@ -163,24 +213,30 @@ def run(arguments):
     "page", [page for page in PAGES if commands(page)], ids=lambda page: page.name
 )
 def test_commands_run(page, example):
-    """One after the other, as a reader types them, with fewer steps and runs."""
-    run(["clean", "--steps", "101"])  # what pages look at
+    """They run one after the other, as a reader types them, with fewer steps and runs.
+
+    The page of `iswarm play` is there until it is interrupted.
+    """
+    run_that_pages_look_at = ["clean", "--steps", "101"]
+    run(run_that_pages_look_at)
     for words in commands(page):
-        if (
-            "--help" in words
-            or words[1] == "play"
-            or any(part in shlex.join(words) for part in INSTALLED)
-        ):
-            continue  # a page is there until it is interrupted
-        more = QUICK.get(words[1], "").split() if "--force-curve" not in words else []
-        if "--worlds" in words and "--worlds" not in more:
-            more += ["--worlds", "3"]
-        if "--replicates" in words:
-            more += ["--replicates", "2"]
-        if words[1] == "picture":
-            more += ["--width", "64", "--height", "64", "--step", "5"]
-        out = [part for part in words if part.startswith("docs/")]
-        run(shortened([part if part not in out else "picture.png" for part in words[1:]], more))
+        if "--help" in words or words[1] == "play" or needs_installation(words):
+            continue
+        arguments = ["picture.png" if word.startswith("docs/") else word for word in words[1:]]
+        run(shortened(arguments, shortening_flags(words)))
+
+
+SHORTER = {
+    "steps=200": "steps=3",
+    "range(50)": "range(2)",
+    "num_envs=64, n_robots=20": "num_envs=2, n_robots=4",
+    "jax.random.key(0), 64": "jax.random.key(0), 2",
+    "zeros((64, ": "zeros((2, ",
+    "steps=800": "steps=4",
+    "n_robots=280": "n_robots=20",
+    "not run.is_over": "run.step < 4",
+}
+"""Texts of Python on pages, and what makes them short."""
 
 
 @pytest.mark.slow
@@ -188,41 +244,27 @@ def test_commands_run(page, example):
     "name", ["quick-start.md", "strategies.md", "tasks.md", "files.md", "environments.md"]
 )
 def test_python_runs(name, example):
-    """Blocks as a reader copies them, with fewer steps and robots, after the page's commands for
-    what they load."""
-    page = ROOT / "docs" / name
-    text = page.read_text(encoding="utf-8")
-    files = ("# walk", "# gather", "# closing")
-    blocks = [
-        block
-        for block in re.findall(r"```python\n(.*?)```", text, re.DOTALL)
-        if not block.startswith(files)
-    ]
-    made = {words[-1]: words[1:] for words in commands(page) if words[-2] == "--out"}
-    for out in sorted(set(re.findall(r'"(runs/\w+)"', "".join(blocks)))):
-        run(
-            shortened(
-                made.get(out, ["clean", "--engine", "planar"]), ["--robots", "20", "--steps", "12"]
-            )
-        )
-    for block in blocks:
-        for old, new in (
-            ("steps=200", "steps=3"),
-            ("range(50)", "range(2)"),
-            ("num_envs=64, n_robots=20", "num_envs=2, n_robots=4"),
-            ("jax.random.key(0), 64", "jax.random.key(0), 2"),
-            ("zeros((64, ", "zeros((2, "),
-            ("steps=800", "steps=4"),
-            ("n_robots=280", "n_robots=20"),
-            ("not run.is_over", "run.step < 4"),
-        ):
-            block = block.replace(old, new)
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(example)])}
-        done = subprocess.run(
-            [sys.executable, "-c", block], capture_output=True, text=True, env=environment
-        )
-        assert done.returncode == 0, f"{block}: {done.stderr}"
+    """Blocks run as a reader copies them, with fewer steps and robots.
+
+    Before them run the page's commands that write what they load.
+    """
+    page = DOCS / name
+    programs = ("# walk", "# gather", "# closing")
+    blocks = [block for block in blocks_of(page, "python") if not block.startswith(programs)]
     assert blocks
+
+    command_of_directory = {}
+    for words in commands(page):
+        if words[-2] == "--out":
+            command_of_directory[words[-1]] = words[1:]
+    for directory in sorted(set(re.findall(r'"(runs/\w+)"', "".join(blocks)))):
+        command = command_of_directory.get(directory, ["clean", "--engine", "planar"])
+        run(shortened(command, ["--robots", "20", "--steps", "12"]))
+
+    for block in blocks:
+        for text, short_text in SHORTER.items():
+            block = block.replace(text, short_text)
+        run_python(["-c", block], example)
 
 
 @pytest.mark.slow
@@ -243,18 +285,13 @@ class TestSite:
         pages = sorted(site.glob("*.html"))
         assert len(pages) >= len(PAGES) - 1
         for page in pages:
-            loaded = re.findall(
-                r"<(?:script|img|link|iframe)\b[^>]*>", page.read_text(encoding="utf-8")
-            )
-            assert [
-                tag for tag in loaded if re.search(r"""(?:src|href)=["']?(?:https?:)?//""", tag)
-            ] == []
+            text = page.read_text(encoding="utf-8")
+            for tag in re.findall(r"<(?:script|img|link|iframe)\b[^>]*>", text):
+                assert not re.search(r"""(?:src|href)=["']?(?:https?:)?//""", tag), tag
 
     def test_figures_and_reference_are_there(self, site):
         assert list((site / "figures").rglob("*.png"))
         text = (site / "api.html").read_text(encoding="utf-8")
-        assert all(
-            f'id="iswarm_mj.{name}"' in text
-            for name in ("Run.advance", "load", "envs.single_env", "gripper.grasp_voltage")
-        )
+        for name in ("Run.advance", "load", "envs.single_env", "gripper.grasp_voltage"):
+            assert f'id="iswarm_mj.{name}"' in text
         assert "Take the next control steps" in text

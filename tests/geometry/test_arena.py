@@ -17,6 +17,7 @@ from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import RD
 
 SMALL = {"dump_size": 2, "dust_area_size": 1, "dust_area_offset": 3}
+"""Dump and dust areas that fit into small arenas [rd]."""
 TRIANGLE = ((-12.0, -6.0), (12.0, -6.0), (0.0, 12.0))
 
 
@@ -30,9 +31,8 @@ def test_a_rectangle_by_hand():
     arena = ArenaConfig(outline=((40, 80),))
     assert arena.corners == ((20, -40), (20, 40), (-20, 40), (-20, -40))
     assert (arena.size, arena.inradius, area_of(arena.corners)) == (80, 20, 3200)
-    assert (
-        len(free_cells(arena)) == 40 * 80 - 6 * 6
-    )  # cells whose centres are on the dump of 5 x 5 rd
+    cells_with_centres_on_dump = 6 * 6
+    assert len(free_cells(arena)) == 40 * 80 - cells_with_centres_on_dump
 
 
 def test_a_triangle_by_hand():
@@ -44,14 +44,13 @@ def test_a_triangle_by_hand():
 
 
 def test_corners_may_be_given_clockwise():
-    np.testing.assert_allclose(
-        np.sort(half_planes(ArenaConfig(outline=TRIANGLE[::-1], **SMALL).corners), axis=0),
-        np.sort(half_planes(TRIANGLE), axis=0),
-    )
+    clockwise = ArenaConfig(outline=TRIANGLE[::-1], **SMALL)
+    walls = np.sort(half_planes(clockwise.corners), axis=0)
+    np.testing.assert_allclose(walls, np.sort(half_planes(TRIANGLE), axis=0))
 
 
-def test_cells_keep_away_from_oblique_walls():
-    """By half a cell, and from the dump; rows begin half a cell above the lowest wall."""
+def test_cells_keep_away_from_oblique_walls_and_from_the_dump():
+    """They keep half a cell away; rows begin half a cell above the lowest wall."""
     arena = ArenaConfig(outline=TRIANGLE, **SMALL)
     x, y = np.meshgrid(np.arange(-11.5, 12), np.arange(-5.5, 12), indexing="ij")
     points = np.column_stack([x.ravel(), y.ravel()])
@@ -59,37 +58,46 @@ def test_cells_keep_away_from_oblique_walls():
     np.testing.assert_allclose(free_cells(arena) / RD, points[free], atol=1e-9)
 
 
-@pytest.mark.parametrize(("a", "b"), [(1.0, 1.0), (1.2, 0.3), (0.3, 1.2)])
-def test_the_mean_distance_from_the_middle_of_a_rectangle(a, b):
-    x, y = np.meshgrid(*((np.arange(500) + 0.5) / 500 * half for half in (a, b)))
-    assert mean_distance(a, b) == pytest.approx(np.hypot(x, y).mean(), rel=1e-5)
+@pytest.mark.parametrize(("half_x", "half_y"), [(1.0, 1.0), (1.2, 0.3), (0.3, 1.2)])
+def test_the_mean_distance_from_the_middle_of_a_rectangle(half_x, half_y):
+    shares = (np.arange(500) + 0.5) / 500
+    x, y = np.meshgrid(shares * half_x, shares * half_y)
+    assert mean_distance(half_x, half_y) == pytest.approx(np.hypot(x, y).mean(), rel=1e-5)
+
+
+def random_boxes(rng, count):
+    """Return boxes of random places, sizes and angles (count, 5)."""
+    return rng.uniform([-2, -2, 0.2, 0.2, -180], [2, 2, 2, 1, 180], (count, 5))
+
+
+def points_in(boxes):
+    """Return a grid of points within each box (B, P), as complex numbers."""
+    u, v = np.meshgrid(np.linspace(-1, 1, 31), np.linspace(-1, 1, 31))
+    centre = boxes[:, :2] @ [[1], [1j]]
+    turn = np.exp(1j * np.radians(boxes[:, 4:]))
+    return centre + turn * (boxes[:, 2:3] * u.ravel() + 1j * boxes[:, 3:4] * v.ravel())
 
 
 def test_boxes_overlap_where_points_of_one_lie_in_the_other():
-    """Turned boxes, and a grid of points in each; few overlap by less than lies between two
-    points."""
-    rng, (u, v) = (
-        np.random.default_rng(0),
-        np.meshgrid(np.linspace(-1, 1, 31), np.linspace(-1, 1, 31)),
-    )
-    first, second = rng.uniform([-2, -2, 0.2, 0.2, -180], [2, 2, 2, 1, 180], (2, 500, 5))
-    turns = [np.exp(1j * np.radians(boxes[:, 4:])) for boxes in (first, second)]
-    points = first[:, :2] @ [[1], [1j]] + turns[0] * (
-        first[:, 2:3] * u.ravel() + 1j * first[:, 3:4] * v.ravel()
-    )
-    seen = (points - second[:, :2] @ [[1], [1j]]) / turns[1]
-    x, y = (
-        np.maximum(np.abs(part) - second[:, k : k + 1], 0)
-        for k, part in ((2, seen.real), (3, seen.imag))
-    )
-    away = distances(np.stack([points.real, points.imag], axis=-1), numbers(second)[:, None])
-    np.testing.assert_allclose(away, np.hypot(x, y), atol=1e-9)
-    found, has_points = overlap(numbers(first), numbers(second)), (away == 0).any(axis=1)
-    assert (
-        found[has_points].all()
-        and 100 < has_points.sum() < 400
-        and (found != has_points).sum() < 10
-    )
+    """Boxes are turned; few overlap by less than the distance of two points of a grid."""
+    rng = np.random.default_rng(0)
+    first = random_boxes(rng, 500)
+    second = random_boxes(rng, 500)
+    points = points_in(first)
+
+    # Distances of the points of first boxes from second ones, in the frames of these.
+    centre = second[:, :2] @ [[1], [1j]]
+    seen = (points - centre) / np.exp(1j * np.radians(second[:, 4:]))
+    beyond_x = np.maximum(np.abs(seen.real) - second[:, 2:3], 0)
+    beyond_y = np.maximum(np.abs(seen.imag) - second[:, 3:4], 0)
+    distance = distances(np.stack([points.real, points.imag], axis=-1), numbers(second)[:, None])
+    np.testing.assert_allclose(distance, np.hypot(beyond_x, beyond_y), atol=1e-9)
+
+    has_points = (distance == 0).any(axis=1)
+    overlaps = overlap(numbers(first), numbers(second))
+    assert overlaps[has_points].all()
+    assert 100 < has_points.sum() < 400
+    assert (overlaps != has_points).sum() < 10
 
 
 WRONG = [
@@ -159,47 +167,47 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("settings", "says"), WRONG)
-def test_what_cannot_be_is_refused(settings, says):
+def test_impossible_arenas_are_refused(settings, says):
     with pytest.raises(ConfigError, match=says):
         ArenaConfig(**settings)
 
 
-def test_what_just_can_be():
-    box = (3.4, 3.4, 2.0, 0.5, 135.0)  # it just misses the dump
+def test_a_box_may_just_miss_the_dump():
+    box = (3.4, 3.4, 2.0, 0.5, 135.0)
     assert ArenaConfig(obstacles=(box,)).obstacles == (box,)
+
+
+def test_a_size_that_agrees_with_the_outline_is_allowed():
     assert ArenaConfig(size=80, outline=((40, 80),)) == ArenaConfig(outline=((40.0, 80.0),))
 
 
 def test_an_engine_without_boxes_refuses_them():
     engine = find_engine(f"{Path(__file__).parents[1]}/data/teleport.py:TeleportSettings")()
     config = SwarmConfig(ArenaConfig(boxes=((8, 8, 1, 1, 0, 1e-5, 0.1),)))
-    with pytest.raises(
-        UserError, match=r"arena.boxes must be left out with the engine teleport, which has none"
-    ):
+    says = r"arena.boxes must be left out with the engine teleport, which has none"
+    with pytest.raises(UserError, match=says):
         Run(Scenario(config, robots=3, engine=engine, steps=5))
 
 
-def test_no_room_is_left():
-    around = (
+def test_obstacles_that_leave_no_cell_are_refused():
+    around_dump = (
         (0.0, 4.0, 7.4, 3.4, 0.0),
         (0.0, -4.0, 7.4, 3.4, 0.0),
         (4.0, 0.0, 3.4, 7.4, 0.0),
         (-4.0, 0.0, 3.4, 7.4, 0.0),
     )
-    arena = ArenaConfig(
-        size=15, dump_size=1, dust_area_size=2, dust_area_offset=5, obstacles=around
-    )
-    with pytest.raises(
-        UserError,
-        match=r"arena.obstacles must be such that a cell is left on which a robot can start",
-    ):
+    sizes = {"size": 15, "dump_size": 1, "dust_area_size": 2, "dust_area_offset": 5}
+    arena = ArenaConfig(**sizes, obstacles=around_dump)
+    says = r"arena.obstacles must be such that a cell is left on which a robot can start"
+    with pytest.raises(UserError, match=says):
         free_cells(arena)
 
 
-def test_no_obstacle_where_balls_lie():
+def test_obstacles_where_balls_lie_are_refused():
     config = SwarmConfig(ArenaConfig(obstacles=((16.0, 0.0, 3.0, 3.0, 0.0),)))
-    with pytest.raises(
-        UserError,
-        match=r"arena.obstacles must be outside the dust areas, .* \(12, 0\) .*\(got '16 0 3 3 0'\)",
-    ):
+    says = (
+        r"arena.obstacles must be outside the dust areas, .* \(12, 0\) .*"
+        r"\(got '16 0 3 3 0'\)"
+    )
+    with pytest.raises(UserError, match=says):
         Run(Scenario(config, robots=3, engine=PlanarSettings(), steps=5))

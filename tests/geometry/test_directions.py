@@ -16,7 +16,8 @@ def test_a_quarter_turn_takes_ahead_to_the_left(xp):
 
 
 def test_vectors_and_angles_broadcast():
-    vectors, angles = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([[0.0], [np.pi]])
+    vectors = np.array([[1.0, 0.0], [0.0, 1.0]])
+    angles = np.array([[0.0], [np.pi]])
     np.testing.assert_allclose(rotate(vectors, angles), [vectors, -vectors], atol=1e-12)
 
 
