@@ -1,4 +1,4 @@
-"""A compiled engine from outside the package: robots go where their servos say, through each other, and are blind."""
+"""A compiled engine from outside the package: robots go through each other, and are blind."""
 
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple

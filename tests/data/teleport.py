@@ -1,4 +1,4 @@
-"""An engine from outside the package, in one file: its settings and its class are all that it needs."""
+"""An engine from outside the package, in one file: it needs its settings and its class alone."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

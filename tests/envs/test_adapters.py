@@ -70,7 +70,7 @@ def test_gymnasium_finds_nothing_wrong(single):
 
 
 def test_all_adapters_do_the_same(agents_env, single):
-    """By one seed and the same actions, agents, one world and a batch of one do the same."""
+    """Agents, one world and a batch of one do the same, by one seed and the same actions."""
     batch_of_one = vector_env(num_envs=1, **SETTINGS)
     obs_by_agent, _ = agents_env.reset(seed=4)
     obs, _ = single.reset(seed=4)

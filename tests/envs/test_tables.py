@@ -120,7 +120,8 @@ def test_rows_are_what_was_sensed():
 
     There are none of what was not heard, or of a ball that is not there.
     """
-    n_robots, n_sides = 9, 4
+    n_robots = 9
+    n_sides = 4
     rng = np.random.default_rng(4)
     is_heard, sees_wall = rng.random((2, n_robots, n_sides)) < 0.7
     flags = {name: rng.random(n_robots) < 0.5 for name in FLAGS}
@@ -167,7 +168,8 @@ def test_actions_mean_what_the_table_says():
     command, payload, is_bad = decode_action(rows, jnp.asarray(action))
     assert not is_bad.any()
 
-    max_turn, max_step = np.pi / 2, 0.5 * RD
+    max_turn = np.pi / 2
+    max_step = 0.5 * RD
     turn = max_turn * np.array([1, -1, 0, 0.5])
     forward = max_step * np.array([1, -1, 0, -0.25])
     np.testing.assert_allclose(command.turn, turn, rtol=1e-6)

@@ -126,12 +126,15 @@ class TestRecordings:
         """
         monkeypatch.setattr(watch, "BLOCK_FRAMES", 4)
         path = tmp_path / "few.rrd"
-        n_robots, period, n_states = 40, 2.0, 2 * (1 + EPISODE_STEPS)
+        n_robots = 40
+        period = 2.0
+        n_states = 2 * (1 + EPISODE_STEPS)
         slow = replace(SMALL, drive=replace(SMALL.drive, control_period=period))
         env = parallel_env(record=path, **SETTINGS | {"config": slow, "robots": n_robots})
 
         rng = np.random.default_rng(0)
-        poses, collisions = [], []
+        poses = []
+        collisions = []
         for seed in range(2):
             env.reset(seed=seed)
             poses.append(env.state()[-3 * n_robots :])

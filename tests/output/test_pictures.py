@@ -99,7 +99,7 @@ for line in sys.argv[1:]:
 @needs_opengl
 @pytest.mark.parametrize(("width", "height"), OBLIQUE_SIZES)
 def test_the_oblique_camera_shows_the_whole_arena(drawn, width, height):
-    """Its walls are dark, the surface around is bright; and the arena fills the picture."""
+    """The walls are dark, the surface around is bright, and the arena fills the picture."""
     with Image.open(drawn / f"{width}x{height}.png") as image:
         grey = np.asarray(image.convert("L")).astype(int)
     edges = np.concatenate([grey[0], grey[-1], grey[:, 0], grey[:, -1]])
@@ -155,7 +155,7 @@ class WithoutOpenGL:
 
 
 class TestRenderer:
-    """What is rendered a quarter of the way from step 1 to step 2."""
+    """The scene that is rendered a quarter of the way from step 1 to step 2."""
 
     SPOTS, RINGS = np.random.default_rng(3).uniform(1e-3, 9e-3, (2, 3, 2, 3))
     """Two squares and two discs in each of three frames: x, y and half width or radius [m]."""

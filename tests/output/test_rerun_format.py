@@ -32,7 +32,7 @@ def test_a_limit_of_files_is_named(tmp_path):
 
 @pytest.mark.parametrize("content", [b"RRF2 and so on", b""])
 def test_a_recording_without_its_end_is_reported(tmp_path, unregistered, content):
-    """As on a disk that is full only at the end, which Rerun logs and nothing else."""
+    """A disk may be full only at the end, which Rerun logs, and raises nothing."""
     path = tmp_path / "cut.rrd"
     file = RrdFile("test", path, rrb.Blueprint())
     file.stream.disconnect()

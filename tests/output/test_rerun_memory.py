@@ -61,12 +61,12 @@ def run(script, folder):
 def texts(path, entity):
     """Return the documents of an entity, read back from a complete recording."""
     assert b"RRF2FOOT" in path.read_bytes()[-16:]
-    found = []
+    documents = []
     for chunk in RrdReader(path).stream().to_chunks():
         if chunk.entity_path == f"/{entity}":
             for row in chunk.to_record_batch()["TextDocument:text"].to_pylist():
-                found += row
-    return found
+                documents += row
+    return documents
 
 
 def test_threads_and_memory_stay_over_many_recordings(tmp_path):

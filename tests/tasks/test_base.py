@@ -136,7 +136,8 @@ WRONG = {
         changed(
             lay_out=lambda self, c, n, *a: (np.zeros((n, 2)), Eastward.lay_out(self, c, n, *a)[1]),
         ),
-        r"Eastward.lay_out must return finite poses \(N, 3\) of the 6 robots first \(got float64\[6, 2\]\)",
+        r"Eastward.lay_out must return finite poses \(N, 3\) of the 6 robots first "
+        r"\(got float64\[6, 2\]\)",
     ),
     "text in the state": (
         changed(
@@ -145,7 +146,8 @@ WRONG = {
                 {"is_east": "yes"},
             ),
         ),
-        r"Eastward.lay_out must return arrays and numbers as its state \(got a str as \['is_east'\]\)",
+        r"Eastward.lay_out must return arrays and numbers as its state "
+        r"\(got a str as \['is_east'\]\)",
     ),
     "goal": (
         changed(goal=lambda self, c, n: 0.5),
@@ -181,7 +183,8 @@ WRONG = {
     ),
     "control flow": (
         changed(progress=lambda self, t: jnp.int32(1) if t["is_east"].any() else jnp.int32(0)),
-        r"Eastward.progress raised TracerBoolConversionError.*jax.errors.TracerBoolConversionError explains",
+        r"Eastward.progress raised TracerBoolConversionError.*"
+        r"jax.errors.TracerBoolConversionError explains",
     ),
 }
 

@@ -28,7 +28,9 @@ from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
-N, STEPS, WORLDS = 12, 6, 2
+N = 12
+STEPS = 6
+WORLDS = 2
 CONFIG = SwarmConfig(ARENA)
 SCENARIO = Scenario(CONFIG, strategy=Beeclust(), robots=N, seed=3, worlds=WORLDS, steps=STEPS)
 
@@ -73,6 +75,7 @@ class Lift(Task):
 
 
 def engines(boxes, n_robots):
+    """Return the engines by their names."""
     config = SwarmConfig(replace(ARENA, boxes=boxes))
     arena = compile_arena(config, n_robots, np.zeros(0))
     return {
@@ -86,7 +89,8 @@ def engines(boxes, n_robots):
 def test_a_driven_box_pushes_and_is_not_pushed(name):
     """It walks 4 mm east through a robot and a box, which drive against it."""
     boxes = ((-3.0, 4.5, 0.5, 1.2, 0.0, 0.0, 0.0), (-1.5, 5.2, 0.4, 0.4, 45.0, 1e-5, 0.001))
-    engine, velocity = engines(boxes, 2)[name], np.float32([[2.0, 0, 0.0], [9, 9, 9]])
+    engine = engines(boxes, 2)[name]
+    velocity = np.float32([[2.0, 0, 0.0], [9, 9, 9]])
     robots = np.float32([[9.0, -9.0, 0.0], [-3 * RD + 3.0, 4.0 * RD, np.pi]])
     phase = Phase(20, lambda poses: jnp.float32([[0.0, 0, 0], [-2.4, 0, 0]]) + 0 * poses, velocity)
     if name == "mjx":
@@ -103,16 +107,18 @@ def test_a_driven_box_pushes_and_is_not_pushed(name):
         )
         bodies = placed(engine, robots[None], boxes)
         poses = engine.move(bodies, [phase_on_host], np.ones(1, bool)).bodies.poses[0]
-    driven, other_box = poses[2], poses[3]
-    start_of_driven, start_of_other = poses_of_boxes(boxes)
-    np.testing.assert_allclose(driven - start_of_driven, [4.0, 0, 0], atol=0.02)
 
-    # Both were in the way of the driven box, and are ahead of it now.
-    edge = driven[0] + RD / 2
+    driven_box = poses[2]
+    pushed_box = poses[3]
+    start_of_driven, start_of_pushed = poses_of_boxes(boxes)
+    np.testing.assert_allclose(driven_box - start_of_driven, [4.0, 0, 0], atol=0.02)
+
+    # Robot and box were in the way of the driven box, and are ahead of it now.
+    edge = driven_box[0] + RD / 2
     assert robots[1, 0] < edge
     assert poses[1, 0] > edge + 0.7
-    assert start_of_other[0] - 0.56 * RD < edge
-    assert other_box[0] > edge
+    assert start_of_pushed[0] - 0.56 * RD < edge
+    assert pushed_box[0] > edge
 
 
 def test_a_run():
@@ -128,21 +134,21 @@ def test_a_run():
     assert not run.faults
     assert len(run.config.arena.boxes) == 2
     assert np.abs(start[0] - start[1])[:, 1].min() > 0.1
+
+    # No robot begins in a box, as if all looked along x.
     for world in range(WORLDS):
-        np.testing.assert_allclose(poses_of_boxes(run.starts[world].boxes), start[world], atol=1e-5)
-        hulls = np.column_stack(
-            [run.start.poses[0, world][:, :2], np.ones(N), np.zeros((N, 1)), np.ones((N, 2))],
-        )
-        for box in numbers(run.starts[world].boxes, RD):
+        boxes = run.starts[world].boxes
+        np.testing.assert_allclose(poses_of_boxes(boxes), start[world], atol=1e-5)
+        xy = run.start.poses[0, world][:, :2]
+        hulls = np.column_stack([xy, np.ones(N), np.zeros((N, 1)), np.ones((N, 2))])
+        for box in numbers(boxes, RD):
             assert not overlap(hulls, np.broadcast_to(box, hulls.shape)).any()
+
     drive = CONFIG.drive
     duration = (drive.turn_substeps + drive.walk_substeps) * drive.timestep
-    way = np.diff(np.concatenate([run.start.boxes, record.boxes]), axis=0)[:2, :, 0]
-    np.testing.assert_allclose(
-        way,
-        np.broadcast_to(duration * np.array([-5, -5, 0.5]), way.shape),
-        atol=0.05,
-    )
+    moved = np.diff(np.concatenate([run.start.boxes, record.boxes]), axis=0)[:2, :, 0]
+    expected = np.broadcast_to(duration * np.array([-5, -5, 0.5]), moved.shape)
+    np.testing.assert_allclose(moved, expected, atol=0.05)
 
 
 class Odd(Lift):
@@ -195,8 +201,8 @@ class Broken(Lift):
 
 
 METHODS = {
-    Still: r"Still.drive_boxes moves boxes of mass 0, of which there are none; lay one, or add it to `arena.boxes`",
-    Various: "world 1 of Various has other boxes than the first; worlds of a run may differ in x, y and yaw",
+    Still: r"Still.drive_boxes moves boxes of mass 0, of which there are none; lay one, or add it",
+    Various: "world 1 of Various has other boxes than the first; worlds of a run may differ in x",
     Fewer: r"Fewer.drive_boxes must return .*\[2, ?3\]",
     Broken: r"Broken.lay_boxes .*(division by zero|ZeroDivisionError)",
 }
@@ -205,15 +211,15 @@ METHODS = {
 @pytest.mark.parametrize(
     "task, sentence",
     METHODS.items(),
-    ids=lambda given: getattr(given, "__name__", ""),
+    ids=lambda value: getattr(value, "__name__", ""),
 )
-def test_methods_that_cannot_be(task, sentence):
+def test_mistakes_in_methods_are_refused(task, sentence):
     with pytest.raises(UserError, match=sentence):
         Run(replace(SCENARIO, task=task()))
 
 
 class Lost(Lift):
-    """Drives its first box nowhere."""
+    """A task that drives its first box nowhere."""
 
     def drive_boxes(self, state):
         return state.at[0, 0].set(jnp.nan)
@@ -223,6 +229,5 @@ def test_a_box_that_is_driven_nowhere_is_named():
     run = Run(replace(SCENARIO, task=Lost(), engine=PlanarSettings(1), worlds=1))
     run.advance()
     (fault,) = run.faults
-    assert (fault.robots, fault.boxes) == ((), (0,)) and "the pose of box 0 is not finite" in str(
-        fault,
-    )
+    assert (fault.robots, fault.boxes) == ((), (0,))
+    assert "the pose of box 0 is not finite" in str(fault)

@@ -265,7 +265,8 @@ def forage(food, home, senses, n_robots=40):
 
 def test_points_are_spread_evenly_over_a_ring():
     """Half of all points lie within the circle that halves the area of the ring."""
-    inner, outer = 3.0, 9.0
+    inner = 3.0
+    outer = 9.0
     points = draw_in_ring((inner, outer), 20_000, jax.random.key(0))
     distance = length(np.asarray(points))
     assert distance.min() >= inner - 1e-5
