@@ -1,4 +1,5 @@
-# The public names, one line each, where they are defined. `__init__.py` imports them when they are first used.
+# The public names, one line each, where they are defined. `__init__.py` imports them when they are
+# first used.
 from . import envs as envs
 from . import gripper as gripper
 from .config.arena import ArenaConfig as ArenaConfig

@@ -15,7 +15,7 @@ _WITH_TRIALS = Needs("has_trials", why="without `gripper.resolution` dynamic")
 
 @dataclass(frozen=True)
 class Clean(Swarm):
-    """Run the cleaning swarm and write result.json, trajectory.npz and clean.rrd (open it with `rerun`)."""
+    """Run the cleaning swarm; writes result.json, trajectory.npz and clean.rrd (for `rerun`)."""
 
     MAIN: ClassVar = (
         "steps",
@@ -75,7 +75,7 @@ class Clean(Swarm):
 
 @dataclass(frozen=True)
 class Run(WithTask, Clean):
-    """Run a swarm with any task and write result.json, trajectory.npz and run.rrd (open it with `rerun`)."""
+    """Run a swarm with any task; writes result.json, trajectory.npz and run.rrd (for `rerun`)."""
 
     MAIN: ClassVar = (
         "task_name",

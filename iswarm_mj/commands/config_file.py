@@ -84,7 +84,8 @@ class ConfigFile:
         """
         if "ball_material" in self.values and self.is_result and command != "grasp":
             raise UserError(
-                f"--config {self.path} is of iswarm grasp, which repeats it; iswarm {command} cannot"
+                f"--config {self.path} is of iswarm grasp, which repeats it; "
+                f"iswarm {command} cannot"
             )
         default_of_flag = {
             flag(setting).removeprefix("--").replace("-", "_"): default

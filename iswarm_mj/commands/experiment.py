@@ -22,7 +22,10 @@ from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 
 @dataclass(frozen=True)
 class Experiment(ManyRunsOptions):
-    """Run an experiment of the paper or beyond it: table, statistics, figures. Finished runs are kept for next time."""
+    """Run an experiment of the paper or beyond it; writes a table, statistics and figures.
+
+    Finished runs are kept for next time.
+    """
 
     MAIN: ClassVar = (
         "name",

@@ -38,7 +38,7 @@ OF_CURVES = {
 
 @dataclass(frozen=True)
 class Grasp(GraspSettings):
-    """Grasp and release single balls on the bench; writes trials.parquet, trials.csv, figures and recordings."""
+    """Grasp and release balls on the bench; writes trials.parquet and trials.csv, and figures."""
 
     MAIN: ClassVar = ("radius", "rh", "repeats", "seed", "record", "force_curve", "voltages", "out")
 

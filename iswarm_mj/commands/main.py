@@ -107,7 +107,8 @@ def check_text(arguments: Sequence[str]) -> None:
             ) from None
         encoding = sys.getfilesystemencoding()
         raise UserError(
-            f"arguments must be text in {encoding}, the encoding of this environment (got {text!a}); set PYTHONUTF8=1"
+            f"arguments must be text in {encoding}, the encoding of this environment "
+            f"(got {text!a}); set PYTHONUTF8=1"
         )
 
 

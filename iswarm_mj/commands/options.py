@@ -16,13 +16,16 @@ from iswarm_mj.geometry.obstacle_picture import boxes_of_picture
 from iswarm_mj.search.settings import Seed, Workers
 from iswarm_mj.utils.constraints import Needs, check
 
-_ENGINE = f"Physics engine: {described()}; or a class in a file. Its settings become flags, see --engine ... --help."
+_ENGINE = (
+    f"Physics engine: {described()}; or a class in a file. "
+    "Its settings become flags, see --engine ... --help."
+)
 EngineName: TypeAlias = Annotated[str, tyro.conf.arg(metavar="FILE.py:CLASS|NAME", help=_ENGINE)]
 
 
 @dataclass(frozen=True)
 class ConfigOptions(SwarmConfig):
-    """The configuration, one group of flags for each of its parts; and the engine, whose flags have no group."""
+    """Flags of the configuration, in groups of its parts, and of the engine, without a group."""
 
     reading: Literal["paper", "initial", "selected"] = "paper"
     """Interpretation of the paper's rules, which sets the defaults of the flags below: closest to

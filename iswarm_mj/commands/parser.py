@@ -118,7 +118,8 @@ class _Reader:
             return
         word = next(word for word in self._arguments if names([word]) == [repeated[0]])
         raise UserError(
-            f"{word.partition('=')[0]} is given twice; give it once, with all its values if it takes several"
+            f"{word.partition('=')[0]} is given twice; give it once, with all its values if it "
+            "takes several"
         )
 
     def _refuse_missing_values(self, words: dict[str, list[str]]) -> None:

@@ -33,7 +33,10 @@ class Report:
 
 @dataclass(frozen=True)
 class Reproduce(ManyRunsOptions):
-    """Make all results, the findings on them, the report, and the tables of README and docs. What is there is kept."""
+    """Make all results, the findings on them, the report, and the tables of README and docs.
+
+    Results that are there are kept.
+    """
 
     MAIN: ClassVar = (
         "only",

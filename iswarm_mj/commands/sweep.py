@@ -41,7 +41,7 @@ _WITHOUT_EFFECT = ("out", "record_worlds", "record_grasps")
 
 @dataclass(frozen=True)
 class Sweep:
-    """Run clean or run, with its flags, for several values of any of them: a table of all worlds, and a figure."""
+    """Run clean or run for several values of any of its flags; writes a table and a figure."""
 
     command: tyro.conf.Positional[Literal["clean", "run"]] = "clean"
     """The command whose flags vary."""

@@ -13,7 +13,7 @@ from iswarm_mj.search.settings import TrainingPlan
 
 @dataclass(frozen=True)
 class Train(TrainingPlan, TaskOptions, ConfigOptions, RobotOptions):
-    """Train the weights of a policy; writes weights.npz, learning.csv, a figure, and a checkpoint."""
+    """Train the weights of a policy; writes weights.npz, learning.csv, figure and checkpoint."""
 
     MAIN: ClassVar = (
         *("controller", "robots", "steps", "generations", "population", "worlds"),

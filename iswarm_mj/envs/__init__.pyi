@@ -1,4 +1,5 @@
-# The public names, one line each, where they are defined. `__init__.py` imports them when they are first used.
+# The public names, one line each, where they are defined. `__init__.py` imports them when they are
+# first used.
 from .core import State as State
 from .env import Env as Env
 from .gymnasium import SwarmEnv as SwarmEnv

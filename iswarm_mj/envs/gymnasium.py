@@ -67,7 +67,8 @@ def _with_worlds(scenario: Scenario, num_envs: Any) -> Scenario:
     check("num_envs", num_envs, "a whole number, at least 1", is_number)
     if scenario.worlds not in (1, num_envs):
         raise UserError(
-            f"`num_envs` is {num_envs}, but the scenario has {scenario.n_worlds} worlds; leave out one of them"
+            f"`num_envs` is {num_envs}, but the scenario has {scenario.n_worlds} worlds; "
+            "leave out one of them"
         )
     return replace(scenario, worlds=int(num_envs))
 

@@ -153,11 +153,13 @@ def prepare_env(scenario: Scenario, *, payload: Any = None, n_starts: int = 64) 
     """Check the settings of an environment, and return what makes it, see `make_env`."""
     if not isinstance(scenario.worlds, int):
         raise UserError(
-            "an environment begins in `n_starts` layouts of a seed; give a scenario with a number of worlds"
+            "an environment begins in `n_starts` layouts of a seed; "
+            "give a scenario with a number of worlds"
         )
     if scenario.config.strategy.update_order != "synchronous":
         raise UserError(
-            "strategy.update_order is sequential, but robots of an environment act at once; leave it out"
+            "strategy.update_order is sequential, but robots of an environment act at once; "
+            "leave it out"
         )
     is_number = is_whole(n_starts) and 1 <= n_starts <= MAX_STARTS
     check("n_starts", n_starts, f"a whole number from 1 to {MAX_STARTS}", is_number)

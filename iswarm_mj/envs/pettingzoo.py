@@ -85,8 +85,9 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         names = set(actions) if isinstance(actions, Mapping) else {type(actions).__name__}
         differing = sorted(str(name) for name in set(self.agents) ^ names)
         if differing:
+            listed = ", ".join(differing[:_MAX_LISTED])
             raise UserError(
-                f"step needs an action of each agent and no others (differing: {', '.join(differing[:_MAX_LISTED])})"
+                f"step needs an action of each agent and no others (differing: {listed})"
             )
 
     def state(self) -> np.ndarray:

@@ -147,5 +147,6 @@ def _check_shape(action: Any, n_robots: int, rows: list[Row]) -> None:
     shape = (n_robots, sum(row.size for row in rows))
     if jnp.shape(action) != shape:
         raise UserError(
-            f"a policy must return actions {shape}, of robots and their numbers (got {jnp.shape(action)})"
+            f"a policy must return actions {shape}, of robots and their numbers "
+            f"(got {jnp.shape(action)})"
         )

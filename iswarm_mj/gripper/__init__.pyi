@@ -1,4 +1,5 @@
-# The public names, one line each, where they are defined. `__init__.py` imports them when they are first used.
+# The public names, one line each, where they are defined. `__init__.py` imports them when they are
+# first used.
 from .bench.protocol import Protocol as Protocol
 from .bench.tracing import Trace as Trace
 from .bench.tracing import trace_trial as trace_trial

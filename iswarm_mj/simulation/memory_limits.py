@@ -58,8 +58,8 @@ def check_memory(
         return
     most = free // needed_memory(engine, 1, n_robots, memories)
     constraint = (
-        f"at most {most} with {n_robots} robots in each, so that the run fits into the {gigabytes(free)} of memory "
-        f"that are free, for it needs {gigabytes(needed)}"
+        f"at most {most} with {n_robots} robots in each, so that the run fits into the "
+        f"{gigabytes(free)} of memory that are free, for it needs {gigabytes(needed)}"
     )
     remedy = "use fewer worlds or robots"
     if memories is not None:

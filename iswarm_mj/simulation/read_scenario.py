@@ -295,7 +295,8 @@ def _stated(offer: PluginKind, stated: Mapping[str, Any], given: Any) -> Any:
         if offered_as is None:
             remedy = f"give its class, as from_result(..., {offer.word}={name})"
             raise UserError(
-                f"the result is of the {offer.word} {shown(name)}, which no package offers; {remedy}"
+                f"the result is of the {offer.word} {shown(name)}, which no package offers; "
+                f"{remedy}"
             )
         cls = find(offer, offered_as)
     made = _made(cls, {field: _value(offer, cls, field, value) for field, value in values.items()})

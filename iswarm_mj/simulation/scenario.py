@@ -27,7 +27,7 @@ from iswarm_mj.utils.errors import UserError
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """What is simulated: the one description that `Run`, `rollout`, `make_env`, `evolve` and `play` take.
+    """Description of a simulation, for `Run`, `rollout`, `make_env`, `evolve` and `play`.
 
     All fields but the first are keywords, so their order does not matter. `dataclasses.replace`
     makes variants.

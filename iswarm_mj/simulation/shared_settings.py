@@ -50,8 +50,8 @@ def check_shared_settings(config: SwarmConfig, of_world: SwarmConfig) -> None:
     differing = [name for name, value in shared_settings(of_world) if value != of_run[name]]
     if differing:
         raise UserError(
-            f"a world differs from its run in {' and '.join(differing)}, which all worlds of one run share; "
-            "run it separately."
+            f"a world differs from its run in {' and '.join(differing)}, which all worlds of one "
+            "run share; run it separately."
         )
 
 

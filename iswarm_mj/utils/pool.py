@@ -153,6 +153,6 @@ def _end_with(parent: int) -> None:
 
 def _lost() -> SimulationFault:
     return SimulationFault(
-        "a worker process was lost, perhaps since there is too little memory; finished runs are kept: start the "
-        "command again with fewer workers"
+        "a worker process was lost, perhaps since there is too little memory; finished runs are "
+        "kept: start the command again with fewer workers"
     )

@@ -18,7 +18,7 @@ _COMPILED = Needs("impl", ("warp",))
 
 @dataclass(frozen=True)
 class PlanarSettings(EngineSettings):
-    """MuJoCo's contacts of boxes, solved in the plane: faster on CPUs, many times so on NVIDIA GPUs."""
+    """MuJoCo's box contacts, solved in the plane: faster on CPUs, many times so on NVIDIA GPUs."""
 
     name: ClassVar[str] = "planar"
     has_boxes: ClassVar[bool] = True
