@@ -130,7 +130,8 @@ class TestRun:
     """A run beyond the fit."""
 
     @pytest.fixture(scope="class")
-    def here(self, tmp_path_factory):
+    @classmethod
+    def here(cls, tmp_path_factory):
         """Directory in which the run is, with its output in `run.txt`."""
         here = tmp_path_factory.mktemp("run")
         with pytest.MonkeyPatch.context() as patch, (here / "run.txt").open("w") as file:
