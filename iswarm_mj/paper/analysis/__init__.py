@@ -1,1 +1,1 @@
-"""Statistics, findings and their figures."""
+"""Statements and their tests, findings, statistics, and figures."""

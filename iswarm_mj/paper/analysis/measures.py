@@ -22,7 +22,7 @@ CLEANING_DENSITIES = (0.1, 0.2)
 """Range of densities at which the paper's swarms cleaned the arena."""
 SPARSEST_DENSITY = 0.05
 """Smallest density that the paper tried."""
-HIGH_DENSITIES = float(np.nextafter(CLEANING_DENSITIES[1], 1)), math.inf
+HIGH_DENSITIES = (float(np.nextafter(CLEANING_DENSITIES[1], 1)), math.inf)
 """Range of densities above those at which the paper's swarms cleaned the arena."""
 POINTS_PER_BALL = 40
 """Points that a swarm gains by each ball that it delivers (section 4.6)."""
@@ -89,7 +89,7 @@ STUCK = Measure("failed releases", "a run", lambda row: float(row["failed_releas
 BROKEN = Measure("attempts broken off", "a run", lambda row: float(row["broken_off"]))
 """Attempts that were broken off; they count among the failed ones too."""
 LOST = Measure("time lost by attempts in vain [robot s]", "robot s", lambda row: row["lost_time"])
-"""Time that all robots lost at attempts to lift and to release: waits, and the trials themselves."""
+"""Time that robots lost by attempts to lift and to release: waits, and the trials themselves."""
 OVERLAP = Measure("deepest overlap [mm]", "mm", lambda row: row["overlap"])
 """Deepest overlap of bodies; only of the runs that the study of time steps observes."""
 STEP_TIME = Measure("time of a control step [ms]", "ms", lambda row: row["ms_per_step"])

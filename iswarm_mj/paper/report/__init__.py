@@ -1,1 +1,1 @@
-"""The report on all results, and what is made of them: findings, tables on pages, the results themselves."""
+"""Everything that is made of results: findings, the report, tables on pages, descriptions."""

@@ -1,1 +1,1 @@
-"""The experiments."""
+"""The experiments: their settings, their runs, and what is observed in them."""

@@ -313,25 +313,19 @@ def support_of_factors(combinations: Sequence[Combination]) -> dict[str, Support
 
     supports = {}
     for factor, p, adjusted_p in zip(FACTORS, p_values, adjusted, strict=True):
-        # Shares of the accepted combinations, and what each label does alone.
+        shares = _shares_of_labels(label_counts[factor], sample)
+
+        # What each label does alone, the default first.
         default = DEFAULT_LABELS[factor]
         changed = _changed_labels(factor, papers)
-        shares = {
-            label: share_interval(n_accepted, len(sample.accepted))
-            for label, (_, n_accepted) in label_counts[factor].items()
-        }
-        counts = {default: unchanged.n_selecting}
-        gains = {}
-        for label, combination in changed.items():
-            counts[label] = combination.n_selecting
-            gain = np.subtract(combination.single_run_counts, unchanged.single_run_counts)
-            gains[label] = interval(gain)
+        alone = {default: unchanged, **changed}
+        counts = {label: combination.n_selecting for label, combination in alone.items()}
         supports[factor] = Support(
-            shares,
-            p,
-            adjusted_p,
-            counts,
-            gains,
+            shares=shares,
+            p=p,
+            adjusted_p=adjusted_p,
+            counts=counts,
+            gains={label: _gain(changed[label], unchanged) for label in changed},
             replacement=label_instead_of(default, shares, counts),
         )
     return supports
@@ -345,6 +339,12 @@ def _count_labels(factor: str, sample: Sample) -> dict[str, tuple[int, int]]:
     drawn = Counter(combination.labels[factor] for combination in sample.drawn)
     accepted = Counter(combination.labels[factor] for combination in sample.accepted)
     return {label: (drawn[label], accepted[label]) for label in FACTORS[factor] if drawn[label]}
+
+
+def _shares_of_labels(counts: Mapping[str, tuple[int, int]], sample: Sample) -> dict[str, Interval]:
+    """Return the share of each label among the accepted combinations."""
+    n_all = len(sample.accepted)
+    return {label: share_interval(n_accepted, n_all) for label, (_, n_accepted) in counts.items()}
 
 
 def _p_of_labels(counts: Mapping[str, tuple[int, int]], sample: Sample) -> float:
@@ -362,6 +362,11 @@ def _changed_labels(factor: str, papers: Sequence[Combination]) -> dict[str, Com
         if label:
             changed[label] = combination
     return changed
+
+
+def _gain(changed: Combination, unchanged: Combination) -> Interval:
+    """Return how many more statements single runs reproduce with a value changed."""
+    return interval(np.subtract(changed.single_run_counts, unchanged.single_run_counts))
 
 
 def label_instead_of(

@@ -1,4 +1,4 @@
-"""Figure of the experiment `infer`: what combinations reproduce, and which readings they support."""
+"""Figure of the experiment `infer`: what combinations reproduce, and what they support."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
