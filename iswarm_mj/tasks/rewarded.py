@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float, Int
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.sensors.conditions import Conditions
-from iswarm_mj.tasks.base import Look, Quantity, Sensed, Task, TaskInputs
+from iswarm_mj.tasks.base import AreaStyle, Quantity, Sensed, Task, TaskInputs
 from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.tasks.validation import usable_task
 from iswarm_mj.utils.arrays import Array
@@ -51,7 +51,7 @@ class RewardedTask(Task):
         return {**self.wrapped_task.measured, REWARD: reward}
 
     @property
-    def drawn(self) -> Mapping[str, Look]:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def drawn(self) -> Mapping[str, AreaStyle]:  # pyright: ignore[reportIncompatibleVariableOverride]
         return self.wrapped_task.drawn
 
     @property

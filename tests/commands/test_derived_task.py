@@ -23,7 +23,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from iswarm_mj import Cleaning, Look, Quantity, Within, poses_of_boxes
+from iswarm_mj import Cleaning, AreaStyle, Quantity, Within, poses_of_boxes
 
 
 class ClosingState(NamedTuple):
@@ -47,7 +47,7 @@ class Closing(Cleaning):
         "closed": Quantity("share of the way that the door has come", high=1.0),
         "way": Quantity("way that the door has come", "mm"),
     }
-    drawn: ClassVar = {**Cleaning.drawn, "lock": Look(colour=(10, 20, 30))}
+    drawn: ClassVar = {**Cleaning.drawn, "lock": AreaStyle(colour=(10, 20, 30))}
 
     def lay_boxes(self, config, rng, shared):
         return [(0.0, 7.0, 0.5, 1.0, 0.0, 0.0, 0.0)]
