@@ -25,7 +25,7 @@ EPISODE_STEPS = 6
 class TestEveryEngine:
     def test_the_same_keys_and_actions_make_the_same_episodes(self, engine):
         env, step, start = begin(engine, KEYS)
-        _, _, same_start = begin(engine, KEYS, env)
+        _, _, same_start = begin(engine, KEYS)
         state = roll(env, step, start, 4)
         same_state = roll(env, step, same_start, 4)
         jax.tree.map(np.testing.assert_array_equal, state[1:], same_state[1:])
@@ -33,10 +33,10 @@ class TestEveryEngine:
     def test_keys_determine_the_start(self, engine):
         """They may be given as their data."""
         env, _, start = begin(engine, KEYS)
-        _, _, of_key_data = begin(engine, jax.random.key_data(KEYS), env)
+        _, _, of_key_data = begin(engine, jax.random.key_data(KEYS))
         np.testing.assert_array_equal(of_key_data.obs, start.obs)
 
-        _, _, reversed_start = begin(engine, KEYS[::-1], env)
+        _, _, reversed_start = begin(engine, KEYS[::-1])
         assert not np.array_equal(reversed_start.obs, start.obs)
         np.testing.assert_array_equal(np.asarray(reversed_start.obs)[::-1], start.obs)
 
@@ -45,7 +45,7 @@ class TestEveryEngine:
         action = act(env, 0)
         without_fault = step(start, action)
 
-        _, _, start = begin(engine, KEYS, env)
+        _, _, start = begin(engine, KEYS)
         bad_action = action.copy()
         bad_action[1, 2, 0] = np.nan
         state = step(start, bad_action)
@@ -72,7 +72,7 @@ class TestEveryEngine:
             np.testing.assert_array_equal(state.done, is_last)
 
         next_state = step(state, act(env, 9))
-        _, _, expected = begin(engine, state.data.next_key, env)
+        _, _, expected = begin(engine, state.data.next_key)
         jax.tree.map(np.testing.assert_array_equal, next_state[1:], expected[1:])
         expected_world = expected.data.world
         jax.tree.map(np.testing.assert_array_equal, next_state.data.world, expected_world)
