@@ -32,7 +32,7 @@ class TestEveryEngine:
 
     def test_keys_determine_the_start(self, engine):
         """They may be given as their data."""
-        env, _, start = begin(engine, KEYS)
+        _, _, start = begin(engine, KEYS)
         _, _, of_key_data = begin(engine, jax.random.key_data(KEYS))
         np.testing.assert_array_equal(of_key_data.obs, start.obs)
 
