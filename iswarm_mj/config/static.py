@@ -161,8 +161,8 @@ class StaticGripper:
     """Model of attempts to pick up and release: a force balance (`quasi-static`) or trials
     (`dynamic`)."""
     bench: Annotated[Literal["auto", "c", "mjx"], _IN_TRIALS] = "auto"
-    """Program that runs trials: MuJoCo in C (`c`), or a batch in MJX (`mjx`); `auto`: C with engines
-    on the CPU, MJX with compiled ones."""
+    """Program that runs trials: MuJoCo in C (`c`), or a batch in MJX (`mjx`); `auto`: C with
+    engines on the CPU, MJX with compiled ones."""
     bench_capacity: Annotated[int, Within(1, 1024), _IN_TRIALS] = 8
     """Trials per world and control step in MJX; further robots try again in the next step."""
     tool_error: Annotated[float, Within(0, 1e-4, "m")] = 0.0

@@ -1,5 +1,4 @@
-"""Files of a user's module: those that it imports, from beside it and from packages, but nobody
-else's."""
+"""Files of a user's module: those that it imports from beside it, and nobody else's."""
 
 import importlib
 import subprocess
@@ -14,8 +13,14 @@ from iswarm_mj.strategy.user_files import sources
 from iswarm_mj.utils.errors import UserError
 
 ROOT = Path(__file__).parents[2]
+MAIN = """
+import numpy, iswarm_mj.config.swarm
+from beside import one
+def late():
+    import pack.deep as d
+"""
 FILES = {
-    "main.py": "import numpy, iswarm_mj.config.swarm\nfrom beside import one\ndef late():\n    import pack.deep as d\n",
+    "main.py": MAIN,
     "beside.py": "import json\nfrom iswarm_mj import Run\nimport nothing_of_that_name\n",
     "pack/__init__.py": "",
     "pack/deep.py": "from . import twin\n",
@@ -30,6 +35,7 @@ FILES = {
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
+    """Directory of the files, on the path."""
     for name, text in FILES.items():
         (tmp_path / name).parent.mkdir(exist_ok=True, parents=True)
         (tmp_path / name).write_text(text)
@@ -38,8 +44,11 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_all_that_is_imported_is_found(folder):
-    found = [str(path.relative_to(folder.resolve())) for path in sources(folder / "main.py")]
-    assert found[0] == "main.py" and sorted(found) == sorted({*FILES} - {"unused.py"})
+    first, *others = [
+        str(path.relative_to(folder.resolve())) for path in sources(folder / "main.py")
+    ]
+    assert first == "main.py"
+    assert sorted(others) == sorted({*FILES} - {"main.py", "unused.py"})
 
 
 def test_a_file_that_imports_nothing_is_alone(folder):
@@ -161,16 +170,15 @@ class TestImports:
 def test_files_beside_it_are_found_though_others_are_imported(tmp_path):
     for step in (1.0, 2.0):
         find_strategy(write_walk(tmp_path / f"{step:.0f}", step))
-    found = sources(tmp_path / "2" / "walk.py")
-    assert found == [(tmp_path / "2" / name).resolve() for name in ("walk.py", "helpers.py")]
+    files = [(tmp_path / "2" / name).resolve() for name in ("walk.py", "helpers.py")]
+    assert sources(tmp_path / "2" / "walk.py") == files
 
 
 def test_teams_of_one_strategy_are_numbered(tmp_path):
     (tmp_path / "walks.py").write_text("class Walk:\n    pass\n\nclass Walker(Walk):\n    pass\n")
-    found = find_teams(
-        [f"{tmp_path}/walks.py:{word}" for word in ("Walk=1", "Walker=4", "Walk=.5", "Walk=0.25")],
-    )
-    assert {name: (share, own.__name__) for name, (share, own) in found.items()} == {
+    words = ("Walk=1", "Walker=4", "Walk=.5", "Walk=0.25")
+    teams = find_teams([f"{tmp_path}/walks.py:{word}" for word in words])
+    assert {name: (share, cls.__name__) for name, (share, cls) in teams.items()} == {
         "Walk": (1, "Walk"),
         "Walker": (4, "Walker"),
         "Walk2": (0.5, "Walk"),
