@@ -188,7 +188,7 @@ def test_humidities_of_trials_spread_evenly_about_their_setting():
 @pytest.mark.parametrize("spread", [0.0, 3.0, 10.0])
 def test_the_spread_of_the_humidity_is_a_part_of_the_calibrated_one(spread):
     """Works at 10 % RH have the calibrated mean, within 3 standard errors, and spread."""
-    count = 4000
+    count = 2000
     settings = GraspSettings(("20e-6",), (10.0,), count, rh_spread=spread)
     trials = [case.trial for case in cases(settings)]
     factor = humidity_factor(humidities_of(settings))
