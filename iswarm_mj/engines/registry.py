@@ -1,4 +1,4 @@
-"""All engines. An engine is a folder with its settings, and its line here; or a class of a user."""
+"""All engines by name: those of this package, and classes of users and other packages."""
 
 from collections.abc import Callable
 from dataclasses import fields
@@ -19,14 +19,21 @@ ENGINES: dict[str, type[EngineSettings]] = {
 """Settings of each engine by its name."""
 
 OFFER = PluginKind(
-    "engine", "engines", "bytes_per_robot", "glide.py:Glide", "iswarm_mj.EngineSettings"
+    word="engine",
+    plural="engines",
+    method="bytes_per_robot",
+    example="glide.py:Glide",
+    base="iswarm_mj.EngineSettings",
 )
+"""Engines of users and packages: the classes of their settings."""
 
-SETTINGS = tuple(dict.fromkeys(f.name for engine in ENGINES.values() for f in fields(engine)))
+SETTINGS = tuple(
+    dict.fromkeys(field.name for settings in ENGINES.values() for field in fields(settings))
+)
 """Names of all settings of these engines."""
 
 IDENTITY = ("engine", *(name for name in SETTINGS if name not in OF_MACHINE))
-"""Keys of the `identity` of an engine; each has some of them."""
+"""Keys of the `identity` of all engines; each engine has some of them."""
 
 _ALLOWED: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "on_host": ("true or false", lambda value: isinstance(value, bool)),
@@ -42,19 +49,18 @@ def find_engine(name: str) -> type[EngineSettings]:
     """Return the settings of an engine.
 
     Args:
-        name: of one of `ENGINES` or of an entry point `iswarm_mj.engines`, or `FILE.py:CLASS`.
+        name: name of one of `ENGINES` or of an entry point of the group `iswarm_mj.engines`, or
+            `FILE.py:CLASS`.
 
     Raises:
         UserError: there is no such engine, or the file cannot be imported.
     """
-    found = find(OFFER, name, ENGINES)
-    if not (
-        isinstance(found, type) and issubclass(found, EngineSettings) and hasattr(found, "name")
-    ):
-        raise UserError(
-            f"engine {name} must be a subclass of EngineSettings with a name; see {OFFER.base}"
-        )
-    return found
+    cls = find(OFFER, name, ENGINES)
+    is_settings = isinstance(cls, type) and issubclass(cls, EngineSettings)
+    if not (is_settings and hasattr(cls, "name")):
+        allowed = "a subclass of EngineSettings with a name"
+        raise UserError(f"engine {name} must be {allowed}; see {OFFER.base}")
+    return cls
 
 
 def check_settings(settings: EngineSettings) -> None:
@@ -81,8 +87,8 @@ def check_settings(settings: EngineSettings) -> None:
 
 def described() -> str:
     """Return the names of all engines, each with the first line of its docstring."""
-    texts = {
-        name: (engine.__doc__ or "").partition("\n")[0].rstrip(".")
-        for name, engine in ENGINES.items()
-    }
-    return ", ".join(f"{name} ({text})" for name, text in texts.items())
+    descriptions = []
+    for name, settings in ENGINES.items():
+        first_line = (settings.__doc__ or "").partition("\n")[0]
+        descriptions.append(f"{name} ({first_line.rstrip('.')})")
+    return ", ".join(descriptions)

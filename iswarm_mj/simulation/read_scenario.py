@@ -43,6 +43,8 @@ _OF_RUN = {
 }
 """Keys of a file, and the fields of a scenario."""
 _RESULT = "give the result.json of a run of a swarm"
+_KEYS_OF_RESULT = {"config", "settings", "engine", "task"}
+"""Keys that the result.json of a run of a swarm has, among others."""
 
 
 def fields_of_toml(path: Path) -> dict[str, Any]:
@@ -201,17 +203,19 @@ def _made(found: Any, values: dict[str, Any]) -> Any:
 def _types_of(cls: type, name: str) -> tuple[Any, ...]:
     """Return the types that a field of a dataclass may have."""
     hint = get_type_hints(cls)[name]
-    return (
-        get_args(hint)
-        if get_origin(hint) not in (None, tuple, Literal)
-        else (get_origin(hint) or hint,)
-    )
+    origin = get_origin(hint)
+    if origin is None:
+        return (hint,)
+    if origin in (tuple, Literal):
+        return (origin,)
+    return get_args(hint)  # of a union
 
 
 def _as_path(cls: type, name: str, value: Any) -> Any:
     """Return a value of a field of a dataclass, a path where the field takes one and no text."""
     types = _types_of(cls, name)
-    return Path(value) if isinstance(value, str) and Path in types and str not in types else value
+    takes_path = Path in types and str not in types
+    return Path(value) if takes_path and isinstance(value, str) else value
 
 
 def fields_of_result(
@@ -221,20 +225,19 @@ def fields_of_result(
 
     Args:
         result: the file, or its content.
-        strategy: class of the strategy, or the strategy; None for that which a package offers.
-        task: likewise.
-        engine: class of the engine's settings; None for that which a package offers.
+        strategy: class of the strategy, or the strategy; None for the class that a package offers.
+        task: class of the task, or the task; None for the class that a package offers.
+        engine: class of the engine's settings; None for the class that a package offers.
 
     Raises:
         UserError: it is no result of a run, or it does not state a part completely.
     """
-    is_file = isinstance(result, str | Path)
-    source = str(result) if is_file else "the result"
-    content = read_json(Path(result), _RESULT) if is_file else result
-    if (
-        not isinstance(content, Mapping)
-        or not {"config", "settings", "engine", "task"} <= content.keys()
-    ):
+    source = "the result"
+    content = result
+    if isinstance(result, str | Path):
+        source = str(result)
+        content = read_json(Path(result), _RESULT)
+    if not isinstance(content, Mapping) or not content.keys() >= _KEYS_OF_RESULT:
         raise UserError(f"{source} is not of a run of a swarm; {_RESULT}")
     try:
         return _of_result(content, strategy, task, engine)
@@ -245,75 +248,101 @@ def fields_of_result(
 
 
 def _of_result(content: Mapping[str, Any], strategy: Any, task: Any, engine: Any) -> dict[str, Any]:
+    """Return the fields of a scenario by the content of a result.json.
+
+    Args: as for `fields_of_result`.
+    """
     engine = find_engine(content["engine"]) if engine is None else engine
-    names = set(names_of(engine)) - OF_MACHINE
+    engine_names = set(names_of(engine)) - OF_MACHINE
+    engine_values = {name: content[name] for name in engine_names if name in content}
     if "genome" in content:
         strategy = restored(Genome, content["genome"])
     else:
         strategy = _stated(STRATEGIES, content["strategy"], strategy)
     settings = content["settings"]
-    n_robots, seed, n_worlds = settings["n_robots"], settings["seed"], settings["n_worlds"]
-    worlds: Any = n_worlds
-    if dead := settings["failed_fraction"]:
-        genome = strategy if isinstance(strategy, Genome) else TYPE1
-        worlds = [
-            World(genome, n_robots, seed, index, failed_fraction=dead) for index in range(n_worlds)
-        ]
     return {
         "config": restored(SwarmConfig, content["config"]),
         "strategy": strategy,
         "task": _stated(TASKS, content["task"], task),
-        "robots": n_robots,
+        "robots": settings["n_robots"],
         "robot_file": content["robot"]["file"],
-        "engine": engine(**{name: content[name] for name in names if name in content}),
-        "seed": seed,
-        "worlds": worlds,
+        "engine": engine(**engine_values),
+        "seed": settings["seed"],
+        "worlds": _worlds_of(settings, strategy),
         "steps": settings["steps"],
         "goal": settings["stop_at"],
     }
 
 
-def _stated(offer: PluginKind, stated: Mapping[str, Any], given: Any) -> Any:
+def _worlds_of(settings: Mapping[str, Any], strategy: Any) -> int | list[World]:
+    """Return the worlds of a run: their number, or each with its share of dead robots."""
+    n_worlds = settings["n_worlds"]
+    failed_fraction = settings["failed_fraction"]
+    if not failed_fraction:
+        return n_worlds
+    genome = strategy if isinstance(strategy, Genome) else TYPE1
+    return [
+        World(
+            genome,
+            n_robots=settings["n_robots"],
+            seed=settings["seed"],
+            index=index,
+            failed_fraction=failed_fraction,
+        )
+        for index in range(n_worlds)
+    ]
+
+
+def _stated(kind: PluginKind, stated: Mapping[str, Any], plugin: Any) -> Any:
     """Return a strategy or a task as a result states it, see `to_json`.
 
     Args:
-        offer: what it is.
+        kind: strategies or tasks.
         stated: name of the class, and the values of its fields.
-        given: the class, or the object that it is; None for the class that a package offers.
+        plugin: the user's class, or the strategy or task itself; None for the class that a package
+            offers.
     """
-    if given is not None and not isinstance(given, type):
-        return given
+    if plugin is not None and not isinstance(plugin, type):
+        return plugin
     values = dict(stated)
-    name = values.pop("class")
-    if name == "Teams" and given is None:
-        return Teams({team: (own["share"], _of_team(own)) for team, own in values.items()})
-    if name == type(CLEANING).__name__ and given is None and not values:
+    class_name = values.pop("class")
+    if plugin is None and class_name == "Teams":
+        return Teams({team: (part["share"], _of_team(part)) for team, part in values.items()})
+    if plugin is None and class_name == type(CLEANING).__name__ and not values:
         return CLEANING
-    cls = given
-    if cls is None:
-        offered_as = offered(offer, name, set(values))
-        if offered_as is None:
-            remedy = f"give its class, as from_result(..., {offer.word}={name})"
-            raise UserError(
-                f"the result is of the {offer.word} {shown(name)}, which no package offers; "
-                f"{remedy}"
-            )
-        cls = find(offer, offered_as)
-    made = _made(cls, {field: _value(offer, cls, field, value) for field, value in values.items()})
-    if json.loads(json.dumps(to_json(made), default=str)) != stated:
-        _refuse(offer, name, "the values")
-    return made
+
+    cls = _offered_class(kind, class_name, set(values)) if plugin is None else plugin
+    fields = {name: _value(kind, cls, name, value) for name, value in values.items()}
+    restored_plugin = _made(cls, fields)
+    if json.loads(json.dumps(to_json(restored_plugin), default=str)) != stated:
+        _refuse(kind, class_name, "the values")
+    return restored_plugin
+
+
+def _offered_class(kind: PluginKind, class_name: str, field_names: set[str]) -> Any:
+    """Return the class with these fields that an installed package offers.
+
+    Raises:
+        UserError: no package does.
+    """
+    installed_name = offered(kind, class_name, field_names)
+    if installed_name is None:
+        fact = f"the result is of the {kind.word} {shown(class_name)}, which no package offers"
+        remedy = f"give its class, as from_result(..., {kind.word}={class_name})"
+        raise UserError(f"{fact}; {remedy}")
+    return find(kind, installed_name)
 
 
 def _of_team(stated: Mapping[str, Any]) -> Any:
     """Return the strategy of a team as a result states it."""
-    own = {name: value for name, value in stated.items() if name != "share"}
-    if own["class"] == Genome.__name__:
-        return restored(Genome, {name: value for name, value in own.items() if name != "class"})
-    return _stated(STRATEGIES, own, None)
+    strategy = {name: value for name, value in stated.items() if name != "share"}
+    if strategy["class"] == Genome.__name__:
+        values = {name: value for name, value in strategy.items() if name != "class"}
+        return restored(Genome, values)
+    return _stated(STRATEGIES, strategy, None)
 
 
-def _value(offer: PluginKind, cls: Any, name: str, value: Any) -> Any:
+def _value(kind: PluginKind, cls: Any, name: str, value: Any) -> Any:
     """Return the value of a field of which a result states a number, a text or a list."""
     types = _types_of(cls, name)
     default = default_of(cls, name)
@@ -324,23 +353,25 @@ def _value(offer: PluginKind, cls: Any, name: str, value: Any) -> Any:
             return np.asarray(value, default.dtype)
         if tuple in types:
             return _as_tuple(value)
-        _refuse(offer, cls.__name__, name)
-    if isinstance(value, str) and not {str, Literal} & {*types}:
+        _refuse(kind, cls.__name__, name)
+    takes_text = str in types or Literal in types
+    if isinstance(value, str) and not takes_text:
         if Path not in types:
-            _refuse(offer, cls.__name__, name)
+            _refuse(kind, cls.__name__, name)
         return Path(value)
     return value
 
 
 def _as_tuple(value: Any) -> Any:
+    """Return a list, and the lists in it, as tuples; other values as they are."""
     return tuple(map(_as_tuple, value)) if isinstance(value, list) else value
 
 
-def _refuse(offer: PluginKind, cls: str, name: str) -> NoReturn:
-    """Refuse to make up what a result states only in part, such as large arrays.
+def _refuse(kind: PluginKind, class_name: str, name: str) -> NoReturn:
+    """Refuse a result that states a value only in part, such as a large array.
 
     Raises:
         UserError: always.
     """
-    remedy = f"give the {offer.word} itself, as from_result(..., {offer.word}={cls}(...))"
-    raise UserError(f"the result does not state {name} of {cls} completely; {remedy}")
+    remedy = f"give the {kind.word} itself, as from_result(..., {kind.word}={class_name}(...))"
+    raise UserError(f"the result does not state {name} of {class_name} completely; {remedy}")

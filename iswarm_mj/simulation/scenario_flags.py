@@ -57,7 +57,7 @@ def paths_of(scenario: "Scenario") -> dict[str, tuple[str, ...]]:
 
 
 def value_at(scenario: "Scenario", path: Iterable[str]) -> Any:
-    """Return what is at a path; None where there is nothing."""
+    """Return the value at a path of attributes; None where there is nothing."""
     return reduce(lambda part, name: getattr(part, name, None), path, scenario)
 
 
@@ -72,16 +72,28 @@ def task_name(scenario: "Scenario") -> str:
 
 
 def strategy_name(scenario: "Scenario") -> str:
-    """Return the name of its strategy, as --strategy takes it; of a genome, of the preset it was
-    made of."""
-    strategy, given = scenario.strategy, scenario.strategy_name
+    """Return the name of a scenario's strategy, as --strategy takes it.
+
+    For a genome it is that of an equal preset, or else of the preset from which it was made.
+    """
+    strategy = scenario.strategy
+    user_name = scenario.strategy_name
     if isinstance(strategy, Genome):
-        equal = [name for name, preset in PRESETS.items() if preset == strategy]
-        chosen = [given] if given in PRESETS else []
-        return [*equal, *chosen, "type1"][0]
-    if isinstance(strategy, Teams) and not given:
+        made_from = user_name if user_name in PRESETS else "type1"
+        return _preset_of(strategy, default=made_from)
+    if user_name:
+        return user_name
+    if isinstance(strategy, Teams):
         return shlex.join(f"{_name_of_team(team)}={team.share}" for team in strategy.teams)
-    return given or _name(STRATEGIES, type(strategy))
+    return _name(STRATEGIES, type(strategy))
+
+
+def _preset_of(genome: Genome, default: str) -> str:
+    """Return the name of the preset that equals a genome, or a default."""
+    for name, preset in PRESETS.items():
+        if preset == genome:
+            return name
+    return default
 
 
 def values_of(scenario: "Scenario") -> dict[str, Any]:
@@ -100,7 +112,8 @@ def values_of(scenario: "Scenario") -> dict[str, Any]:
     if not isinstance(scenario.worlds, int):
         raise UserError(f"no flag can state worlds that differ, each a World; {_REMEDY}")
 
-    found: dict[str, Any] = {
+    # Settings of the run; None where a flag is not needed.
+    values: dict[str, Any] = {
         "seed": scenario.seed or None,
         "robots": scenario.robots,
         "robot": scenario.robot_file,
@@ -108,19 +121,23 @@ def values_of(scenario: "Scenario") -> dict[str, Any]:
         "steps": scenario.steps if scenario.steps != STEPS else None,
         "stop_at": scenario.goal,
     }
+
+    # Names of task, strategy and engine.
+    has_teams = isinstance(scenario.strategy, Teams)
     if not is_same(scenario.task, CLEANING):
-        found["task"] = task
+        values["task"] = task
     if scenario.genome is None:
-        teams = isinstance(scenario.strategy, Teams)
-        found["strategy"] = tuple(shlex.split(strategy)) if teams else strategy
+        values["strategy"] = tuple(shlex.split(strategy)) if has_teams else strategy
     elif strategy != "type1":
-        found["genome"] = strategy
+        values["genome"] = strategy
     if engine != MujocoSettings.name:
-        found["engine"] = engine
-    found |= _changed(scenario)
-    if isinstance(scenario.strategy, Teams):
-        found |= _changed_in_teams(scenario.strategy, strategy)
-    return {name: value for name, value in found.items() if value is not None}
+        values["engine"] = engine
+
+    # Fields of these and of the configuration.
+    values |= _changed(scenario)
+    if has_teams:
+        values |= _changed_in_teams(scenario.strategy, strategy)
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _changed(scenario: "Scenario") -> dict[str, Any]:
@@ -180,19 +197,20 @@ def is_same(one: Any, other: Any) -> bool:
         return np.array_equal(one, other)
     try:
         return bool(one == other)
-    except ValueError:  # of arrays within, each element of which is true or false
+    except ValueError:  # arrays within are compared element by element, which has no truth value
         return False
 
 
 def default_of(part: Any, name: str) -> Any:
     """Return the default of a field of a dataclass; a new object where there is none."""
-    (own,) = (field for field in fields(part) if field.name == name)
-    if own.default_factory is not MISSING:
-        return own.default_factory()
-    return object() if own.default is MISSING else own.default
+    (field,) = (field for field in fields(part) if field.name == name)
+    if field.default_factory is not MISSING:
+        return field.default_factory()
+    return object() if field.default is MISSING else field.default
 
 
 def _unstated(name: str, value: Any) -> UserError:
+    """Return the error about a setting that no flag can state."""
     return UserError(f"no flag can state {name}, a {type(value).__name__}; {_REMEDY}")
 
 
@@ -202,12 +220,12 @@ def _name_of_team(team: Team) -> str:
         return _name(STRATEGIES, type(team.strategy))
     if team.name in PRESETS:
         return team.name
-    return next((name for name, preset in PRESETS.items() if preset == team.strategy), "type1")
+    return _preset_of(team.strategy, default="type1")
 
 
 @cache
 def _teams_of(name: str) -> Any:
-    """Return what --strategy makes of the name of teams; once, since it executes users' files."""
+    """Return the teams that --strategy makes of a name; once, since it executes users' files."""
     return made_of(STRATEGIES, name)
 
 
@@ -215,57 +233,64 @@ def _changed_in_teams(teams: Teams, name: str) -> dict[str, Any]:
     """Return the values of fields of the teams' strategies that their names do not state.
 
     Args:
-        teams: of a scenario.
-        name: of the teams, as --strategy takes it.
+        teams: teams of a scenario.
+        name: name of the teams, as --strategy takes it.
 
     Raises:
         UserError: no flag can state the name or the share of a team, or a field.
     """
-    usual = _teams_of(name)
-    shares = [(team.name, team.share) for team in teams.teams]
-    if not isinstance(usual, Teams) or shares != [(team.name, team.share) for team in usual.teams]:
-        listed = ", ".join(f"{team.name} ({team.share})" for team in teams.teams)
+    default_teams = _teams_of(name)
+    if not isinstance(default_teams, Teams) or _shares(default_teams) != _shares(teams):
+        listed = ", ".join(f"{name} ({share})" for name, share in _shares(teams))
         raise UserError(f"no flag can state the names and shares of the teams {listed}; {_REMEDY}")
-    found = {}
-    for team, usual_team in zip(teams.teams, usual.teams, strict=True):
+
+    values = {}
+    for team, default_team in zip(teams.teams, default_teams.teams, strict=True):
         for field_name in names_of(team.strategy):
             value = getattr(team.strategy, field_name)
-            if is_same(value, getattr(usual_team.strategy, field_name, None)):
+            if is_same(value, getattr(default_team.strategy, field_name, None)):
                 continue
+            setting = f"{team.name}.{field_name}"
             if not isinstance(value, STATED):
-                raise _unstated(f"{team.name}.{field_name}", value)
-            found[f"{team.name}.{field_name}"] = value
-    return found
+                raise _unstated(setting, value)
+            values[setting] = value
+    return values
+
+
+def _shares(teams: Teams) -> list[tuple[str, float | int]]:
+    """Return name and share of each team."""
+    return [(team.name, team.share) for team in teams.teams]
 
 
 def made_of(offer: PluginKind, name: str) -> Any:
     """Return the strategy or the task of a name, with the defaults of its fields.
 
     Raises:
-        UserError: a field has none.
+        UserError: there is no such strategy or task, or a field has no default.
     """
-    if (
-        offer is STRATEGIES
-        and re.search(r"=[\d.]+$", name)
-        and (teams := find_teams(shlex.split(name)))
-    ):
-        return Teams({team: (share, _object(found)) for team, (share, found) in teams.items()})
+    if offer is STRATEGIES and re.search(r"=[\d.]+$", name):
+        teams = find_teams(shlex.split(name))
+        if teams:
+            return Teams(
+                {team: (share, _object(plugin)) for team, (share, plugin) in teams.items()}
+            )
     return _object(find(offer, name))
 
 
-def _object(found: Any) -> Any:
-    """A strategy or a task of a class, with the defaults of its fields."""
-    if not isinstance(found, type):
-        return found
-    with user_code(found.__name__):
-        return found()
+def _object(plugin: Any) -> Any:
+    """Return an object of a class, with the defaults of its fields; an object as it is."""
+    if not isinstance(plugin, type):
+        return plugin
+    with user_code(plugin.__name__):
+        return plugin()
 
 
 @cache
-def _name(offer: PluginKind, cls: type) -> str:
-    """How a command line names a class of strategies, tasks or engines."""
-    if found := offered(offer, cls.__name__, set(names_of(cls))):
-        return found
+def _name(kind: PluginKind, cls: type) -> str:
+    """Return the name of a class of strategies, tasks or engines on a command line."""
+    installed_name = offered(kind, cls.__name__, set(names_of(cls)))
+    if installed_name:
+        return installed_name
     try:
         return f"{inspect.getsourcefile(cls)}:{cls.__name__}"
     except (TypeError, OSError):  # of a notebook
@@ -279,14 +304,17 @@ def command_line(command: str, values: Mapping[str, Any]) -> str:
 
 
 def _flag(name: str, value: Any) -> list[str]:
-    """The words that give a flag a value."""
-    group, dot, own = name.replace("_", "-").rpartition(".")
+    """Return the words of a command line that give a flag a value."""
+    group, dot, flag = name.replace("_", "-").rpartition(".")
     if isinstance(value, bool):
-        return [f"--{group}{dot}{'' if value else 'no-'}{own}"]
+        return [f"--{group}{dot}{'' if value else 'no-'}{flag}"]
+    words = [str(value)]
     if isinstance(value, tuple):
-        inner = [part for one in value for part in (one if isinstance(one, tuple) else (one,))]
-        return [f"--{group}{dot}{own}", *map(str, inner)]
-    return [f"--{group}{dot}{own}", str(value)]
+        words = []
+        for entry in value:
+            parts = entry if isinstance(entry, tuple) else (entry,)
+            words += [str(part) for part in parts]
+    return [f"--{group}{dot}{flag}", *words]
 
 
 def toml(values: Mapping[str, Any]) -> str:
@@ -305,14 +333,16 @@ def toml(values: Mapping[str, Any]) -> str:
 
 
 def _toml_key(name: str) -> str:
-    """Return a key with dots between its parts, in quotes those of other letters than ASCII's."""
-    parts = name.split(".")
-    return ".".join(
-        part if re.fullmatch(r"[A-Za-z0-9_-]+", part) else _toml(part) for part in parts
-    )
+    """Return a key with dots between its parts; parts of other letters than ASCII's are quoted."""
+    keys = []
+    for part in name.split("."):
+        is_bare = re.fullmatch(r"[A-Za-z0-9_-]+", part)
+        keys.append(part if is_bare else _toml(part))
+    return ".".join(keys)
 
 
 def _toml(value: Any) -> str:
+    """Return a value in TOML."""
     if isinstance(value, tuple):
         return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, bool | int | float):

@@ -16,138 +16,165 @@ from iswarm_mj.utils.user_code import user_code
 
 
 class PluginKind(NamedTuple):
-    """What users and packages offer."""
+    """Kind of classes that users and packages add, such as strategies."""
 
     word: str
+    """Noun in the singular, also the name of the flag."""
     plural: str
-    """Under `iswarm_mj.` also the group of entry points: classes, or objects whose fields are the
-    defaults."""
+    """Noun in the plural, also the end of the name of the group of entry points."""
     method: str
-    """That only such classes have."""
+    """Method that only classes of this kind have."""
     example: str
-    """How a class in a file is named."""
+    """Example of the name of a class in a file."""
     base: str
-    """Public name of the class that documents its methods."""
+    """Public name of the class that documents the methods."""
 
     @property
     def group(self) -> str:
-        """Of entry points."""
+        """Group of entry points: classes, or objects whose fields are the defaults."""
         return f"iswarm_mj.{self.plural}"
 
     @property
     def form(self) -> str:
-        """In which a class in a file is named, with an example."""
+        """Form of the name of a class in a file, with an example."""
         return f"FILE.py:CLASS, as {self.example}"
 
 
-STRATEGIES = PluginKind("strategy", "strategies", "act", "walk.py:Walk", "iswarm_mj.Strategy")
-TASKS = PluginKind("task", "tasks", "lay_out", "gather.py:Gather", "iswarm_mj.Task")
+STRATEGIES = PluginKind(
+    word="strategy",
+    plural="strategies",
+    method="act",
+    example="walk.py:Walk",
+    base="iswarm_mj.Strategy",
+)
+TASKS = PluginKind(
+    word="task",
+    plural="tasks",
+    method="lay_out",
+    example="gather.py:Gather",
+    base="iswarm_mj.Task",
+)
 
 
 def find_strategy(name: str) -> Any:
-    """Return a class of strategies, or an object whose values are defaults, see `find`."""
+    """Return a class of strategies, or an object whose fields are the defaults; see `find`."""
     return find(STRATEGIES, name)
 
 
 def find_teams(words: Sequence[str]) -> dict[str, tuple[float | int, Any]]:
-    """Return share, and class or object, of teams by their names, those of the strategies.
+    """Return the teams that the flag --strategy names: share, and class or object, by their names.
+
+    Teams are called by their strategies, with a number where several have the same.
 
     Args:
-        words: names of strategies with the share of the robots or their number, as
-            `walk.py:Walk=0.5`; of one strategy without a share there are no teams.
+        words: names of strategies, each with the share or the number of its robots, as
+            `walk.py:Walk=0.5`. A single strategy without a share makes no teams.
 
     Raises:
         UserError: a share is missing or no number, or there is no such strategy.
     """
-    found: dict[str, tuple[float | int, Any]] = {}
+    teams: dict[str, tuple[float | int, Any]] = {}
     for word in words:
         match = re.fullmatch(r"(.+)=(\d+|\d*\.\d+)", word)
         if match is None and len(words) == 1:
             return {}
         if match is None:
-            form = (
-                "NAME=SHARE or NAME=ROBOTS for each of several strategies, as a.py:A=0.7 b.py:B=0.3"
-            )
-            raise ConfigError("strategy", word, form)
-        name, size = match[1], int(match[2]) if match[2].isdecimal() else float(match[2])
-        team = re.sub(r"\W", "_", name.rpartition(":")[2])
-        n_same = sum(one == team or one.removeprefix(team).isdecimal() for one in found)
-        found[f"{team}{n_same + 1}" if n_same else team] = size, find_strategy(name)
-    return found
+            form = "NAME=SHARE or NAME=ROBOTS for each of several strategies"
+            raise ConfigError("strategy", word, f"{form}, as a.py:A=0.7 b.py:B=0.3")
+
+        strategy_name, number = match.groups()
+        share = int(number) if number.isdecimal() else float(number)
+        class_name = strategy_name.rpartition(":")[2]
+        team = re.sub(r"\W", "_", class_name)
+        n_same = sum(name == team or name.removeprefix(team).isdecimal() for name in teams)
+        if n_same:
+            team = f"{team}{n_same + 1}"
+        teams[team] = (share, find_strategy(strategy_name))
+    return teams
 
 
-def find(offer: PluginKind, name: str, shipped: Mapping[str, Any] | None = None) -> Any:
-    """Return a class, or an object whose values are defaults.
+def find(kind: PluginKind, name: str, shipped: Mapping[str, Any] | None = None) -> Any:
+    """Return a class, or an object whose fields are the defaults.
 
     Args:
-        offer: what is looked for.
+        kind: kind of the class.
         name: `FILE.py:CLASS`, or the name of an entry point.
-        shipped: what else can be named.
+        shipped: classes of this package, by name.
 
     Raises:
         UserError: there is no such file, class or name, or the file cannot be imported.
     """
-    path, colon, cls = name.rpartition(":")
-    if colon or name.endswith(".py") or "/" in name:
-        return _of_file(offer, Path(path), cls) if colon else _of_file(offer, Path(name), "")
-    installed = {point.name: point for point in entry_points(group=offer.group)} | dict(
-        shipped or {}
-    )
-    if name not in installed:
-        similar = closest(name, installed)
+    path, colon, class_name = name.rpartition(":")
+    if colon:
+        return _find_in_file(kind, Path(path), class_name)
+    if name.endswith(".py") or "/" in name:
+        return _find_in_file(kind, Path(name), "")
+
+    known: dict[str, Any] = {point.name: point for point in entry_points(group=kind.group)}
+    known |= shipped or {}
+    if name not in known:
+        similar = closest(name, known)
         remedy = f"perhaps you meant {similar}" if similar else None
-        known = ", ".join(sorted(installed)) or "none"
-        raise ConfigError(offer.word, name, f"{offer.form}, or installed ({known})", remedy)
-    found = installed[name]
-    with user_code(f"{offer.word} {name}"):
-        return found.load() if isinstance(found, EntryPoint) else found
+        listed = ", ".join(sorted(known)) or "none"
+        raise ConfigError(kind.word, name, f"{kind.form}, or installed ({listed})", remedy)
+    plugin = known[name]
+    with user_code(f"{kind.word} {name}"):
+        return plugin.load() if isinstance(plugin, EntryPoint) else plugin
 
 
-def offered(offer: PluginKind, cls: str, names: set[str]) -> str | None:
-    """Return the name under which an installed package offers a class with these fields; None
-    without just one."""
-    found = []
-    for point in entry_points(group=offer.group):
-        if point.value.rpartition(":")[2] == cls:
-            with user_code(f"{offer.word} {point.name}"):
-                loaded = point.load()
-            if is_dataclass(loaded) and {f.name for f in fields(loaded)} == names:
-                found.append(point.name)
-    return found[0] if len(found) == 1 else None
+def offered(kind: PluginKind, class_name: str, field_names: set[str]) -> str | None:
+    """Return the name of the entry point of a class with these fields.
+
+    None if no installed package has such an entry point, or if there are several.
+    """
+    names = []
+    for point in entry_points(group=kind.group):
+        if point.value.rpartition(":")[2] == class_name:
+            with user_code(f"{kind.word} {point.name}"):
+                plugin = point.load()
+            if is_dataclass(plugin) and {field.name for field in fields(plugin)} == field_names:
+                names.append(point.name)
+    return names[0] if len(names) == 1 else None
 
 
-def naming(offer: PluginKind, cls: str) -> str:
+def naming(kind: PluginKind, class_name: str) -> str:
     """Return the flag that names a class which no package offers, or the strategies of teams."""
-    return (
-        "--strategy NAME=SHARE NAME=SHARE"
-        if cls == "Teams"
-        else f"--{offer.word} FILE.py:{shown(cls)}"
-    )
+    if class_name == "Teams":
+        return "--strategy NAME=SHARE NAME=SHARE"
+    return f"--{kind.word} FILE.py:{shown(class_name)}"
 
 
-def _of_file(offer: PluginKind, path: Path, name: str) -> Any:
-    module = _imported(offer, path)
-    found = getattr(module, name, None) if name else None
-    if found is None:
-        own = [
-            value
-            for value in vars(module).values()
-            if getattr(value, "__module__", "") == module.__name__
-        ]
-        classes = [
-            value.__name__
-            for value in own
-            if isinstance(value, type) and hasattr(value, offer.method)
-        ]
-        fact = f"{path} has no {name}" if name else f"{offer.word} {path} names no class"
-        listed = f"its {offer.plural} are {', '.join(classes)}"
-        there = listed if classes else f"it has no class with a method {offer.method}"
-        raise UserError(f"{fact}; {there}; write {path}:{classes[0] if classes else 'CLASS'}")
-    if not (isinstance(found, type) or is_dataclass(found) or makes_strategies(found)):
-        raise UserError(
-            f"{path}:{name} is a {type(found).__name__}; name a class, see {offer.base}"
-        )
-    return found
+def _no_class(kind: PluginKind, path: Path, class_name: str, module: ModuleType) -> UserError:
+    """Return the error about a file without a class of this name, which lists the others."""
+    classes = [
+        value.__name__
+        for value in vars(module).values()
+        if getattr(value, "__module__", "") == module.__name__
+        and isinstance(value, type)
+        and hasattr(value, kind.method)
+    ]
+    fact = f"{path} has no {class_name}" if class_name else f"{kind.word} {path} names no class"
+    if classes:
+        choice = f"its {kind.plural} are {', '.join(classes)}; write {path}:{classes[0]}"
+    else:
+        choice = f"it has no class with a method {kind.method}; write {path}:CLASS"
+    return UserError(f"{fact}; {choice}")
+
+
+def _find_in_file(kind: PluginKind, path: Path, class_name: str) -> Any:
+    """Return a class or an object of a file.
+
+    Raises:
+        UserError: the file cannot be imported, or has no class of this name.
+    """
+    module = _imported(kind, path)
+    plugin = getattr(module, class_name, None) if class_name else None
+    if plugin is None:
+        raise _no_class(kind, path, class_name, module)
+    if not (isinstance(plugin, type) or is_dataclass(plugin) or makes_strategies(plugin)):
+        fact = f"{path}:{class_name} is a {type(plugin).__name__}"
+        raise UserError(f"{fact}; name a class, see {kind.base}")
+    return plugin
 
 
 def _imported(offer: PluginKind, path: Path) -> ModuleType:
