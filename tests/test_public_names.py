@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from iswarm_mj.engines.registry import OFFER as ENGINES
+from iswarm_mj.engines.registry import ENGINE_PLUGINS as ENGINES
 from iswarm_mj.strategy.library import STRATEGIES, TASKS
 
 ROOT = Path(__file__).parents[1]

@@ -18,7 +18,7 @@ ENGINES: dict[str, type[EngineSettings]] = {
 }
 """Settings of each engine by its name."""
 
-OFFER = PluginKind(
+ENGINE_PLUGINS = PluginKind(
     word="engine",
     plural="engines",
     method="bytes_per_robot",
@@ -55,11 +55,11 @@ def find_engine(name: str) -> type[EngineSettings]:
     Raises:
         UserError: there is no such engine, or the file cannot be imported.
     """
-    cls = find(OFFER, name, ENGINES)
+    cls = find(ENGINE_PLUGINS, name, ENGINES)
     is_settings = isinstance(cls, type) and issubclass(cls, EngineSettings)
     if not (is_settings and hasattr(cls, "name")):
         allowed = "a subclass of EngineSettings with a name"
-        raise UserError(f"engine {name} must be {allowed}; see {OFFER.base}")
+        raise UserError(f"engine {name} must be {allowed}; see {ENGINE_PLUGINS.base}")
     return cls
 
 
@@ -82,7 +82,9 @@ def check_settings(settings: EngineSettings) -> None:
 
     method = "host_engine" if settings.on_host else "compiled_engine"
     if getattr(cls, method) is getattr(EngineSettings, method):
-        raise UserError(f"{name} has no method {method}, which makes the engine; see {OFFER.base}")
+        raise UserError(
+            f"{name} has no method {method}, which makes the engine; see {ENGINE_PLUGINS.base}"
+        )
 
 
 def described() -> str:

@@ -1,4 +1,4 @@
-"""The fields of a scenario, read from a TOML file for --config or from the result.json of a run."""
+"""Fields of a scenario, read from a TOML file for --config or from the result.json of a run."""
 
 import json
 import shlex
@@ -41,7 +41,7 @@ _OF_RUN = {
     "steps": "steps",
     "stop_at": "goal",
 }
-"""Keys of a file, and the fields of a scenario."""
+"""Fields of a scenario by the keys of a file."""
 _RESULT = "give the result.json of a run of a swarm"
 _KEYS_OF_RESULT = {"config", "settings", "engine", "task"}
 """Keys that the result.json of a run of a swarm has, among others."""
@@ -51,48 +51,49 @@ def fields_of_toml(path: Path) -> dict[str, Any]:
     """Return the fields of a scenario by a file whose keys are flags of `iswarm run`.
 
     Raises:
-        UserError: it cannot be read, or has a key that is no part of a scenario.
+        UserError: the file cannot be read, or has a key that is no part of a scenario.
     """
+    # Functions take the keys that they read away from those that are left.
     values = read_toml(path, "name a TOML file, with lines as `steps = 300` or `[arena]`")
     left = {name: _as_tuple(value) for name, value in values.items()}
-    found = {field: left.pop(key) for key, field in _OF_RUN.items() if key in left}
-    found["config"] = _config(left)
+    scenario = {field: left.pop(key) for key, field in _OF_RUN.items() if key in left}
+    scenario["config"] = _config(left)
 
-    # What has settings of its own, as classes or objects.
+    # The parts that have settings of their own, as classes or objects.
     strategy = _find_strategy(left)
     task_name = str(left.pop("task")) if "task" in left else None
     parts = {
-        "strategy": strategy.found,
+        "strategy": strategy.plugin,
         "task": CLEANING if task_name is None else find(TASKS, task_name),
         "engine": find_engine(str(left.pop("engine", MujocoSettings.name))).usual(),
     }
     left = _by_canonical_names(left, parts, path)
 
-    # These with their settings, which are taken away from those that are left.
+    # The same parts with their settings.
     setting_of = setting_names(parts)
-    found["strategy"] = _make_strategy(strategy, left, setting_of)
-    found["strategy_name"] = strategy.name
+    scenario["strategy"] = _make_strategy(strategy, left, setting_of)
+    scenario["strategy_name"] = strategy.name
     if task_name is not None:
-        found["task"] = _object(parts["task"], left, _keys_of("task", setting_of))
-        found["task_name"] = task_name
-    found["engine"] = _object(parts["engine"], left, _keys_of("engine", setting_of))
+        scenario["task"] = _object(parts["task"], left, _keys_of("task", setting_of))
+        scenario["task_name"] = task_name
+    scenario["engine"] = _object(parts["engine"], left, _keys_of("engine", setting_of))
 
     if "robot" in left:
-        found["robot_file"] = _robot_file(left.pop("robot"))
+        scenario["robot_file"] = _robot_file(left.pop("robot"))
     if "density" in left:
-        found["robots"] = robots_for(found["config"].arena, left.pop("density"), "density")
+        scenario["robots"] = robots_for(scenario["config"].arena, left.pop("density"), "density")
     if left:
         raise UserError(
             f"{path} names {shown(next(iter(left)))}, which is no part of a scenario; leave it out"
         )
-    return found
+    return scenario
 
 
 def _by_canonical_names(left: Mapping[str, Any], parts: Parts, path: Path) -> dict[str, Any]:
     """Return the values of a file by the names in `setting_names`.
 
     Raises:
-        UserError: it names a setting twice, or one that several parts have.
+        UserError: the file names a setting twice, or one that several parts have.
     """
     named: dict[str, Any] = {}
     for key, value in left.items():
@@ -104,26 +105,26 @@ def _by_canonical_names(left: Mapping[str, Any], parts: Parts, path: Path) -> di
 
 
 def _keys_of(part: str, setting_of: Mapping[str, PartField]) -> dict[str, str]:
-    """Return the keys of the fields of a part by the names of these."""
+    """Return the key in a file of each field of a part."""
     return {setting.field: key for key, setting in setting_of.items() if setting.part == part}
 
 
 def _config(left: dict[str, Any]) -> SwarmConfig:
-    """Return the configuration of a file, whose values are taken away from those that are left."""
+    """Return the configuration of a file."""
     reading = left.pop("reading", "paper")
     check("reading", reading, f"one of {', '.join(INTERPRETATIONS)}", reading in INTERPRETATIONS)
-    usual = INTERPRETATIONS[reading]
+    defaults = INTERPRETATIONS[reading]
     groups = {}
-    for group, part in vars(usual).items():
-        keys = {name: f"{group}.{name}" for name in names_of(part)}
-        groups[group] = _object(part, left, keys)
-    return replace(usual, **groups)
+    for group, default in vars(defaults).items():
+        keys = {name: f"{group}.{name}" for name in names_of(default)}
+        groups[group] = _object(default, left, keys)
+    return replace(defaults, **groups)
 
 
 class _Strategy(NamedTuple):
-    """The strategy that a file names."""
+    """Strategy that a file names."""
 
-    found: Any
+    plugin: Any
     """Class or object; None for teams."""
     name: str | None
     """Name of the scenario's strategy, see `Scenario.strategy_name`."""
@@ -132,72 +133,74 @@ class _Strategy(NamedTuple):
 
 
 def _find_strategy(left: dict[str, Any]) -> _Strategy:
-    """Return the strategy that a file names, and take its name away from what is left."""
+    """Return the strategy that a file names, or the genome of the paper's."""
     if "strategy" not in left:
-        name = str(left.pop("genome", "type1"))
-        return _Strategy(load_genome(name), name if name in PRESETS else None, {})
-    given = left.pop("strategy")
-    words = [str(word) for word in given] if isinstance(given, tuple) else [str(given)]
-    name = shlex.join(words) if words[1:] else words[0]
+        genome_name = str(left.pop("genome", "type1"))
+        preset_name = genome_name if genome_name in PRESETS else None
+        return _Strategy(load_genome(genome_name), preset_name, teams={})
+
+    value = left.pop("strategy")
+    words = [str(word) for word in value] if isinstance(value, tuple) else [str(value)]
+    name = shlex.join(words) if len(words) > 1 else words[0]
     teams = find_teams(words)
-    return _Strategy(None if teams else find(STRATEGIES, words[0]), name, teams)
+    plugin = None if teams else find(STRATEGIES, words[0])
+    return _Strategy(plugin, name, teams)
 
 
 def _make_strategy(
     strategy: _Strategy, left: dict[str, Any], setting_of: Mapping[str, PartField]
 ) -> Any:
-    """Return a strategy with its values in a file, which are taken away from those left."""
+    """Return a strategy, or teams, with the values of their fields in a file."""
     if not strategy.teams:
-        return _object(strategy.found, left, _keys_of("strategy", setting_of))
+        return _object(strategy.plugin, left, _keys_of("strategy", setting_of))
     teams = {}
-    for team, (share, found) in strategy.teams.items():
-        keys = {name: f"{team}.{name}" for name in names_of(_class_of(found))}
-        teams[team] = (share, _object(found, left, keys))
+    for team, (share, plugin) in strategy.teams.items():
+        keys = {name: f"{team}.{name}" for name in names_of(_class_of(plugin))}
+        teams[team] = (share, _object(plugin, left, keys))
     return Teams(teams)
 
 
-def _robot_file(given: Any) -> Any:
-    """Return a file of robots, or those of their kinds, as a list of words names them."""
-    words = given if isinstance(given, tuple) else (given,)
+def _robot_file(value: Any) -> Any:
+    """Return the file of the robots, or those of their kinds, that a word or several name."""
+    words = value if isinstance(value, tuple) else (value,)
     try:
         return as_robot_file(words)
-    except UserError:  # without the number of its robots
+    except UserError:  # a file without the number of its robots
         return as_robot_file(words[0] if len(words) == 1 else words)
 
 
-def _class_of(found: Any) -> type:
+def _class_of(plugin: Any) -> type:
     """Return a class, or the class of an object."""
-    return found if isinstance(found, type) else type(found)
+    return plugin if isinstance(plugin, type) else type(plugin)
 
 
-def _object(found: Any, left: dict[str, Any], keys: Mapping[str, str]) -> Any:
+def _object(plugin: Any, left: dict[str, Any], keys: Mapping[str, str]) -> Any:
     """Return an object of a class, or one like an object, with values of a file.
 
     Args:
-        found: the class, or the object.
-        left: values by the keys of the file; those of its fields are taken away.
-        keys: keys of its fields by the names of these.
+        plugin: the class, or the object.
+        left: values by the keys of the file; those of the fields are taken away.
+        keys: key in the file of each field.
     """
-    cls = _class_of(found)
+    cls = _class_of(plugin)
     values = {}
     for name, key in keys.items():
         if key in left:
             values[name] = _as_path(cls, name, left.pop(key))
-    return _made(found, values)
+    return _made(plugin, values)
 
 
-def _made(found: Any, values: dict[str, Any]) -> Any:
+def _made(plugin: Any, values: dict[str, Any]) -> Any:
     """Return an object of a class, or one like an object, with values that are checked."""
-    is_class = isinstance(found, type)
-    with user_code(found.__name__ if is_class else type(found).__name__):
-        made = found
-        if is_class:
-            made = found(**values)
+    with user_code(_class_of(plugin).__name__):
+        made_object = plugin
+        if isinstance(plugin, type):
+            made_object = plugin(**values)
         elif values:
-            made = replace(found, **values)
-    if is_dataclass(made):
-        validate(made)
-    return made
+            made_object = replace(plugin, **values)
+    if is_dataclass(made_object):
+        validate(made_object)
+    return made_object
 
 
 def _types_of(cls: type, name: str) -> tuple[Any, ...]:

@@ -1,4 +1,4 @@
-"""How flags of a command, or the keys of a file for --config, state a scenario."""
+"""Scenarios as the flags of a command, or as a file for --config."""
 
 import inspect
 import json
@@ -15,7 +15,7 @@ import numpy as np
 from iswarm_mj.config.setting_names import PARTS, SCENARIO_KEYS, names_of, setting_names
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
-from iswarm_mj.engines.registry import ENGINES, OFFER
+from iswarm_mj.engines.registry import ENGINE_PLUGINS, ENGINES
 from iswarm_mj.engines.settings import OF_MACHINE, EngineSettings
 from iswarm_mj.strategy.genome import PRESETS, TYPE1, Genome
 from iswarm_mj.strategy.library import STRATEGIES, TASKS, PluginKind, find, find_teams, offered
@@ -41,8 +41,7 @@ def parts_of(scenario: "Scenario") -> dict[str, Any]:
 
 
 def paths_of(scenario: "Scenario") -> dict[str, tuple[str, ...]]:
-    """Return where settings are that are fields of a scenario's parts, as attributes of
-    attributes.
+    """Return the path of attributes from a scenario to each setting of its parts.
 
     Raises:
         UserError: a field has the name of another setting, see `setting_names`.
@@ -63,7 +62,7 @@ def value_at(scenario: "Scenario", path: Iterable[str]) -> Any:
 
 def engine_name(engine: EngineSettings) -> str:
     """Return the name of an engine, as --engine takes it."""
-    return engine.name if engine.name in ENGINES else _name(OFFER, type(engine))
+    return engine.name if engine.name in ENGINES else _name(ENGINE_PLUGINS, type(engine))
 
 
 def task_name(scenario: "Scenario") -> str:
@@ -146,7 +145,7 @@ def _changed(scenario: "Scenario") -> dict[str, Any]:
     Raises:
         UserError: one of them is no number, word or path.
     """
-    usual = replace(
+    defaults = replace(
         scenario,
         config=SwarmConfig(),
         strategy=PRESETS.get(strategy_name(scenario), TYPE1),
@@ -157,22 +156,26 @@ def _changed(scenario: "Scenario") -> dict[str, Any]:
     if scenario.genome is not None and scenario.robots is not None:
         left_out.add(("strategy", "density_of_robots"))
 
-    found = {}
+    values = {}
     for name, path in paths_of(scenario).items():
-        part, usual_part = value_at(scenario, path[:-1]), value_at(usual, path[:-1])
+        part = value_at(scenario, path[:-1])
         value = value_at(scenario, path)
-        has_usual = type(part) is type(usual_part)
-        is_usual = has_usual and is_same(value, value_at(usual, path))
-        if path in left_out or is_usual:
+
+        # Values that the flags have anyway need not be stated.
+        is_of_default_part = type(part) is type(value_at(defaults, path[:-1]))
+        is_implied = is_of_default_part and is_same(value, value_at(defaults, path))
+        if path in left_out or is_implied:
             continue
+
+        # Others must be stated if they are not the defaults of their fields.
         is_default = is_same(value, default_of(part, path[-1]))
         if not is_default:
             _refuse_flag_of_run(part, path)
         if isinstance(value, STATED):
-            found[name] = value
+            values[name] = value
         elif not is_default:
             raise _unstated(name, value)
-    return found
+    return values
 
 
 def _refuse_flag_of_run(part: Any, path: tuple[str, ...]) -> None:
@@ -189,14 +192,14 @@ def _refuse_flag_of_run(part: Any, path: tuple[str, ...]) -> None:
         )
 
 
-def is_same(one: Any, other: Any) -> bool:
+def is_same(first: Any, second: Any) -> bool:
     """Return whether two values are equal; two objects that hold arrays never are."""
-    if one is other:
+    if first is second:
         return True
-    if hasattr(one, "shape") or hasattr(other, "shape"):
-        return np.array_equal(one, other)
+    if hasattr(first, "shape") or hasattr(second, "shape"):
+        return np.array_equal(first, second)
     try:
-        return bool(one == other)
+        return bool(first == second)
     except ValueError:  # arrays within are compared element by element, which has no truth value
         return False
 
@@ -262,19 +265,19 @@ def _shares(teams: Teams) -> list[tuple[str, float | int]]:
     return [(team.name, team.share) for team in teams.teams]
 
 
-def made_of(offer: PluginKind, name: str) -> Any:
+def made_of(kind: PluginKind, name: str) -> Any:
     """Return the strategy or the task of a name, with the defaults of its fields.
 
     Raises:
         UserError: there is no such strategy or task, or a field has no default.
     """
-    if offer is STRATEGIES and re.search(r"=[\d.]+$", name):
+    if kind is STRATEGIES and re.search(r"=[\d.]+$", name):
         teams = find_teams(shlex.split(name))
         if teams:
             return Teams(
                 {team: (share, _object(plugin)) for team, (share, plugin) in teams.items()}
             )
-    return _object(find(offer, name))
+    return _object(find(kind, name))
 
 
 def _object(plugin: Any) -> Any:

@@ -167,7 +167,7 @@ def _find_in_file(kind: PluginKind, path: Path, class_name: str) -> Any:
     Raises:
         UserError: the file cannot be imported, or has no class of this name.
     """
-    module = _imported(kind, path)
+    module = _import_file(kind, path)
     plugin = getattr(module, class_name, None) if class_name else None
     if plugin is None:
         raise _no_class(kind, path, class_name, module)
@@ -177,11 +177,11 @@ def _find_in_file(kind: PluginKind, path: Path, class_name: str) -> Any:
     return plugin
 
 
-def _imported(offer: PluginKind, path: Path) -> ModuleType:
-    """Return the module of a file, which is executed.
+def _import_file(kind: PluginKind, path: Path) -> ModuleType:
+    """Execute a file, and return its module.
 
     Raises:
-        UserError: it does not exist, cannot be read, or is not Python; or it raises an exception.
+        UserError: the file does not exist, cannot be read or is not Python, or its code fails.
     """
     fault = "does not exist"
     module = None
@@ -189,10 +189,10 @@ def _imported(offer: PluginKind, path: Path) -> ModuleType:
         if path.is_file():
             check_file(path)
             fault = "is not Python"
-            with user_code(f"{offer.word} file {path.name}"):
+            with user_code(f"{kind.word} file {path.name}"):
                 module = import_file(path)
     except OSError as error:
         fault = f"cannot be read ({error.strerror or error})"
     if module is None:
-        raise UserError(f"{offer.word} file {shown(path)} {fault}; give {offer.form}")
+        raise UserError(f"{kind.word} file {shown(path)} {fault}; give {kind.form}")
     return module
