@@ -23,7 +23,7 @@ class Setting(NamedTuple):
     name: str
     """Name in messages and flags, such as `robots`, `arena.size` or `task.range`."""
     path: str
-    """Where it is in the command, such as `arena.size` or `own_task.range`."""
+    """Path of attributes in the command, such as `arena.size` or `own_task.range`."""
     value: Any
     owner: Any
     """Object that has the setting as a field: the command, or one of its groups."""
@@ -105,10 +105,10 @@ def refuse_changed(command: Any, names: Iterable[str], reason: str) -> None:
     """Refuse settings that differ from their defaults, and have no effect.
 
     Args:
-        command: that has the settings.
-        names: of the settings. The name with the part, such as `engine.chunk`, is that of no other
+        command: command that has the settings.
+        names: names of the settings. A name with its part, such as `engine.chunk`, means no other
             part's setting.
-        reason: to be read after "has no effect".
+        reason: reason, to be read after "has no effect".
 
     Raises:
         UserError: one of them differs.

@@ -32,14 +32,14 @@ class ConfigFile:
     values: dict[str, Any]
     """Values by the names of flags, such as `arena.n_dust`."""
     is_result: bool
-    """Whether it is a result.json, which may have values that a command has no flags for."""
+    """The file is a result.json, which may have values for which a command has no flags."""
 
     @classmethod
     def read(cls, path: Path, given_flags: Collection[str]) -> "ConfigFile":
         """Read a file.
 
         Args:
-            path: of the file, JSON if its name ends in .json, otherwise TOML.
+            path: path of the file, JSON if its name ends in .json, otherwise TOML.
             given_flags: names of the flags among the arguments of the command.
 
         Raises:
@@ -75,8 +75,8 @@ class ConfigFile:
         Those of flags that are given, or that given ones exclude, are left out.
 
         Args:
-            command: its name, for messages.
-            defaults: of the command's settings.
+            command: name of the command, for messages.
+            defaults: defaults of the command's settings.
             given_flags: names of the flags among the arguments of the command.
 
         Raises:
@@ -198,7 +198,7 @@ def _values_of_plugin(
     """Return the values of a strategy or a task, with the name under which a package offers it.
 
     Args:
-        path: of the result.json, for messages.
+        path: path of the result.json, for messages.
         kind: "strategy" or "task".
         content: class and values.
         given_flags: names of the flags among the arguments of the command; where they name another

@@ -63,7 +63,7 @@ class ConfigOptions(SwarmConfig):
 
 @dataclass(frozen=True)
 class ManyRunsOptions(ConfigOptions):
-    """How and where many runs are executed."""
+    """Execution of many runs: seed, workers and machines."""
 
     seed: Seed = 0
     """Seed of all random numbers."""
@@ -95,5 +95,5 @@ class ManyRunsOptions(ConfigOptions):
 
     @property
     def in_processes(self) -> bool:
-        """Whether runs are computed one by one, by workers."""
+        """Workers compute the runs one by one."""
         return self.engine_settings.on_host

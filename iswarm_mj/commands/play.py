@@ -34,11 +34,11 @@ class Play(WithTask):
     worlds: Annotated[int, Within(1, 1)] = 1
     """The page shows one world."""
     port: Annotated[int, Within(1024, 64_535)] = 8080
-    """Where the page is, on this machine alone; the first port from there on that is free."""
+    """Port of the page, on this machine alone; the next free one if it is taken."""
     open: bool = True
     """Open the page in the browser, where there is one."""
     changes: tuple[str, ...] = ()
-    """What changes after so many control steps: STEP:SETTING=VALUE, STEP:kill=ROBOT,
+    """Changes after a number of control steps: STEP:SETTING=VALUE, STEP:kill=ROBOT,
     STEP:revive=ROBOT or STEP:ball=X,Y [rd]."""
     out: Path = Path("runs/play")
     """Directory for recordings that are made on the page."""

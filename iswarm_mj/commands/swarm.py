@@ -19,7 +19,7 @@ from iswarm_mj.utils.progress import waiting
 
 @dataclass(frozen=True)
 class RobotOptions:
-    """Of what robots a swarm consists."""
+    """Robots of a swarm."""
 
     robot: Annotated[tuple[str, ...], tyro.conf.arg(metavar="FILE[:ROBOTS]")] = ()
     """An MJCF file of other robots, a copy of models/robot.xml with another hull, probe, LEDs and
@@ -37,12 +37,12 @@ class RobotOptions:
 
 @dataclass(frozen=True)
 class TaskOptions:
-    """What the robots are to do."""
+    """Task of the robots."""
 
     task_name: Annotated[str | None, tyro.conf.arg(name="task", metavar="FILE.py:CLASS|NAME")] = (
         None
     )
-    """What the robots are to do, cleaning by default: a class in a file, or the name under which an
+    """Task of the robots, cleaning by default: a class in a file, or the name under which an
     installed package offers one (entry points iswarm_mj.tasks); its fields become flags, see --task
     ... --help."""
     own_task: Any = None
@@ -50,7 +50,7 @@ class TaskOptions:
 
     @property
     def task(self) -> Any:
-        """What the robots are to do."""
+        """Task of the robots."""
         from iswarm_mj.tasks.cleaning import CLEANING
 
         return CLEANING if self.own_task is None else self.own_task
@@ -63,8 +63,8 @@ class Swarm(ConfigOptions, RobotOptions):
     controller: Annotated[
         tuple[str, ...], tyro.conf.arg(name="strategy", metavar="FILE.py:CLASS|NAME")
     ] = ()
-    """What the robots do in place of the genome's strategy: a class in a file, or the name under
-    which an installed package offers one (entry points iswarm_mj.strategies); its fields become
+    """Strategy of the robots in place of the genome's: a class in a file, or the name under which
+    an installed package offers one (entry points iswarm_mj.strategies); its fields become
     flags, see --strategy ... --help. Several share the swarm as teams, with the share or number of
     the robots of each: a.py:A=0.7 type2=0.3."""
     genome: Annotated[str, Needs("controller", ((),), "with `strategy`")] = "type1"
@@ -180,11 +180,15 @@ class WithTask(TaskOptions, Swarm):
     """Settings of commands on a swarm with any task."""
 
     def scenario(self, **fields: Any) -> Any:
-        """See `Swarm.scenario`."""
+        """Return the scenario with its task, see `Swarm.scenario`."""
         return super().scenario(task=self.task, task_name=self.task_name, **fields)
 
     def number_of_robots(self) -> int:
-        """See `Swarm.number_of_robots`; settings that the task does not use are refused."""
+        """Return the number of robots, and refuse settings that the task does not use.
+
+        Raises:
+            UserError: see `Swarm.number_of_robots`.
+        """
         for setting in self.task.unused:
             group, _, name = setting.partition(".")
             names = [name] if name else [field.name for field in fields(getattr(self, group))]

@@ -89,9 +89,9 @@ def canonical_name(
     """Return the name of a setting in `setting_names` by any of its names.
 
     Args:
-        name: with the part or without; names of no field of a part are returned unchanged.
-        parts: of the scenario.
-        source: what names the setting, for the error, such as "a.toml: ".
+        name: name with or without its part; names of no field of a part are returned unchanged.
+        parts: parts of the scenario.
+        source: source of the name, for the error, such as "a.toml: ".
         written: function that returns a name as it is to be written there, such as a flag.
 
     Raises:

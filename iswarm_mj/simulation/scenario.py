@@ -1,4 +1,4 @@
-"""What is simulated, stated once for runs, rollouts, environments, searches and the page."""
+"""Scenarios: the description of a simulation that runs, environments, searches and pages share."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -27,22 +27,22 @@ from iswarm_mj.utils.errors import UserError
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """Description of a simulation, for `Run`, `rollout`, `make_env`, `evolve` and `play`.
+    """Description of a simulation, which `Run`, `rollout`, `make_env`, `evolve` and `play` take.
 
     All fields but the first are keywords, so their order does not matter. `dataclasses.replace`
     makes variants.
     """
 
     config: SwarmConfig = field(default_factory=SwarmConfig, kw_only=False)
-    """Arena, drive, optics, gripper, readings of the paper and energy."""
+    """Arena, drive, optics, gripper, interpretations of the paper, and energy."""
     strategy: Any = TYPE1
-    """What the robots do: a genome of the paper's strategy, or another one (`Strategy`). In an
-    environment they do what they are told instead."""
+    """Strategy of the robots: a genome of the paper's, or another one (`Strategy`). Environments
+    ignore it, since actions take its place."""
     task: Any = CLEANING
-    """What they are to do, see `Task`."""
+    """Task of the robots, see `Task`."""
     robots: Annotated[int | None, constraint_of(RunSettings, "n_robots")] = None
-    """Their number; None: it follows from `robot_file`, or from the density of the genome, or of
-    type 1."""
+    """Number of robots; by default it follows from `robot_file`, or from the density of the genome,
+    or else of type 1."""
     robot_file: RobotFile = None
     """MJCF file of the robots, None for `models/robot.xml`; or files of several kinds, as
     `["a.xml:200", "b.xml:80"]` with the number of robots of each."""
@@ -55,27 +55,28 @@ class Scenario:
     each, as `jax.random.split(jax.random.key(0), 8)`: different strategies meet the same worlds
     with the same keys.
 
-    Worlds of a sequence may differ in what a `World` has: genome (where the strategy is a genome),
-    number of robots, seed and number, share of dead robots, start, key, and `World.config`. Their
-    configurations may differ in noise, voltages, adhesion, places and readings; the edge of the
-    arena, optics and whatever else programs are compiled for are those of `config`. Task and engine
-    are the same in all worlds, and so is a strategy, but for its `for_world` and for
+    Worlds of a sequence may differ in the fields of `World`: genome (where the strategy is a
+    genome), number of robots, seed and index, share of dead robots, start, key, and configuration.
+    Configurations may differ in noise, voltages, adhesion, places and interpretations; the edge of
+    the arena, optics and everything else that programs are compiled for are those of `config`. All
+    worlds share task and engine, and the strategy but for its `for_world` and for
     `strategy_per_world`.
     """
     strategy_per_world: bool = False
     """The arrays of the strategy have a first axis of worlds: each world has a strategy of its
     own."""
     steps: Annotated[int, constraint_of(RunSettings, "steps")] = STEPS
-    """Control steps at most, in an environment of an episode; the page goes on for as long as it is
-    watched."""
+    """Maximum number of control steps, in environments that of an episode; the page of `play`
+    ignores it."""
     goal: Annotated[int | None, constraint_of(RunSettings, "stop_at")] = None
-    """Progress of the task at which a world is finished, in cleaning balls delivered; None for the
-    task's goal."""
+    """Progress of the task that finishes a world, in cleaning the number of balls delivered; None
+    for the task's goal."""
     strategy_name: str | None = field(default=None, compare=False)
-    """Name of the strategy in files and commands, as --strategy takes it, of teams with blanks
-    between; by default the name under which a package offers its class, or its file."""
+    """Name of the strategy in files and commands, as --strategy takes it; names of teams have
+    blanks between them. By default the name under which a package offers its class, or its
+    file."""
     task_name: str | None = field(default=None, compare=False)
-    """Name of the task, likewise."""
+    """Name of the task in files and commands, as --task takes it."""
 
     def __post_init__(self):
         known = ", ".join(f"{settings.__name__}()" for settings in ENGINES.values())
@@ -133,16 +134,19 @@ class Scenario:
         )
 
     def list_worlds(self) -> list[World]:
-        """Return all worlds, those of the seed or of the keys, too."""
+        """Return all worlds, also those that a seed or keys determine."""
         if isinstance(self.worlds, tuple):
             return list(self.worlds)
         keys: Any = [None] * self.worlds if isinstance(self.worlds, int) else self.worlds
-        genome, n_robots, seed = self.genome or TYPE1, self.n_robots, self.seed
-        return [World(genome, n_robots, seed, index, key=key) for index, key in enumerate(keys)]
+        genome = self.genome or TYPE1
+        n_robots = self.n_robots
+        return [
+            World(genome, n_robots, seed=self.seed, index=index, key=key)
+            for index, key in enumerate(keys)
+        ]
 
     def values(self) -> dict[str, Any]:
-        """Return the settings that differ from the defaults of `iswarm run`, by the names of its
-        flags.
+        """Return the settings that differ from the defaults of `iswarm run`, by its flags.
 
         Raises:
             UserError: no flag can state one of them.
@@ -162,7 +166,7 @@ class Scenario:
         """Read a file whose keys are flags of `iswarm run`, such as `to_toml` states.
 
         Raises:
-            UserError: it cannot be read, or has a key that is no part of a scenario.
+            UserError: the file cannot be read, or has a key that is no part of a scenario.
         """
         return cls(**fields_of_toml(Path(path)))
 
@@ -175,14 +179,13 @@ class Scenario:
         task: Any = None,
         engine: type[EngineSettings] | None = None,
     ) -> Self:
-        """Read what was simulated from the result.json of a run, which worlds of its own do not
-        appear in.
+        """Read the scenario of a run from its result.json, which does not state worlds that differ.
 
         Args:
             result: the file, or its content.
             strategy: class of the run's strategy where no installed package offers it, or the
                 strategy itself.
-            task: likewise.
+            task: class of the run's task where no installed package offers it, or the task itself.
             engine: class of the run's engine where no installed package offers it.
 
         Raises:
@@ -207,7 +210,7 @@ def _checked_worlds(worlds: Any) -> Any:
     """Return the number of worlds, their random keys, or a tuple of the worlds.
 
     Raises:
-        ConfigError: it is something else.
+        ConfigError: the value is something else.
     """
     allowed = "a number above 0, a World for each, or a random key for each"
     if is_whole(worlds):
@@ -215,9 +218,8 @@ def _checked_worlds(worlds: Any) -> Any:
         return int(worlds)
     if isinstance(worlds, jax.Array):
         are_keys = jnp.issubdtype(worlds.dtype, jax.dtypes.prng_key) and worlds.ndim == 1
-        check(
-            "worlds", f"{worlds.dtype}{list(worlds.shape)}", allowed, are_keys and len(worlds) > 0
-        )
+        type_and_shape = f"{worlds.dtype}{list(worlds.shape)}"
+        check("worlds", type_and_shape, allowed, are_keys and len(worlds) > 0)
         return worlds
     are_worlds = isinstance(worlds, Sequence) and all(isinstance(world, World) for world in worlds)
     check("worlds", worlds, allowed, are_worlds and len(worlds) > 0)

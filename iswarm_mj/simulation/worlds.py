@@ -48,7 +48,7 @@ class World:
     """Settings of this world, which may differ from the run's in
     `shared_settings.PER_WORLD_FIELDS`: noise, voltages, adhesion, places, the readings."""
     start: Start | None = None
-    """How the world begins; drawn from its key, or from its seed, if not given."""
+    """Start of the world; by default drawn from its key, or from its seed."""
     key: Array | None = None
     """Random key of the world, in place of seed and index."""
 

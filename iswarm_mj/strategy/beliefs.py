@@ -111,7 +111,7 @@ def confirm_beliefs(
     Args:
         belief: beliefs of N robots.
         is_there: the robot senses the place.
-        vector: from the robot to the place, used where `is_there` [mm].
+        vector: vector from the robot to the place, used where `is_there` [mm].
         step: length of a robot's step [mm].
     """
     place = learn_place(belief.as_message(), is_there, vector, step)

@@ -184,9 +184,9 @@ def target_ball(
     """Return the targets with the ball as that of robots that approach one.
 
     Args:
-        target: where the robots want to go.
+        target: directions and distances that the robots want to go.
         approaches: the robot approaches a ball.
-        ball_vector: from the robot to the ball, in the robot's frame [mm].
+        ball_vector: vector from the robot to the ball, in the robot's frame [mm].
     """
     length = _length(ball_vector)
     to_ball = ball_vector / jnp.maximum(length, _TINY)[:, None]
@@ -249,7 +249,7 @@ def steer(
 
     Args:
         config: limits of the drive.
-        direction: in the robots' frames; a length of 1 or more is full speed.
+        direction: direction in the robots' frames; a length of 1 or more is full speed.
         limit: largest distance to move [mm].
         prefers_left: turn left rather than right where both are equally far.
     """
@@ -277,7 +277,7 @@ def approach_ball(
         config: limits of the drive.
         probe_tip: position of each probe's tip ahead of and to the left of its robot's centre [mm].
         approaches: the robot approaches a ball.
-        ball_vector: from the robot to the ball, in the robot's frame [mm].
+        ball_vector: vector from the robot to the ball, in the robot's frame [mm].
         command: commands of robots that approach no ball.
     """
     angle = jnp.arctan2(ball_vector[:, 1], ball_vector[:, 0])

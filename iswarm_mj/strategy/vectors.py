@@ -70,7 +70,7 @@ def learn_place(
     Args:
         memory: memories of N robots.
         is_there: the robot senses the place.
-        vector: from the robot to the place, used where `is_there` [mm].
+        vector: vector from the robot to the place, used where `is_there` [mm].
         step: length of a robot's step [mm].
     """
     length = jnp.hypot(memory.vector[:, 0], memory.vector[:, 1])

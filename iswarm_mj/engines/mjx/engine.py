@@ -73,7 +73,7 @@ class MjxEngine(BoxesMixin, CompiledEngine):
         return self.arena.robot
 
     def mapping(self, platform: str) -> Mapping:
-        """See `CompiledEngine.mapping`.
+        """Return how programs go through worlds; see `CompiledEngine.mapping`.
 
         On a CPU one world after the other is as fast, and a world is the same bit by bit in any
         batch.
