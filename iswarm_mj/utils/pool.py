@@ -1,45 +1,47 @@
-"""Calls in worker processes, of this machine or of a Ray cluster, by joblib."""
+"""Calls in worker processes of this machine, or of a Ray cluster.
 
+A worker of this machine runs `utils.worker`. It is not started by `multiprocessing`, which would
+run the user's script again in each worker unless the script is guarded, nor by joblib, which
+replaces workers that have grown by 300 MB: compiled programs take as much.
+"""
+
+import atexit
 import logging
 import os
-import signal
-import threading
-import time
+import subprocess
+import sys
 import warnings
 from collections.abc import Callable, Generator, Iterable
-from typing import Any, Literal, cast
-
-from joblib import Parallel, cpu_count, delayed
-from joblib.externals.loky import process_executor
-from joblib.externals.loky.process_executor import BrokenProcessPool
+from itertools import islice
+from multiprocessing import Pipe
+from multiprocessing.connection import wait
+from typing import Any, Literal
 
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.signals import kept_handlers
 
 Backend = Literal["processes", "ray"]
-_MOST_GROWTH = 4_000_000_000
-"""Bytes by which a worker may grow before joblib starts another in its place. Joblib's 300 MB are
-too few: programs for five numbers of robots take as much, and the other worker would compile them
-anew."""
-_HALF_WRITTEN = r"Error reading persistent compilation cache entry for .*truncated stream"
+_VARIABLES = {"JAX_PLATFORMS": "cpu", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+"""Environment variables of workers: each has one core, and no GPU."""
 
 
 def unordered(
     call: Callable[..., Any],
-    given: Iterable[tuple[Any, ...]],
+    arguments: Iterable[tuple[Any, ...]],
     workers: int = 0,
     backend: Backend = "processes",
 ) -> Generator[Any, None, None]:
-    """Yield the results of calls as they finish, in whichever order; closing the generator stops
-    the workers.
+    """Yield the results of calls as they finish, in any order.
+
+    Closing the generator stops the workers that are busy.
 
     Args:
-        call: a function of a module.
-        given: its arguments in each call, in the order in which the calls begin.
-        workers: calls at a time; 0 for one per core, of the cluster with Ray; 1 for this process
-            itself.
-        backend: processes of this machine, which stay for the next call and see no GPU; or ray, the
-            cluster at RAY_ADDRESS.
+        call: function of a module.
+        arguments: its arguments in each call, in the order in which the calls begin.
+        workers: number of calls at a time; 0 for one per core, of the cluster with Ray; 1 for this
+            process itself.
+        backend: processes of this machine, which stay for the next calls and see no GPU; or ray,
+            the cluster at RAY_ADDRESS.
 
     Raises:
         SimulationFault: a worker was lost.
@@ -47,58 +49,132 @@ def unordered(
         Exception: whatever a call raises.
     """
     if backend == "ray":
-        return _on_ray(call, given, workers)
-    return _in_processes(call, given, workers or cpu_count())
+        return _on_ray(call, arguments, workers)
+    n_workers = workers or len(os.sched_getaffinity(0))
+    if n_workers == 1:
+        return (call(*each) for each in arguments)
+    return _in_processes(call, arguments, n_workers)
+
+
+class _Worker:
+    """Process that makes calls, one at a time, and ends with this one.
+
+    Ctrl-C on a terminal reaches the processes of one group, and this one only: it stops its workers
+    itself.
+    """
+
+    def __init__(self):
+        self.connection, far_end = Pipe()
+        descriptor = far_end.fileno()
+        python_path = os.pathsep.join(sys.path)
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "iswarm_mj.utils.worker", str(descriptor)],
+            stdin=subprocess.PIPE,  # the worker ends when this process closes it, or ends itself
+            pass_fds=[descriptor],
+            process_group=0,
+            env={**os.environ, **_VARIABLES, "PYTHONPATH": python_path},
+        )
+        far_end.close()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the process runs."""
+        return self._process.poll() is None
+
+    def begin(self, call: Callable[..., Any], arguments: tuple[Any, ...]) -> None:
+        """Begin a call.
+
+        Raises:
+            SimulationFault: the worker is lost.
+        """
+        try:
+            self.connection.send((call, arguments))
+        except OSError:
+            raise _lost() from None
+
+    def result(self) -> Any:
+        """Wait for the result of the call that was begun, and return it.
+
+        Raises:
+            SimulationFault: the worker is lost.
+            Exception: whatever the call raises.
+        """
+        try:
+            result, error = self.connection.recv()
+        except (EOFError, OSError):
+            raise _lost() from None
+        if error is not None:
+            raise error
+        return result
+
+    def stop(self) -> None:
+        """End the process, whatever it does."""
+        self._process.kill()
+        self._process.communicate()  # closes its input, and waits
+        self.connection.close()
+
+
+_idle: list[_Worker] = []
+"""Workers that wait for the next calls."""
+
+
+@atexit.register
+def _stop_idle() -> None:
+    """Stop the workers that wait."""
+    while _idle:
+        _idle.pop().stop()
+
+
+def _waiting_worker() -> _Worker:
+    """Return a worker that waits, or else a new one."""
+    while _idle:
+        worker = _idle.pop()
+        if worker.is_alive:
+            return worker
+        worker.stop()
+    return _Worker()
 
 
 def _in_processes(
-    call: Callable[..., Any], given: Iterable[tuple[Any, ...]], workers: int
+    call: Callable[..., Any], arguments: Iterable[tuple[Any, ...]], n_workers: int
 ) -> Generator[Any, None, None]:
-    options: dict[str, Any] = (
-        {"initializer": _begin, "initargs": (os.getpid(),)} if workers > 1 else {}
-    )
-    warnings.filterwarnings(
-        "ignore", "A worker stopped while some jobs", UserWarning
-    )  # one that has grown so much
-    pool = Parallel(workers, "loky", "generator_unordered", batch_size=cast(Any, 1), **options)
-    try:  # the pool may break while it hands over the first calls, too
-        results = cast(
-            Generator[Any, None, None], pool(delayed(call)(*arguments) for arguments in given)
-        )
-        try:
-            for result in results:  # noqa: UP028, since `yield from` would close them here, with a warning
+    """Yield the results of calls in worker processes."""
+    remaining = iter(arguments)
+    busy: dict[Any, _Worker] = {}
+    try:
+        for first in islice(remaining, n_workers):
+            worker = _waiting_worker()
+            busy[worker.connection] = worker
+            worker.begin(call, first)
+
+        while busy:
+            for connection in wait(list(busy)):
+                worker = busy[connection]
+                result = worker.result()
+                following = next(remaining, None)
+                if following is None:
+                    _idle.append(busy.pop(connection))
+                else:
+                    worker.begin(call, following)
                 yield result
-        finally:
-            _close(results)
-    except BrokenProcessPool:
-        raise _lost() from None
-
-
-def _close(results: Generator[Any, None, None]) -> None:
-    """Stop the calls that are left, without the warnings of joblib and the error of its thread."""
-    hook = (
-        threading.excepthook
-    )  # joblib's thread may end by a KeyError when it has just accepted a call
-    threading.excepthook = lambda error: None if error.exc_type is KeyError else hook(error)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # that not all results were taken
-        results.close()
-    threading.excepthook = hook
+    finally:
+        for worker in busy.values():
+            worker.stop()
 
 
 def _on_ray(
-    call: Callable[..., Any], given: Iterable[tuple[Any, ...]], workers: int
+    call: Callable[..., Any], arguments: Iterable[tuple[Any, ...]], workers: int
 ) -> Generator[Any, None, None]:
-    # Not by joblib's backend for Ray, which has no generators.
+    """Yield the results of calls on a Ray cluster."""
     ray = _connected(workers)
-    remote = ray.remote(
-        num_cpus=1, max_retries=0, runtime_env={"env_vars": {"JAX_PLATFORMS": "cpu"}}
-    )(call)
-    left, running = list(given)[::-1], []
+    options = {"num_cpus": 1, "max_retries": 0, "runtime_env": {"env_vars": _VARIABLES}}
+    remote = ray.remote(**options)(call)
+    remaining = list(arguments)[::-1]
+    running = []
     try:
-        while left or running:
-            while left and (not workers or len(running) < workers):
-                running.append(remote.remote(*left.pop()))
+        while remaining or running:
+            while remaining and (not workers or len(running) < workers):
+                running.append(remote.remote(*remaining.pop()))
             (done, *_), running = ray.wait(running)
             yield ray.get(done)
     except ray.exceptions.RayTaskError as error:
@@ -111,44 +187,31 @@ def _on_ray(
 
 
 def _connected(workers: int) -> Any:
-    """Ray, connected to the cluster that RAY_ADDRESS names, or to a new one of so many cores, 0 for
-    all."""
+    """Return Ray, connected to the cluster at RAY_ADDRESS, or to a new one of this machine.
+
+    Args:
+        workers: cores of a new cluster; 0 for all.
+
+    Raises:
+        UserError: Ray is not installed.
+    """
     try:
         import ray  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise UserError("Ray is not installed; run pip install 'iswarm-mj[cluster]'") from None
-    if not ray.is_initialized():
-        local = (
-            {}
-            if os.environ.get("RAY_ADDRESS")
-            else {"num_cpus": workers or None, "include_dashboard": False}
-        )
-        os.environ.setdefault(
-            "RAY_USAGE_STATS_ENABLED", "0"
-        )  # else it tells its makers, by the internet
-        with kept_handlers(), warnings.catch_warnings():
-            # JAX warns of each fork, but Ray's children start another program at once.
-            warnings.simplefilter("ignore", RuntimeWarning)
-            ray.init(logging_level=logging.ERROR, log_to_driver=False, **local)
+    if ray.is_initialized():
+        return ray
+
+    options: dict[str, Any] = {"logging_level": logging.ERROR, "log_to_driver": False}
+    if not os.environ.get("RAY_ADDRESS"):
+        options |= {"num_cpus": workers or None, "include_dashboard": False}
+    # Otherwise Ray sends statistics of its usage to its makers.
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    with kept_handlers(), warnings.catch_warnings():
+        # JAX warns of each fork, but Ray's children start another program at once.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        ray.init(**options)
     return ray
-
-
-def _begin(parent: int) -> None:
-    """Prepare a worker: interrupts are its parent's, with which it ends even if that is killed, and
-    so are GPUs."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.environ["JAX_PLATFORMS"] = "cpu"
-    process_executor._MAX_MEMORY_LEAK_SIZE = _MOST_GROWTH
-    # While one worker writes a compiled program, another may read half of it; it compiles the
-    # program itself then.
-    warnings.filterwarnings("ignore", _HALF_WRITTEN, UserWarning)
-    threading.Thread(target=_end_with, args=[parent], daemon=True).start()
-
-
-def _end_with(parent: int) -> None:
-    while os.getppid() == parent:
-        time.sleep(1.0)
-    os._exit(1)
 
 
 def _lost() -> SimulationFault:

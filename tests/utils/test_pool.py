@@ -10,17 +10,12 @@ from types import SimpleNamespace
 
 import psutil
 import pytest
-from joblib.externals.loky.process_executor import TerminatedWorkerError, _ExecutorManagerThread
-from joblib.externals.loky.reusable_executor import _ReusablePoolExecutor
 
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.pool import _connected, unordered
 
 LIMIT = 600
 """Longest time for something that has to happen [s]."""
-
-
-KEPT = []
 
 
 def square(number):
@@ -48,11 +43,12 @@ def place(number):
     return os.getpid()
 
 
-def growing(number):
-    """Where a call is made that keeps 160 MB more."""
-    KEPT.append(b"x" * 160_000_000)
-    time.sleep(0.6)  # joblib looks once a second
-    return os.getpid()
+def confused(number):
+    raise ValueError("no idea")
+
+
+def reading(number):
+    raise EOFError("the file ended")
 
 
 def environment(name):
@@ -65,12 +61,9 @@ def results(call, numbers, *how):
 
 
 def workers_of(parent):
-    """The loky workers of a process."""
-    return [
-        child
-        for child in psutil.Process(parent).children()
-        if "popen_loky" in " ".join(child.cmdline())
-    ]
+    """Return the workers of a process."""
+    children = psutil.Process(parent).children()
+    return [child for child in children if "iswarm_mj.utils.worker" in child.cmdline()]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -84,23 +77,20 @@ def test_workers_start_once_and_see_no_gpu():
     assert results(environment, ["JAX_PLATFORMS"], 2) == ["cpu"]
 
 
-def test_workers_that_grow_stay():
-    assert len(set(results(growing, range(8), 2))) == 2
-
-
-def test_a_lost_worker_is_told_and_the_next_call_works():
+def test_a_lost_worker_is_reported_and_the_next_call_works():
     with pytest.raises(SimulationFault, match=r"worker process was lost.*fewer workers$"):
         results(dying, range(3), 2)
     assert results(square, [3], 2) == [9]
 
 
-def test_a_worker_lost_while_calls_are_handed_over_is_told(monkeypatch):
-    def submit(self, *call, **options):
-        raise TerminatedWorkerError("killed")
-
-    monkeypatch.setattr(_ReusablePoolExecutor, "submit", submit)
-    with pytest.raises(SimulationFault, match="worker process was lost"):
-        results(square, range(3), 2)
+def test_workers_that_die_between_calls_are_replaced():
+    results(square, range(3), 2)
+    waiting = workers_of(os.getpid())
+    for worker in waiting:
+        worker.kill()
+    psutil.wait_procs(waiting, LIMIT)
+    assert results(square, [3, 4, 5], 2) == [9, 16, 25]
+    assert not set(waiting) & set(workers_of(os.getpid()))
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -110,50 +100,67 @@ def test_a_fault_is_raised_and_the_next_call_works(workers):
     assert results(square, [3], workers) == [9]
 
 
+@pytest.mark.parametrize("call", [confused, reading])
+def test_an_error_in_a_worker_comes_with_its_traceback(call):
+    with pytest.raises((ValueError, EOFError)) as raised:
+        results(call, range(3), 2)
+    assert f", in {call.__name__}" in raised.value.__notes__[0]
+
+
+class OfAScript:
+    """A class of a script, which workers cannot import."""
+
+
+def test_work_that_a_worker_cannot_read_is_refused_in_a_sentence(monkeypatch):
+    script = sys.modules["__main__"]
+    monkeypatch.setattr(script, "OfAScript", OfAScript, raising=False)
+    monkeypatch.setattr(OfAScript, "__module__", "__main__")
+    with pytest.raises(UserError, match=r"cannot read its work .*; define classes in a module"):
+        results(square, [OfAScript(), OfAScript()], 2)
+    assert results(square, [3], 2) == [9]
+
+
 @pytest.mark.filterwarnings("error")
-def test_closing_it_early_stops_the_workers(monkeypatch):
-    """Silently, also where a call is just being handed over."""
-    stop = _ExecutorManagerThread.flag_executor_shutting_down
-
-    def stop_with_a_call(self):
-        self.work_ids_queue.put(-1)
-        stop(self)
-
-    monkeypatch.setattr(_ExecutorManagerThread, "flag_executor_shutting_down", stop_with_a_call)
+def test_closing_it_early_stops_the_workers():
     with closing(unordered(slow_but_first, ((number,) for number in range(4)), 2)) as found:
         assert next(found) == 0
     assert results(square, [3], 2) == [9]
 
 
-SCRIPT = """
-import os, signal, sys, time
-from iswarm_mj.utils.pool import unordered
-
-signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where the tests run in a shell's background
+CALLS = """
+import os, time
 
 def work(number):
     if "HAS_WORKED" in os.environ:  # so that the end comes within calls
         time.sleep(600)
     os.environ["HAS_WORKED"] = "1"
     return os.getpid()
-
-if __name__ == "__main__":
-    workers = set()
-    try:
-        for pid in unordered(work, ((number,) for number in range(99)), 2):
-            if pid not in workers:
-                print("one more", flush=True)
-            workers.add(pid)
-    except KeyboardInterrupt:
-        print("interrupted", flush=True)
-        sys.exit(130)
 """
+SCRIPT = """
+import signal, sys
+from calls import work
+from iswarm_mj.utils.pool import unordered
+
+# It is ignored where the tests run in the background of a shell.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+workers = set()
+try:
+    for pid in unordered(work, ((number,) for number in range(99)), 2):
+        if pid not in workers:
+            print("one more", flush=True)
+        workers.add(pid)
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+    sys.exit(130)
+"""
+"""A script that workers must not run again: it has no `if __name__ == "__main__"`."""
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
 def test_workers_end_with_their_parent(tmp_path, number):
     script = tmp_path / "many.py"
     script.write_text(SCRIPT)
+    script.with_name("calls.py").write_text(CALLS)
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with subprocess.Popen(
         [sys.executable, script], **pipes, text=True, start_new_session=True

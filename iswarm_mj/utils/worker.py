@@ -1,0 +1,61 @@
+"""What a worker process of `utils.pool` runs: the calls that its parent sends, one by one."""
+
+import os
+import sys
+import threading
+import traceback
+import warnings
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any
+
+from iswarm_mj.utils.errors import SimulationFault, UserError, shown
+
+_HALF_WRITTEN = r"Error reading persistent compilation cache entry for .*truncated stream"
+
+
+def main() -> None:
+    """Make calls until the parent closes the connection, whose descriptor is the argument."""
+    # While one worker writes a compiled program, another may read half of it, and compiles the
+    # program itself then.
+    warnings.filterwarnings("ignore", _HALF_WRITTEN, UserWarning)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    connection = Connection(int(sys.argv[1]))
+    with suppress(EOFError, ConnectionError):
+        while True:
+            connection.send(_answer(connection))
+
+
+def _answer(connection: Connection) -> tuple[Any, Exception | None]:
+    """Make the next call, and return its result, or None and the error that it raised.
+
+    Raises:
+        EOFError: the parent has closed the connection.
+    """
+    try:
+        call, arguments = connection.recv()
+    except (EOFError, ConnectionError):
+        raise
+    except Exception as error:
+        return None, UserError(
+            f"a worker process cannot read its work ({type(error).__name__}: {shown(error)}); "
+            "define classes in a module, which it can import, instead of in a script or notebook"
+        )
+
+    try:
+        return call(*arguments), None
+    except (SimulationFault, UserError) as error:
+        return None, error
+    except Exception as error:
+        error.add_note(traceback.format_exc())  # the traceback itself stays in this process
+        return None, error
+
+
+def _end_with_parent() -> None:
+    """End when the parent closes this process's input, or ends itself, in the middle of a call."""
+    os.read(sys.stdin.fileno(), 1)  # `sys.stdin` has a lock, with which Python would not end
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()
