@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -277,14 +277,11 @@ def _rows(
     rows: list[dict[str, Any]] = []
     with progress(search.generations * search.n_runs, done=len(finished.entries)) as bar:
         for generations in _sets_of_generations(search, execution):
-            planned: dict[Key, _Planned] = {}
-            for generation in generations:
-                for replicate in replicates:
-                    planned |= replicate.propose(generation)
-
+            planned = _propose(replicates, generations)
             n_known = len(finished.entries)
             jobs = {key: run.job for key, run in planned.items()}
             outcomes = run_missing(jobs, finished, execution, bar)
+
             new_rows = list(map(_row, planned.keys(), planned.values(), outcomes))
             _add_genome_fitness(new_rows)
             for replicate in replicates:
@@ -308,6 +305,15 @@ def _sets_of_generations(search: Search, execution: Execution) -> Iterator[range
         together = max(1, MAX_BATCH_RUNS // search.n_runs)
     for first in range(0, search.generations, together):
         yield range(first, min(first + together, search.generations))
+
+
+def _propose(replicates: Iterable[_Replicate], generations: range) -> dict[Key, _Planned]:
+    """Return the runs of some generations of all replicates by their places in the search."""
+    planned: dict[Key, _Planned] = {}
+    for generation in generations:
+        for replicate in replicates:
+            planned |= replicate.propose(generation)
+    return planned
 
 
 def _row(key: Key, run: _Planned, outcome: Outcome) -> dict[str, Any]:

@@ -205,14 +205,16 @@ def _draw_panel(axes: Any, rows: Rows, over: Sequence[str], name: str) -> None:
     first, *others = over
     abscissa_of = _abscissas([row[first] for row in rows])
     for line in by(rows, *others).values() if others else [rows]:
-        medians = {abscissa_of[x]: _median(group, name) for x, group in by(line, first).items()}
+        groups = by(line, first)
+        medians = [_median(group, name) for group in groups.values()]
         label = ", ".join(str(line[0][setting]) for setting in others)
-        (curve,) = axes.plot(list(medians.keys()), list(medians.values()), "-", label=label)
-        dots = [abscissa_of[row[first]] for row in line]
-        axes.plot(dots, _values(line, name), ".", color=curve.get_color(), alpha=0.5)
+        (curve,) = axes.plot([abscissa_of[x] for x in groups], medians, "-", label=label)
 
-    ylabel = "finished at step" if name == "finished_at" else name.replace("_", " ")
-    axes.set(xlabel=first, ylabel=ylabel)
+        worlds = [abscissa_of[row[first]] for row in line]
+        axes.plot(worlds, _values(line, name), ".", color=curve.get_color(), alpha=0.5)
+
+    axes.set_xlabel(first)
+    axes.set_ylabel("finished at step" if name == "finished_at" else name.replace("_", " "))
     if not _are_numbers(abscissa_of):
         axes.set_xticks(list(abscissa_of.values()), list(map(str, abscissa_of)))
 
