@@ -9,7 +9,7 @@ import numpy as np
 from iswarm_mj.search.rows import Row, Rows, by
 from iswarm_mj.strategy.genome import Genome
 
-LAST = 20
+LAST_GENERATIONS = 20
 """Generations at the end of a search whose mean fitness sums it up."""
 RUNS_OF_THE_BEST = 3
 """The best genome is chosen among those with at least this many runs, if there are any."""

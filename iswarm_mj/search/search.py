@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from iswarm_mj.config.swarm import SwarmConfig
-from iswarm_mj.search.best import LAST, Best, best_of, by_replicate
+from iswarm_mj.search.best import LAST_GENERATIONS, Best, best_of, by_replicate
 from iswarm_mj.search.journal import Journal, Key, journal
 from iswarm_mj.search.methods import METHODS, Individual
 from iswarm_mj.search.plots import draw_fitness
@@ -347,7 +347,7 @@ def summary(search: Search, rows: Rows, best: Best, out: Path) -> str:
     """Return a readable summary of a search."""
     n_dust = search.config.arena.n_dust
     n_clean = sum(row["delivered"] == n_dust for row in rows)
-    first_of_last = search.generations - LAST
+    first_of_last = search.generations - LAST_GENERATIONS
     last_fitness = [row["fitness"] for row in rows if row["generation"] >= first_of_last]
     lines = {
         "search": (
@@ -355,7 +355,9 @@ def summary(search: Search, rows: Rows, best: Best, out: Path) -> str:
             f"generations of {search.population}, seed {search.scenario.seed}"
         ),
         "runs": f"{len(rows)}, of which {n_clean} delivered all {n_dust} balls",
-        "fitness": f"{np.mean(last_fitness):z.0f} on average over the last {LAST} generations",
+        "fitness": (
+            f"{np.mean(last_fitness):z.0f} on average over the last {LAST_GENERATIONS} generations"
+        ),
         "best": f"{best.fitness:z.0f} on average over its {best.n_runs} run(s)",
     }
     for name, value in asdict(best.genome).items():

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import stats
 
 from iswarm_mj.paper.analysis.measures import SHORTEST_TIME
-from iswarm_mj.search.best import LAST, best_of, by_replicate
+from iswarm_mj.search.best import LAST_GENERATIONS, best_of, by_replicate
 from iswarm_mj.search.rows import Row, Rows, by
 from iswarm_mj.strategy.genome import Genome
 
@@ -54,8 +54,10 @@ class Evolution:
         n_generations = len(generations)
         self.last_runs: list[Row] = []
         """Runs of the last generations; none if the first and the last would overlap."""
-        if n_generations >= FIRST + LAST:
-            self.last_runs = [row for row in rows if row["generation"] >= n_generations - LAST]
+        if n_generations >= FIRST + LAST_GENERATIONS:
+            self.last_runs = [
+                row for row in rows if row["generation"] >= n_generations - LAST_GENERATIONS
+            ]
 
         self.fittest: list[Row] = []
         """The fittest runs of the plateau; none if the search was too short."""
@@ -86,7 +88,7 @@ class Evolution:
     @property
     def final_fitness(self) -> float:
         """Mean fitness of the last generations, of all if there are fewer."""
-        return float(self.means[-LAST:].mean())
+        return float(self.means[-LAST_GENERATIONS:].mean())
 
     @property
     def best_runs_fitness(self) -> float:

@@ -21,7 +21,7 @@ from iswarm_mj.paper.studies.reading_support import (
     support_of_factors,
 )
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
-from iswarm_mj.search.best import LAST
+from iswarm_mj.search.best import LAST_GENERATIONS
 from iswarm_mj.search.rows import Rows, by, select
 from iswarm_mj.utils.arrays import Array
 
@@ -159,7 +159,7 @@ def evolution_table(samples: Mapping[str, Evolutions]) -> str:
         "replicates",
         "runs",
         "deliver all",
-        f"mean fitness, last {LAST} generations",
+        f"mean fitness, last {LAST_GENERATIONS} generations",
         f"best {N_BEST} runs",
         "best run",
     ]
