@@ -13,24 +13,27 @@ from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.tables import write_table
 
 
+def hop_count_outcome(job):
+    """Return an outcome that is much better with hop counts."""
+    if job.genome.use_hop_count:
+        measures = Measures(66, 70, 2800, 60.0, 150 + job.seed % 20)
+    else:
+        measures = Measures(20, 70, 8400, 200.0, None)
+    return outcome_of(measures, 9, 1.0)
+
+
 def write_hop_count(directory, plan):
-    """Results of a comparison of hop counts, without its runs."""
-
-    def outcome(job):
-        counts = job.genome.use_hop_count
-        time = 150 + job.seed % 20 if counts else None
-        delivered, factor, carriage = (66, 10, 60.0) if counts else (20, 30, 200.0)
-        return outcome_of(Measures(delivered, 70, 280 * factor, carriage, time), 9, 1.0)
-
+    """Write results of a comparison of hop counts, without its runs."""
     directory.mkdir(parents=True)
-    rows = [row_of(entry, outcome(entry.job)) for entry in EXPERIMENTS["hop-count"].entries(plan)]
+    entries = EXPERIMENTS["hop-count"].entries(plan)
+    rows = [row_of(entry, hop_count_outcome(entry.job)) for entry in entries]
     settings = {"experiment": "hop-count", "engine": "mujoco", **asdict(plan)}
     write_table(directory / "hop_count.parquet", rows, settings)
 
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    """Directories with some results: hop counts, one quick, a search, trials."""
+    """Return a directory of results: hop counts, those of a quick version, a search, and trials."""
     root = tmp_path_factory.mktemp("results")
     write_hop_count(root / "quick", Plan(quick=True, seed=9))
     write_hop_count(root / "full", Plan(config=SwarmConfig(optics=OpticsConfig(wall_range=2.0))))
@@ -44,17 +47,17 @@ def results(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def paper():
-    """Eight made-up evolutions that go as the paper's."""
+    """Return the rows of eight made-up evolutions that go as the paper's."""
     return replicated(8)
 
 
 @pytest.fixture(scope="session")
 def random():
-    """Eight made-up searches that learn nothing."""
+    """Return the rows of eight made-up searches that learn nothing."""
     return replicated(8, seed=1, learns=False)
 
 
 @pytest.fixture(autouse=True)
 def _few_resamples(monkeypatch):
-    """Intervals are nearly as good with a fifth of the resamples."""
+    """Use a fifth of the resamples, with which intervals are nearly as good."""
     monkeypatch.setattr("iswarm_mj.paper.analysis.statistics.RESAMPLES", 1999)

@@ -1,4 +1,4 @@
-"""What the page on readings says is what the tables of the results say."""
+"""The page on readings says what the tables of the results say."""
 
 from pathlib import Path
 
@@ -14,83 +14,120 @@ from iswarm_mj.paper.studies.reading_support import (
     reproduced_statements,
     support_of_factors,
 )
+from iswarm_mj.search.rows import by
 from iswarm_mj.utils.tables import read_table
 
 ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs/readings.md"
 
 
-def test_the_selected_reading_is_that_of_the_rule_and_the_page_says_what_is_supported():
-    """Which readings pass the correction; what of the two halves the best combinations and `paper`
-    reproduce."""
-    rows, _ = read_table(ROOT / "results/default/infer/infer.parquet")
-    every = combinations_of(rows)
-    found, (_, kept), (paper, _) = (
-        support_of_factors(every),
-        accept_best(every),
-        [c for c in every if c.is_named],
-    )
-    settings = {}
-    for name, levels in FACTORS.items():
-        assert found[name].counts.keys() == found[name].shares.keys() == levels.keys()
-        settings |= dict(levels[found[name].replacement or DEFAULT_LABELS[name]])
-    assert varied(SwarmConfig(), settings) == INTERPRETATIONS["selected"]
-    assert {name for name, one in found.items() if one.adjusted_p < 0.05} == {"turns"}
-    assert all(share.low < 1 / 3 < share.high for share in found["dust_offset"].shares.values())
-    times = [*reproduced_statements([row for row in rows if row["combination"] == 0])[1]].index(
-        "Type 1 takes 310 steps"
-    )
-    assert not any(c.held_out[place] for c in kept for place in (times, times + 1))
-    assert all(paper.held_out) and sum(paper.answers) < sum(kept[-1].answers)
+@pytest.fixture(scope="module")
+def rows():
+    """Return the rows of the study."""
+    return read_table(ROOT / "results/default/infer/infer.parquet")[0]
 
 
-def told(part):
-    """What the page says of an evolution: density, points and time of the fittest, quick swarms,
-    those without hops."""
-    rows = read_table(ROOT / part / "evolution.parquet")[0]
-    last, fittest = max(row["generation"] for row in rows) - 7, {}
-    for row in rows:
-        for key in ((row["replicate"], row["generation"]), row["replicate"]):
-            if row["fitness"] > fittest.get(key, row | {"fitness": -1.0})["fitness"]:
-                fittest[key] = row
-    late = [
-        row["density_of_robots"]
-        for key, row in fittest.items()
-        if isinstance(key, tuple) and key[1] >= last
-    ]
-    runs = [row for key, row in fittest.items() if isinstance(key, int)]
-    clean = [row for row in rows if row["finished_at"]]
-    without = [row for row in rows if not row["use_hop_count"]]
-    return [
-        "{1:.3f} ({0:.3f} to {2:.3f})".format(*np.quantile(late, [0.25, 0.5, 0.75])),
-        *(
-            f"{np.median(values):.0f} ({min(values):.0f} to {max(values):.0f})"
-            for values in ([row[name] for row in runs] for name in ("fitness", "finished_at"))
-        ),
-        f"{100 * np.mean([row['finished_at'] < 250 for row in clean]):.0f} %",
-        f"{sum(row['delivered'] == 72 for row in without)} of {len(without)}",
-    ]
+@pytest.fixture(scope="module")
+def combinations(rows):
+    """Return the combinations of readings that were run."""
+    return combinations_of(rows)
 
 
-def table(head):
-    """Cells of the page's table that begins so, without its head, by rows."""
-    page = (ROOT / "docs" / "readings.md").read_text()
-    lines = page[page.index(head) :].split("\n\n")[0].splitlines()[2:]
-    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+@pytest.fixture(scope="module")
+def support_of(combinations):
+    """Return the support of each factor."""
+    return support_of_factors(combinations)
+
+
+class TestInference:
+    """What the runs of `infer` say of the readings."""
+
+    def test_the_selected_reading_is_that_of_the_rule(self, support_of):
+        settings = {}
+        for name, levels in FACTORS.items():
+            support = support_of[name]
+            assert support.counts.keys() == support.shares.keys() == levels.keys()
+            settings |= dict(levels[support.replacement or DEFAULT_LABELS[name]])
+        assert varied(SwarmConfig(), settings) == INTERPRETATIONS["selected"]
+
+    def test_only_turns_pass_the_correction_for_many_factors(self, support_of):
+        passing = {name for name, support in support_of.items() if support.adjusted_p < 0.05}
+        assert passing == {"turns"}
+        for share in support_of["dust_offset"].shares.values():
+            assert share.low < 1 / 3 < share.high
+
+    def test_the_best_combinations_do_not_take_the_paper_s_time(self, rows, combinations):
+        kept = accept_best(combinations).accepted
+        first_runs = [row for row in rows if row["combination"] == 0]
+        _, held_out = reproduced_statements(first_runs)
+        place = list(held_out).index("Type 1 takes 310 steps")
+        for combination in kept:
+            assert not combination.held_out[place]
+            assert not combination.held_out[place + 1]
+
+    def test_the_paper_s_reading_gives_what_was_held_out_but_less_of_the_rest(self, combinations):
+        kept = accept_best(combinations).accepted
+        paper, _ = (combination for combination in combinations if combination.is_named)
+        assert all(paper.held_out)
+        assert sum(paper.answers) < sum(kept[-1].answers)
+
+
+def fittest(rows):
+    """Return the row with the highest fitness."""
+    return max(rows, key=lambda row: row["fitness"])
+
+
+def evolution_cells(directory):
+    """Return what the page says of some evolutions.
+
+    That is the density, the points and the time of the fittest, the share of quick swarms, and the
+    number of clean arenas without hop counts.
+    """
+    rows, _ = read_table(ROOT / directory / "evolution.parquet")
+    last_eight = max(row["generation"] for row in rows) - 7
+    late_densities = []
+    for (_, generation), runs in by(rows, "replicate", "generation").items():
+        if generation >= last_eight:
+            late_densities.append(fittest(runs)["density_of_robots"])
+    first_quartile, median, third_quartile = np.quantile(late_densities, [0.25, 0.5, 0.75])
+    cells = [f"{median:.3f} ({first_quartile:.3f} to {third_quartile:.3f})"]
+
+    best_runs = [fittest(runs) for runs in by(rows, "replicate").values()]
+    for name in ("fitness", "finished_at"):
+        values = [row[name] for row in best_runs]
+        cells.append(f"{np.median(values):.0f} ({min(values):.0f} to {max(values):.0f})")
+
+    is_quick = [row["finished_at"] < 250 for row in rows if row["finished_at"]]
+    cells.append(f"{100 * np.mean(is_quick):.0f} %")
+    is_clean = [row["delivered"] == 72 for row in rows if not row["use_hop_count"]]
+    cells.append(f"{sum(is_clean)} of {len(is_clean)}")
+    return cells
+
+
+def page_table(head):
+    """Return the cells of the page's table that begins so, by rows, without its head."""
+    page = PAGE.read_text()
+    table = page[page.index(head) :].split("\n\n")[0]
+    rows = []
+    for line in table.splitlines()[2:]:
+        rows.append([cell.strip() for cell in line.split("|")[1:-1]])
+    return rows
 
 
 @pytest.mark.parametrize(
-    ("results", "column"),
-    [("results/default", 2), ("results/cells", 3), ("results/stops", 4), ("results/selected", 5)],
+    ("results", "column"), [("default", 2), ("cells", 3), ("stops", 4), ("selected", 5)]
 )
 def test_the_page_s_table_of_evolutions(results, column):
-    assert [row[column] for row in table("| | the paper | default")] == told(
-        f"{results}/evolve-paper"
-    )
+    cells = [row[column] for row in page_table("| | the paper | default")]
+    assert cells == evolution_cells(f"results/{results}/evolve-paper")
 
 
 def test_the_page_s_table_of_stops():
-    parts = [
+    directories = [
         "results/cells/evolve-paper",
-        *(f"results/stops/{p}" for p in ("share-25", "evolve-paper", "share-50")),
+        "results/stops/share-25",
+        "results/stops/evolve-paper",
+        "results/stops/share-50",
     ]
-    assert [row[1:] for row in table("| stops, with `cells`")] == [told(part)[:3] for part in parts]
+    cells = [row[1:] for row in page_table("| stops, with `cells`")]
+    assert cells == [evolution_cells(directory)[:3] for directory in directories]

@@ -1,5 +1,4 @@
-"""The page of the report, which tables it takes, and figures that are drawn again from stored
-tables."""
+"""The page of the report, and the tables that it takes."""
 
 import base64
 import re
@@ -16,68 +15,95 @@ from iswarm_mj.paper.report.results import collect_results, files_in
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.utils.tables import read_table, write_table
 
-ROOT = Path(__file__).parents[2]
+RESULTS = Path(__file__).parents[2] / "results/default"
 
 
-def test_the_page_is_whole_and_self_contained(results, tmp_path):
-    """Links lead to places on it, pictures are in it, and each statement stands on it."""
-    sections = write_report([results], tmp_path / "report.html")
-    page = (tmp_path / "report.html").read_text()
-    assert {*re.findall(r'href="#(\w+)"', page)} <= {
-        *re.findall(r'id="(\w+)"', page)
-    } and 'href="h' not in page
-    sources = re.findall(r'src="data:image/[^,]*,([^"]*)"', page)
-    assert len(sources) == page.count("<img src") >= 6
-    for data in map(base64.b64decode, sources):
-        assert data.startswith(b"\x89PNG") or b"<svg" in data[:2000]
-    text = unescape(re.sub(r"<[^>]*>", "\n", page))
-    for finding in (finding for section in sections for finding in section.findings):
-        assert all(
-            part in text
-            for part in (finding.claim, finding.paper, finding.ours, finding.statistics)
-        )
-    assert {f.verdict for f in sections[3].findings} == {HOLDS}
-    assert {f.verdict for f in sections[5].findings} == {NOT_RUN}
+@pytest.fixture(scope="module")
+def written(results, tmp_path_factory):
+    """Return the sections of a report, and its page."""
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("iswarm_mj.paper.analysis.statistics.RESAMPLES", 1999)
+        sections = write_report([results], path)
+    return sections, path.read_text()
 
 
-def test_full_tables_come_before_quick_ones(results, tmp_path):
-    """However many rows these have."""
-    full = collect_results([results])["hop-count"]
-    assert full.path == results / "full/hop_count.parquet"
-    assert list(collect_results([results])) == ["grasp", "evolve-paper", "hop-count"]
-    write_table(
-        tmp_path / "hop_count.parquet", [*full.rows, *full.rows], {**full.settings, "quick": True}
-    )
-    assert collect_results([tmp_path, results / "full"])["hop-count"].path == full.path
-    assert len(collect_results([tmp_path])["hop-count"].rows) == 48
+class TestPage:
+    @pytest.fixture
+    def sections(self, written):
+        """Return the sections of the report."""
+        return written[0]
+
+    @pytest.fixture
+    def page(self, written):
+        """Return the page of the report."""
+        return written[1]
+
+    def test_links_lead_to_places_on_it(self, page):
+        targets = set(re.findall(r'href="#(\w+)"', page))
+        places = set(re.findall(r'id="(\w+)"', page))
+        assert targets <= places
+        assert 'href="h' not in page
+
+    def test_it_contains_its_pictures(self, page):
+        pictures = re.findall(r'src="data:image/[^,]*,([^"]*)"', page)
+        assert len(pictures) == page.count("<img src") >= 6
+        for picture in map(base64.b64decode, pictures):
+            assert picture.startswith(b"\x89PNG") or b"<svg" in picture[:2000]
+
+    def test_each_statement_stands_on_it(self, page, sections):
+        text = unescape(re.sub(r"<[^>]*>", "\n", page))
+        for section in sections:
+            for finding in section.findings:
+                assert finding.claim in text
+                assert finding.paper in text
+                assert finding.ours in text
+                assert finding.statistics in text
+
+    def test_verdicts_follow_from_the_results(self, sections):
+        assert {finding.verdict for finding in sections[3].findings} == {HOLDS}
+        assert {finding.verdict for finding in sections[5].findings} == {NOT_RUN}
+
+    def test_signs_of_html_are_text(self, tmp_path, capsys):
+        """Here in the name of a directory without results."""
+        empty = tmp_path / "<i>"
+        empty.mkdir()
+        main(["report", "--results", str(empty), "--out", str(tmp_path / "r.html")])
+        assert capsys.readouterr().out.startswith(f"no results found in {empty}")
+        page = (tmp_path / "r.html").read_text()
+        assert "<img src" not in page
+        assert "<i>" not in page
+        assert "&lt;i&gt;" in page
 
 
-def test_links_out_of_the_directory_are_not_followed(results, tmp_path):
-    inside = tmp_path / "inside"
-    (inside / "types").mkdir(parents=True)
-    write_table(inside / "types" / "evolution.parquet", search_rows(2), settings_of())
-    for name in ("evolution.parquet", "type1.png"):
-        (inside / name).symlink_to(results / "evolve" / "evolution.parquet")
-    assert [result.path for result in collect_results([inside]).values()] == [
-        inside / "types" / "evolution.parquet"
-    ]
-    assert list(files_in(inside, "*.png")) == []
+class TestTables:
+    def test_full_ones_come_before_quick_ones_however_many_rows_these_have(self, results, tmp_path):
+        collected = collect_results([results])
+        assert list(collected) == ["grasp", "evolve-paper", "hop-count"]
+        full = collected["hop-count"]
+        assert full.path == results / "full/hop_count.parquet"
 
+        quick_settings = {**full.settings, "quick": True}
+        write_table(tmp_path / "hop_count.parquet", [*full.rows, *full.rows], quick_settings)
+        assert collect_results([tmp_path, results / "full"])["hop-count"].path == full.path
+        assert len(collect_results([tmp_path])["hop-count"].rows) == 48
 
-def test_without_results_all_but_the_laws_is_open_and_signs_of_html_are_text(tmp_path, capsys):
-    empty = tmp_path / "<i>"
-    empty.mkdir()
-    main(["report", "--results", str(empty), "--out", str(tmp_path / "r.html")])
-    assert capsys.readouterr().out.startswith(f"no results found in {empty}")
-    page = (tmp_path / "r.html").read_text()
-    assert "<img src" not in page and "<i>" not in page and "&lt;i&gt;" in page
+    def test_links_out_of_the_directory_are_not_followed(self, results, tmp_path):
+        table = tmp_path / "inside/types/evolution.parquet"
+        table.parent.mkdir(parents=True)
+        write_table(table, search_rows(2), settings_of())
+        for name in ("evolution.parquet", "type1.png"):
+            link = tmp_path / "inside" / name
+            link.symlink_to(results / "evolve" / "evolution.parquet")
+        collected = collect_results([tmp_path / "inside"])
+        assert [result.path for result in collected.values()] == [table]
+        assert list(files_in(tmp_path / "inside", "*.png")) == []
 
 
 @pytest.mark.usefixtures("few_pixels")
 @pytest.mark.parametrize("name", ["types", "sensitivity", "resolved-grasps", "infer"])
 def test_each_experiment_draws_its_table(tmp_path, name, monkeypatch):
     monkeypatch.setattr("iswarm_mj.paper.analysis.statistics.RESAMPLES", 99)
-    EXPERIMENTS[name].draw(
-        read_table(ROOT / "results/default" / name / EXPERIMENTS[name].table)[0], tmp_path
-    )
+    rows, _ = read_table(RESULTS / name / EXPERIMENTS[name].table)
+    EXPERIMENTS[name].draw(rows, tmp_path)
     assert list(tmp_path.glob("*.png"))

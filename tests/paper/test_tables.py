@@ -1,5 +1,4 @@
-"""Tables of results in Markdown: faulty trials, texts by hand; blocks of pages, of which nothing
-else changes."""
+"""Tables of results in Markdown, and the blocks of pages that they fill."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,10 +12,9 @@ from iswarm_mj.paper.report.page_blocks import changed_pages, fill_blocks
 def test_faulty_trials_do_not_count():
     rows = grasp_rows(repeats=2)
     rows[3] |= {"faulty": True}
-    assert [line.split(" | ")[2] for line in trials_table(rows).splitlines()[2:4]] == [
-        "0 of 9",
-        "10 of 10",
-    ]
+    _, _, *lines = trials_table(rows).splitlines()
+    counts = [line.split(" | ")[2] for line in lines]
+    assert counts[:2] == ["0 of 9", "10 of 10"]
 
 
 PAGE = """# A page
@@ -36,38 +34,57 @@ After.
 
 
 def fill(directory, name, beside):
+    """Return the content of a block."""
     return f"| {name} of {directory} and {beside} |\n"
 
 
-def test_only_what_is_between_the_marks_changes(tmp_path):
-    new = fill_blocks(PAGE, fill)
-    assert (
-        "<!-- results: density -->\n\n| density of results and None |\n\n<!-- end -->\nBetween."
-        in new
-    )
-    assert "\n\n| hop-count of results/initial and results |\n\n<!-- end -->" in new
-    kept = [line for line in PAGE.splitlines() if line and "old" not in line]
-    assert [line for line in new.splitlines() if " of results" not in line and line] == kept
-    assert fill_blocks(new, fill) == new and fill_blocks(PAGE, lambda *block: None) == PAGE
-    open_block = "<!-- results: a -->\nkept\n" + PAGE
-    assert fill_blocks(open_block, fill) == "<!-- results: a -->\nkept\n" + new
-    first, second = tmp_path / "a.md", tmp_path / "b.md"
-    first.write_text(PAGE)
-    second.write_text("no block\n")
-    assert changed_pages([first, second], fill) == {first: new}
+class TestBlocks:
+    def test_they_are_filled(self):
+        page = fill_blocks(PAGE, fill)
+        density = "<!-- results: density -->\n\n| density of results and None |\n\n<!-- end -->\n"
+        assert f"{density}Between." in page
+        assert "\n\n| hop-count of results/initial and results |\n\n<!-- end -->" in page
+
+    def test_nothing_else_changes(self):
+        before = [line for line in PAGE.splitlines() if line and "old" not in line]
+        after = []
+        for line in fill_blocks(PAGE, fill).splitlines():
+            if line and " of results" not in line:
+                after.append(line)
+        assert after == before
+
+    def test_a_filled_page_stays_as_it_is(self):
+        page = fill_blocks(PAGE, fill)
+        assert fill_blocks(page, fill) == page
+
+    def test_blocks_without_results_stay_as_they_are(self):
+        assert fill_blocks(PAGE, lambda *block: None) == PAGE
+
+    def test_blocks_without_an_end_stay_as_they_are(self):
+        open_block = "<!-- results: a -->\nkept\n"
+        assert fill_blocks(open_block + PAGE, fill) == open_block + fill_blocks(PAGE, fill)
+
+    def test_pages_without_a_block_have_no_new_text(self, tmp_path):
+        with_blocks = tmp_path / "a.md"
+        without_blocks = tmp_path / "b.md"
+        with_blocks.write_text(PAGE)
+        without_blocks.write_text("no block\n")
+        texts = changed_pages([with_blocks, without_blocks], fill)
+        assert texts == {with_blocks: fill_blocks(PAGE, fill)}
 
 
-@given(st.text("<>!/[]()|\\\n `a"))
-def test_text_is_no_markup(words):
-    shown = cell_text(words)
-    assert "\n" not in shown and "](" not in shown
-    assert "<a" not in shown and "<!" not in shown and "</" not in shown
-    assert "|" not in shown.replace("\\|", "")
+class TestText:
+    @given(st.text("<>!/[]()|\\\n `a"))
+    def test_it_is_no_markup(self, words):
+        shown = cell_text(words)
+        assert "\n" not in shown
+        assert "](" not in shown
+        assert "<a" not in shown
+        assert "<!" not in shown
+        assert "</" not in shown
+        assert "|" not in shown.replace("\\|", "")
 
-
-def test_words_by_hand():
-    assert cell_text("p < 0.001 | a") == "p < 0.001 \\| a"
-    assert (
-        cell_text("<script>x</script> ![i](http://a)")
-        == "&lt;script>x&lt;/script> ![i]\\(http://a)"
-    )
+    def test_words_by_hand(self):
+        assert cell_text("p < 0.001 | a") == "p < 0.001 \\| a"
+        markup = "<script>x</script> ![i](http://a)"
+        assert cell_text(markup) == "&lt;script>x&lt;/script> ![i]\\(http://a)"
