@@ -227,17 +227,29 @@ def _begin_attempts(
     balls: Balls,
     tips: Float[Array, "N 2"],
     view: FloorView,
-    picks: Bool[Array, "N"],
+    wants_lift: Bool[Array, "N"],
     wants_release: Bool[Array, "N"],
     control_period: float,
 ) -> _Attempting:
-    """Let idle robots begin to pick up balls, and loaded ones to release theirs."""
+    """Begin attempts to pick up and to release balls, and count down those under way.
+
+    Args:
+        gripper: reach, and durations of attempts.
+        balls: K balls before the step.
+        tips: tips of the N robots' probes [mm].
+        view: the floor as the robots sense it.
+        wants_lift: robots that pick up dust.
+        wants_release: robots that release their ball wherever they are.
+        control_period: duration of a control step [s].
+    """
     n_robots = len(tips)
 
+    # Idle robots begin to pick up the balls that they reach; `lifter` is N where no robot does.
     is_idle = ~working(balls, n_robots)
-    tries_to_lift, lifter = _find_lifters(gripper, balls, tips, view, picks & is_idle)
+    tries_to_lift, lifter = _find_lifters(gripper, balls, tips, view, wants_lift & is_idle)
     lift_begins = lifter < n_robots
 
+    # Holders begin to release: with centre and tip over the dump, or wherever they want to.
     may_release = (view.on_dump & view.tip_on_dump) | wants_release
     release_begins = balls.is_held & may_release[balls.holder] & (balls.wait == 0)
 
@@ -245,9 +257,12 @@ def _begin_attempts(
     worker = jnp.where(release_begins, balls.holder, balls.worker)
     worker = jnp.where(lift_begins, lifter, worker).astype(jnp.int32)
 
+    # Durations in control steps.
     lift_duration = _whole_steps(gripper.grasp_time, control_period)
     release_duration = _whole_steps(gripper.release_time, control_period)
     duration = jnp.where(balls.is_held, release_duration, lift_duration)
+
+    # A ball with a wait of 1 ends its attempt in this step and has 0 after it.
     wait = jnp.where(begins, duration, jnp.maximum(balls.wait - 1, 0)).astype(jnp.int32)
     return _Attempting(tries_to_lift, begins, worker, duration, wait)
 

@@ -35,6 +35,7 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.scalar_backends import in_arrays
 
+# Functions of these modules on arrays of JAX; constants are taken from the modules themselves.
 _contact = in_arrays(contact, jnp)
 _spline = in_arrays(spline, jnp)
 
@@ -337,16 +338,30 @@ def _electrostatics(
     data: mjx.Data,
     state: State,
 ) -> _Electrostatics:
-    """Return the pulls of probe and plate, f pi eps0 U^2 R / D, at the voltage U of each gap."""
+    """Return the electrostatic pulls of probe and plate on the ball, f pi eps0 U^2 R / D.
+
+    U is the voltage across the gap, D the gap, at least that of a contact, R the radius of the
+    ball, and f the shape factor of `spline.shape_of`. Lengths of the model are in um, its forces in
+    nN and its capacitances in fF; the law takes and returns SI units.
+
+    Args:
+        forces: attributes of the circuit, and ids.
+        model: of MJX, with the radii in its geoms.
+        data: of MJX, with the voltage of the probe in `ctrl`.
+        state: charge of the ball, or the electrode whose potential it has without a circuit.
+    """
     attributes = forces.attributes(forces.circuit)
     least_gap = attributes["contact_gap"]
     radius = model.geom_size[forces.ball, 0]
     probe_radius = model.geom_size[forces.probe, 0]
     splines, axes = (jnp.asarray(table, radius.dtype) for table in tables())
 
-    probe_gap, from_probe = _gap(forces, model, data, forces.ball, forces.probe)
-    plate_gap, from_plate = _gap(forces, model, data, forces.ball, forces.plate)
-    pick_shape, to_probe = _spline.shape_of(
+    # Gaps [um], and unit vectors that point along them to the ball.
+    probe_gap, probe_normal = _gap(forces, model, data, forces.ball, forces.probe)
+    plate_gap, plate_normal = _gap(forces, model, data, forces.ball, forces.plate)
+
+    # Shape factors of both pulls, and the ball's capacitances [fF].
+    pick_shape, probe_capacitance = _spline.shape_of(
         spline.PICK,
         radius,
         probe_gap,
@@ -355,20 +370,22 @@ def _electrostatics(
         splines,
         axes,
     )
-    release_shape, to_plate = _spline.shape_of(
+    release_shape, plate_capacitance = _spline.shape_of(
         spline.RELEASE, radius, plate_gap, least_gap, probe_radius, splines, axes
     )
 
+    # The ball's voltage against the plate. A leak of 0 stands for no circuit.
     voltage = data.ctrl[forces.voltage]
     ball_voltage = _contact.ball_voltage(
         has_circuit=attributes["leak"] > 0,
         charge=state.charge,
         potential=state.potential,
         voltage=voltage,
-        capacitances=(to_probe, to_plate),
+        capacitances=(probe_capacitance, plate_capacitance),
         plate_gap=plate_gap,
     )
 
+    # Pulls by Eq. 2 with the shape factors [N], then in the model's units.
     pull_of_probe = pick_shape * asymptotic_force(
         voltage - ball_voltage, jnp.maximum(probe_gap, least_gap) * UM, radius * UM
     )
@@ -377,19 +394,19 @@ def _electrostatics(
         jnp.maximum(plate_gap, least_gap) * UM,
         radius * UM,
     )
-    up = pull_of_probe / NN
-    down = pull_of_plate / NN
+    probe_pull = pull_of_probe / NN
+    plate_pull = pull_of_plate / NN
 
     ball_and_probe = forces.ball, forces.probe
     ball_and_plate = forces.ball, forces.plate
     return _Electrostatics(
         applied=(
-            _attraction(forces, model, data, ball_and_probe, probe_gap, up * from_probe),
-            _attraction(forces, model, data, ball_and_plate, plate_gap, down * from_plate),
+            _attraction(forces, model, data, ball_and_probe, probe_gap, probe_pull * probe_normal),
+            _attraction(forces, model, data, ball_and_plate, plate_gap, plate_pull * plate_normal),
         ),
         gaps=(probe_gap, plate_gap),
-        capacitances=(to_probe, to_plate),
-        pulls=(up, down),
+        capacitances=(probe_capacitance, plate_capacitance),
+        pulls=(probe_pull, plate_pull),
         ball_voltage=ball_voltage,
     )
 

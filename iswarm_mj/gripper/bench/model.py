@@ -162,14 +162,31 @@ def resized(
 
 
 def plugin_numbers(trial: Trial) -> dict[tuple[str, str], float]:
-    """Return the numbers of a trial by instance and field of the plugins' states."""
+    """Return the numbers of a trial in the bench's units, for the plugins' states.
+
+    Lengths are in um, forces in nN, works in nN/um, resistances in ms/fF and fields in V/um.
+
+    Args:
+        trial: ball, air and contacts in SI units; the substrate is the plate, the tool the probe.
+
+    Returns:
+        Numbers by instance of a plugin and name of its attribute.
+    """
     contacts = trial.contacts
-    yields = contacts.restitution is None
+
+    # Without a given restitution it follows from plastic yield. A pressure of 0 turns yield off.
+    if contacts.restitution is None:
+        restitution = 0.0
+        yield_pressure = contacts.yield_pressure / PRESSURE
+    else:
+        restitution = float(contacts.restitution)
+        yield_pressure = 0.0
     impacts = {
-        "restitution": contacts.restitution or 0.0,
-        "yield_pressure": contacts.yield_pressure / PRESSURE if yields else 0.0,
+        "restitution": restitution,
+        "yield_pressure": yield_pressure,
         "humidity": trial.relative_humidity,
     }
+
     instances = {
         "adhesion_plate": {
             "work": trial.work_object_substrate * UM / NN,
@@ -190,6 +207,7 @@ def plugin_numbers(trial: Trial) -> dict[tuple[str, str], float]:
             "breakdown": contacts.breakdown * UM,
         },
     }
+
     numbers = {}
     for instance, values in instances.items():
         for name, value in values.items():

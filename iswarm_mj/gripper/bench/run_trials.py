@@ -162,20 +162,25 @@ def release(
     *,
     to_the_end: bool = False,
 ) -> Release:
-    """Ramp the voltage on balls that hang at the tool until each has left, landed and come to rest.
+    """Ramp the voltage on balls that hang at the tool until each has left and landed.
+
+    The trial of a ball ends when it lies still, when it bounces too low to reach the tool again, or
+    at the limits of ramp and flight.
 
     Args:
         bench: B benches after `hang`.
         protocol: rate and limits.
         held: (B,) benches whose ball hangs; the others are left out.
         gap: between ball and plate [m].
-        ramp: another one than the protocol's.
-        to_the_end: also follow balls that bounce, until they lie still.
+        ramp: ramp of the voltage [V/s, V, s]; None: at the protocol's rate up to its limit.
+        to_the_end: follow balls that bounce low until they lie still.
     """
     if ramp is None:
         ramp = _ramp(protocol, protocol.ramp_rate, protocol.release_limit)
     period = _period(bench, protocol)
-    low = 0.0 if to_the_end else gap / 2
+
+    # Without voltage, a ball that bounces less than half way back to the tool stays on the plate.
+    low_bounce = 0.0 if to_the_end else gap / 2
 
     progress = Progress(*(np.full(len(held), value) for value in START))
     progress = progress._replace(is_over=~held)
@@ -186,10 +191,12 @@ def release(
         time += period
         voltage = _script.ramp_voltage(protocol, ramp, progress.freed, time)
         watch = bench.move(phase, period, gap, voltage, ~progress.is_over)
-        progress = _script.released(protocol, ramp, low, progress, watch, last_look, time)
+        progress = _script.released(protocol, ramp, low_bounce, progress, watch, last_look, time)
 
     has_left = np.isfinite(progress.freed)
     has_landed = np.isfinite(progress.landed)
+
+    # The ball left at its last touch, before it was seen to have left: the ramp was not yet cut.
     last_voltage = _script.ramp_voltage(protocol, ramp, np.inf, progress.touched)
     return Release(
         voltage=np.where(has_left, last_voltage, np.nan),
@@ -203,7 +210,7 @@ def release(
 
 
 def _phase(progress: Progress, held: Mask) -> str:
-    """Return the name of the phase in which the slowest of the balls is."""
+    """Return the phase of the slowest of the balls: "ramp", "flight" or "rest"."""
     if np.isfinite(progress.landed[held]).all():
         return "rest"
     if np.isfinite(progress.freed[held]).all():

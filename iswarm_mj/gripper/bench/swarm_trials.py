@@ -367,10 +367,11 @@ def outcomes(gap: float, attempts: Attempts) -> Outcomes:
 
 
 def by_host(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
-    """Return the outcomes of trials in MuJoCo's C engine, by a callback from a program of JAX.
+    """Return the outcomes of attempts, simulated in MuJoCo's C engine by a callback from JAX.
 
     The callback is skipped in steps in which no world makes an attempt. All numbers go as one array
-    and come back as one, since each array costs time.
+    and come back as one, since each array costs time: the rows are the fields of `Attempts` and of
+    `Outcomes`, in their order.
     """
 
     def call(numbers: jax.Array) -> np.ndarray:
@@ -384,6 +385,7 @@ def by_host(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
     def nothing(numbers: Array) -> Array:
         return jnp.zeros_like(numbers, shape=_shape_of_outcomes(numbers).shape)
 
+    # Under a plain vmap the condition would become a select, which always calls the host.
     @custom_vmap
     def decide(numbers: Array) -> Array:
         lifts_and_releases = numbers[:2]
@@ -391,7 +393,8 @@ def by_host(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
 
     @decide.def_vmap
     def _(count: int, is_batched: list[bool], numbers: Array) -> tuple[Array, bool]:
-        # Worlds become an axis of the attempts, so that the host is called once for all.
+        # Worlds become an axis of the attempts, so that the host is called once for all. Fields
+        # stay the first axis inside, (7, worlds, ..., K); each further vmap comes here again.
         del count, is_batched
         return jnp.moveaxis(decide(jnp.moveaxis(numbers, 0, 1)), 1, 0), True
 
