@@ -208,11 +208,13 @@ def run_numbered(index: int, job: Job, engine: EngineSettings) -> tuple[int, Out
 def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes:
     """Yield the index and the outcome of each job, a batch at a time.
 
-    A batch has jobs that share everything that the worlds of one run must share.
+    A batch is one run. Its jobs have the same maximum number of steps, the same goal and the same
+    settings but for those in which worlds may differ. Genomes, numbers of robots and seeds may
+    differ, too.
 
     Rounding depends slightly on the number of robots in the largest world, the size of the contact
-    buffers and, on GPUs, the number of worlds. The same job may therefore end differently, but
-    equally likely, in another batch.
+    buffers and, on GPUs, the number of worlds. In another batch the same job may therefore have
+    another outcome, drawn from the same distribution.
     """
     indices_of: dict[Any, list[int]] = {}
     for index, job in enumerate(jobs):
@@ -228,7 +230,13 @@ def run_batches(jobs: Sequence[Job], engine: EngineSettings) -> NumberedOutcomes
 def _fitting_batches(
     indices: Sequence[int], jobs: Sequence[Job], engine: EngineSettings
 ) -> list[list[int]]:
-    """Divide jobs into the fewest batches that the memory has room for, of nearly equal size."""
+    """Divide jobs into the fewest batches that fit into the memory, of nearly equal size.
+
+    Args:
+        indices: indices of the jobs to divide, which can be worlds of one run.
+        jobs: all jobs.
+        engine: engine of the batches.
+    """
     largest = max(jobs[index].n_robots for index in indices)
     n_jobs = len(indices)
     n_batches = max(1, math.ceil(n_jobs / max_worlds(engine, largest)))

@@ -258,8 +258,9 @@ def _is_batch_invariant(config: StaticConfig, params: WorldParams) -> bool:
 def pad_singleton_batch(function: Callable[..., Tree]) -> Callable[..., Tree]:
     """Return a function of B worlds whose results for a world do not depend on B, to the last bit.
 
-    XLA drops a batch axis of size one and then fuses other loops, while programs for at least two
-    worlds round alike. One world is therefore computed twice.
+    XLA drops a batch axis of size one. It then fuses the loops of the program in another way, so
+    that results are rounded in another way, too. Programs for two worlds and for more round alike.
+    A single world is therefore computed twice, as a batch of two, and one result is returned.
 
     Args:
         function: takes and returns trees whose arrays have a first axis of B worlds.
@@ -270,6 +271,8 @@ def pad_singleton_batch(function: Callable[..., Tree]) -> Callable[..., Tree]:
         if n_worlds > 1:
             return function(*trees)
         doubled = jax.tree.map(lambda a: jnp.concatenate([a, a]), trees)
+        # The barriers hide from XLA that both worlds are equal and that one result is dropped:
+        # otherwise it could simplify the batch to a single world again.
         results = function(*jax.lax.optimization_barrier(doubled))
         return jax.tree.map(lambda a: a[:1], jax.lax.optimization_barrier(results))
 

@@ -88,12 +88,12 @@ def starts_of(
     for world in worlds:
         n_robots = world.n_robots
         if world.start is None:
-            start = _draw_start(config, task, robot, world, start_of_key)
+            start = _drawn_start(config, task, robot, world, start_of_key)
             example_of_size.setdefault(n_robots, start)
         else:
             if n_robots not in example_of_size:
                 drawn_world = replace(world, start=None, key=None)
-                example_of_size[n_robots] = _draw_start(config, task, robot, drawn_world, {})
+                example_of_size[n_robots] = _drawn_start(config, task, robot, drawn_world, {})
             start = _checked_start(config, task, robot, world, example_of_size[n_robots])
         starts.append(start)
     return starts
@@ -177,26 +177,29 @@ def _key_data(seed: Array, index: Array) -> Array:
     return jax.random.key_data(jax.random.fold_in(jax.random.key(seed), index))
 
 
-def _draw_start(
+def _drawn_start(
     config: SwarmConfig, task: Task, robot: Robots, world: World, start_of_key: dict[Any, Start]
 ) -> Start:
-    """Draw how a world begins.
+    """Return the start that is drawn for a world from its random key, or from seed and index.
 
     Args:
-        config: configuration of the run.
+        config: configuration of the run, for a world without one of its own.
         task: task of the run, which lays out robots and balls.
         robot: geometry of the robots.
         world: the world.
-        start_of_key: starts that were drawn from keys, which worlds of equal keys share.
+        start_of_key: starts drawn so far in this run for worlds with keys; a new one is added.
+            Worlds that are equal in key, robots and settings share a start.
     """
     config = world.config or config
     if world.key is None:
         return draw_start(
             config, task, robot, world.n_robots, world.seed, world.index, world.failed_fraction
         )
+
     key_data = np.asarray(jax.random.key_data(world.key))
     identity = (key_data.tobytes(), world.n_robots, world.failed_fraction, config)
     if identity not in start_of_key:
+        # Only worlds of one seed have draws in common; with a key, one generator serves for all.
         rng = np.random.default_rng(key_data)
         start_of_key[identity] = draw_start_with(
             config,
