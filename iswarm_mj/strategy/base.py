@@ -11,7 +11,7 @@ methods have a default:
             return jnp.zeros(n_robots)
 
         def picks(self, memory):
-            return memory < 0
+            return memory < 0  # False for all: the memory stays 0
 
         def act(self, memory, observation, key):
             side = jax.random.uniform(key, memory.shape, minval=-1.0)
@@ -63,12 +63,14 @@ class Strategy(StrategyFactory):
     """
 
     ATTRIBUTES: ClassVar[tuple[str, ...]] = ("payload", "recorded")
-    """Names of these attributes. They have no default, which dataclasses would take for a field."""
+    """Names of these attributes. This class does not define them: a dataclass would take an
+    annotated default for a field."""
     batch_invariant: ClassVar[bool] = False
-    """The compiled program rounds alike for one world and for several, as measured.
+    """Compiled programs round alike for one world and for several; set it only if measured.
 
-    Otherwise the decisions of a single world are computed twice. Derived classes do not inherit
-    it (`is_batch_invariant`)."""
+    Without it, the decisions of a single world are computed twice, as a batch of two, so that they
+    do not depend on the number of worlds (`simulation.decide.pad_singleton_batch`). Derived classes
+    do not inherit it (`is_batch_invariant`)."""
 
     @abstractmethod
     def init(self, n_robots: int, key: Array) -> Any:
@@ -106,10 +108,11 @@ class Strategy(StrategyFactory):
         return {}
 
     def listen(self, memory: Any, observation: Observation, key: Array) -> Any:
-        """Return the memory from which robots speak after they heard and before they move.
+        """Return the memory from which robots speak, given what they have just heard.
 
-        Sequential updates (`strategy.update_order`) need it. The memory of a robot may depend only
-        on what that robot senses.
+        Only sequential updates (`strategy.update_order`) call it: in each step robots take turns to
+        hear, listen and speak, and then all of them act. The memory of a robot may depend only on
+        what that robot senses.
 
         Args:
             memory: memory after the previous step.
@@ -138,8 +141,8 @@ class Strategy(StrategyFactory):
 
         Args:
             memory: memory that `act` returned.
-            shortfall: commanded distance that the drive did not walk, negative for one commanded
-                backwards [mm].
+            shortfall: commanded minus walked distance, both negative backwards; without the
+                random errors of the drive [mm].
         """
         return memory
 
@@ -149,17 +152,20 @@ class Strategy(StrategyFactory):
 
 
 def makes_strategies(strategy: Any) -> bool:
-    """Return whether each world gets what `for_world` of an object returns, not the object."""
+    """Return whether an object's `for_world` must be called for the strategy of a world.
+
+    That holds for factories, and for strategies that override it to adapt themselves to a world.
+    """
     cls = type(strategy)
     return issubclass(cls, StrategyFactory) and cls.for_world is not Strategy.for_world
 
 
-def is_batch_invariant(rules: Any) -> bool:
+def is_batch_invariant(strategy_or_task: Any) -> bool:
     """Return whether the very class of a strategy or task states that it rounds alike in any batch.
 
     A derived class computes something else, of which that was not measured.
     """
-    return bool(vars(type(rules)).get("batch_invariant", False))
+    return bool(vars(type(strategy_or_task)).get("batch_invariant", False))
 
 
 def overrides(value: Any, base: type, method: str) -> bool:

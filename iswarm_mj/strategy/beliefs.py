@@ -12,7 +12,11 @@ from iswarm_mj.strategy.vectors import learn_place, to_receiver_frame
 from iswarm_mj.utils.arrays import Array
 
 MAX_DOUBT = 14.5
-"""Doubt above which a vector is forgotten; rounded, it is the largest that messages carry, 14."""
+"""Doubt above which a vector is forgotten.
+
+It rounds half to even, to 14. That is the largest hop count that 4 bits of a message carry, since
+their code 15 means "no vector" (`sensors.fields.Vector`).
+"""
 
 
 class Trust(NamedTuple):
@@ -32,7 +36,8 @@ class Belief(NamedTuple):
     vector: Float[Array, "N 2"]
     """Vector from the robot to the place, in the robot's frame [mm]; zero where not known."""
     doubt: Float[Array, "N"]
-    """Doubt, 0 at the place; grows with time and with each robot that relayed the vector."""
+    """Doubt, 0 where the robot senses the place, and where no vector is known; grows with time and
+    with each robot that relays the vector."""
     known: Bool[Array, "N"]
     """True where there is a vector."""
 
@@ -48,7 +53,7 @@ class Belief(NamedTuple):
     def as_message(self) -> VectorMemory:
         """Return the vector as robots send it: the rounded doubt takes the place of the hop count.
 
-        Receivers of the paper's message add 1 to the hop count, and thus to the doubt.
+        Receivers add 1 to the hop count (`to_receiver_frame`), and thus to the doubt.
         """
         return VectorMemory(self.vector, jnp.round(self.doubt).astype(jnp.int32), self.known)
 
@@ -84,9 +89,11 @@ def merge_beliefs(
     vector = jnp.concatenate([own.vector[:, None], heard.vector], axis=1)
 
     # Doubts count relative to the smallest, so that the weights of great doubts do not all vanish.
+    # Without any vector the exponential is infinite, and `where` puts 0 in its place.
     least = jnp.where(known, doubt, jnp.inf).min(axis=1, keepdims=True)
     weight = jnp.where(known, jnp.exp(-jnp.exp(trust.sharpness) * (doubt - least)), 0.0)
     weight = weight.at[:, 0].multiply(jnp.exp(trust.own))
+    # The lower limit prevents 0 / 0 where nothing is known.
     share = weight / jnp.maximum(weight.sum(axis=1, keepdims=True), math.ulp(1.0))
 
     mean = Belief(
@@ -114,6 +121,8 @@ def confirm_beliefs(
         vector: vector from the robot to the place, used where `is_there` [mm].
         step: length of a robot's step [mm].
     """
+    # The message only serves to call `learn_place`, which does not change hop counts. The doubt is
+    # kept here, not rounded: 0 at the place, and 0 where there is no vector.
     place = learn_place(belief.as_message(), is_there, vector, step)
     doubt = jnp.where(is_there | ~place.known, 0.0, belief.doubt)
     return Belief(place.vector, doubt, place.known)

@@ -298,14 +298,18 @@ def team_numbers(strategy: Any, n_robots: int) -> Int32[np.ndarray, "N"]:
 def check_strategies(strategies: Any, n_robots: int, n_sides: int = 4, sensed: Any = None) -> Any:
     """Check the strategy of a run, or that of each of its teams, by `check_strategy`.
 
+    The strategy of the first world stands for all, which have equal classes, fields and shapes.
+
     Args:
         strategies: strategy or teams; arrays have a first axis of worlds.
         n_robots: number of robots N.
         n_sides: number of sides S of each robot.
-        sensed: shapes and types of what else the task lets robots sense, by name.
+        sensed: shapes and types of the arrays (N, ...) that the task adds to what robots sense, by
+            name; None for none.
 
     Returns:
-        Shapes and types of the memory of a world's robots; None with teams.
+        Shapes and types of the memory of a world's robots; None with teams, whose memories are
+        checked one by one.
 
     Raises:
         UserError: a strategy is wrong, or the fields of all teams do not fit into a message.
@@ -314,12 +318,15 @@ def check_strategies(strategies: Any, n_robots: int, n_sides: int = 4, sensed: A
     if not isinstance(strategy, Teams):
         return check_strategy(strategy, n_robots, n_sides, sensed)
 
+    # A team senses the rows of its own robots.
     for team, size in zip(strategy.teams, strategy.sizes(n_robots), strict=True):
         sensed_by_team = {}
         for name, array in (sensed or {}).items():
             shape = (size, *array.shape[1:])
             sensed_by_team[name] = jax.ShapeDtypeStruct(shape, array.dtype)
         check_strategy(team.strategy, size, n_sides, sensed_by_team)
+
+    # Teams share one channel, so the fields of all must fit into a message together.
     strategy.payload.check_room(n_sides)
     return None
 

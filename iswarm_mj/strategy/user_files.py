@@ -19,7 +19,7 @@ def import_file(path: Path) -> ModuleType | None:
 
     The file can import what lies beside it, as a script can. It is executed each time, so that
     edits count; what it imports is executed once, as all modules are. Files of one name in
-    different directories are different modules, and so are those beside them.
+    different directories are different modules, and so are the files that they import from there.
     """
     path = path.resolve()
     script = _running_script(path)
@@ -43,14 +43,14 @@ def import_file(path: Path) -> ModuleType | None:
 
 
 def _pickle_by_value(module: ModuleType) -> None:
-    """Let asynchronous environments take a user's module to other processes, which cannot import it.
+    """Let asynchronous environments take a user's module to processes that cannot import it.
 
     They pickle by cloudpickle, which comes with Gymnasium.
     """
     file = getattr(module, "__file__", None)
     if file is not None and is_users(file):
         with suppress(ImportError):
-            import cloudpickle  # noqa: TID251, as nothing is read
+            import cloudpickle  # noqa: TID251, which bans reading pickles; nothing is read here
 
             cloudpickle.register_pickle_by_value(module)
 
@@ -58,7 +58,8 @@ def _pickle_by_value(module: ModuleType) -> None:
 def _running_script(path: Path) -> ModuleType | None:
     """Return the script that this process runs, if a file is that script; None otherwise.
 
-    Executed as another module, it would execute itself again, with what it asks for.
+    A script that names itself must not be imported: it would be executed a second time, and ask for
+    the same import again.
     """
     script = sys.modules.get("__main__")
     file = getattr(script, "__file__", None)
@@ -69,26 +70,33 @@ def _running_script(path: Path) -> ModuleType | None:
 def _first_in_path(directory: Path) -> Iterator[None]:
     """Let imports look into a directory first, until the end of the block.
 
-    Only so long, since packages look for modules that are not installed, as numba for `coverage`,
-    and would take users' files for them.
+    The directory does not stay in the path, since packages try to import others that may not be
+    installed, as numba does with `coverage`, and would import a user's file of that name instead.
+
+    Loaded modules that would hide a file of the directory are set aside. At the end they come back,
+    in place of modules of the same names that the block loaded; whoever imported those keeps them.
     """
-    hidden_by = {
+    set_aside = {
         name: module for name, module in [*sys.modules.items()] if _hides(name, module, directory)
     }
-    for name in hidden_by:
+    for name in set_aside:
         del sys.modules[name]
-    importlib.invalidate_caches()  # a file may be as new as what they hold
+    # Python may not notice a file that was created just after it listed the directory.
+    importlib.invalidate_caches()
     sys.path.insert(0, str(directory))
     try:
         yield
     finally:
         with suppress(ValueError):  # the file may have changed the path
             sys.path.remove(str(directory))
-        sys.modules.update(hidden_by)
+        sys.modules.update(set_aside)
 
 
 def _hides(name: str, module: ModuleType, directory: Path) -> bool:
-    """Return whether a module of a user has a name that another file in a directory has."""
+    """Return whether a loaded module hides a file or package of the same name in a directory.
+
+    Only modules of users count, and only those that lie elsewhere.
+    """
     file = getattr(module, "__file__", None)
     if name == "__main__" or file is None or not is_users(file):
         return False
@@ -101,8 +109,7 @@ def sources(path: Path) -> list[Path]:
     """Return a file of Python, and the files of a user that it imports in any of its lines,
     directly or not.
 
-    What is found depends on `sys.path`, as for the import itself; the file is one that could be
-    imported.
+    What is found depends on `sys.path`, as for the import itself. The file must be valid Python.
     """
     found = [path.resolve()]
     with _first_in_path(found[0].parent):

@@ -206,7 +206,11 @@ def draw_in_ring(limits: Any, n: int, key: Array) -> Float[Array, "n 2"]:
 
 @dataclass(frozen=True)
 class Forager(Strategy):
-    """Robots search at random, and return home and to their last item by their own odometry."""
+    """Robots search at random, and return home and to their last item by their own odometry.
+
+    Home is the dump. Items are what observations call dust and balls; food is the place of the
+    last one.
+    """
 
     random_turn: Annotated[float, Within(0, 180, "deg")] = 25.0
     """Largest turn of a random step, to either side [deg]."""
@@ -245,17 +249,19 @@ class Forager(Strategy):
     def act(self, memory: Any, observation: Observation, key: Array) -> tuple[Any, Command]:
         """Go to an item beside the robot, home with an item, back to the last item, or anywhere."""
         seen = observation
-        step = mm_from_rd(0.5)
+        step = mm_from_rd(0.5)  # in robot diameters, as the default `drive.step_length`
         picks_up = seen.at_dust & ~seen.is_loaded & ~seen.grasp_failed
 
-        # Remember home where the dump is, and food where an item is or was.
+        # Remember home where the dump is, and food where an item is or was. A robot forgets a place
+        # that it does not find within half a step, and food that it failed to grasp.
         here = jnp.zeros_like(seen.ball_vector)
         home = learn_place(memory["home"], seen.on_dump, here, step)
         food = memory["food"].where(~seen.grasp_failed)
         food = learn_place(food, picks_up, seen.ball_vector, step)
         heading = self._heading(seen, picks_up, home, food, key)
 
-        # Turn by at most a quarter, and walk only once the turn is complete.
+        # Turn by at most a quarter, and walk only if that completes the turn: then `clip` has left
+        # the heading as it was.
         turn = jnp.clip(heading, -jnp.pi / 2, jnp.pi / 2)
         distance_to_ball = jnp.hypot(seen.ball_vector[:, 0], seen.ball_vector[:, 1])
         distance = jnp.where(picks_up, distance_to_ball - jnp.asarray(self.reach), step)
