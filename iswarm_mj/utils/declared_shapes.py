@@ -1,6 +1,7 @@
-"""Shapes and types that are declared, and checks that methods of users return such.
+"""Declared shapes and types of arrays, and checks of what methods of users' classes return.
 
-Annotations of named tuples declare them for whatever robots sense, command and record.
+Named tuples declare the arrays that robots sense, command and record, by the annotations of their
+fields.
 """
 
 from collections.abc import Collection
@@ -14,19 +15,21 @@ from jaxtyping import Bool, Float, Int, UInt32
 from iswarm_mj.utils.errors import UserError, shown
 
 _TYPES = {Bool: jnp.bool_, Float: jnp.float32, Int: jnp.int32, UInt32: jnp.uint32}
+"""Types of arrays by the classes of jaxtyping that annotate them."""
 
 _KEPT = ("memory", "bodies")
-"""Results that must have the structure, shapes and types of an argument of the method."""
+"""Roles of results that must have the structure, shapes and types of an argument of the method."""
 
 
 def shapes_of(cls: Any, **sizes: int | tuple[int, ...]) -> dict[str, Any]:
     """Return the shapes and types of the arrays of a named tuple by the names of its fields.
 
-    Fields are annotated as `Float[Array, "*B N 2"]`; others are left out.
+    Fields are annotated as `Float[Array, "*B N 2"]`; others are left out. jaxtyping gives such an
+    annotation the attributes `dtype`, here Float, and `dim_str`, here "*B N 2".
 
     Args:
         cls: named tuple.
-        sizes: sizes of the axes by their names; of several axes with a star, a tuple.
+        sizes: size of each axis by its name; for a name with a star, a tuple of sizes.
     """
     return {
         name: jax.ShapeDtypeStruct(_shape_of(kind.dim_str, sizes), _TYPES[kind.dtype])
@@ -48,7 +51,8 @@ def check_result(method: str, returned: Any, expected: Any, role: str = "result"
         method: name of the method, as `Walk.act`.
         returned: arrays, or their shapes and types.
         expected: shapes and types, or arrays.
-        role: what the result is, in a word.
+        role: what the result is, in a word; the error says of those in `_KEPT` that they must be
+            returned as they were given.
 
     Raises:
         UserError: the result has another structure, or an array another shape or type.
@@ -104,9 +108,9 @@ def check_keys(method: str, returned: Any, names: Collection[str], attribute: st
 
 
 def _differing_parts(returned: Any, expected: Any) -> str:
-    """Return which parts of a tree are missing and which are too many, to be read after a comma.
+    """Return which parts of a tree are missing and which are too many, as ", without ['home']".
 
-    The text is empty where the names do not differ.
+    The text, which continues a sentence, is empty where the names do not differ.
     """
     paths = _paths_of(returned)
     expected_paths = _paths_of(expected)
@@ -126,7 +130,7 @@ def _describe(tree: Any) -> str:
     if hasattr(tree, "shape") and hasattr(tree, "dtype"):
         return "an array"
     name = type(tree).__name__
-    if jax.tree_util.all_leaves([tree]):
+    if jax.tree_util.all_leaves([tree]):  # a single value, and no tree
         return name
     n_arrays = len(jax.tree.leaves(tree))
     return f"{name} of {n_arrays} array{'' if n_arrays == 1 else 's'}"

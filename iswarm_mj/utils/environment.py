@@ -13,10 +13,10 @@ from iswarm_mj.utils.errors import UserError, shown
 from iswarm_mj.utils.ram import check_address_space
 
 _VARIABLES = {"jax": "JAX_", "numba": "NUMBA_", "mujoco": "MUJOCO_GL"}
-"""Beginning of the names of the variables that a library reads when it is imported."""
+"""Beginning, or whole name, of the variables that a library reads when it is imported."""
 _PARSE_XLA_FLAGS = "from jaxlib import xla_client; xla_client.CompileOptions()"
 _PATIENCE_S = 60.0
-"""Time after which the flags are taken to be known [s]."""
+"""Time after which the check of XLA's flags is given up, and they are taken to be valid [s]."""
 
 
 def check_environment() -> None:
@@ -27,10 +27,14 @@ def check_environment() -> None:
     Raises:
         UserError: names the variable or the limit.
     """
-    if not sys.modules.keys() >= _VARIABLES.keys():  # what is loaded has its memory
+    # Libraries that are loaded have found room already.
+    are_loaded = _VARIABLES.keys() <= sys.modules.keys()
+    if not are_loaded:
         check_address_space()
+
     for library, beginning in _VARIABLES.items():
         _check_import(library, beginning)
+    # If NUMBA_DISABLE_JIT is set, `_check_import` has imported Numba, which then knows its value.
     if "numba" in sys.modules and sys.modules["numba"].config.DISABLE_JIT:
         raise UserError("NUMBA_DISABLE_JIT must be 0, since engines are compiled (got 1); unset it")
     if os.environ.get("XLA_FLAGS"):
@@ -38,7 +42,15 @@ def check_environment() -> None:
 
 
 def _check_import(library: str, beginning: str) -> None:
-    """Import a library if one of its variables is set, in order to name them if that fails."""
+    """Import a library if one of its variables is set; the error of a failure names them.
+
+    Args:
+        library: name of the library.
+        beginning: beginning of the names of its variables.
+
+    Raises:
+        UserError: the import fails.
+    """
     names = [name for name in os.environ if name.startswith(beginning)]
     if not names or library in sys.modules:
         return
@@ -71,5 +83,6 @@ def _check_xla_flags(flags: str) -> None:
     reasons = [line.partition("] ")[2] for line in lines if "] " in line]
     reason = shown(reasons[0]) if reasons else f"the process ended with {done.returncode}"
     raise UserError(
-        f"XLA_FLAGS must hold flags that XLA knows (got {shown(flags)}: {reason}); correct or unset it"
+        f"XLA_FLAGS must hold flags that XLA knows (got {shown(flags)}: {reason}); "
+        "correct or unset it"
     )

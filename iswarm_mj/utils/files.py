@@ -75,23 +75,23 @@ def only_writer(place: Path, lock: Path | None = None, setting: str = "`out`") -
         place: the file or the directory.
         lock: file that is locked, by default one beside the place; the lock ends with its
             process, also where SIGKILL leaves the file.
-        setting: what to choose another of, in errors.
+        setting: name of the place in errors, which end with "choose another `out`".
 
     Raises:
-        UserError: another process, or this one, writes there, or the lock cannot be made.
+        UserError: another process, or this one, writes there already, or the lock cannot be made.
     """
     path = place.with_name(f".{place.name}.lock") if lock is None else lock
-    if not path.parent.is_dir():  # which filelock would create
+    if not path.parent.is_dir():  # filelock would create the directory
         raise write_error(place, FileNotFoundError(errno.ENOENT, ""))
     file_lock = FileLock(
         path,
         timeout=PATIENCE,
         poll_interval=PATIENCE / 10,
-        thread_local=False,  # another thread may complete the file
+        thread_local=False,  # after a signal another thread may complete the file and unlock it
     )
     try:
         file_lock.acquire()
-    except (Timeout, RuntimeError):
+    except (Timeout, RuntimeError):  # RuntimeError: waiting in this process would be a deadlock
         raise UserError(
             f"{place} is in use by another process, or elsewhere in this one; "
             f"wait for its end or choose another {setting}"
@@ -101,9 +101,11 @@ def only_writer(place: Path, lock: Path | None = None, setting: str = "`out`") -
     try:
         yield
     finally:
-        with completing():
+        with completing():  # signals wait until the lock is gone
+            # Removed while locked, since the file may be another's lock afterwards. Who waits for
+            # it tries again: filelock does not accept a file that was removed.
             with suppress(OSError):
-                path.unlink()  # before it is unlocked, so that nobody else has it
+                path.unlink()
             file_lock.release()
 
 
