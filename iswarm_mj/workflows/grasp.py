@@ -293,7 +293,11 @@ def outcome_lines(rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
 
 
 def _outcome_text(rows: Sequence[TrialRow]) -> str:
-    """Return mean and range of voltages, and how many balls were lifted, landed or melted."""
+    """Return mean and range of voltages, and how many balls were lifted, landed or melted.
+
+    Args:
+        rows: rows of one experiment, humidity and gap, which have the same highest voltage.
+    """
     voltages = [row.voltage for row in rows if row.voltage is not None]
     landings = [row.landed for row in rows if row.landed is not None]
     n_melted = sum(row.melted for row in rows)
@@ -302,9 +306,9 @@ def _outcome_text(rows: Sequence[TrialRow]) -> str:
     parts = []
     if voltages:
         parts.append(f"{np.mean(voltages):.1f} V ({min(voltages):.1f}-{max(voltages):.1f})")
-    if voltages and not landings:
+    if voltages and not landings:  # voltages of a release do not lift
         parts.append(f"{len(voltages)} of {len(rows)} lifted")
-    if n_without_voltage:
+    if n_without_voltage:  # neither lifted nor released up to the highest voltage
         limit = rows[0].limit_voltage
         parts.append(f"{n_without_voltage} of {len(rows)} not up to {limit:g} V")
     if landings:
@@ -369,6 +373,7 @@ def _compute_rows(settings: GraspSettings) -> tuple[list[TrialRow], Float[np.nda
     cases_to_run = cases(settings)
     trials = [case.trial for case in cases_to_run]
     with Progress(len(trials), "trial", waiting="compiling the bench and its forces") as bar:
+        # The import may compile, which takes time that the bar explains.
         from iswarm_mj.gripper.bench.run_trials import run_trials
 
         outcomes = run_trials(

@@ -125,19 +125,26 @@ class GraspSettings:
 
     @cached_property
     def effective(self) -> EffectiveProperties:
-        """Properties of the trials, from the materials or as set."""
+        """Properties that the trials have: settings where they are set, or those of the materials.
+
+        Works of adhesion [J/m^2] that are not set are those fitted to the paper's materials, times
+        the ratio of the work between these materials to that between the paper's.
+        """
         ball = materials.material("ball_material", self.ball_material, materials.BALL)
         tool = materials.material("tool_material", self.tool_material, materials.TOOL)
         plate = materials.material("plate_material", self.plate_material, materials.PLATE)
 
+        # Works of adhesion of the ball (object) to the tool and to the plate (substrate).
         work_tool = self.work_tool_object
         if work_tool is None:
             ratio = materials.work_ratio(ball, tool, materials.BALL, materials.TOOL)
             work_tool = detachment.WORK_TOOL_OBJECT * ratio
+
         work_plate = self.work_object_substrate
         if work_plate is None:
             ratio = materials.work_ratio(ball, plate, materials.BALL, materials.PLATE)
             work_plate = detachment.WORK_OBJECT_SUBSTRATE * ratio
+
         density = ball.density if self.ball_density is None else self.ball_density
         return EffectiveProperties(
             work_tool_object=work_tool,
