@@ -4,6 +4,8 @@ Programs take everything else as arrays (`sensors.conditions`, `sensors.arena`, 
 so runs of different settings share a compiled program, and a control step can only read the values
 of its own world. The classes of `config.swarm` derive from those here and add the settings that may
 differ between worlds.
+
+Lengths in rd are in robot diameters, the unit of the paper (`utils.units.ROBOT_DIAMETER`).
 """
 
 import math
@@ -16,7 +18,7 @@ from iswarm_mj.utils.constraints import Above, Needs, Within, check, validate
 LONGEST_STEP = 0.085
 """Longest distance that a robot may move in one physics step [rd].
 
-Contacts part robots that overlap by pushing them back the way they came. MuJoCo pushes them up
+Contacts separate robots that overlap by pushing them back the way they came. MuJoCo pushes them up
 instead where they overlap by more than their height. Within these limits that does not happen, even
 in crowds that fill the arena and press upon each other at full speed
 (`tests/engines/test_longest_steps.py`); with 0.092 rd, or turns of 45 degrees, robots come out on
@@ -24,6 +26,8 @@ the other side.
 """
 LARGEST_TURN = 30.0
 """Largest turn of a robot in one physics step [deg], for the same reason."""
+_ROUNDING = 1e-9
+"""Part of a physics step by which a number of steps may exceed a whole number."""
 
 
 @dataclass(frozen=True)
@@ -41,9 +45,9 @@ class StaticDrive:
     max_turn: Annotated[float, Above(0, 180, "deg")] = 90.0
     """Largest turn in one control step [deg]; a choice."""
     locations: Literal["free", "cells"] = "free"
-    """Robots walk wherever contacts let them (`free`); or there is one robot in each of the arena's
-    `cells` of 1 rd, of which one lies about the centre: a robot whose step would end in a cell
-    where another one stands stays where it is, which counts as a collision. Section 4.6.2: "49 x 49
+    """Robots walk wherever contacts let them (`free`), or only into empty squares of 1 rd
+    (`cells`), one of which is centred in the arena: a robot whose step would end in a cell where
+    another one stands stays where it is, which counts as a collision. Section 4.6.2: "49 x 49
     = 2401 possible robot locations"; it does not say more."""
 
     def __post_init__(self):
@@ -62,7 +66,10 @@ class StaticDrive:
         """
         n_steps = getattr(self, name)
         motion = getattr(self, motion_name)
-        fewest = math.ceil(motion / largest - 1e-9)
+
+        # A quotient that is whole but for rounding needs no further step.
+        fewest = math.ceil(motion / largest - _ROUNDING)
+
         reason = f"so that a robot moves by at most {largest:g} {unit} in a physics step"
         limit = f"at least {fewest} with `drive.{motion_name}` {motion:g}, {reason}"
         check(f"drive.{name}", n_steps, limit, n_steps >= fewest)
@@ -83,10 +90,14 @@ N_LEDS = 4
 MESSAGE_BITS = 32
 """Length of a message (Table 1)."""
 SENDERS_IN_SIGHT = 5
-"""Nearest senders in sight of a side that engines report where messages take time; others neither
-jam nor are heard."""
-_IN_SLOTS = Needs("baud_rate")
-_IN_TRIALS = Needs("resolution", ("dynamic",))
+"""Number of senders that engines report to each side of a robot where messages take time.
+
+They are the nearest ones in sight; others neither jam nor are heard. Of the sides that hear any, at
+most one in 10,000 has more (`tests/studies/test_senders_in_sight.py`)."""
+_NEEDS_SLOTS = Needs("baud_rate")
+"""Settings of slots have an effect where messages take time, at any bit rate but 0."""
+_NEEDS_TRIALS = Needs("resolution", ("dynamic",))
+"""Settings of trials have an effect where attempts of the gripper are trials."""
 
 
 @dataclass(frozen=True)
@@ -113,16 +124,16 @@ class StaticOptics:
     """Bit rate of an LED [bit/s]. 0: messages take no time and do not interfere. Otherwise all
     robots stop in each control step for a window of `slots`, each as long as one message ("they
     frequently stop in order to emit some light impulses", section 4.1). The paper gives no rate."""
-    slots: Annotated[int, Within(4, 64), _IN_SLOTS] = 8
+    slots: Annotated[int, Within(4, 64), _NEEDS_SLOTS] = 8
     """Slots of the window for messages. A robot lights its LEDs in four consecutive slots ("the
     LEDs will be serially activated", section 4.1); it draws the first in each control step."""
-    photodiodes_while_emitting: Annotated[Literal["front", "none", "all"], _IN_SLOTS] = "front"
+    photodiodes_while_emitting: Annotated[Literal["front", "none", "all"], _NEEDS_SLOTS] = "front"
     """Sides that listen while a robot emits ("all photodiodes off, except those on the front side
-    of the robot in order to detect an obstacle", section 4.1). A side whose own LED is lit detects
-    walls but receives no message."""
-    serial_photodiodes: Annotated[bool, _IN_SLOTS] = False
+    of the robot in order to detect an obstacle", section 4.1). In the slot of its own LED a side
+    detects walls but receives no message."""
+    serial_photodiodes: Annotated[bool, _NEEDS_SLOTS] = False
     """A silent robot listens with one side after the other, a slot each, instead of with all."""
-    capture_ratio: Annotated[float, Within(0, 100), _IN_SLOTS] = 0.0
+    capture_ratio: Annotated[float, Within(0, 100), _NEEDS_SLOTS] = 0.0
     """The nearest of several senders in a slot is heard if the others are at least this many times
     as far away; 0: never."""
 
@@ -158,12 +169,12 @@ class StaticGripper:
     tool_reach: Annotated[float, Above(0, 1e-3, "m")] = 0.2e-3
     """Reach of the tool from its rest position, in two degrees of freedom [m]."""
     resolution: Literal["quasi-static", "dynamic"] = "quasi-static"
-    """Model of attempts to pick up and release: a force balance (`quasi-static`) or trials
-    (`dynamic`)."""
-    bench: Annotated[Literal["auto", "c", "mjx"], _IN_TRIALS] = "auto"
+    """Model of attempts to pick up and release: a force balance (`quasi-static`), or trials that
+    MuJoCo simulates (`dynamic`)."""
+    bench: Annotated[Literal["auto", "c", "mjx"], _NEEDS_TRIALS] = "auto"
     """Program that runs trials: MuJoCo in C (`c`), or a batch in MJX (`mjx`); `auto`: C with
     engines on the CPU, MJX with compiled ones."""
-    bench_capacity: Annotated[int, Within(1, 1024), _IN_TRIALS] = 8
+    bench_capacity: Annotated[int, Within(1, 1024), _NEEDS_TRIALS] = 8
     """Trials per world and control step in MJX; further robots try again in the next step."""
     tool_error: Annotated[float, Within(0, 1e-4, "m")] = 0.0
     """Standard deviation of the tool's position relative to the ball, per axis and attempt [m]; see
@@ -209,12 +220,15 @@ class StaticConfig:
 
     @property
     def step_length(self) -> float:
-        """Longest distance of a control step, shortened by the window for messages [rd]."""
+        """`drive.step_length`, shortened by the time in which robots exchange messages [rd]."""
         return step_length(self.drive, self.optics)
 
 
 def step_length(drive: StaticDrive, optics: StaticOptics) -> float:
-    """Return the longest distance of a control step, shortened by the window for messages [rd]."""
+    """Return `drive.step_length`, shortened by the time in which robots exchange messages [rd].
+
+    `SwarmConfig` checks that messages take less time than the robots have to walk.
+    """
     return drive.step_length * (1.0 - optics.window / drive.walk_time)
 
 
