@@ -8,7 +8,7 @@ slightly into it sees it too.
 
 Rays are seen from the receiver's centre where they meet robots, and from the arena's centre where
 they meet what stands still: in 32-bit floats short distances between robots keep their digits.
-Units: mm.
+Both numba and Warp compile the functions here (`kinds.shared`, with the rules of Warp). Units: mm.
 """
 
 import math
@@ -211,14 +211,23 @@ def next_sender(view: View, side: int, last_effective: float, last_code: int) ->
 
 @shared
 def is_clear(view: View, side: int, code: int, scene: Scene) -> bool:
-    """Return whether no third robot, obstacle or box blocks the light that a side receives."""
+    """Return whether no third robot, obstacle or box blocks the light that a side receives.
+
+    Args:
+        view: the receiver and the robots near it.
+        side: side of the receiver.
+        code: link code of the sender and its LED, see `link_code`.
+        scene: optics and arena.
+    """
     sender = sender_of(code)
     ray = link_ray(view, side, code, scene)
     if is_hidden_by_robots(view, sender, ray, scene.plane):
         return False
 
     receiver = place_of(view.places, view.receiver)
-    world_ray = seen_from_origin(ray, receiver)
+    world_ray = in_arena_frame(ray, receiver)
+
+    # Obstacles and boxes are the rows after the walls, which hide nothing.
     clear = bool(True)
     for row in range(scene.plane.n_walls, scene.solids.shape[0]):
         clear = clear and not is_crossed(world_ray, obstacle_of(scene.solids, row))
@@ -298,7 +307,7 @@ def sees_wall(view: View, side: int, scene: Scene) -> bool:
     if not is_near_solid(receiver, scene):
         return False
     ray = led_ray(view, side, scene)
-    share = first_solid(seen_from_origin(ray, receiver), scene)
+    share = first_solid(in_arena_frame(ray, receiver), scene)
     sees = share <= 1.0
     if share > 0.0 and share <= 1.0:
         for k in range(view.n_near):
@@ -380,8 +389,8 @@ def hull_from(receiver: Place, place: Place, kind: Kind) -> Rectangle:
 
 
 @shared
-def seen_from_origin(ray: Ray, receiver: Place) -> Ray:
-    """Return a ray that is seen from a receiver's centre as one that is seen from the arena's."""
+def in_arena_frame(ray: Ray, receiver: Place) -> Ray:
+    """Return a ray seen from the arena's centre, given the same ray seen from a receiver's."""
     return Ray(
         x=receiver.x + ray.x,
         y=receiver.y + ray.y,

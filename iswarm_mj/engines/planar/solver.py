@@ -1,4 +1,9 @@
-"""The contact impulses of one world, by block Gauss-Seidel sweeps with momentum."""
+"""The contact impulses of one world, by block Gauss-Seidel sweeps with momentum.
+
+A contact is a record of type `contacts.CONTACT`. It has a row for each of its one or two contact
+points, and each row an impulse along the normal (`contact_rows`). Bodies do not rub against each
+other; friction is that of bodies on the floor.
+"""
 
 from typing import Any
 
@@ -91,14 +96,22 @@ def solve(
     kinds: np.ndarray,
     plane: Plane,
 ) -> bool:
-    """Find the impulses of all contacts (C,) and change the velocities, island by island.
+    """Find the impulses of all contacts and change the velocities, island by island.
 
-    Args: as for `solve_island`.
+    Args:
+        contacts: (C,) of type CONTACT, changed.
+        velocities: (N + M + 1, 3) of robots, boxes, and zero for what is fixed, changed
+            [mm/s, mm/s, rad/s].
+        friction: (N + M, 3) impulses of the floor's friction, changed.
+        kinds: (N + M + 1,) kinds of the same bodies, see `plane.table_of`.
+        plane: limits of the sweeps.
 
     Returns:
-        True if the sweeps of all islands converged.
+        True if the sweeps of all islands converged. After one that did not, others are left
+        unsolved.
     """
-    order, begins = find_islands(contacts, len(velocities) - 1)
+    n_bodies = len(velocities) - 1  # without the last, which is fixed
+    order, begins = find_islands(contacts, n_bodies)
     converged = True
     for k in range(len(begins) - 1):
         members = order[begins[k] : begins[k + 1]]
@@ -137,7 +150,7 @@ def solve_island(
         velocities: (N + M + 1, 3), on entry with the contacts' impulses so far [mm/s, mm/s, rad/s].
         friction: (N + M, 3) impulses of the floor's friction so far, which are in the velocities,
             too.
-        kinds: (N + M + 1,) see `plane.table_of`.
+        kinds: (N + M + 1,) kinds of the bodies, see `plane.table_of`.
         plane: limits of the sweeps.
 
     Returns:
@@ -172,12 +185,20 @@ def _relax(
     friction: np.ndarray,
     kinds: np.ndarray,
 ) -> tuple[float, float]:
-    """Solve the rows of a contact while all others stay.
+    """Solve the one or two rows of a contact while all other contacts stay.
+
+    Args:
+        contact: record of type CONTACT, changed; h11, h12 and h22 are the elements of its matrix H,
+            see `contact_rows.matrix`.
+        velocities: see `solve_island`, changed.
+        friction: see `solve_island`, changed.
+        kinds: see `solve_island`.
 
     Returns:
-        Largest change of a velocity [mm/s]; and the slope of the dual problem along the latest
-        momentum, positive where momentum led uphill.
+        Largest change of a velocity [mm/s]; and the slope of the dual problem along the way of the
+        impulses since the latest sweep, positive where momentum led uphill.
     """
+    # The impulses with the latest momentum; `last_impulse1` and `last_impulse2` are without it.
     old1 = contact.impulse1
     old2 = contact.impulse2
     new1, new2 = relaxed(
@@ -191,8 +212,13 @@ def _relax(
         velocity_of(velocities, contact.second),
     )
     change = _change(contact, new1 - old1, new2 - old2)
+
+    # The step from old to new leads downhill. Where it is opposed to the whole way since the latest
+    # sweep, momentum went too far.
     uphill1 = (old1 - new1) * (new1 - contact.last_impulse1)
     uphill2 = (old2 - new2) * (new2 - contact.last_impulse2)
+
+    # Bodies with new velocities also get other friction on the floor.
     _set_impulses(contact, new1, new2, velocities)
     if contact.has_friction:
         _apply_friction_to_both(contact.first, contact.second, velocities, friction, kinds)

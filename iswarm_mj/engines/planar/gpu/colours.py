@@ -1,4 +1,7 @@
-"""Colours of contacts: those of one colour share no body, so threads can solve them in parallel."""
+"""Colours of contacts: those of one colour share no body, so threads can solve them in parallel.
+
+Variables that change in loops begin as `int(0)` or `bool(True)`, as Warp demands (`planar.kinds`).
+"""
 
 import warp as wp
 
@@ -68,7 +71,18 @@ def _forget_colours(w: World, n: int, lane: int, n_lanes: int):
 
 @wp.func
 def _play_rounds(w: World, n: int, lane: int, n_lanes: int) -> bool:
-    """Colour contacts in rounds; return whether any is left without colour."""
+    """Colour contacts in rounds; return whether any is left without colour.
+
+    Each round has two parts, for contacts without colour. All offer their keys (`_key`) to both
+    bodies, of which each keeps the least in `w.least_keys`; then those whose keys were kept by both
+    take a colour.
+
+    Args:
+        w: the world.
+        n: number of contacts.
+        lane: index of this thread, which has every `n_lanes`-th contact.
+        n_lanes: number of threads that have contacts.
+    """
     round = int(0)
     is_open = bool(True)
     while is_open and round < _MAX_ROUNDS:
@@ -77,10 +91,14 @@ def _play_rounds(w: World, n: int, lane: int, n_lanes: int) -> bool:
                 _offer_key(w, w.contacts[k], round)
         barrier_of(n_lanes)
 
+        # Of this thread's contacts. The call, which colours a contact, comes first in any case.
         is_left = bool(False)
         for k in range(lane, n, n_lanes):
             if w.contacts[k][COLOUR] < 0:
                 is_left = not _takes_colour(w, k, round) or is_left
+
+        # Is any contact of any thread left? The sum is of zeros: only its flag counts. It is a
+        # barrier, too, before the offers of the next round.
         is_open = sum_if_any(is_left, wp.int64(0), n_lanes) != NO_SUM
         round += 1
     return is_open
