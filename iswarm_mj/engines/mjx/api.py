@@ -43,12 +43,15 @@ def put_model(model: mujoco.MjModel, impl: str, device: Any = None) -> mjx.Model
     if impl != "warp":
         return mjx_model
 
-    # By default, kernels print two lines for each search in each world and step that ends at its
-    # limit, which takes longer than the search. The bits in `overflow` are set all the same.
+    # By default, kernels print two lines for each line search of the contact solver that ends at
+    # its limit of iterations, which takes longer than the search. Without these lines, they set
+    # the bits of the data's `overflow` all the same.
     silent = {"opt._impl.warn_overflow": 0}
 
-    # Find pairs of geoms near each other by sorting them, not by comparing each with each.
-    sorting = {"opt._impl.broadphase": type(mjx_model.opt._impl.broadphase).SAP_TILE}
+    # Find pairs of geoms near each other by sorting them, not by comparing each with each. The
+    # setting's value leads to its enumeration, which MJX does not export.
+    broadphase = type(mjx_model.opt._impl.broadphase)
+    sorting = {"opt._impl.broadphase": broadphase.SAP_TILE}
     return cast(mjx.Model, mjx_model.tree_replace(silent | sorting))
 
 

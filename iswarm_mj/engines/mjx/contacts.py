@@ -3,9 +3,11 @@
 MJX's own functions differ from MuJoCo's in C: for two boxes they measure some depths along the
 normal of the wrong box, up to a fifth too deep, and against a plane they keep only corners that
 are within 1e-3 of the deepest. The functions of this module find the same points and depths as
-MuJoCo's, in two dimensions, which is faster too. They hold where boxes stand upright at one
-height, so they replace MJX's only while a program of the arena is traced. Boxes of which one is
-above the other do not touch, such as absent robots and those on the floor.
+MuJoCo's, in two dimensions, which is faster too.
+
+They hold only where boxes stand upright at one height. So `planar_contacts` puts them into MJX's
+table while JAX traces a program of the arena, which keeps them, and restores the table afterwards.
+Boxes one above the other never touch: absent robots wait below those on the floor.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,17 +30,19 @@ _POINTS_PER_PAIR = 4
 """Contact points of a pair: two, each at the lower and the upper rim."""
 
 _NO_CONTACT = 1.0
-"""Distance of a point that does not touch [mm]."""
+"""Distance of a point where geoms do not overlap, which MuJoCo ignores without a margin [mm]."""
 
 _geometry = in_arrays(contact_geometry, jnp)
+"""Functions of `contact_geometry` for arrays of JAX."""
 
 
 class Geom(NamedTuple):
-    """Pose and size of a geom."""
+    """Pose and size of a geom, or of P geoms."""
 
     centre: Float[Array, "*P 3"]
     """[mm]"""
     rotation: Float[Array, "*P 3 3"]
+    """Rotation matrix; its columns are the geom's axes, of which a plane's normal is the last."""
     half_edges: Float[Array, "*P 3"]
     """[mm]; undefined for a plane."""
 
@@ -62,6 +66,8 @@ def box_box(first: Geom, second: Geom) -> tuple[Array, Array, Array]:
     offset = second.centre - first.centre
     first_hull = _hull(first, 0.0, 0.0)
     second_hull = _hull(second, offset[0], offset[1])
+
+    # After the normal come x, y and distance of both points (`ContactPoints`).
     normal_x, normal_y, *points = _geometry.rectangle_contact(first_hull, second_hull)
     is_level = jnp.abs(offset[2]) < first.half_edges[2] + second.half_edges[2]
     distances, positions = _at_both_rims(points, first, may_touch=is_level)
@@ -71,7 +77,8 @@ def box_box(first: Geom, second: Geom) -> tuple[Array, Array, Array]:
 def plane_box(plane: Geom, box: Geom) -> tuple[Array, Array, Array]:
     """Return the contact points of a vertical wall and a box.
 
-    They are the two corners nearest to the wall, at the lower and the upper rim.
+    They are the two corners nearest to the wall, at the lower and the upper rim. Walls are endless
+    upwards and downwards, so that the height of the box does not matter.
 
     Returns:
         Distances (4,) [mm]; points (4, 3) [mm]; normal (3,) from plane to box.
@@ -104,8 +111,8 @@ def _at_both_rims(
     x1, y1, distance1, x2, y2, distance2 = points
     distance = jnp.stack([distance1, distance2])
     xy = box.centre[:2] + jnp.array([[x1, y1], [x2, y2]])
-    direction = jnp.repeat(jnp.array([-1.0, 1.0]), 2)
-    height = box.centre[2] + direction * box.half_edges[2]
+    lower_and_upper = jnp.repeat(jnp.array([-1.0, 1.0]), 2)  # the rims of both points in turn
+    height = box.centre[2] + lower_and_upper * box.half_edges[2]
     distance = jnp.where(may_touch & (distance < 0), distance, _NO_CONTACT)
     return jnp.tile(distance, 2), jnp.column_stack([jnp.tile(xy, (2, 1)), height])
 

@@ -59,13 +59,15 @@ class MjxSettings(EngineSettings):
         return replace(self, contact_capacity=max(self.contact_capacity, BATCH_CAPACITY))
 
     def compiled_engine(self, model: ModelSpec, n_worlds: int, platform: str) -> "CompiledEngine":
-        """Return an engine for programs; see `EngineSettings.compiled_engine`."""
+        """Return MJX for programs of JAX on any platform; see `EngineSettings.compiled_engine`."""
+        # The first two import MJX, which takes time that other engines do not need.
         from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
         from iswarm_mj.engines.mjx.engine import MjxEngine
         from iswarm_mj.engines.robot_file import read_robots
         from iswarm_mj.utils.units import RD
 
-        # Large robots cover more of the floor.
+        # Large robots have more neighbours. Small ones get no less room than those of 1 rd, the
+        # diameter of the paper's robots.
         diameter_in_rd = max(2 * read_robots(model.robot_file).circumradius / RD, 1.0)
         arena = compile_mjx_arena(
             config=model.config,
