@@ -1,4 +1,7 @@
-"""The arena with its robots and balls, composed from the MJCF files in `models/`."""
+"""The arena with its robots and balls, composed from the MJCF files in `models/`.
+
+Configurations give lengths in rd, robot diameters, or m; the arena's are in mm.
+"""
 
 import math
 from collections.abc import Callable
@@ -72,7 +75,7 @@ class ArenaModel(NamedTuple):
     """(W,) geom ids of the walls."""
     planes: np.ndarray
     """(W, 3) half planes of the walls, see `geometry.walls.half_planes` [mm]."""
-    extent: float
+    half_extent: float
     """Half the edge of the square around the arena [mm]."""
     obstacles: np.ndarray
     """(O,) geom ids of the obstacles."""
@@ -157,13 +160,14 @@ def compile_arena(
     """Compile the arena and find its robots, boxes and balls.
 
     Args:
-        config: see `arena_spec`.
-        n_robots: number of robots; None for one of each kind.
-        ball_radius: see `arena_spec`.
-        visual: see `arena_spec`.
+        config: sizes of arena, dump and dust areas; boxes and obstacles.
+        n_robots: number of robots; None for one of each kind, for engines that read only constants
+            of the compiled model.
+        ball_radius: (K,) radii of the balls [m].
+        visual: keep the robots' visible parts; without them the physics is the same and faster.
         tune: changes the composed arena before it is compiled.
-        robot_file: see `arena_spec`.
-        refinement: see `arena_spec`.
+        robot_file: MJCF file of a robot, by default `models/robot.xml`; or those of several kinds.
+        refinement: time steps of the model in a physics step of the drive's configuration.
     """
     robot = read_robots(robot_file)
     kind = np.arange(len(robot.kinds)) if n_robots is None else robot.kind_of(n_robots)
@@ -186,6 +190,10 @@ def compile_arena(
     hull = _geom_ids(model, [prefix + "hull" for prefix in prefixes])
     qpos = np.array([_joint_addresses(model, prefix) for prefix in prefixes])
 
+    # A drive is a damped joint that engines push with its damping times the target velocity
+    # (`_tune_drive`). Slides and hinges have the same addresses in qpos and in qvel.
+    servo_gain = model.dof_damping[qpos]
+
     balls = [model.body(f"ball{ball_index}/ball") for ball_index in range(len(ball_radius))]
     return ArenaModel(
         model=model,
@@ -194,11 +202,11 @@ def compile_arena(
         body=model.geom_bodyid[hull],
         walls=_geom_ids(model, [f"wall{index}" for index in range(len(arena.walls))]),
         planes=in_mm(arena.walls),
-        extent=mm_from_rd(arena.size) / 2,
+        half_extent=mm_from_rd(arena.size) / 2,
         obstacles=_geom_ids(model, [f"obstacle{index}" for index in range(len(arena.obstacles))]),
         qpos=qpos,
         mocap=np.array([ball.mocapid[0] for ball in balls], int),
-        servo_gain=model.dof_damping[qpos],
+        servo_gain=servo_gain,
         robot=robot,
         kind=kind,
         refinement=refinement,

@@ -102,7 +102,7 @@ def read_plane(arena: ArenaModel, tolerance: float = FINEST) -> Plane:
     hull = arena.hull[0]
     return Plane(
         largest_radius=arena.robot.circumradius,
-        half_extent=float(arena.extent),
+        half_extent=float(arena.half_extent),
         n_walls=len(arena.walls),
         timestep=float(model.opt.timestep),
         refinement=arena.refinement,
