@@ -146,9 +146,13 @@ class _Sizes(NamedTuple):
     substeps: tuple[int, int]
     """Number of physics steps of a turn and of a walk."""
 
-    def of_axes(self, axes: tuple[int, ...]) -> dict[str, Any]:
-        """Return the sizes by the names in annotations, with the axes of the worlds."""
-        return {"B": axes, "N": self.n_robots, "S": self.n_sides, "K": self.most_partners}
+    def by_name(self, world_shape: tuple[int, ...]) -> dict[str, Any]:
+        """Return the sizes by their names in annotations.
+
+        Args:
+            world_shape: (B,) for arrays of B worlds, () for those of one.
+        """
+        return {"B": world_shape, "N": self.n_robots, "S": self.n_sides, "K": self.most_partners}
 
 
 class _Outcome(NamedTuple):
@@ -242,14 +246,14 @@ def _exercise(engine: Any, sizes: _Sizes, poses: Any, is_present: Any, is_runnin
         is_present: (*B, N) places that hold a robot.
         is_running: (*B,) worlds that move.
     """
-    axes = is_running.shape
+    world_shape = is_running.shape
     bodies = _call(engine, "place", poses, is_present)
-    _check_bodies(engine, bodies, axes)
-    placed = _poses_of(engine, sizes, bodies, axes)
+    _check_bodies(engine, bodies, world_shape)
+    placed = _poses_of(engine, sizes, bodies, world_shape)
 
     light = _call(engine, "sense", bodies, is_present, is_running)
     name = type(engine).__name__
-    check_result(f"{name}.sense", light, _light_shapes(sizes, axes))
+    check_result(f"{name}.sense", light, _light_shapes(sizes, world_shape))
 
     phases = [Phase(n_substeps, _stand_still) for n_substeps in sizes.substeps]
     motion = _call(engine, "move", bodies, phases, is_running)
@@ -257,10 +261,10 @@ def _exercise(engine: Any, sizes: _Sizes, poses: Any, is_present: Any, is_runnin
         got = type(motion).__name__
         raise UserError(f"{name}.move must return a Motion (got a {got})")
     check_result(f"{name}.move", motion.bodies, bodies, "bodies")
-    expected = Motion(bodies=None, **shapes_of(Motion, **sizes.of_axes(axes)))
+    expected = Motion(bodies=None, **shapes_of(Motion, **sizes.by_name(world_shape)))
     check_result(f"{name}.move", motion._replace(bodies=None), expected)
 
-    moved = _poses_of(engine, sizes, motion.bodies, axes)
+    moved = _poses_of(engine, sizes, motion.bodies, world_shape)
     return _Outcome(placed, light.links, moved)
 
 
@@ -275,25 +279,37 @@ def _call(engine: Any, method: str, *arguments: Any) -> Any:
         return getattr(engine, method)(*arguments)
 
 
-def _check_bodies(engine: Any, bodies: Any, axes: tuple[int, ...]) -> None:
-    """Check that bodies are arrays, with a first axis of worlds where there are several."""
+def _check_bodies(engine: Any, bodies: Any, world_shape: tuple[int, ...]) -> None:
+    """Check that bodies are arrays, with a first axis of worlds where there are several.
+
+    Args:
+        engine: returned them from `place`.
+        bodies: a pytree.
+        world_shape: (B,) for bodies of B worlds, () for those of one.
+
+    Raises:
+        UserError: a leaf is no array, or begins with other axes.
+    """
     for path, leaf in jax.tree_util.tree_leaves_with_path(bodies):
         shape = getattr(leaf, "shape", None)
-        if shape is not None and shape[: len(axes)] == axes:
+        if shape is not None and shape[: len(world_shape)] == world_shape:
             continue
+
+        # Such as "place must return arrays with a first axis of worlds, 4, as ['x'] of its bodies".
         name = type(engine).__name__
         part = f"{jax.tree_util.keystr(path)} of " if path else ""
-        worlds = f" with a first axis of worlds, {axes[0]}," if axes else ""
+        worlds = f" with a first axis of worlds, {world_shape[0]}," if world_shape else ""
         got = type(leaf).__name__ if shape is None else f"shape {shape}"
         raise UserError(f"{name}.place must return arrays{worlds} as {part}its bodies (got {got})")
 
 
-def _poses_of(engine: Any, sizes: _Sizes, bodies: Any, axes: tuple[int, ...]) -> Any:
+def _poses_of(engine: Any, sizes: _Sizes, bodies: Any, world_shape: tuple[int, ...]) -> Any:
     """Return the poses of robots, after checks of them and of the poses of boxes."""
     poses = _call(engine, "poses", bodies)
-    _check_poses(engine, "poses", poses, (*axes, sizes.n_robots, 3))
+    _check_poses(engine, "poses", poses, (*world_shape, sizes.n_robots, 3))
     if sizes.n_boxes:
-        _check_poses(engine, "boxes", _call(engine, "boxes", bodies), (*axes, sizes.n_boxes, 3))
+        boxes = _call(engine, "boxes", bodies)
+        _check_poses(engine, "boxes", boxes, (*world_shape, sizes.n_boxes, 3))
     return poses
 
 
@@ -304,15 +320,17 @@ def _check_poses(engine: Any, method: str, poses: Any, shape: tuple[int, ...]) -
     check_result(f"{type(engine).__name__}.{method}", poses, jax.ShapeDtypeStruct(shape, dtype))
 
 
-def _light_shapes(sizes: _Sizes, axes: tuple[int, ...]) -> LightReading:
+def _light_shapes(sizes: _Sizes, world_shape: tuple[int, ...]) -> LightReading:
     """Return shapes and types of what an engine senses."""
-    arrays = shapes_of(Links, **sizes.of_axes(axes))
+    sizes_by_name = sizes.by_name(world_shape)
+    arrays = shapes_of(Links, **sizes_by_name)
+
     # Only where messages take time do links have an axis of senders.
     senders = (sizes.n_senders,) if sizes.n_senders > 1 else ()
     links: dict[str, Any] = {}
     for name, array in arrays.items():
         links[name] = jax.ShapeDtypeStruct((*array.shape, *senders), array.dtype)
-    return LightReading(Links(**links), **shapes_of(LightReading, **sizes.of_axes(axes)))
+    return LightReading(Links(**links), **shapes_of(LightReading, **sizes_by_name))
 
 
 def check_links(method: str, links: Links, n_robots: int, n_sides: int) -> None:

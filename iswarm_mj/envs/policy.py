@@ -62,13 +62,14 @@ class PolicyStrategy(StrategyFactory):
         self.task = usable_task(task)
 
     def for_world(self, config: SwarmConfig, robot: Robots, n_robots: int) -> "Policy":
-        """Return the policy of robots in this configuration."""
+        """Return the policy of robots in this configuration; it is the same for any number."""
         del n_robots
         return Policy(
             params=self.params,
+            # Worlds may differ in it, so that `config.static` does not have it.
             dust_range=config.strategy.dust_range,
             apply=self.apply,
-            initial=self.memory,
+            initial_memory=self.memory,
             payload=self.payload,
             config=config.static,
             robot=robot,
@@ -78,22 +79,24 @@ class PolicyStrategy(StrategyFactory):
 
 @dataclass(frozen=True)
 class Policy(Strategy):
-    """Policy of the robots of a world; see `PolicyStrategy` for its fields."""
+    """Policy of the robots of a world; see `PolicyStrategy` for fields without a docstring."""
 
     params: Any
     dust_range: float
     """Range of the sense of dust in this world [rd]."""
     apply: Callable[..., Any] = field(metadata=_STATIC)
-    initial: Callable[[int], Any] | None = field(metadata=_STATIC)
+    initial_memory: Callable[[int], Any] | None = field(metadata=_STATIC)
+    """Function that returns the first memory of N robots, `memory` of `PolicyStrategy`."""
     payload: Payload
     config: StaticConfig = field(metadata=_STATIC)
+    """Settings that all worlds share."""
     robot: Robots = field(metadata=_STATIC)
     task: Any = field(metadata=_STATIC)
 
     def init(self, n_robots: int, key: Array) -> dict[str, Any]:
         """Return the policy's memory, and what robots say before their first action."""
         return {
-            "own": () if self.initial is None else self.initial(n_robots),
+            "own": () if self.initial_memory is None else self.initial_memory(n_robots),
             "said": tables.silence(self.payload, n_robots),
             "picks": jnp.ones(n_robots, bool),
         }
@@ -137,7 +140,7 @@ class Policy(Strategy):
 
     def _apply(self, obs: Float[Array, "N D"], memory: Any) -> tuple[Any, Any]:
         """Return the actions and the next memory of the policy."""
-        if self.initial is None:
+        if self.initial_memory is None:
             return self.apply(self.params, obs), ()
         return self.apply(self.params, obs, memory)
 
