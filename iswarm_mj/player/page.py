@@ -232,7 +232,7 @@ class Page:
         self._drawn_version = session.version
         session.shown = 0.0
         view = SwarmView(self._server.scene, session.scene)
-        view.by = before.by
+        view.colour_by = before.colour_by
         view.shows = before.shows
         view.root.visible = not self._panel.bench.root.visible
         self._panel.view = view

@@ -141,7 +141,7 @@ class Panel:
         inputs = self._inputs
 
         def colour_by(way: str) -> None:
-            self.view.by = way
+            self.view.colour_by = way
 
         def toggle(name: str) -> None:
             self.view.toggle(name)
@@ -208,7 +208,7 @@ class Panel:
         ways = arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy)
         self._ways_to_colour = tuple(ways)
         self._inputs.offer(self._colour, self._ways_to_colour)
-        view.by = self._colour.value
+        view.colour_by = self._colour.value
         self._inputs.offer(self._draws, ("links", "trails", *view.vectors))
 
         # Plots of another task; viser keeps each removal for ever.
@@ -300,10 +300,10 @@ class Panel:
         """Show what the colours mean."""
         session = self._session
         view = self.view
-        if view.by not in self._ways_to_colour:  # chosen while another task came
-            view.by = self._ways_to_colour[0]
-            show(self._colour, "value", view.by)
-        legend = arrays.legend(session.scene, view.by, session.is_alive)
+        if view.colour_by not in self._ways_to_colour:  # chosen while another task came
+            view.colour_by = self._ways_to_colour[0]
+            show(self._colour, "value", view.colour_by)
+        legend = arrays.legend(session.scene, view.colour_by, session.is_alive)
         show(self._legend, "content", spots(legend))
 
     def _show_robot(self) -> None:
@@ -318,23 +318,30 @@ class Panel:
         show(self._robot, "content", text)
 
     def _show_settings(self) -> None:
-        """Show the inputs of changed settings, and what waits for a reset."""
+        """Show inputs for the present settings, and which changes wait for a reset.
+
+        Changed obstacles that wait are drawn as shadows. Nothing is done if neither the scenario
+        that the page asks for (`wanted`) nor that of the run (`now`) has changed.
+        """
         wanted = self._session.wanted
         now = self._session.now
         shown_wanted, shown_now = self._shown_scenarios
         if wanted is shown_wanted and now is shown_now:
             return
         self._shown_scenarios = (wanted, now)
+
+        # Add and remove inputs. Their values are set only where another strategy, task or engine
+        # brings its own: otherwise the inputs already show what the browser sent. The session may
+        # lag behind, and a slider would jump back while the user moves it.
         self._settings.rebuild()
         parts = _names_of_parts(wanted)
         if parts != self._shown_parts:
-            # Another strategy brings its own values. Otherwise inputs show what browsers sent,
-            # which the session may not have taken yet: a slider would jump back while it is moved.
             self._shown_parts = parts
             self._settings.synchronise()
+
         self._pending = self._session.pending
-        is_built = "obstacles" in self._pending
-        self.view.wish(wanted.config.arena.obstacles if is_built else ())
+        obstacles_wait = "obstacles" in self._pending
+        self.view.draw_planned(wanted.config.arena.obstacles if obstacles_wait else ())
 
     def _describe_run(self) -> str:
         """Return what the run is and what it waits for, in Markdown."""

@@ -58,7 +58,7 @@ def swarm_film(run: SavedRun, film: Film) -> SwarmFilm:
     def draw(server: Any) -> Iterator[float]:
         aim(server.initial_camera, scene)
         view = SwarmView(server.scene, scene)
-        view.by = film.colour_by
+        view.colour_by = film.colour_by
         view.shows = set(film.draw)
         view.is_coarse = True
         pictures_per_step = film.frames_per_step

@@ -23,7 +23,9 @@ _RING_COLOUR = (20, 20, 20)
 _ARROW_COLOURS = (SKY, YELLOW, GREEN, PINK)
 """Colours of the arrows, one for each remembered vector in turn."""
 _NO_LINE = np.zeros((1, 2, 3), np.float32)
-"""A line of no length, since a node cannot have none."""
+"""A line of no length, which hides a node, since a node cannot have no lines."""
+_AREA_HEIGHT = 1.5 * shapes.SHEET
+"""Height of the middle of areas [mm]: sheets at the height of the dump and the dust areas."""
 _GRAIN = 64
 """Parts of a millimetre, and of 1, that replays tell apart."""
 
@@ -40,7 +42,7 @@ class SwarmView:
 
     Attributes:
         scene: constants of the world.
-        by: what colours robots, one of `scene.ways_to_colour`.
+        colour_by: what colours robots, one of `scene.ways_to_colour`.
         shows: which of `links`, `trails` and the names of vectors are drawn.
         root: parent of all nodes.
         nodes: nodes of the robots, hulls and fronts.
@@ -57,7 +59,7 @@ class SwarmView:
             scene: constants of the world.
         """
         self.scene = scene
-        self.by = arrays.STATE
+        self.colour_by = arrays.STATE
         self.shows = {"links"}
         self.selected: int | None = None
         self.is_coarse = False
@@ -77,7 +79,7 @@ class SwarmView:
         self._areas = self._add_areas()
         self._lines = self._add_lines()
         self._arrows = self._add_arrows()
-        self._wished = self._batch("wished", self._box(), 0, rgb(WALL), opacity=0.4)
+        self._planned = self._batch("planned", self._box(), 0, rgb(WALL), opacity=0.4)
         self._ring = self._add_ring()
 
     def _add_robots(self) -> dict[str, Any]:
@@ -219,10 +221,10 @@ class SwarmView:
         """Draw what was not drawn, or no longer what was."""
         self.shows = self.shows ^ {name}
 
-    def wish(self, obstacles: Sequence[Obstacle]) -> None:
+    def draw_planned(self, obstacles: Sequence[Obstacle]) -> None:
         """Draw obstacles that wait for a reset, as shadows of themselves."""
         places = np.array(obstacles, float).reshape(-1, 5) * [RD, RD, RD, RD, np.pi / 180]
-        _lay(self._wished, places, self._height / 2)
+        _lay(self._planned, places, self._height / 2)
 
     def show(
         self,
@@ -247,7 +249,7 @@ class SwarmView:
 
         # What follows changes with the control step, or with what is chosen on the page.
         step = int(after.step[0])
-        state = (step, self.by, frozenset(self.shows), after.is_alive.tobytes())
+        state = (step, self.colour_by, frozenset(self.shows), after.is_alive.tobytes())
         if state != self._drawn_state:
             self._drawn_state = state
             self._draw_step(after, now, energy)
@@ -295,21 +297,28 @@ class SwarmView:
         now: arrays.Moment,
         energy: Float[np.ndarray, "N"] | None,
     ) -> None:
-        """Draw what changes from control step to control step: colours, arrows and areas."""
-        robot_colours = arrays.colours(self.scene, after, self.by, energy)
+        """Draw what changes from control step to control step: colours, arrows and areas.
+
+        Args:
+            after: frame after the step.
+            now: places and colours at the present time, up to the end of the step.
+            energy: energy in the robots' capacitors [J], where they have some.
+        """
+        robot_colours = arrays.colours(self.scene, after, self.colour_by, energy)
         self.nodes["robots"].batched_colors = linear(robot_colours)
         if self._balls is not None:
             self._balls.batched_colors = linear(now.ball_colour)
 
         ends = arrays.arrows(self.scene, after, now.centre)
-        for stem, node in self._arrows.items():
-            is_shown = stem in self.shows and len(ends[stem]) > 0
-            show(node, "points", ends[stem] if is_shown else _NO_LINE)
+        for vector, node in self._arrows.items():
+            is_shown = vector in self.shows and len(ends[vector]) > 0
+            show(node, "points", ends[vector] if is_shown else _NO_LINE)
 
         for name, node in self._areas.items():
             x, y, half_width = now.areas[name].T
-            places = np.column_stack([x, y, half_width, half_width, np.zeros_like(x)])
-            _lay(node, places, 1.5 * shapes.SHEET)
+            yaw = np.zeros_like(x)
+            places = np.column_stack([x, y, half_width, half_width, yaw])
+            _lay(node, places, _AREA_HEIGHT)
 
     def _rounded(self, values: np.ndarray) -> np.ndarray:
         """Return values as they are, or rounded where the view is coarse."""

@@ -85,17 +85,17 @@ def test_lines_lead_to_senders_that_are_heard_or_damaged(session, server):
     np.testing.assert_allclose(view._lines["damaged"].points, ends[~is_heard], atol=1e-5)
 
 
-def test_boxes_are_turned_where_they_are_pushed_and_obstacles_where_they_are_wished(server):
+def test_boxes_are_turned_where_they_are_pushed_and_obstacles_where_they_are_planned(server):
     scene = make_scene(4, 2)
     frames = make_frames(scene, 2)
     view = SwarmView(server.scene, scene)
     view.show([frames[:1], frames[1:]], 0.25)
-    view.wish([(4.0, -4.0, 0.8, 0.5, 30.0)])
+    view.draw_planned([(4.0, -4.0, 0.8, 0.5, 30.0)])
 
     pose_in_m = 0.75 * frames.box_pose[0, 0] + 0.25 * frames.box_pose[1, 0]
     assert_lies(view._boxes, pose=[1e3, 1e3, 1] * pose_in_m, half_sizes=[2, 1, 1])
-    pose_of_wish = [4 * RD, -4 * RD, np.pi / 6]
-    assert_lies(view._wished, pose=pose_of_wish, half_sizes=[0.8 * RD, 0.5 * RD, 1])
+    planned_pose = [4 * RD, -4 * RD, np.pi / 6]
+    assert_lies(view._planned, pose=planned_pose, half_sizes=[0.8 * RD, 0.5 * RD, 1])
 
 
 def assert_lies(node, *, pose, half_sizes):
