@@ -22,6 +22,13 @@ _NM = 1e9
 """Nanometres per metre."""
 _LARGEST_GAP = 30.0
 """Largest gap that is drawn [nm]."""
+_GAP_MARGIN = 0.5
+"""Margin left of the smallest gap, in addition to a tenth of that gap [nm]."""
+_SMALLEST_PULL = 1.0
+"""Smallest pull for which the magnified axis has room, as curves may not attract at all [nN]."""
+_ROOM_BELOW = 1.15
+_ROOM_ABOVE = 0.3
+"""Room for attraction and repulsion on the magnified axis, in largest attractions."""
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, YELLOW, DARK)
 _DASHES: tuple[Any, ...] = (
     "-",
@@ -50,7 +57,12 @@ class _Curve(NamedTuple):
 def snap_in(gap: np.ndarray, force: np.ndarray) -> tuple[float, float] | None:
     """Return gap and force at the last sample before first touch on approach.
 
-    Return None where tool and ball do not touch.
+    It is the sample from which the tool snaps into contact, or the first one if they touch already;
+    None where tool and ball do not touch.
+
+    Args:
+        gap: gaps in the order of time, negative where the tool dents the ball.
+        force: forces on the tool.
     """
     touches = gap <= 0
     if not touches.any():
@@ -61,7 +73,12 @@ def snap_in(gap: np.ndarray, force: np.ndarray) -> tuple[float, float] | None:
 
 
 def pull_off(gap: np.ndarray, force: np.ndarray) -> tuple[float, float]:
-    """Return gap and force where a retracting tool is held back most."""
+    """Return gap and force where a tool is held back most.
+
+    Args:
+        gap: gaps of the retract branch.
+        force: forces on the tool, negative if the ball holds it back.
+    """
     sample = int(np.argmin(force))
     return float(gap[sample]), float(force[sample])
 
@@ -83,7 +100,7 @@ _BRANCHES = (
 
 
 def draw_force_curve(curves: Sequence[Rows], settings: Mapping[str, Any], out: Path) -> None:
-    """Draw force-distance curves, as a whole and near pull-off.
+    """Draw force-distance curves near contact, and once more with their attraction magnified.
 
     There is a colour for each voltage and a dash pattern for each radius; approach is thin, retract
     is thick.
@@ -91,21 +108,26 @@ def draw_force_curve(curves: Sequence[Rows], settings: Mapping[str, Any], out: P
     Args:
         curves: rows of one voltage [V] and radius [m] each, in the order of time, with the gap
             between tool and ball [m], the direction ("approach" or "retract"), and the total force
-            [N], which is negative if it attracts.
+            [N], which is negative if it attracts. They are at the medians of the works of adhesion,
+            as the caption says.
         settings: settings of the run; `relative_humidity` [%] goes into the caption if it is a
             number.
         out: directory of force_curve.png and .svg.
     """
     styled = _styled(curves)
-    lowest_force = min(-1.0, *(float(column_array(rows, "total").min()) * NN for rows in curves))
+
+    # Ends of the axes [nN, nm].
+    lowest_forces = [float(column_array(rows, "total").min()) * NN for rows in curves]
+    lowest_force = min(-_SMALLEST_PULL, *lowest_forces)
     smallest_gap = min(float(column_array(rows, "gap").min()) * _NM for rows in curves)
+    gap_limits = (1.1 * smallest_gap - _GAP_MARGIN, _LARGEST_GAP)
 
     with figure(out / "force_curve", columns=2, size=(4.3, 3.6), caption=_caption(settings)) as (
-        whole,
+        near_contact,
         magnified,
     ):
         for axes, title in (
-            (whole, "(a) near contact"),
+            (near_contact, "(a) near contact"),
             (magnified, "(b) attraction, magnified"),
         ):
             for curve in styled:
@@ -113,17 +135,20 @@ def draw_force_curve(curves: Sequence[Rows], settings: Mapping[str, Any], out: P
             axes.axhline(0, color="0.4", lw=0.8)
             axes.axvline(0, color="0.4", lw=0.8)
             axes.set(
-                xlim=(1.1 * smallest_gap - 0.5, _LARGEST_GAP),
+                xlim=gap_limits,
                 xlabel="gap between tool and ball [nm]",
                 ylabel="force [nN]",
                 title=title,
             )
-        magnified.set_ylim(1.15 * lowest_force, -0.3 * lowest_force)
-        whole.legend(handles=_legend_handles(styled), fontsize=7, handlelength=4)
+        magnified.set_ylim(_ROOM_BELOW * lowest_force, -_ROOM_ABOVE * lowest_force)
+        near_contact.legend(handles=_legend_handles(styled), fontsize=7, handlelength=4)
 
 
 def _styled(curves: Sequence[Rows]) -> list[_Curve]:
-    """Return the curves in the order of voltage and radius, each with its colour and dashes."""
+    """Return the curves in the order of voltage and radius, each with its colour and dashes.
+
+    Colours and dashes repeat where there are more voltages or radii than of them.
+    """
     voltages = {rows[0]["voltage"] for rows in curves}
     radii = {rows[0]["radius"] for rows in curves}
     colour_of = dict(zip(sorted(voltages), cycle(_COLOURS)))

@@ -18,8 +18,11 @@ from iswarm_mj.output.trajectory import Arrays
 _MM = 1e3
 """Millimetres per metre."""
 _BALL = "black"
+"""Colour of the balls, which are the dust; `DUST` is that of the areas where they lie at first."""
 _SCALE_LENGTHS = (1, 2, 5, 10, 20, 50, 100, 200)
 """Possible lengths of the scale [mm]."""
+_MAX_SCALES = 9
+"""Number of scales that fit along the arena's edge at most."""
 
 
 def draw_swarm(frames: Arrays, step: int, title: str, path: Path) -> None:
@@ -56,9 +59,9 @@ def _draw_areas(axes: Axes, frames: Arrays) -> None:
     areas = [(frames["scene_dump"], DUMP)]
     areas += [(area, DUST) for area in frames["scene_dust_areas"]]
     for rectangle, colour in areas:
-        left, low, right, high = rectangle * _MM
+        left, bottom, right, top = rectangle * _MM
         patch = Rectangle(
-            (left, low), right - left, high - low, color=colour, linewidth=0, zorder=0
+            (left, bottom), right - left, top - bottom, color=colour, linewidth=0, zorder=0
         )
         axes.add_patch(patch)
 
@@ -106,27 +109,35 @@ def _draw_balls(axes: Axes, frames: Arrays, step: int) -> None:
 
 
 def _draw_walls(axes: Axes, frames: Arrays, half: float) -> None:
-    """Draw the outline of the arena, a square of edge 2 `half` [mm] where it has no corners."""
+    """Draw the outline of the arena.
+
+    Args:
+        axes: axes in millimetres.
+        frames: arrays of a trajectory, with `scene_corners` (C, 2) [m] if the arena is no square.
+        half: half edge of the square otherwise [mm].
+    """
     square = half / _MM * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)])
     corners = frames.get("scene_corners", square) * _MM
     axes.add_patch(Polygon(corners, fill=False, edgecolor="0.25", linewidth=1.5))
 
 
 def _draw_scale(axes: Axes, half: float) -> None:
-    """Draw a bar with its length below the arena, about a seventh of its edge 2 `half` [mm]."""
-    long_enough = [length for length in _SCALE_LENGTHS if length >= half / 4.5]
+    """Draw a bar with its length below an arena of edge 2 `half` [mm]."""
+    edge = 2 * half
+    long_enough = [length for length in _SCALE_LENGTHS if length >= edge / _MAX_SCALES]
     length = long_enough[0] if long_enough else _SCALE_LENGTHS[-1]
+
     left = -half
-    low = -1.05 * half
+    bottom = -1.05 * half
     axes.plot(
         [left, left + length],
-        [low, low],
+        [bottom, bottom],
         color="black",
         linewidth=2.5,
         solid_capstyle="butt",
         label="scale",
     )
-    axes.text(left + 1.08 * length, low, f"{length} mm", ha="left", va="center", fontsize=8)
+    axes.text(left + 1.08 * length, bottom, f"{length} mm", ha="left", va="center", fontsize=8)
 
 
 def _add_legend(axes: Axes) -> None:
@@ -155,6 +166,8 @@ def outlines(
         size: length and width of each, or of all.
     """
     corners = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * np.asarray(size)[..., None, :] / 2
+
+    # Angles of shape (N, 1) turn all four corners of each rectangle.
     return pose[:, None, :2] + rotate(corners, pose[:, 2:])
 
 
@@ -167,7 +180,13 @@ def vector_lines(
 
 
 def links(frames: Arrays, step: int) -> Float[np.ndarray, "L 2 2"]:
-    """Return lines between the receivers and senders of a step, one for each pair of robots."""
+    """Return lines between the receivers and senders of a step, one for each pair of robots [m].
+
+    Args:
+        frames: arrays of a trajectory: link_valid and link_sender (T, N, S) for the S sides of each
+            receiver, and pose (T, N, 3).
+        step: control step, from 0 for the start.
+    """
     receiver, side = np.nonzero(frames["link_valid"][step])
     sender = frames["link_sender"][step][receiver, side]
     pairs = np.unique(np.sort(np.column_stack([receiver, sender]), axis=1), axis=0)

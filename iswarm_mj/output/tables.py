@@ -155,7 +155,16 @@ def memory_columns(memory: Iterable[tuple[str, str, int]]) -> Columns:
 
 
 def _vector_columns(name: str, unit: str, vector: RecordedVector) -> list[Column]:
-    """Return the columns of an array of a vector; its flag has none, since nulls state it."""
+    """Return the columns of one of the arrays that belong to a remembered vector.
+
+    Their values are null for robots that do not know the vector. So the array of flags needs no
+    column, and has none.
+
+    Args:
+        name: name of the array: that of the vectors, of their hop counts or of their flags.
+        unit: unit of its numbers.
+        vector: names of the three arrays.
+    """
     known = itemgetter(vector.known)
     if name == vector.name:
         place = f"of the remembered {vector.stem} vector, in the robot's own frame"
