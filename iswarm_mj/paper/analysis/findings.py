@@ -131,9 +131,14 @@ def findings_on(statements: Sequence[Statement], study: str, results: Any) -> li
 
 
 def number_text(value: float, digits: int = 3) -> str:
-    """Return a number with so many significant digits.
+    """Return a number as text, rounded to a number of significant digits.
 
-    Numbers from 0.001 to a million are written without an exponent and without trailing zeros.
+    From 0.001 to a million it has no exponent, no trailing zeros, and all digits before the point:
+    123456. Others have an exponent: 1.00e-05. Infinity is "inf" and nan "undefined".
+
+    Args:
+        value: the number.
+        digits: number of significant digits, at least 1.
     """
     if math.isnan(value):
         return "undefined"
@@ -143,7 +148,7 @@ def number_text(value: float, digits: int = 3) -> str:
         return f"{value:.{digits - 1}e}"
 
     places = max(0, digits - 1 - math.floor(math.log10(abs(value))))
-    text = f"{value:z.{places}f}"
+    text = f"{value:.{places}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 

@@ -15,6 +15,7 @@ from iswarm_mj.paper.analysis.statistics import interval, ratio, ratio_trend
 from iswarm_mj.paper.report.markdown import markdown_table
 from iswarm_mj.paper.studies.reading_support import (
     Combination,
+    Sample,
     Support,
     accept_best,
     combinations_of,
@@ -170,41 +171,66 @@ def evolution_table(samples: Mapping[str, Evolutions]) -> str:
 
 
 def readings_tables(rows: Rows) -> str:
-    """Return what combinations reproduce, and the support of each reading, as two tables."""
+    """Return two tables: what combinations of readings reproduce, and the support of each reading.
+
+    A factor is a choice that the paper leaves open, and its labels are the readings that were
+    tried. A combination drawn has a label of each factor. See `reading_support` for the method, and
+    for the statements by which combinations are selected and those that are held out.
+
+    Args:
+        rows: runs of the experiment `infer`.
+    """
     combinations = combinations_of(rows)
     sample = accept_best(combinations)
-    n_drawn = len(sample.drawn)
-    n_accepted = len(sample.accepted)
+    tables = (
+        _reproduction_table(combinations, sample),
+        _support_table(combinations, sample),
+    )
+    return "\n\n".join(tables)
 
-    # What groups of combinations reproduce.
-    groups = {f"all {n_drawn}": sample.drawn, f"the {n_accepted} accepted": sample.accepted}
+
+def _reproduction_table(combinations: Sequence[Combination], sample: Sample) -> str:
+    """Return a line for all combinations drawn, for those accepted, and for each named reading.
+
+    It has the numbers of statements that they reproduce: of those that select, by all runs of a
+    combination and by single runs, and of those that are held out.
+    """
+    groups = {
+        f"all {len(sample.drawn)}": sample.drawn,
+        f"the {len(sample.accepted)} accepted": sample.accepted,
+    }
     for combination in combinations:
         if combination.is_named:
             groups[f"reading `{combination.reading}`"] = [combination]
-    reproduced_head = [
+
+    head = [
         "combinations",
         f"statements that select reproduced, of {len(combinations[0].answers)}",
         "mean by single runs",
         f"mean of the {len(combinations[0].held_out)} held out",
     ]
-    reproduced_lines = [_reproduced_line(label, group) for label, group in groups.items()]
+    lines = [_reproduced_line(label, group) for label, group in groups.items()]
+    return markdown_table(head, lines)
 
-    # Which labels those accepted have.
-    support_head = [
+
+def _support_table(combinations: Sequence[Combination], sample: Sample) -> str:
+    """Return a line for each factor, with the support of each of its labels.
+
+    Support is the label's share of the accepted combinations; the p-value that acceptance does not
+    depend on the label; how many of the statements that select the reading `paper` reproduces with
+    this label alone changed; and how many more than with the default its single runs reproduce.
+    """
+    head = [
         "reading",
-        f"share of the {n_accepted} accepted of {n_drawn}",
+        f"share of the {len(sample.accepted)} accepted of {len(sample.drawn)}",
         "p",
         "p by Holm",
         "statements that select and `paper` reproduces with this value, the default first",
         "more by single runs",
     ]
     supports = support_of_factors(combinations)
-    support_lines = [_support_line(factor, support) for factor, support in supports.items()]
-    tables = (
-        markdown_table(reproduced_head, reproduced_lines),
-        markdown_table(support_head, support_lines),
-    )
-    return "\n\n".join(tables)
+    lines = [_support_line(factor, support) for factor, support in supports.items()]
+    return markdown_table(head, lines)
 
 
 def _reproduced_line(label: str, group: Sequence[Combination]) -> list[object]:

@@ -208,10 +208,15 @@ def _findings_of_topic(name: str, data: Any) -> list[Finding]:
 
 
 def count_verdicts(findings: Sequence[Finding]) -> tuple[list[str], dict[str, list[int]]]:
-    """Return the kinds of statements that occur, and the number of each by verdict."""
+    """Return the kinds of statements that occur, and how many statements of each have a verdict.
+
+    Returns:
+        Kinds in the order of `KINDS`; and by verdict the numbers of statements, a number for each
+        of these kinds.
+    """
     count_by_verdict: dict[str, Counter[str]] = {}
     for finding in findings:
-        # The kind without its role in the experiment `infer`.
+        # Without the role of the statement in the experiment `infer`, which follows a comma.
         kind = finding.kind.split(",")[0]
         count_by_verdict.setdefault(finding.verdict, Counter())[kind] += 1
 

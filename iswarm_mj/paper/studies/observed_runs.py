@@ -1,6 +1,7 @@
 """Observations that experiments add to their tables, of some of their runs.
 
-Of types: aggregation and drawings. Of time steps: overlaps and computing times.
+The experiment that compares the types of swarms adds the aggregation of robots at the dust, with
+recordings and drawings. The one that varies the time step adds overlaps and computing times.
 """
 
 import io
@@ -27,11 +28,9 @@ from iswarm_mj.utils.units import ROBOT_DIAMETER
 from iswarm_mj.workflows.clean import run_swarm
 
 N_OBSERVED = 6
-"""Number of runs of each kind that are observed; one in the quick version. Of types these are
-trajectories; of time steps overlaps and times, with the planar engine at the drive's own time
-step."""
+"""Number of runs of each setting that are observed; one in the quick version."""
 AT_DUST_DISTANCE = 3.5
-"""Distance of a dust area within which a robot is at it, the sensory radius [rd]."""
+"""Distance of a dust area within which a robot is at it: the sensory radius [robot diameters]."""
 WARM_UP = 10
 """Number of control steps that are not timed."""
 
@@ -70,10 +69,12 @@ def aggregation_share(frames: Mapping[str, np.ndarray]) -> float:
     area_low = areas[:, :2]
     area_high = areas[:, 2:]
 
-    # How far each robot is outside of each area, along the axis on which it is farther (T, N, A).
+    # How far each of N robots is outside of each of A areas in each of T steps, (T, N, A): the
+    # distance along x or y, whichever is larger; negative inside.
     position = position[:, :, None, :]
-    outside = np.maximum(area_low - position, position - area_high).max(axis=-1)
-    is_at_dust = (outside <= AT_DUST_DISTANCE * ROBOT_DIAMETER).any(axis=-1)
+    distance_along_axes = np.maximum(area_low - position, position - area_high)
+    distance = distance_along_axes.max(axis=-1)
+    is_at_dust = (distance <= AT_DUST_DISTANCE * ROBOT_DIAMETER).any(axis=-1)
 
     is_empty_worker = ~frames["is_loaded"][:until] & ~frames["scene_is_scout"]
     n_at_dust = (is_at_dust & is_empty_worker).sum(axis=1)
@@ -112,7 +113,13 @@ def record_types(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
 
 
 def _draw_half_delivered(frames: Mapping[str, np.ndarray], name: str, out: Path) -> None:
-    """Draw the step at which half of the balls are delivered, or the last one."""
+    """Draw the step at which half of the balls are delivered, or the last one.
+
+    Args:
+        frames: arrays of a recorded run, with a frame for every control step.
+        name: name of the type.
+        out: directory of the drawing.
+    """
     step = min(int(frames["step"][-1]), _half_delivered(frames))
     n_dust = frames["ball_position"].shape[1]
     title = f"{name}, step {step}, {frames['delivered'][step]} of {n_dust} balls delivered"
@@ -140,7 +147,9 @@ class _ObservedRun:
         began = time.perf_counter()
         self.run.advance()
         self.seconds.append(time.perf_counter() - began)
-        self.overlaps.append(float(self.run.arrays()[1].bodies.overlap[0]))
+
+        _, state = self.run.arrays()
+        self.overlaps.append(float(state.bodies.overlap[0]))
 
     def add_to_row(self) -> None:
         """Add overlap and computing time to the row."""
@@ -152,7 +161,8 @@ class _ObservedRun:
 def observe_time_steps(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> None:
     """Add the deepest overlap [mm] and the median time of a control step [ms] to observed rows.
 
-    The runs of one type and repeat advance in turn, so that they share what else the machine does.
+    The runs of one type and repeat advance in turn, so that other load on the computer slows them
+    all alike.
 
     Args:
         plan: settings of the experiment.
@@ -172,7 +182,11 @@ def observe_time_steps(plan: Plan, out: Path, rows: list[dict[str, Any]]) -> Non
 
 
 def _begin(row: dict[str, Any], plan: Plan) -> _ObservedRun:
-    """Begin the run of a row with its number of physics steps, on one thread."""
+    """Begin the run of a row on one thread.
+
+    The planar engine takes the physics steps of the drive undivided, of which the rate is the
+    number in a control step.
+    """
     config = replace(plan.config, drive=drive_with_rate(plan.config.drive, row["rate"]))
     scenario = _scenario_of(row, config, row["goal"])
     engine = PlanarSettings(threads=1, refinement=1)
