@@ -7,7 +7,7 @@ stages: the flags that decide, what they name, the flags that there are then, an
 
 from argparse import ArgumentParser
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import redirect_stderr
 from dataclasses import MISSING, fields
 from io import StringIO
@@ -95,7 +95,8 @@ class _Reader:
 
         self.defaults = {setting.name: setting.value for setting in settings(command)}
         parts = {PART_OF_FIELD[field_name]: plugin for field_name, plugin in plugins.items()}
-        self.defaults |= _defaults_of_parts(parts, self._name, self.defaults)
+        _refuse_flags_of_command(parts, self._name, self.defaults)
+        self.defaults |= _defaults_of_parts(parts)
 
         # From here on settings have one name each, with their part only where it is needed.
         self._arguments = [_by_canonical_name(word, parts) for word in self._arguments]
@@ -311,34 +312,41 @@ def _by_canonical_name(word: str, parts: Parts) -> str:
     return word
 
 
-def _defaults_of_parts(parts: Parts, command: str, taken: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the defaults of the settings of strategy, task and engine by their names.
+def _refuse_flags_of_command(parts: Parts, command: str, taken: Iterable[str]) -> None:
+    """Refuse fields of strategy, task and engine that have the name of another flag.
 
     Args:
-        parts: classes, objects that have the defaults, or teams as the strategy.
+        parts: classes, or objects that have the defaults.
         command: its name, for messages.
         taken: settings that the command has already.
 
-    Returns:
-        Defaults by name, None for settings that must be given.
-
     Raises:
-        UserError: one of them has the flag of another setting.
+        UserError: a field has.
     """
     taken_flags = {flag(name) for name in taken}
     for owner in parts.values():
-        cls = owner if isinstance(owner, type) else type(owner)
-        for field_name in names_of(cls):
+        for field_name in names_of(owner):
             if flag(field_name) in taken_flags:
+                cls = owner if isinstance(owner, type) else type(owner)
                 raise UserError(
                     f"{cls.__name__} has a field {field_name}, "
                     f"but {flag(field_name)} is already a flag of iswarm {command}; "
                     "rename the field"
                 )
 
+
+def _defaults_of_parts(parts: Parts) -> dict[str, Any]:
+    """Return the defaults of the settings of strategy, task and engine by their names.
+
+    Those that must be given have None.
+
+    Args:
+        parts: classes, objects that have the defaults, or teams as the strategy.
+    """
     defaults: dict[str, Any] = {}
     for name, setting in setting_names(parts).items():
         defaults[name] = _default_of(parts[setting.part], setting.field)
+
     teams = parts.get("strategy")
     if isinstance(teams, TeamFlags):
         for team, strategy in teams.strategies.items():

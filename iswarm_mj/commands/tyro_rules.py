@@ -18,7 +18,7 @@ from tyro.constructors import (
 
 from iswarm_mj.commands.command_settings import PART_OF_FIELD
 from iswarm_mj.commands.flags import flag
-from iswarm_mj.config.setting_names import PartField, setting_names
+from iswarm_mj.config.setting_names import setting_names
 from iswarm_mj.engines.settings import Devices
 from iswarm_mj.utils.constraints import constraint_of, validate
 from iswarm_mj.utils.docstrings import field_docs
@@ -84,13 +84,12 @@ class TyroRules(ConstructorRegistry):
     ):
         super().__init__()
         self._command_class = command_class
-        self._names = _names_of_fields(plugins)
-        plugins = {name: plugin for name, plugin in plugins.items() if name in shown}
-        self._plugins = plugins
+        self._names = _names_of_settings(plugins)
+        self._plugins = {name: plugin for name, plugin in plugins.items() if name in shown}
         self._has_strategy = has_strategy
         self._main = () if shows_all else getattr(command_class, "MAIN", ())
-        self._with_flags = list(plugins.values())
-        for plugin in plugins.values():
+        self._with_flags = list(self._plugins.values())
+        for plugin in self._plugins.values():
             if isinstance(plugin, TeamFlags):
                 self._with_flags += plugin.strategies.values()
 
@@ -127,12 +126,7 @@ class TyroRules(ConstructorRegistry):
         """Return the names of the settings of a plug-in by its fields; those of teams are plain."""
         for field_name, each in self._plugins.items():
             if each is plugin:
-                part = PART_OF_FIELD[field_name]
-                return {
-                    setting.field: name
-                    for setting, name in self._names.items()
-                    if setting.part == part
-                }
+                return self._names[PART_OF_FIELD[field_name]]
         return {}
 
     def _command_flags(self, default: Any) -> StructConstructorSpec:
@@ -194,10 +188,13 @@ def _plugin_flags(name: str, plugin: Any, argument: object) -> StructFieldSpec:
     return StructFieldSpec(name, _annotated(cls, argument), default)
 
 
-def _names_of_fields(plugins: dict[str, Any]) -> dict[PartField, str]:
-    """Return the names of settings by the fields of plug-ins."""
+def _names_of_settings(plugins: dict[str, Any]) -> dict[str, dict[str, str]]:
+    """Return the names of the settings of each part of a scenario by its fields."""
     parts = {PART_OF_FIELD[field_name]: plugin for field_name, plugin in plugins.items()}
-    return {setting: name for name, setting in setting_names(parts).items()}
+    names: dict[str, dict[str, str]] = {part: {} for part in parts}
+    for name, setting in setting_names(parts).items():
+        names[setting.part][setting.field] = name
+    return names
 
 
 def _flag(

@@ -7,15 +7,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.training import TRAINING, Three
 
 from iswarm_mj.config.arena import ArenaConfig
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.search.training import train
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.strategy.base import overrides
 from iswarm_mj.tasks.base import Quantity, Task, without_balls
 from iswarm_mj.tasks.layout import place_robots
 from iswarm_mj.tasks.rewarded import REWARD, RewardState, rewarded
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.workflows.rollout import rollout
 
 N, STEPS = 5, 12
@@ -115,3 +118,15 @@ def test_all_else_is_as_it_was():
     assert rewards[3] == 4 * 6
     assert made.metrics(earned) == {"taken": 7, REWARD: -3.5}
     assert list(made.measured) == ["taken", REWARD] and made.measured[REWARD].low == -np.inf
+
+
+class Wrong(Eastwards):
+    """Loses a robot on the way."""
+
+    def survives(self, state):
+        return super().survives(state)[1:]
+
+
+def test_errors_of_a_training_name_the_class_of_the_task(tmp_path):
+    with pytest.raises(UserError, match=r"^Wrong\.survives must return bool\["):
+        train(TRAINING, Three(jnp.zeros(3)), tmp_path, PlanarSettings(1), task=Wrong())
