@@ -213,6 +213,7 @@ class Run:
         if record is None:
             return None
         if not self.engine.is_shipped:
+            # JAX reads another robot in place of one that does not exist, and says nothing.
             n_robots = record.poses.shape[-2]
             n_sides = len(self.robot.sides)
             check_links(f"the engine {self.engine.name}", record.links, n_robots, n_sides)

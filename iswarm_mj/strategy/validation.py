@@ -167,11 +167,14 @@ def _check_results_without_senses(strategy: Strategy, memory: Any, n_robots: int
     flags = jax.ShapeDtypeStruct((n_robots,), bool)
     numbers = jax.ShapeDtypeStruct((n_robots,), jnp.float32)
 
-    check_result(f"{name}.picks", _trace(strategy, "picks", memory), flags)
+    picks = _trace(strategy, "picks", memory)
+    check_result(f"{name}.picks", picks, flags)
     if overrides(strategy, Strategy, "releases"):
-        check_result(f"{name}.releases", _trace(strategy, "releases", memory), flags)
+        releases = _trace(strategy, "releases", memory)
+        check_result(f"{name}.releases", releases, flags)
     if overrides(strategy, Strategy, "led_power"):
-        check_result(f"{name}.led_power", _trace(strategy, "led_power", memory), numbers)
+        power = _trace(strategy, "led_power", memory)
+        check_result(f"{name}.led_power", power, numbers)
     if overrides(strategy, Strategy, "correct_odometry"):
         updated = _trace(strategy, "correct_odometry", memory, numbers)
         check_result(f"{name}.correct_odometry", updated, memory, "memory")
@@ -188,8 +191,9 @@ def _check_act(strategy: Strategy, memory: Any, observation: Observation, key: j
 
     next_memory, command = returned
     (n_robots,) = observation.waits.shape
+    expected_command = Command(**shapes_of(Command, N=n_robots))
     check_result(method, next_memory, memory, "memory")
-    check_result(method, command, Command(**shapes_of(Command, N=n_robots)), "command")
+    check_result(method, command, expected_command, "command")
 
 
 def _trace(strategy: Any, method: str, *arguments: Any, static: tuple[Any, ...] = ()) -> Any:

@@ -73,8 +73,9 @@ def check_result(method: str, returned: Any, expected: Any, role: str = "result"
             continue
 
         part = f"{jax.tree_util.keystr(path)} of " if path else ""
-        is_array = shape is not None and dtype is not None
-        got = f"{dtype}{list(shape)}" if is_array else shown(repr(leaf))
+        got = shown(repr(leaf))
+        if shape is not None and dtype is not None:
+            got = f"{dtype}{list(shape)}"
         cure = "return one of that shape"
         if shape == expected_leaf.shape:
             cure = "convert it, for instance with astype"
