@@ -202,7 +202,7 @@ def check_engine(
 
     if settings.on_host:
         engine = make_host_engine(settings, model, robot)(n_worlds, 1)
-        outcome = _exercise(engine, sizes, poses, is_present, is_running)
+        outcome = _exercise(engine, sizes, poses.copy(), is_present, is_running)
     else:
         engine = make_compiled_engine(settings, model, robot, n_worlds, device.platform)
         arrays = (poses.astype(np.float32), is_present, is_running)
@@ -250,6 +250,7 @@ def _exercise(engine: Any, sizes: _Sizes, poses: Any, is_present: Any, is_runnin
     bodies = _call(engine, "place", poses, is_present)
     _check_bodies(engine, bodies, world_shape)
     placed = _poses_of(engine, sizes, bodies, world_shape)
+    placed = array_module(placed).array(placed)  # a copy, as `move` may write into it on the host
 
     light = _call(engine, "sense", bodies, is_present, is_running)
     name = type(engine).__name__

@@ -1,5 +1,6 @@
-"""What is wrong with a user's strategy, task or engine is found on demand, too."""
+"""Checks on demand: they find what a run would refuse, in one sentence."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -17,51 +18,73 @@ from iswarm_mj.tasks.aggregation import Beeclust
 from iswarm_mj.utils.errors import UserError
 
 DATA = Path(__file__).parents[1] / "data"
+SCENARIO = Scenario(SMALL, robots=8)
+
+BOX = (5.0, 3.0, 1.0, 1.0, 0.0, 1e-5, 0.01)
+WITH_BOX = replace(SMALL, arena=replace(SMALL.arena, boxes=(BOX,)))
 
 
 class Short(Still):
+    """Strategy that commands three robots, however many there are."""
+
     def act(self, memory, observation, key):
         return memory, Command(jnp.zeros(3), jnp.zeros(3))
 
 
 class Nowhere(Eastward):
+    """Task whose progress is a share instead of a number."""
+
     def progress(self, state):
         return state["is_east"].mean()
 
 
+@pytest.fixture
+def changed_engine(tmp_path):
+    """Return a function that returns the settings of an engine with a part of its file replaced."""
+
+    def change(name, old, new):
+        file, _, cls = name.partition(":")
+        text = (DATA / file).read_text()
+        assert old in text
+        (tmp_path / file).write_text(text.replace(old, new))
+        return find_engine(f"{tmp_path / file}:{cls}")()
+
+    return change
+
+
 def test_shipped_ones_pass():
-    check_strategy(Still(), Scenario(SMALL, robots=8))
-    check_task(Eastward(2.0), Scenario(SMALL, robots=8))
-    for engine in (MujocoSettings(1), PlanarSettings(1)):
-        check_engine(engine, Scenario(SMALL, robots=8))
+    check_strategy(Still(), SCENARIO)
+    check_task(Eastward(2.0), SCENARIO)
 
 
-def test_engines_of_users_pass_on_the_host_and_in_programs():
-    for name in ("teleport.py:TeleportSettings", "glide.py:GlideSettings"):
-        check_engine(find_engine(str(DATA / name))(), Scenario(SMALL, robots=5))
+@pytest.mark.parametrize("engine", [MujocoSettings(1), PlanarSettings(1)])
+@pytest.mark.parametrize("config", [SMALL, WITH_BOX], ids=["no box", "one box"])
+def test_shipped_engines_pass(engine, config):
+    check_engine(engine, Scenario(config, robots=8))
+
+
+@pytest.mark.parametrize("name", ["teleport.py:TeleportSettings", "glide.py:GlideSettings"])
+def test_engines_of_users_pass_on_the_host_and_in_programs(name):
+    check_engine(find_engine(str(DATA / name))(), SCENARIO)
+
+
+@pytest.mark.parametrize("mapping", ["vmap", "in turn"])
+def test_engines_of_users_pass_with_any_mapping(changed_engine, mapping):
+    check_engine(changed_engine("glide.py:GlideSettings", '"batch"', f'"{mapping}"'), SCENARIO)
 
 
 @pytest.mark.parametrize(
-    ("call", "sentence"),
+    ("check", "given", "sentence"),
     [
-        (
-            lambda: check_strategy(Short(), Scenario(SMALL, robots=8)),
-            r"Short.act must return float32\[8\]",
-        ),
-        (
-            lambda: check_strategy(Beeclust(), Scenario(SMALL, robots=8)),
-            "follows the light of the task aggregation",
-        ),
-        (
-            lambda: check_task(Nowhere(2.0), Scenario(SMALL, robots=8)),
-            r"Nowhere.progress must return int32",
-        ),
-        (lambda: check_task(Still(), Scenario(SMALL, robots=8)), "Still is not a task"),
+        (check_strategy, Short(), r"Short.act must return float32\[8\]"),
+        (check_strategy, Beeclust(), "follows the light of the task aggregation"),
+        (check_task, Nowhere(2.0), r"Nowhere.progress must return int32"),
+        (check_task, Still(), "Still is not a task"),
     ],
 )
-def test_mistakes_are_one_sentence(call, sentence):
+def test_mistakes_are_one_sentence(check, given, sentence):
     with pytest.raises(UserError, match=sentence):
-        call()
+        check(given, SCENARIO)
 
 
 @pytest.mark.parametrize(
@@ -82,14 +105,23 @@ def test_mistakes_are_one_sentence(call, sentence):
             "poses = bodies.poses + [0, 0, 0.1]\n",
             "Teleport.move must leave robots",
         ),
+        (
+            "poses = bodies.poses\n",
+            "poses = bodies.poses * np.nan\n",
+            "Teleport.move must leave robots",
+        ),
         ("return bodies.poses", "return bodies.poses[0]", "Teleport.poses must return"),
     ],
 )
-def test_an_engine_that_moves_robots_by_itself_is_refused(tmp_path, old, new, sentence):
-    text = (DATA / "teleport.py").read_text()
-    assert old in text
-    (tmp_path / "moves.py").write_text(text.replace(old, new))
+def test_an_engine_that_moves_robots_by_itself_is_refused(changed_engine, old, new, sentence):
+    engine = changed_engine("teleport.py:TeleportSettings", old, new)
     with pytest.raises(UserError, match=sentence):
-        check_engine(
-            find_engine(f"{tmp_path}/moves.py:TeleportSettings")(), Scenario(SMALL, robots=5)
-        )
+        check_engine(engine, SCENARIO)
+
+
+def test_an_engine_that_has_boxes_says_where_they_are(changed_engine):
+    claims = 'name: ClassVar[str] = "teleport"\n    has_boxes: ClassVar[bool] = True\n'
+    name = 'name: ClassVar[str] = "teleport"\n'
+    engine = changed_engine("teleport.py:TeleportSettings", name, claims)
+    with pytest.raises(UserError, match=r"Teleport\.(poses|boxes) must return"):
+        check_engine(engine, Scenario(WITH_BOX, robots=8))

@@ -1,5 +1,4 @@
-"""What is found wrong with a strategy before it runs: what its methods return, and what they do
-beside."""
+"""Checks of a strategy before it runs: what its methods return, and what else they do."""
 
 from dataclasses import dataclass, field
 from enum import Enum
@@ -43,18 +42,19 @@ class Walk(Strategy):
 
 
 def mine(**methods):
-    """A strategy like `Walk` but for some of its methods."""
+    """Return a strategy like `Walk` but for some of its methods."""
     return as_strategy(dataclass(type("Mine", (Walk,), methods))())
 
 
-def check(given=None, sensed=None, **methods):
-    """Check such a strategy, or a given one."""
-    given = jax.tree.map(lambda a: jnp.asarray(a)[None], given or mine(**methods))
-    check_strategies(given, N, S, sensed)
+def check(strategy=None, sensed=None, **methods):
+    """Check a strategy in one world, by default one like `Walk` but for some of its methods."""
+    strategy = strategy or mine(**methods)
+    of_one_world = jax.tree.map(lambda values: jnp.asarray(values)[None], strategy)
+    check_strategies(of_one_world, N, S, sensed)
 
 
 def speaks(bits, name="word"):
-    """Attributes of a strategy whose robots say zero in so many bits."""
+    """Return attributes of a strategy whose robots say zero in a field of this many bits."""
     return {
         "payload": {name: Integer(bits)},
         "say": lambda self, memory, is_loaded: {name: 0 * is_loaded},
@@ -62,30 +62,26 @@ def speaks(bits, name="word"):
 
 
 def refused(words, **methods):
+    """Check that a strategy like `Walk` but for some of its methods is refused with these words."""
     with pytest.raises(UserError, match=words):
         check(**methods)
 
 
 def test_shapes_are_those_of_the_annotations():
     shapes = shapes_of(Observation, N=N, S=S)
-    assert (
-        shapes["is_heard"] == jax.ShapeDtypeStruct((N, S), bool)
-        and shapes["led"].dtype == jnp.int32
-    )
+    assert shapes["is_heard"] == jax.ShapeDtypeStruct((N, S), bool)
+    assert shapes["led"].dtype == jnp.int32
     assert shapes["ball_vector"] == jax.ShapeDtypeStruct((N, 2), jnp.float32)
     assert "payload" not in shapes and "sensed" not in shapes
 
 
 def test_what_depends_on_the_arguments_alone_is_accepted():
     table = np.array([np.nan, 1.0])
-    is_closed_over = jax.random.key(3)
+    outer_key = jax.random.key(3)
 
     def act(self, memory, seen, key):
-        turn = (
-            jax.nn.relu(jax.random.uniform(is_closed_over, seen.at_dust.shape))
-            * self.twice
-            * table[1]
-        )
+        numbers = jax.random.uniform(outer_key, seen.at_dust.shape)
+        turn = jax.nn.relu(numbers) * self.twice * table[1]
         turn = jnp.where(jnp.isnan(jnp.asarray(table)).any(), turn, 0.0)
         return memory, Command(turn, turn)
 
@@ -159,12 +155,16 @@ def test_the_remedy_is_that_of_the_mistake():
     def shortens(self, memory, *_):
         return {"steps": memory["steps"][1:]}
 
-    said = rf"Mine\.listen must return float32\[{N}\] as \['steps'\] of its memory as it was given \(got float32\[4\]\)"
-    refused(said, listen=shortens, **speaks(3))
+    refused(
+        rf"Mine\.listen must return float32\[{N}\] as \['steps'\] of its memory as it was given "
+        r"\(got float32\[4\]\)",
+        listen=shortens,
+        **speaks(3),
+    )
 
 
 def test_messages_have_room_and_sides():
-    """Of robots with six sides, whose number takes three bits."""
+    """The number of one of six sides takes three bits."""
 
     def act(self, memory, seen, key):
         turn = jnp.where(seen.is_heard, seen.payload["word"], 0).sum(axis=1) * 1.0
@@ -190,20 +190,21 @@ def test_power_is_within_its_bounds():
 
 
 def test_what_is_recorded_has_a_name_and_a_unit():
-    for given in ("steps", {"steps": 3}):
+    for wrong in ("steps", {"steps": 3}):
         refused(
             r"Mine\.recorded must be a tuple of names .* or a dictionary of names and units",
-            recorded=given,
+            recorded=wrong,
         )
     refused("names 'stride', which its memory lacks .it has steps.;", recorded=("stride",))
-    one = {
+
+    remembers_one_array = {
         "init": lambda self, n_robots, key: jnp.zeros(n_robots),
         "picks": lambda self, memory: memory < 1,
     }
     refused(
         "names 'steps', which its memory lacks .it has no parts with names.;",
         recorded=("steps",),
-        **one,
+        **remembers_one_array,
     )
 
 
@@ -213,7 +214,7 @@ class Colour(Enum):
 
 @dataclass
 class Many(Walk):
-    """Numbers from 1 to 6 are arrays."""
+    """Strategy with fields of all kinds, of which the numbers from 1 to 6 are arrays."""
 
     say = Walk.picks
     colour: Colour = Colour.RED
@@ -235,13 +236,14 @@ def test_errors_name_the_innermost_line_of_the_user():
     def fails(error):
         raise error
 
-    for error, said in (
+    place = r"\(.*test_validation\.py, line \d+: `raise error`\)"
+    for error, raised in (
         (ValueError("of mine\nand more"), "ValueError: of mine"),
         (ValueError(), "ValueError"),
         (SystemExit(3), "SystemExit: 3"),
     ):
-        words = rf"^Mine\.act raised {said} \(.*test_validation\.py, line \d+: `raise error`\); correct it there$"
-        with pytest.raises(UserError, match=words), user_code("Mine.act"):
+        sentence = rf"^Mine\.act raised {raised} {place}; correct it there$"
+        with pytest.raises(UserError, match=sentence), user_code("Mine.act"):
             fails(error)
     refused(
         r"correct it there, as https://docs\.jax\.dev/.*\.TracerBoolConversionError explains$",
