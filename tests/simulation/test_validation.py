@@ -105,11 +105,6 @@ def test_mistakes_are_one_sentence(check, given, sentence):
             "poses = bodies.poses + [0, 0, 0.1]\n",
             "Teleport.move must leave robots",
         ),
-        (
-            "poses = bodies.poses\n",
-            "poses = bodies.poses * np.nan\n",
-            "Teleport.move must leave robots",
-        ),
         ("return bodies.poses", "return bodies.poses[0]", "Teleport.poses must return"),
     ],
 )
