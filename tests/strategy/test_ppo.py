@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import ppo_neural
 import pytest
-from ppo_neural import ARENA, CRITIC, NOISE, Learner, log_probability, wanted
+from ppo_neural import ARENA, CRITIC, NOISE, Learner, log_probability, mean_action
 from scipy import stats
 from support.envs import poses_of
 from support.small import SMALL
@@ -43,7 +43,7 @@ def test_the_loss_by_hand():
     sample = numbers, directions, drawn, matters
 
     # Log densities relative to that of the mean, of the numbers that matter.
-    mean = np.asarray(jax.jit(wanted)(strategy, numbers, directions))
+    mean = np.asarray(jax.jit(mean_action)(strategy, numbers, directions))
     noise = np.asarray(NOISE, float)
     log_densities = stats.norm.logpdf(drawn, mean, noise) - stats.norm.logpdf(0, 0, noise)
     log_density = (matters * log_densities).sum(axis=1)

@@ -1,12 +1,13 @@
-"""Time control steps of large worlds.
+"""Time control steps of large worlds: docs/large-worlds.svg.
 
-`taskset -c 0 python tools/benchmarks/large_worlds.py` writes docs/large-worlds.svg.
+    taskset -c 0 python tools/benchmarks/large_worlds.py
 
 It takes one world of each size, at the density of type 1, with the planar engine on one thread and
 without recording, in a process of its own. It prints processor time of a control step (median of
 blocks) and the process's peak memory.
 """
 
+import argparse
 import json
 import resource
 import statistics
@@ -15,6 +16,8 @@ import sys
 import time
 from pathlib import Path
 from typing import NamedTuple
+
+import matplotlib
 
 from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -76,10 +79,14 @@ def measure(n_robots: int) -> Cost:
     return Cost(n_robots, ms=1e3 * statistics.median(seconds), gb=1024e-9 * peak_kilobytes)
 
 
-def draw(costs: list[Cost]) -> None:
-    """Draw time for each robot and memory against the number of robots."""
-    import matplotlib
+def measure_apart(n_robots: int) -> Cost:
+    """Return the cost of a world in a process of its own."""
+    command = [sys.executable, __file__, f"--measure={n_robots}"]
+    return Cost(**json.loads(subprocess.check_output(command)))
 
+
+def draw(costs: list[Cost], out: Path) -> None:
+    """Draw time for each robot and memory against the number of robots."""
     robots = [cost.robots for cost in costs]
     with matplotlib.rc_context(STYLE):
         drawing, (left, right) = blank(1, 2, (3.4, 2.6))
@@ -89,24 +96,27 @@ def draw(costs: list[Cost]) -> None:
             axes.set(xlabel="robots in the world", ylabel=label, ylim=(0, None))
             axes.set_xticks(robots, [f"{number:,}" for number in robots])
             axes.minorticks_off()
-        drawing.savefig(OUT, metadata={"Date": None})
+        drawing.savefig(out, metadata={"Date": None})
 
 
 def main() -> None:
-    """Measure each size in a process of its own, print the costs, and draw them."""
-    costs = []
-    for size in SIZES:
-        output = subprocess.check_output([sys.executable, __file__, str(size)])
-        costs.append(Cost(**json.loads(output)))
+    """Print the costs of all sizes and draw them, or print that of one for this purpose."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=OUT, help="the picture")
+    parser.add_argument("--measure", type=int, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.measure:
+        print(json.dumps(measure(arguments.measure)._asdict()))
+        return
+
+    costs = [measure_apart(n_robots) for n_robots in SIZES]
     for cost in costs:
-        print(
-            f"{cost.robots:7} robots: {cost.ms:.1f} ms, {cost.us_per_robot:.1f} µs each, {cost.gb:.2f} GB"
-        )
-    draw(costs)
+        times = f"{cost.ms:.1f} ms, {cost.us_per_robot:.1f} µs each"
+        print(f"{cost.robots:7} robots: {times}, {cost.gb:.2f} GB")
+    draw(costs, arguments.out)
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
-        print(json.dumps(measure(int(sys.argv[1]))._asdict()))
-    else:
-        main()
+    main()

@@ -1,12 +1,15 @@
 """Draw the layers of the package, in the order of the contract in pyproject.toml: docs/floors.svg.
 
-Run `python tools/make/draw_floors.py` after a layer was added, renamed or described differently.
-The text can be read on a phone.
+    python tools/make/draw_floors.py
+
+Run it after a layer was added, renamed or described differently. The text can be read on a phone.
 """
 
+import argparse
 import textwrap
 import tomllib
 from pathlib import Path
+from typing import NamedTuple
 from xml.sax.saxutils import escape
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -47,44 +50,58 @@ def summary(name: str) -> str:
     return file.read_text().split('"""')[1].splitlines()[0]
 
 
-def box(y: int, height: int, colour: str, name: str, lines: list[str]) -> list[str]:
-    """Return the SVG elements of a layer.
+class Box(NamedTuple):
+    """The box of a layer."""
 
-    Args:
-        y: top of the box [pixels].
-        height: height of the box [pixels].
-        colour: fill of the box.
-        name: name of the layer.
-        lines: description of the layer.
-    """
-    size = f'width="{WIDTH - 8}" height="{height}" rx="6"'
-    elements = [f'<rect x="4" y="{y}" {size} fill="{colour}"/>']
-    baseline = y + LINE + 2
-    bold = 'font-size="16" font-weight="bold"'
-    elements.append(f'<text x="16" y="{baseline}" {bold}>{escape(name)}</text>')
-    for line in lines:
-        baseline += LINE
-        elements.append(f'<text x="16" y="{baseline}" font-size="15">{escape(line)}</text>')
-    return elements
+    name: str
+    """Name of the layer."""
+    lines: list[str]
+    """Description of the layer."""
+    colour: str
+
+    @property
+    def height(self) -> int:
+        """Height [pixels]."""
+        return LINE * (len(self.lines) + 1) + PADDING
+
+    def elements(self, y: int) -> list[str]:
+        """Return the SVG elements of the box, whose top is at a height [pixels]."""
+        size = f'width="{WIDTH - 8}" height="{self.height}" rx="6"'
+        elements = [f'<rect x="4" y="{y}" {size} fill="{self.colour}"/>']
+        baseline = y + LINE + 2
+        bold = 'font-size="16" font-weight="bold"'
+        elements.append(f'<text x="16" y="{baseline}" {bold}>{escape(self.name)}</text>')
+        for line in self.lines:
+            baseline += LINE
+            elements.append(f'<text x="16" y="{baseline}" font-size="15">{escape(line)}</text>')
+        return elements
 
 
 def draw() -> str:
     """Return the picture as SVG text: a box for each layer, which imports only from those below."""
-    boxes = []
+    elements = []
     y = 6
     colour = ""
     for name in layers():
         colour = COLOURS.get(name, colour)
-        lines = textwrap.wrap(summary(name), LETTERS)
-        height = LINE * (len(lines) + 1) + PADDING
-        boxes += box(y, height, colour, name, lines)
-        y += height + GAP
+        box = Box(name, textwrap.wrap(summary(name), LETTERS), colour)
+        elements += box.elements(y)
+        y += box.height + GAP
 
     size = f'width="{WIDTH}" viewBox="0 0 {WIDTH} {y + 2}"'
     head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="sans-serif">'
     ground = f'<rect width="{WIDTH}" height="{y + 2}" fill="white"/>'
-    return "\n".join([head, ground, *boxes, "</svg>", ""])
+    return "\n".join([head, ground, *elements, "</svg>", ""])
+
+
+def main() -> None:
+    """Write the picture."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--out", type=Path, default=PICTURE, help="the picture")
+    parser.parse_args().out.write_text(draw())
 
 
 if __name__ == "__main__":
-    PICTURE.write_text(draw())
+    main()

@@ -1,8 +1,11 @@
-"""Draw results/light.png: the light that a robot receives of another.
+"""Draw the light that a robot receives from another: results/light.png.
+
+    python tools/make/draw_light.py
 
 The left panel shows it around the sender, as in the paper's Fig. 1, the right one by distance.
 """
 
+import argparse
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -125,6 +128,17 @@ def _draw_curves(axes: Axes, robot: Robots, optics: OpticsConfig) -> None:
     axes.legend(fontsize=7)
 
 
+def main() -> None:
+    """Write the picture, as PNG alone."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    default = Path("results/light.png")
+    parser.add_argument("--out", type=Path, default=default, help="the picture, NAME.png")
+    arguments = parser.parse_args()
+    draw_light(arguments.out.with_suffix(""))
+    arguments.out.with_suffix(".svg").unlink()
+
+
 if __name__ == "__main__":
-    draw_light(Path("results/light"))
-    Path("results/light.svg").unlink()
+    main()

@@ -1,17 +1,20 @@
 """Write the tables of docs/ that the code determines.
 
-They are blocks from `<!-- made: NAME -->` to `<!-- made -->`.
+    python tools/make/make_tables.py
 
-Run it as `python tools/make/make_tables.py`; `tests/test_site.py` checks that the pages are up to
-date.
+They are blocks from `<!-- made: NAME -->` to `<!-- made -->`. `tests/test_site.py` checks that the
+pages are up to date.
 """
 
+import argparse
 import re
+from collections.abc import Callable
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
+from iswarm_mj.commands.flags import flag
 from iswarm_mj.commands.options import ConfigOptions
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.output import rerun_entities as names
@@ -150,15 +153,21 @@ def of_arrays(cls: type) -> str:
     docs = field_docs(cls)
     rows = []
     for name, annotation in get_type_hints(cls).items():
-        is_array = hasattr(annotation, "dim_str")
-        axes = annotation.dim_str if is_array else "N ..."
-        shape = f"({axes.replace(' ', ', ')})"
-        dtype = _TYPE_NAMES.get(annotation.__name__.split("[")[0], "") if is_array else "by name"
+        shape, dtype = shape_and_type(annotation)
         unit = _UNIT.search(docs[name])
         meaning = _UNIT.sub("", docs[name]).strip(" ,")
         frame = FRAMES.get(name, "")
         rows.append((f"`{name}`", shape, dtype, unit[1] if unit else "", frame, meaning))
     return table("name | shape | type | unit | frame | meaning", rows)
+
+
+def shape_and_type(annotation: Any) -> tuple[str, str]:
+    """Return shape and type of an array, or of a mapping whose arrays have types by name."""
+    if not hasattr(annotation, "dim_str"):
+        return "(N, ...)", "by name"
+    shape = f"({annotation.dim_str.replace(' ', ', ')})"
+    kind = annotation.__name__.split("[")[0]
+    return shape, _TYPE_NAMES.get(kind, "")
 
 
 def faults() -> str:
@@ -184,28 +193,33 @@ def allowed(cls: type, name: str) -> str:
 
 def settings() -> str:
     """Return the parameters of the configuration, a table for each group, and of the genome."""
-    flag_groups = get_type_hints(ConfigOptions)
+    groups_of_flags = get_type_hints(ConfigOptions)
     sections = []
     for group, cls in get_type_hints(SwarmConfig).items():
-        names = [field.name for field in fields(cls)]
-        if group in flag_groups:
-            flags = {name: f"--{group}.{name.replace('_', '-')}" for name in names}
+        if group in groups_of_flags:
+            sections.append(section(group, cls, lambda name, group=group: flag(f"{group}.{name}")))
         else:
-            flags = {name: f"{group}.{name}" for name in names}
-        sections.append((group, cls, flags))
-    genome_flags = {field.name: f"--{field.name.replace('_', '-')}" for field in fields(Genome)}
-    sections.append(("genome (`--genome` gives all)", Genome, genome_flags))
+            sections.append(section(group, cls, lambda name, group=group: f"{group}.{name}"))
+    sections.append(section("genome (`--genome` gives all)", Genome, flag))
+    return "\n\n".join(sections)
 
-    texts = []
-    for title, cls, flags in sections:
-        docs = field_docs(cls)
-        defaults = cls()
-        rows = [
-            (f"`{flag}`", f"{getattr(defaults, name)}", allowed(cls, name), docs[name])
-            for name, flag in flags.items()
-        ]
-        texts.append(f"## {title}\n\n" + table("flag | default | allowed | meaning", rows))
-    return "\n\n".join(texts)
+
+def section(title: str, cls: type, name_of: Callable[[str], str]) -> str:
+    """Return a titled table of the settings in a class.
+
+    Args:
+        title: of the table.
+        cls: dataclass of settings, all of which have defaults.
+        name_of: function that returns how users name a field.
+    """
+    docs = field_docs(cls)
+    defaults = cls()
+    rows = []
+    for field in fields(cls):
+        default = getattr(defaults, field.name)
+        meaning = docs[field.name]
+        rows.append((f"`{name_of(field.name)}`", default, allowed(cls, field.name), meaning))
+    return f"## {title}\n\n" + table("flag | default | allowed | meaning", rows)
 
 
 def trials() -> str:
@@ -236,10 +250,19 @@ def filled(text: str) -> str:
     return BLOCK.sub(lambda block: f"{block[1]}\n{MAKERS[block[2]]()}\n\n{block[3]}", text)
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Write the pages whose blocks have changed, and print their names."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.parse_args()
     for page in sorted(DOCS.glob("*.md")):
         text = page.read_text(encoding="utf-8")
         new_text = filled(text)
         if new_text != text:
             page.write_text(new_text, encoding="utf-8")
             print(page)
+
+
+if __name__ == "__main__":
+    main()

@@ -6,18 +6,32 @@ Drawings of single runs stay as they are, since tables do not have them. Of the 
 stay that were there before.
 """
 
+import argparse
 import subprocess
-import sys
 from pathlib import Path
 
 from iswarm_mj.paper.report.results import collect_results
 
-if __name__ == "__main__":
-    results = Path(sys.argv[1])
-    svg_files_before = set(results.glob("**/*.svg"))
-    for result in collect_results([results]).values():
+
+def redraw(directory: Path) -> None:
+    """Draw the figures of all tables in a directory and below."""
+    svg_files_before = set(directory.glob("**/*.svg"))
+    for result in collect_results([directory]).values():
         result.draw(result.path.parent)
-    for path in results.glob("**/*.svg"):
-        if path not in svg_files_before:
-            path.unlink()
-    subprocess.run(["git", "status", "--short", results], check=True)
+    for path in set(directory.glob("**/*.svg")) - svg_files_before:
+        path.unlink()
+
+
+def main() -> None:
+    """Draw the figures, and list those that have changed."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("directory", type=Path, help="results, in a clone of the repository")
+    directory = parser.parse_args().directory
+    redraw(directory)
+    subprocess.run(["git", "status", "--short", directory], check=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,12 +1,11 @@
 """Execute the notebooks and store their outputs.
 
-`python tools/make/run_notebooks.py [NAME ...]` needs nbclient and ipykernel.
+    python tools/make/run_notebooks.py [NAME ...]     # pip install nbclient ipykernel
 
-What is written to stderr, and when each cell ran, is not stored, so that outputs differ only where
-results do.
+Neither stderr nor the times of cells are stored, so that outputs differ only where results do.
 """
 
-import sys
+import argparse
 import tempfile
 from pathlib import Path
 
@@ -34,8 +33,21 @@ def execute(path: Path) -> None:
     nbformat.write(notebook, path)
 
 
+def main() -> None:
+    """Execute the notebooks that are named."""
+    notebook_of = {path.stem: path for path in sorted(FOLDER.glob("*.ipynb"))}
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(notebook_of))
+    names = parser.parse_args().names
+    unknown = set(names) - set(notebook_of)
+    if unknown:
+        parser.error(f"there is no notebook {min(unknown)}")
+    for name in names or notebook_of:
+        execute(notebook_of[name])
+        print(notebook_of[name].relative_to(FOLDER.parent))
+
+
 if __name__ == "__main__":
-    for found in sorted(FOLDER.glob("*.ipynb")):
-        if not sys.argv[1:] or found.stem in sys.argv[1:]:
-            execute(found)
-            print(found.relative_to(FOLDER.parent))
+    main()

@@ -11,7 +11,7 @@ _LINK = re.compile(r"\]\(\.\./(results/[\w/.-]+\.png)\)")
 
 
 def on_files(files: Files, *, config: Any) -> Files:
-    """Add the figures that pages show."""
+    """Add the figures that pages show, and return the files of the site."""
     pages = [
         Path(page.abs_src_path).read_text(encoding="utf-8") for page in files.documentation_pages()
     ]
@@ -21,5 +21,5 @@ def on_files(files: Files, *, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:
-    """Let links lead to them."""
+    """Return the text of a page with links to the figures of the site."""
     return _LINK.sub(r"](figures/\1)", markdown)

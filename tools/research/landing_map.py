@@ -1,14 +1,18 @@
-"""Which balls stay where they land: a map over impact speed and restitution, and shares over the
-voltage's cut.
+"""Print which balls stay where they land.
 
-python tools/research/landing_map.py
+    python tools/research/landing_map.py
+
+It prints a map over impact speed and restitution, and shares of balls over how long after the
+release the voltage is cut.
 """
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import binomtest
 
 from iswarm_mj.gripper.bench.engine_mujoco import MujocoBench
 from iswarm_mj.gripper.bench.protocol import Protocol
@@ -18,27 +22,50 @@ from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, WORK_OBJECT_SUBSTRAT
 from iswarm_mj.gripper.laws.restitution import MODULUS_PLATE, sticking_speed
 
 RADIUS = 20e-6
-"""Of the ball of a map [m]."""
+"""Radius of the balls of a map [m]."""
 HEIGHT = 0.1e-6
-"""From which balls are thrown [m]; over this the field adds to their speed."""
+"""Height from which balls are thrown [m]; over this the field adds to their speed."""
+TOOL_GAP = 5e-6
+"""Distance of the tool above a ball's top [m]."""
+SPEEDS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.15)
+"""Speeds of impact of the map [m/s]."""
+RESTITUTIONS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3)
+"""Restitutions of the map, without adhesion."""
+CUT_DELAYS = (0.0, 0.1e-3, 0.3e-3)
+"""Times after the release at which the voltage is cut [s]."""
+N_TRIALS = 50
+"""Number of trials of each protocol."""
 
 
 class Landing(NamedTuple):
     """One cell of the map."""
 
     speed: float
-    """Of the impact [m/s]."""
+    """Speed of the impact [m/s]."""
     restitution: float
-    """Without adhesion."""
+    """Restitution without adhesion."""
     stays: bool
-    """On the bench, under a voltage that pulls a ball on the plate up."""
+    """Whether the ball stays on the bench, under a voltage that pulls it up."""
     criterion: float
     """Restitution up to which a ball stays, by energy (`capture_restitution`)."""
 
 
+class Share(NamedTuple):
+    """Result of trials with one protocol."""
+
+    n_staying: int
+    """Number of balls that stay where they land."""
+    n_released: int
+
+
 def capture_restitution(speed: float, sticks_at: float) -> float:
-    """Greatest restitution with which a ball stays at its first impact, v_s / v, under a field that
-    pulls it away.
+    """Return the greatest restitution with which a ball stays at its first impact, v_s / v.
+
+    The field pulls the ball away.
+
+    Args:
+        speed: speed v of the impact [m/s].
+        sticks_at: speed v_s below which adhesion holds a ball [m/s].
 
     Source: `contact.rebound_ratio`.
     """
@@ -53,61 +80,78 @@ def landing_map(
     Args:
         speeds: with which they are thrown [m/s].
         restitutions: without adhesion.
-        voltage: of the tool, 5 um above the ball's top; the ball has the plate's potential from its
-            landing on [V].
+        voltage: of the tool; the ball has the plate's potential from its landing on [V].
     """
-    places = [(speed, ratio) for speed in speeds for ratio in restitutions]
-    trials = [
-        Trial(
-            RADIUS,
-            WORK_TOOL_OBJECT,
-            WORK_OBJECT_SUBSTRATE,
-            contacts=Contacts(leak=0.0, restitution=ratio),
-        )
-        for _, ratio in places
-    ]
-    bench = MujocoBench(trials, 5e-6)
-    bench.throw(HEIGHT, np.array([speed for speed, _ in places]))
-    watch = bench.move("fall", HEIGHT / min(speeds) + 0.5e-3, 5e-6, voltage)
+    cells = [(speed, restitution) for speed in speeds for restitution in restitutions]
+    trials = []
+    for _, restitution in cells:
+        contacts = Contacts(leak=0.0, restitution=restitution)
+        trials.append(Trial(RADIUS, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, contacts=contacts))
+
+    bench = MujocoBench(trials, TOOL_GAP)
+    bench.throw(HEIGHT, np.array([speed for speed, _ in cells]))
+    duration = HEIGHT / min(speeds) + 0.5e-3
+    watch = bench.move("fall", duration, TOOL_GAP, voltage)
+
     sticks_at = float(sticking_speed(WORK_OBJECT_SUBSTRATE, RADIUS, MODULUS_PLATE, BALL_DENSITY))
-    return [
-        Landing(float(speed), ratio, bool(gap <= 0), capture_restitution(float(speed), sticks_at))
-        for speed, (_, ratio), gap in zip(watch.landing_speed, places, watch.gap_plate, strict=True)
-    ]
+    landings = []
+    for (_, restitution), landing_speed, gap in zip(
+        cells, watch.landing_speed, watch.gap_plate, strict=True
+    ):
+        speed = float(landing_speed)
+        criterion = capture_restitution(speed, sticks_at)
+        landings.append(Landing(speed, restitution, bool(gap <= 0), criterion))
+    return landings
 
 
-def shares(protocols: Sequence[Protocol], count: int) -> list[tuple[int, int]]:
-    """Balls that stay and balls released, of `count` trials with each protocol at 10 % RH."""
-    trials = [draw(0, radius, 10.0, i) for i, radius in enumerate(np.linspace(15e-6, 25e-6, count))]
-    found = []
+def shares(protocols: Sequence[Protocol], n_trials: int) -> list[Share]:
+    """Return how many balls stay with each protocol, at 10 % RH."""
+    radii = np.linspace(15e-6, 25e-6, n_trials)
+    trials = [draw(0, radius, 10.0, number) for number, radius in enumerate(radii)]
+    results = []
     for protocol in protocols:
         (release,) = run_trials(trials, replace(protocol, step_voltage=2.0)).release.values()
-        found.append((int(release.landed.sum()), int(np.isfinite(release.voltage).sum())))
-    return found
+        n_released = int(np.isfinite(release.voltage).sum())
+        results.append(Share(int(release.landed.sum()), n_released))
+    return results
+
+
+def print_map() -> None:
+    """Print the cells of the map, and how many are as the criterion says."""
+    landings = landing_map(SPEEDS, RESTITUTIONS)
+    print("speed [m/s], restitution, stays, restitution up to which it should")
+    for landing in landings:
+        stays = "yes" if landing.stays else "no"
+        print(f"{landing.speed:.4f}, {landing.restitution:g}, {stays}, {landing.criterion:.4f}")
+    n_agreeing = sum(
+        landing.stays == (landing.restitution <= landing.criterion) for landing in landings
+    )
+    print(f"{n_agreeing} of {len(landings)} as the criterion says")
+
+
+def print_shares() -> None:
+    """Print the shares of balls that stay, with 95 % intervals."""
+    protocols = {}
+    for delay in CUT_DELAYS:
+        protocols[f"cut {1e3 * delay:g} ms after the release"] = Protocol(cut_delay=delay)
+    protocols["held"] = Protocol(after_release="held", flight_limit=5e-3)
+
+    results = shares(list(protocols.values()), N_TRIALS)
+    for name, share in zip(protocols, results, strict=True):
+        test = binomtest(share.n_staying, share.n_released)
+        low, high = test.proportion_ci(method="exact")
+        interval = f"{100 * low:.0f} to {100 * high:.0f} %"
+        print(f"{name}: {share.n_staying} of {share.n_released} stay, {interval}")
 
 
 def main() -> None:
     """Print the map and the shares."""
-    from scipy.stats import binomtest
-
-    cells = landing_map(
-        (0.005, 0.01, 0.02, 0.05, 0.1, 0.15), (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    print("speed [m/s], restitution, stays, restitution up to which it should")
-    for cell in cells:
-        print(
-            f"{cell.speed:.4f}, {cell.restitution:g}, {'yes' if cell.stays else 'no'}, {cell.criterion:.4f}"
-        )
-    agree = sum(cell.stays == (cell.restitution <= cell.criterion) for cell in cells)
-    print(f"{agree} of {len(cells)} as the criterion says")
-    cuts = {
-        f"cut {1e3 * delay:g} ms after the release": Protocol(cut_delay=delay)
-        for delay in (0.0, 0.1e-3, 0.3e-3)
-    }
-    cuts["held"] = Protocol(after_release="held", flight_limit=5e-3)
-    for name, (stay, total) in zip(cuts, shares(list(cuts.values()), 50), strict=True):
-        low, high = binomtest(stay, total).proportion_ci(method="exact")
-        print(f"{name}: {stay} of {total} stay, {100 * low:.0f} to {100 * high:.0f} %")
+    parser.parse_args()
+    print_map()
+    print_shares()
 
 
 if __name__ == "__main__":

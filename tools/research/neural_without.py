@@ -1,8 +1,9 @@
-"""The learned strategy without one of its parts, and with more than robots can know: what each is
-worth.
+"""The learned strategy without one of its parts, or with more than robots can know.
 
-The classes can be trained, as `iswarm train --strategy
-tools/research/neural_without.py:NoMessages`, and run with `--weights`.
+    iswarm train --strategy tools/research/neural_without.py:NoMessages
+
+`compare_policies.py` runs them, with the weights of the package or with `--weights`, and prints
+what each part is worth.
 """
 
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from iswarm_mj.tasks.cleaning import Cleaning
 
 
 def unknown(place):
-    """A message without this vector."""
+    """Return what robots say of a place when they know no vector to it."""
     return place._replace(known=jnp.zeros_like(place.known))
 
 
@@ -26,11 +27,11 @@ class Mute(NeuralStrategy):
     """Robots send nothing but the number of the LED, which tells neighbours where they are."""
 
     def say(self, memory, is_loaded):
-        said = super().say(memory, is_loaded)
+        message = super().say(memory, is_loaded)
         return {
-            "priority": said["priority"] & False,
-            "dust": unknown(said["dust"]),
-            "dump": unknown(said["dump"]),
+            "priority": message["priority"] & False,
+            "dust": unknown(message["dust"]),
+            "dump": unknown(message["dump"]),
         }
 
 
@@ -38,16 +39,16 @@ class Vectorless(NeuralStrategy):
     """Robots send their flag, but no vectors; each knows only places where it was itself."""
 
     def say(self, memory, is_loaded):
-        said = super().say(memory, is_loaded)
-        return said | {"dust": unknown(said["dust"]), "dump": unknown(said["dump"])}
+        message = super().say(memory, is_loaded)
+        return message | {"dust": unknown(message["dust"]), "dump": unknown(message["dump"])}
 
 
 class Flagless(NeuralStrategy):
     """Robots send both vectors, but no flag."""
 
     def say(self, memory, is_loaded):
-        said = super().say(memory, is_loaded)
-        return said | {"priority": said["priority"] & False}
+        message = super().say(memory, is_loaded)
+        return message | {"priority": message["priority"] & False}
 
 
 class Forgetful(NeuralStrategy):
@@ -62,10 +63,12 @@ class Omniscient(NeuralStrategy):
     """Robots know where the dump and the nearest ball are, without doubt; with the task `Told`."""
 
     def update_beliefs(self, memory, observation):
-        told = jnp.ones(len(memory.character), bool)
-        places = {"dust": observation.sensed["ball_at"], "dump": observation.sensed["dump_at"]}
+        n_robots = len(memory.character)
+        no_doubt = jnp.zeros(n_robots)
+        is_known = jnp.ones(n_robots, bool)
         return memory._replace(
-            **{name: Belief(where, jnp.zeros(len(where)), told) for name, where in places.items()}
+            dust=Belief(observation.sensed["ball_at"], no_doubt, is_known),
+            dump=Belief(observation.sensed["dump_at"], no_doubt, is_known),
         )
 
 
@@ -81,54 +84,62 @@ class Told(Cleaning):
 
     def advance(self, state, inputs, key):
         state, sensed = super().advance(state, inputs, key)
-        place, yaw = inputs.poses[:, :2], inputs.poses[:, 2]
-        apart = state.position[None] - place[:, None]
-        squared = jnp.where(state.is_lying, (apart**2).sum(axis=2), jnp.inf)
-        nearest = jnp.take_along_axis(apart, squared.argmin(axis=1)[:, None, None], axis=1)[:, 0]
-        ball = jnp.where(state.is_lying.any(), nearest, 0.0)
-        return state, sensed._replace(
-            own={"ball_at": rotate(ball, -yaw), "dump_at": rotate(-place, -yaw)}
-        )
+        position = inputs.poses[:, :2]
+        yaw = inputs.poses[:, 2]
+
+        # The nearest ball on the floor, or the robot itself when there is none.
+        to_balls = state.position[None] - position[:, None]
+        squared = jnp.where(state.is_lying, (to_balls**2).sum(axis=2), jnp.inf)
+        nearest = squared.argmin(axis=1)[:, None, None]
+        to_nearest = jnp.take_along_axis(to_balls, nearest, axis=1)[:, 0]
+        to_ball = jnp.where(state.is_lying.any(), to_nearest, 0.0)
+
+        # The dump is in the middle of the arena.
+        to_dump = -position
+        told = {"ball_at": rotate(to_ball, -yaw), "dump_at": rotate(to_dump, -yaw)}
+        return state, sensed._replace(own=told)
 
 
 @dataclass(frozen=True)
-class _Part(Neural):
-    kind: ClassVar[type] = NeuralStrategy
+class _Variant(Neural):
+    """Weights of a strategy that differs from the learned one."""
+
+    strategy_class: ClassVar[type] = NeuralStrategy
 
     def for_world(self, config, robot, n_robots):
-        whole = super().for_world(config, robot, n_robots)
-        return self.kind(whole.weights, config, robot)
+        learned = super().for_world(config, robot, n_robots)
+        return self.strategy_class(learned.weights, learned.config, learned.robot)
 
     def for_training(self, config, robot, n_robots):
-        whole = super().for_training(config, robot, n_robots)
-        return self.kind(whole.weights, config, robot)
+        learned = super().for_training(config, robot, n_robots)
+        return self.strategy_class(learned.weights, learned.config, learned.robot)
 
 
-class NoMessages(_Part):
-    """See `Mute`."""
+class NoMessages(_Variant):
+    """Weights of `Mute`."""
 
-    kind = Mute
-
-
-class NoVectors(_Part):
-    """See `Vectorless`."""
-
-    kind = Vectorless
+    strategy_class = Mute
 
 
-class NoFlag(_Part):
-    """See `Flagless`."""
+class NoVectors(_Variant):
+    """Weights of `Vectorless`."""
 
-    kind = Flagless
-
-
-class NoMemory(_Part):
-    """See `Forgetful`."""
-
-    kind = Forgetful
+    strategy_class = Vectorless
 
 
-class KnowsAll(_Part):
-    """See `Omniscient`."""
+class NoFlag(_Variant):
+    """Weights of `Flagless`."""
 
-    kind = Omniscient
+    strategy_class = Flagless
+
+
+class NoMemory(_Variant):
+    """Weights of `Forgetful`."""
+
+    strategy_class = Forgetful
+
+
+class KnowsAll(_Variant):
+    """Weights of `Omniscient`."""
+
+    strategy_class = Omniscient
