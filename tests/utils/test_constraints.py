@@ -10,9 +10,11 @@ import pytest
 from iswarm_mj.utils.constraints import Above, Within, validate
 from iswarm_mj.utils.errors import ConfigError
 
+NEVER_ALLOWED = [math.nan, math.inf, -math.inf, np.float32(np.inf), 10**400]
+
 
 @pytest.mark.parametrize(
-    "constraint, text, inside, outside",
+    ("constraint", "text", "inside", "outside"),
     [
         (Within(10, 150, "rd"), "between 10 and 150 rd", [10, 150], [9.99, 151]),
         (Within(1e-6, 2e-5, "m"), "between 1e-06 and 2e-05 m", [1e-6], [9e-7]),
@@ -28,17 +30,14 @@ from iswarm_mj.utils.errors import ConfigError
 )
 def test_limits(constraint, text, inside, outside):
     assert str(constraint) == text
-    assert all(map(constraint.allows, inside))
-    assert not any(
-        map(
-            constraint.allows,
-            [*outside, math.nan, math.inf, -math.inf, np.float32(np.inf), 10**400],
-        )
-    )
+    assert all(constraint.allows(value) for value in inside)
+    assert not any(constraint.allows(value) for value in [*outside, *NEVER_ALLOWED])
 
 
 @dataclass(frozen=True)
-class Settings:
+class Motor:
+    """Settings of every kind that is checked."""
+
     length: Annotated[float, Within(0, 10, "m")] = 1.0
     count: Annotated[int, Within(1, 5)] = 1
     mode: Literal["fast", "slow"] = "fast"
@@ -64,11 +63,11 @@ class Settings:
     ],
 )
 def test_allowed(values):
-    assert vars(Settings(**values)) == vars(Settings()) | values
+    assert vars(Motor(**values)) == vars(Motor()) | values
 
 
 @pytest.mark.parametrize(
-    "values, message",
+    ("values", "message"),
     [
         ({"length": "3"}, "motor.length must be between 0 and 10 m (got '3')"),
         ({"count": 2.0}, "motor.count must be a whole number between 1 and 5 (got 2.0)"),
@@ -79,5 +78,5 @@ def test_allowed(values):
 )
 def test_refused(values, message):
     with pytest.raises(ConfigError) as caught:
-        Settings(**values)
+        Motor(**values)
     assert str(caught.value) == message

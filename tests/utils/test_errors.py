@@ -8,7 +8,7 @@ from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, User
 
 
 @pytest.mark.parametrize(
-    "arguments, message",
+    ("arguments", "message"),
     [
         (
             ("arena.size", 7, "between 10 and 150 rd"),
@@ -20,26 +20,34 @@ from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, User
 )
 def test_a_setting_that_is_not_allowed(arguments, message):
     error = ConfigError(*arguments)
-    assert isinstance(error, UserError) and str(error) == message
+    assert isinstance(error, UserError)
+    assert str(error) == message
     assert (error.field, error.value, error.constraint) == arguments[:3]
-    again = pickle.loads(pickle.dumps(error))
-    assert str(again) == message and again.field == arguments[0]
+
+    copy = pickle.loads(pickle.dumps(error))
+    assert str(copy) == message
+    assert copy.field == error.field
 
 
 SUBSTEPS = "increase `drive.walk_substeps` and `drive.turn_substeps`, or use fewer robots"
+TEN_AND_TWO = "robots 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 2 more"
 
 
 @pytest.mark.parametrize(
-    "fields, message",
+    ("fields", "message"),
     [
         (
             {"step": 12, "world": 3, "robots": [5], "kind": FaultKind.OUTSIDE},
             f"step 12, world 3: robot 5 left the arena; {SUBSTEPS}",
         ),
         (
-            {"step": 1, "kind": 3, "detail": "2 worlds more"},
-            "step 1: buffer of robot pairs full and contact buffer full; use fewer robots, or with mjx increase "
-            "`contact_capacity`; 2 worlds more",
+            {
+                "step": 1,
+                "kind": FaultKind.TOO_MANY_PAIRS | FaultKind.TOO_MANY_CONTACTS,
+                "detail": "2 worlds more",
+            },
+            "step 1: buffer of robot pairs full and contact buffer full; "
+            "use fewer robots, or with mjx increase `contact_capacity`; 2 worlds more",
         ),
         (
             {
@@ -47,8 +55,8 @@ SUBSTEPS = "increase `drive.walk_substeps` and `drive.turn_substeps`, or use few
                 "robots": range(12),
                 "kind": FaultKind.POSE_NOT_FINITE | FaultKind.OUTSIDE,
             },
-            "world 2: the pose of robots 0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 2 more is not finite and robots 0, 1, 2, 3, "
-            f"4, 5, 6, 7, 8, 9 and 2 more left the arena; {SUBSTEPS}",
+            f"world 2: the pose of {TEN_AND_TWO} is not finite "
+            f"and {TEN_AND_TWO} left the arena; {SUBSTEPS}",
         ),
         ({"detail": "a worker died"}, "a worker died"),
     ],
@@ -56,5 +64,7 @@ SUBSTEPS = "increase `drive.walk_substeps` and `drive.turn_substeps`, or use few
 def test_a_world_that_cannot_go_on(fields, message):
     fault = SimulationFault(**fields)
     assert str(fault) == message
-    again = pickle.loads(pickle.dumps(fault))
-    assert vars(again) == vars(fault) and str(again) == message
+
+    copy = pickle.loads(pickle.dumps(fault))
+    assert vars(copy) == vars(fault)
+    assert str(copy) == message

@@ -1,4 +1,4 @@
-"""What is said on stderr while something runs."""
+"""What is printed on stderr while something runs."""
 
 import pytest
 
@@ -8,7 +8,7 @@ from iswarm_mj.utils.progress import Progress, waiting
 
 @pytest.fixture
 def clock(monkeypatch):
-    """A clock that is set by hand."""
+    """Return a clock that is set by hand, as a list of its time [s]."""
     now = [100.0]
     monkeypatch.setattr("time.time", lambda: now[0])
     monkeypatch.setattr("tqdm.std.time", lambda: now[0])
@@ -16,22 +16,22 @@ def clock(monkeypatch):
     return now
 
 
-def test_lines_leave_the_first_call_and_what_was_done_before_out(clock, capsys):
+def test_the_rate_is_without_the_first_call_and_earlier_steps(clock, capsys):
+    """The first call compiles."""
     with Progress(100, "step", "run", done=10) as bar:
-        clock[0] += 600  # compilation
+        clock[0] += 600
         bar.update(10)
         capsys.readouterr()
+
         clock[0] += 40
         bar.say("all well")
         bar.update(20)
-        assert (
-            capsys.readouterr().err
-            == "iswarm: run: 40 of 100 steps,  2.00s/step, 02:00 left, all well\n"
-        )
+        line = "iswarm: run: 40 of 100 steps,  2.00s/step, 02:00 left, all well\n"
+        assert capsys.readouterr().err == line
     assert capsys.readouterr().err == ""
 
 
-def test_what_is_quick_says_nothing(monkeypatch, capsys):
+def test_quick_work_prints_nothing(monkeypatch, capsys):
     monkeypatch.setattr(progress, "PATIENCE", 600.0)
     with Progress(3, "step", waiting="compiling") as bar, waiting("placing"):
         bar.update(3)
@@ -43,7 +43,7 @@ def test_what_is_quick_says_nothing(monkeypatch, capsys):
 )
 def test_a_long_preparation_is_explained(monkeypatch, capsys, block):
     monkeypatch.setattr(progress, "PATIENCE", 0.0)
-    said = ""
+    printed = ""
     with block():
-        while "iswarm: placing" not in said:
-            said += capsys.readouterr().err
+        while "iswarm: placing" not in printed:
+            printed += capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Signals end a process whatever its main thread does, after what there is was saved."""
+"""Signals end a process whatever its main thread does, after it has saved what there is."""
 
 import signal
 import subprocess
@@ -8,11 +8,20 @@ from pathlib import Path
 
 import pytest
 
+HEED_SIGNALS = """
+import signal
+
+for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
+    signal.signal(number, signal.SIG_DFL)
+"""
+"""Heed signals that this process ignores."""
 BEGIN = """
 import ctypes, sys, threading, time
 from pathlib import Path
 from iswarm_mj.utils import signals
-from iswarm_mj.utils.signals import code_of_signal, completing, handle_signals, leave, postponed, saved
+from iswarm_mj.utils.signals import (
+    code_of_signal, completing, handle_signals, leave, postponed, saved
+)
 
 out = Path(sys.argv[1])
 
@@ -40,6 +49,7 @@ def run(work):
     except BaseException as error:
         leave(code_of_signal(error) or 1)
 """
+"""Functions of the programs below, whose first argument is the directory for what they save."""
 DROPPED_ONCE = """
 def work():
     try:
@@ -82,7 +92,7 @@ def work():
 begin(RETRY_S=0.05, GRACE_S=600.0)
 run(work)
 """
-FAREWELL_FAILS = """
+FAILING_FAREWELL = """
 def say():
     raise ValueError
 signals.GRACE_S = 0.2
@@ -101,9 +111,8 @@ run(work)
 
 @contextmanager
 def started(tmp_path, code):
-    """A process that has said that its work begins, and heeds signals that this one ignores."""
-    heed = "import signal\nfor number in (1, 2, 15):\n    signal.signal(number, signal.SIG_DFL)\n"
-    command = [sys.executable, "-c", heed + BEGIN + code, str(tmp_path)]
+    """Start a process, and yield it when it has announced that its work begins."""
+    command = [sys.executable, "-c", HEED_SIGNALS + BEGIN + code, str(tmp_path)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     with subprocess.Popen(command, **pipes, text=True, cwd=Path(__file__).parents[2]) as process:
         try:
@@ -113,24 +122,42 @@ def started(tmp_path, code):
             process.kill()
 
 
+def check_end(process, number, output=("", "")):
+    """Check that a process ends by a signal, and what it prints until then.
+
+    Args:
+        process: that the signal was sent to.
+        number: of the signal.
+        output: text on stdout and on stderr; None for any.
+    """
+    printed = process.communicate(timeout=60)
+    assert process.returncode == 128 + number
+    if output is not None:
+        assert printed == output
+
+
+def saved_text(directory):
+    """Return what a process has saved."""
+    return (directory / "saved").read_text()
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize(
-    ("code", "says"),
+    ("code", "farewell"),
     [
         (DROPPED_ONCE, ""),
         (DROPPED_WITHOUT_PIPE, ""),
         (ALWAYS_DROPPED, "farewell\n"),
         (IN_C, "farewell\n"),
         (COMPUTING, "farewell\n"),
-        (FAREWELL_FAILS, ""),
+        (FAILING_FAREWELL, ""),
     ],
 )
-def test_a_process_ends_after_it_saved(tmp_path, number, code, says):
+def test_a_process_ends_after_it_saved(tmp_path, number, code, farewell):
     with started(tmp_path, code) as process:
         process.send_signal(number)
-        assert process.communicate(timeout=60) == ("", says)
-        assert process.returncode == 128 + number
-    assert (tmp_path / "saved").read_text() == "saved"
+        check_end(process, number, ("", farewell))
+    assert saved_text(tmp_path) == "saved"
 
 
 def test_a_process_ends_whose_terminal_is_gone(tmp_path):
@@ -138,7 +165,7 @@ def test_a_process_ends_whose_terminal_is_gone(tmp_path):
         process.stderr.close()
         process.send_signal(signal.SIGHUP)
         assert process.wait(timeout=60) == 128 + signal.SIGHUP
-    assert (tmp_path / "saved").read_text() == "saved"
+    assert saved_text(tmp_path) == "saved"
 
 
 def test_the_file_that_leads_to_the_page_is_removed(tmp_path):
@@ -159,7 +186,7 @@ run(work)
     assert not file.parent.exists()
 
 
-def test_its_end_is_not_interrupted_after_an_error_that_does_not_tell_of_the_signal(tmp_path):
+def test_the_end_is_not_interrupted_after_an_error_that_hides_the_signal(tmp_path):
     code = """
 def complete():
     with completing():
@@ -180,8 +207,7 @@ except ValueError as error:
 """
     with started(tmp_path, code) as process:
         process.send_signal(signal.SIGTERM)
-        assert process.communicate(timeout=60) == ("", "")
-        assert process.returncode == 128 + signal.SIGTERM
+        check_end(process, signal.SIGTERM)
 
 
 def test_signals_of_others_do_not_count_as_the_second(tmp_path):
@@ -207,12 +233,11 @@ run(work)
 def test_the_process_waits_for_files_that_are_being_completed(tmp_path):
     with started(tmp_path, COMPLETING) as process:
         process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=60)
-        assert process.returncode == 128 + signal.SIGTERM
-    assert (tmp_path / "saved").read_text() == "saved"
+        check_end(process, signal.SIGTERM, output=None)
+    assert saved_text(tmp_path) == "saved"
 
 
-def test_what_saves_at_the_end_is_not_interrupted_again(tmp_path):
+def test_saving_at_the_end_is_not_interrupted_again(tmp_path):
     code = """
 def work():
     try:
@@ -225,8 +250,7 @@ run(work)
 """
     with started(tmp_path, code) as process:
         process.send_signal(signal.SIGTERM)
-        assert process.communicate(timeout=60) == ("", "")
-        assert process.returncode == 128 + signal.SIGTERM
+        check_end(process, signal.SIGTERM)
     assert (tmp_path / "page").read_text() == "complete"
 
 
@@ -249,31 +273,35 @@ run(work)
 """
     with started(tmp_path, code) as process:
         process.send_signal(signal.SIGTERM)
-        assert process.communicate(timeout=60) == ("", "")
-        assert process.returncode == 128 + signal.SIGTERM
+        check_end(process, signal.SIGTERM)
 
 
-def test_it_does_not_wait_without_end_for_them(tmp_path):
-    code = "def work():\n    with completing():\n        stay_in_c()\nbegin(GRACE_S=0.1, FILES_S=0.2)\nrun(work)\n"
+def test_the_process_does_not_wait_without_end_for_files(tmp_path):
+    code = """
+def work():
+    with completing():
+        stay_in_c()
+begin(GRACE_S=0.1, FILES_S=0.2)
+run(work)
+"""
     with started(tmp_path, code) as process:
         process.send_signal(signal.SIGTERM)
-        process.communicate(timeout=60)
-        assert process.returncode == 128 + signal.SIGTERM
+        check_end(process, signal.SIGTERM, output=None)
     assert not (tmp_path / "saved").exists()
 
 
 def test_a_second_signal_ends_it_at_once(tmp_path):
-    """Where a grace time of an hour would wait for the first one."""
+    """A grace time of an hour would wait for the first one."""
     code = """
 import os
 def work():
     with postponed():
-        os.kill(os.getpid(), 10)
+        os.kill(os.getpid(), signal.SIGUSR1)
         while signals._State.number is None:
             time.sleep(0.01)
         announce()
         stay_in_c()
-signal.signal(signal.SIGUSR1, lambda *_: None)  # that others handle is no matter of ours
+signal.signal(signal.SIGUSR1, lambda *_: None)  # which others handle
 begin(GRACE_S=3600.0, RETRY_S=3600.0)
 run(work)
 """
@@ -282,9 +310,8 @@ run(work)
         assert process.stdout.readline() == "now\n"
         assert process.poll() is None
         process.send_signal(signal.SIGINT)
-        process.communicate(timeout=60)
-        assert process.returncode == 128 + signal.SIGINT
-    assert (tmp_path / "saved").read_text() == "saved"
+        check_end(process, signal.SIGINT, output=None)
+    assert saved_text(tmp_path) == "saved"
 
 
 def test_other_threads_are_not_interrupted(tmp_path):
@@ -304,6 +331,5 @@ run(work)
 """
     with started(tmp_path, code) as process:
         process.send_signal(signal.SIGINT)
-        _, error = process.communicate(timeout=60)
-        assert (process.returncode, error) == (128 + signal.SIGINT, "")
+        check_end(process, signal.SIGINT)
     assert (tmp_path / "recorded").read_text() == "all"
