@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 from iswarm_mj.commands.swarm import Swarm, WithTask, run_of
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.utils.constraints import Needs, Within, check, constraint_of
-from iswarm_mj.utils.directory_lock import locked
+from iswarm_mj.utils.directory_lock import check_lock
 
 _RECORDED = Needs("record", why="with --no-record")
 _WITH_TRIALS = Needs("has_trials", why="without `gripper.resolution` dynamic")
@@ -64,8 +64,7 @@ class Clean(Swarm):
         scenario.settings(recorded)  # which checks them
         from iswarm_mj.workflows.clean import run_swarm
 
-        with locked(self.out):  # refused before anything is compiled
-            pass
+        check_lock(self.out)  # refused before anything is compiled
         run_swarm(run_of(scenario, recorded), self.out, self.record_grasps)
 
     def scenario(self, **fields: Any) -> Any:

@@ -84,8 +84,8 @@ class ConfigFile:
         """
         if "ball_material" in self.values and self.is_result and command != "grasp":
             raise UserError(
-                f"--config {self.path} is of iswarm grasp, which repeats it; "
-                f"iswarm {command} cannot"
+                f"--config {self.path} is of iswarm grasp, but this is iswarm {command}; "
+                f"`iswarm grasp --config {self.path}` repeats it"
             )
         default_of_flag = {
             flag(setting).removeprefix("--").replace("-", "_"): default
@@ -225,7 +225,8 @@ def _values_of_plugin(
     if name is None:
         remedy = naming(plugin_kind, str(class_name))
         raise UserError(
-            f"--config {path} is of the {kind} {shown(class_name)}; name it by {remedy}"
+            f"--config {path} is of the {kind} {shown(class_name)}, which no package offers; "
+            f"name it by {remedy}"
         )
     return {**named, kind: name}
 

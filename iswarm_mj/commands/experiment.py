@@ -60,26 +60,26 @@ class Experiment(ManyRunsOptions):
         from iswarm_mj.paper.studies.registry import EXPERIMENTS, listing
 
         if self.list:
-            refuse_changed(
-                self,
-                [name for name in changed(self) if name not in ("list", "name")],
-                "with `list`",
-            )
+            others = [name for name in changed(self) if name not in ("list", "name")]
+            refuse_changed(self, others, "with `list`")
             if self.name:
                 raise UserError(f"--list takes no name; leave out {self.name}")
             print(listing())
             return
+
         if self.name not in EXPERIMENTS:
+            remedy = f"choose {', '.join(EXPERIMENTS)}, which --list describes"
+            if not self.name:
+                raise UserError(f"no experiment was named; {remedy}")
             match = closest(self.name, EXPERIMENTS)
             similar = f"; perhaps you meant {match}" if match else ""
-            remedy = f"choose {', '.join(EXPERIMENTS)}, which --list describes"
             raise UserError(f"there is no experiment {shown(self.name)!r}{similar}; {remedy}")
+        experiment = EXPERIMENTS[self.name]
         plan = Plan(self.config, load_genome(self.genome), self.seed, self.quick)
-        self._check_varied(EXPERIMENTS[self.name], plan)
-        out = self.out or Path("runs/experiments") / (
-            f"{self.name}-quick" if self.quick else self.name
-        )
-        run_experiment(EXPERIMENTS[self.name], plan, out, self.execution, again=self.again)
+        self._check_varied(experiment, plan)
+        default_name = f"{self.name}-quick" if self.quick else self.name
+        out = self.out or Path("runs/experiments") / default_name
+        run_experiment(experiment, plan, out, self.execution, again=self.again)
 
     def _check_varied(self, experiment: Any, plan: Any) -> None:
         """Refuse settings that differ from their defaults and change no run of an experiment.

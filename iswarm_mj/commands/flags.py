@@ -1,7 +1,8 @@
 """Names of flags: which flag a setting has, and which settings arguments and messages name."""
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
+from typing import Any
 
 from iswarm_mj.utils.errors import ConfigError, SimulationFault, UserError
 
@@ -34,6 +35,15 @@ def names(arguments: Iterable[str]) -> list[str]:
     return [((match[1] or "") + match[2]).replace("-", "_") for match in matches if match]
 
 
+def _words(values: tuple[Any, ...]) -> Iterator[str]:
+    """Yield the values of a tuple and of tuples in it as words."""
+    for value in values:
+        if isinstance(value, tuple):
+            yield from _words(value)
+        else:
+            yield str(value)
+
+
 def in_flags(error: UserError | SimulationFault, settings: Collection[str]) -> str:
     """Return the message of an error with flags in place of the settings that it names.
 
@@ -47,7 +57,10 @@ def in_flags(error: UserError | SimulationFault, settings: Collection[str]) -> s
             known.add(setting)
 
     if isinstance(error, ConfigError) and error.field in known:
-        error = ConfigError(flag(error.field), error.value, error.constraint, error.remedy)
+        value = error.value
+        if isinstance(value, tuple):
+            value = " ".join(_words(value))  # as on the command line
+        error = ConfigError(flag(error.field), value, error.constraint, error.remedy)
 
     def flag_if_known(match: re.Match[str]) -> str:
         return flag(match[1]) if match[1] in known else match[0]

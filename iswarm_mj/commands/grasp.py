@@ -10,28 +10,36 @@ from iswarm_mj.gripper.laws.roughness import Surface
 from iswarm_mj.utils.constraints import Needs, Within, check
 from iswarm_mj.workflows.grasp_settings import GraspSettings
 
-_PROTOCOL = ("start_gap", "approach_time", "press", "dwell", "rise_time", "peel", "peel_time")
-_BALL = (
+_BALL_OF_CURVES = (
     "radius",
     "rh",
     "work_tool_object",
     "work_object_substrate",
     "probe_radius",
     "ball_density",
+    "ball_material",
+    "tool_material",
+    "plate_material",
+    "tip_curvature",
 )
-_BALL += ("ball_material", "tool_material", "plate_material", "tip_curvature")
-_PARTS = {
-    "protocol": _PROTOCOL,
-    "tool": Surface._fields,
-    "plate": Surface._fields,
-    "contacts": Contacts._fields,
-}
+_PROTOCOL_OF_CURVES = (
+    "start_gap",
+    "approach_time",
+    "press",
+    "dwell",
+    "rise_time",
+    "peel",
+    "peel_time",
+)
 OF_CURVES = {
-    *_BALL,
+    *_BALL_OF_CURVES,
     "force_curve",
     "voltages",
     "out",
-    *(f"{part}.{name}" for part in _PARTS for name in _PARTS[part]),
+    *(f"protocol.{name}" for name in _PROTOCOL_OF_CURVES),
+    *(f"tool.{name}" for name in Surface._fields),
+    *(f"plate.{name}" for name in Surface._fields),
+    *(f"contacts.{name}" for name in Contacts._fields),
 }
 """Settings that force-distance curves follow."""
 
@@ -61,35 +69,28 @@ class Grasp(GraspSettings):
         from iswarm_mj.workflows.grasp import run_force_curves, run_grasp
 
         if self.force_curve:
-            changed_names = changed(self)
-            not_of_curves = [name for name in changed_names if name not in OF_CURVES]
-            refuse_changed(self, not_of_curves, "with `force_curve`")
-            check(
-                "rh",
-                self.rh,
-                "one relative humidity with `force_curve`",
-                len(self.rh) == 1 or "rh" not in changed_names,
-            )
-            check(
-                "tip_curvature",
-                self.tip_curvature,
-                "left out with `force_curve`, whose forces at a distance are those of flat tips",
-                self.tip_curvature is None,
-            )
-            n_curves = len(self.radii) * len(self.voltages)
-            check(
-                "voltages",
-                self.voltages,
-                "such that there are 1 to 100 curves in all",
-                1 <= n_curves <= 100,
-            )
+            self._check_curves()
             run_force_curves(self, self.voltages, self.out)
             return
+
+        last_trial = self.n_trials - 1
         for number in self.record:
             check(
-                "record",
-                number,
-                f"the index of a trial, 0 to {self.n_trials - 1}",
-                number < self.n_trials,
+                "record", number, f"the index of a trial, 0 to {last_trial}", number <= last_trial
             )
         run_grasp(self, self.out, tuple(dict.fromkeys(self.record)))
+
+    def _check_curves(self) -> None:
+        """Refuse settings that force-distance curves do not follow, and too many curves."""
+        changed_names = changed(self)
+        without_effect = [name for name in changed_names if name not in OF_CURVES]
+        refuse_changed(self, without_effect, "with `force_curve`")
+
+        # By default the first of several humidities is that of the curves.
+        is_one = len(self.rh) == 1 or "rh" not in changed_names
+        check("rh", self.rh, "one relative humidity with `force_curve`", is_one)
+        flat_tips = "left out with `force_curve`, whose forces at a distance are those of flat tips"
+        check("tip_curvature", self.tip_curvature, flat_tips, self.tip_curvature is None)
+        n_curves = len(self.radii) * len(self.voltages)
+        few_curves = "such that there are 1 to 100 curves in all"
+        check("voltages", self.voltages, few_curves, 1 <= n_curves <= 100)

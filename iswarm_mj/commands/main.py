@@ -197,16 +197,18 @@ def _explain(error: BaseException, command: Any) -> int | None:
             else:
                 name = str(error.filename)
             fact = error.strerror or error
-            sentence = f"{name} cannot be read or written ({fact}); choose another."
+            sentence = f"{name} cannot be read or written ({fact}); choose another"
             code = _EXIT_BAD_INPUT
         case MemoryError():
             fact = str(error) or "none is left"
-            sentence = f"there is not enough memory ({fact}); use fewer worlds or robots."
+            sentence = f"there is not enough memory ({fact}); use fewer worlds or robots"
             code = _EXIT_BAD_INPUT
         case _:
             return None
 
     text = printable(" ".join(sentence.splitlines()))
+    if not text.endswith(".."):
+        text = text.removesuffix(".")  # some sentences have one, others do not
     if len(text) > _MAX_MESSAGE:
         text = f"{text[: _MAX_MESSAGE - _MESSAGE_END]} ... {text[-_MESSAGE_END:]}"
     print(f"iswarm: {text}", file=sys.stderr)

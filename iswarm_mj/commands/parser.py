@@ -5,6 +5,7 @@ their own, and a file of `--config` gives values to any of them. Arguments are t
 stages: the flags that decide, what they name, the flags that there are then, and their values.
 """
 
+import re
 from argparse import ArgumentParser
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -27,7 +28,7 @@ from iswarm_mj.engines.registry import SETTINGS as ENGINE_SETTINGS
 from iswarm_mj.engines.registry import check_settings, find_engine
 from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import check_kind
-from iswarm_mj.utils.errors import UserError, closest
+from iswarm_mj.utils.errors import UserError, closest, shown
 from iswarm_mj.utils.user_code import user_code
 
 HELP = {"-h", "--help"}
@@ -39,6 +40,17 @@ _NEED_VALUE = {
     "strategy": "FILE.py:CLASS, or an installed strategy",
 }
 """Flags that need a value, which tyro does not ask for, and what the value names."""
+_UNKNOWN_WORDS = "Unrecognized options: "
+"""Beginning of tyro's message on words that no flag takes, flags that are not known included."""
+_REWORDED = (
+    (r"Missing value for argument '(.+)'\..*", r"\1 has no value"),
+    (r"invalid choice (.+) for argument '(.+)'\..*of \((.+)\)", r"\2 must be one of \3 (got \1)"),
+    (r"(\S+): invalid literal for int\(\).*: (.+)", r"\1 must be a whole number (got \2)"),
+    (r"(\S+): could not convert string to float: (.+)", r"\1 must be a number (got \2)"),
+    (r"(\S+): Could not find valid parse for arguments: \[(.+)\]", r"\1 cannot be \2"),
+    (r"(\S+): it must be (.+)", r"\1 must be \2"),
+)
+"""Patterns of tyro's messages, and how those say it that do not come from tyro."""
 _FLAGS_OF_PLUGIN = {"own": ("strategy", "genome"), "own_task": ("task",), "physics": ("engine",)}
 """Flags that name the plug-in in a field of a command."""
 
@@ -219,8 +231,9 @@ def explained(cli: Callable[..., Any], *arguments: Any, **settings: Any) -> Any:
     except AssertionError as error:
         if "Shell should be" not in str(error):
             raise
+        shell = str(error).rpartition("but got ")[2]
         raise UserError(
-            f"there are completions for the shells bash, zsh, tcsh and fish ({error})"
+            f"there are completions for the shells bash, zsh, tcsh and fish (got {shown(shell)})"
         ) from None
     except SystemExit:
         if text := errors.getvalue():
@@ -238,17 +251,31 @@ def _sentence(text: str, command: str) -> str:
     lines = [line.strip("│╭╮╰╯─ ") for line in text.splitlines()][1:]
     lines = [line if line.strip("-") else "" for line in lines]  # rules where it is not UTF-8
     first, *more = [" ".join(part) for is_text, part in groupby(lines, bool) if is_text]
+    remedy = f"`{command} --help-all` explains the flags"
+
+    if first.startswith(_UNKNOWN_WORDS):
+        words = first.removeprefix(_UNKNOWN_WORDS).split(", ")
+        similar_flags = [line.split()[0].rstrip(",") for line in lines if line.startswith("--")]
+        if similar_flags:
+            remedy = f"perhaps you meant {closest(words[0], similar_flags) or similar_flags[0]}"
+        return f"{_unknown_words(words)}; {remedy}"
+
     fact = first.removeprefix("Error parsing ").rstrip(".")
     if more and more[0].startswith("Got errors:"):
         # Of several possible types, the error of the last one says most.
         fact = f"{fact.partition(':')[0]}: {more[0].rpartition('>: ')[2]}"
+    for pattern, template in _REWORDED:
+        if match := re.fullmatch(pattern, fact):
+            fact = match.expand(template)
+    return f"{fact}; {remedy}"
 
-    similar_flags = [line.split()[0].rstrip(",") for line in lines if line.startswith("--")]
-    if first.startswith("Unrecognized") and similar_flags:
-        unknown = first.partition(": ")[2].split(", ")[0]
-        suggestion = closest(unknown, similar_flags) or similar_flags[0]
-        return f"{fact}; perhaps you meant {suggestion}"
-    return f"{fact}; `{command} --help-all` explains the flags"
+
+def _unknown_words(words: Sequence[str]) -> str:
+    """Return the fact that no flags have these names, or else that no flag takes these words."""
+    flags = [word for word in words if word.startswith("-")]
+    if not flags:
+        return f"no flag takes {' '.join(words)}"
+    return f"there {'is no flag' if len(flags) == 1 else 'are no flags'} {', '.join(flags)}"
 
 
 def _deciding_words(arguments: Sequence[str]) -> dict[str, list[str]]:

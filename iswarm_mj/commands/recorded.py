@@ -82,9 +82,8 @@ class Video(RenderOptions):
     def __post_init__(self):
         super().__post_init__()
         for name in ("width", "height"):
-            check(
-                name, getattr(self, name), "an even number of pixels", getattr(self, name) % 2 == 0
-            )
+            pixels = getattr(self, name)
+            check(name, pixels, "an even number of pixels", pixels % 2 == 0)
         check_name(self.out, ".mp4")
 
     def run(self) -> None:

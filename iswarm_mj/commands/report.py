@@ -8,7 +8,8 @@ from typing import Annotated, ClassVar
 from iswarm_mj.commands.command_settings import changed, refuse_changed
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.search.settings import Repeats
-from iswarm_mj.utils.constraints import Needs, Within, check, validate
+from iswarm_mj.utils.constraints import Needs, Within, validate
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.files import check_name
 
 
@@ -24,7 +25,8 @@ class Report:
 
     def run(self) -> None:
         """Run the command."""
-        check("results", "nothing", "at least one directory", bool(self.results))
+        if not self.results:
+            raise UserError("--results has no value; name directories with results")
         check_name(self.out, ".html")
         from iswarm_mj.paper.report.html_report import write_report
 
@@ -92,8 +94,12 @@ class Reproduce(ManyRunsOptions):
         )
         from iswarm_mj.paper.studies.experiment import Plan
 
-        out = self.out or Path("runs/reproduce-quick" if self.quick else "runs/reproduce")
-        results = self.results or (out / "results" if self.quick else Path("results/default"))
+        if self.quick:
+            out = self.out or Path("runs/reproduce-quick")
+            results = self.results or out / "results"
+        else:
+            out = self.out or Path("runs/reproduce")
+            results = self.results or Path("results/default")
         if self.tables:
             rewrite_findings(results, self._pages)
             return
@@ -107,14 +113,9 @@ class Reproduce(ManyRunsOptions):
     @property
     def _pages(self) -> Sequence[Path]:
         """Pages whose tables are written."""
-        if self.pages is not None or self.quick:
-            return self.pages or ()
-        return [
-            path
-            for path in (
-                Path("README.md"),
-                *sorted(Path("docs").glob("*.md")),
-                Path("results/README.md"),
-            )
-            if path.is_file()
-        ]
+        if self.pages is not None:
+            return self.pages
+        if self.quick:
+            return ()
+        pages = [Path("README.md"), *sorted(Path("docs").glob("*.md")), Path("results/README.md")]
+        return [page for page in pages if page.is_file()]

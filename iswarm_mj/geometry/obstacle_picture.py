@@ -38,7 +38,9 @@ def boxes_of_picture(path: Path, width: float, height: float) -> tuple[Obstacle,
             white = Image.new("RGBA", colours.size, "white")
             pixels = np.asarray(Image.alpha_composite(white, colours).convert("L"))
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError, ValueError) as error:
-        raise ConfigError("maze", str(path), f"a picture, as PNG ({error})") from None
+        reason = getattr(error, "strerror", None) or error
+        remedy = f"choose another ({reason})"
+        raise ConfigError("maze", str(path), "a picture, as PNG", remedy) from None
 
     corners = rectangles(pixels < _DARK)
     n_boxes = len(corners)

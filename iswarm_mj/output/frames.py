@@ -73,7 +73,7 @@ class RecordedWorld:
         """
         recorded = recorded or {}
         teams = teams or {}
-        _check_memory_names(recorded)
+        check_memory_names(recorded)
 
         self.config = config
         self._index = index
@@ -191,7 +191,7 @@ class RecordedWorld:
         return Observed(record, balls, centres)
 
 
-def _check_memory_names(recorded: Mapping[str, str]) -> None:
+def check_memory_names(recorded: Mapping[str, str]) -> None:
     """Raise a UserError if a recorded part of the memory takes the name of another array."""
     reserved = {*ARRAYS, *NUMPY_NAMES}
     for name in map(array_name, recorded):

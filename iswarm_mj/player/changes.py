@@ -12,7 +12,7 @@ from iswarm_mj.geometry.walls import beyond
 from iswarm_mj.gripper.handling import Balls
 from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.state import SwarmState
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.errors import ConfigError, UserError
 from iswarm_mj.utils.units import mm_from_rd
 
 KILL = "kill"
@@ -45,15 +45,14 @@ class Change(NamedTuple):
         """Return the change that a text describes.
 
         Raises:
-            UserError: it describes none.
+            ConfigError: it describes none.
         """
         step, _, rest = text.partition(":")
         name, equals, value = rest.partition("=")
         is_step = step.isascii() and step.isdigit() and len(step) <= _MOST_DIGITS
         if not (is_step and name and equals):
-            raise UserError(
-                f"a change must be STEP:SETTING=VALUE, as 40:p_vector_forget=0.5 (got {text!r})"
-            )
+            form = "STEP:SETTING=VALUE, as 40:p_vector_forget=0.5"
+            raise ConfigError("changes", text, form)
         return cls(int(step), name.replace("-", "_"), value)
 
 

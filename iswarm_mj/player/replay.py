@@ -106,7 +106,7 @@ def _check_names(film: Film, scene: Scene, frames: Frames) -> None:
         ConfigError: the run has no such colours, or nothing of that name to draw.
     """
     ways = ways_to_colour(scene, frames[:1])
-    check("colour_by", film.colour_by, f"one of {', '.join(ways)}", film.colour_by in ways)
+    check("colour_by", film.colour_by, " or ".join(ways), film.colour_by in ways)
     drawable = ("links", "trails", *(vector.stem for vector in recorded_vectors(scene.memory)))
     for name in film.draw:
         check("draw", name, f"some of {', '.join(drawable)}", name in drawable)

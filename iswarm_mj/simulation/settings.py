@@ -42,5 +42,7 @@ class RunSettings:
         are_worlds = isinstance(recorded, tuple) and all(
             world in range(self.n_worlds) for world in recorded
         )
+        if self.n_worlds == 1:
+            allowed = "0, the only world"
         are_distinct = are_worlds and len(set(recorded)) == len(recorded)
         check("record_worlds", recorded, allowed, are_distinct)

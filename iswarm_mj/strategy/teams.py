@@ -108,9 +108,10 @@ class Teams(Strategy):
         """
         total = sum(team.share for team in self.teams)
         if isinstance(total, int) and total != n_robots:
-            constraint = f"as many as there are robots, {n_robots}"
-            remedy = f"set `n_robots` to {total}, or give shares as 0.5"
-            raise ConfigError("robots in teams", total, constraint, remedy)
+            raise UserError(
+                f"teams must have {n_robots} robots together, all that there are (got {total}); "
+                f"set `n_robots` to {total}, or give shares as 0.5"
+            )
 
         teams = {}
         sizes = self.sizes(n_robots)
@@ -350,11 +351,11 @@ def _check_teams(teams: Any) -> None:
     are_fractions = {isinstance(share, float) for share in shares}
     if len(are_fractions) > 1:
         raise UserError(
-            "shares of teams must all be floats, or all be numbers of robots; give one kind",
+            "teams must all have shares, as 0.5, or all have numbers of robots, as 20; give one kind",
         )
     if are_fractions == {True} and abs(sum(shares) - 1) > 1e-6:
         total = round(sum(shares), 6)
-        raise ConfigError("shares of the teams", total, "such that they add up to 1")
+        raise UserError(f"shares of teams must add up to 1 (got {total})")
 
 
 def _is_pair(value: Any) -> bool:

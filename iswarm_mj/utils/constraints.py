@@ -39,6 +39,8 @@ class Within:
         return f"{limits}{unit}{reason}"
 
     def _limits(self) -> str:
+        if self.low == self.high:
+            return _text(self.low)
         return f"between {_text(self.low)} and {_text(self.high)}"
 
 
@@ -169,7 +171,8 @@ def _check_number(name: str, value: Any, kind: Any, constraint: Within) -> None:
 
     if not (is_number and constraint.allows(value)):
         # The text is made here alone: it would take most of the time of a check.
-        kind_of_number = "a whole number " if must_be_whole else ""
+        is_one_value = constraint.low == constraint.high
+        kind_of_number = "a whole number " if must_be_whole and not is_one_value else ""
         raise ConfigError(name, value, f"{kind_of_number}{constraint}")
 
 

@@ -1,7 +1,7 @@
 """One process at a time writes into a directory."""
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from iswarm_mj.utils.files import make_output_directory, only_writer
@@ -20,3 +20,21 @@ def locked(out: Path) -> Iterator[None]:
     make_output_directory(out)
     with only_writer(out, out / LOCK):
         yield
+
+
+def check_lock(out: Path) -> None:
+    """Refuse a directory that `locked` would refuse now.
+
+    A directory that does not exist is not left behind.
+
+    Raises:
+        UserError: see `locked`.
+    """
+    missing = [folder for folder in (out, *out.parents) if not folder.exists()]
+    try:
+        with locked(out):
+            pass
+    finally:
+        for folder in missing:
+            with suppress(OSError):  # it is not there, or somebody has written into it
+                folder.rmdir()

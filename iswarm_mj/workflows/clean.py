@@ -95,8 +95,11 @@ def _begin(
     further_directories = [out / f"world-{number}" for number in recorded[1:]]
     directories = [out, *further_directories][: len(recorded)]
     if recorded:
+        from iswarm_mj.output.frames import check_memory_names
         from iswarm_mj.output.rerun_format import check_recordings
 
+        # Refuse before results of an earlier run are removed.
+        check_memory_names(run.recorded)
         check_recordings()
     # Signals wait, or there could be a result.json of a run without a recording.
     with completing():

@@ -1,10 +1,10 @@
-"""Commands are run where nothing else lies."""
+"""Commands run in an empty working directory."""
 
 import pytest
 
 
 @pytest.fixture(autouse=True)
 def here(tmp_path, monkeypatch):
-    """An empty working directory."""
+    """Return the working directory, which is empty."""
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -1,9 +1,8 @@
-"""The command `iswarm grasp`: what it writes, what it refuses."""
+"""The command `iswarm grasp`: the files that it writes and the lines that it prints."""
 
 import csv
 import json
 import re
-from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet
@@ -16,169 +15,207 @@ from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import CURVES, TABLE
 
 FAST = ["--protocol.step-voltage=2", "--threads=1"]
-COLUMNS = """
-    experiment radius relative_humidity trial_humidity repeat seed work_tool_object work_object_substrate gap
-    voltage limit_voltage step_voltage melted flight_time landing_speed landed transport off_target quasi_static_voltage
-    faulty
-"""
+ONE_TRIAL = [*FAST, "--radius=20e-6", "--repeats=1", "--rh=10", "--record", "--out=out"]
+"""Without a recording."""
+COLUMNS = {
+    "experiment",
+    "radius",
+    "relative_humidity",
+    "trial_humidity",
+    "repeat",
+    "seed",
+    "work_tool_object",
+    "work_object_substrate",
+    "gap",
+    "voltage",
+    "limit_voltage",
+    "step_voltage",
+    "melted",
+    "flight_time",
+    "landing_speed",
+    "landed",
+    "transport",
+    "off_target",
+    "quasi_static_voltage",
+    "faulty",
+}
 
 
-def from_path(directory):
-    return read_table(Path(directory) / TABLE)[0]
+def names_in(directory):
+    """Return the names of the files in a directory."""
+    return {path.name for path in directory.iterdir()}
 
 
-def test_writes_table_figures_and_recordings(here, capfd):
-    assert (
-        code_of(
-            "grasp",
-            *FAST,
-            "--radius",
-            "15e-6:25e-6:2",
-            "--rh",
-            10,
-            50,
-            "--repeats",
-            2,
-            "--record",
-            5,
-            "--gap=8e-6",
-        )
-        == 0
-    )
+def values_of_entity(recording, entity):
+    """Return the values of a recorded series."""
+    values = []
+    for chunk in RrdReader(recording).stream().to_chunks():
+        if chunk.entity_path != entity:
+            continue
+        rows = chunk.to_record_batch().to_pylist()
+        values += [row["Scalars:scalars"][0] for row in rows if "sim_time" in row]
+    return values
+
+
+def test_trials_are_a_table_figures_and_recordings(here, capfd):
+    flags = ["--radius=15e-6:25e-6:2", "--rh", 10, 50, "--repeats=2", "--record=5", "--gap=8e-6"]
+    assert code_of("grasp", *FAST, *flags) == 0
     out = here / "runs" / "grasp"
-    names = {path.name for path in out.iterdir()}
-    made = {"trials.csv", "trial-0005.rrd", "grasp_voltage.png", "release_voltage_8um.svg"}
-    assert made | {TABLE} <= names
-    assert not any(name.startswith(".") for name in names)
-    rows, told = read_table(out / TABLE)
-    assert set(rows[0]) == set(COLUMNS.split())
-    assert [
-        sum(r["experiment"] == e for r in rows) for e in ("grasp", "release", "no_contact")
-    ] == [8, 8, 24]
-    assert sorted({(r["radius"], r["relative_humidity"], r["repeat"]) for r in rows}) == [
-        (radius, rh, repeat) for radius in (15e-6, 25e-6) for rh in (10, 50) for repeat in (0, 1)
-    ]
-    assert (told["seed"], told["protocol"]["step_voltage"], told["calibration"]["CONTACT_GAP"]) == (
-        0,
-        2,
-        0.2e-6,
-    )
+    files = {"trials.csv", "trial-0005.rrd", "grasp_voltage.png", "release_voltage_8um.svg", TABLE}
+    assert files <= names_in(out)
+    assert not any(name.startswith(".") for name in names_in(out))
+
+    # Each trial lifts, releases, and tries three gaps without contact.
+    rows, metadata = read_table(out / TABLE)
+    assert set(rows[0]) == COLUMNS
+    n_rows = {name: 0 for name in ("grasp", "release", "no_contact")}
+    for row in rows:
+        n_rows[row["experiment"]] += 1
+    assert n_rows == {"grasp": 8, "release": 8, "no_contact": 24}
+    trials = {(row["radius"], row["relative_humidity"], row["repeat"]) for row in rows}
+    radii, humidities = (15e-6, 25e-6), (10, 50)
+    assert trials == {(radius, rh, k) for radius in radii for rh in humidities for k in (0, 1)}
+    assert (metadata["seed"], metadata["protocol"]["step_voltage"]) == (0, 2)
+    assert metadata["calibration"]["CONTACT_GAP"] == 0.2e-6
     with (out / "trials.csv").open() as file:
         assert len(list(csv.DictReader(file))) == len(rows)
-    recorded = read(out / "trial-0005.rrd")  # of the larger ball at 10 % RH, the second
-    kept = recorded["/__properties/settings"]
-    lifted = next(
-        r["voltage"]
-        for r in rows
-        if r["radius"] == 25e-6 and r["repeat"] == 1 and r["experiment"] == "grasp"
+
+    # Trial 5 is the second one of the larger ball at 10 % RH.
+    (lifting_voltage,) = (
+        row["voltage"]
+        for row in rows
+        if (row["radius"], row["relative_humidity"]) == (25e-6, 10)
+        and (row["repeat"], row["experiment"]) == (1, "grasp")
     )
-    wanted = {"trial.radius": 25e-6, "repeat": 1, "grasp_voltage": lifted}
-    assert {name: kept[name] for name in wanted} == {
-        name: [value] for name, value in wanted.items()
-    }
-    gaps = [
-        r["Scalars:scalars"][0]
-        for c in RrdReader(out / "trial-0005.rrd").stream().to_chunks()
-        if c.entity_path == "/series/gaps/plate"
-        for r in c.to_record_batch().to_pylist()
-        if "sim_time" in r
-    ]
-    assert max(gaps) == pytest.approx(8, abs=0.2)
-    said = capfd.readouterr().out
-    assert re.search(r"grasp  10 % RH: \d+\.\d V \(.*\), (\d+) of \1 lifted\n", said)
-    assert re.search(r"release  10 % RH at [\d.]+ um: .*\), \d+ of \d+ landed and stayed\n", said)
+    recording = out / "trial-0005.rrd"
+    properties = read(recording)["/__properties/settings"]
+    assert properties["trial.radius"] == [25e-6]
+    assert properties["repeat"] == [1]
+    assert properties["grasp_voltage"] == [lifting_voltage]
+    gaps_um = values_of_entity(recording, "/series/gaps/plate")
+    assert max(gaps_um) == pytest.approx(8, abs=0.2)
+
+    printed = capfd.readouterr().out
+    assert re.search(r"grasp  10 % RH: \d+\.\d V \(.*\), (\d+) of \1 lifted\n", printed)
+    assert re.search(
+        r"release  10 % RH at [\d.]+ um: .*\), \d+ of \d+ landed and stayed\n", printed
+    )
 
 
 def test_a_ball_that_cannot_be_lifted_replaces_results_of_an_earlier_run(here, capfd):
-    (here / "out").mkdir()
-    for name in (
-        "grasp_voltage_humidity.png",
-        "release_voltage_3um.svg",
-        "trial-0001.rrd",
-        "trial-notes.txt",
-    ):
-        (here / "out" / name).write_text("old")
-    flags = [
-        *FAST,
-        "--radius",
-        "20e-6",
-        "--repeats",
-        1,
-        "--rh",
-        10,
-        "--record",
-        "--protocol.grasp-limit",
-        10,
-    ]
-    assert code_of("grasp", *flags, "--out", "out") == 0
-    names = {"trials", "grasp_voltage", "no_contact", "trial-notes", "result"}
-    assert {path.stem for path in (here / "out").iterdir()} == names
-    rows = {row["experiment"]: row for row in from_path("out")}
-    assert set(rows) == {"grasp", "no_contact"} and rows["grasp"]["voltage"] is None
+    out = here / "out"
+    out.mkdir()
+    earlier = ["grasp_voltage_humidity.png", "release_voltage_3um.svg", "trial-0001.rrd"]
+    for name in (*earlier, "trial-notes.txt"):
+        (out / name).write_text("old")
+    assert code_of("grasp", *ONE_TRIAL, "--protocol.grasp-limit=10") == 0
+    stems = {path.stem for path in out.iterdir()}
+    assert stems == {"trials", "grasp_voltage", "no_contact", "trial-notes", "result"}
+
+    rows, _ = read_table(out / TABLE)
+    voltages = {row["experiment"]: row["voltage"] for row in rows}
+    assert set(voltages) == {"grasp", "no_contact"}
+    assert voltages["grasp"] is None
     assert "1 of 1 not up to 10 V" in capfd.readouterr().out
 
 
 def test_results_that_cannot_be_written(here, capfd):
-    flags = [*FAST, "--radius", "20e-6", "--rh", 10, "--repeats", 1, "--record", "--out", "out"]
     (here / "out" / "trials.parquet").mkdir(parents=True)
-    assert code_of("grasp", *flags) == 2
-    said = "iswarm: out/trials.parquet cannot be written (Is a directory); move it away or choose another --out\n"
-    assert capfd.readouterr().err.endswith(said)  # on a slow machine after what was waited for
-    assert [path.name for path in (here / "out").iterdir()] == ["trials.parquet"]
-
-
-def test_force_curves(here):
-    assert (
-        code_of("grasp", "--force-curve", "--radius", "20e-6", "--voltages", 0, 20, "--out", "out")
-        == 0
+    assert code_of("grasp", *ONE_TRIAL) == 2
+    sentence = (
+        "iswarm: out/trials.parquet cannot be written (Is a directory); "
+        "move it away or choose another --out\n"
     )
-    names = {path.name for path in (here / "out").iterdir()}
-    assert names == {CURVES, "force_curve.csv", "force_curve.png", "force_curve.svg", "result.json"}
-    schema = pyarrow.parquet.read_schema(here / "out" / CURVES)
-    lengths, forces = ("radius", "tip", "gap"), ("adhesion", "electrostatic", "contact", "total")
-    units = {
-        "direction": "",
-        "voltage": "V",
-        **dict.fromkeys(lengths, "m"),
-        **dict.fromkeys(forces, "N"),
-    }
-    assert {field.name: field.metadata[b"unit"].decode() for field in schema} == units
-    rows, _ = read_table(here / "out" / CURVES)
-    for voltage in (0, 20):
-        (approach, down), (retract, up) = (
-            np.transpose(
-                [
-                    (row["total"], row["tip"])
-                    for row in rows
-                    if (row["voltage"], row["direction"]) == (voltage, direction)
-                ]
-            )
-            for direction in ("approach", "retract")
-        )
-        for way in (down, up[::-1]):  # servos let the tool sink by a nanometre or two
-            np.testing.assert_allclose([way[0], way[-1]], [5e-6, -25e-9], atol=5e-9)
+    # On a slow machine lines on the progress precede it.
+    assert capfd.readouterr().err.endswith(sentence)
+    assert names_in(here / "out") == {"trials.parquet"}
+
+
+RADIUS = 20e-6
+VOLTAGES = (0, 20)
+
+
+@pytest.fixture(scope="module")
+def curves(tmp_path_factory):
+    """Return the directory of the force-distance curves of a radius at two voltages."""
+    out = tmp_path_factory.mktemp("curves") / "out"
+    flags = ["--force-curve", "--radius", RADIUS, "--voltages", *VOLTAGES]
+    assert code_of("grasp", *flags, "--out", out) == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def rows(curves):
+    """Return the rows of their table."""
+    return read_table(curves / CURVES)[0]
+
+
+class TestForceCurves:
+    def test_files(self, curves):
+        figures = {"force_curve.png", "force_curve.svg"}
+        assert names_in(curves) == {CURVES, "force_curve.csv", "result.json", *figures}
+
+    def test_columns_have_units(self, curves):
+        schema = pyarrow.parquet.read_schema(curves / CURVES)
+        lengths = ("radius", "tip", "gap")
+        forces = ("adhesion", "electrostatic", "contact", "total")
+        assert {field.name: field.metadata[b"unit"].decode() for field in schema} == {
+            "direction": "",
+            "voltage": "V",
+            **dict.fromkeys(lengths, "m"),
+            **dict.fromkeys(forces, "N"),
+        }
+
+    def curve(self, rows, voltage, direction):
+        """Return total force [N] and height of the tip [m] along a way."""
+        points = [
+            (row["total"], row["tip"])
+            for row in rows
+            if (row["voltage"], row["direction"]) == (voltage, direction)
+        ]
+        return np.transpose(points)
+
+    @pytest.mark.parametrize("voltage", VOLTAGES)
+    def test_the_tip_goes_down_and_up_again(self, rows, voltage):
+        _, down = self.curve(rows, voltage, "approach")
+        _, up = self.curve(rows, voltage, "retract")
+        # Servos let the tool sink by a nanometre or two.
+        np.testing.assert_allclose([down[0], down[-1]], [5e-6, -25e-9], atol=5e-9)
+        np.testing.assert_allclose([up[-1], up[0]], [5e-6, -25e-9], atol=5e-9)
+
+    @pytest.mark.parametrize("voltage", VOLTAGES)
+    def test_the_pull_off_force_is_that_of_adhesion_and_of_the_voltage(self, rows, voltage):
+        """2 pi R W (Derjaguin, Muller, Toporov 1975), and the electrostatic force."""
+        approach, _ = self.curve(rows, voltage, "approach")
+        retract, _ = self.curve(rows, voltage, "retract")
         electrostatic = min(row["electrostatic"] for row in rows if row["voltage"] == voltage)
-        pull_off = -2 * np.pi * 20e-6 * 1.41e-3 + electrostatic
+        pull_off = -2 * np.pi * RADIUS * 1.41e-3 + electrostatic
         assert retract.min() == pytest.approx(pull_off, rel=0.02)
         assert retract.min() < 0 < approach.max()
-        told = next(
-            m
-            for m in json.loads((here / "out/result.json").read_text())["measures"]
-            if m["voltage"] == voltage
-        )
-        least = min(
-            (row for row in rows if row["voltage"] == voltage and row["direction"] == "retract"),
-            key=lambda r: r["total"],
-        )
-        assert told == {
-            "radius": 20e-6,
+        if voltage:
+            assert electrostatic < -1e-6
+
+    @pytest.mark.parametrize("voltage", VOLTAGES)
+    def test_the_result_states_the_pull_off_force_and_its_gap(self, curves, rows, voltage):
+        retract = [
+            row for row in rows if (row["voltage"], row["direction"]) == (voltage, "retract")
+        ]
+        at_pull_off = min(retract, key=lambda row: row["total"])
+        measures = json.loads((curves / "result.json").read_text())["measures"]
+        (measure,) = (measure for measure in measures if measure["voltage"] == voltage)
+        assert measure == {
+            "radius": RADIUS,
             "voltage": voltage,
-            "pull_off": least["total"],
-            "gap": least["gap"],
+            "pull_off": at_pull_off["total"],
+            "gap": at_pull_off["gap"],
         }
-    assert electrostatic < -1e-6
-    parts = np.array(
-        [[row[name] for name in ("adhesion", "electrostatic", "contact", "total")] for row in rows]
-    )
-    np.testing.assert_allclose(parts[:, :3].sum(axis=1), parts[:, 3], atol=1e-15)
-    assert (parts[:, :2] <= 0).all() and (parts[:, 2] >= 0).all()
+
+    def test_the_total_is_the_sum_of_its_parts(self, rows):
+        adhesion, electrostatic, contact, total = (
+            np.array([row[name] for row in rows])
+            for name in ("adhesion", "electrostatic", "contact", "total")
+        )
+        np.testing.assert_allclose(adhesion + electrostatic + contact, total, atol=1e-15)
+        assert (adhesion <= 0).all()
+        assert (electrostatic <= 0).all()
+        assert (contact >= 0).all()

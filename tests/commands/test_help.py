@@ -12,52 +12,70 @@ from iswarm_mj.commands.flags import flag
 from iswarm_mj.commands.main import COMMANDS
 from iswarm_mj.utils.constraints import constraint_of
 
+POSITIONAL = {"name", "directory", "command", "given"}
+"""Fields of commands that are no flags."""
+LENGTH = 900
+"""Number of characters within which the help of a flag has its range."""
+FRACTION_SCOUTS = r"--fraction-scouts FLOAT \w[^-]*\(between 0 and 1; default 0\.27\)"
+"""Help of a parameter of the genome type 2."""
 
-def shown(capfd, *arguments):
+
+def help_text(capfd, *arguments):
+    """Return help without its boxes and line breaks."""
     assert code_of(*arguments) == 0
     return re.sub(r"[\s│╭╮╰╯]+", " ", capfd.readouterr().out)
 
 
 def flags_of(command):
-    positional = {"name", "directory", "command", "given"} & {
-        f.name for f in fields(COMMANDS[command])
-    }
-    return [flag(name) for name, *_ in settings(COMMANDS[command]()) if name not in positional]
+    """Return the flags of a command, but not those of its plug-ins."""
+    positional = POSITIONAL & {field.name for field in fields(COMMANDS[command])}
+    names = [setting.name for setting in settings(COMMANDS[command]())]
+    return [flag(name) for name in names if name not in positional]
 
 
-def numbers_of(cls, prefix=""):
-    """Names of the numbers in a class of flags and in the groups beneath, and their constraints."""
+def limits_of_numbers(cls, prefix=""):
+    """Yield names and limits of the numbers in a class of flags, and in the groups beneath."""
     for name, kind in get_type_hints(cls).items():
-        if {int, float} & {kind, *get_args(kind)} and (hasattr(cls, name) or is_dataclass(cls)):
+        is_number = bool({int, float} & {kind, *get_args(kind)})
+        is_group = isinstance(kind, type) and (is_dataclass(kind) or hasattr(kind, "_fields"))
+        if is_number and (hasattr(cls, name) or is_dataclass(cls)):
             yield f"{prefix}{name}", constraint_of(cls, name)
-        elif isinstance(kind, type) and (is_dataclass(kind) or hasattr(kind, "_fields")):
-            yield from numbers_of(kind, f"{prefix}{name}.")
+        elif is_group:
+            yield from limits_of_numbers(kind, f"{prefix}{name}.")
+
+
+def missing_flags(flags, text):
+    """Return the flags that a help text does not show."""
+    return [name for name in flags if f"{name} " not in text and f"{name}," not in text]
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_all_flags_with_their_ranges_and_the_main_ones(capfd, command):
-    flags, cls = flags_of(command), COMMANDS[command]
-    everything, text = shown(capfd, command, "--help-all"), shown(capfd, command, "--help")
-    assert [
-        name for name in flags if f"{name} " not in everything and f"{name}," not in everything
-    ] == []
-    left_out = [name for name in flags if f"{name} " not in text and f"{name}," not in text]
-    assert bool(left_out) == bool(getattr(cls, "MAIN", ())) == ("--help-all" in text)
-    for name, limits in numbers_of(cls):
+def test_short_help_has_the_main_flags_and_long_help_all(capfd, command):
+    flags = flags_of(command)
+    command_class = COMMANDS[command]
+    long_help = help_text(capfd, command, "--help-all")
+    short_help = help_text(capfd, command, "--help")
+    assert missing_flags(flags, long_help) == []
+    is_shorter = missing_flags(flags, short_help) != []
+    assert is_shorter == bool(getattr(command_class, "MAIN", ()))
+    assert is_shorter == ("--help-all" in short_help)
+
+    for name, limits in limits_of_numbers(command_class):
         assert limits is not None, name
-        own = everything[everything.index(f"{flag(name)} ") :][:900]
-        assert str(limits).split(", since")[0] in own, name
+        start = long_help.index(f"{flag(name)} ")
+        range_and_unit = str(limits).split(", since")[0]
+        assert range_and_unit in long_help[start : start + LENGTH], name
 
 
-def test_help_on_a_genome_has_its_flags_and_how_to_choose_another(capfd):
-    text = shown(capfd, "clean", "--genome", "type2", "--help")
-    assert re.search(
-        r"--genome .*--fraction-scouts FLOAT \w[^-]*\(between 0 and 1; default 0\.27\)", text
-    )
+def test_help_on_a_genome_has_its_flags(capfd):
+    """The first of them is `--genome`, which chooses another."""
+    text = help_text(capfd, "clean", "--genome", "type2", "--help")
+    assert re.search(rf"--genome .*{FRACTION_SCOUTS}", text)
 
 
 def test_flags_of_a_strategy_are_main_flags(capfd, here):
     (here / "own.py").write_text("from iswarm_mj.strategy.genome import TYPE2")
-    text = shown(capfd, "clean", "--strategy", "own.py:TYPE2", "--help")
-    assert re.search(r"--fraction-scouts FLOAT \w[^-]*\(between 0 and 1; default 0\.27\)", text)
-    assert "--arena.size" not in text and "--genome " not in text
+    text = help_text(capfd, "clean", "--strategy", "own.py:TYPE2", "--help")
+    assert re.search(FRACTION_SCOUTS, text)
+    assert "--arena.size" not in text
+    assert "--genome " not in text

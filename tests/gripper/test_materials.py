@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 import pyarrow.parquet
 import pytest
-from support.cli import code_of, refused
+from support.cli import code_of
 
 import iswarm_mj
 from iswarm_mj.gripper.bench.trial import Contacts
@@ -170,7 +170,3 @@ class TestRun:
         assert output.startswith("trials: 1 trials in 3 rows")
         assert "grasp  10 % RH: " in output
         assert "iswarm grasp --config one/result.json" in output
-
-    def test_is_no_run_of_another_command(self, here, monkeypatch, capfd):
-        monkeypatch.chdir(here)
-        assert "is of iswarm grasp" in refused(capfd, here, "clean", "--config=one/result.json")

@@ -57,17 +57,6 @@ def test_the_command_trains_the_policy_of_the_documentation(tmp_path, capfd, mon
     np.testing.assert_array_equal(flat_weights, weights)
 
 
-def test_classes_that_are_no_strategies_are_refused(tmp_path, capfd, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    Path("walk.py").write_text(
-        "class Walk:\n    init = picks = act = None\n    def __init__(self): pass\n"
-    )
-    with pytest.raises(SystemExit):
-        cli.main(["train", "--strategy", "walk.py:Walk"])
-    message = "Walk is not a strategy, since it does not derive from Strategy"
-    assert message in capfd.readouterr().err
-
-
 class TestFlags:
     @pytest.fixture
     def call(self, monkeypatch):

@@ -5,7 +5,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from support.cli import SMALL, code_of, refused, result
+from support.cli import SMALL, code_of, result
 from support.mjx import ran
 
 from iswarm_mj import make_env
@@ -96,27 +96,3 @@ class TestCommands:
         distance_of_quarter = np.linalg.norm(quarter[1] - quarter[0], axis=-1)
         assert distance.max() > 1e-4
         np.testing.assert_allclose(distance, 2 * distance_of_quarter, atol=1e-7)
-
-    @pytest.mark.parametrize(
-        ("flags", "message"),
-        [
-            (
-                ["--engine", NAME, "--refinement=2"],
-                f"--refinement has no effect with --engine {NAME}; leave it out",
-            ),
-            (
-                ["--engine", NAME.replace("TeleportSettings", "Teleport")],
-                "must be a subclass of EngineSettings",
-            ),
-            (
-                ["--engine", NAME.replace("TeleportSettings", "Beam")],
-                "has no Beam; its engines are TeleportSettings",
-            ),
-            (
-                ["--engine", "teleport"],
-                "--engine must be FILE.py:CLASS, as glide.py:Glide, or installed (mjx, ",
-            ),
-        ],
-    )
-    def test_mistakes(self, capfd, here, flags, message):
-        assert message in refused(capfd, here, "run", *flags)

@@ -295,7 +295,7 @@ def test_mistakes_are_refused(teams, match):
 @pytest.mark.parametrize(
     ("teams", "match"),
     [
-        ({"a": (3, Loud()), "b": (4, Loud())}, r"as many as there are robots, 10 \(got 7\)"),
+        ({"a": (3, Loud()), "b": (4, Loud())}, r"10 robots together, all that there are \(got 7\)"),
         ({"a": (0.99, Loud()), "b": (0.01, Loud())}, "enough for one of 10 robots"),
     ],
 )

@@ -1,19 +1,18 @@
 """Two kinds of robots in one swarm: they clean, are recorded and drawn, and fit together."""
 
-import re
 from dataclasses import dataclass, replace
 from unittest.mock import MagicMock
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cli import code_of, refused, result
+from support.cli import code_of, result
 from support.robots import HALF, numbered, two_kinds
 from support.small import FLAGS, SMALL
 
 import iswarm_mj
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.engines.robot_file import as_robot_file, files_of, models_directory, read_robots
+from iswarm_mj.engines.robot_file import as_robot_file, files_of, read_robots
 from iswarm_mj.output.offscreen import ArenaRenderer, Shot
 from iswarm_mj.output.plot_swarm import outlines
 from iswarm_mj.output.rerun_entities import entities
@@ -193,36 +192,6 @@ def test_tasks_know_the_kind_of_each_robot(files):
     run.advance()
     assert run.metrics()["bright"] == pytest.approx(0.6)
     assert run.metrics()["dim"] == 1
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (
-            ["a.xml:12", "b.xml:8", "--robots=24"],
-            "--robots must be as many as the kinds .* together, 20",
-        ),
-        (
-            ["a.xml:12", "b.xml:0"],
-            "--robot must be a file, or FILE:ROBOTS with at least one robot for each",
-        ),
-        (
-            ["a.xml:12", "b.xml:8", "--density=0.1"],
-            "numbers of robots in --robot and --density exclude",
-        ),
-        (["a.xml:12", "c.xml:8"], "the robot's file .*c.xml cannot be read"),
-        (
-            ["a.xml:12", f"{models_directory()}/robot6.xml:8"],
-            "must have the same height and number of sides",
-        ),
-    ],
-)
-def test_swarms_that_cannot_be_are_refused(arguments, message, tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
-    for name in ("a.xml", "b.xml"):
-        (tmp_path / name).write_text((models_directory() / "robot.xml").read_text())
-    error = refused(capfd, tmp_path, "clean", *FLAGS, "--robot", *arguments)
-    assert re.search(message, error)
 
 
 @pytest.mark.parametrize(

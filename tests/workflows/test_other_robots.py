@@ -8,7 +8,6 @@ import json
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.robots import around, robot_xml
 from support.sensing import remember, senses_nothing
 
 from iswarm_mj.commands.main import main
@@ -191,11 +190,3 @@ def test_probes_anywhere_get_over_the_ball():
         heading = heading * np.exp(1j * np.asarray(command.turn, float))
         position = position + heading * np.asarray(command.forward, float)
     np.testing.assert_allclose(position + heading * as_complex(tips), ball, atol=1e-4)
-
-
-def test_robots_too_large_for_the_arena_are_refused(tmp_path, capsys):
-    path = tmp_path / "large.xml"
-    path.write_text(robot_xml((6, 6), around((6, 6), (0, 90, 180, 270))))
-    with pytest.raises(SystemExit):
-        main(["clean", *FLAGS, f"--robot={path}", "--out", str(tmp_path / "out")])
-    assert "--robots must be between 1 and" in capsys.readouterr().err
