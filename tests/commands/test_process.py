@@ -113,7 +113,7 @@ class TestProcess:
     @pytest.mark.parametrize(
         "closed",
         [
-            *(pytest.param(one, marks=pytest.mark.slow) for one in ("<&-", ">&-", "2>&-")),
+            *(pytest.param(stream, marks=pytest.mark.slow) for stream in ("<&-", ">&-", "2>&-")),
             "<&- >&- 2>&-",
         ],
     )

@@ -51,6 +51,7 @@ print(hashlib.sha256(b"".join(np.asarray(values).tobytes() for values in results
 NUMBA_FILES = ("*.nbi", "*.nbc", CHECKSUMS, "*")
 KINDS = ("empty", "cut", "flipped", "garbage", "missing")
 N_DAMAGES = 20
+"""Number of damages of each of the two caches."""
 QUICK = [("numba", 2), ("numba", 7), ("jax", 1)]
 """The damages of the everyday suite: both of numba's files, and JAX's."""
 ALL = [(cache, seed) for cache in ("numba", "jax") for seed in range(N_DAMAGES)]
