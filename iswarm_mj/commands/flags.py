@@ -56,11 +56,14 @@ def in_flags(error: UserError | SimulationFault, settings: Collection[str]) -> s
         if same_setting in settings:
             known.add(setting)
 
-    if isinstance(error, ConfigError) and error.field in known:
-        value = error.value
-        if isinstance(value, tuple):
-            value = " ".join(_words(value))  # as on the command line
-        error = ConfigError(flag(error.field), value, error.constraint, error.remedy)
+    if isinstance(error, ConfigError):
+        setting, bracket, index = error.field.partition("[")
+        if setting in known:
+            value = error.value
+            if isinstance(value, tuple):
+                value = " ".join(_words(value))  # as on the command line
+            name = flag(setting) + bracket + index
+            error = ConfigError(name, value, error.constraint, error.remedy)
 
     def flag_if_known(match: re.Match[str]) -> str:
         return flag(match[1]) if match[1] in known else match[0]

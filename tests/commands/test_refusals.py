@@ -39,9 +39,15 @@ def changed_sentences():
         write_page(sentences)
 
 
+def fail_as_accepted(*_):
+    """Take the place of the steps of a run."""
+    raise AssertionError("the command line is accepted")
+
+
 @pytest.mark.parametrize("command", SENTENCES)
 def test_refusal(command, files, changed_sentences, capfd, monkeypatch):
     monkeypatch.chdir(files)
+    monkeypatch.setattr("iswarm_mj.workflows.clean.advance_and_record", fail_as_accepted)
     before = sorted(files.rglob("*"))
     code, output, error = answer(command, capfd)
     assert (code, output) == (2, ""), error
