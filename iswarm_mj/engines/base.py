@@ -48,7 +48,7 @@ class Motion(NamedTuple):
     """Partners of higher index of each robot, int32: those in contact at the end of any phase,
     highest first, then 0; in a heap the highest `Robots.most_partners`."""
     fault: Int[Array, "*B"]
-    """Bits of `FaultKind`; 0 if nothing went wrong."""
+    """Bits of `FaultKind`; 0 if nothing went wrong, and for worlds that do not run."""
     robot: Int[Array, "*B"]
     """First robot whose pose is at fault; undefined for other faults."""
 

@@ -40,17 +40,21 @@ class Run:
     A fault ends only its own world, and `faults` names it. With MJX on Warp, a full contact buffer
     ends all worlds of the device, which share it.
 
+        run = Run(scenario)
+        while not run.is_over:
+            record = run.advance()
+
     Attributes:
         scenario: scenario as given.
-        config: configuration that all worlds share.
-        genome: parameters of the paper's strategy.
+        config: configuration at the start that all worlds share.
+        genome: parameters of the paper's strategy at the start.
         settings: settings of the run.
         engine: settings of the engine.
-        worlds: B worlds.
+        worlds: B worlds, with their present settings (`change`).
         starts: layout of each world at the start.
         start: record of the start of the W recorded worlds, with axes (1, W).
-        strategy: strategy as given; None for the paper's.
-        task: task as given.
+        strategy: present strategy; None for the paper's.
+        task: present task.
         goal: progress of the task that finishes a world, in cleaning balls delivered; None if there
             is none.
         recorded: parts of the strategy's memory that recordings show, and their units.
@@ -175,7 +179,7 @@ class Run:
     def devices(self) -> list[str]:
         """Kinds of the devices that the worlds are spread over.
 
-        None where the CPU's threads do all.
+        Empty where the CPU's threads do all.
         """
         return [device.device_kind for device in self._loop.devices]
 
@@ -201,6 +205,7 @@ class Run:
             )
         self._n_taken += n_taken
         self._snapshot = None
+        # Only what tells the end is read; `_state` is copied when it is asked for.
         is_finished, fault_bits = self._loop.read(lambda s: (s.is_finished, s.fault.bits))
         self._has_ended = is_finished | (fault_bits != 0)
 
@@ -217,6 +222,7 @@ class Run:
             n_robots = record.poses.shape[-2]
             n_sides = len(self.robot.sides)
             check_links(f"the engine {self.engine.name}", record.links, n_robots, n_sides)
+        # A compiled chunk goes on after the last world has ended.
         n_steps = self.step - first
         return jax.tree.map(lambda a: a[:n_steps], record)
 
@@ -282,7 +288,7 @@ class Run:
     def step_s(self) -> float | None:
         """Mean duration of a control step [s] without the first call, which compiles.
 
-        None before others.
+        None until a later call was timed.
         """
         n_timed = self._n_taken - self._n_taken_in_first_call
         if not n_timed:

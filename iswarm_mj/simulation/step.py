@@ -114,7 +114,8 @@ def account_for_motion(
     """
     xp = array_module(motion.touching)
 
-    # Only the first fault of a world is kept, since worlds stop at it.
+    # Bits are added, step and robot replaced: new bits come only from worlds that took this step,
+    # and worlds stop at their first fault. Types stay those of the state, as `lax.scan` demands.
     any_refused = drive.is_refused.any(axis=-1) & is_running
     refusal = xp.where(any_refused, int(FaultKind.COMMAND_NOT_FINITE), 0)
     new_bits = motion.fault | refusal.astype(motion.fault.dtype)
@@ -141,6 +142,8 @@ def account_for_motion(
 
 def new_contacts(before: Int[Array, "*B K N"], after: Int[Array, "*B K N"]) -> Int[Array, "*B"]:
     """Return the number of pairs that touch after a step and did not before (`Motion.touching`)."""
+    # Rows of K partners after the step against rows of K partners before; 0 stands for nobody,
+    # since partners have higher numbers than the robot itself.
     is_old = (after[..., None, :, :] == before[..., :, None, :]).any(axis=-3)
     is_new = (after > 0) & ~is_old
     return is_new.sum(axis=(-2, -1))
@@ -163,6 +166,7 @@ def account_for_task(
         is_running: worlds that take it.
     """
     xp = array_module(is_running)
+    # `progress` needs no mask: `decide` keeps the task's state of worlds that do not run.
     reached = is_running & (state.fault.bits == 0) & (progress >= params.goal)
     finished_at = xp.where(reached, step + 1, state.finished_at).astype(state.finished_at.dtype)
     return state._replace(
@@ -194,20 +198,20 @@ def record_step(
     period = stepper.config.drive.control_period
     command = decision.drive.command
 
-    runs_of_robots = is_running[..., None]
-    runs_of_sides = is_running[..., None, None]
+    robots_run = is_running[..., None]
+    sides_run = is_running[..., None, None]
     return StepRecord(
         step=xp.broadcast_to(inputs.step + 1, is_running.shape),
         poses=poses,
         swarm=decision.swarm,
-        links=links._replace(valid=links.valid & runs_of_sides),
+        links=links._replace(valid=links.valid & sides_run),
         has_priority=decision.has_priority,
         message=received.bits[..., 0],
-        is_heard=received.is_heard & runs_of_sides,
+        is_heard=received.is_heard & sides_run,
         measured_distance=received.distance,
         command=Command(
-            turn=xp.where(runs_of_robots, command.turn, 0.0),
-            forward=xp.where(runs_of_robots, command.forward, 0.0),
+            turn=xp.where(robots_run, command.turn, 0.0),
+            forward=xp.where(robots_run, command.forward, 0.0),
         ),
         collisions=state.collisions,
         speed=mean_distance(inputs.poses, poses, params.is_present) / period,

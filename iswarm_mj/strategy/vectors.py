@@ -1,6 +1,11 @@
 """Remembered vectors: how they change as robots move, hear others, and arrive (section 4.3).
 
 All vectors are in the robot's own frame: x ahead, y to the left, lengths in arena units [mm].
+
+In each control step a robot of the paper may forget a vector, chooses among those that it hears
+(`side_of_best_offer`), brings it into its own frame (`to_receiver_frame`), adopts it or not
+(`adopt`), and has arrived or not (`mark_arrival`); see `controller`. After the motion it carries its
+vectors along (`estimate_motion`, `after_motion`). `learn_place` serves other strategies.
 """
 
 from typing import Any
@@ -60,21 +65,24 @@ def mark_arrival(memory: VectorMemory, is_there: Bool[Array, "N"]) -> VectorMemo
 
 
 def learn_place(
-    memory: VectorMemory, is_there: Bool[Array, "N"], vector: Float[Array, "N 2"], step: float
+    memory: VectorMemory,
+    is_there: Bool[Array, "N"],
+    vector: Float[Array, "N 2"],
+    step_length: float,
 ) -> VectorMemory:
     """Return the memories after robots looked for the place.
 
     A robot that senses the place remembers the vector to it. One that does not, although its vector
-    is no longer than half a step, forgets the vector: the place is no longer there.
+    is no longer than half a step, forgets the vector: the place is no longer there. Hop counts stay.
 
     Args:
         memory: memories of N robots.
         is_there: the robot senses the place.
         vector: vector from the robot to the place, used where `is_there` [mm].
-        step: length of a robot's step [mm].
+        step_length: length of a robot's step [mm].
     """
     length = jnp.hypot(memory.vector[:, 0], memory.vector[:, 1])
-    kept = memory.where(length > step / 2)
+    kept = memory.where(length > step_length / 2)
     return VectorMemory(
         vector=jnp.where(is_there[:, None], vector, kept.vector),
         hop=kept.hop,
@@ -93,8 +101,8 @@ def to_receiver_frame(
 
     V' points from the receiver to the sender, in the direction of the photodiode and with the
     measured distance as its length. The sender's LED number names the side that faces the receiver,
-    hence the sender's relative orientation psi = bearing + 180 deg - (direction of that LED), which
-    is 90 deg * led for the paper's robot. The hop count grows by 1.
+    hence the sender's relative orientation psi = bearing + 180 deg - (direction of that LED). For
+    the paper's robot the direction of that LED is 90 deg * led. The hop count grows by 1.
 
     Source: Valdastri et al. (2006), section 4.3 and Fig. 13(a).
 
@@ -141,6 +149,7 @@ def side_of_best_offer(
         tie: random numbers in [0, 1) that decide between equal hop counts.
         use_hop_count: the genome's flag.
     """
+    # Hop counts are whole and ties below 1, so that a tie never outweighs a hop.
     score = jnp.where(known, jnp.where(use_hop_count, hop, 0) + tie, jnp.inf)
     least = score.min(axis=-1, keepdims=True)
     # Equal to argmin except for equal draws; XLA does not vectorise argmin on CPUs.
