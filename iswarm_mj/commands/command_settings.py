@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from iswarm_mj.config.setting_names import setting_names
+from iswarm_mj.config.setting_names import PartField, setting_names
 from iswarm_mj.config.swarm import INTERPRETATIONS, SwarmConfig
 from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import needs_of
@@ -43,7 +43,7 @@ def settings(command: Any) -> Iterator[Setting]:
     for setting in _settings_of_group(command):
         group, _, field_name = setting.path.partition(".")
         if group in PART_OF_FIELD and field_name:
-            part_field = (PART_OF_FIELD[group], field_name)
+            part_field = PartField(PART_OF_FIELD[group], field_name)
             yield setting._replace(name=name_of.get(part_field, field_name))
         elif group not in PART_OF_FIELD:
             yield setting

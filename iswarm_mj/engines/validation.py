@@ -365,7 +365,7 @@ def _refuse_links(method: str, wrong_values: np.ndarray, requirement: str) -> No
         )
 
 
-def _check_still(rule: str, way: Float[np.ndarray, "P 3"]) -> None:
+def _check_still(rule: str, way: Float[Array, "P 3"]) -> None:
     """Raise a UserError if robots moved, or if a pose is not finite.
 
     Args:

@@ -82,6 +82,9 @@ class Scenario:
         known = ", ".join(f"{settings.__name__}()" for settings in ENGINES.values())
         is_engine = isinstance(self.engine, EngineSettings)
         check("engine", self.engine, f"settings of an engine, as {known}", is_engine)
+        for field_name in ("strategy_name", "task_name"):
+            name = getattr(self, field_name)
+            check(field_name, name, "a text", name is None or isinstance(name, str))
         validate(self)
         object.__setattr__(self, "robot_file", as_robot_file(self.robot_file))
 
@@ -98,7 +101,7 @@ class Scenario:
     def n_robots(self) -> int:
         """Number of robots, in the largest world."""
         if self.robots is not None:
-            return self.robots
+            return int(self.robots)
         if isinstance(self.worlds, tuple):
             return max(world.n_robots for world in self.worlds)
         of_kinds = sum(number for _, number in files_of(self.robot_file))
@@ -125,7 +128,7 @@ class Scenario:
         return RunSettings(
             n_robots=self.n_robots,
             steps=self.steps,
-            seed=self.seed,
+            seed=int(self.seed),
             n_worlds=self.n_worlds,
             stop_at=self.goal,
             failed_fraction=failed_fractions.pop() if len(failed_fractions) == 1 else 0.0,
@@ -141,7 +144,7 @@ class Scenario:
         genome = self.genome or TYPE1
         n_robots = self.n_robots
         return [
-            World(genome, n_robots, seed=self.seed, index=index, key=key)
+            World(genome, n_robots, seed=int(self.seed), index=index, key=key)
             for index, key in enumerate(keys)
         ]
 

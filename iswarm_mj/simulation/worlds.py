@@ -54,12 +54,8 @@ class World:
 
     def __post_init__(self):
         validate(self)
-        is_key = isinstance(self.key, jax.Array) and jnp.issubdtype(
-            self.key.dtype, jax.dtypes.prng_key
-        )
-        is_one_key = is_key and self.key.ndim == 0
         allowed = "one random key, as jax.random.key(0)"
-        check("key", self.key, allowed, self.key is None or is_one_key)
+        check("key", self.key, allowed, self.key is None or _is_random_key(self.key))
 
     @property
     def random_key(self) -> Array:
@@ -97,6 +93,13 @@ def starts_of(
             start = _checked_start(config, task, robot, world, example_of_size[n_robots])
         starts.append(start)
     return starts
+
+
+def _is_random_key(value: Any) -> bool:
+    """Return whether a value is one random key of JAX."""
+    if not isinstance(value, jax.Array) or value.ndim != 0:
+        return False
+    return jnp.issubdtype(value.dtype, jax.dtypes.prng_key)
 
 
 def random_keys(worlds: Sequence[World]) -> Array:

@@ -1,6 +1,7 @@
 """A scenario means the same to each entry, no part of it can be swapped, and files state it."""
 
 import json
+import math
 import subprocess
 import sys
 from dataclasses import dataclass, fields, replace
@@ -194,6 +195,8 @@ class TestMistakes:
             ({"goal": 0}, "goal must be"),
             ({"robots": 0}, "robots must be"),
             ({"engine": "planar"}, "engine must be"),
+            ({"strategy_name": math.inf}, "strategy_name must be a text \\(got inf\\)"),
+            ({"task_name": 3}, "task_name must be a text \\(got 3\\)"),
         ],
     )
     def test_impossible_fields_are_refused(self, fields, says):

@@ -98,7 +98,7 @@ VOLTAGE = Measure("voltage [V]", "V", lambda row: row["voltage"])
 """Voltage that a trial on the gripper's bench reached, if it reached one."""
 
 
-def values(rows: Rows, measure: Measure) -> Float[Array, "R"]:
+def values(rows: Rows, measure: Measure) -> Float[np.ndarray, "R"]:
     """Return the values of a measure in the rows that have one."""
     all_values = (measure.value(row) for row in rows)
     return np.array([value for value in all_values if value is not None], float)
