@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.search.rows import Row, Rows
-from iswarm_mj.utils.arrays import Array
 
 EVOLUTION_STEPS = 800
 """Control steps of a run of the paper's evolution."""
