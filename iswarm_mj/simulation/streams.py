@@ -31,6 +31,13 @@ class StepKeys(NamedTuple):
     """Robots that stop to emit, and those that miss dust or dump; drawn from `actuators`."""
 
 
+N_SPLIT = StepKeys._fields.index("stops")
+"""Number of keys that are split from the key of a world; `stops` and those after it follow from these.
+
+It must not change: with another number all keys of all seeds would be others.
+"""
+
+
 def step_keys(world_key: Array, step: Int[Array, ""]) -> StepKeys:
     """Return the keys of a control step.
 
@@ -38,7 +45,6 @@ def step_keys(world_key: Array, step: Int[Array, ""]) -> StepKeys:
         world_key: random key of the world.
         step: number of the control step, from 0.
     """
-    n_keys = len(StepKeys._fields) - 1
-    keys = split(world_key, n_keys, first=n_keys * step)
+    keys = split(world_key, N_SPLIT, first=N_SPLIT * step)
     actuators = keys[StepKeys._fields.index("actuators")]
     return StepKeys(*keys, stops=split(actuators, 1)[0])
