@@ -8,6 +8,7 @@ step needs.
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import is_dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -25,6 +26,7 @@ from iswarm_mj.strategy.base import overrides
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.strategy.pytrees import as_arrays, as_pytree, is_number
 from iswarm_mj.tasks.base import Sensed, Task, TaskInputs
+from iswarm_mj.utils.constraints import validate
 from iswarm_mj.utils.declared_shapes import check_keys, check_result, shapes_of
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.user_code import check_class, is_shipped, user_code
@@ -45,9 +47,12 @@ def usable_task(given: Any) -> Any:
     """Return a task that JAX can handle, see `as_pytree`.
 
     Raises:
-        UserError: it lacks a method, is a class, or cannot be made a pytree.
+        UserError: it lacks a method, is a class, has a field that is out of its range, or cannot be
+            made a pytree.
     """
     check_methods(given)
+    if is_dataclass(given) and not isinstance(given, type):
+        validate(given)
     return as_pytree(given, "task")
 
 

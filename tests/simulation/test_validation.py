@@ -1,7 +1,8 @@
 """Checks on demand: they find what a run would refuse, in one sentence."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import jax.numpy as jnp
 import pytest
@@ -11,10 +12,13 @@ from support.tasks import Eastward, Still
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.engines.registry import find_engine
+from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.simulation.validation import check_engine, check_strategy, check_task
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.aggregation import Beeclust
+from iswarm_mj.tasks.cleaning import Cleaning
+from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.errors import UserError
 
 DATA = Path(__file__).parents[1] / "data"
@@ -120,3 +124,18 @@ def test_an_engine_that_has_boxes_says_where_they_are(changed_engine):
     engine = changed_engine("teleport.py:TeleportSettings", name, claims)
     with pytest.raises(UserError, match=r"Teleport\.(poses|boxes) must return"):
         check_engine(engine, Scenario(WITH_BOX, robots=8))
+
+
+@dataclass(frozen=True)
+class Paced(Cleaning):
+    """Cleaning with a setting that has a range."""
+
+    pace: Annotated[float, Within(0, 4, "mm")] = 1.0
+
+
+@pytest.mark.parametrize(
+    "call", [check_task, lambda task: Run(Scenario(SMALL, task=task, robots=8))]
+)
+def test_fields_of_a_task_stay_in_their_ranges(call):
+    with pytest.raises(UserError, match=r"pace must be between 0 and 4 mm \(got 9"):
+        call(Paced(pace=9.0))
