@@ -197,11 +197,12 @@ def _draw_panel(axes: Any, rows: Rows, over: Sequence[str], name: str) -> None:
     """Draw a measure over the first setting that varied.
 
     Args:
-        axes: of the panel.
-        rows: of the sweep.
+        axes: panel to draw into.
+        rows: rows of the sweep, one a world.
         over: names of the settings that varied.
-        name: of the measure.
+        name: name of the measure.
     """
+    # A curve of medians, with a dot for each world, for each combination of the other settings.
     first, *others = over
     abscissa_of = _abscissas([row[first] for row in rows])
     for line in by(rows, *others).values() if others else [rows]:
@@ -228,5 +229,5 @@ def _abscissas(values: Iterable[Any]) -> dict[Any, float]:
 
 
 def _are_numbers(values: Iterable[Any]) -> bool:
-    """Return whether all values are numbers; Booleans are none."""
+    """Return whether all values are numbers; Booleans do not count."""
     return all(isinstance(value, int | float) and not isinstance(value, bool) for value in values)

@@ -45,7 +45,7 @@ def import_file(path: Path) -> ModuleType | None:
 def _pickle_by_value(module: ModuleType) -> None:
     """Let asynchronous environments take a user's module to processes that cannot import it.
 
-    They pickle by cloudpickle, which comes with Gymnasium.
+    They pickle by cloudpickle, which comes with Gymnasium; without Gymnasium there are none.
     """
     file = getattr(module, "__file__", None)
     if file is not None and is_users(file):
