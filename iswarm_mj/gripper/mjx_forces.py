@@ -16,6 +16,7 @@ a pytree whose arrays can be replaced and batched by `vmap`, and so can the radi
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -353,26 +354,23 @@ def _electrostatics(
     attributes = forces.attributes(forces.circuit)
     least_gap = attributes["contact_gap"]
     radius = model.geom_size[forces.ball, 0]
-    probe_radius = model.geom_size[forces.probe, 0]
-    splines, axes = (jnp.asarray(table, radius.dtype) for table in tables())
 
     # Gaps [um], and unit vectors that point along them to the ball.
     probe_gap, probe_normal = _gap(forces, model, data, forces.ball, forces.probe)
     plate_gap, plate_normal = _gap(forces, model, data, forces.ball, forces.plate)
 
     # Shape factors of both pulls, and the ball's capacitances [fF].
-    pick_shape, probe_capacitance = _spline.shape_of(
-        spline.PICK,
-        radius,
-        probe_gap,
-        least_gap,
-        probe_radius,
-        splines,
-        axes,
+    splines, axes = tables()
+    shape_at = partial(
+        _spline.shape_of,
+        radius=radius,
+        least_gap=least_gap,
+        probe_radius=model.geom_size[forces.probe, 0],
+        splines=jnp.asarray(splines, radius.dtype),
+        axes=jnp.asarray(axes, radius.dtype),
     )
-    release_shape, plate_capacitance = _spline.shape_of(
-        spline.RELEASE, radius, plate_gap, least_gap, probe_radius, splines, axes
-    )
+    pick_shape, probe_capacitance = shape_at(spline.PICK, gap=probe_gap)
+    release_shape, plate_capacitance = shape_at(spline.RELEASE, gap=plate_gap)
 
     # The ball's voltage against the plate. A leak of 0 stands for no circuit.
     voltage = data.ctrl[forces.voltage]
@@ -385,17 +383,10 @@ def _electrostatics(
         plate_gap=plate_gap,
     )
 
-    # Pulls by Eq. 2 with the shape factors [N], then in the model's units.
-    pull_of_probe = pick_shape * asymptotic_force(
-        voltage - ball_voltage, jnp.maximum(probe_gap, least_gap) * UM, radius * UM
-    )
-    pull_of_plate = release_shape * asymptotic_force(
-        ball_voltage,
-        jnp.maximum(plate_gap, least_gap) * UM,
-        radius * UM,
-    )
-    probe_pull = pull_of_probe / NN
-    plate_pull = pull_of_plate / NN
+    probe_law_gap = jnp.maximum(probe_gap, least_gap)
+    plate_law_gap = jnp.maximum(plate_gap, least_gap)
+    probe_pull = _pull(pick_shape, voltage - ball_voltage, probe_law_gap, radius)
+    plate_pull = _pull(release_shape, ball_voltage, plate_law_gap, radius)
 
     ball_and_probe = forces.ball, forces.probe
     ball_and_plate = forces.ball, forces.plate
@@ -409,6 +400,18 @@ def _electrostatics(
         pulls=(probe_pull, plate_pull),
         ball_voltage=ball_voltage,
     )
+
+
+def _pull(shape: Array, voltage: Array, gap: Array, radius: Array) -> Array:
+    """Return the pull of an electrode on the ball, by Eq. 2 with a shape factor [nN].
+
+    Args:
+        shape: factor by which the pull differs from that of Eq. 2.
+        voltage: voltage across the gap [V].
+        gap: gap of the law [um].
+        radius: radius of the ball [um].
+    """
+    return shape * asymptotic_force(voltage, gap * UM, radius * UM) / NN
 
 
 def _circuit_after_step(

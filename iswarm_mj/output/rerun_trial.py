@@ -116,6 +116,7 @@ def send_trace(stream: rr.RecordingStream, trace: Trace, index: Index, root: str
         index: function that makes the columns of time.
         root: prefix of the names of the trial's entities.
     """
+    # Bodies, forces and time series, block after block.
     moving = list(_moving(trace))
     for start in range(0, len(trace.time), _BLOCK):
         block = slice(start, start + _BLOCK)
@@ -124,11 +125,12 @@ def send_trace(stream: rr.RecordingStream, trace: Trace, index: Index, root: str
             columns = _columns_of_block(archetype, fields, block)
             stream.send_columns(root + entity, times, columns, strict=True)
 
+    # Of the states only the changes, the first state included.
     for entity, states in states_of(trace).items():
-        is_change = np.append(True, states[1:] != states[:-1])
-        changes = np.flatnonzero(is_change)
-        columns = rr.StateChange.columns(state=[str(state) for state in states[changes]])
+        changes = np.flatnonzero(np.append(True, states[1:] != states[:-1]))
+        words = [str(state) for state in states[changes]]
         times = index(trace.time[changes])
+        columns = rr.StateChange.columns(state=words)
         stream.send_columns(root + entity, times, columns, strict=True)
 
 

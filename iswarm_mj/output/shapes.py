@@ -135,8 +135,10 @@ def fronts(
     """
     size = np.asarray(scene.robot_size, np.float32) * np.float32(MILLIMETRES)
     length, _, height = size.T
-    ahead = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
-    points = centre + FRONT_DISTANCE * length[..., None] * ahead
+
+    heading = np.stack([np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)], axis=-1)
+    distance = FRONT_DISTANCE * length
+    points = centre + distance[..., None] * heading
     points[..., 2] = height + FRONT_RADIUS * length
     return points
 

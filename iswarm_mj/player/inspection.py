@@ -1,5 +1,6 @@
 """Text on one robot: what it knows, hears and says."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -61,16 +62,25 @@ def _describe_pose(scene: Scene, frames: Frames, robot: int) -> list[str]:
 
 def _describe_links(scene: Scene, frames: Frames, robot: int) -> list[str]:
     """Return rows of a table: side, sender, distance and message of each robot that is heard."""
-    n_sides = frames.link_valid.shape[-1]
-    names = SIDES if n_sides == len(SIDES) else [f"side {side}" for side in range(n_sides)]
+    is_valid = frames.link_valid[0, robot]
+    senders = frames.link_sender[0, robot]
+    distances_mm = frames.link_distance[0, robot] * 1e3
+    is_heard = frames.link_heard[0, robot]
+
+    names = _names_of_sides(len(is_valid))
     rows = []
-    for side in np.flatnonzero(frames.link_valid[0, robot]):
-        sender = frames.link_sender[0, robot, side]
-        millimetres = frames.link_distance[0, robot, side] * 1e3
-        is_heard = frames.link_heard[0, robot, side]
-        message = _text_of_message(scene, frames, sender) if is_heard else "damaged"
-        rows.append(f"| {names[side]} | {sender} | {millimetres:.1f} | {message} |")
+    for side in np.flatnonzero(is_valid).tolist():
+        sender = senders[side]
+        message = _text_of_message(scene, frames, sender) if is_heard[side] else "damaged"
+        rows.append(f"| {names[side]} | {sender} | {distances_mm[side]:.1f} | {message} |")
     return rows
+
+
+def _names_of_sides(n_sides: int) -> Sequence[str]:
+    """Return the names of the sides of a robot, which are numbered unless there are four."""
+    if n_sides == len(SIDES):
+        return SIDES
+    return [f"side {side}" for side in range(n_sides)]
 
 
 def _text_of_message(scene: Scene, frames: Frames, robot: int) -> str:

@@ -202,25 +202,50 @@ def _draw_panel(axes: Any, rows: Rows, over: Sequence[str], name: str) -> None:
         over: names of the settings that varied.
         name: name of the measure.
     """
-    # A curve of medians, with a dot for each world, for each combination of the other settings.
     first, *others = over
-    abscissa_of = _abscissas([row[first] for row in rows])
-    for line in by(rows, *others).values() if others else [rows]:
-        groups = by(line, first)
-        medians = [_median(group, name) for group in groups.values()]
-        label = ", ".join(str(line[0][setting]) for setting in others)
-        (curve,) = axes.plot([abscissa_of[x] for x in groups], medians, "-", label=label)
+    place_of_value = _places_on_axis([row[first] for row in rows])
 
-        worlds = [abscissa_of[row[first]] for row in line]
-        axes.plot(worlds, _values(line, name), ".", color=curve.get_color(), alpha=0.5)
+    # A line for each combination of the other settings.
+    lines = by(rows, *others).values() if others else [rows]
+    for rows_of_line in lines:
+        label = ", ".join(str(rows_of_line[0][setting]) for setting in others)
+        _draw_line(axes, rows_of_line, first, name, place_of_value, label)
 
     axes.set_xlabel(first)
     axes.set_ylabel("finished at step" if name == "finished_at" else name.replace("_", " "))
-    if not _are_numbers(abscissa_of):
-        axes.set_xticks(list(abscissa_of.values()), list(map(str, abscissa_of)))
+    if not _are_numbers(place_of_value):
+        words = [str(value) for value in place_of_value]
+        axes.set_xticks(list(place_of_value.values()), words)
 
 
-def _abscissas(values: Iterable[Any]) -> dict[Any, float]:
+def _draw_line(
+    axes: Any,
+    rows: Rows,
+    setting: str,
+    name: str,
+    place_of_value: Mapping[Any, float],
+    label: str,
+) -> None:
+    """Draw the medians of a measure as a line, and the worlds as dots of its colour.
+
+    Args:
+        axes: panel to draw into.
+        rows: rows of the line, one a world.
+        setting: setting of the horizontal axis.
+        name: name of the measure.
+        place_of_value: place of each value of the setting on the axis.
+        label: text of the legend.
+    """
+    groups = by(rows, setting)
+    places = [place_of_value[value] for value in groups]
+    medians = [_median(group, name) for group in groups.values()]
+    (line,) = axes.plot(places, medians, "-", label=label)
+
+    places_of_worlds = [place_of_value[row[setting]] for row in rows]
+    axes.plot(places_of_worlds, _values(rows, name), ".", color=line.get_color(), alpha=0.5)
+
+
+def _places_on_axis(values: Iterable[Any]) -> dict[Any, float]:
     """Return where each value of a setting is drawn: numbers to scale, words side by side."""
     distinct = list(dict.fromkeys(values))
     if _are_numbers(distinct):

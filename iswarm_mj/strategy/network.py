@@ -30,9 +30,24 @@ class Shape(NamedTuple):
 
         Hidden units read the inputs and a constant; outputs read these and the hidden units.
         """
-        to_hidden = (self.inputs + 1) * self.hidden
-        to_outputs = (self.inputs + 1 + self.hidden) * self.outputs
-        return to_hidden + to_outputs
+        n_to_hidden = (self.inputs + 1) * self.hidden
+        n_to_outputs = (self.inputs + 1 + self.hidden) * self.outputs
+        return n_to_hidden + n_to_outputs
+
+    def layers(self, weights: Float[Array, "W"]) -> tuple[Float[Array, "..."], Float[Array, "..."]]:
+        """Return the weights of the hidden units and those of the outputs as matrices.
+
+        Args:
+            weights: `n_weights` weights, those of the hidden units first.
+
+        Returns:
+            Matrices (I + 1, H) and (I + 1 + H, O): a row for each input, one for the constant, then
+            one for each hidden unit. With NumPy's arrays they are views.
+        """
+        n_to_hidden = (self.inputs + 1) * self.hidden
+        to_hidden = weights[:n_to_hidden].reshape(self.inputs + 1, self.hidden)
+        to_outputs = weights[n_to_hidden:].reshape(-1, self.outputs)
+        return to_hidden, to_outputs
 
 
 def forward(
@@ -44,16 +59,13 @@ def forward(
 
     Args:
         shape: numbers of units.
-        weights: `shape.n_weights` weights, first those of the hidden units.
+        weights: weights in the order of `Shape.layers`.
         inputs: inputs of each of N robots.
     """
     constant = jnp.ones((len(inputs), 1), inputs.dtype)
     inputs = jnp.concatenate([inputs, constant], axis=1)
 
-    n_to_hidden = (shape.inputs + 1) * shape.hidden
-    to_hidden = weights[:n_to_hidden].reshape(shape.inputs + 1, shape.hidden)
-    to_outputs = weights[n_to_hidden:].reshape(-1, shape.outputs)
-
+    to_hidden, to_outputs = shape.layers(weights)
     hidden = jnp.tanh(inputs @ to_hidden)
     return jnp.concatenate([inputs, hidden], axis=1) @ to_outputs
 

@@ -145,14 +145,14 @@ def first_weights() -> Float[np.ndarray, "W"]:
     With them robots follow the vector that they need or else walk at random, turn away from walls
     and others, and send the flag while they are loaded.
     """
-    hidden = np.zeros((SHAPE.inputs + 1) * SHAPE.hidden, np.float32)
-    linear = np.zeros((SHAPE.inputs + 1 + SHAPE.hidden, SHAPE.outputs), np.float32)
-    constant_row = SHAPE.inputs
+    of_network = np.zeros(SHAPE.n_weights, np.float32)
+    _, to_outputs = SHAPE.layers(of_network)  # a view: the gains are written into the weights
+    rows = [*INPUTS, "always"]
     for input_name, output_name, gain in FIRST:
-        row = constant_row if input_name == "always" else INPUTS.index(input_name)
-        linear[row, OUTPUTS.index(output_name)] = gain
-    trust = np.array([*FIRST_TRUST, *FIRST_TRUST], np.float32)
-    return np.concatenate([hidden, linear.ravel(), trust])
+        to_outputs[rows.index(input_name), OUTPUTS.index(output_name)] = gain
+
+    of_trust = np.array([*FIRST_TRUST, *FIRST_TRUST], np.float32)
+    return np.concatenate([of_network, of_trust])
 
 
 class Memory(NamedTuple):

@@ -57,20 +57,27 @@ def _grid(arena: ArenaConfig, cell: float) -> np.ndarray:
         arena: arena whose corners count.
         cell: width of a cell [rd].
     """
-    low = np.min(arena.corners, axis=0)
-    high = np.max(arena.corners, axis=0)
-    n_columns, n_rows = ((high - low) / cell).astype(int).tolist()
-    middle_x, middle_y = (low + high) / 2 * RD
-
-    column_x = _centres_of_row(n_columns, cell * RD) + middle_x
-    row_y = _centres_of_row(n_rows, cell * RD) + middle_y
-    x, y = np.meshgrid(column_x, row_y, indexing="ij")
+    corner_x, corner_y = np.transpose(arena.corners)
+    x, y = np.meshgrid(
+        _centres_of_row(corner_x.min(), corner_x.max(), cell),
+        _centres_of_row(corner_y.min(), corner_y.max(), cell),
+        indexing="ij",
+    )
     return np.column_stack([x.ravel(), y.ravel()])
 
 
-def _centres_of_row(n_cells: int, width: float) -> Float[np.ndarray, "C"]:
-    """Return the centres of cells side by side, seen from the middle of all of them."""
-    return (np.arange(n_cells) - (n_cells - 1) / 2) * width
+def _centres_of_row(low: float, high: float, cell: float) -> Float[np.ndarray, "C"]:
+    """Return the centres of as many cells side by side as fit between two ends [mm].
+
+    Args:
+        low: one end [rd].
+        high: the other end [rd].
+        cell: width of a cell [rd].
+    """
+    n_cells = int((high - low) / cell)
+    middle = (low + high) / 2 * RD
+    from_middle = np.arange(n_cells) - (n_cells - 1) / 2
+    return from_middle * (cell * RD) + middle
 
 
 def cell_of(robot: Robots) -> float:

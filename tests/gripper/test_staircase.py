@@ -176,7 +176,7 @@ def follow_release(*looks, low=0.0, **protocol):
             low=low,
             was=progress,
             watch=watch,
-            began=k * LOOK,
+            last_look=k * LOOK,
             time=(k + 1) * LOOK,
         )
         progress_of_looks.append(progress)

@@ -157,25 +157,38 @@ def hanging_time(ball: Hanging, limit: Quantity, slack: Quantity) -> Quantity:
         limit: longest time [ms].
         slack: factor by which the ball must be held by more than `MARGIN` at the start.
     """
-    before = _voltage_before(ball)
-    voltage = ball.voltage
-    least = MARGIN * ball.adhesion
-    up, down = _pulls_per_volt2(ball)
-    can_leap = _relaxes(ball) & (_holding_force(ball, before) > slack * least)
+    start_voltage = _voltage_before(ball)
+    least_force = MARGIN * ball.adhesion
+    can_leap = _relaxes(ball) & (_holding_force(ball, start_voltage) > slack * least_force)
 
-    # Voltage of the ball at which it is held with the least force.
-    constant = up * voltage**2 + ball.hold - least
-    discriminant = (up * voltage) ** 2 - (up - down) * constant
-    root = sqrt(where(can_leap & (discriminant > 0), discriminant, 0.0))
-    end = constant / where(can_leap, up * voltage + root, 1.0)
+    # It comes to the voltage of the least force only if it is let go at the tool's own.
+    end_voltage = _voltage_of_force(ball, least_force, can_leap=can_leap)
+    is_let_go = _holding_force(ball, ball.voltage) <= least_force
+    is_ahead = (start_voltage < end_voltage) & (end_voltage < ball.voltage)
+    leaves = can_leap & is_let_go & is_ahead
 
-    # It comes to that voltage if the tool's own does not hold it.
-    is_let_go = _holding_force(ball, voltage) <= least
-    leaves = can_leap & is_let_go & (before < end) & (end < voltage)
-    ratio = where(leaves, voltage - before, 1.0) / where(leaves, voltage - end, 1.0)
-    relaxation = ball.leak * (ball.to_probe + ball.to_plate)
-    time = where(leaves, relaxation * log(ratio), limit)
+    start_difference = where(leaves, ball.voltage - start_voltage, 1.0)
+    end_difference = where(leaves, ball.voltage - end_voltage, 1.0)
+    relaxation_time = ball.leak * (ball.to_probe + ball.to_plate)
+    time = where(leaves, relaxation_time * log(start_difference / end_difference), limit)
     return where(can_leap, where(time < limit, time, limit), 0.0)
+
+
+def _voltage_of_force(
+    ball: Hanging, force: Quantity, *, can_leap: Bool[Array, "..."] | bool
+) -> Quantity:
+    """Return the ball's voltage at which a force F_0 holds it, the root u in `hanging_time`.
+
+    Args:
+        ball: at rest.
+        force: force F_0 [nN].
+        can_leap: balls that have such a voltage; that of others is undefined, but finite.
+    """
+    up, down = _pulls_per_volt2(ball)
+    constant = up * ball.voltage**2 + ball.hold - force
+    discriminant = (up * ball.voltage) ** 2 - (up - down) * constant
+    root = sqrt(where(can_leap & (discriminant > 0), discriminant, 0.0))
+    return constant / where(can_leap, up * ball.voltage + root, 1.0)
 
 
 def after_hanging(ball: Hanging, time: Quantity) -> tuple[Quantity, Quantity]:

@@ -182,17 +182,35 @@ def release(
     # Without voltage, a ball that bounces less than half way back to the tool stays on the plate.
     low_bounce = 0.0 if to_the_end else gap / 2
 
-    progress = Progress(*(np.full(len(held), value) for value in START))
-    progress = progress._replace(is_over=~held)
+    progress = _progress_at_start(len(held))._replace(is_over=~held)
     time = 0.0
     while not progress.is_over.all():
-        phase = _phase(progress, held)
         last_look = time
         time += period
         voltage = _script.ramp_voltage(protocol, ramp, progress.freed, time)
-        watch = bench.move(phase, period, gap, voltage, ~progress.is_over)
+        watch = bench.move(_phase(progress, held), period, gap, voltage, ~progress.is_over)
         progress = _script.released(protocol, ramp, low_bounce, progress, watch, last_look, time)
 
+    return _release_of(progress, held, protocol, ramp, off_target=np.abs(bench.off_axis()))
+
+
+def _progress_at_start(count: int) -> Progress:
+    """Return the progress of trials that begin, on `count` benches."""
+    return Progress(*(np.full(count, value) for value in START))
+
+
+def _release_of(
+    progress: Progress, held: Mask, protocol: Protocol, ramp: Ramp, off_target: np.ndarray
+) -> Release:
+    """Return the outcome of releases that have ended.
+
+    Args:
+        progress: progress at the end.
+        held: (B,) benches whose ball hung as the ramp began.
+        protocol: rate and limits.
+        ramp: ramp of the voltage.
+        off_target: (B,) distance of the balls from below the tool's axis [m].
+    """
     has_left = np.isfinite(progress.freed)
     has_landed = np.isfinite(progress.landed)
 
@@ -204,7 +222,7 @@ def release(
         landing_speed=np.where(has_landed, progress.speed, np.nan),
         landed=progress.succeeds,
         faulty=progress.is_faulty,
-        off_target=np.abs(bench.off_axis()),
+        off_target=off_target,
         hung=held,
     )
 

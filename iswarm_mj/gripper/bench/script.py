@@ -203,59 +203,76 @@ def is_lifted(protocol: Protocol, watch: Watch) -> Each:
 
 
 def released(
-    protocol: Protocol, ramp: Ramp, low: float, was: Progress, watch: Watch, began: Each, time: Each
+    protocol: Protocol,
+    ramp: Ramp,
+    low: float,
+    was: Progress,
+    watch: Watch,
+    last_look: Each,
+    time: Each,
 ) -> Progress:
     """Return the progress of a release after another look; a trial that is over stays as it is.
 
     Args:
         protocol: criteria and limits.
-        ramp: of the voltage.
+        ramp: ramp of the voltage.
         low: height below which a ball that bounces on the plate without voltage counts as at rest
             [m]; 0: none does.
         was: progress at the last look.
         watch: events since then.
-        began: time of the last look [s].
+        last_look: time of the last look [s].
         time: time of this look [s].
     """
     # The ball leaves the tool.
     was_held = was.freed == math.inf
-    last_touch = began + watch.last_tool
+    last_touch = last_look + watch.last_tool
     touched = where(was_held & (last_touch > was.touched), last_touch, was.touched)
     freed = where(was_held & (watch.gap_tool > protocol.away), time, was.freed)
     is_free = freed < math.inf
 
     # It lands on the plate.
     lands = is_free & (was.landed == math.inf) & (watch.first_plate < math.inf)
-    landed = where(lands, began + watch.first_plate, was.landed)
+    landed = where(lands, last_look + watch.first_plate, was.landed)
     has_landed = landed < math.inf
-    landing_speed = where(lands, watch.landing_speed, was.speed)
 
     # It lies there long enough after the voltage was cut, or bounces too low to reach the tool.
-    is_between = (watch.gap_plate <= 0) & (watch.gap_tool > 0)
-    rests = is_between & (watch.speed < RESTING_SPEED)
+    rests = _rests_on_plate(watch)
     moved = where(rests, was.moved, time)
     share = _voltage_share(protocol, time - freed)
     is_cut = share == _voltage_share(protocol, math.inf)
     is_still = rests & is_free & (time > moved + protocol.rest_time) & is_cut
-    height = where(watch.gap_plate > 0, watch.gap_plate, 0.0)
-    reach = watch.speed**2 / (2 * GRAVITY) + height
-    stays = has_landed & (share == 0) & (reach < low)
+    stays = has_landed & (share == 0) & (_highest_point(watch) < low)
 
     # Or its time is up.
     deadline = where(is_free, touched + protocol.flight_limit, ramp.patience)
     is_late = time > deadline
 
     new = Progress(
-        touched,
-        freed,
-        landed,
-        landing_speed,
-        moved,
-        (rests & has_landed) | stays,
-        is_still | stays | is_late | (watch.finite == 0),
-        where(watch.finite, was.is_faulty, True),
+        touched=touched,
+        freed=freed,
+        landed=landed,
+        speed=where(lands, watch.landing_speed, was.speed),
+        moved=moved,
+        succeeds=(rests & has_landed) | stays,
+        is_over=is_still | stays | is_late | (watch.finite == 0),
+        is_faulty=where(watch.finite, was.is_faulty, True),
     )
     return Progress(*[where(was.is_over, old, now) for old, now in zip(was, new, strict=True)])
+
+
+def _rests_on_plate(watch: Watch) -> Each:
+    """Return whether a ball lies on the plate, off the tool, and hardly moves."""
+    is_on_plate_only = (watch.gap_plate <= 0) & (watch.gap_tool > 0)
+    return is_on_plate_only & (watch.speed < RESTING_SPEED)
+
+
+def _highest_point(watch: Watch) -> Each:
+    """Return the height over the plate to which the speed of a ball without voltage suffices [m].
+
+    All its speed counts as upward.
+    """
+    height = where(watch.gap_plate > 0, watch.gap_plate, 0.0)
+    return watch.speed**2 / (2 * GRAVITY) + height
 
 
 def leap_limits(protocol: Protocol, ramp: Ramp, at: Progress, time: Each) -> tuple[Each, Each]:

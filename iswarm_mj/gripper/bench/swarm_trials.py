@@ -315,7 +315,7 @@ def _release(bench: SingleBench, trial: Trial, voltage: float, gap: float) -> Tr
             low=gap / 2,
             was=progress,
             watch=bench.watch(),
-            began=last_look,
+            last_look=last_look,
             time=time,
         )
         limits = script.leap_limits(PROTOCOL, ramp, progress, time)
