@@ -80,10 +80,14 @@ class TestImports:
 
     @pytest.fixture(autouse=True)
     def modules(self):
-        """Modules as they are, again after the test."""
-        before = {*sys.modules}
+        """Modules without those of users' files, which other tests may have left, too."""
+        self.forget_users_modules()
         yield
-        for name in {*sys.modules} - before:
+        self.forget_users_modules()
+
+    @staticmethod
+    def forget_users_modules():
+        for name in [*sys.modules]:
             if name.startswith(("walk", "helpers", "other")):
                 del sys.modules[name]
 
