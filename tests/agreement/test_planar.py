@@ -121,7 +121,7 @@ def test_velocities_of_each_physics_step_are_those_of_mujoco(start, set_points, 
     assert np.abs(expected - set_points[0]).max() > 0.3  # there was a contact
 
 
-@pytest.mark.parametrize("impl", ["numba", "warp"])
+@pytest.mark.parametrize("impl", ["numba", pytest.param("warp", marks=pytest.mark.slow)])
 def test_jams_end_where_mujoco_ends(impl):
     """All robots walk to the centre and press upon each other there."""
 

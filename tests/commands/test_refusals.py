@@ -20,6 +20,20 @@ from iswarm_mj.commands.main import parse
 from iswarm_mj.utils.errors import ConfigError, FaultKind, SimulationFault, UserError
 
 SENTENCES = read_page()
+QUICK_VARIABLES = ("JAX_PLATFORMS=nonsense,cpu", "NUMBA_DISABLE_JIT=1")
+"""Variables of the environment that the everyday suite sets, each in a process of its own."""
+
+
+def is_slow(command):
+    """Return whether a command line sets variables, and is not one of every day."""
+    sets_variables = not command.startswith("iswarm")
+    return sets_variables and not command.startswith(QUICK_VARIABLES)
+
+
+COMMANDS = [
+    pytest.param(command, marks=pytest.mark.slow) if is_slow(command) else command
+    for command in SENTENCES
+]
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +58,7 @@ def fail_as_accepted(*_):
     raise AssertionError("the command line is accepted")
 
 
-@pytest.mark.parametrize("command", SENTENCES)
+@pytest.mark.parametrize("command", COMMANDS)
 def test_refusal(command, files, changed_sentences, capfd, monkeypatch):
     monkeypatch.chdir(files)
     monkeypatch.setattr("iswarm_mj.workflows.clean.advance_and_record", fail_as_accepted)

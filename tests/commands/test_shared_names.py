@@ -319,6 +319,7 @@ class TestCommands:
         with pytest.raises(UserError, match=re.escape(sentence.removeprefix("--config "))):
             Scenario.from_toml("own.toml")
 
+    @pytest.mark.slow
     def test_a_sweep_varies_a_full_name(self, capfd, here):
         sweep = ("sweep", "run", *OWN, *FEW, "--over")
         error = refused(capfd, here, *sweep, "reach=10,20")

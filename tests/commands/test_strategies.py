@@ -136,6 +136,7 @@ def test_every_engine_runs_carries_and_records_it(engine):
     np.testing.assert_array_equal(said_count[1:], table["said_count"][1:])
 
 
+@pytest.mark.slow
 def test_in_turn_news_goes_further_within_a_step():
     """With a method `listen`, which sequential updates need."""
     listen = """

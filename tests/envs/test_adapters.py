@@ -275,7 +275,9 @@ class TestMistakes:
         with pytest.raises(UserError, match=words):
             agents_env.reset(seed=seed)
 
-    @pytest.mark.parametrize("package", ["pettingzoo", "gymnasium"])
+    @pytest.mark.parametrize(
+        "package", ["pettingzoo", pytest.param("gymnasium", marks=pytest.mark.slow)]
+    )
     def test_a_package_that_is_missing(self, package):
         code = (
             f"import sys; sys.modules['{package}'] = None\nfrom iswarm_mj.envs import parallel_env"

@@ -78,6 +78,7 @@ def test_asynchronous_environments_do_what_one_does(tmp_path, context, use):
 
 
 @needs_fork
+@pytest.mark.slow
 def test_a_fork_after_an_episode_says_to_spawn(tmp_path):
     process, _ = run_script(tmp_path, "fork", "used")
     assert process.returncode != 0

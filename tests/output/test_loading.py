@@ -41,7 +41,8 @@ def array(table, name, shape=SHAPE):
 
 
 @pytest.fixture(
-    scope="module", params=["planar", "warp", pytest.param("mjx", marks=pytest.mark.slow)]
+    scope="module",
+    params=["planar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("warp", "mjx"))],
 )
 def done(request, tmp_path_factory):
     """A run of three worlds of which 2 and 0 are recorded, its records, and the loaded run."""

@@ -87,6 +87,7 @@ def test_finished_runs_are_not_repeated_unless_it_is_asked_for(jobs, tmp_path):
         assert len(jobs) == n_jobs
 
 
+@pytest.mark.slow
 def test_workers_give_the_runs_that_each_job_gives_by_itself(small, tmp_path):
     plan = Plan(config=small, quick=True)
     short = replace(HOP_COUNT, quick_repeats=1, quick_limit=30)

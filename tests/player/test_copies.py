@@ -109,7 +109,7 @@ TEAMS = (
     "flags",
     [
         "",
-        "--type1.p-vector-forget=0.9",
+        pytest.param("--type1.p-vector-forget=0.9", marks=pytest.mark.slow),
         "--changes 2:kill=3 3:optics.error_in_communication=0.25",
     ],
 )

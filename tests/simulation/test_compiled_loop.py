@@ -295,14 +295,10 @@ print(json.dumps([len(run.devices), measures, sums]))
 """Program that runs three tiny worlds on all devices, and prints their number and sums."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("batch", "n_devices", "n_used"),
-    [
-        ("warp", 2, 2),
-        pytest.param("warp", 4, 3, marks=pytest.mark.slow),
-        pytest.param("mjx", 2, 2, marks=pytest.mark.slow),
-        pytest.param("mjx", 4, 3, marks=pytest.mark.slow),
-    ],
+    [("warp", 2, 2), ("warp", 4, 3), ("mjx", 2, 2), ("mjx", 4, 3)],
     indirect=["batch"],
 )
 def test_devices_and_chunks_change_no_bit(batch, n_devices, n_used):

@@ -46,6 +46,7 @@ def inputs_of(sight, step=0):
     return StepInputs(jnp.zeros((n_robots, 3)), sight, jnp.int32(step), jnp.array(True))
 
 
+@pytest.mark.slow
 def test_robots_that_stop_miss_dust_as_often_as_others():
     """Both chances, of one half each, come from one key."""
     n_robots = 4000

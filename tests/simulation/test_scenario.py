@@ -91,6 +91,7 @@ class TestEntries:
         state = env.step(state, np.full((1, N, 2), [0.3, 0.8], np.float32))
         np.testing.assert_allclose(env.poses(state)[0], poses, atol=1e-5)
 
+    @pytest.mark.slow
     def test_64_worlds_and_adapters_begin_as_the_run(self):
         scenario = replace(PAPERS, steps=1)
         start = Run(scenario).start.poses[0, 0]

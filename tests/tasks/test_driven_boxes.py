@@ -85,7 +85,7 @@ def engines(boxes, n_robots):
     }
 
 
-@pytest.mark.parametrize("name", ["mujoco", "planar", "mjx"])
+@pytest.mark.parametrize("name", ["mujoco", "planar", pytest.param("mjx", marks=pytest.mark.slow)])
 def test_a_driven_box_pushes_and_is_not_pushed(name):
     """It walks 4 mm east through a robot and a box, which drive against it."""
     boxes = ((-3.0, 4.5, 0.5, 1.2, 0.0, 0.0, 0.0), (-1.5, 5.2, 0.4, 0.4, 45.0, 1e-5, 0.001))

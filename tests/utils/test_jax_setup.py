@@ -44,6 +44,7 @@ def cache_and_log_level(before="", after="", **variables):
     return process.stdout.split()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="directories of Linux")
 def test_programs_are_kept_in_the_users_cache_and_loading_them_prints_nothing(tmp_path):
     variables = {"XDG_CACHE_HOME": str(tmp_path), "JAX_PLATFORMS": "cpu"}

@@ -4,7 +4,10 @@ import os
 import subprocess
 import sys
 
+import pytest
 
+
+@pytest.mark.slow
 def test_import_prints_nothing_on_standard_output(tmp_path):
     """Without Warp, MJX itself prints on standard output that it is missing."""
     hidden_warp = tmp_path / "warp"
