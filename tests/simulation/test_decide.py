@@ -7,6 +7,7 @@ from unittest import mock
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from support.sensing import lay
 from support.tasks import Still
 from support.worlds import params_of, swarm_of
