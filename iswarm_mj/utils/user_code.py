@@ -78,7 +78,7 @@ def _explain(
     raised = type(error).__name__
     first_line = str(error).strip().partition("\n")[0]
     if first_line:
-        raised += f": {first_line}"
+        raised += f": {first_line}{_meant_attribute(error)}"
 
     if isinstance(error, SyntaxError) and error.filename:
         source = (error.text or "").strip()
@@ -93,6 +93,14 @@ def _explain(
     if type(error).__module__ == "jax.errors":
         sentence += f", as {_JAX_ERRORS}#jax.errors.{type(error).__name__} explains"
     return sentence
+
+
+def _meant_attribute(error: BaseException) -> str:
+    """Return which attribute of an object may be meant by one that it lacks, as an insertion."""
+    if not isinstance(error, AttributeError) or error.obj is None:
+        return ""
+    similar = get_close_matches(error.name, dir(error.obj), n=1, cutoff=_SIMILAR)
+    return f" (perhaps you meant {similar[0]})" if similar else ""
 
 
 def check_class(given: Any, base: type, role: str) -> None:
@@ -119,8 +127,18 @@ def check_class(given: Any, base: type, role: str) -> None:
     missing = [attribute for attribute in public if _lacks_method(cls, base, attribute)]
     if missing:
         listed = " and no method ".join(missing)
-        raise UserError(f"{name} has no method {listed}; {role} has it, see {base.__name__}")
+        remedy = _renaming(cls, missing) or f"{role} has it, see {base.__name__}"
+        raise UserError(f"{name} has no method {listed}; {remedy}")
     _check_spelling(cls, base, public)
+
+
+def _renaming(cls: type, missing: Sequence[str]) -> str:
+    """Return that an attribute of a class may be a misspelt method that it lacks; "" if none is."""
+    for method in missing:
+        similar = get_close_matches(method, vars(cls), n=1, cutoff=_SIMILAR)
+        if similar:
+            return f"rename {similar[0]}, which it has, to {method}"
+    return ""
 
 
 def _lacks_method(cls: type, base: type, attribute: str) -> bool:

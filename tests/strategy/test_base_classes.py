@@ -76,7 +76,11 @@ SPEAKS = {
         (derive(act=None), "Mine has no method act; a strategy has it, see Strategy"),
         (
             type("Mine", (Strategy,), {"init": Walk.init}),
-            "Mine has no method act and no method picks",
+            "Mine has no method act and no method picks; a strategy has it, see Strategy",
+        ),
+        (
+            type("Mine", (Strategy,), {"init": Walk.init, "pick": Walk.picks, "act": Walk.act}),
+            "Mine has no method picks; rename pick, which it has, to picks",
         ),
         (
             type("Mine", (), {"init": 1, "picks": 1, "act": 1}),
