@@ -29,7 +29,8 @@ def test_a_misspelt_attribute_is_named_with_the_one_that_is_meant():
 
 @pytest.mark.parametrize("name", ["far", "sees_nothing_at_all"])
 def test_other_attributes_are_named_without_a_guess(name):
-    assert "perhaps" not in sentence_of(lambda: getattr(Seen(), name))
+    sentence = sentence_of(lambda: getattr(Seen(), name))
+    assert "perhaps" not in sentence
 
 
 def test_an_attribute_error_of_a_user_stays_as_it_is():
