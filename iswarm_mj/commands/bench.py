@@ -34,7 +34,7 @@ class Bench(Swarm):
         chunk = 1 if engine.on_host else min(engine.chunk, self.steps)
         warm_up = _whole_chunks(self.warm_up, chunk)
         steps = warm_up + _whole_chunks(self.steps, chunk)
-        in_chunks = replace(self, physics=engine.in_chunks(chunk))
+        in_chunks = replace(self, engine_plugin=engine.in_chunks(chunk))
         bench(run_of(in_chunks.scenario(steps=steps)), warm_up)
 
 

@@ -12,7 +12,7 @@ from iswarm_mj.strategy.genome import Genome, load_genome
 from iswarm_mj.utils.constraints import needs_of
 from iswarm_mj.utils.errors import UserError
 
-PART_OF_FIELD = {"own": "strategy", "own_task": "task", "physics": "engine"}
+PART_OF_FIELD = {"strategy_plugin": "strategy", "task_plugin": "task", "engine_plugin": "engine"}
 """Parts of a scenario by the fields of commands that hold them."""
 _CONFIG_GROUPS = {f"{part.name}." for part in fields(SwarmConfig)}
 
@@ -23,7 +23,7 @@ class Setting(NamedTuple):
     name: str
     """Name in messages and flags, such as `robots`, `arena.size` or `task.range`."""
     path: str
-    """Path of attributes in the command, such as `arena.size` or `own_task.range`."""
+    """Path of attributes in the command, such as `arena.size` or `task_plugin.range`."""
     value: Any
     owner: Any
     """Object that has the setting as a field: the command, or one of its groups."""
@@ -72,13 +72,13 @@ def _settings_of_group(owner: Any) -> Iterator[Setting]:
 def with_defaults(command: Any) -> Any:
     """Return a command of the same class, reading, engine and genome with default settings."""
     defaults: dict[str, Any] = {}
-    engine = getattr(command, "physics", None)
+    engine = getattr(command, "engine_plugin", None)
     if engine is not None:
-        defaults["physics"] = engine.usual()
+        defaults["engine_plugin"] = engine.usual()
     if hasattr(command, "reading"):
         defaults |= {"reading": command.reading, **vars(INTERPRETATIONS[command.reading])}
-    if isinstance(getattr(command, "own", None), Genome) and not command.controller:
-        defaults["own"] = load_genome(command.genome)
+    if isinstance(getattr(command, "strategy_plugin", None), Genome) and not command.controller:
+        defaults["strategy_plugin"] = load_genome(command.genome)
     return type(command)(**defaults)
 
 
@@ -93,12 +93,12 @@ def _changed_settings(command: Any) -> list[Setting]:
         (setting.path, type(setting.owner)): setting.value
         for setting in settings(with_defaults(command))
     }
-    found = []
+    changed_settings = []
     for setting in settings(command):
         default = default_of.get((setting.path, type(setting.owner)), setting.value)
         if np.any(setting.value != default):
-            found.append(setting)
-    return found
+            changed_settings.append(setting)
+    return changed_settings
 
 
 def refuse_changed(command: Any, names: Iterable[str], reason: str) -> None:

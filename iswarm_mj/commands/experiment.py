@@ -60,8 +60,8 @@ class Experiment(ManyRunsOptions):
         from iswarm_mj.paper.studies.registry import EXPERIMENTS, listing
 
         if self.list:
-            others = [name for name in changed(self) if name not in ("list", "name")]
-            refuse_changed(self, others, "with `list`")
+            unused = [name for name in changed(self) if name not in ("list", "name")]
+            refuse_changed(self, unused, "with `list`")
             if self.name:
                 raise UserError(f"--list takes no name; leave out {self.name}")
             print(listing())

@@ -34,13 +34,15 @@ class ConfigOptions(SwarmConfig):
     maze: Path | None = None
     """A picture whose dark pixels are obstacles, stretched over the arena."""
     engine: EngineName = "mujoco"
-    physics: EngineSettings | None = None
+    engine_plugin: EngineSettings | None = None
     """The engine with the values of its flags."""
 
     @property
     def engine_settings(self) -> Any:
         """Settings of the engine, by default those for this machine."""
-        return find_engine(self.engine).usual() if self.physics is None else self.physics
+        return (
+            find_engine(self.engine).usual() if self.engine_plugin is None else self.engine_plugin
+        )
 
     @property
     def config(self) -> SwarmConfig:

@@ -51,7 +51,11 @@ _REWORDED = (
     (r"(\S+): it must be (.+)", r"\1 must be \2"),
 )
 """Patterns of tyro's messages, and how those say it that do not come from tyro."""
-_FLAGS_OF_PLUGIN = {"own": ("strategy", "genome"), "own_task": ("task",), "physics": ("engine",)}
+_FLAGS_OF_PLUGIN = {
+    "strategy_plugin": ("strategy", "genome"),
+    "task_plugin": ("task",),
+    "engine_plugin": ("engine",),
+}
 """Flags that name the plug-in in a field of a command."""
 
 
@@ -154,14 +158,14 @@ class _Reader:
             Classes, or objects that have the defaults, by the fields of the command that hold them.
         """
         plugins: dict[str, Any] = {}
-        if "physics" in self._field_names:
-            plugins["physics"] = _engine_defaults(next(iter(words["engine"]), command.engine))
-        if "own" in self._field_names and words["strategy"]:
-            plugins["own"] = _find_strategy(words["strategy"])
-        elif {"own", "genome"} <= self._field_names:
-            plugins["own"] = load_genome(next(iter(words["genome"]), command.genome))
-        if "own_task" in self._field_names and words["task"]:
-            plugins["own_task"] = _find_task(words["task"][0])
+        if "engine_plugin" in self._field_names:
+            plugins["engine_plugin"] = _engine_defaults(next(iter(words["engine"]), command.engine))
+        if "strategy_plugin" in self._field_names and words["strategy"]:
+            plugins["strategy_plugin"] = _find_strategy(words["strategy"])
+        elif {"strategy_plugin", "genome"} <= self._field_names:
+            plugins["strategy_plugin"] = load_genome(next(iter(words["genome"]), command.genome))
+        if "task_plugin" in self._field_names and words["task"]:
+            plugins["task_plugin"] = _find_task(words["task"][0])
         return plugins
 
     def _refuse_flags_of_other_engines(
@@ -171,7 +175,7 @@ class _Reader:
         plugins: dict[str, Any],
         config_file: ConfigFile | None,
     ) -> None:
-        if "physics" not in plugins:
+        if "engine_plugin" not in plugins:
             return
         named = set(self._flag_names)
         if config_file is not None and not config_file.is_result:

@@ -45,7 +45,7 @@ class TaskOptions:
     """Task of the robots, cleaning by default: a class in a file, or the name under which an
     installed package offers one (entry points iswarm_mj.tasks); its fields become flags, see --task
     ... --help."""
-    own_task: Any = None
+    task_plugin: Any = None
     """The task with the values of its flags, where `task_name` names one."""
 
     @property
@@ -53,7 +53,7 @@ class TaskOptions:
         """Task of the robots."""
         from iswarm_mj.tasks.cleaning import CLEANING
 
-        return CLEANING if self.own_task is None else self.own_task
+        return CLEANING if self.task_plugin is None else self.task_plugin
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Swarm(ConfigOptions, RobotOptions):
     """Seed of all random numbers."""
     worlds: Annotated[int, constraint_of(RunSettings, "n_worlds")] = 1
     """Number of independent worlds, simulated together."""
-    own: Any = None
+    strategy_plugin: Any = None
     """The strategy with the values of its flags: what `controller` names, or else the genome, an
     object of `Genome`."""
 
@@ -88,7 +88,7 @@ class Swarm(ConfigOptions, RobotOptions):
     @property
     def rules(self) -> Any:
         """The strategy, or the genome of the paper's."""
-        return load_genome(self.genome) if self.own is None else self.own
+        return load_genome(self.genome) if self.strategy_plugin is None else self.strategy_plugin
 
     def number_of_robots(self) -> int:
         """Return the number of robots, after checks of all settings that it depends on.
@@ -106,8 +106,8 @@ class Swarm(ConfigOptions, RobotOptions):
         robot_file = self.robot_file
         n_of_files = sum(n for _, n in files_of(robot_file))
         if self.density is not None and (self.robots is not None or n_of_files):
-            other = "--robots" if self.robots is not None else "numbers of robots in --robot"
-            raise UserError(f"{other} and --density exclude each other; give one of them.")
+            number_flag = "--robots" if self.robots is not None else "numbers of robots in --robot"
+            raise UserError(f"{number_flag} and --density exclude each other; give one of them.")
 
         n_robots = self.robots or n_of_files or self._number_by_density()
         check_total(robot_file, n_robots)

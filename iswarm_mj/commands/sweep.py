@@ -52,7 +52,7 @@ class Sweep:
     """Repeat runs that --out already holds."""
     out: Path = Path("runs/sweep")
     """Directory for the results; an interrupted sweep resumes there."""
-    given: tyro.conf.Suppress[tyro.conf.Fixed[tuple[str, ...]]] = ()
+    command_arguments: tyro.conf.Suppress[tyro.conf.Fixed[tuple[str, ...]]] = ()
     """Arguments of the command."""
 
     def __post_init__(self):
@@ -61,8 +61,8 @@ class Sweep:
     @classmethod
     def parse(cls, arguments: Sequence[str]) -> "Sweep":
         """Return the sweep that arguments describe, see `parser.parse`."""
-        own_arguments, command_arguments = _split(arguments)
-        return replace(parse("sweep", cls, own_arguments), given=command_arguments)
+        sweep_arguments, command_arguments = _split(arguments)
+        return replace(parse("sweep", cls, sweep_arguments), command_arguments=command_arguments)
 
     def run(self) -> None:
         """Run the command."""
@@ -76,7 +76,7 @@ class Sweep:
         check("over", f"{n_runs} runs", allowed, n_runs <= MAX_RUNS)
 
         variants = self._variants(over)
-        about = {"command": self.command, "arguments": self.given, "over": list(over)}
+        about = {"command": self.command, "arguments": self.command_arguments, "over": list(over)}
         rows = sweep(variants, self.out, about, self.again)
         print("\n".join(summary(rows, list(over))))
         print(f"\nmedians over worlds; all worlds in {self.out / 'sweep.csv'}")
@@ -126,7 +126,7 @@ class Sweep:
 
     def _command_with(self, values: dict[str, str]) -> Any:
         """Return the command with these values of what varies."""
-        arguments = [*self.given]
+        arguments = [*self.command_arguments]
         for name, value in values.items():
             arguments += _argument(name, value)
         return parse(self.command, _COMMANDS[self.command], arguments)
@@ -143,20 +143,20 @@ class Sweep:
 
 def _split(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
     """Return the arguments of the sweep, its command included, and those of the command."""
-    own: list[str] = []
-    others: list[str] = []
-    destination = others
+    of_sweep: list[str] = []
+    of_command: list[str] = []
+    destination = of_command
     for word in arguments:
         if word.startswith("-"):
-            destination = own if word.partition("=")[0] in _OWN_FLAGS else others
+            destination = of_sweep if word.partition("=")[0] in _OWN_FLAGS else of_command
         destination.append(word)
         if word in _SWITCHES:
-            destination = others
+            destination = of_command
 
-    has_command = bool(others) and not others[0].startswith("-")
+    has_command = bool(of_command) and not of_command[0].startswith("-")
     if has_command:
-        return [others[0], *own], tuple(others[1:])
-    return own, tuple(others)
+        return [of_command[0], *of_sweep], tuple(of_command[1:])
+    return of_sweep, tuple(of_command)
 
 
 def _in_flags_of(error: UserError, command: Any) -> UserError:

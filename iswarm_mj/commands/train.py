@@ -30,7 +30,7 @@ class Train(TrainingPlan, TaskOptions, ConfigOptions, RobotOptions):
     """Directory for the results; a training in it resumes."""
     again: bool = False
     """Repeat generations that --out already holds."""
-    own: Any = None
+    strategy_plugin: Any = None
     """The strategy with the values of its flags, where one is named."""
 
     def run(self) -> None:
@@ -38,7 +38,7 @@ class Train(TrainingPlan, TaskOptions, ConfigOptions, RobotOptions):
         from iswarm_mj.search.training import Training, train
         from iswarm_mj.strategy.neural import Neural
 
-        strategy = Neural() if self.own is None else self.own
+        strategy = Neural() if self.strategy_plugin is None else self.strategy_plugin
         plan = {field.name: getattr(self, field.name) for field in fields(TrainingPlan)}
         training = Training(**plan, config=self.config)
         engine = self.engine_settings.for_batches()

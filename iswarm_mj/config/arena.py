@@ -1,5 +1,6 @@
 """Settings of the arena: floor, walls, dump, dust and obstacles, with their limits and units."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -84,26 +85,27 @@ class ArenaConfig:
 
     def _set_boxes(self) -> None:
         """Set obstacles and boxes as tuples of floats, once they are checked."""
-        half_dump = self.dump_size / 2
-        obstacles = checked_rows(
-            "arena.obstacles",
-            fields=OBSTACLE_FIELDS,
-            units="rd, deg",
-            value=self.obstacles,
-            walls=self.walls,
-            half_dump=half_dump,
-        )
-        object.__setattr__(self, "obstacles", obstacles)
-        boxes = checked_rows(
-            "arena.boxes",
-            fields=BOX_FIELDS,
-            units="rd, deg, kg",
-            value=self.boxes,
-            walls=self.walls,
-            half_dump=half_dump,
-        )
-        object.__setattr__(self, "boxes", boxes)
+        self._set_rows("obstacles", OBSTACLE_FIELDS, "rd, deg")
+        self._set_rows("boxes", BOX_FIELDS, "rd, deg, kg")
         check_boxes(self.boxes, self.obstacles)
+
+    def _set_rows(self, name: str, row_fields: Sequence[str], units: str) -> None:
+        """Set a field of obstacles or boxes as tuples of floats, once they are checked.
+
+        Args:
+            name: name of the field.
+            row_fields: names of the numbers of a row.
+            units: units of these numbers, for messages.
+        """
+        rows = checked_rows(
+            f"arena.{name}",
+            fields=row_fields,
+            units=units,
+            value=getattr(self, name),
+            walls=self.walls,
+            half_dump=self.dump_size / 2,
+        )
+        object.__setattr__(self, name, rows)
 
     def _check_dump_and_dust(self) -> None:
         """Check that the dump is small enough, and that the dust lies between dump and walls."""

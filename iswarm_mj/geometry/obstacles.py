@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from iswarm_mj.geometry.directions import into_frame
 from iswarm_mj.geometry.walls import beyond, rows_of
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import ConfigError
@@ -222,8 +223,7 @@ def _overlaps_along_axes(
     # The partner's centre in the frame of the box.
     dx = partner[..., 0] - box[..., 0]
     dy = partner[..., 1] - box[..., 1]
-    ahead = cos_yaw * dx + sin_yaw * dy
-    left = cos_yaw * dy - sin_yaw * dx
+    ahead, left = into_frame(dx, dy, (cos_yaw, sin_yaw))
 
     # The distance along each axis at which the boxes would touch.
     reach_ahead = half_x + partner_half_x * cos + partner_half_y * sin
@@ -243,8 +243,7 @@ def distances(
     # The points (rows) in the frame of each box (columns).
     dx = points[..., :1] - x
     dy = points[..., 1:] - y
-    ahead = cos * dx + sin * dy
-    left = cos * dy - sin * dx
+    ahead, left = into_frame(dx, dy, (cos, sin))
 
     beyond_x = np.maximum(np.abs(ahead) - half_x, 0.0)
     beyond_y = np.maximum(np.abs(left) - half_y, 0.0)

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from iswarm_mj.config.static import StaticOptics
+from iswarm_mj.geometry.directions import Components, into_frame
 from iswarm_mj.geometry.robot import SIDES, Point, Robots, Sides
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.units import mm_from_rd
@@ -33,10 +34,6 @@ Axes = tuple[Point, ...]
 
 Kinds = tuple[Int[Array, "*#P"] | int, Int[Array, "*#P"] | int]
 """Index in `robot.kinds` of receivers and of senders."""
-
-Components = tuple[Float[Array, "*#P"], Float[Array, "*#P"]]
-"""Two components of vectors: ahead and to the left in a robot's frame, or cosine and sine of its
-yaw."""
 
 
 class Reception(NamedTuple):
@@ -92,18 +89,6 @@ class _LightPath(NamedTuple):
     """Cosine of the angle between path and LED's axis."""
     offset: Float[Array, "*P"]
     """Distance of photodiodes and LED from the robots' centres, along their axes [mm]."""
-
-
-def into_frame(dx: Float[Array, "*#P"], dy: Float[Array, "*#P"], heading: Components) -> Components:
-    """Return components ahead and to the left of world vectors.
-
-    Args:
-        dx: x of the vectors in the world.
-        dy: y of the vectors in the world.
-        heading: cosine and sine of the direction in which the frames look.
-    """
-    cos, sin = heading
-    return cos * dx + sin * dy, cos * dy - sin * dx
 
 
 def onto_axis(

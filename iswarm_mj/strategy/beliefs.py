@@ -24,7 +24,7 @@ class Trust(NamedTuple):
 
     sharpness: Float[Array, ""] | float
     """Logarithm of the rate at which weights fall: weight exp(-exp(sharpness) * doubt)."""
-    own: Float[Array, ""] | float
+    own_advantage: Float[Array, ""] | float
     """Logarithm of the factor by which a robot's own vector outweighs one that it heard."""
     ageing: Float[Array, ""] | float
     """Logarithm of the doubt that each control step adds."""
@@ -92,7 +92,7 @@ def merge_beliefs(
     # Without any vector the exponential is infinite, and `where` puts 0 in its place.
     least = jnp.where(known, doubt, jnp.inf).min(axis=1, keepdims=True)
     weight = jnp.where(known, jnp.exp(-jnp.exp(trust.sharpness) * (doubt - least)), 0.0)
-    weight = weight.at[:, 0].multiply(jnp.exp(trust.own))
+    weight = weight.at[:, 0].multiply(jnp.exp(trust.own_advantage))
     # The lower limit prevents 0 / 0 where nothing is known.
     share = weight / jnp.maximum(weight.sum(axis=1, keepdims=True), math.ulp(1.0))
 

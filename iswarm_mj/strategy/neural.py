@@ -135,7 +135,7 @@ FIRST = (
     ("is_loaded", "flag", 2.0),
 )
 """Input, output and gain of the connections before training; "always" is the constant input."""
-FIRST_TRUST = Trust(sharpness=0.0, own=0.0, ageing=-1.0)
+FIRST_TRUST = Trust(sharpness=0.0, own_advantage=0.0, ageing=-1.0)
 """Trust in vectors before training."""
 
 

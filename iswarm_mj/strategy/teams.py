@@ -160,8 +160,8 @@ class Teams(Strategy):
             equal = "have equal fields of the same name"
             requirement = alike if len(checks) > 1 else equal
             named = zip(self.teams, payloads, strict=True)
-            found = "; ".join(f"{team.name}: {payload}" for team, payload in named)
-            raise UserError(f"teams share one channel, and must {requirement} (got {found})")
+            described = "; ".join(f"{team.name}: {payload}" for team, payload in named)
+            raise UserError(f"teams share one channel, and must {requirement} (got {described})")
         return Payload(fields, *checks)
 
     @property

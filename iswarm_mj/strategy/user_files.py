@@ -111,16 +111,16 @@ def sources(path: Path) -> list[Path]:
 
     What is found depends on `sys.path`, as for the import itself. The file must be valid Python.
     """
-    found = [path.resolve()]
-    with _first_in_path(found[0].parent):
-        for file in found:  # grows on the way
+    files = [path.resolve()]
+    with _first_in_path(files[0].parent):
+        for file in files:  # grows on the way
             package = _package(file)
             for name in _names_in(ast.parse(file.read_bytes())):
                 for origin in map(Path, _origins(name, package)):
                     is_source = origin.suffix == ".py" and is_users(str(origin))
-                    if is_source and origin.resolve() not in found:
-                        found.append(origin.resolve())
-    return found
+                    if is_source and origin.resolve() not in files:
+                        files.append(origin.resolve())
+    return files
 
 
 def _origins(name: str, package: str) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""What is checked of a strategy before it runs.
+"""Checks of a strategy before it runs.
 
 `check_methods` looks at its class: base class, methods, and names close to those of methods.
 `check_strategy` also calls each method with shapes in place of arrays, which computes nothing, and

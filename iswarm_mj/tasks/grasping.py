@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.gripper.handling import Balls, carry, loaded, update_grasps, working
@@ -115,22 +115,27 @@ def ball_centres(
     xp = array_module(poses)
     radius = 1e3 * xp.asarray(balls.radius)
     is_held = xp.asarray(balls.is_held)
-    holder = xp.asarray(balls.holder)
-    position = xp.asarray(balls.position)
+    tip, tip_height = _probe_tips(poses, xp.asarray(balls.holder), robot)
 
-    # Where the tip of each ball's holder is.
+    xy = xp.where(is_held[..., None], tip, xp.asarray(balls.position))
+    z = xp.where(is_held, tip_height - radius, radius)
+    return xp.concatenate([xy, z[..., None]], axis=-1)
+
+
+def _probe_tips(
+    poses: Float[Array, "*B N 3"], holder: Int[Array, "*B K"], robot: Robots
+) -> tuple[Float[Array, "*B K 2"], Float[Array, "*B K"]]:
+    """Return positions and heights of the tips of the robots that hold each ball [mm]."""
+    xp = array_module(poses)
     robot_numbers = np.arange(poses.shape[-2])
-    pose = xp.take_along_axis(poses, holder[..., None], axis=-2)
-    cos = xp.cos(pose[..., 2])
-    sin = xp.sin(pose[..., 2])
     tip_ahead, tip_left = robot.each("probe_tip", robot_numbers).T
     ahead = xp.asarray(tip_ahead)[holder]
     left = xp.asarray(tip_left)[holder]
-    tip_x = pose[..., 0] + cos * ahead - sin * left
-    tip_y = pose[..., 1] + sin * ahead + cos * left
-    tip = xp.stack([tip_x, tip_y], axis=-1)
-    tip_height = xp.asarray(robot.each("tip_height", robot_numbers))[holder]
+    height = xp.asarray(robot.each("tip_height", robot_numbers))[holder]
 
-    xy = xp.where(is_held[..., None], tip, position)
-    z = xp.where(is_held, tip_height - radius, radius)
-    return xp.concatenate([xy, z[..., None]], axis=-1)
+    pose = xp.take_along_axis(poses, holder[..., None], axis=-2)
+    cos = xp.cos(pose[..., 2])
+    sin = xp.sin(pose[..., 2])
+    x = pose[..., 0] + cos * ahead - sin * left
+    y = pose[..., 1] + sin * ahead + cos * left
+    return xp.stack([x, y], axis=-1), height

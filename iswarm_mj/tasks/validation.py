@@ -1,4 +1,4 @@
-"""What is checked of a task before it runs.
+"""Checks of a task before it runs.
 
 `check_methods` looks at its class: base class, methods, and names close to those of methods.
 `check_layout` checks how a world begins. `check_task` calls each method that runs in JAX with

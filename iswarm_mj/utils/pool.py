@@ -78,7 +78,7 @@ class _Worker:
 
     @property
     def is_alive(self) -> bool:
-        """Whether the process runs."""
+        """True while the process runs."""
         return self._process.poll() is None
 
     def begin(self, call: Callable[..., Any], arguments: tuple[Any, ...]) -> None:

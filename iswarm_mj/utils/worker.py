@@ -1,4 +1,4 @@
-"""What a worker process of `utils.pool` runs: the calls that its parent sends, one by one."""
+"""Program of a worker process of `utils.pool`: it makes the calls that its parent sends."""
 
 import os
 import sys

@@ -55,7 +55,7 @@ class TestToml:
         command = parse(["clean", "--config", "run.toml"])
         assert (command.steps, command.robots, command.record) == (8, 12, False)
         assert command.record_worlds == (0, 1)
-        assert command.own.use_hop_count is False
+        assert command.strategy_plugin.use_hop_count is False
 
         arena = command.arena
         assert (arena.size, arena.dump_size, arena.n_dust) == (15.0, 3.0, 24)
@@ -93,7 +93,10 @@ class TestToml:
             'strategy = "own.py:TYPE2"\nfraction-scouts = 0.5\n"strategy.random-turn" = 10'
         )
         command = parse(["clean", "--config", "own.toml"])
-        assert (command.own.fraction_scouts, command.own.density_of_robots) == (0.5, 0.132)
+        assert (
+            command.strategy_plugin.fraction_scouts,
+            command.strategy_plugin.density_of_robots,
+        ) == (0.5, 0.132)
         assert command.strategy.random_turn == 10.0
 
     def test_a_flag_replaces_what_it_excludes(self, here):
@@ -142,7 +145,7 @@ class TestResult:
         command = parse(["run", "--config", "bees.json", "--dim", "0.3"])
         assert (command.task_name, command.controller) == ("aggregation", ("beeclust",))
         assert (command.task.spot_radius, command.task.dim) == (8.0, 0.3)
-        assert command.own.longest_wait == 200.0
+        assert command.strategy_plugin.longest_wait == 200.0
         assert command.seed == 3
 
     def test_a_flag_replaces_its_engine(self, here):

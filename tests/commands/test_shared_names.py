@@ -229,16 +229,20 @@ class TestCommands:
                 *("--strategy.fast", "--turn=1", "--task.bonus=3", "--engine.accuracy=0.02"),
             ]
         )
-        assert (command.own.reach, command.own.fast, command.own.turn) == (2.0, True, 1.0)
-        task = command.own_task
+        assert (
+            command.strategy_plugin.reach,
+            command.strategy_plugin.fast,
+            command.strategy_plugin.turn,
+        ) == (2.0, True, 1.0)
+        task = command.task_plugin
         assert (task.reach, task.fast, task.bonus) == (50.0, False, 3.0)
-        assert command.physics.accuracy == 0.02
+        assert command.engine_plugin.accuracy == 0.02
         command = parse(["run", *OWN, *FEW, "--task.fast", "--strategy.no-fast"])
-        assert command.own_task.fast and not command.own.fast
+        assert command.task_plugin.fast and not command.strategy_plugin.fast
 
     def test_a_plain_name_is_that_of_the_only_one(self):
-        assert parse(["clean", OWN[0], "--reach=3"]).own.reach == 3.0
-        assert parse(["run", OWN[1], "--reach=30"]).own_task.reach == 30.0
+        assert parse(["clean", OWN[0], "--reach=3"]).strategy_plugin.reach == 3.0
+        assert parse(["run", OWN[1], "--reach=30"]).task_plugin.reach == 30.0
 
     @pytest.mark.parametrize(
         ("flags", "sentence"),
@@ -291,13 +295,13 @@ class TestCommands:
             '"strategy.reach" = 2.0\n"task.reach" = 50.0\n"task.fast" = true\n'
         )
         command = parse(["run", "--config=own.toml", *FEW, "--task.reach=60"])
-        assert (command.own.reach, command.own_task.reach) == (2.0, 60.0)
-        assert command.own_task.fast and command.own_task.bonus == 4.0
+        assert (command.strategy_plugin.reach, command.task_plugin.reach) == (2.0, 60.0)
+        assert command.task_plugin.fast and command.task_plugin.bonus == 4.0
 
     def test_a_table_of_the_task_goes_with_its_flag(self, here):
         (here / "own.toml").write_text("[task]\nreach = 50.0\nbonus = 4.0\n")
         command = parse(["run", *OWN, "--config=own.toml", *FEW])
-        assert (command.own_task.reach, command.own_task.bonus) == (50.0, 4.0)
+        assert (command.task_plugin.reach, command.task_plugin.bonus) == (50.0, 4.0)
 
     @pytest.mark.parametrize(
         ("lines", "sentence"),
@@ -367,7 +371,7 @@ class TestScenario:
         assert (found.task.reach, found.task.fast, found.task.bonus) == (50.0, False, 2.5)
         assert found.to_toml() == written.to_toml()
         command = parse(["run", "--config=own.toml"])
-        assert (command.own.reach, command.own_task.reach) == (2.0, 50.0)
+        assert (command.strategy_plugin.reach, command.task_plugin.reach) == (2.0, 50.0)
 
     def test_a_result_states_both(self):
         about = Run(scenario(steps=1)).rules

@@ -176,7 +176,7 @@ class TestInstalled:
             assert parse(["clean", "--strategy", name]).rules == genome
         genome = parse(["clean", "--strategy", "type2", "--p-vector-forget", "0.5"]).rules
         assert (genome.p_vector_forget, genome.weight_find_dump) == (0.5, 1.0)
-        assert parse(["clean", "--strategy", "theirs", "--turn=7"]).own.turn == 7
+        assert parse(["clean", "--strategy", "theirs", "--turn=7"]).strategy_plugin.turn == 7
 
     def test_a_class_is_found_by_its_fields_if_it_is_the_only_one(self, here):
         assert offered(STRATEGIES, "Walk", {"turn"}) == "theirs"

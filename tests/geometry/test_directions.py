@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from iswarm_mj.geometry.directions import rotate, wrapped
+from iswarm_mj.geometry.directions import into_frame, rotate, wrapped
 
 
 @pytest.mark.parametrize("xp", [np, jnp])
@@ -19,6 +19,14 @@ def test_vectors_and_angles_broadcast():
     vectors = np.array([[1.0, 0.0], [0.0, 1.0]])
     angles = np.array([[0.0], [np.pi]])
     np.testing.assert_allclose(rotate(vectors, angles), [vectors, -vectors], atol=1e-12)
+
+
+@pytest.mark.parametrize("xp", [np, jnp])
+def test_a_robot_that_looks_north_has_the_west_to_its_left(xp):
+    ahead, left = into_frame(xp.array([0.0, -2.0]), xp.array([3.0, 0.0]), heading=(0.0, 1.0))
+    assert isinstance(ahead, type(xp.zeros(1)))
+    np.testing.assert_array_equal(ahead, [3.0, 0.0])
+    np.testing.assert_array_equal(left, [0.0, 2.0])
 
 
 @pytest.mark.parametrize("xp", [np, jnp])

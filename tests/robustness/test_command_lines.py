@@ -117,7 +117,7 @@ def drawn_flags(rng, name):
     """Return a few flags of a command, perhaps with a file of settings or a stray word."""
     command = COMMANDS[name]()
     known = list(settings(command))
-    if hasattr(command, "own"):
+    if hasattr(command, "strategy_plugin"):
         known += settings(TYPE1)
     line = []
     for _ in range(rng.integers(6)):

@@ -52,7 +52,7 @@ def test_the_command_trains_the_policy_of_the_documentation(tmp_path, capfd, mon
     weights = load_weights("runs/train/weights.npz")
     assert len(weights) == 3 * 4 + 4 * 2
     again = ["train", "--strategy", "turner.py:Turner", "--weights", "runs/train/weights.npz"]
-    strategy = cli.parse(again).own
+    strategy = cli.parse(again).strategy_plugin
     flat_weights, _ = ravel_pytree(policy(strategy, SMALL, 4).weights)
     np.testing.assert_array_equal(flat_weights, weights)
 

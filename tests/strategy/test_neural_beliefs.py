@@ -140,8 +140,8 @@ class TestBeliefs:
 
     def test_vectors_to_dust_and_dump_are_trusted_by_their_own_numbers(self):
         policy = strategy()
-        trust_in_dust = Trust(sharpness=0.0, own=0.0, ageing=-2.0)
-        trust_in_dump = Trust(sharpness=0.0, own=0.0, ageing=0.5)
+        trust_in_dust = Trust(sharpness=0.0, own_advantage=0.0, ageing=-2.0)
+        trust_in_dump = Trust(sharpness=0.0, own_advantage=0.0, ageing=0.5)
         trusts = np.float32([*trust_in_dust, *trust_in_dump])
         weights = np.concatenate([policy.weights[: SHAPE.n_weights], trusts])
 
@@ -190,7 +190,7 @@ class TestBeliefs:
             np.array([[True, True, False, False]]),
         )
         zero = np.zeros((1, 4))
-        trust = Trust(sharpness, own=0.0, ageing=0.0)
+        trust = Trust(sharpness, own_advantage=0.0, ageing=0.0)
         nothing = Belief.empty(1)
         belief = merge_jit(trust, nothing, sent, zero, zero, LOOKS_THE_SAME_WAY[:1], ROBOT.sides)
 
@@ -231,7 +231,7 @@ class TestBeliefs:
         bearing = np.array([[0.0, np.pi / 2, np.pi, 0]])
         distance = np.array([[5.0, 3.0, 1, 1]])
         front_led = np.zeros((1, 4), np.int32)
-        trust = Trust(sharpness=0.0, own=0.5, ageing=-1.0)
+        trust = Trust(sharpness=0.0, own_advantage=0.5, ageing=-1.0)
         belief = merge_jit(trust, own_belief, sent, bearing, distance, front_led, ROBOT.sides)
 
         vectors = np.array([[10, 0], [5 + 4, -1], [0, 3 - 2]])
@@ -243,7 +243,7 @@ class TestBeliefs:
 
     def test_rumours_die_out(self):
         """Two robots that only hear each other doubt more in each step, and forget in the end."""
-        trust = Trust(sharpness=0.0, own=0.0, ageing=0.0)
+        trust = Trust(sharpness=0.0, own_advantage=0.0, ageing=0.0)
         zero = np.zeros((2, 4))
         belief = Belief(np.full((2, 2), 30.0), np.zeros(2), np.ones(2, bool))
         doubts = []

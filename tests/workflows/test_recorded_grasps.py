@@ -16,7 +16,7 @@ ONE_WORLD = {"engine": "planar"}
 SECOND_OF_THREE_WORLDS = {"engine": "planar", "worlds": 3, "record_worlds": (1,)}
 COMPILED = {
     "engine": "mjx",
-    "physics": MjxSettings(contact_capacity=2),
+    "engine_plugin": MjxSettings(contact_capacity=2),
     "worlds": 2,
     "record_worlds": (1,),
     "robots": 30,

@@ -176,8 +176,8 @@ class Slot(NamedTuple):
     """Data of its bench."""
     ball: State
     """State of its ball."""
-    at: Progress
-    """Progress."""
+    progress: Progress
+    """Progress of the trial at the last look."""
     time: Array
     """Time since it began [s]."""
 
@@ -199,7 +199,7 @@ def by_batch(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
     attempts_of_slots = jax.tree.map(lambda a: a[some_ball], attempts)
     with jax.default_matmul_precision("highest"):
         slots = _run(gripper.release_gap, attempts_of_slots, is_real)
-    succeeded = slots.at.succeeds & ~slots.at.is_faulty & is_real
+    succeeded = slots.progress.succeeds & ~slots.progress.is_faulty & is_real
 
     def of_balls(values: Array, kind: Any) -> Array:
         return jnp.zeros(n_balls, kind).at[ball].set(values, mode="drop")
@@ -210,7 +210,7 @@ def by_batch(gripper: StaticGripper, attempts: Attempts) -> Outcomes:
         released=of_balls(succeeded & attempts_of_slots.releases, bool),
         postponed=is_tried & ~has_slot,
         duration=of_balls(jnp.where(is_real, slots.time, 0.0), jnp.float32),
-        impact=of_balls(jnp.where(is_real, slots.at.speed, 0.0), jnp.float32),
+        impact=of_balls(jnp.where(is_real, slots.progress.speed, 0.0), jnp.float32),
     )
 
 
@@ -224,14 +224,14 @@ def _run(gap: float, attempts: Attempts, is_real: Array) -> Slot:
 
     def is_running(carry: tuple[Slot, Int[Array, ""]]) -> Array:
         slots, look = carry
-        return ~slots.at.is_over.all() & (look < n_looks)
+        return ~slots.progress.is_over.all() & (look < n_looks)
 
     def next_look(carry: tuple[Slot, Int[Array, ""]]) -> tuple[Slot, Int[Array, ""]]:
         slots, look = carry
         return advance(attempts, slots), look + 1
 
     slots = begin(attempts)
-    slots = slots._replace(at=slots.at._replace(is_over=~is_real))
+    slots = slots._replace(progress=slots.progress._replace(is_over=~is_real))
     slots, _ = jax.lax.while_loop(is_running, next_look, (slots, jnp.int32(0)))
     return slots
 
@@ -258,7 +258,7 @@ def _begin(bench: MjxBench, gap: float, attempt: Attempts) -> Slot:
     return Slot(
         data=bench.data.replace(qpos=qpos, ctrl=ctrl),
         ball=single(first_state(bench.forces)),
-        at=single(START),
+        progress=single(START),
         time=jnp.where(is_pressed, PRESSED, jnp.float32(0.0)),
     )
 
@@ -275,7 +275,7 @@ def _advance(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot
         tip = jnp.where(attempt.releases, gap, height) + 2 * attempt.radius
         volts = jnp.where(
             attempt.releases,
-            _script.ramp_voltage(PROTOCOL, ramp, slot.at.freed, time),
+            _script.ramp_voltage(PROTOCOL, ramp, slot.progress.freed, time),
             attempt.voltage * share,
         )
         ctrl = slot.data.ctrl.at[where.tip].set(tip / UM - where.tip_height)
@@ -285,11 +285,11 @@ def _advance(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot
     time = slot.time + _STEPS * TIMESTEP
 
     # A lift ends after its moves, a release when the ball has come to rest.
-    lift = slot.at._replace(
+    lift = slot.progress._replace(
         succeeds=script.hangs(watch.gap_tool, watch.gap_plate, PROTOCOL),
         is_over=time >= LIFT_TIME - TIMESTEP / 2,
     )
-    release = _script.released(PROTOCOL, ramp, gap / 2, slot.at, watch, slot.time, time)
+    release = _script.released(PROTOCOL, ramp, gap / 2, slot.progress, watch, slot.time, time)
     progress = jax.tree.map(partial(jnp.where, attempt.releases), release, lift)
 
     hanging, flying = _script.leap_limits(PROTOCOL, ramp, progress, time)
@@ -299,11 +299,11 @@ def _advance(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot
     )
     data, ball, leap_time = _leap(bench, ready, data, force, limits)
 
-    keep_if_over = partial(jnp.where, slot.at.is_over)
+    keep_if_over = partial(jnp.where, slot.progress.is_over)
     return Slot(
         data=data,
         ball=ball,
-        at=jax.tree.map(keep_if_over, slot.at, progress),
+        progress=jax.tree.map(keep_if_over, slot.progress, progress),
         time=keep_if_over(slot.time, time + leap_time),
     )
 

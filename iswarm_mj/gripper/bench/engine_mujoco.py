@@ -179,10 +179,10 @@ class MujocoBench:
         """
         share_of_voltage = shares[:, :1]
         share_of_tool = shares[:, 1]
-        way = (end - begin)[:, None]
-        controls = begin[:, None] + share_of_voltage * way
+        change = (end - begin)[:, None]
+        controls = begin[:, None] + share_of_voltage * change
         for servo in (self.where.tip, self.where.aside_servo):
-            controls[:, :, servo] = begin[:, None, servo] + share_of_tool * way[:, :, servo]
+            controls[:, :, servo] = begin[:, None, servo] + share_of_tool * change[:, :, servo]
         return controls
 
     def throw(self, height: float, speed: np.ndarray) -> None:

@@ -67,8 +67,8 @@ def probe_factor(task: str, gap_ratio: Quantity, probe_ratio: Quantity) -> Quant
 def _check(name: str, ratio: Quantity, exponents: np.ndarray) -> None:
     """Raise a UserError if a number that is known is outside an axis of the table."""
     low, high = 2.0 ** exponents[0], 2.0 ** exponents[-1]
-    given = np.asarray(ratio) if is_concrete(ratio) else np.ones(1)
-    bad = given[~((given >= low * (1 - 1e-6)) & (given <= high * (1 + 1e-6)))]
+    known = np.asarray(ratio) if is_concrete(ratio) else np.ones(1)
+    bad = known[~((known >= low * (1 - 1e-6)) & (known <= high * (1 + 1e-6)))]
     if bad.size:
         raise UserError(
             f"The {name} is {bad.flat[0]:.4g}, outside the table's {low:.4g} to {high:.4g}; "

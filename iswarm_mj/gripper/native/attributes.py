@@ -101,8 +101,8 @@ def raise_error(m, instance, name, before, after):
     """Raise a MuJoCo error with a sentence around the text that was given; does not return."""
     message = np.zeros(_LONGEST_MESSAGE, np.uint8)
     length = 0
-    given = _get_plugin_config(m, instance, name.ctypes.data)
-    for part in (np.int64(before.ctypes.data), np.int64(given), np.int64(after.ctypes.data)):
+    value = _get_plugin_config(m, instance, name.ctypes.data)
+    for part in (np.int64(before.ctypes.data), np.int64(value), np.int64(after.ctypes.data)):
         text = characters(part)
         i = 0
         while text[i] != 0 and length < len(message) - 1:

@@ -254,23 +254,23 @@ def _statements(topics: Topics) -> str:
 
 
 def _split_findings(topics: Topics) -> tuple[list[Finding], list[Finding]]:
-    """Return the findings on the paper's statements, and those on others."""
+    """Return the findings on the paper's statements, and the added ones."""
     findings = [finding for topic in topics for finding in topic.findings]
-    papers = [finding for finding in findings if finding.source != NOT_IN_PAPER]
-    others = [finding for finding in findings if finding.source == NOT_IN_PAPER]
-    return papers, others
+    of_paper = [finding for finding in findings if finding.source != NOT_IN_PAPER]
+    added = [finding for finding in findings if finding.source == NOT_IN_PAPER]
+    return of_paper, added
 
 
 def _summary(topics: Topics) -> str:
     """Return the numbers of the paper's statements by verdict and kind, of others by verdict."""
-    papers, others = _split_findings(topics)
-    kinds, counts_of_papers = count_verdicts(papers)
-    count_of_others = Counter(finding.verdict for finding in others)
+    of_paper, added = _split_findings(topics)
+    kinds, counts_of_paper = count_verdicts(of_paper)
+    count_of_added = Counter(finding.verdict for finding in added)
 
     lines = []
-    for verdict in dict.fromkeys([*counts_of_papers, *count_of_others]):
-        counts = counts_of_papers.get(verdict, [0] * len(kinds))
-        lines.append([_verdict_text(verdict), *counts, sum(counts), count_of_others[verdict]])
+    for verdict in dict.fromkeys([*counts_of_paper, *count_of_added]):
+        counts = counts_of_paper.get(verdict, [0] * len(kinds))
+        lines.append([_verdict_text(verdict), *counts, sum(counts), count_of_added[verdict]])
     return markdown_table(["verdict", *kinds, "all of the paper's", NOT_IN_PAPER], lines)
 
 
