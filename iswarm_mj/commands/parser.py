@@ -252,9 +252,9 @@ def _sentence(text: str, command: str) -> str:
         text: the box.
         command: its name, for the remedy.
     """
-    lines = [line.strip("│╭╮╰╯─ ") for line in text.splitlines()][1:]
-    lines = [line if line.strip("-") else "" for line in lines]  # rules where it is not UTF-8
-    first, *more = [" ".join(part) for is_text, part in groupby(lines, bool) if is_text]
+    lines = _lines_in_box(text)
+    paragraphs = [" ".join(part) for is_text, part in groupby(lines, bool) if is_text]
+    first = paragraphs[0]
     remedy = f"`{command} --help-all` explains the flags"
 
     if first.startswith(_UNKNOWN_WORDS):
@@ -265,13 +265,27 @@ def _sentence(text: str, command: str) -> str:
         return f"{_unknown_words(words)}; {remedy}"
 
     fact = first.removeprefix("Error parsing ").rstrip(".")
-    if more and more[0].startswith("Got errors:"):
+    if len(paragraphs) > 1 and paragraphs[1].startswith("Got errors:"):
         # Of several possible types, the error of the last one says most.
-        fact = f"{fact.partition(':')[0]}: {more[0].rpartition('>: ')[2]}"
+        flag_name = fact.partition(":")[0]
+        last_error = paragraphs[1].rpartition(">: ")[2]
+        fact = f"{flag_name}: {last_error}"
+    return f"{_reworded(fact)}; {remedy}"
+
+
+def _lines_in_box(text: str) -> list[str]:
+    """Return the lines in a box of tyro, without its title; rules are empty lines."""
+    lines = [line.strip("│╭╮╰╯─ ") for line in text.splitlines()][1:]
+    return [line if line.strip("-") else "" for line in lines]  # rules where it is not UTF-8
+
+
+def _reworded(fact: str) -> str:
+    """Return a message of tyro in the words of the other messages."""
     for pattern, template in _REWORDED:
-        if match := re.fullmatch(pattern, fact):
+        match = re.fullmatch(pattern, fact)
+        if match:
             fact = match.expand(template)
-    return f"{fact}; {remedy}"
+    return fact
 
 
 def _unknown_words(words: Sequence[str]) -> str:

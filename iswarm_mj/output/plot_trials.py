@@ -225,10 +225,23 @@ def _draw_humidity(
     """
     humidity = rows[0]["relative_humidity"]
     gap = rows[0]["gap"]
+    _draw_each_trial(axes, rows, colour, marker)
+    _draw_means(axes, rows, f"{humidity:g} % RH, mean", colour, marker)
+
+    # The law.
+    radii = sorted({row["radius"] for row in rows})
+    law_radii = radii[0] * np.array([0.98, 1.02])  # a short line for a single radius
+    if len(radii) > 1:
+        law_radii = np.linspace(radii[0], radii[-1], 61)
+    law_voltages = law(law_radii, humidity, gap)
+    label = "force laws, no dynamics"
+    axes.plot(law_radii * UM, law_voltages, "--", color=colour, lw=1, label=label)
+
+
+def _draw_each_trial(axes: Axes, rows: Rows, colour: str, marker: str) -> None:
+    """Draw a point for each trial; arrows where no voltage did, crosses where the ball melted."""
     with_voltage, without_voltage = _split_by_voltage(rows)
     melted = [row for row in with_voltage if row["melted"]]
-
-    # Each trial.
     _draw_points(
         axes,
         with_voltage,
@@ -252,7 +265,9 @@ def _draw_humidity(
     )
     _draw_points(axes, melted, x="radius", y="voltage", marker="x", mec=RED, ms=7, label="melted")
 
-    # Their means.
+
+def _draw_means(axes: Axes, rows: Rows, label: str, colour: str, marker: str) -> None:
+    """Draw the mean voltage at each radius at which all trials have one."""
     voltages_by_radius: dict[float, list[Any]] = {}
     for row in sorted(rows, key=lambda row: row["radius"]):
         voltages_by_radius.setdefault(row["radius"], []).append(row["voltage"])
@@ -263,17 +278,7 @@ def _draw_humidity(
     ]
     if means:
         x, y = zip(*means, strict=True)
-        label = f"{humidity:g} % RH, mean"
         axes.plot(x, y, "-" + marker, color=colour, ms=6, lw=1.3, label=label)
-
-    # The law.
-    radii = list(voltages_by_radius)
-    law_radii = radii[0] * np.array([0.98, 1.02])  # a short line for a single radius
-    if len(radii) > 1:
-        law_radii = np.linspace(radii[0], radii[-1], 61)
-    law_voltages = law(law_radii, humidity, gap)
-    label = "force laws, no dynamics"
-    axes.plot(law_radii * UM, law_voltages, "--", color=colour, lw=1, label=label)
 
 
 def _draw_points(axes: Axes, rows: Rows, x: str, y: str, **style: Any) -> None:

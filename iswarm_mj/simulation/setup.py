@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import jax
 
 from iswarm_mj.config.static import StaticConfig
-from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.config.swarm import OpticsConfig, SwarmConfig
 from iswarm_mj.engines.base import CompiledEngine, Engine
 from iswarm_mj.engines.registry import check_settings
 from iswarm_mj.engines.robot_file import check_total, read_robots
@@ -136,19 +136,14 @@ def set_up(
     robot = read_robots(scenario.robot_file)
     capacity = settings.capacity or settings.n_robots
     check_memory(engine, settings.n_worlds, capacity)
-
     worlds = scenario.list_worlds() if layouts is None else layouts
-    largest = max(world.n_robots for world in worlds)
-    allowed = f"that of the largest world, {largest}"
-    check("robots", settings.n_robots, allowed, settings.n_robots == largest)
+    _check_largest_world(settings, worlds)
+
+    # The task in the arena, and what its robots send.
     usable_task(task)
     goal = goal_of(task, config, settings)
-    check_robots(config.arena, largest, cell_of(robot))
-    slots = config.optics.slots
-    n_leds = len(robot.sides)
-    has_enough_slots = not config.optics.baud_rate or slots >= n_leds
-    allowed = f"at least {n_leds}, one for each LED of the robot"
-    check("optics.slots", slots, allowed, has_enough_slots)
+    check_robots(config.arena, settings.n_robots, cell_of(robot))
+    _check_slots(config.optics, n_leds=len(robot.sides))
 
     # Starts of the worlds, whose boxes the task may have laid.
     starts = starts_of(config, task, robot, worlds)
@@ -177,6 +172,20 @@ def set_up(
         worlds=worlds,
         starts=starts,
     )
+
+
+def _check_largest_world(settings: RunSettings, worlds: Sequence[World]) -> None:
+    """Refuse settings whose number of robots is not that of the largest world."""
+    largest = max(world.n_robots for world in worlds)
+    allowed = f"that of the largest world, {largest}"
+    check("robots", settings.n_robots, allowed, settings.n_robots == largest)
+
+
+def _check_slots(optics: OpticsConfig, n_leds: int) -> None:
+    """Refuse fewer slots than a robot has LEDs, where messages take time."""
+    has_enough_slots = not optics.baud_rate or optics.slots >= n_leds
+    allowed = f"at least {n_leds}, one for each LED of the robot"
+    check("optics.slots", optics.slots, allowed, has_enough_slots)
 
 
 def _with_boxes(world: World, boxes: Any) -> World:

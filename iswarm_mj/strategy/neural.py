@@ -276,71 +276,83 @@ class NeuralStrategy(Strategy):
             key: random key of the random direction.
         """
         reach = mm_from_rd(self.config.optics.communication_radius)
-        step = mm_from_rd(self.config.step_length)
-        sides = self.robot.sides
+        nearness = _nearness_of_senders(observation, reach)
+        numbers = self._numbers(memory, observation, nearness, reach)
+        directions = self._directions(memory, observation, nearness, key)
+        return Perception(
+            numbers=jnp.column_stack([numbers[name] for name in INPUTS]),
+            directions=jnp.stack([directions[name] for name in DIRECTIONS], axis=1),
+        )
 
-        # Neighbours on each side: nearness falls from 1 to 0 at the range of light, closeness at
-        # half of it.
-        fraction_of_reach = observation.distance / reach
-        nearness = jnp.where(observation.is_heard, jnp.clip(1.0 - fraction_of_reach, 0.0, 1.0), 0.0)
-        closeness = jnp.clip(2.0 * nearness - 1.0, 0.0)
-        flagged_nearness = jnp.where(observation.payload["priority"], nearness, 0.0)
-        is_ahead = jnp.asarray(sides.front)
+    def _numbers(
+        self, memory: Memory, observation: Observation, nearness: Float[Array, "N S"], reach: float
+    ) -> dict[str, Any]:
+        """Return the inputs of the network (N,) by their names in `INPUTS`.
 
-        to_sender = jnp.where(observation.is_heard[..., None], _unit(observation.bearing), 0.0)
-        to_neighbours = _weighted_sum(nearness, to_sender)
-        to_close = _weighted_sum(closeness, to_sender)
-        to_flagged = _weighted_sum(flagged_nearness, to_sender)
-
-        to_wall = _unit(jnp.asarray(sides.bearings)) * observation.sees_wall[..., None]
-
-        # Places that the robots remember; vectors longer than a step count as unit vectors.
-        distance_to_dust = _length(memory.dust.vector)
-        distance_to_dump = _length(memory.dump.vector)
-        to_dust = memory.dust.vector / jnp.maximum(distance_to_dust, step)[:, None]
-        to_dump = memory.dump.vector / jnp.maximum(distance_to_dump, step)[:, None]
-
-        numbers = {
+        Args:
+            memory: beliefs, flags and characters.
+            observation: what the robots sense.
+            nearness: nearness of the sender that each side hears.
+            reach: range of light [mm].
+        """
+        is_ahead = jnp.asarray(self.robot.sides.front)
+        return {
             "near": nearness.max(axis=1),
             "near_ahead": jnp.where(is_ahead, nearness, 0.0).max(axis=1),
-            "flagged_near": flagged_nearness.max(axis=1),
+            "flagged_near": _of_flagged(observation, nearness).max(axis=1),
             "wall": observation.sees_wall.any(axis=1),
             "at_dust": observation.at_dust,
             "on_dump": observation.on_dump,
             "is_loaded": observation.is_loaded,
             "grasp_failed": observation.grasp_failed,
             "dust_is_known": memory.dust.known,
-            "dust_is_near": _proximity(memory.dust, distance_to_dust, reach),
+            "dust_is_near": _proximity(memory.dust, reach),
             "dust_is_doubted": memory.dust.doubt / MAX_DOUBT,
             "dump_is_known": memory.dump.known,
-            "dump_is_near": _proximity(memory.dump, distance_to_dump, reach),
+            "dump_is_near": _proximity(memory.dump, reach),
             "dump_is_doubted": memory.dump.doubt / MAX_DOUBT,
             "character": memory.character,
             "says": memory.flag,
         }
-        ahead = jnp.broadcast_to(jnp.array([1.0, 0.0]), to_dust.shape)
+
+    def _directions(
+        self, memory: Memory, observation: Observation, nearness: Float[Array, "N S"], key: Array
+    ) -> dict[str, Float[Array, "N 2"]]:
+        """Return the directions that the network weighs by their names in `DIRECTIONS`.
+
+        Args:
+            memory: beliefs and characters.
+            observation: what the robots sense.
+            nearness: nearness of the sender that each side hears.
+            key: random key of the random direction.
+        """
+        # Closeness falls from 1 to 0 at half the range of light.
+        closeness = jnp.clip(2.0 * nearness - 1.0, 0.0)
+        to_sender = jnp.where(observation.is_heard[..., None], _unit(observation.bearing), 0.0)
+        to_close = _weighted_sum(closeness, to_sender)
+        bearings = jnp.asarray(self.robot.sides.bearings)
+        to_wall = _unit(bearings) * observation.sees_wall[..., None]
+
+        # Vectors to places that are longer than a step count as unit vectors.
+        step = mm_from_rd(self.config.step_length)
+        to_dust = _at_most_unit(memory.dust.vector, step)
+        to_dump = _at_most_unit(memory.dump.vector, step)
+
         random_angle = jax.random.uniform(
-            key,
-            memory.character.shape,
-            minval=-jnp.pi,
-            maxval=jnp.pi,
+            key, memory.character.shape, minval=-jnp.pi, maxval=jnp.pi
         )
-        directions = {
-            "ahead": ahead,
+        return {
+            "ahead": jnp.broadcast_to(jnp.array([1.0, 0.0]), to_dust.shape),
             "random": _unit(random_angle),
-            "neighbours": to_neighbours,
+            "neighbours": _weighted_sum(nearness, to_sender),
             "close": to_close,
             "right_of_close": _to_the_right(to_close),
-            "flagged": to_flagged,
+            "flagged": _weighted_sum(_of_flagged(observation, nearness), to_sender),
             "walls": to_wall.sum(axis=1),
             "dust": to_dust,
             "dump": to_dump,
             "right_of_dump": _to_the_right(to_dump),
         }
-        return Perception(
-            numbers=jnp.column_stack([numbers[name] for name in INPUTS]),
-            directions=jnp.stack([directions[name] for name in DIRECTIONS], axis=1),
-        )
 
     def evaluate_network(self, perception: Perception) -> Intent:
         """Return the outputs of the network."""
@@ -396,9 +408,26 @@ def _move_beliefs(memory: Memory, turn: Array, forward: Array) -> Memory:
     )
 
 
-def _proximity(belief: Belief, distance: Float[Array, "N"], reach: float) -> Float[Array, "N"]:
+def _nearness_of_senders(observation: Observation, reach: float) -> Float[Array, "N S"]:
+    """Return 1 for a sender at the robot, falling to 0 at the range of light [mm]; 0 for none."""
+    nearness = jnp.clip(1.0 - observation.distance / reach, 0.0, 1.0)
+    return jnp.where(observation.is_heard, nearness, 0.0)
+
+
+def _of_flagged(observation: Observation, nearness: Float[Array, "N S"]) -> Float[Array, "N S"]:
+    """Return the nearness of senders that send the flag, 0 for others."""
+    return jnp.where(observation.payload["priority"], nearness, 0.0)
+
+
+def _proximity(belief: Belief, reach: float) -> Float[Array, "N"]:
     """Return 1 for a place at the robot, falling towards 0 with its distance; 0 if unknown."""
+    distance = _length(belief.vector)
     return jnp.where(belief.known, 1.0 / (1.0 + distance / reach), 0.0)
+
+
+def _at_most_unit(vector: Float[Array, "N 2"], unit: float) -> Float[Array, "N 2"]:
+    """Return vectors in a unit of length [mm], longer ones as unit vectors."""
+    return vector / jnp.maximum(_length(vector), unit)[:, None]
 
 
 def _weighted_sum(

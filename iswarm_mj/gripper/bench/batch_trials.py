@@ -19,7 +19,7 @@ from iswarm_mj.gripper.attempts import Attempts, Outcomes
 from iswarm_mj.gripper.bench import leap_laws, script
 from iswarm_mj.gripper.bench.leap_laws import Hanging
 from iswarm_mj.gripper.bench.model import Layout, bench_spec, layout, plugin_numbers
-from iswarm_mj.gripper.bench.script import START, Progress, Watch
+from iswarm_mj.gripper.bench.script import START, Progress, Ramp, Watch
 from iswarm_mj.gripper.bench.swarm_trials import (
     LIFT,
     LIFT_TIME,
@@ -265,23 +265,10 @@ def _begin(bench: MjxBench, gap: float, attempt: Attempts) -> Slot:
 
 def _advance(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot:
     """Carry a trial to the next look; a trial that is over keeps its outcome."""
-    where = bench.where
     ready = _ready(bench, attempt)
     ramp = ramp_to(attempt.voltage)
-
-    def control(k: Array) -> Array:
-        time = slot.time + (k + 1) * TIMESTEP
-        height, share = _script.setpoint(LIFT, PROTOCOL.start_gap, time)
-        tip = jnp.where(attempt.releases, gap, height) + 2 * attempt.radius
-        volts = jnp.where(
-            attempt.releases,
-            _script.ramp_voltage(PROTOCOL, ramp, slot.progress.freed, time),
-            attempt.voltage * share,
-        )
-        ctrl = slot.data.ctrl.at[where.tip].set(tip / UM - where.tip_height)
-        return ctrl.at[where.voltage].set(volts)
-
-    data, force, watch = watched(where, ready, slot.data, slot.ball, control, _STEPS)
+    control = partial(_control, bench.where, gap, attempt, ramp, slot)
+    data, force, watch = watched(bench.where, ready, slot.data, slot.ball, control, _STEPS)
     time = slot.time + _STEPS * TIMESTEP
 
     # A lift ends after its moves, a release when the ball has come to rest.
@@ -306,6 +293,28 @@ def _advance(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot
         progress=jax.tree.map(keep_if_over, slot.progress, progress),
         time=keep_if_over(slot.time, time + leap_time),
     )
+
+
+def _control(
+    where: Layout, gap: float, attempt: Attempts, ramp: Ramp, slot: Slot, k: Array
+) -> Array:
+    """Return the controls of a trial's bench in a physics step.
+
+    Args:
+        where: addresses of the bench's numbers.
+        gap: between ball and plate in releases [m].
+        attempt: the attempt.
+        ramp: ramp of the voltage in releases.
+        slot: trial at the last look.
+        k: number of the step since then, from 0.
+    """
+    time = slot.time + (k + 1) * TIMESTEP
+    height, share = _script.setpoint(LIFT, PROTOCOL.start_gap, time)
+    tip = jnp.where(attempt.releases, gap, height) + 2 * attempt.radius
+    ramp_voltage = _script.ramp_voltage(PROTOCOL, ramp, slot.progress.freed, time)
+    voltage = jnp.where(attempt.releases, ramp_voltage, attempt.voltage * share)
+    ctrl = slot.data.ctrl.at[where.tip].set(tip / UM - where.tip_height)
+    return ctrl.at[where.voltage].set(voltage)
 
 
 def _leap(

@@ -272,6 +272,19 @@ def adhesion_callbacks() -> dict[str, Any]:
     return {"compute": compute, "advance": advance}
 
 
+@compiled
+def _pull(shape, voltage, gap, radius):
+    """Return the pull of an electrode on the ball, by Eq. 2 with a shape factor [nN].
+
+    Args:
+        shape: factor by which the pull differs from that of Eq. 2.
+        voltage: voltage across the gap [V].
+        gap: gap of the law [um].
+        radius: radius of the ball [um].
+    """
+    return shape * _asymptotic_force(voltage, gap * UM, radius * UM) / NN
+
+
 def electrostatic_callbacks() -> dict[str, Any]:
     """Return the callbacks of the force of a voltage on the ball, and of the ball's potential."""
     splines, axes = tables()
@@ -321,18 +334,8 @@ def electrostatic_callbacks() -> dict[str, Any]:
         )
         across = voltage - ball_voltage
 
-        pull_of_probe = pick_shape * _asymptotic_force(
-            across,
-            max(probe_gap, least_gap) * UM,
-            radius * UM,
-        )
-        pull_of_plate = release_shape * _asymptotic_force(
-            ball_voltage,
-            max(plate_gap, least_gap) * UM,
-            radius * UM,
-        )
-        up = pull_of_probe / NN
-        down = pull_of_plate / NN
+        up = _pull(pick_shape, across, max(probe_gap, least_gap), radius)
+        down = _pull(release_shape, ball_voltage, max(plate_gap, least_gap), radius)
         if across != 0:
             _attract(f, ball, probe, probe_gap, from_probe, up)
         if ball_voltage != 0:

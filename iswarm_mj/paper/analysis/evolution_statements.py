@@ -222,22 +222,26 @@ def _judge_moved(trait: str, samples: Samples) -> Judgement | None:
     p_values = holm([comparison.p for comparison in comparisons.values()])
     p = dict(zip(comparisons, p_values, strict=True))[trait]
 
-    # A trait that was not moved is one whose interval is narrow enough to show it.
-    difference = comparisons[trait].difference
-    if p < TRAIT_LEVEL and (difference.low > 0 or difference.high < 0):
-        verdict = f.HOLDS
-    elif difference.low >= -PARAMETER_MARGIN and difference.high <= PARAMETER_MARGIN:
-        verdict = f.FAILS
-    else:
-        verdict = f.UNDECIDED
-
     rule = (
         f"medians, n = {len(evolved)} + {len(random)}; Mann-Whitney, by Holm p = "
         f"{number_text(p, 2)}; holds if that is below {TRAIT_LEVEL} and the interval leaves out "
         f"zero, else does not if it lies within {PARAMETER_MARGIN}"
     )
+    difference = comparisons[trait].difference
     ours = f"{medians} in random search, difference {interval_text(difference)}"
-    return Judgement(ours, rule, verdict)
+    return Judgement(ours, rule, _verdict_on_move(p, difference))
+
+
+def _verdict_on_move(p: float, difference: Interval) -> str:
+    """Return the verdict on whether a trait was moved.
+
+    It was not if its interval is narrow enough to show that.
+    """
+    if p < TRAIT_LEVEL and (difference.low > 0 or difference.high < 0):
+        return f.HOLDS
+    if difference.low >= -PARAMETER_MARGIN and difference.high <= PARAMETER_MARGIN:
+        return f.FAILS
+    return f.UNDECIDED
 
 
 def _median_text(numbers: list[float]) -> str:

@@ -217,30 +217,43 @@ def judge_differences(
         # Where the difference is to lie.
         if margin is not None:
             largest = margin(first, second)
-            low, high = -largest, largest
+            limits = (-largest, largest)
         else:
-            low, high = (0.0, math.inf) if more else (-math.inf, 0.0)
-
-        # The test is on ranks, and has an interval of the medians alone.
-        comparison = st.compare(first, second) if statistic is np.median else None
-        if comparison is not None:
-            interval = comparison.difference
-        else:
-            interval = st.difference(first, second, statistic)
-
-        first_text = number_text(float(statistic(first)))
-        second_text = number_text(float(statistic(second)))
-        estimate = Estimate(
-            interval,
-            sizes=(len(first), len(second)),
-            low=low,
-            high=high,
-            label=label,
-            prefix=f"{first_text} against {second_text}, difference ",
-            comparison=comparison,
-        )
-        estimates.append(estimate)
+            limits = (0.0, math.inf) if more else (-math.inf, 0.0)
+        estimates.append(_estimate_difference(first, second, limits, label, statistic))
     return judge_estimates(estimates, f"{_name_of(statistic)}s", measure.unit)
+
+
+def _estimate_difference(
+    first: Values, second: Values, limits: Limits, label: str, statistic: Statistic
+) -> Estimate:
+    """Return the estimate of the difference between two groups.
+
+    Args:
+        first: values of the first group.
+        second: values of the second group.
+        limits: where the difference is to lie.
+        label: label of the pair.
+        statistic: statistic whose difference counts.
+    """
+    # The test is on ranks, and has an interval of the medians alone.
+    comparison = st.compare(first, second) if statistic is np.median else None
+    if comparison is not None:
+        interval = comparison.difference
+    else:
+        interval = st.difference(first, second, statistic)
+
+    first_text = number_text(float(statistic(first)))
+    second_text = number_text(float(statistic(second)))
+    return Estimate(
+        interval,
+        sizes=(len(first), len(second)),
+        low=limits[0],
+        high=limits[1],
+        label=label,
+        prefix=f"{first_text} against {second_text}, difference ",
+        comparison=comparison,
+    )
 
 
 def _name_of(statistic: Statistic) -> str:
@@ -343,14 +356,6 @@ def judge_optimum(
     share_inside = sum(share for place, share in share_at.items() if is_inside[place])
 
     sizes = [len(sample) for sample in samples.values()]
-    if min(sizes) < MIN_RUNS:
-        verdict = TOO_FEW
-    elif share_inside >= SURE_SHARE:
-        verdict = HOLDS
-    elif share_inside <= 1 - SURE_SHARE:
-        verdict = FAILS
-    else:
-        verdict = UNDECIDED
 
     # Places with at least half a per cent of the resamples, and all medians.
     lowest = ", ".join(
@@ -366,8 +371,19 @@ def judge_optimum(
     return Judgement(
         ours=f"lowest at {lowest}; {medians} {measure.unit}",
         statistics=f"n = {', '.join(map(str, sizes))}; {rule}",
-        verdict=verdict,
+        verdict=_verdict_of_share(share_inside, smallest_sample=min(sizes)),
     )
+
+
+def _verdict_of_share(share_inside: float, smallest_sample: int) -> str:
+    """Return the verdict on a share of the resamples whose lowest median lies inside."""
+    if smallest_sample < MIN_RUNS:
+        return TOO_FEW
+    if share_inside >= SURE_SHARE:
+        return HOLDS
+    if share_inside <= 1 - SURE_SHARE:
+        return FAILS
+    return UNDECIDED
 
 
 def judge_always(count: int, total: int, remark: str = "", least: float = 0.9) -> Judgement:
