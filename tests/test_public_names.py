@@ -119,7 +119,7 @@ def test_users_need_no_private_name(path):
 
 
 def test_private_names_are_found():
-    """In each way of importing them."""
+    """Each way of importing them is tried."""
     assert private_uses("from iswarm_mj.config.swarm import SwarmConfig") == [
         "iswarm_mj.config.swarm.SwarmConfig"
     ]

@@ -57,7 +57,7 @@ def bench(run: Any, warm_up: int) -> dict[str, Any]:
         UserError: all worlds ended within the warm-up.
         SimulationFault: a fault ended a world, so that the times say nothing.
     """
-    first_call_s, steps_s = _time(run, warm_up)
+    first_call_s, steps_s = time_steps(run, warm_up)
     run.raise_faults()
     step_s = float(np.median(steps_s))
     memory = run.peak_memory_gb()
@@ -95,7 +95,7 @@ def bench(run: Any, warm_up: int) -> dict[str, Any]:
     return content
 
 
-def _time(run: Any, warm_up: int) -> tuple[float, list[float]]:
+def time_steps(run: Any, warm_up: int) -> tuple[float, list[float]]:
     """Take all steps, and return how long they took.
 
     Returns:

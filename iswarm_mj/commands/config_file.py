@@ -1,4 +1,11 @@
-"""Files of `--config`: TOML whose keys are flags, or the result.json of an earlier run."""
+"""Files of `--config`: TOML whose keys are flags, or the result.json of an earlier run.
+
+The values become arguments of the command, behind those that are given. tyro then reads both by the
+same rules, those of users' own strategies, tasks and engines included. Setting fields directly
+would be shorter here, but needs a second reader of annotations: tuples, optional numbers, literals,
+paths, devices and teams, with their ranges and messages. What cannot be an argument, such as a date
+of TOML, is refused here (`ConfigFile._word`).
+"""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace

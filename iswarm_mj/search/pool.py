@@ -29,8 +29,13 @@ from iswarm_mj.utils.pool import Backend, unordered
 from iswarm_mj.utils.progress import Progress
 
 CAPACITY_STEP = 64
-"""Jobs share a compiled program if their numbers of robots round up to the same multiple of
-this."""
+"""Jobs share a compiled program if their numbers of robots round up to the same multiple of this.
+
+The places without a robot cost less than a new program: 283 robots in 320 places take 2 ms a
+control step of `planar` (1.95 to 2.35 ms), as in 283 places (1.96 to 2.19 ms), and the program of
+other places takes at least 6 s to compile. A search has as many numbers of robots as genomes.
+Measured with `Run(scenario, capacity=...)`, without JAX's cache, on one core of an AMD EPYC.
+"""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,18 @@
 """Random numbers of all robots of a world in a step, drawn at once.
 
-JAX computes Threefry on CPUs by a loop of five steps, which compiles faster and takes several times
-as long. Here the rounds are written out, and both words of each block are used.
+`jax.random` would do: its numbers are as good, and a place's do not depend on the number of places
+either. It takes longer on CPUs, since it computes Threefry by a loop of five steps there. Here the
+rounds are written out, which takes longer to compile, and both words of each block are used. Six
+numbers a place, four uniform and two normal, on one core of an AMD EPYC, as medians of 15
+alternating blocks of calls of two compiled programs:
+
+| places | `draw` | `jax.random.uniform` and `.normal` |
+|---|---|---|
+| 283, the robots of a world | 14 us | 35 us |
+| 1132, their sides | 30 us | 52 us |
+| 18112, the sides of 16 worlds | 340 us | 390 us |
+
+A world draws six times a step. Another generator would also change every result of a seed.
 """
 
 import math

@@ -178,7 +178,7 @@ def test_a_drive_pushes_boxes_up_to_its_force(degrees, share_of_limit, moves):
 
 
 def test_a_led_in_the_box_of_its_own_world_sees_it():
-    """Its range does not matter; in the first of two worlds the box is elsewhere."""
+    """The range does not matter; in the first of two worlds the box is elsewhere."""
     boxes = (box(friction=0.1),)
     config = SwarmConfig(replace(ARENA, boxes=boxes), optics=OpticsConfig(wall_range=0.05))
     arena = compile_arena(config, 1, np.zeros(0))

@@ -66,8 +66,8 @@ def test_a_run_that_ends_early_has_fewer_steps(small, monkeypatch):
         first_call_s, _ = measure(run, warm_up)
         return first_call_s, [0.1, 0.2, 0.6]
 
-    measure = command._time
-    monkeypatch.setattr(command, "_time", take_steps)
+    measure = command.time_steps
+    monkeypatch.setattr(command, "time_steps", take_steps)
     scenario = Scenario(small, task=Short(), robots=N_ROBOTS, engine=PlanarSettings(1), steps=20)
     times = bench(Run(scenario, record_worlds=()), WARM_UP)
     assert times["steps"] == 5 - WARM_UP
@@ -76,7 +76,7 @@ def test_a_run_that_ends_early_has_fewer_steps(small, monkeypatch):
 
 
 def test_compiled_programs_take_whole_chunks(monkeypatch):
-    """Of six steps: 20 steps are four chunks, a warm-up of seven is two."""
+    """With chunks of six steps, 20 steps are four chunks, and a warm-up of seven is two."""
     benches = []
     monkeypatch.setattr(command, "run_of", lambda scenario: scenario)
     monkeypatch.setattr(
@@ -114,6 +114,6 @@ def test_times_are_those_of_a_control_step(monkeypatch):
     """The first call, which compiles, is the warm-up; the others take 0.1 and 0.4 s."""
     clock = [0.0]
     monkeypatch.setattr(time, "perf_counter", lambda: clock[0])
-    first_call_s, laps = command._time(PretendedRun([3.0, 0.1, 0.4], clock), 4)
+    first_call_s, laps = command.time_steps(PretendedRun([3.0, 0.1, 0.4], clock), 4)
     assert first_call_s == 3.0
     assert laps == pytest.approx([0.025, 0.1])

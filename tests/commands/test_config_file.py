@@ -1,4 +1,4 @@
-"""What flags default to: `--config`, a TOML file of flags or the result.json of an earlier run, and
+"""Defaults of flags: `--config`, a TOML file of flags or the result.json of an earlier run, and
 `--reading`."""
 
 import json
@@ -149,7 +149,7 @@ class TestResult:
         assert command.seed == 3
 
     def test_a_flag_replaces_its_engine(self, here):
-        """With the settings of the engine."""
+        """The file has the settings of the engine, too."""
         result = {"settings": {}, "config": {}, "engine": "mjx", "impl": "jax"}
         (here / "mjx.json").write_text(json.dumps(result))
         command = parse(["clean", "--config", "mjx.json", "--engine", "mujoco"])

@@ -157,8 +157,8 @@ def test_the_recording_has_its_areas_boxes_balls_and_metrics(place):
 
 def test_tables_have_its_metrics_and_boxes():
     run = iswarm_mj.load("runs/task")
-    way = run.steps["way"].to_numpy().reshape(2, STEPS + 1)
-    np.testing.assert_allclose(way, [WAY, WAY], rtol=1e-6)
+    distance = run.steps["way"].to_numpy().reshape(2, STEPS + 1)
+    np.testing.assert_allclose(distance, [WAY, WAY], rtol=1e-6)
     assert run.steps.schema.field("way").metadata[b"unit"] == b"mm"
     assert run.boxes.num_rows == 2 * len(WAY) and run.balls.num_rows == 2 * 6 * len(WAY)
 
@@ -241,6 +241,6 @@ class TestPage:
 def test_a_scenario_is_written_and_read(directory):
     scenario = Scenario.from_toml("closing.toml")
     (directory / "written.toml").write_text(scenario.to_toml())
-    found = Scenario.from_toml("written.toml")
-    assert (found.task.slide, found.task.length, found.task_name) == (SLIDE, 8, NAME)
-    assert (found.config, found.n_robots) == (scenario.config, N)
+    read_again = Scenario.from_toml("written.toml")
+    assert (read_again.task.slide, read_again.task.length, read_again.task_name) == (SLIDE, 8, NAME)
+    assert (read_again.config, read_again.n_robots) == (scenario.config, N)

@@ -153,7 +153,7 @@ def test_classes_of_users_are_to_be_named_again(result, tmp_path, classes, comma
 
 
 def test_several_runs_are_one_table(result, tmp_path):
-    """With means over the worlds that have finished."""
+    """Means are over the worlds that have finished."""
     for name, collisions in (("a", [2, 4]), ("b", [None, 7])):
         (tmp_path / name).mkdir()
         write_result(tmp_path / name, {**result, "collisions": collisions, "strategy": "?"})

@@ -27,7 +27,7 @@ def run_process(command, **options):
 class TestErrors:
     @pytest.fixture(autouse=True)
     def stdout_stays(self, monkeypatch):
-        """Where the command discards its output, keep that of the tests."""
+        """Keep the output of the tests where the command discards its own."""
         monkeypatch.setattr("iswarm_mj.commands.main._discard_output", lambda: None)
 
     def end_with(self, error, monkeypatch, capfd):
@@ -75,7 +75,7 @@ class TestErrors:
         assert printed.count("\n") == 1
 
     def test_a_reader_that_ends_is_none(self, monkeypatch, capfd):
-        """As in `iswarm inspect ... | head -1`."""
+        """`iswarm inspect ... | head -1` does so."""
         assert self.end_with(BrokenPipeError(), monkeypatch, capfd) == (141, "")
 
 

@@ -1,4 +1,4 @@
-"""What commands refuse: exit code 2, one sentence with the remedy, nothing written.
+"""Refusals of commands: exit code 2, one sentence with the remedy, nothing written.
 
 The sentences stand in refusals.txt, all on one page.
 """

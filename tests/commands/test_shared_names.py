@@ -210,13 +210,13 @@ class TestNames:
     def test_no_field_has_the_name_of_a_setting_of_the_configuration(self, here):
         text = FILE.replace("fast: bool", "update_order: bool").replace("self.fast", "False")
         (here / "own.py").write_text(text)
-        found = {word: find(STRATEGIES, f"own.py:{name}") for word, name in BOTH.items()}
+        strategies = {word: find(STRATEGIES, f"own.py:{name}") for word, name in BOTH.items()}
         sentence = (
             "Seek has a field update_order, as another part of the scenario, "
             "but strategy.update_order is a setting of the configuration; rename the field"
         )
         with pytest.raises(UserError, match=f"^{re.escape(sentence)}$"):
-            setting_names(found)
+            setting_names(strategies)
 
 
 class TestCommands:
@@ -336,7 +336,7 @@ class TestCommands:
 
 
 class TestScenario:
-    """From Python, which has fields in place of names."""
+    """Python has fields in place of names."""
 
     def test_three_worlds_that_differ(self):
         offsets = [6.0, 5.0, 5.5]
@@ -366,10 +366,14 @@ class TestScenario:
         assert keys["strategy.reach"] == 2.0 and keys["task.reach"] == 50.0
         assert keys["bonus"] == 2.5 and keys["turn"] == 0.25
 
-        found = Scenario.from_toml("own.toml")
-        assert (found.strategy.reach, found.strategy.fast) == (2.0, True)
-        assert (found.task.reach, found.task.fast, found.task.bonus) == (50.0, False, 2.5)
-        assert found.to_toml() == written.to_toml()
+        read_again = Scenario.from_toml("own.toml")
+        assert (read_again.strategy.reach, read_again.strategy.fast) == (2.0, True)
+        assert (read_again.task.reach, read_again.task.fast, read_again.task.bonus) == (
+            50.0,
+            False,
+            2.5,
+        )
+        assert read_again.to_toml() == written.to_toml()
         command = parse(["run", "--config=own.toml"])
         assert (command.strategy_plugin.reach, command.task_plugin.reach) == (2.0, 50.0)
 
@@ -396,7 +400,7 @@ class TestScenario:
 
 
 class TestPage:
-    """Its session, without a browser."""
+    """The page is its session, without a browser."""
 
     def test_each_has_a_control_that_changes_it_alone(self):
         session = Session(PageScenario.of(scenario()))

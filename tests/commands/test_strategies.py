@@ -75,13 +75,13 @@ def check_turns(frames):
 def check_messages(table, links):
     """Check that robots say what they remembered, rounded, and heed what they hear."""
     for name, level, highest in (("count", 1, 15), ("heat", 1 / 255, 1), ("aim", 2 * np.pi / 8, 4)):
-        said = table[f"said_{name}"].astype(float)
-        assert np.isnan(said[0]).all()
-        assert np.abs(said[1:]).max() <= highest
-        np.testing.assert_allclose(said[1:] / level, np.round(said[1:] / level), atol=1e-3)
+        sent = table[f"said_{name}"].astype(float)
+        assert np.isnan(sent[0]).all()
+        assert np.abs(sent[1:]).max() <= highest
+        np.testing.assert_allclose(sent[1:] / level, np.round(sent[1:] / level), atol=1e-3)
         if name != "aim":  # an angle, which wraps
             remembered = np.clip(table[name][:-1], 0, highest)
-            np.testing.assert_allclose(said[1:], remembered, atol=level / 2 + 1e-6)
+            np.testing.assert_allclose(sent[1:], remembered, atol=level / 2 + 1e-6)
 
     assert all(links["is_heard"])
     assert len(links["step"]) > 20
@@ -138,7 +138,7 @@ def test_every_engine_runs_carries_and_records_it(engine):
 
 @pytest.mark.slow
 def test_in_turn_news_goes_further_within_a_step():
-    """With a method `listen`, which sequential updates need."""
+    """It has a method `listen`, which sequential updates need."""
     listen = """
     def listen(self, memory, seen, key):
         return self.act(memory, seen, key)[0]

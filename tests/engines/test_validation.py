@@ -1,4 +1,4 @@
-"""What is wrong with an engine of a user: each mistake is a UserError that names the method."""
+"""Mistakes in an engine of a user: each is a UserError that names the method."""
 
 import re
 from pathlib import Path
@@ -139,10 +139,10 @@ def engine(tmp_path):
 
 
 def run(config, engine):
-    made = Run(Scenario(config, robots=N, engine=engine, steps=STEPS))
-    while not made.is_over:
-        made.advance()
-    return made
+    started = Run(Scenario(config, robots=N, engine=engine, steps=STEPS))
+    while not started.is_over:
+        started.advance()
+    return started
 
 
 @pytest.mark.parametrize("name", [HOST, COMPILED])
@@ -152,16 +152,16 @@ def test_right_ones_run(small, engine, name):
 
 @pytest.mark.parametrize(("old", "new", "message"), [*SETTINGS, *METHODS])
 def test_on_the_host(small, engine, old, new, message):
-    with pytest.raises(UserError, match=message) as found:
+    with pytest.raises(UserError, match=message) as refused:
         run(small, engine(HOST, old, new))
-    assert "\n" not in str(found.value)
+    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize(("old", "new", "message"), IN_PROGRAMS)
 def test_in_programs(small, engine, old, new, message):
-    with pytest.raises(UserError, match=message) as found:
+    with pytest.raises(UserError, match=message) as refused:
         run(small, engine(COMPILED, old, new))
-    assert "\n" not in str(found.value)
+    assert "\n" not in str(refused.value)
 
 
 class TestMistakesInLaterSteps:

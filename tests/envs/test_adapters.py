@@ -17,6 +17,7 @@ from support.envs import FIELDS, SMALL
 from iswarm_mj.engines.mjx.settings import MjxSettings
 from iswarm_mj.engines.planar.settings import PlanarSettings
 from iswarm_mj.envs import parallel_env, single_env, vector_env
+from iswarm_mj.envs.gymnasium import SwarmVectorEnv
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -112,7 +113,7 @@ def test_each_robot_has_a_reward_of_its_own_and_all_have_one_end(
         np.array([is_cut]),
         {"picked": np.array([3])},
     )
-    monkeypatch.setattr(agents_env._vector_env, "step_robots", lambda actions: result)
+    monkeypatch.setattr(SwarmVectorEnv, "step_robots", lambda env, actions: result)
     actions = dict.fromkeys(agents, np.zeros(N_NUMBERS, np.float32))
     obs, rewards, ends, cuts, infos = agents_env.step(actions)
 

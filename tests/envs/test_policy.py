@@ -1,6 +1,8 @@
 """Policies of environments as strategies: a run does what the environment did."""
 
+import itertools
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -96,12 +98,35 @@ def run_like(strategy, engine, task=CLEANING, config=SMALL):
 class TestRunsDoWhatTheEnvironmentDid:
     """The same start, noise, messages and errors give the same poses, balls and observations."""
 
-    def check_step(self, env, state, run, record):
-        """Check that a state of an environment is that of a run after a step."""
-        poses = poses_of(env, state)[0]
-        np.testing.assert_allclose(poses, record.poses[0, 0], atol=1e-5)
-        np.testing.assert_array_equal(state.metrics["picked"], run.metrics()["picked"])
-        assert int(state.metrics["collisions"][0]) == int(record.collisions[0, 0])
+    def check_steps(self, env, state, run, act):
+        """Check that an environment does in each step what a run does, and that robots talk.
+
+        Args:
+            env: environment of one world.
+            state: its state in the beginning.
+            run: run that is to do the same.
+            act: returns the actions from the observations.
+
+        Returns:
+            How often a robot had to wait.
+        """
+        n_counts_heard = 0
+        n_waits = 0
+        for _ in range(N_STEPS):
+            record = run.advance()
+            seen = env.named(np.asarray(state.obs))
+            np.testing.assert_array_equal(seen["is_heard"], record.is_heard[0])
+            n_counts_heard += seen["heard_count"].sum()
+            n_waits += seen["waits"].sum()
+
+            action = np.asarray(act(jnp.asarray(state.obs[0])))
+            state = env.step(state, action[None])
+            np.testing.assert_allclose(poses_of(env, state)[0], record.poses[0, 0], atol=1e-5)
+            np.testing.assert_array_equal(state.metrics["picked"], run.metrics()["picked"])
+            assert int(state.metrics["collisions"][0]) == int(record.collisions[0, 0])
+        assert n_counts_heard > 20
+        assert np.ptp(action[:, 0]) > 0.1
+        return n_waits
 
     @pytest.mark.slow
     def test_with_errors_of_the_drive_in_bad_weather(self):
@@ -112,21 +137,8 @@ class TestRunsDoWhatTheEnvironmentDid:
         strategy = PolicyStrategy(linear_policy, params, FIELDS)
         run = run_like(strategy, engine, task, NOISY)
 
-        state = env.reset(KEYS)
-        n_counts_heard = 0
-        n_waits = 0
-        for _ in range(N_STEPS):
-            record = run.advance()
-            seen = env.named(np.asarray(state.obs))
-            np.testing.assert_array_equal(seen["is_heard"], record.is_heard[0])
-            n_counts_heard += seen["heard_count"].sum()
-            n_waits += seen["waits"].sum()
-            action = linear_policy(params, jnp.asarray(state.obs[0]))
-            state = env.step(state, np.asarray(action)[None])
-            self.check_step(env, state, run, record)
-        assert n_counts_heard > 20
-        assert n_waits <= 5
-        assert np.ptp(np.asarray(action)[:, 0]) > 0.1
+        act = partial(linear_policy, params)
+        assert self.check_steps(env, env.reset(KEYS), run, act) <= 5
 
     def test_with_memory_slow_grasps_and_little_energy(self):
         engine = PlanarSettings(1)
@@ -138,21 +150,13 @@ class TestRunsDoWhatTheEnvironmentDid:
         state = env.reset(KEYS)
         energy = state.data.world.swarm.energy
         np.testing.assert_allclose(energy, SLOW.energy.full, rtol=1e-3)
-        memory = jnp.ones(N_ROBOTS)
-        n_counts_heard = 0
-        n_waits = 0
-        for _ in range(N_STEPS):
-            record = run.advance()
-            seen = env.named(np.asarray(state.obs))
-            np.testing.assert_array_equal(seen["is_heard"], record.is_heard[0])
-            n_counts_heard += seen["heard_count"].sum()
-            n_waits += seen["waits"].sum()
-            action, memory = counting_policy(params, jnp.asarray(state.obs[0]), memory)
-            state = env.step(state, np.asarray(action)[None])
-            self.check_step(env, state, run, record)
-        assert n_counts_heard > 20
-        assert n_waits > 5
-        assert np.ptp(np.asarray(action)[:, 0]) > 0.1
+        counts = itertools.count(1)
+
+        def act(obs):
+            action, _ = counting_policy(params, obs, jnp.full(N_ROBOTS, float(next(counts))))
+            return action
+
+        assert self.check_steps(env, state, run, act) > 5
 
     def test_with_what_a_task_lets_robots_sense(self):
         engine = PlanarSettings(1)

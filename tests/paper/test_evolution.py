@@ -28,7 +28,7 @@ class TestFindings:
         assert "(" not in findings[RISES].ours  # no interval
 
     def test_one_difference_among_several_traits_may_be_chance(self, paper, random, monkeypatch):
-        """Its interval leaves out zero, its p-value is below 0.05, and that by Holm is not."""
+        """The interval leaves out zero, its p-value is below 0.05, and that by Holm is not."""
         monkeypatch.setattr(statistics, "RESAMPLES", 9999)  # for so near a miss
         by_chance = changed(random, lambda row, n: {"density_of_robots": 0.04 + 0.04 * n})
         evolved = changed(paper, lambda row, n: {"density_of_robots": 0.17 + 0.04 * n})

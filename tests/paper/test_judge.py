@@ -53,7 +53,7 @@ class TestEstimates:
         assert Estimate(Interval(0.0, low, high), (9,), *limits).verdict == verdict
 
     def test_a_difference_as_large_as_the_margin_is_rarely_called_equal(self):
-        """Its equivalence test holds in 2.5 % of all samples; of 400 in at most 20."""
+        """The equivalence test holds in 2.5 % of all samples; of 400 in at most 20."""
         rng = np.random.default_rng(0)
         verdicts = []
         for _ in range(400):
@@ -79,7 +79,7 @@ class TestMostRuns:
         ],
     )
     def test_they_reach_the_goal_or_do_not(self, count, total, verdict):
-        """By Clopper and Pearson 10 of 12 begin at 0.516, 9 of 12 at 0.428, 5 of 5 at 0.478."""
+        """Intervals of Clopper and Pearson begin at 0.516 (10 of 12), 0.428 (9), 0.478 (5 of 5)."""
         opposite_of = {HOLDS: FAILS, FAILS: HOLDS}
         runs = {"": rows([100] * count + [None] * (total - count))}
         finding = judge_reaching(runs)

@@ -40,7 +40,7 @@ def support_of(combinations):
 
 
 class TestInference:
-    """What the runs of `infer` say of the readings."""
+    """Statements of the runs of `infer` on the readings."""
 
     def test_the_selected_reading_is_that_of_the_rule(self, support_of):
         settings = {}

@@ -166,7 +166,7 @@ class TestShares:
         ("counts", "p"), [([3, 0, 0], 3 / 27), ([2, 1, 0], 21 / 27), ([1, 1, 1], 1)]
     )
     def test_of_three_classes_draws_are_counted(self, counts, p):
-        """Of the 27 equally probable draws of three from three, 3 are of one class."""
+        """Three of the 27 equally probable draws of three from three are of one class."""
         assert multinomial_p(counts, [1 / 3] * 3) == pytest.approx(p)
 
     def test_the_order_of_classes_does_not_matter(self):

@@ -1,4 +1,4 @@
-"""What is drawn is where robots and balls are, in millimetres."""
+"""The view draws robots and balls where they are, in millimetres."""
 
 import itertools
 from dataclasses import replace
@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from support.page import node_of
 from support.robots import two_kinds
 from support.swarm_recording import make_frames, make_scene
 
@@ -81,8 +82,8 @@ def test_lines_lead_to_senders_that_are_heard_or_damaged(session, server):
     ends = link_ends(after, shapes.centres(scene, after.pose))
     is_heard = after.link_heard[after.link_valid]
     assert 0 < is_heard.sum() != (~is_heard).sum() > 0
-    np.testing.assert_allclose(view._lines["heard"].points, ends[is_heard], atol=1e-5)
-    np.testing.assert_allclose(view._lines["damaged"].points, ends[~is_heard], atol=1e-5)
+    np.testing.assert_allclose(node_of(server, "/swarm/heard").points, ends[is_heard], atol=1e-5)
+    np.testing.assert_allclose(node_of(server, "/swarm/damaged").points, ends[~is_heard], atol=1e-5)
 
 
 def test_boxes_are_turned_where_they_are_pushed_and_obstacles_where_they_are_planned(server):
@@ -93,9 +94,11 @@ def test_boxes_are_turned_where_they_are_pushed_and_obstacles_where_they_are_pla
     view.draw_planned([(4.0, -4.0, 0.8, 0.5, 30.0)])
 
     pose_in_m = 0.75 * frames.box_pose[0, 0] + 0.25 * frames.box_pose[1, 0]
-    assert_lies(view._boxes, pose=[1e3, 1e3, 1] * pose_in_m, half_sizes=[2, 1, 1])
+    boxes = node_of(server, "/swarm/boxes")
+    assert_lies(boxes, pose=[1e3, 1e3, 1] * pose_in_m, half_sizes=[2, 1, 1])
     planned_pose = [4 * RD, -4 * RD, np.pi / 6]
-    assert_lies(view._planned, pose=planned_pose, half_sizes=[0.8 * RD, 0.5 * RD, 1])
+    planned = node_of(server, "/swarm/planned")
+    assert_lies(planned, pose=planned_pose, half_sizes=[0.8 * RD, 0.5 * RD, 1])
 
 
 def assert_lies(node, *, pose, half_sizes):
@@ -121,27 +124,35 @@ def test_a_camera_sees_all_of_the_arena_and_little_more(aspect):
 
 
 def test_what_a_robot_knows_hears_and_says():
+    """Robot 2 hears robot 1 at its front, and a damaged message of robot 3 at its right."""
     payload = Payload({"count": Integer(bits=4)})
     scene = make_scene(4, 2)._replace(is_scout=np.arange(4) == 2, payload=payload_json(payload))
-    own = {
-        "message": np.asarray(
-            payload.pack(Message(np.zeros(4, int), {"count": np.array([3, 5, 7, 9])}), 4)
-        )
-    }
-    own |= {
-        "pose": np.array([[0, 0, 0]] * 2 + [[1e-3, -2e-3, -np.pi / 2]] + [[0, 0, 0]]),
+    counts = {"count": np.array([3, 5, 7, 9])}
+
+    pose = np.zeros((4, 3))
+    pose[2] = [1e-3, -2e-3, -np.pi / 2]
+    command = np.zeros((4, 2))
+    command[2] = [np.pi / 6, 1.5e-4]
+
+    link_valid = np.zeros((4, 4), bool)
+    link_valid[2, [0, 3]] = True
+    link_sender = np.zeros((4, 4), int)
+    link_sender[2] = [1, 0, 0, 3]
+    link_heard = np.zeros((4, 4), bool)
+    link_heard[2, 0] = True
+
+    changed = {
+        "message": np.asarray(payload.pack(Message(np.zeros(4, int), counts), 4)),
+        "pose": pose,
         "is_loaded": np.arange(4) > 1,
+        "command": command,
+        "link_valid": link_valid,
+        "link_sender": link_sender,
+        "link_heard": link_heard,
+        "link_distance": np.arange(16).reshape(4, 4) * 5e-4,
     }
-    own |= {"command": np.array([[0, 0]] * 2 + [[np.pi / 6, 1.5e-4]] + [[0, 0]])}
-    links = {name: np.zeros((4, 4), int) for name in ("valid", "sender", "heard", "distance")}
-    links["valid"][2, [0, 3]], links["sender"][2], links["heard"][2, 0] = 1, (1, 0, 0, 3), 1
-    links |= {
-        "valid": links["valid"] > 0,
-        "heard": links["heard"] > 0,
-        "distance": np.arange(16).reshape(4, 4) * 5e-4,
-    }
-    own |= {f"link_{name}": values for name, values in links.items()}
-    frames = replace(make_frames(scene, 1), **{name: values[None] for name, values in own.items()})
+    one_frame = {name: values[None] for name, values in changed.items()}
+    frames = replace(make_frames(scene, 1), **one_frame)
     memory = {"age": np.arange(4.0)[None, None], "is_odd": np.arange(4)[None, None] % 2 > 0}
     assert describe_robot(scene, frames, memory, 2).splitlines() == [
         "**Scout 2**, loaded",
@@ -154,11 +165,11 @@ def test_what_a_robot_knows_hears_and_says():
 
 
 def test_balls_are_drawn_as_large_as_they_are(session, server):
-    view = SwarmView(server.scene, session.scene)
-    np.testing.assert_allclose(
-        view._balls.batched_scales, session.scene.ball_radius / 20e-6, rtol=0.2
-    )
-    assert np.corrcoef(view._balls.batched_scales, session.scene.ball_radius)[0, 1] > 0.9999
+    SwarmView(server.scene, session.scene)
+    scales = node_of(server, "/swarm/balls").batched_scales
+    radii = session.scene.ball_radius
+    np.testing.assert_allclose(scales, radii / 20e-6, rtol=0.2)
+    assert np.corrcoef(scales, radii)[0, 1] > 0.9999
 
 
 def test_the_dump_is_drawn_as_large_as_it_becomes(server):
@@ -168,8 +179,7 @@ def test_the_dump_is_drawn_as_large_as_it_becomes(server):
     session.set("arena.dump_size", 3.0)
     session.set("arena.dump_size", 4.0)
     view.follow(session.scene)
-    nodes = server.scene._handle_from_node_name
-    dump = nodes["/swarm/dump/0"]
+    dump = node_of(server, "/swarm/dump/0")
     np.testing.assert_allclose(dump.dimensions[:2], 4.0 * RD, rtol=1e-6)
 
 

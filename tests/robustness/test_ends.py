@@ -116,7 +116,8 @@ sys.meta_path.insert(0, Loader())
 """
 """Code that lets a library load slowly, and hide the exception of a signal."""
 SWALLOWED = """
-import gc, time, iswarm_mj.workflows.clean as clean
+import gc, time
+from iswarm_mj.simulation.run import Run
 def collect(*_):  # of what a callback of the collector raises, Python only tells
     print("now", flush=True)
     while True:
@@ -126,7 +127,7 @@ def advance(*_):
     gc.collect()
     gc.callbacks.clear()
     time.sleep(600)
-clean._advance = advance
+Run.advance = advance
 """
 """Code that lets a control step be where Python reports an exception and goes on."""
 ANNOUNCED = """

@@ -99,7 +99,7 @@ def test_a_full_disk_is_an_error_and_the_file_stays_good(path, entries):
 
 
 def test_a_journal_is_begun_whole_or_not_at_all(path):
-    """Its first entry does not fit on the disk."""
+    """The first entry does not fit on the disk."""
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (8192, limits[1]))
     try:

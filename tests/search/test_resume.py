@@ -23,7 +23,7 @@ def no_figure(monkeypatch):
 @pytest.mark.parametrize("breaks_after", [0, 33])
 @pytest.mark.parametrize(("method", "engine"), [("paper", "mujoco"), ("cmaes", "planar")])
 def test_an_interruption_changes_nothing(monkeypatch, tmp_path, method, engine, breaks_after):
-    """In batches a generation that is known in part is repeated as a whole, in all replicates."""
+    """Batches repeat a generation that is known in part as a whole, in all replicates."""
     monkeypatch.setattr("iswarm_mj.engines.settings.can_use_warp", lambda: True)
     settings = find_engine(engine).usual()
     search = replace(SEARCH, method=method, replicates=2)

@@ -41,7 +41,7 @@ FLAGS = [
 
 @pytest.mark.usefixtures("few_pixels")
 def test_the_command_trains_the_policy_of_the_documentation(tmp_path, capfd, monkeypatch):
-    """Its flag `--weights` takes the weights that were written."""
+    """The flag `--weights` takes the weights that were written."""
     monkeypatch.chdir(tmp_path)
     code = re.search(r"```python\n(# turner.py.*?)```", DOCUMENTATION.read_text(), re.S)[1]
     Path("turner.py").write_text(code)

@@ -111,7 +111,7 @@ class TestWorlds:
     def test_candidates_of_a_generation_have_the_same_and_other_generations_others(
         self, rollouts, tmp_path
     ):
-        """Of another seed they differ, too."""
+        """They also differ from those of another seed."""
         keys_of_seeds = []
         weights_of_seeds = []
         for seed in (3, 4):
@@ -240,7 +240,7 @@ def test_the_curve_by_hand(monkeypatch, out):
 
 class TestStrategies:
     def test_the_robot_is_that_of_the_file_or_files(self, rollouts, tmp_path, out):
-        """In the worlds, in the strategy, and as a setting of the training."""
+        """It counts in the worlds, in the strategy, and as a setting of the training."""
         path = robot_file(tmp_path, "five")
         trained(out, robot_file=path)
         assert [trial.scenario.robot_file for trial in rollouts.trials] == 5 * [path]

@@ -44,11 +44,11 @@ def folder(tmp_path, monkeypatch):
 
 
 def test_all_that_is_imported_is_found(folder):
-    first, *others = [
+    first, *imported = [
         str(path.relative_to(folder.resolve())) for path in sources(folder / "main.py")
     ]
     assert first == "main.py"
-    assert sorted(others) == sorted({*FILES} - {"main.py", "unused.py"})
+    assert sorted(imported) == sorted({*FILES} - {"main.py", "unused.py"})
 
 
 def test_a_file_that_imports_nothing_is_alone(folder):

@@ -65,6 +65,11 @@ def opened(scenario=SCENARIO, *, port, **settings):
         page.close()
 
 
+def node_of(server, name):
+    """Return a node of the scene of a server of viser by its path, such as `/swarm/balls`."""
+    return server.scene._handle_from_node_name[name]
+
+
 # What the page does by itself.
 
 
@@ -244,7 +249,7 @@ class Browser:
 
     def node(self, name):
         """Return a node of the scene by its path."""
-        return self.page._server.scene._handle_from_node_name[name]
+        return node_of(self.page._server, name)
 
     # What a user does.
 

@@ -19,7 +19,7 @@ _PROGRESS = re.compile(r"iswarm: (placing|preparing) [^\n]*\n")
 
 
 class Answer(NamedTuple):
-    """How a command ended."""
+    """End of a command."""
 
     code: int
     """Exit code."""

@@ -202,7 +202,7 @@ def test_what_no_task_offers(small):
 
 
 class TestFiles:
-    """What is written of a run of another task, and read back."""
+    """Files of a run of another task, written and read back."""
 
     @pytest.fixture(scope="class")
     @classmethod

@@ -103,21 +103,23 @@ class Everything(Eastwards):
 
 def test_all_else_is_as_it_was():
     plain = Everything()
-    made, x = rewarded(plain), jnp.arange(4.0)
-    before, after = Seen(x, jnp.int32(2)), Seen(x**2, jnp.int32(7))
+    wrapped = rewarded(plain)
+    x = jnp.arange(4.0)
+    before = Seen(x, jnp.int32(2))
+    after = Seen(x**2, jnp.int32(7))
     earned = RewardState(after, jnp.float32(-3.5))
     for method in ("conditions", "survives", "balls"):
-        assert overrides(made, Task, method) and (method == "survives") == overrides(
+        assert overrides(wrapped, Task, method) and (method == "survives") == overrides(
             rewarded(Eastwards()), Task, method
         )
-    assert made.conditions(earned, 10) == plain.conditions(after, 10) == 17
-    assert made.progress(earned) == 7 and made.balls(earned).tolist() == [0, 1]
-    assert made.survives(earned).tolist() == [True, True, False, True]
-    rewards = made.reward(RewardState(before, jnp.float32(1.0)), earned, None)
+    assert wrapped.conditions(earned, 10) == plain.conditions(after, 10) == 17
+    assert wrapped.progress(earned) == 7 and wrapped.balls(earned).tolist() == [0, 1]
+    assert wrapped.survives(earned).tolist() == [True, True, False, True]
+    rewards = wrapped.reward(RewardState(before, jnp.float32(1.0)), earned, None)
     np.testing.assert_array_equal(rewards, plain.reward(before, after, None))
     assert rewards[3] == 4 * 6
-    assert made.metrics(earned) == {"taken": 7, REWARD: -3.5}
-    assert list(made.measured) == ["taken", REWARD] and made.measured[REWARD].low == -np.inf
+    assert wrapped.metrics(earned) == {"taken": 7, REWARD: -3.5}
+    assert list(wrapped.measured) == ["taken", REWARD] and wrapped.measured[REWARD].low == -np.inf
 
 
 class Wrong(Eastwards):

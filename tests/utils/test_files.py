@@ -45,8 +45,8 @@ class TestAtomicWrite:
 def test_only_parts_are_removed(tmp_path):
     """Hidden files that begin with the number of a process and end with one of the names."""
     parts = {".123-best.json", ".123-best-7.json"}
-    others = {".my-best.json", ".-best.json", ".12-other.json"}
-    for name in parts | others:
+    kept = {".my-best.json", ".-best.json", ".12-other.json"}
+    for name in parts | kept:
         (tmp_path / name).touch()
     remove_parts(tmp_path, "best.json", "best-*.json")
-    assert {path.name for path in tmp_path.iterdir()} == others
+    assert {path.name for path in tmp_path.iterdir()} == kept

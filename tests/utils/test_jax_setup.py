@@ -1,4 +1,4 @@
-"""Where compiled programs are kept, and that a user's own settings take precedence."""
+"""Settings of JAX: where it keeps compiled programs, unless the user has set that."""
 
 import os
 import platform

@@ -39,7 +39,7 @@ def dying(number):
 
 
 def place(number):
-    """Where a call is made."""
+    """Process and thread of a call."""
     return os.getpid()
 
 
@@ -56,8 +56,8 @@ def environment(name):
 
 
 def results(call, numbers, *how):
-    with closing(unordered(call, ((number,) for number in numbers), *how)) as found:
-        return sorted(found)
+    with closing(unordered(call, ((number,) for number in numbers), *how)) as returned:
+        return sorted(returned)
 
 
 def workers_of(parent):
@@ -122,8 +122,8 @@ def test_work_that_a_worker_cannot_read_is_refused_in_a_sentence(monkeypatch):
 
 @pytest.mark.filterwarnings("error")
 def test_closing_it_early_stops_the_workers():
-    with closing(unordered(slow_but_first, ((number,) for number in range(4)), 2)) as found:
-        assert next(found) == 0
+    with closing(unordered(slow_but_first, ((number,) for number in range(4)), 2)) as returned:
+        assert next(returned) == 0
     assert results(square, [3], 2) == [9]
 
 

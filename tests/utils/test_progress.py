@@ -1,4 +1,4 @@
-"""What is printed on stderr while something runs."""
+"""Lines on stderr while something runs."""
 
 import pytest
 

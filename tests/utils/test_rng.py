@@ -34,7 +34,7 @@ class TestThreefry:
         ],
     )
     def test_known_answers(self, key, counter, expected):
-        """Of threefry2x32 with 20 rounds, from kat_vectors of Random123."""
+        """The words are those of threefry2x32 with 20 rounds in kat_vectors of Random123."""
         high, low = np.array(counter, np.uint32)
         words = WRITTEN_OUT(jnp.array(key, "uint32"), high, low)
         assert tuple(int(word) for word in words) == expected

@@ -17,7 +17,6 @@ from iswarm_mj.tasks.measures import Measures
 from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.errors import SimulationFault, UserError
 from iswarm_mj.utils.units import ROBOT_DIAMETER
-from iswarm_mj.workflows import clean as workflow
 from iswarm_mj.workflows.clean import run_swarm, summary
 
 STEPS = BLOCK_FRAMES + 6
@@ -215,18 +214,19 @@ def test_results_of_an_earlier_run_are_removed(small, tmp_path):
 def test_a_further_world_has_its_directory_for_itself(small, tmp_path, monkeypatch):
     """Another run that would write into it meanwhile is refused."""
     out = tmp_path / "out"
-    advance = workflow._advance
+    run = run_of(small, steps=1, worlds=2, record_worlds=(0, 1))
+    advance = run.advance
     calls = []
 
-    def try_other_run_and_advance(*arguments):
+    def try_other_run_and_advance():
         in_use = r"world-1 is in use by another process"
         with pytest.raises(UserError, match=in_use), locked(out / "world-1"):
             pass
         calls.append(1)
-        advance(*arguments)
+        return advance()
 
-    monkeypatch.setattr(workflow, "_advance", try_other_run_and_advance)
-    run_swarm(run_of(small, steps=1, worlds=2, record_worlds=(0, 1)), out)
+    monkeypatch.setattr(run, "advance", try_other_run_and_advance)
+    run_swarm(run, out)
     assert len(calls) == 1
     assert names_in(out / "world-1") == ["clean.rrd", "trajectory.npz"]
 
@@ -234,14 +234,22 @@ def test_a_further_world_has_its_directory_for_itself(small, tmp_path, monkeypat
 def test_a_run_that_ends_within_a_program_keeps_no_measures(small, tmp_path, monkeypatch):
     """The program has taken the state of the worlds; measures written before are outdated."""
     run = small_run(small, record=False)
-    workflow._save(run, tmp_path, 0.0, {})
-    before = read_result(tmp_path)
-    monkeypatch.setattr(run, "metrics", MagicMock(side_effect=RuntimeError("deleted")))
-    run.advance()
-    workflow._save(run, tmp_path, 0.0, {"interrupted": True})
+    advance = run.advance
+    results = []
+
+    def advance_and_interrupt():
+        results.append(read_result(tmp_path))
+        advance()
+        monkeypatch.setattr(run, "metrics", MagicMock(side_effect=RuntimeError("deleted")))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run, "advance", advance_and_interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        run_swarm(run, tmp_path)
+    (before,) = results
     removed = dict.fromkeys([*Measures._fields, "fitness", "metrics"])
-    expected = before | removed | {"steps": 1, "interrupted": True}
-    assert read_result(tmp_path) == expected
+    assert before["fitness"] is not None
+    assert read_result(tmp_path) == before | removed | {"steps": 1, "interrupted": True}
 
 
 class TestFault:

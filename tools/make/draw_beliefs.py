@@ -33,7 +33,7 @@ TITLES = ("doubt of dust", "doubt of the dump", "flag")
 
 
 class Belief(NamedTuple):
-    """What robots believe of a place."""
+    """Beliefs of robots about a place."""
 
     is_known: Bool[np.ndarray, "N"]
     doubt: Float[np.ndarray, "N"]

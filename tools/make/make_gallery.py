@@ -216,13 +216,13 @@ def pictures_of(server: viser.ViserServer, frames: Iterable[Any]) -> list[Image.
 
 def write(path: Path, pictures: list[Image.Image], max_bytes: int = MAX_BYTES) -> None:
     """Write an animated picture of at most so many bytes, if the lowest quality suffices."""
-    first, *others = pictures
+    first, *further = pictures
     duration_ms = round(1000 / PER_SECOND)
     for quality in (60, 40, 20):
         first.save(
             path,
             save_all=True,
-            append_images=others,
+            append_images=further,
             duration=duration_ms,
             loop=0,
             quality=quality,

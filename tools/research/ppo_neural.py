@@ -61,7 +61,7 @@ N_BATCHES = 8
 
 
 class Sample(NamedTuple):
-    """What robots perceived and did; arrays (..., N, *)."""
+    """Perceptions and actions of robots; arrays (..., N, *)."""
 
     numbers: Array
     """Inputs of the network."""
