@@ -10,6 +10,7 @@ from importlib.metadata import version
 import psutil
 import pytest
 from jaxtyping import install_import_hook
+from support.types import begin_test
 
 import iswarm_mj  # sets the level of XLA's log, before anything imports JAX
 
@@ -66,7 +67,6 @@ install_import_hook(CHECKED, "support.types.check")
 from hypothesis import settings
 from support import draws
 from support.small import SMALL
-from support.types import begin_test
 
 from iswarm_mj.utils.jax_setup import configure_jax
 

@@ -117,7 +117,8 @@ def half_planes(corners: Sequence[Corner]) -> Float[np.ndarray, "W 3"]:
     """
     starts = np.array(corners)
     along = np.roll(starts, -1, axis=0) - starts
-    normals = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]
+    lengths = np.hypot(along[:, 0], along[:, 1])
+    normals = np.column_stack([along[:, 1], -along[:, 0]]) / lengths[:, None]
     distances = (normals * starts).sum(axis=1)
     return np.column_stack([normals, distances]) + 0.0  # adding 0 turns -0 into 0
 

@@ -98,10 +98,14 @@ _TEXT_BYTES = 256
 def _texts(plugin: str) -> np.ndarray:
     """Return the texts on a plugin's attributes for `life_cycle` (3, n, 256), zero-terminated."""
     attributes = ATTRIBUTES[plugin]
-    names = [attribute.name for attribute in attributes]
-    before = [f'{plugin}: {name} is "' for name in names]
-    constraints = [attribute.constraint for attribute in attributes]
-    after = [f'"; give {constraint}, as attribute of the instance.' for constraint in constraints]
+    names = []
+    before = []
+    after = []
+    for attribute in attributes:
+        names.append(attribute.name)
+        before.append(f'{plugin}: {attribute.name} is "')
+        after.append(f'"; give {attribute.constraint}, as attribute of the instance.')
+
     texts = [text.encode().ljust(_TEXT_BYTES, b"\0") for text in (*names, *before, *after)]
     characters = np.frombuffer(b"".join(texts), np.uint8)
     return characters.reshape(3, len(attributes), _TEXT_BYTES).copy()

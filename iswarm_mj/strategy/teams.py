@@ -149,18 +149,21 @@ class Teams(Strategy):
             UserError: two teams have different fields of the same name, or different checks; or
                 the fields do not fit into a message.
         """
-        payloads = [payload_of(team.strategy) for team in self.teams]
-        named_fields = dict.fromkeys(pair for payload in payloads for pair in payload.fields)
-        fields = dict([*named_fields])
-        checks = dict.fromkeys(payload.check for payload in payloads if payload.fields)
+        payloads = {team.name: payload_of(team.strategy) for team in self.teams}
+        fields: dict[str, Any] = {}
+        checks: dict[str, None] = {}  # a dictionary keeps the order
+        requirement = None
+        for payload in payloads.values():
+            for name, kind in payload.fields:
+                if fields.setdefault(name, kind) != kind:
+                    requirement = "have equal fields of the same name"
+            if payload.fields:
+                checks[payload.check] = None
+        if len(checks) > 1:
+            requirement = "check messages alike"
 
-        has_conflict = len(fields) < len(named_fields)
-        if has_conflict or len(checks) > 1:
-            alike = "check messages alike"
-            equal = "have equal fields of the same name"
-            requirement = alike if len(checks) > 1 else equal
-            named = zip(self.teams, payloads, strict=True)
-            described = "; ".join(f"{team.name}: {payload}" for team, payload in named)
+        if requirement is not None:
+            described = "; ".join(f"{team}: {payload}" for team, payload in payloads.items())
             raise UserError(f"teams share one channel, and must {requirement} (got {described})")
         return Payload(fields, *checks)
 

@@ -23,7 +23,9 @@ def test_vectors_and_angles_broadcast():
 
 @pytest.mark.parametrize("xp", [np, jnp])
 def test_a_robot_that_looks_north_has_the_west_to_its_left(xp):
-    ahead, left = into_frame(xp.array([0.0, -2.0]), xp.array([3.0, 0.0]), heading=(0.0, 1.0))
+    ahead, left = into_frame(
+        xp.array([0.0, -2.0]), xp.array([3.0, 0.0]), heading=(xp.zeros(2), xp.ones(2))
+    )
     assert isinstance(ahead, type(xp.zeros(1)))
     np.testing.assert_array_equal(ahead, [3.0, 0.0])
     np.testing.assert_array_equal(left, [0.0, 2.0])
