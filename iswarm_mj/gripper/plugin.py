@@ -36,7 +36,8 @@ An impact, a contact that begins, is over within a step: the surface gives the b
 m (1 + e) v. The restitution e is `restitution`, or that of plastic yield if `yield_pressure` is
 above 0, less the loss by adhesion if `modulus` is (`laws.restitution`). A ball with e = 0 stays,
 caught by the critically damped contact. A ball that rebounds does not adhere until it has left,
-since e includes that loss.
+since e includes that loss. RK4 would average the impulse over its stages, so that adhesion refuses
+this integrator.
 
 The voltage is the control of an actuator of zero gain, since all engines and the viewer have
 controls: a column of `control` in `mujoco.rollout`, a column of `ctrl` in `mujoco.batch` and MJX, a

@@ -74,6 +74,24 @@ def test_a_wrong_attribute_is_a_load_error_with_a_sentence(old, new, message):
         mujoco.MjModel.from_xml_string(TEXT.replace(old, new))
 
 
+RK4_REFUSED = "iswarm.adhesion: the integrator is RK4, .*; choose Euler, implicit or implicitfast"
+
+
+def test_a_model_with_rk4_is_a_load_error_with_a_sentence():
+    """RK4 would average the impulse of an impact over its stages."""
+    assert 'integrator="Euler"' in TEXT
+    with pytest.raises((ValueError, mujoco.FatalError), match=RK4_REFUSED):
+        mujoco.MjModel.from_xml_string(TEXT.replace('integrator="Euler"', 'integrator="RK4"'))
+
+
+def test_a_model_that_changes_to_rk4_is_refused_in_its_next_step(model):
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data)
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    with pytest.raises(mujoco.FatalError, match=RK4_REFUSED):
+        mujoco.mj_step(model, data)
+
+
 def test_unknown_state_fields_are_named(model):
     message = "no 'gaps' of 'adhesion_plate'; choose one of ball of adhesion_plate, "
     with pytest.raises(UserError, match=message):

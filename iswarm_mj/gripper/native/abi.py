@@ -147,8 +147,12 @@ CYLINDER = int(mujoco.mjtGeom.mjGEOM_CYLINDER)
 """Types of geoms."""
 
 
+RK4 = int(mujoco.mjtIntegrator.mjINT_RK4)
+"""Integrator of four stages."""
+
+
 class Fields(NamedTuple):
-    """Arrays of mjModel and of mjData, as pointers, and two numbers."""
+    """Arrays of mjModel and of mjData, as pointers, and three numbers."""
 
     geom_type: Any
     geom_bodyid: Any
@@ -167,24 +171,41 @@ class Fields(NamedTuple):
     body_mass: Any
     timestep: Any
     """Time step, a number [ms]."""
+    integrator: Any
+    """Integrator, a number of mjtIntegrator."""
     time: Any
     """Time, a number [ms]."""
 
 
-def _struct(name: str, pointers: Sequence[str], number: str) -> Any:
+def _struct(name: str, pointers: Sequence[str], numbers: Mapping[str, str]) -> Any:
     """Return the type of a pointer to mjModel or mjData.
 
     Args:
         name: of the struct.
         pointers: fields that are read as addresses.
-        number: field that is read as a number of 64 bits.
+        numbers: paths of the fields that are read as numbers, such as opt.timestep, by the names
+            under which they are read.
     """
     layout = _layout(name)
-    names = [*pointers, number]
-    offsets = [getattr(layout, field).offset for field in names]
-    formats = [*[np.int64] * len(pointers), np.float64]
+    offsets = [getattr(layout, field).offset for field in pointers]
+    formats: list[Any] = [np.int64] * len(pointers)
+    for path in numbers.values():
+        offset, format_ = _place(layout, path)
+        offsets.append(offset)
+        formats.append(format_)
+    names = [*pointers, *numbers]
     record = np.dtype({"names": names, "formats": formats, "offsets": offsets})
     return types.CPointer(numba.from_dtype(record))
+
+
+def _place(layout: type[ctypes.Structure], path: str) -> tuple[int, np.dtype]:
+    """Return the offset [B] and the type of a number in a struct, or in structs inside it."""
+    offset = 0
+    kind: Any = layout
+    for field in path.split("."):
+        offset += getattr(kind, field).offset
+        kind = dict(kind._fields_)[field]
+    return offset, np.dtype(kind)
 
 
 _MODEL_POINTERS = (
@@ -208,9 +229,9 @@ _DATA_POINTERS = (
     "cdof",
     "qfrc_passive",
 )
-# The options begin with the time step.
-Model = _struct("mjModel", _MODEL_POINTERS, "opt")
-Data = _struct("mjData", _DATA_POINTERS, "time")
+_MODEL_NUMBERS = {"timestep": "opt.timestep", "integrator": "opt.integrator"}
+Model = _struct("mjModel", _MODEL_POINTERS, _MODEL_NUMBERS)
+Data = _struct("mjData", _DATA_POINTERS, {"time": "time"})
 
 
 def pointer_to(item: Any) -> Any:
@@ -262,6 +283,7 @@ def read_fields(m, d):
         doubles(data.cdof),
         doubles(data.qfrc_passive),
         doubles(model.body_mass),
-        model.opt,
+        model.timestep,
+        model.integrator,
         data.time,
     )

@@ -113,6 +113,12 @@ def raise_error(m, instance, name, before, after):
     _error(message.ctypes.data)
 
 
+@compiled
+def raise_sentence(sentence):
+    """Raise a MuJoCo error with a sentence, uint8 with a terminating zero; does not return."""
+    _error(sentence.ctypes.data)
+
+
 ADHESION = "iswarm.adhesion"
 ELECTROSTATIC = "iswarm.electrostatic"
 

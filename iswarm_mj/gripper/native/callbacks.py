@@ -19,14 +19,16 @@ from iswarm_mj.gripper import contact
 from iswarm_mj.gripper.laws import electrostatics, spline
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.probe_table import tables
-from iswarm_mj.gripper.native.abi import PLANE, Data, Model, compiled, read_fields
+from iswarm_mj.gripper.native.abi import PLANE, RK4, Data, Model, compiled, read_fields
 from iswarm_mj.gripper.native.attributes import (
+    ADHESION,
     NO_REBOUND,
     REBOUND_BEGINS,
     REBOUNDS,
     adhesion_states,
     electrostatic_states,
     raise_error,
+    raise_sentence,
     read_attributes,
 )
 from iswarm_mj.gripper.native.vectors import (
@@ -225,16 +227,25 @@ def _impact_force(state, timestep, gap, work, radius, mass):
     return 0.0
 
 
+_RK4_REFUSED = (
+    f"{ADHESION}: the integrator is RK4, which averages the impulse of an impact over its stages; "
+    "choose Euler, implicit or implicitfast, as integrator of the option."
+)
+
+
 def adhesion_callbacks() -> dict[str, Any]:
     """Return the callbacks of impacts and of adhesion.
 
     Adhesion is 2 pi R W h(RH) in contact, and van der Waals attraction out of it.
     """
     factors = np.asarray(humidity_factor(np.arange(101.0)))
+    rk4_refused = np.frombuffer(_RK4_REFUSED.encode() + b"\0", np.uint8).copy()
 
     @_callback(_compute)
     def compute(m, d, instance, _capability):
         f = read_fields(m, d)
+        if f.integrator == RK4:
+            raise_sentence(rk4_refused)
         state = adhesion_states(m, d, instance)[0]
         ball = int(state.ball)
         surface = int(state.surface)
