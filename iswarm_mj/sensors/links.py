@@ -3,8 +3,8 @@
 "Communication was restricted to the nearest neighbor" on each photodiode (section 4.3 of the
 paper). Light goes in straight lines, so a robot between two others blocks their link: rays of the
 physics engine decide, cast from the receiving side to the sending LED. A ray is cast only if the
-circles inside and around the robots in between do not settle the question, and if not enough
-nearer candidates are already known to be clear.
+circles and rectangles of the robots in between do not settle the question, and if not enough
+nearer candidates are already known to be clear (`occlusion.judge_paths`).
 """
 
 from collections.abc import Callable
@@ -37,8 +37,8 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
 
 LedHit = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
-"""Function of (world, origin, target, receiver, sender) of P rays that returns (P,) bool: the ray
-reaches the sender before anything else."""
+"""Function of (world, origin, target, receiver, sender) of P rays that returns (P,) bool: a third
+robot is not the first thing that the ray meets before its end."""
 
 _WITHIN_SLOT = 0.999
 """Share of 1 that distances take in a number that sorts by slot, then by distance."""
@@ -249,7 +249,10 @@ def _find_clear(
         origin=origin,
         target=target,
     )
-    verdict = judge_paths(paths, poses.reshape(-1, 3), around, circles, n_senders, boxes)
+    half_edges = np.tile(robot.each("half_edges", n_robots)[:, :2], (len(poses), 1))
+    flat_poses = poses.reshape(-1, 3)
+    # Numba takes these by their positions.
+    verdict = judge_paths(paths, flat_poses, around, circles, half_edges, n_senders, boxes)
 
     is_clear = verdict == CLEAR
     undecided = np.flatnonzero(verdict == UNDECIDED)

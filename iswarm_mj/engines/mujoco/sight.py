@@ -43,6 +43,7 @@ class Scene:
         self.walls = arena.planes
         self.robot_of_geom = np.full(arena.model.ngeom + 1, arena.n_robots)
         self.robot_of_geom[arena.hull[: arena.n_robots]] = np.arange(arena.n_robots)
+        self._n_robots = arena.n_robots
         self._body = arena.body
         self._batch = batch
         self._obstacles = numbers(config.arena.obstacles, RD)
@@ -113,9 +114,22 @@ class Scene:
         receiver: Int[np.ndarray, "P"],
         sender: Int[np.ndarray, "P"],
     ) -> Bool[np.ndarray, "P"]:
-        """Return the rays from photodiodes that meet nothing before the LEDs, see `LedHit`."""
-        share, robot_hit = self.cast_rays(world, origin, target - origin, receiver)
-        return (robot_hit == sender) | (share >= 1.0)
+        """Return the rays from photodiodes that meet no third robot first, see `links.LedHit`.
+
+        Links do not end at walls: what little of a robot is pressed into a wall stays visible.
+        """
+        vector = target - origin
+        has_length = np.hypot(vector[:, 0], vector[:, 1]) >= _SHORTEST_RAY
+        share, robot_hit = self.cast_rays(
+            world=world[has_length],
+            origin=origin[has_length],
+            vector=vector[has_length],
+            robot=receiver[has_length],
+        )
+        is_third = (robot_hit < self._n_robots) & (robot_hit != sender[has_length])
+        reaches = np.ones(len(world), bool)
+        reaches[has_length] = ~(is_third & (share < 1.0))
+        return reaches
 
 
 def sense(
