@@ -80,7 +80,8 @@ def test_evolutions_begin_as_random_search_does():
 def test_searches_are_repeated_with_the_densities_of_the_results(method):
     (part,) = parts_of(Plan(), Execution(), 16, 1, [f"evolve-{method}"])
     _, settings = read_table(ROOT / "results/default" / part.name / part.table)
-    assert part.settings["operators"] == settings["operators"]
+    # Tables of earlier versions lack operators that came later.
+    assert part.settings["operators"].items() >= settings["operators"].items()
 
 
 @pytest.mark.parametrize("page", PAGES)

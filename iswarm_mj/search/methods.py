@@ -9,13 +9,13 @@ the same genomes when it is repeated.
 Source of the paper's "Evolutionary Strategy": Valdastri et al. (2006), section 4.6, which
 specifies: the best two pass unchanged; parents are drawn with probabilities proportional to their
 fitness; dependent mutation at a rate of 0.5 within +-0.05 of the parent's value; independent
-mutation at a rate of 0.05; crossover at a rate of 0.2, half of it intermediate, half taking each
-value from one parent or the other. Choices where it is silent:
+mutation at a rate of 0.05; crossover at a rate of 0.2, half of it intermediate, and in the other
+half "the values of one of the two parents were transferred". Choices where it is silent:
 
 - Crossover comes first, then dependent, then independent mutation; both kinds of mutation apply to
-  each parameter independently. In a crossover that is not intermediate, each parameter comes from
-  either parent with equal probability. The second parent is drawn like the first, and may be the
-  same.
+  each parameter independently. The second parent is drawn like the first, and may be the same.
+- A crossover that is not intermediate copies all values of one parent, either with equal
+  probability; `discrete_crossover` has the other reading.
 - "+-0.05 of the parent's parameter value" is read as an absolute difference; `relative_span` reads
   it as a share of the value.
 - A mutation that leaves the range ends at its limit: Table 2 has a value of 1.00.
@@ -80,8 +80,13 @@ class Operators:
     crossover_rate: Share = 0.2
     """Probability that an offspring has two parents."""
     intermediate_share: Share = 0.5
-    """Share of the crossovers that average both parents; in the others each value comes from one of
-    them."""
+    """Share of the crossovers that average both parents; for the others see
+    `discrete_crossover`."""
+    discrete_crossover: Literal["parent", "values"] = "parent"
+    """What a crossover that averages nothing transfers: all values of one parent, or each value
+    from either parent. Section 4.6: "the values of one of the two parents were transferred to the
+    offspring". By its words they are those of one parent, so that such a crossover is none; the
+    usual discrete recombination of evolution strategies draws a parent for each value."""
     density_min: Annotated[float, Above(0, 1)] = 0.01
     """Smallest density of robots; 24 robots in the paper's arena."""
     density_max: Annotated[float, Above(0, 1)] = 0.33
@@ -176,6 +181,8 @@ def cross_over(
     either = np.where(is_of_first, first, second)
     if rng.random() < operators.intermediate_share:
         return np.where(IS_BOOLEAN, either, (first + second) / 2), "intermediate"
+    if operators.discrete_crossover == "parent":
+        return (first if rng.random() < 0.5 else second), "discrete"
     return either, "discrete"
 
 

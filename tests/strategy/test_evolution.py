@@ -168,18 +168,29 @@ class TestCrossover:
             kinds.append(kind)
         return np.array(values), np.array(kinds)
 
-    def test_half_are_averages_and_half_are_mixed(self, children):
+    def test_half_are_averages_and_half_are_either_parent(self, children):
+        """A child that is no average has all values of one parent."""
         values, kinds = children
         is_average = kinds == "intermediate"
         assert near(is_average.sum(), DRAWS, 0.5)
         assert set(kinds) == {"intermediate", "discrete"}
         np.testing.assert_allclose(values[is_average][:, REAL], 0.2)
 
-        mixed = values[~is_average]
-        from_one = mixed == self.ONE
-        assert ((mixed == self.OTHER) ^ from_one).all()
-        assert near(from_one.sum(axis=0), len(mixed), 0.5)
-        assert largest_correlation(from_one) < 0.06
+        copies = values[~is_average]
+        is_of_one = (copies == self.ONE).all(axis=1)
+        assert ((copies == self.OTHER).all(axis=1) ^ is_of_one).all()
+        assert near(is_of_one.sum(), len(copies), 0.5)
+
+    def test_each_value_may_come_from_either_parent(self):
+        operators = replace(PAPER, intermediate_share=0.0, discrete_crossover="values")
+        generator = rng(4)
+        children = [cross_over(operators, self.ONE, self.OTHER, generator) for _ in range(DRAWS)]
+        assert {kind for _, kind in children} == {"discrete"}
+        mixed = np.array([values for values, _ in children])
+        is_of_one = mixed == self.ONE
+        assert ((mixed == self.OTHER) ^ is_of_one).all()
+        assert near(is_of_one.sum(axis=0), DRAWS, 0.5)
+        assert largest_correlation(is_of_one) < 0.04
 
     def test_booleans_come_from_either_parent(self, children):
         values, kinds = children
