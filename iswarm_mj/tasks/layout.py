@@ -19,15 +19,16 @@ from iswarm_mj.utils.units import RD
 
 
 @lru_cache(maxsize=16)
-def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
+def free_cells(arena: ArenaConfig, cell: float = 1.0, *, with_dump: bool = False) -> np.ndarray:
     """Return the centres (C, 2) of the cells on which robots can start [mm], read-only.
 
     A robot in such a cell is not on the dump, and touches neither a wall nor an obstacle or a box
-    at any heading. The paper's arena has 2376 of them.
+    at any heading. The paper's arena has 2376 of them, and 2401 with those on the dump.
 
     Args:
         arena: walls, dump, obstacles and boxes.
         cell: width of a cell [rd].
+        with_dump: return the cells on the dump, too.
 
     Raises:
         ConfigError: obstacles and boxes leave no cell.
@@ -35,8 +36,9 @@ def free_cells(arena: ArenaConfig, cell: float = 1.0) -> np.ndarray:
     width = cell * RD
     cells = _grid(arena, cell)
 
-    distance_to_centre = np.maximum(abs(cells[:, 0]), abs(cells[:, 1]))
-    cells = cells[distance_to_centre > arena.dump_size / 2 * RD]
+    if not with_dump:
+        distance_to_centre = np.maximum(abs(cells[:, 0]), abs(cells[:, 1]))
+        cells = cells[distance_to_centre > arena.dump_size / 2 * RD]
     if arena.outline:
         cells = cells[beyond(cells, in_mm(arena.walls)) <= -width / 2 + 1e-9]
     if arena.standing:
@@ -89,7 +91,13 @@ def cell_of(robot: Robots) -> float:
     return diameter if diameter > 1 + 1e-9 else 1.0
 
 
-def robots_for(arena: ArenaConfig, density: float, name: str = "density") -> int:
+def robots_for(
+    arena: ArenaConfig,
+    density: float,
+    name: str = "density",
+    *,
+    with_dump: bool = False,
+) -> int:
     """Return the number of robots that covers a share of the free cells.
 
     In the paper's arena that is 280 for a density of 0.118, and 314 for 0.132.
@@ -98,13 +106,14 @@ def robots_for(arena: ArenaConfig, density: float, name: str = "density") -> int
         arena: sizes of the arena and of the dump.
         density: share of the cells, above 0 and at most 1.
         name: name of the density in error messages.
+        with_dump: cells of the dump count, too.
 
     Raises:
         ConfigError: the density is out of range.
     """
     if not 0.0 < density <= 1.0:
         raise ConfigError(name, density, "above 0 and at most 1")
-    return max(1, round(density * len(free_cells(arena))))
+    return max(1, round(density * len(free_cells(arena, with_dump=with_dump))))
 
 
 def check_robots(arena: ArenaConfig, n_robots: int, cell: float = 1.0) -> None:

@@ -37,7 +37,21 @@ def changed_settings(config):
     return changed
 
 
-@pytest.mark.parametrize("name", EXPERIMENTS)
+TO_REPEAT = {
+    "density": "its table has 119 to 950 robots, the paper 120 to 960",
+    "infer": "its table has the same swarms of Fig. 17, and no aperture of the photodiodes",
+}
+"""Reasons why the runs of published tables are others than today's, by experiment."""
+
+
+def published(name):
+    """Return the parameter of an experiment, which must differ from its table if it says so."""
+    if name not in TO_REPEAT:
+        return name
+    return pytest.param(name, marks=pytest.mark.xfail(reason=TO_REPEAT[name], strict=True))
+
+
+@pytest.mark.parametrize("name", [published(name) for name in EXPERIMENTS])
 def test_runs_are_those_of_the_results(name):
     """They have the labels, seeds, sizes and limits of the published tables."""
     rows, _ = read_table(RESULTS / name / EXPERIMENTS[name].table)
@@ -56,6 +70,19 @@ def test_runs_are_those_of_the_results(name):
 def test_a_quick_version_is_much_shorter(name):
     quick = EXPERIMENTS[name].entries(replace(PLAN, quick=True))
     assert robot_steps(quick) < 0.3 * robot_steps(entries_of(name))
+
+
+def test_the_densities_are_those_of_fig_17():
+    """Section 4.6.2: 120 to 960 robots, shares of all 2401 cells."""
+    sizes = {entry.labels["density"]: entry.job.n_robots for entry in entries_of("density")}
+    assert (sizes[0.05], sizes[0.4]) == (120, 960)
+    assert sizes == {density: round(2401 * density) for density in sizes}
+
+    of_infer = {}
+    for labels, job in EXPERIMENTS["infer"].entries(replace(PLAN, quick=True)):
+        if labels["study"] == "density":
+            of_infer[labels["density"]] = job.n_robots
+    assert of_infer == sizes
 
 
 def test_hop_counts_differ_in_nothing_else():

@@ -44,8 +44,8 @@ class TestInference:
 
     def test_the_selected_reading_is_that_of_the_rule(self, support_of):
         settings = {}
-        for name, levels in FACTORS.items():
-            support = support_of[name]
+        for name, support in support_of.items():
+            levels = FACTORS[name]
             assert support.counts.keys() == support.shares.keys() == levels.keys()
             settings |= dict(levels[support.replacement or DEFAULT_LABELS[name]])
         assert varied(SwarmConfig(), settings) == INTERPRETATIONS["selected"]

@@ -33,6 +33,11 @@ class TestCells:
     def test_density_is_the_share_of_cells_with_robots(self, density, n_robots):
         assert layout.robots_for(PAPER, density) == n_robots
 
+    def test_the_dump_has_cells_of_its_own(self):
+        cells = layout.free_cells(PAPER, with_dump=True)
+        assert len(cells) == 49**2
+        assert layout.robots_for(PAPER, 0.4, with_dump=True) == 960
+
     @pytest.mark.parametrize("density", [0.0, -0.1, 1.01, np.nan, np.inf])
     def test_density_has_limits(self, density):
         with pytest.raises(UserError, match=r"density must be above 0 and at most 1 \(got"):

@@ -62,10 +62,8 @@ class Overrides(TypedDict, total=False):
     """Configuration, instead of the plan's."""
     genome: Genome
     """Genome, instead of the plan's."""
-    density: float
-    """Density of robots, instead of the genome's."""
     n_robots: int
-    """Number of robots, instead of that which follows from the density."""
+    """Number of robots, instead of that which follows from the genome's density."""
     goal: int | None
     """Number of delivered balls at which a run ends, instead of the plan's; None for all."""
     failed_fraction: float
@@ -150,12 +148,12 @@ class Experiment:
         """Return one of the runs of a setting."""
         overrides = setting.overrides
         genome = overrides.get("genome", plan.genome)
-        density = overrides.get("density", genome.density_of_robots)
+        n_robots = robots_for(plan.config.arena, genome.density_of_robots)
         limit = self.quick_limit if plan.quick else overrides.get("limit", self.limit)
         return Job(
             config=overrides.get("config", plan.config),
             genome=genome,
-            n_robots=overrides.get("n_robots", robots_for(plan.config.arena, density)),
+            n_robots=overrides.get("n_robots", n_robots),
             seed=run_seed(plan.seed, *setting.seed_path, repeat),
             steps=limit,
             stop_at=overrides.get("goal", plan.goal),

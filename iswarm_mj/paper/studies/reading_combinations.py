@@ -22,7 +22,7 @@ from iswarm_mj.paper.studies.experiment import (
     Values,
     varied,
 )
-from iswarm_mj.paper.studies.settings import DENSITIES
+from iswarm_mj.paper.studies.settings import DENSITIES, robots_of_figure_17
 from iswarm_mj.strategy.genome import PRESETS, Genome
 from iswarm_mj.tasks.layout import robots_for
 
@@ -76,6 +76,7 @@ FACTORS: Mapping[str, Mapping[str, Values]] = {
     },
     "dust_size": {f"{size:g} rd": {"arena.dust_area_size": size} for size in (4.0, 6.0, 8.0)},
     "dump_size": {f"{size:g} rd": {"arena.dump_size": size} for size in (4.0, 5.0, 7.0)},
+    "photodiode_aperture": {"90 deg": {}, "60 deg": {"optics.photodiode_aperture": 60.0}},
 }
 """Factors, by the names of their columns: labels of the readings that are tried, and the values of
 settings that they stand for."""
@@ -231,10 +232,14 @@ def _on_all_figures(
         overrides: further overrides of all runs.
     """
     for index, figure in enumerate(FIGURE_SETTINGS):
+        if figure.study == "density":
+            n_robots = robots_of_figure_17(config.arena, figure.density)
+        else:
+            n_robots = robots_for(config.arena, figure.density)
         figure_overrides: Overrides = {
             "config": config,
             "genome": figure.genome,
-            "n_robots": robots_for(config.arena, figure.density),
+            "n_robots": n_robots,
             "limit": figure.limit,
         }
         if plan.quick or figure.study == "types":

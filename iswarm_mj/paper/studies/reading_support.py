@@ -280,7 +280,8 @@ def _combination_of(runs: Rows) -> Combination:
     first = runs[0]
     return Combination(
         reading=first["reading"],
-        labels={factor: first[factor] for factor in FACTORS},
+        # Tables of earlier versions lack factors that came later.
+        labels={factor: first[factor] for factor in FACTORS if factor in first},
         answers=list(answers.selecting.values()),
         penalty_error=penalty_error(runs),
         single_run_counts=single_run_counts,
@@ -297,7 +298,9 @@ def accept_best(combinations: Sequence[Combination]) -> Sample:
 
 
 def support_of_factors(combinations: Sequence[Combination]) -> dict[str, Support]:
-    """Return the support of the labels of all factors; labels that the sample lacks are left out.
+    """Return the support of the labels of the table's factors.
+
+    Labels that the sample lacks are left out.
 
     Raises:
         ValueError: the unchanged reading of the paper is missing, or is there twice.
@@ -307,12 +310,12 @@ def support_of_factors(combinations: Sequence[Combination]) -> dict[str, Support
     (unchanged,) = (combination for combination in papers if combination.is_named)
 
     # How often labels come in the sample and among those accepted, and whether that is chance.
-    label_counts = {factor: _count_labels(factor, sample) for factor in FACTORS}
+    label_counts = {factor: _count_labels(factor, sample) for factor in unchanged.labels}
     p_values = [_p_of_labels(counts, sample) for counts in label_counts.values()]
     adjusted = holm(p_values)
 
     supports = {}
-    for factor, p, adjusted_p in zip(FACTORS, p_values, adjusted, strict=True):
+    for factor, p, adjusted_p in zip(label_counts, p_values, adjusted, strict=True):
         shares = _shares_of_labels(label_counts[factor], sample)
 
         # What each label does alone, the default first.
@@ -409,10 +412,11 @@ def support_findings(rows: Rows) -> list[Finding]:
 
     combinations = combinations_of(rows)
     sample = accept_best(combinations)
+    supports = support_of_factors(combinations)
     verdict = "" if len(sample.drawn) >= MIN_COMBINATIONS else TOO_FEW
 
     rule = (
-        f"{len(sample.drawn)} combinations drawn from {len(FACTORS)} readings; the "
+        f"{len(sample.drawn)} combinations drawn from {len(supports)} readings; the "
         f"{len(sample.accepted)} that miss the fewest statements that select are accepted "
         "(approximate Bayesian computation by rejection); of equals those nearer in the penalties "
         "of both types"
@@ -420,8 +424,10 @@ def support_findings(rows: Rows) -> list[Finding]:
     reproduced = not_run._replace(
         ours=_reproduced_text(combinations, sample), statistics=rule, verdict=verdict
     )
-    supports = support_of_factors(combinations)
-    return [reproduced, *(_support_finding(name, supports[name], verdict) for name in supports)]
+    findings = [reproduced]
+    for name, support in supports.items():
+        findings.append(_support_finding(name, support, len(supports), verdict))
+    return findings
 
 
 def _reproduced_text(combinations: Sequence[Combination], sample: Sample) -> str:
@@ -447,8 +453,8 @@ def _reproduced_text(combinations: Sequence[Combination], sample: Sample) -> str
     )
 
 
-def _support_finding(factor: str, support: Support, verdict: str) -> Finding:
-    """Return the finding on the support of a factor's labels."""
+def _support_finding(factor: str, support: Support, n_factors: int, verdict: str) -> Finding:
+    """Return the finding on the support of a factor's labels, one of `n_factors` factors."""
     shares = [f"{label}: {interval_text(share, '%')}" for label, share in support.shares.items()]
     if support.replacement:
         default = DEFAULT_LABELS[factor]
@@ -459,7 +465,7 @@ def _support_finding(factor: str, support: Support, verdict: str) -> Finding:
     rule = (
         f"share of the accepted combinations, of which {without_support} % without any support; "
         f"Wilson; exact multinomial p = {number_text(support.p, 2)}, "
-        f"{number_text(support.adjusted_p, 2)} by Holm for {len(FACTORS)} readings; of `paper` "
+        f"{number_text(support.adjusted_p, 2)} by Holm for {n_factors} readings; of `paper` "
         f"with one value hold, of those that select: {counts}"
     )
     return Finding(

@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import product
 from typing import Any
 
+from iswarm_mj.config.arena import ArenaConfig
 from iswarm_mj.paper.analysis.measures import PAPER_FITNESS
 from iswarm_mj.paper.analysis.varied_values import (
     BALANCE,
@@ -135,7 +136,17 @@ def hop_count_settings(plan: Plan) -> Iterator[Setting]:
 def density_settings(plan: Plan) -> Iterator[Setting]:
     """Yield runs of all densities."""
     for density in QUICK_DENSITIES if plan.quick else DENSITIES:
-        yield Setting({"density": density}, (round(1000 * density),), {"density": density})
+        overrides: Overrides = {"n_robots": robots_of_figure_17(plan.config.arena, density)}
+        yield Setting({"density": density}, (round(1000 * density),), overrides)
+
+
+def robots_of_figure_17(arena: ArenaConfig, density: float) -> int:
+    """Return the number of robots of Fig. 17: a share of all cells, those of the dump included.
+
+    Section 4.6.2: "49 x 49 = 2401 possible robot locations, 2401 x 0.4 = 960 robots in the swarm".
+    The numbers of robots in Table 2 leave the dump out, as `robots_for` does by default.
+    """
+    return robots_for(arena, density, with_dump=True)
 
 
 def type_settings(plan: Plan) -> Iterator[Setting]:
