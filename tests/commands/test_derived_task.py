@@ -166,6 +166,7 @@ def test_tables_have_its_metrics_and_boxes():
 def test_inspect_shows_it_and_a_command_that_repeats_it(capfd):
     assert code_of("inspect", "runs/task") == 0
     text = capfd.readouterr().out
+    assert text.startswith("run of the task Closing on planar")
     lines = dict(re.findall(r"^ *(\S.*?)  +(.*)$", text, re.M))
     assert lines["task"] == "Closing" and lines["closed"] == "1, 1" and lines["way"] == "8, 8 mm"
     assert lines["run.rrd"].endswith("recording: rerun runs/task/run.rrd")

@@ -152,7 +152,9 @@ def _describe_run(content: Mapping[str, Any], directory: Path) -> Iterator[str]:
         content: content of result.json.
         directory: directory of the run.
     """
-    kind = "cleaning run" if "delivered" in content else "run of a task"
+    # Other tasks may count deliveries, too, as those do that derive from Cleaning.
+    task = content["task"].get("class", "Cleaning")
+    kind = "cleaning run" if task == "Cleaning" else f"run of the task {task}"
     engine = " ".join(str(content[name]) for name in ("engine", "impl") if name in content)
     yield f"{kind} on {engine or 'mujoco'}, version {content.get('version', 'unknown')}"
     if content.get("interrupted"):
