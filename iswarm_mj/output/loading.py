@@ -1,5 +1,6 @@
 """Loads a run from its files, which are checked: settings, results, arrays, and tidy tables."""
 
+import json
 import os
 import zipfile
 from collections.abc import Iterator, Mapping
@@ -13,6 +14,7 @@ import numpy as np
 import pyarrow as pa
 from jaxtyping import jaxtyped
 
+from iswarm_mj._version import __version__
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.robot_file import as_robot_file
 from iswarm_mj.geometry.robot import RobotFile
@@ -321,11 +323,34 @@ def read_trajectory(path: Path) -> dict[str, np.ndarray]:
         raise UserError(f"{path} is cut off or no file of arrays ({error}); {REMEDY}.") from None
     for name in (*_ARRAY_TYPES, *further_names):
         if name not in arrays:
-            raise UserError(
-                f"{path} is not the {TRAJECTORY} of a run, for it has no array `{name}`; {REMEDY}."
-            )
+            raise _missing_array(path, arrays, name)
     _check_arrays(path, arrays)
     return arrays
+
+
+def _missing_array(path: Path, arrays: Arrays, name: str) -> UserError:
+    """Return the error for a trajectory that lacks an array, which another version may not have."""
+    fact = f"has no array `{name}`"
+    written_by = _version_of(arrays)
+    if written_by in (None, __version__):
+        return UserError(f"{path} is not the {TRAJECTORY} of a run, for it {fact}; {REMEDY}.")
+    return UserError(
+        f"{path} {fact}, for version {written_by} wrote it and this is {__version__}; read it with "
+        "that one, or repeat the run."
+    )
+
+
+def _version_of(arrays: Arrays) -> str | None:
+    """Return the version that wrote a trajectory; None if it does not state one."""
+    about = arrays.get(ABOUT, np.zeros(0))
+    if about.ndim or about.dtype.kind not in "SU":
+        return None
+    try:
+        content = json.loads(about.item())
+    except ValueError:
+        return None
+    version = content.get("version") if isinstance(content, dict) else None
+    return version if isinstance(version, str) else None
 
 
 def _check_arrays(path: Path, arrays: Arrays) -> None:

@@ -219,6 +219,16 @@ WRONG_ARRAYS = [
 ]
 
 
+def test_a_trajectory_of_another_version_that_lacks_an_array(copy):
+    def by_an_older_version(about):
+        return np.bytes_(json.dumps({**json.loads(about.item()), "version": "0.1.0"}))
+
+    directory = copy(RESULT, **{ABOUT: by_an_older_version, "scene_team_sizes": None})
+    says = r"has no array `scene_team_sizes`, for version 0\.1\.0 wrote it and this is .*read it"
+    with pytest.raises(UserError, match=says):
+        iswarm_mj.load(directory)
+
+
 @pytest.mark.parametrize(("changes", "message"), WRONG_ARRAYS)
 def test_arrays_that_no_run_has(copy, changes, message):
     directory = copy(RESULT, **changes)
