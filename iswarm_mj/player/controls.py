@@ -6,6 +6,7 @@ from dataclasses import fields, is_dataclass
 from importlib.metadata import entry_points
 from typing import Any, NamedTuple
 
+from iswarm_mj.config.setting_names import CONFIG_NAMES, PARTS
 from iswarm_mj.engines.registry import ENGINES
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.sensors.conditions import Conditions
@@ -80,8 +81,11 @@ class Control(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Name on the page."""
-        name = self.name.rpartition(".")[2].replace("_", " ")
+        """Name on the page, with its part where two parts have a field of one name."""
+        part, _, field_name = self.name.rpartition(".")
+        is_shared = part in PARTS and self.name not in CONFIG_NAMES
+        name = f"{part} {field_name}" if is_shared else field_name
+        name = name.replace("_", " ")
         return f"{name} [{self.unit}]" if self.unit else name
 
 

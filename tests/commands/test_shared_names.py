@@ -407,6 +407,11 @@ class TestPage:
         names = [control.name for control in session.controls()]
         assert len({*names}) == len(names) and "reach" not in names
         assert {"strategy.reach", "task.reach", "turn", "bonus"} <= {*names}
+        label_of = {control.name: control.label for control in session.controls()}
+        assert label_of["strategy.reach"] == "strategy reach [mm]"
+        assert label_of["task.reach"] == "task reach [mm]"
+        assert label_of["bonus"] == "bonus"
+        assert label_of["optics.communication_radius"].startswith("communication radius")
 
         session.advance()
         session.set("task.reach", 70.0)
