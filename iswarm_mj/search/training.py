@@ -120,7 +120,7 @@ def points(
             outcomes.picked[world],
             outcomes.collisions[world],
             outcomes.mean_carriage_steps[world],
-            outcomes.finished_at[world] or None,
+            int(outcomes.finished_at[world]) if outcomes.is_finished[world] else None,
         )
         with user_code(f"{type(task).__name__}.fitness"):
             fitness.append(float(task.fitness(measures, config, n_robots, steps)))

@@ -40,7 +40,7 @@ class Rollout(NamedTuple):
     """(B,) bool, the goal was reached, in cleaning all balls delivered; the world stands still
     from then on."""
     finished_at: np.ndarray
-    """(B,) control step after which the goal was reached; 0 where it was not."""
+    """(B,) control step after which the goal was reached; NaN where it was not."""
     steps: np.ndarray
     """(C,) control steps after which progress was counted."""
     delivered_after: np.ndarray
@@ -155,7 +155,7 @@ def _results(run: Run, progress: _Progress, poses: np.ndarray | None) -> Rollout
         collisions=np.array([of_world.collisions for of_world in measures]),
         mean_carriage_steps=np.array(carriage, float),  # NaN for None
         is_finished=np.array([step is not None for step in finished_at]),
-        finished_at=np.array([step or 0 for step in finished_at]),
+        finished_at=np.array(finished_at, float),  # NaN for None
         steps=progress.steps,
         delivered_after=progress.values,
         poses=poses,

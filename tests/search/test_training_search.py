@@ -77,7 +77,7 @@ def empty_rollout(n_worlds, **outcomes):
         collisions=zeros,
         mean_carriage_steps=zeros,
         is_finished=zeros > 1,
-        finished_at=zeros,
+        finished_at=np.full(n_worlds, np.nan),
         steps=zeros,
         delivered_after=np.zeros((n_worlds, 1)),
         poses=None,
@@ -138,7 +138,12 @@ class TestWorlds:
                 judged.append((config.arena.size, n_robots, steps, measures.finished_at))
                 return 0.0
 
-        rollouts.change = lambda outcomes, _: outcomes._replace(finished_at=np.tile([0, 7], 4))
+        def finish_every_second(outcomes, _):
+            return outcomes._replace(
+                is_finished=np.tile([False, True], 4), finished_at=np.tile([np.nan, 7.0], 4)
+            )
+
+        rollouts.change = finish_every_second
         wanted = replace(TRAINING, robots=(4, 9), sizes=(15.0, 30.0), steps=60, generations=1)
         train(wanted, Three(jnp.zeros(3)), out, PLANAR, task=Judging())
 

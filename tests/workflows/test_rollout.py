@@ -114,12 +114,13 @@ class TestStraightOn:
 
     def test_nothing_is_picked_or_hit(self, straight_on):
         assert straight_on.steps.tolist() == [5, 7]
-        for name in ("delivered", "picked", "collisions", "finished_at"):
+        for name in ("delivered", "picked", "collisions"):
             assert getattr(straight_on, name).tolist() == [0] * N_WORLDS
         assert straight_on.delivered_after.tolist() == [[0, 0]] * N_WORLDS
         assert straight_on.faults == []
         assert np.isnan(straight_on.mean_carriage_steps).all()
         assert not straight_on.is_finished.any()
+        assert np.isnan(straight_on.finished_at).all()
 
     def test_mujoco_in_c_has_the_same_results(self, straight_on):
         on_cpu = walk(straight(), MujocoSettings(threads=1))
@@ -184,6 +185,7 @@ class TestSwarm:
     def test_worlds_are_finished_at_the_goal(self, swarm):
         np.testing.assert_array_equal(swarm.is_finished, swarm.delivered >= GOAL)
         assert swarm.is_finished.any()
+        np.testing.assert_array_equal(np.isfinite(swarm.finished_at), swarm.is_finished)
         for world in np.flatnonzero(swarm.is_finished):
             is_after_end = swarm.steps >= swarm.finished_at[world]
             np.testing.assert_array_equal(swarm.delivered_after[world] >= GOAL, is_after_end)
