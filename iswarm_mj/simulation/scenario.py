@@ -19,6 +19,7 @@ from iswarm_mj.simulation.scenario_flags import STEPS, toml, values_of
 from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import TYPE1, Genome
+from iswarm_mj.strategy.pytrees import refuse_class
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.tasks.layout import robots_for
 from iswarm_mj.utils.constraints import check, constraint_of, is_whole, validate
@@ -86,6 +87,8 @@ class Scenario:
             name = getattr(self, field_name)
             check(field_name, name, "a text", name is None or isinstance(name, str))
         validate(self)
+        refuse_class(self.strategy, "strategy")
+        refuse_class(self.task, "task")
         object.__setattr__(self, "robot_file", as_robot_file(self.robot_file))
 
         object.__setattr__(self, "worlds", _checked_worlds(self.worlds))
@@ -167,6 +170,9 @@ class Scenario:
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:
         """Read a file whose keys are flags of `iswarm run`, such as `to_toml` states.
+
+        A class of a user's file is loaded by the name of its file. It is the class that was loaded
+        so before, unless the file has changed, but not one that a plain import gave.
 
         Raises:
             UserError: the file cannot be read, or has a key that is no part of a scenario.

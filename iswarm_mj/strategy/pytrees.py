@@ -28,9 +28,7 @@ def as_pytree(given: Any, what: str) -> Any:
     Raises:
         UserError: it is a class, or cannot be made a pytree.
     """
-    if isinstance(given, type):
-        name = given.__name__
-        raise UserError(f"{what} is the class {name} itself; give an object of it, as {name}()")
+    refuse_class(given, what)
     is_pytree = not jax.tree_util.all_leaves([given])
     if is_pytree:
         return given
@@ -53,6 +51,13 @@ def as_pytree(given: Any, what: str) -> Any:
                 f"{name}.{field} is compiled in and must not change, but is a {kind}; use a tuple"
             ) from None
     return given
+
+
+def refuse_class(given: Any, what: str) -> None:
+    """Raise a UserError for a class in place of an object, whose name is `what`."""
+    if isinstance(given, type):
+        name = given.__name__
+        raise UserError(f"{what} is the class {name} itself; give an object of it, as {name}()")
 
 
 def as_arrays(given: Any, what: str) -> Any:

@@ -10,16 +10,31 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 from iswarm_mj.utils.user_code import is_users
+
+
+class _Imported(NamedTuple):
+    """A file that was executed."""
+
+    content: bytes
+    """Content of the file then."""
+    module: ModuleType
+    """Its module."""
+
+
+_IMPORTED: dict[str, _Imported] = {}
+"""Files that were executed without an error, by the names of their modules."""
 
 
 def import_file(path: Path) -> ModuleType | None:
     """Execute a file, and return its module; None if it is no file of Python.
 
-    The file can import what lies beside it, as a script can. It is executed each time, so that
-    edits count; what it imports is executed once, as all modules are. Files of one name in
-    different directories are different modules, and so are the files that they import from there.
+    The file can import what lies beside it, as a script can. It is executed again if it has changed
+    since, so that edits count, and objects of its classes are equal as long as it has not; what it
+    imports is executed once, as all modules are. Files of one name in different directories are
+    different modules, and so are the files that they import from there.
     """
     path = path.resolve()
     script = _running_script(path)
@@ -28,6 +43,11 @@ def import_file(path: Path) -> ModuleType | None:
 
     number = zlib.crc32(os.fsencode(path))
     name = f"{re.sub(r'[^A-Za-z0-9]', '_', path.stem)}_{number:08x}"
+    content = path.read_bytes()
+    before = _IMPORTED.get(name)
+    if before is not None and before == (content, sys.modules.get(name)):
+        return before.module
+
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
         return None
@@ -39,6 +59,7 @@ def import_file(path: Path) -> ModuleType | None:
         for new_name in sys.modules.keys() - names_before:
             _pickle_by_value(sys.modules[new_name])
     _pickle_by_value(module)
+    _IMPORTED[name] = _Imported(content, module)
     return module
 
 

@@ -198,6 +198,8 @@ class TestMistakes:
             ({"engine": "planar"}, "engine must be"),
             ({"strategy_name": math.inf}, "strategy_name must be a text \\(got inf\\)"),
             ({"task_name": 3}, "task_name must be a text \\(got 3\\)"),
+            ({"task": Foraging}, "task is the class Foraging itself; give an object of it"),
+            ({"strategy": Forager}, "strategy is the class Forager itself; give an object of it"),
         ],
     )
     def test_impossible_fields_are_refused(self, fields, says):
@@ -301,6 +303,7 @@ class TestFiles:
         again = read_back(scenario, tmp_path / "scenario.toml")
         assert again.values() == scenario.values()
         assert again.strategy.longest_wait == 7.0
+        assert replace(again, engine=scenario.engine) == scenario
 
         result = about(Run(scenario))
         says = r"strategy Walk, which no package offers; give its class.*strategy=Walk"

@@ -139,6 +139,13 @@ class TestImports:
         (tmp_path / "walk.py").write_text(text)
         assert (find_strategy(name).step, first.step) == (70.0, 7.0)
 
+    def test_a_file_is_read_once_while_it_stays_the_same(self, tmp_path):
+        """Objects of its classes are equal then."""
+        name = write_walk(tmp_path, 7.0)
+        first = find_strategy(name)
+        assert find_strategy(name) is first
+        assert find_strategy(name)(step=2.0) == first(step=2.0)
+
     def test_a_neighbour_may_be_new(self, tmp_path):
         """Python keeps lists of directories, which a file may be younger than."""
         name = write_walk(tmp_path, 7.0)
