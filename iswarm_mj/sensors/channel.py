@@ -46,12 +46,9 @@ def exchange(
         key: random key.
     """
     n_robots, n_leds = links.sender.shape
-    led = jnp.arange(n_leds)[None]
-    content_of_leds = jax.tree.map(lambda values: values[:, None], content)
-    sent = payload.pack(Message(led, content_of_leds), n_leds)
-    if not content:  # all robots send the same
-        sent = jnp.broadcast_to(sent, (n_robots, n_leds))
+    sent = _bits_of_leds(payload, content, n_robots, n_leds)
 
+    # Noise may change bits on the way.
     draws = draw(key, links.sender.shape, n_uniform=2, n_normal=1)
     (bit_error, first_bit), (second_bit, link_break) = draws.uniform
     (noise,), _ = draws.normal
@@ -61,12 +58,13 @@ def exchange(
         error=conditions.error_in_communication,
         independent=conditions.independent_bit_errors,
     )
+
+    # Receivers check what arrives, and measure the distance with an error.
     message, is_right = payload.unpack(received, n_leds)
     arrives = links.valid & (link_break >= conditions.p_communication_break)
     is_heard = arrives & (is_right | ~jnp.asarray(conditions.parity_check))
     if n_leds not in (4, 8):  # a wrong bit may give a number that no LED has
         is_heard &= message.led < n_leds
-
     relative_distance = 1.0 + conditions.error_distance_measure * noise
     return Received(
         message=message,
@@ -74,3 +72,15 @@ def exchange(
         distance=links.true_distance * jnp.maximum(relative_distance, 0.0),
         bits=sent,
     )
+
+
+def _bits_of_leds(
+    payload: Payload, content: dict[str, Any], n_robots: int, n_leds: int
+) -> UInt32[Array, "N S"]:
+    """Return the message that each LED of each robot sends: the LED's number, and the content."""
+    led = jnp.arange(n_leds)[None]
+    content_of_leds = jax.tree.map(lambda values: values[:, None], content)
+    bits = payload.pack(Message(led, content_of_leds), n_leds)
+    if not content:  # all robots send the same
+        bits = jnp.broadcast_to(bits, (n_robots, n_leds))
+    return bits

@@ -134,9 +134,9 @@ def check_class(given: Any, base: type, role: str) -> None:
 
 def _renaming(cls: type, missing: Sequence[str]) -> str:
     """Return that an attribute of a class may be a misspelt method that it lacks; "" if none is."""
-    others = [attribute for attribute in vars(cls) if attribute not in missing]
+    present = [attribute for attribute in vars(cls) if attribute not in missing]
     for method in missing:
-        similar = get_close_matches(method, others, n=1, cutoff=_SIMILAR)
+        similar = get_close_matches(method, present, n=1, cutoff=_SIMILAR)
         if similar:
             return f"rename {similar[0]}, which it has, to {method}"
     return ""

@@ -55,7 +55,7 @@ def heights(bench):
 
 def ball_voltage(bench):
     """Return the voltage of the ball [V]."""
-    return bench.data.plugin_state[bench.at["electrostatic", "ball_voltage"]]
+    return bench.data.plugin_state[bench.index_of["electrostatic", "ball_voltage"]]
 
 
 def take_steps_of_lift(bench, begin, end, voltage=50.0):

@@ -84,7 +84,7 @@ class MujocoBench:
         self.steps = 0
         self.recorded: list[Recorded] | None = [] if is_recorded else None
         self.where = layout(self.model)
-        self._at = plugin.state_indices(self.model)
+        self._index_of = plugin.state_indices(self.model)
         self._touch = np.array([2 * trial.radius / UM for trial in trials])
 
         self._batch = Batch(self.model, len(trials), threads)
@@ -99,7 +99,7 @@ class MujocoBench:
         for i, (model, trial) in enumerate(zip(models, trials, strict=True)):
             self._qpos[i] = start(model, trial, gaps)
             for place, value in plugin_numbers(trial).items():
-                self._state[i, self._at[place]] = value
+                self._state[i, self._index_of[place]] = value
         self._start = self._qpos[:, self.where.aside].copy()
         self._ctrl[:, self.where.tip] = self._qpos[:, self.where.slide]
         self._ctrl[:, self.where.aside_servo] = self._start
@@ -142,7 +142,7 @@ class MujocoBench:
         stands_still = not (begin != end).any()
 
         start_time = self._time[ids].reshape(len(ids), 1)
-        self._state[ids, self._at[PLATE, "first"]] = -1.0
+        self._state[ids, self._index_of[PLATE, "first"]] = -1.0
         for first in range(0, n_steps, PART):
             part = shares(n_steps)[first : first + PART]
             control = None if stands_still else self._controls(begin, end, part)
@@ -193,13 +193,13 @@ class MujocoBench:
     def _watch(self, ids: np.ndarray, start_time: np.ndarray) -> Watch:
         """Return the events on these benches since a time (n, 1) [ms]; the others have none."""
         state = self._state[ids]
-        at = self._at
+        index_of = self._index_of
 
         # Times of contacts that were before the start of the move are below 0 then.
         since_start = MS * (state - start_time)
-        last_tool = since_start[:, at[TOOL, "last"]]
-        last_plate = since_start[:, at[PLATE, "last"]]
-        first_plate = since_start[:, at[PLATE, "first"]]
+        last_tool = since_start[:, index_of[TOOL, "last"]]
+        last_plate = since_start[:, index_of[PLATE, "last"]]
+        first_plate = since_start[:, index_of[PLATE, "first"]]
 
         velocity = self._qvel[ids, self.where.ball : self.where.ball + 3]
         has_warned = self._batch.warning[ids].any(axis=(1, 2))
@@ -207,9 +207,9 @@ class MujocoBench:
             last_tool=np.where(last_tool >= 0, last_tool, -np.inf),
             last_plate=np.where(last_plate >= 0, last_plate, -np.inf),
             first_plate=np.where(first_plate >= 0, first_plate, np.inf),
-            landing_speed=state[:, at[PLATE, "landing_speed"]] * UM / MS,
-            gap_tool=state[:, at["electrostatic", "probe_gap"]] * UM,
-            gap_plate=state[:, at["electrostatic", "plate_gap"]] * UM,
+            landing_speed=state[:, index_of[PLATE, "landing_speed"]] * UM / MS,
+            gap_tool=state[:, index_of["electrostatic", "probe_gap"]] * UM,
+            gap_plate=state[:, index_of["electrostatic", "plate_gap"]] * UM,
             speed=np.sqrt((velocity**2).sum(axis=1)) * UM / MS,
             finite=np.isfinite(self._batch.state[ids]).all(axis=1) & ~has_warned,
         )

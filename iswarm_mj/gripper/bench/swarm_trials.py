@@ -75,7 +75,7 @@ class SingleBench:
         model: with the ball's radius.
         data: of MuJoCo; physics resumes from what is written there.
         where: addresses of numbers in MuJoCo's arrays.
-        at: indices of the plugins' numbers in `plugin_state`, by instance and field.
+        index_of: indices of the plugins' numbers in `plugin_state`, by instance and field.
         timestep: time step [s].
     """
 
@@ -87,7 +87,7 @@ class SingleBench:
         self.data = mujoco.MjData(self._usual)
         self.timestep = timestep
         self.where = layout(self.model)
-        self.at = plugin.state_indices(self.model)
+        self.index_of = plugin.state_indices(self.model)
         self._tip_at_touch = 0.0
         self._last_look = 0.0
 
@@ -109,7 +109,7 @@ class SingleBench:
         self._last_look = 0.0
         self._tip_at_touch = 2 * trial.radius / UM - where.tip_height
         for place, value in plugin_numbers(trial).items():
-            data.plugin_state[self.at[place]] = value
+            data.plugin_state[self.index_of[place]] = value
         data.ctrl[where.tip] = data.qpos[where.slide]
         data.ctrl[where.aside_servo] = data.qpos[where.aside]
 
@@ -128,21 +128,21 @@ class SingleBench:
         """Return the events since the last look."""
         data = self.data
         state = data.plugin_state.tolist()
-        last_tool = MS * (state[self.at[_TOOL, "last"]] - self._last_look)
-        last_plate = MS * (state[self.at[_PLATE, "last"]] - self._last_look)
-        first_plate = MS * (state[self.at[_PLATE, "first"]] - self._last_look)
+        last_tool = MS * (state[self.index_of[_TOOL, "last"]] - self._last_look)
+        last_plate = MS * (state[self.index_of[_PLATE, "last"]] - self._last_look)
+        first_plate = MS * (state[self.index_of[_PLATE, "first"]] - self._last_look)
         x, y, z = self._velocity()
         speed = (x * x + y * y + z * z) ** 0.5 * UM / MS
 
-        data.plugin_state[self.at[_PLATE, "first"]] = -1.0
+        data.plugin_state[self.index_of[_PLATE, "first"]] = -1.0
         self._last_look = data.time
         return Watch(
             last_tool=last_tool if last_tool >= 0 else -math.inf,
             last_plate=last_plate if last_plate >= 0 else -math.inf,
             first_plate=first_plate if first_plate >= 0 else math.inf,
-            landing_speed=state[self.at[_PLATE, "landing_speed"]] * UM / MS,
-            gap_tool=UM * state[self.at[_CIRCUIT, "probe_gap"]],
-            gap_plate=UM * state[self.at[_CIRCUIT, "plate_gap"]],
+            landing_speed=state[self.index_of[_PLATE, "landing_speed"]] * UM / MS,
+            gap_tool=UM * state[self.index_of[_CIRCUIT, "probe_gap"]],
+            gap_plate=UM * state[self.index_of[_CIRCUIT, "plate_gap"]],
             speed=speed,
             finite=math.isfinite(speed),
         )
@@ -182,32 +182,32 @@ class SingleBench:
         if result.hung > 0:
             data.qvel[:] = 0.0
         data.qvel[ball + 2] = result.rise
-        data.plugin_state[self.at[_CIRCUIT, "charge"]] = result.charge
+        data.plugin_state[self.index_of[_CIRCUIT, "charge"]] = result.charge
 
         # The plugins must not take the leap for an impact.
         tool_gap, plate_gap = self._present_gaps()
-        data.plugin_state[self.at[_TOOL, "before"]] = tool_gap
-        data.plugin_state[self.at[_PLATE, "before"]] = plate_gap
+        data.plugin_state[self.index_of[_TOOL, "before"]] = tool_gap
+        data.plugin_state[self.index_of[_PLATE, "before"]] = plate_gap
         for surface in (_TOOL, _PLATE):
-            data.plugin_state[self.at[surface, "rebound"]] = 0.0
+            data.plugin_state[self.index_of[surface, "rebound"]] = 0.0
         data.qacc_warmstart[:] = 0.0
         return float(time) * MS
 
     def _hanging_ball(self) -> Hanging:
         """Return what leaps need to know of the ball."""
         state = self.data.plugin_state.tolist()
-        tool = state[self.at[_TOOL, "force"]]
-        plate = state[self.at[_PLATE, "force"]]
+        tool = state[self.index_of[_TOOL, "force"]]
+        plate = state[self.index_of[_PLATE, "force"]]
         mass = float(self.model.body_mass[self.model.dof_bodyid[self.where.ball]])
         return Hanging(
             voltage=float(self.data.ctrl[self.where.voltage]),
-            ball_voltage=state[self.at[_CIRCUIT, "ball_voltage"]],
-            charge=state[self.at[_CIRCUIT, "charge"]],
-            to_probe=state[self.at[_CIRCUIT, "to_probe"]],
-            to_plate=state[self.at[_CIRCUIT, "to_plate"]],
-            leak=state[self.at[_CIRCUIT, "leak"]],
-            up=state[self.at[_CIRCUIT, "up"]],
-            down=state[self.at[_CIRCUIT, "down"]],
+            ball_voltage=state[self.index_of[_CIRCUIT, "ball_voltage"]],
+            charge=state[self.index_of[_CIRCUIT, "charge"]],
+            to_probe=state[self.index_of[_CIRCUIT, "to_probe"]],
+            to_plate=state[self.index_of[_CIRCUIT, "to_plate"]],
+            leak=state[self.index_of[_CIRCUIT, "leak"]],
+            up=state[self.index_of[_CIRCUIT, "up"]],
+            down=state[self.index_of[_CIRCUIT, "down"]],
             adhesion=tool,
             hold=tool - plate - self._gravity() * mass,
         )
