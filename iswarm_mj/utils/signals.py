@@ -3,6 +3,19 @@
 Python raises the exception in the main thread, between two of its own instructions. C code may
 return to Python after minutes only, such as a compiler, or drop the exception. A thread, which the
 system wakes at the signal, therefore raises it again, and in the end saves the files and leaves.
+
+Python's own handler with `finally` is plainer. SIGINT in the first control step of `mjx` (100
+robots, on a shared AMD EPYC), 0.5 to 11.5 s after it began to compile, ended 12 processes each so:
+
+| | `handle_signals`, `leave` | Python's own |
+|---|---|---|
+| exit code 130 | 12, within 0.5 s | 1, within 1.8 s |
+| segmentation fault in Python's shutdown | 0 | 9, after 0.2 to 19 s |
+| exception dropped in a callback of the collector of memory, and the run went on | 0 | 2 |
+
+What each function is for: `postponed` and `completing` let no file be half written, `saved` writes
+results of a run that C code does not let go, `kept_handlers` keeps what Ray would replace, `leave`
+ends the process without that shutdown.
 """
 
 import os
