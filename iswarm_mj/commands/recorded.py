@@ -93,7 +93,12 @@ class Video(RenderOptions):
 
         shot = Shot(self.camera, (self.width, self.height), fine=False)
         video.write_video(
-            self.directory, self.out, shot, self.frames_per_step, self.steps, self.title
+            self.directory,
+            self.out,
+            shot,
+            frames_per_step=self.frames_per_step,
+            steps=self.steps,
+            title=self.title,
         )
         print(f"video of {self.directory}: {self.out}")
 

@@ -185,13 +185,13 @@ def update_grasps(  # noqa: PLR0913 - arrays of robots and balls that have nothi
     attempting = _begin_attempts(gripper, balls, tips, view, picks, wants_release, control_period)
     ending = _end_attempts(gripper, balls, tips, view, wants_release, attempting)
     attempts = _describe_attempts(
-        gripper,
-        conditions,
-        balls,
-        attempting.worker,
-        ending.has_trial,
-        key,
-        voltage,
+        gripper=gripper,
+        conditions=conditions,
+        balls=balls,
+        worker=attempting.worker,
+        has_trial=ending.has_trial,
+        key=key,
+        voltage=voltage,
     )
     outcomes = decider(gripper, attempts)
 

@@ -209,7 +209,14 @@ def _draw_panel(axes: Any, rows: Rows, over: Sequence[str], name: str) -> None:
     lines = by(rows, *others).values() if others else [rows]
     for rows_of_line in lines:
         label = ", ".join(str(rows_of_line[0][setting]) for setting in others)
-        _draw_line(axes, rows_of_line, first, name, place_of_value, label)
+        _draw_line(
+            axes,
+            rows_of_line,
+            setting=first,
+            name=name,
+            place_of_value=place_of_value,
+            label=label,
+        )
 
     axes.set_xlabel(first)
     axes.set_ylabel("finished at step" if name == "finished_at" else name.replace("_", " "))

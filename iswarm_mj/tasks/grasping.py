@@ -35,12 +35,12 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
 
     # Sense what lies under the robots, unless they fail to notice it.
     floor = sense(
-        inputs.poses,
-        tips,
-        carried.position,
-        carried.is_lying,
-        mm_from_rd(conditions.dump_size),
-        mm_from_rd(conditions.dust_range),
+        poses=inputs.poses,
+        tips=tips,
+        balls=carried.position,
+        is_lying=carried.is_lying,
+        dump_size=mm_from_rd(conditions.dump_size),
+        reach=mm_from_rd(conditions.dust_range),
     )
     notices = inputs.notices
     floor = floor._replace(
@@ -54,13 +54,13 @@ def update_balls(balls: Balls, inputs: TaskInputs, key: Array) -> tuple[Balls, S
     chance = draw(fall_key, carried.is_held.shape, n_uniform=1).uniform[0][0]
     falls = chance < conditions.drop_rate
     handled, grasp_failed = update_grasps(
-        inputs.config.gripper,
-        conditions,
-        carried,
-        tips,
-        floor,
-        inputs.picks,
-        falls,
+        gripper=inputs.config.gripper,
+        conditions=conditions,
+        balls=carried,
+        tips=tips,
+        view=floor,
+        picks=inputs.picks,
+        falls=falls,
         decider=inputs.decide_attempts,
         control_period=inputs.config.drive.control_period,
         key=attempt_key,

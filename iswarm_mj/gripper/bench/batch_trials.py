@@ -276,7 +276,15 @@ def _advance(bench: MjxBench, gap: float, attempt: Attempts, slot: Slot) -> Slot
         succeeds=script.hangs(watch.gap_tool, watch.gap_plate, PROTOCOL),
         is_over=time >= LIFT_TIME - TIMESTEP / 2,
     )
-    release = _script.released(PROTOCOL, ramp, gap / 2, slot.progress, watch, slot.time, time)
+    release = _script.released(
+        PROTOCOL,
+        ramp,
+        low=gap / 2,
+        was=slot.progress,
+        watch=watch,
+        last_look=slot.time,
+        time=time,
+    )
     progress = jax.tree.map(partial(jnp.where, attempt.releases), release, lift)
 
     hanging, flying = _script.leap_limits(PROTOCOL, ramp, progress, time)

@@ -189,7 +189,15 @@ def release(
         time += period
         voltage = _script.ramp_voltage(protocol, ramp, progress.freed, time)
         watch = bench.move(_phase(progress, held), period, gap, voltage, ~progress.is_over)
-        progress = _script.released(protocol, ramp, low_bounce, progress, watch, last_look, time)
+        progress = _script.released(
+            protocol,
+            ramp,
+            low=low_bounce,
+            was=progress,
+            watch=watch,
+            last_look=last_look,
+            time=time,
+        )
 
     return _release_of(progress, held, protocol, ramp, off_target=np.abs(bench.off_axis()))
 
