@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.sensing import senses_nothing
+from support.settings import refused_setting
 from support.worlds import start_of, task_inputs
 
 from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
@@ -15,7 +16,7 @@ from iswarm_mj.engines.robot_file import read_robot
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust, Spots
 from iswarm_mj.tasks.validation import as_task, check_task
-from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 from iswarm_mj.workflows.rollout import rollout
 
@@ -69,28 +70,15 @@ def test_areas_are_the_spots(east):
 
 
 @pytest.mark.parametrize(
-    ("spots", "size", "message"),
+    ("spots", "size", "name", "constraint"),
     [
-        (
-            {"spot_offset": 16.5},
-            50,
-            r"spot_offset must be at most 16 rd with spots of 9 rd .*\(got 16.5\); make",
-        ),
-        (
-            {},
-            45,
-            r"spot_offset must be at most 13.5 rd .*\(got 14.0\); "
-            "make it smaller, or `arena.size` larger",
-        ),
-        (
-            {"spot_radius": 26.0, "spot_offset": 0.0},
-            50,
-            r"spot_radius must be at most 25 rd, .*\(got 26.0\); make",
-        ),
+        ({"spot_offset": 16.5}, 50, "spot_offset", "at most 16 rd with spots of 9 rd"),
+        ({"spot_offset": 14.0}, 45, "spot_offset", "at most 13.5 rd"),
+        ({"spot_radius": 26.0, "spot_offset": 0.0}, 50, "spot_radius", "at most 25 rd"),
     ],
 )
-def test_spots_beyond_the_walls_are_refused(spots, size, message):
-    with pytest.raises(ConfigError, match=message):
+def test_spots_beyond_the_walls_are_refused(spots, size, name, constraint):
+    with refused_setting(name, spots[name], constraint):
         start_of(SwarmConfig(ArenaConfig(size=size)), 5, 0, 0, task=Aggregation(**spots))
 
 

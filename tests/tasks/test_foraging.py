@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from support.runs import records
 from support.sensing import remember, senses_nothing, turned
+from support.settings import refused_setting
 from support.worlds import start_of, task_inputs
 
 from iswarm_mj.config.swarm import ArenaConfig, DriveConfig, SwarmConfig
@@ -16,7 +17,6 @@ from iswarm_mj.simulation.run import Run
 from iswarm_mj.simulation.scenario import Scenario
 from iswarm_mj.tasks.foraging import Forager, Foraging, draw_in_ring
 from iswarm_mj.tasks.validation import as_task, check_task
-from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.utils.units import RD
 
 SMALL = SwarmConfig(
@@ -71,24 +71,18 @@ def test_sources_touch_the_walls_where_there_is_no_room_beyond_the_dump():
 
 
 @pytest.mark.parametrize(
-    "task, message",
+    ("fields", "name", "constraint"),
     [
-        (
-            Foraging(source_radius=7.6),
-            r"source_radius must be at most 7.5 rd, half of `arena.size` \(got 7.6\); make",
-        ),
-        (
-            Foraging(sources=5, source_radius=1.0),
-            r"sources must be at most 4, the items .*\(got 5\); take fewer",
-        ),
-        (Foraging(sources=0), r"sources must be a whole number between 1 and 100 \(got 0\)"),
-        (Foraging(source_radius=-1.0), r"source_radius must be .*\(got -1.0\)"),
+        ({"source_radius": 7.6}, "source_radius", "at most 7.5 rd, half of `arena.size`"),
+        ({"sources": 5, "source_radius": 1.0}, "sources", "at most 4, the items"),
+        ({"sources": 0}, "sources", "a whole number between 1 and 100"),
+        ({"source_radius": -1.0}, "source_radius", "above 0"),
     ],
 )
-def test_sources_that_cannot_be_are_refused(task, message):
+def test_sources_that_cannot_be_are_refused(fields, name, constraint):
     """One without items would run dry at each step."""
-    with pytest.raises(ConfigError, match=message):
-        start_of(SMALL, 5, 0, 0, task=task)
+    with refused_setting(name, fields[name], constraint):
+        start_of(SMALL, 5, 0, 0, task=Foraging(**fields))
 
 
 def test_a_source_moves_when_its_last_item_is_home():
