@@ -155,7 +155,10 @@ class EnvRecording:
             file.append(self._recorded.frames(records))
 
     def close(self) -> None:
-        """Complete the file."""
+        """Write what was not yet written, and close the file; further calls do nothing.
+
+        Python calls it as the program ends, if nobody did.
+        """
         file = self._file
         self._file = None
         if file is None:

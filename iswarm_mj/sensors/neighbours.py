@@ -30,11 +30,19 @@ class Neighbours(NamedTuple):
 
 
 def find_neighbours(xy: np.ndarray, radius: float) -> Neighbours:
-    """Return the pairs of robots whose centres (B, N, 2) are at most `radius` apart [mm]."""
+    """Return the pairs of robots of the same world whose centres are near each other.
+
+    Both orders of two robots are pairs.
+
+    Args:
+        xy: centres (B, N, 2) [mm].
+        radius: largest distance of the centres of a pair [mm].
+    """
     x = np.ascontiguousarray(xy[..., 0], float)
     y = np.ascontiguousarray(xy[..., 1], float)
     robot, other, reverse, first = _sweep(x, y, np.argsort(x, axis=1), radius)
 
+    # Indices count among all B N robots.
     x = x.ravel()
     y = y.ravel()
     dx = x[other] - x[robot]

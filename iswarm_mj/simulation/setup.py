@@ -77,7 +77,7 @@ class Setup(NamedTuple):
     def device(self) -> Any:
         """JAX device of everything but the engine; None for the default.
 
-        With an engine on the host GPUs stay free.
+        With an engine on the host, GPUs stay free.
         """
         check_devices()
         return jax.local_devices(backend="cpu")[0] if self.engine.on_host else None
@@ -119,7 +119,8 @@ def set_up(
     Args:
         scenario: the scenario.
         settings: settings of the run.
-        layouts: worlds whose starts are drawn, by default all of the scenario.
+        layouts: worlds whose starts are drawn; by default all of the scenario. An environment
+            has fewer layouts than worlds, and takes one for each episode.
 
     Raises:
         UserError: robots, worlds, a task or settings do not fit, or memory does not suffice.
@@ -145,7 +146,7 @@ def set_up(
     check_robots(config.arena, settings.n_robots, cell_of(robot))
     _check_slots(config.optics, n_leds=len(robot.sides))
 
-    # Starts of the worlds, whose boxes the task may have laid.
+    # Starts of the worlds, whose boxes the task may have laid, the same in all worlds.
     starts = starts_of(config, task, robot, worlds)
     check_boxes(task, starts)
     boxes = starts[0].boxes

@@ -111,7 +111,11 @@ def _made_for_worlds(
 ) -> Any:
     """Return the strategies that a factory makes for B worlds, stacked along a first axis.
 
-    Args: as for `of_all_worlds`.
+    Args:
+        factory: a user's `StrategyFactory`.
+        config: configuration of worlds without one of their own.
+        robot: geometry of the robots.
+        worlds: the B worlds.
 
     Raises:
         UserError: the strategies differ in more than the values of their arrays.

@@ -25,6 +25,8 @@ from iswarm_mj.utils import rng
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.units import mm_from_rd
 
+_STRAIGHT = 1e-4
+"""Tangent of the angle to the axis below which a direction counts as along it."""
 _TINY = 1e-6
 """Length below which a vector has no direction; keeps divisions finite [mm]."""
 
@@ -242,26 +244,28 @@ def steer(
 ) -> Command:
     """Return the commands that turn robots towards a direction, then move them.
 
-    Robots move slower where pushes cancel, or while the turn is not yet complete.
+    Robots move slower along a shorter direction, and while the turn is not yet complete.
 
-    A neighbour straight ahead, as sectors report it, pushes a robot exactly backwards. Which way
-    round it then turns is decided by `prefers_left`, and not by a rounding error.
+    A direction straight back is no rare case: bearings are known by sectors only, and so a
+    neighbour ahead is often avoided exactly backwards. Which way round a robot then turns is
+    decided by `prefers_left`, and not by a rounding error.
 
     Args:
         config: limits of the drive.
-        direction: direction in the robots' frames; a length of 1 or more is full speed.
+        direction: direction in the robots' frames, a sum of what attracts and repels them; a length
+            of 1 or more is full speed.
         limit: largest distance to move [mm].
         prefers_left: turn left rather than right where both are equally far.
     """
     x, y = direction[:, 0], direction[:, 1]
-    is_straight_back = (x < 0) & (jnp.abs(y) < -1e-4 * x)
+    is_straight_back = (x < 0) & (jnp.abs(y) < -_STRAIGHT * x)
     half_turn = jnp.where(prefers_left, jnp.pi, -jnp.pi)
     angle = jnp.where(is_straight_back, half_turn, jnp.arctan2(y, x))
     turn = _limit_turn(config, angle)
 
-    speed = jnp.clip(_length(direction), 0.0, 1.0)
-    pace = speed * jnp.clip(jnp.cos(angle - turn), 0.0, 1.0)
-    return Command(turn, jnp.minimum(pace * mm_from_rd(config.step_length), limit))
+    wanted_share = jnp.clip(_length(direction), 0.0, 1.0)
+    share_of_step = wanted_share * jnp.clip(jnp.cos(angle - turn), 0.0, 1.0)
+    return Command(turn, jnp.minimum(share_of_step * mm_from_rd(config.step_length), limit))
 
 
 def approach_ball(

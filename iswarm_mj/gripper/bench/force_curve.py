@@ -40,7 +40,7 @@ def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[s
     """Measure one curve, approach then retract; above its grasp voltage the ball comes along.
 
     Args:
-        trial: the ball.
+        trial: ball, tool and surroundings of the trial.
         protocol: distances and times of the tool.
         voltage: on from the start [V].
 
@@ -48,8 +48,10 @@ def force_curve(trial: Trial, protocol: Protocol, voltage: float) -> list[dict[s
         One row per physics step: direction ("approach" or "retract"), and the columns of `UNITS`.
     """
     bench = MujocoBench([trial], protocol.start_gap, threads=1, is_recorded=True)
+    # Heights of the tool above its first touch of the ball.
     far = protocol.start_gap
     pressed = -protocol.press
+
     bench.move("voltage", protocol.rise_time, far, voltage)
     bench.move("approach", SLOWDOWN * protocol.approach_time, pressed, voltage)
     bench.move("contact", protocol.dwell, pressed, voltage)

@@ -1,5 +1,18 @@
 """The motion and the voltage of the tool in a trial: distances, speeds, limits.
 
+A trial goes through these phases:
+
+1. Attempts without contact: the tool stops at a gap above the ball, and the voltage rises along a
+   ramp (`no_contact_...`).
+2. The tool approaches the ball, presses on it and dwells.
+3. Staircase of grasps. At each rung the tool touches the ball, the voltage rises, the tool retracts
+   slowly while the contact may open (`peel`) and then up to the `lift`, and the voltage is
+   switched off. The lowest rung whose voltage lifts the ball is searched.
+4. Adhesion alone holds the lifted ball. The tool carries it to the height of release, and to the
+   target aside if there is one (`transport`); there it hangs until its charge has relaxed.
+5. Release: the voltage rises along a ramp until the plate pulls the ball off the tool.
+6. The ball falls or flies, and counts as landed once it has rested.
+
 Source: section 3.2.3 for the sequence, the contact, the 5 um gap and the 50 V without contact.
 Speeds, durations and the criterion of a lift are choices: slow enough that half the speed changes
 no voltage by 1 %.
@@ -38,13 +51,13 @@ class Protocol:
     lift: Annotated[float, Within(10e-9, 5e-6, "m")] = 0.3e-6
     """Height above first touch at which the trial checks whether the ball was lifted [m]."""
     acceleration: Annotated[float, Within(0.01, 1e4, "m/s^2")] = 40.0
-    """Largest acceleration of a tool that carries a ball by adhesion only [m/s^2]."""
+    """Largest acceleration of a tool that raises or lowers a ball by adhesion only [m/s^2]."""
     transport: Annotated[float, Within(0, 500e-6, "m")] = 0.0
     """Distance of the target aside, to which the tool carries a lifted ball before release [m]."""
     transport_acceleration: Annotated[float, Within(0.01, 1e3, "m/s^2")] = 0.5
     """Largest acceleration towards the target; with more a ball rolls along the tool [m/s^2]."""
     off_time: Duration = 0.05e-3
-    """Fall time of the voltage with the ball lifted [s]."""
+    """Fall time of the voltage once a ball is grasped and lifted [s]."""
     away: Annotated[float, Within(1e-9, 0.4e-6, "m")] = 0.2e-6
     """Distance from plate or tool beyond which a ball counts as lifted or released [m]."""
     hold_time: Duration = 3e-3
@@ -52,7 +65,7 @@ class Protocol:
     step_voltage: Annotated[float, Within(2e-3, 200.0, "V")] = 0.25
     """Voltage between two rungs of the staircase [V]."""
     grasp_limit: Voltage = 80.0
-    """Highest rung [V]."""
+    """Voltage that no rung exceeds [V]."""
     ramp_rate: Annotated[float, Within(1e3, 1e7, "V/s")] = 2.5e3
     """Rate of the release ramp; the ball's voltage lags by the relaxation time [V/s]."""
     no_contact_rate: Annotated[float, Within(1e3, 1e7, "V/s")] = 40e3

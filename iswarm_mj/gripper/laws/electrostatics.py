@@ -43,12 +43,13 @@ def pick_force(
     radius: Quantity,
     probe_radius: Quantity,
 ) -> Quantity:
-    """Return the force towards a probe on a sphere that lies on the plane.
+    """Return the force with which a probe above attracts a sphere that lies on the plane.
 
-    F = f(D/R, R_m/R) pi eps0 V^2 R / D, D from the probe.
+    F = f(D/R, R_m/R) pi eps0 V^2 R / D, with the gap D between probe and sphere, the sphere's
+    radius R and the probe's radius R_m. For small gaps f tends to 1, which is Eq. 2.
 
-    Source: f from boundary elements (probe at V, sphere and plane at 0, probe 20 R long), through
-    `probe_table`, whose range is the validity; f -> 1, Eq. 2, for small gaps.
+    Source: f is interpolated in a table of boundary elements (probe at V, sphere and plane at 0,
+    probe 20 R long); `probe_table` says in which range, and what it does beyond.
     """
     shape = probe_factor("pick", gap / radius, probe_radius / radius)
     return shape * asymptotic_force(voltage, gap, radius)

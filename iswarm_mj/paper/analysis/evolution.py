@@ -151,11 +151,11 @@ class Evolution:
         return cleaning - not_cleaning
 
     def late_mean(self, name: str) -> float | None:
-        """Return the mean of a parameter in the last generations.
+        """Return the mean of a parameter over the runs of the last generations; None without runs.
 
-        Of a Boolean it is the share of the elites in which it is true: mutations make nearly a
-        fair coin of an offspring's Booleans (`Operators.boolean_mutation`), so that only the
-        elites show what was selected. If a search has no elites, all runs count.
+        The mean of a Boolean is the share of runs in which it is true, and only elites count, if
+        the search has any: mutation flips the Booleans of half of the offspring
+        (`Operators.boolean_mutation`), which therefore hardly show what was selected.
         """
         rows = self.last_runs
         if rows and isinstance(rows[0][name], bool):

@@ -234,7 +234,7 @@ def _engines(topics_at: Mapping[str, Topics]) -> str:
 
 
 def _statements(topics: Topics) -> str:
-    """Return all statements with everything but their places in the paper, by topics."""
+    """Return a section in Markdown for each topic, with a table of its statements and verdicts."""
     head = ["statement", "the paper", "here", "statistics", "verdict", "kind"]
     sections = []
     for topic in topics:

@@ -57,8 +57,8 @@ ATTEMPT_VALUES: Values = {
     "gripper.grasp_time": 1.0,
     "gripper.release_time": 1.0,
 }
-"""Values of the study of grasps, beside the calibrated spread of adhesion. A robot stays for a
-control step at a ball that it lifts or releases: a choice, the paper gives no time."""
+"""Values of the study of grasps, in which adhesion also scatters as calibrated, by default. A robot
+stays for a control step at a ball that it lifts or releases: a choice, the paper gives no time."""
 
 CHOICES: Mapping[str, Mapping[str, tuple[Any, ...]]] = {
     "scene": {
@@ -117,7 +117,8 @@ CHOICES: Mapping[str, Mapping[str, tuple[Any, ...]]] = {
 """Values that are tried one at a time, by groups of choices; those that are the default's are left
 out. The paper's own values (Table 1) are varied too where they are noise.
 
-A run's seed follows from its place here: what is added comes last.
+A run's seed follows from its place among those that are not left out. So whatever is added comes at
+the very end, and a change of a default moves the seeds of the choices that come after it.
 """
 
 
@@ -150,7 +151,10 @@ def robots_of_figure_17(arena: ArenaConfig, density: float) -> int:
 
 
 def type_settings(plan: Plan) -> Iterator[Setting]:
-    """Yield runs of all presets, each at its own density, until all balls are delivered."""
+    """Yield runs of all presets, each at its genome's density, until all balls are delivered.
+
+    A goal of None stands for all balls, see `Overrides`.
+    """
     for index, (name, genome) in enumerate(PRESETS.items()):
         overrides: Overrides = {"genome": genome, "goal": None}
         if name in PAPER_FITNESS:
@@ -159,7 +163,10 @@ def type_settings(plan: Plan) -> Iterator[Setting]:
 
 
 def sensitivity_settings(plan: Plan) -> Iterator[Setting]:
-    """Yield runs of the default and of each choice, with the number of robots of the default."""
+    """Yield runs of the default and of each choice.
+
+    All have the number of robots of the plan's genome in the plan's arena.
+    """
     default_labels = {"group": DEFAULT, "choice": DEFAULT, "value": ""}
     variants = [(default_labels, plan.config)]
     for group, choices in CHOICES.items():
