@@ -205,7 +205,7 @@ def _caption(rows: Rows, humidities: Sequence[float]) -> str:
     fewest = min(n_trials.values(), default=0)
     most = max(n_trials.values(), default=0)
     span = f"{fewest}" if fewest == most else f"{fewest} to {most}"
-    caption += f"\nn = {span} trials at each radius and humidity; test statistics: findings.csv."
+    caption += f"\nn = {span} trials at each radius and humidity."
     if experiment == "release":
         caption += _landings(rows)
     return caption

@@ -171,7 +171,12 @@ def _median_text(rows: Rows, name: str) -> str:
     if name == "finished_at" and 2 * n_late >= len(rows):
         return f">{rows[0]['max_steps']}"
     median = _median(rows, name)
-    return "-" if np.isnan(median) else f"{median:.4g}"
+    if np.isnan(median):
+        return "-"
+
+    # With four digits alone, 16550 collisions would read 1.655e+04.
+    has_at_least_four_digits = 1e3 <= abs(median) < 1e9
+    return f"{median:.0f}" if has_at_least_four_digits else f"{median:.4g}"
 
 
 def _draw(rows: Rows, over: Sequence[str], path: Path) -> None:

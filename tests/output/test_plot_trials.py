@@ -163,6 +163,9 @@ class TestHumiditiesAndGaps:
         assert "n = 2 trials at each radius and humidity" in text
         assert "1 faulty trials are left out" in text
 
+    def test_captions_name_no_file_that_trials_do_not_write(self, figures):
+        assert ".csv" not in caption(figures["grasp_voltage"])
+
 
 def test_releases_show_flight_and_landing(tmp_path, shown):
     """Three landings are 3, 2 and 1 times as long and 1, 2 and 3 times as fast as usual."""

@@ -15,6 +15,12 @@ ROW = {
 }
 
 
+def medians(rows):
+    """Medians as the table of the sweep shows them, by their headings."""
+    headings, line = sweep.summary(rows, ["density"])
+    return dict(zip(headings.split(), line.split(), strict=True))
+
+
 @pytest.mark.parametrize(
     ("finished_at", "shown"),
     [
@@ -27,6 +33,13 @@ ROW = {
 )
 def test_medians_count_the_time_limit(finished_at, shown):
     rows = [{**ROW, "world": k, "finished_at": step} for k, step in enumerate(finished_at)]
-    headings, line = sweep.summary(rows, ["density"])
-    median_of = dict(zip(headings.split(), line.split(), strict=True))
-    assert median_of["finished"] == shown
+    assert medians(rows)["finished"] == shown
+
+
+@pytest.mark.parametrize(
+    ("collisions", "shown"),
+    [(0, "0"), (7716, "7716"), (16546, "16546"), (9999.6, "10000"), (83.216, "83.22")],
+)
+def test_medians_are_no_powers_of_ten(collisions, shown):
+    rows = [{**ROW, "finished_at": 40, "collisions": collisions}]
+    assert medians(rows)["collisions"] == shown
