@@ -105,7 +105,8 @@ class ConfigFile:
             replaced |= {"robots", "density"}  # each of which determines the other
         arguments = []
         for name, value in self.values.items():
-            if name in default_of_flag and not replaced & {*names([flag(name)])}:
+            is_replaced = not replaced.isdisjoint(names([flag(name)]))
+            if name in default_of_flag and not is_replaced:
                 arguments += self._argument(name, value, default_of_flag[name])
         return arguments
 

@@ -146,7 +146,7 @@ class _Reader:
 
     def _command_with_reading(self, words: dict[str, list[str]]) -> Any:
         """Return the command with the defaults of the reading of the paper that is named."""
-        reading = next(iter(words["reading"]), "")
+        reading = _first_word(words["reading"], default="")
         if "reading" in self._field_names and reading in INTERPRETATIONS:
             return self._command_class(reading=reading, **vars(INTERPRETATIONS[reading]))
         return self._command_class()
@@ -159,11 +159,13 @@ class _Reader:
         """
         plugins: dict[str, Any] = {}
         if "engine_plugin" in self._field_names:
-            plugins["engine_plugin"] = _engine_defaults(next(iter(words["engine"]), command.engine))
+            plugins["engine_plugin"] = _engine_defaults(
+                _first_word(words["engine"], command.engine)
+            )
         if "strategy_plugin" in self._field_names and words["strategy"]:
             plugins["strategy_plugin"] = _find_strategy(words["strategy"])
         elif {"strategy_plugin", "genome"} <= self._field_names:
-            plugins["strategy_plugin"] = load_genome(next(iter(words["genome"]), command.genome))
+            plugins["strategy_plugin"] = load_genome(_first_word(words["genome"], command.genome))
         if "task_plugin" in self._field_names and words["task"]:
             plugins["task_plugin"] = _find_task(words["task"][0])
         return plugins
@@ -182,7 +184,7 @@ class _Reader:
             named |= config_file.values.keys()
         of_others = (named & set(ENGINE_SETTINGS)) - self.defaults.keys()
         if of_others:
-            engine = next(iter(words["engine"]), command.engine)
+            engine = _first_word(words["engine"], command.engine)
             word = flag(min(of_others))
             raise UserError(f"{word} has no effect with --engine {engine}; leave it out")
 
@@ -303,6 +305,11 @@ def _deciding_words(arguments: Sequence[str]) -> dict[str, list[str]]:
         parser.add_argument(f"--{name}", nargs="*", default=[])
     known, _ = parser.parse_known_args(list(arguments))
     return vars(known)
+
+
+def _first_word(words: Sequence[str], default: str) -> str:
+    """Return the value of a flag that takes one; the default where it is not given."""
+    return words[0] if words else default
 
 
 def _engine_defaults(name: str) -> Any:

@@ -77,10 +77,12 @@ def rows_of(
         raise ConfigError(setting, rows, form)
 
     allowed = f"finite numbers {', '.join(names)}"
+    float_rows = []
     for index, row in enumerate(rows):
         if not all(_is_finite(number) for number in row):
             raise ConfigError(f"{setting}[{index}]", tuple(row), allowed)
-    return tuple(tuple(float(number) for number in row) for row in rows)
+        float_rows.append(tuple(map(float, row)))
+    return tuple(float_rows)
 
 
 def _is_row(row: Any, length: int) -> bool:

@@ -266,9 +266,11 @@ def task_reader(task: Task, config: SwarmConfig) -> Callable[[Any], dict[str, np
         for rows in steps.reshape(n_blocks, BLOCK_FRAMES):
             block = jax.tree.map(lambda values, rows=rows: np.asarray(values)[rows], state)
             blocks.append(read_block(block))
-        return {
-            name: np.concatenate([block[name] for block in blocks])[:n_steps] for name in blocks[0]
-        }
+        arrays = {}
+        for name in blocks[0]:
+            joined = np.concatenate([block[name] for block in blocks])
+            arrays[name] = joined[:n_steps]
+        return arrays
 
     return read
 

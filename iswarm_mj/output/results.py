@@ -102,9 +102,10 @@ def _measures(run: Run) -> dict[str, Any]:
     measures = [run.measures(world) for world in range(settings.n_worlds)]
     task = run.task
     names = Measures._fields if is_scored(task) else ("collisions", "finished_at")
-    content = {
-        name: _listed(run, [getattr(of_world, name) for of_world in measures]) for name in names
-    }
+    content = {}
+    for name in names:
+        values = [getattr(of_world, name) for of_world in measures]
+        content[name] = _listed(run, values)
     if is_scored(task):
         scores = [
             task.fitness(of_world, run.config, settings.n_robots, settings.steps)
@@ -117,10 +118,11 @@ def _measures(run: Run) -> dict[str, Any]:
 
 def _metrics(run: Run) -> dict[str, Any]:
     """Return the metrics of the task."""
-    return {
-        name: _listed(run, [_finite_or_none(value) for value in values])
-        for name, values in run.metrics().items()
-    }
+    metrics = {}
+    for name, values in run.metrics().items():
+        finite = [_finite_or_none(value) for value in values]
+        metrics[name] = _listed(run, finite)
+    return metrics
 
 
 def _seconds(run: Run) -> dict[str, float | None]:

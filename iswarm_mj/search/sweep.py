@@ -79,19 +79,20 @@ def _rows_of_run(run: Run) -> list[dict[str, Any]]:
     if n_worlds == 1:  # whose result has values in place of lists
         columns = {name: [value] for name, value in columns.items()}
 
-    faults = run.fault_of_each
-    return [
-        {
+    rows = []
+    for world, fault in enumerate(run.fault_of_each):
+        row = {
             "seed": content["seed"],
             "world": world,
             "n_robots": run.worlds[world].n_robots,
             "max_steps": content["max_steps"],
             "goal": content["stop_at"],
-            **{name: values[world] for name, values in columns.items()},
-            "fault": None if faults[world] is None else str(faults[world]),
         }
-        for world in range(n_worlds)
-    ]
+        for name, values in columns.items():
+            row[name] = values[world]
+        row["fault"] = None if fault is None else str(fault)
+        rows.append(row)
+    return rows
 
 
 def _table(variants: Sequence[Variant], entries: Sequence[list[dict[str, Any]]]) -> list[Row]:

@@ -182,10 +182,10 @@ class HostLoop:
         Returns:
             Number T of steps taken, and their record (T, W, ...); None where no world is recorded.
         """
-        recorded_of_shard = [
-            [world for world in recorded if worlds.start <= world < worlds.stop]
-            for worlds in self._slices
-        ]
+        recorded_of_shard = []
+        for worlds in self._slices:
+            recorded_here = [world for world in recorded if worlds.start <= world < worlds.stop]
+            recorded_of_shard.append(recorded_here)
         records: list[StepRecord | None] = [None] * len(self._shards)
 
         def advance_shard(index: int) -> None:

@@ -168,8 +168,9 @@ def check_boxes(task: Task, starts: Sequence[Start]) -> None:
 
 def _fixed_properties(start: Start) -> list[dict[str, float]]:
     """Return the properties of each box of a world that are the same in all worlds, by name."""
-    boxes = [dict(zip(BOX_FIELDS, box, strict=True)) for box in start.boxes or ()]
-    return [
-        {name: value for name, value in box.items() if name not in _VARIES_BETWEEN_WORLDS}
-        for box in boxes
-    ]
+    properties = []
+    for box in start.boxes or ():
+        named = zip(BOX_FIELDS, box, strict=True)
+        fixed = {name: value for name, value in named if name not in _VARIES_BETWEEN_WORLDS}
+        properties.append(fixed)
+    return properties

@@ -222,6 +222,7 @@ def count_verdicts(findings: Sequence[Finding]) -> tuple[list[str], dict[str, li
 
     occurring: set[str] = set().union(*count_by_verdict.values())
     kinds = [kind for kind in KINDS if kind in occurring]
-    return kinds, {
-        verdict: [counts[kind] for kind in kinds] for verdict, counts in count_by_verdict.items()
-    }
+    numbers_by_verdict = {}
+    for verdict, counts in count_by_verdict.items():
+        numbers_by_verdict[verdict] = [counts[kind] for kind in kinds]
+    return kinds, numbers_by_verdict

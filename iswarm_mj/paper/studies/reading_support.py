@@ -441,16 +441,20 @@ def _reproduced_text(combinations: Sequence[Combination], sample: Sample) -> str
         for each in combinations
         if each.is_named
     )
-    accepted_mean, drawn_mean = (
-        number_text(float(np.mean([each.n_held_out for each in group])))
-        for group in (sample.accepted, sample.drawn)
-    )
+    accepted_mean = _mean_held_out_text(sample.accepted)
+    drawn_mean = _mean_held_out_text(sample.drawn)
     most = max(counts)
     median = number_text(float(np.median(counts)))
     return (
         f"at most {most} of {n_selecting}, by {counts.count(most)}; median {median}; {named}; "
         f"held out, mean of {n_held_out}: accepted {accepted_mean}, all {drawn_mean}"
     )
+
+
+def _mean_held_out_text(combinations: Sequence[Combination]) -> str:
+    """Return the mean number of held-out statements that combinations reproduce."""
+    counts = [combination.n_held_out for combination in combinations]
+    return number_text(float(np.mean(counts)))
 
 
 def _support_finding(factor: str, support: Support, n_factors: int, verdict: str) -> Finding:
