@@ -62,12 +62,15 @@ def bench(run: Any, warm_up: int) -> dict[str, Any]:
     step_s = float(np.median(steps_s))
     memory = run.peak_memory_gb()
 
-    # Physics steps of all robots in a control step.
+    # Help does not need engines, whose import takes time.
+    from iswarm_mj.engines.base import TURN_PARTS
+
+    # Time steps of all robots in a control step.
     n_worlds = len(run.worlds)
     n_robots = run.settings.n_robots
     drive = run.config.drive
     refinement = run.identity.get("refinement", 1)
-    n_substeps = (drive.turn_substeps + drive.walk_substeps) * refinement
+    n_substeps = (drive.turn_substeps * TURN_PARTS + drive.walk_substeps) * refinement
     n_physics = n_worlds * n_robots * n_substeps
 
     content = dict(run.identity)

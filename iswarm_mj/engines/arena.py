@@ -12,7 +12,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Int
 
+from iswarm_mj.config.static import StaticDrive
 from iswarm_mj.config.swarm import SwarmConfig
+from iswarm_mj.engines.base import TURN_PARTS
 from iswarm_mj.engines.robot_file import (
     JOINTS,
     files_of,
@@ -30,6 +32,15 @@ from iswarm_mj.utils.units import RD, mg_from_kg, mm_from_m, mm_from_rd
 _BYTES_OF_ARENA = 16 * 2**20
 _BYTES_PER_BODY = 200 * 2**10
 """Memory of a world for contacts and constraints: of the arena, and more for each robot or box."""
+
+_MARGIN = 1.5
+"""Margin of contacts in longest ways of a corner in a time step, see `contact_margin`."""
+_PUSH = 0.03
+"""Share of the way to the margin by which bodies that touch are pushed apart in a time step."""
+_IMPEDANCE = 0.99
+"""Impedance of surfaces that touch."""
+_POWER = 2.0
+"""Power of the way from the margin with which the impedance grows."""
 
 _BOX_COLOUR = [0.54, 0.43, 0.31, 1.0]
 
@@ -127,11 +138,13 @@ def arena_spec(
     spec.option.timestep = config.drive.timestep / refinement
     spec.copy_during_attach = True
     spec.memory = _BYTES_OF_ARENA + (len(kind) + len(config.arena.boxes)) * _BYTES_PER_BODY
-    _tune_contacts(spec, spec.option.timestep)
+    margin = contact_margin(config.drive, read_robots(robot_file).circumradius) / refinement
+    _tune_contacts(spec, spec.option.timestep, margin)
 
     paths = [path for path, _ in files_of(robot_file)]
     templates = [
-        _robot_template(spec, path, number, visual=visual) for number, path in enumerate(paths)
+        _robot_template(spec, path, number, margin=margin, visual=visual)
+        for number, path in enumerate(paths)
     ]
     for robot_index, kind_index in enumerate(kind.tolist()):
         _attach(spec, f"robot{robot_index}/", templates[kind_index])
@@ -224,7 +237,7 @@ def _joint_addresses(model: mujoco.MjModel, prefix: str) -> list[int]:
 
 
 def _robot_template(
-    spec: mujoco.MjSpec, path: Path | None, number: int, *, visual: bool
+    spec: mujoco.MjSpec, path: Path | None, number: int, *, margin: float, visual: bool
 ) -> _Template:
     """Return the robot of a file, tuned to the arena's time step.
 
@@ -232,6 +245,7 @@ def _robot_template(
         spec: the arena, which gets the robot's materials.
         path: MJCF file, None for `models/robot.xml`.
         number: index of the kind.
+        margin: see `_tune_contacts` [mm].
         visual: keep the visible parts.
     """
     robot = robot_spec(path)
@@ -242,7 +256,7 @@ def _robot_template(
     timestep = spec.option.timestep
     geometry = read_robot(path)
     _tune_drive(robot, "", geometry.mass, geometry.yaw_inertia, timestep)
-    _tune_contacts(robot, timestep)
+    _tune_contacts(robot, timestep, margin)
     robot.option.timestep = timestep
     return _Template(robot, "robot", _share_materials(robot, spec, f"kind{number}/"))
 
@@ -479,15 +493,48 @@ def _tune_drive(
         spec.joint(prefix + joint).damping[0] = inertia / timestep
 
 
-def _tune_contacts(spec: mujoco.MjSpec, timestep: float) -> None:
-    """Make contacts as quick as the time step allows: a time constant of two steps.
+def contact_margin(drive: StaticDrive, circumradius: float) -> float:
+    """Return the distance of surfaces below which bodies have a contact [mm].
 
-    MuJoCo's `refsafe` permits no less. How deep robots overlap then depends on how far they move
-    in a step alone.
+    It is `_MARGIN` times the longest way of a robot's corner in a time step. Two robots come
+    nearer by up to twice that way, but the nearer, the less.
+
+    Args:
+        drive: speeds and time step.
+        circumradius: distance of a robot's corners from its centre, of the largest robots [mm].
     """
+    walk = mm_from_rd(drive.step_length) / drive.walk_substeps
+    turn = math.radians(drive.max_turn) / (drive.turn_substeps * TURN_PARTS)
+    return _MARGIN * max(walk, turn * circumradius)
+
+
+def _tune_contacts(spec: mujoco.MjSpec, timestep: float, margin: float) -> None:
+    """Let contacts begin before bodies overlap.
+
+    MuJoCo's impedance d grows from nearly 0 at the margin to `_IMPEDANCE` where surfaces touch.
+    With a damping of one over the time step, two robots that meet flush come nearer by
+    r / (1 + r), with r = (1 - d) / (6 d), of what they would without the contact: all of it at the
+    margin, a third halfway, next to nothing where they touch. So they brake as they come near.
+    With a lower power they brake so early that the robots of a crowd walk less than with finer
+    steps; with a higher one, so late that more of them overlap.
+
+    The stiffness pushes bodies apart by up to `_PUSH` of the way that is left to the margin, a
+    step. It holds robots apart that press upon each other, and takes back what turning and
+    unfinished sweeps of a solver still let overlap. With 0.0125 robots in jams of the planar
+    engine overlap by up to 0.6 mm.
+
+    Args:
+        spec: has the geoms.
+        timestep: [s].
+        margin: distance below which bodies have a contact, half of it the margin of each geom [mm].
+    """
+    stiffness = _PUSH * (_IMPEDANCE / timestep) ** 2
+    damping = _IMPEDANCE / timestep
     for geom in spec.geoms:
         if geom.contype or geom.conaffinity:
-            geom.solref[0] = 2 * timestep
+            geom.solref[:2] = [-stiffness, -damping]
+            geom.solimp[:] = [mujoco.mjMINIMP, _IMPEDANCE, margin, mujoco.mjMAXIMP, _POWER]
+            geom.margin = margin / 2
 
 
 def _share_materials(child: mujoco.MjSpec, spec: mujoco.MjSpec, prefix: str) -> dict[str, str]:

@@ -12,6 +12,13 @@ from iswarm_mj.sensors.links import Links
 from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.errors import FaultKind
 
+TURN_PARTS = 2
+"""Time steps of engines in each physics step in which robots turn.
+
+A contact of two bodies is found once a time step, and its normal and points stay while they turn:
+a quarter of 90 degrees moves a corner by up to 0.1 mm from where that expects it, half of it by a
+quarter as much."""
+
 Bodies = TypeVar("Bodies")
 """Mechanical state of the robots; only its engine looks inside."""
 
@@ -37,6 +44,8 @@ class Phase(NamedTuple):
     boxes: Float[Array, "*B M 3"] | None = None
     """Velocities of driven boxes [mm/s, mm/s, rad/s]; those of others have no effect. None: driven
     boxes stand still."""
+    parts: int = 1
+    """Time steps of the engine in each of these physics steps; an engine may take others."""
 
 
 class Motion(NamedTuple):
@@ -45,7 +54,7 @@ class Motion(NamedTuple):
     bodies: Any
     """Mechanical state after the motion."""
     touching: Int[Array, "*B K N"]
-    """Partners of higher index of each robot, int32: those in contact at the end of any phase,
+    """Partners of higher index of each robot, int32: those that it touches at the end of any phase,
     highest first, then 0; in a heap the highest `Robots.most_partners`."""
     fault: Int[Array, "*B"]
     """Bits of `FaultKind`; 0 if nothing went wrong, and for worlds that do not run."""
@@ -91,8 +100,8 @@ class FreeBodies(NamedTuple):
     is_present: Bool[Array, "*B NM"]
     """Bodies that take part; the others stay where they are, and touch and hide nothing."""
     overlap: Any = None
-    """Deepest overlap of bodies with each other and with walls since the latest control step began
-    (B,) [mm]; None where the engine does not measure it."""
+    """Deepest overlap of bodies with each other and with walls (B,) [mm], at the beginning of each
+    time step of the latest control step; None where the engine does not measure it."""
     work: Any = None
     """Work that each world took in its latest phase (B,), in a unit of the engine; for engines that
     begin with the slowest worlds."""
@@ -144,11 +153,11 @@ def set_points(
     return xp.concatenate([robots, boxes], axis=-2) if boxes.size else robots
 
 
-StepBodies = Callable[[Any, Array, int, Array, Array], tuple[Any, Array, Array]]
+StepBodies = Callable[[Any, Array, Phase, Array, Array], tuple[Any, Array, Array]]
 """Function that takes the physics steps of a phase.
 
 Its arguments are the bodies, the set points of their drives (*B, N, 3) [mm/s, mm/s, rad/s], the
-number of steps, which worlds take them (*B,), and the partners in contact so far (see
+phase, which worlds take its steps (*B,), and the partners in contact so far (see
 `Motion.touching`). It returns bodies, partners in contact, and bits of `FaultKind` (*B,)."""
 
 
@@ -182,7 +191,7 @@ def take_phases(
     for phase in phases:
         targets = set_points(phase, moved.poses, n_robots)
         runs = is_running & (fault == 0)
-        moved, touching, failure = step_bodies(moved, targets, phase.n_substeps, runs, touching)
+        moved, touching, failure = step_bodies(moved, targets, phase, runs, touching)
         fault = fault | failure
     return finish_motion(bodies, moved, touching, fault, is_running, walls)
 

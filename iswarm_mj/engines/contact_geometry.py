@@ -8,6 +8,7 @@ numba, Warp and JAX compile these functions. They take and return numbers and na
 numbers, and choose between numbers by `where`, since JAX cannot branch on them. Units: mm, rad.
 """
 
+from math import sqrt
 from typing import Any, NamedTuple
 
 from numba.extending import register_jitable
@@ -52,8 +53,16 @@ class Side(NamedTuple):
     """Half its length."""
 
 
-class Overlap(NamedTuple):
-    """Part of an incident side in front of a reference side, in the frame of the latter.
+TOUCHING = 0.1
+"""Distance of the surfaces up to which bodies that push each other touch [mm].
+
+Contacts begin before that, see `arena.contact_margin`."""
+APART = 1e6
+"""Distance of the surfaces at contact points that do not exist [mm]."""
+
+
+class Ends(NamedTuple):
+    """Ends of an incident side, or of a part of it, in the frame of a reference side.
 
     The coordinate along the reference side grows to the left of its normal, from the middle of
     the side.
@@ -177,8 +186,8 @@ def side_towards(rectangle: Rectangle, x: float, y: float, is_along_y: bool) -> 
 
 
 @register_jitable
-def clip_side(reference: Side, incident: Side, x: float, y: float) -> Overlap:
-    """Return the part of an incident side in front of a reference side.
+def ends_of(reference: Side, incident: Side, x: float, y: float) -> Ends:
+    """Return the ends of an incident side in the frame of a reference side.
 
     Args:
         reference: a side of one rectangle.
@@ -190,36 +199,46 @@ def clip_side(reference: Side, incident: Side, x: float, y: float) -> Overlap:
     middle_x = x + incident.reach * incident.normal_x
     middle_y = y + incident.reach * incident.normal_y
 
-    # In the frame of the reference side: coordinates of the middle and of the vector from there
-    # to one end.
+    # Coordinates of the middle and of the vector from there to one end.
     middle = middle_x * -reference.normal_y + middle_y * reference.normal_x
     height = middle_x * reference.normal_x + middle_y * reference.normal_y - reference.reach
     alignment = incident.normal_y * reference.normal_y + incident.normal_x * reference.normal_x
     tilt = incident.normal_x * reference.normal_y - incident.normal_y * reference.normal_x
     half = incident.half_width * alignment
     rise = incident.half_width * tilt
+    return Ends(middle - half, height - rise, middle + half, height + rise)
 
-    # Clip both ends to the width of the reference side.
-    start = middle - half
-    end = middle + half
-    clipped_start = min(max(start, -reference.half_width), reference.half_width)
-    clipped_end = min(max(end, -reference.half_width), reference.half_width)
-    slope = rise / half
-    return Overlap(
-        start=clipped_start,
-        start_height=height - rise + slope * (clipped_start - start),
-        end=clipped_end,
-        end_height=height + rise + slope * (clipped_end - end),
+
+@register_jitable
+def clip_side(ends: Ends, half_width: float) -> Ends:
+    """Return the ends of the part of an incident side that is in front of a reference side.
+
+    Args:
+        ends: ends of the incident side, of which a part is in front.
+        half_width: half the length of the reference side.
+    """
+    slope = (ends.end_height - ends.start_height) / (ends.end - ends.start)
+    start = min(max(ends.start, -half_width), half_width)
+    end = min(max(ends.end, -half_width), half_width)
+    return Ends(
+        start=start,
+        start_height=ends.start_height + slope * (start - ends.start),
+        end=end,
+        end_height=ends.end_height + slope * (end - ends.end),
     )
 
 
 @register_jitable
 def rectangle_contact(first: Rectangle, second: Rectangle) -> ContactPoints:
-    """Return the contact of two overlapping rectangles.
+    """Return the contact of two rectangles that overlap or are near each other.
 
-    The axis of least overlap belongs to the reference rectangle. The side of the other, incident
-    rectangle that faces it most is clipped to the reference side's width; its ends are the
-    contact points.
+    The axis of least overlap, or of the largest gap, belongs to the reference rectangle. The side
+    of the other, incident rectangle that faces it most is clipped to the reference side's width;
+    its ends are the contact points.
+
+    Where neither rectangle is in front of a side of the other, a corner of each is nearest, and
+    the normal leads from one to the other, so that robots that pass corner to corner do not stop
+    each other. The second point is then `APART`. MuJoCo has no contact there.
     """
     dx = second.x - first.x
     dy = second.y - first.y
@@ -237,22 +256,41 @@ def rectangle_contact(first: Rectangle, second: Rectangle) -> ContactPoints:
     across = abs(incident.cos * uy - incident.sin * ux)
     along = abs(incident.cos * ux + incident.sin * uy)
     facing_side = side_towards(incident, -ux, -uy, across > along)
-    overlap = clip_side(side, facing_side, x, y)
+    ends = ends_of(side, facing_side, x, y)
+    front = clip_side(ends, side.half_width)
 
-    # Seen from the first rectangle's centre, halfway between both sides.
+    # The corners that are nearest if the incident side is to the left or right of the reference.
+    is_left = min(ends.start, ends.end) >= side.half_width
+    is_right = max(ends.start, ends.end) <= -side.half_width
+    is_at_corner = where(is_left, is_left, is_right)
+    corner = where(is_left, side.half_width, -side.half_width)
+    start_is_nearer = abs(ends.start) < abs(ends.end)
+    aside = where(start_is_nearer, ends.start, ends.end) - corner
+    height = where(start_is_nearer, ends.start_height, ends.end_height)
+    corner_distance = sqrt(aside * aside + height * height)
+
+    # The normal from the reference to the incident rectangle.
+    length = where(corner_distance > 0.0, corner_distance, 1.0)
+    cos = where(is_at_corner, height / length, 1.0)
+    sin = where(is_at_corner, aside / length, 0.0)
+    normal_x = cos * ux - sin * uy
+    normal_y = cos * uy + sin * ux
+
+    # Seen from the first rectangle's centre, halfway between both surfaces.
     centre_x = where(is_of_first, 0.0, dx)
     centre_y = where(is_of_first, 0.0, dy)
-    start_out = side.reach + 0.5 * overlap.start_height
-    end_out = side.reach + 0.5 * overlap.end_height
+    start = where(is_at_corner, corner + 0.5 * aside, front.start)
+    start_out = side.reach + 0.5 * where(is_at_corner, height, front.start_height)
+    end_out = side.reach + 0.5 * front.end_height
     return ContactPoints(
-        normal_x=where(is_of_first, ux, -ux),
-        normal_y=where(is_of_first, uy, -uy),
-        x1=centre_x - overlap.start * uy + start_out * ux,
-        y1=centre_y + overlap.start * ux + start_out * uy,
-        distance1=overlap.start_height,
-        x2=centre_x - overlap.end * uy + end_out * ux,
-        y2=centre_y + overlap.end * ux + end_out * uy,
-        distance2=overlap.end_height,
+        normal_x=where(is_of_first, normal_x, -normal_x),
+        normal_y=where(is_of_first, normal_y, -normal_y),
+        x1=centre_x - start * uy + start_out * ux,
+        y1=centre_y + start * ux + start_out * uy,
+        distance1=where(is_at_corner, corner_distance, front.start_height),
+        x2=centre_x - front.end * uy + end_out * ux,
+        y2=centre_y + front.end * ux + end_out * uy,
+        distance2=where(is_at_corner, APART, front.end_height),
     )
 
 

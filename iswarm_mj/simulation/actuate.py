@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config.static import StaticConfig, StaticDrive
-from iswarm_mj.engines.base import Phase
+from iswarm_mj.engines.base import TURN_PARTS, Phase
 from iswarm_mj.sensors.conditions import Conditions
 from iswarm_mj.simulation import power
 from iswarm_mj.simulation.state import SwarmState
@@ -247,6 +247,6 @@ def drive_phases(
         yaw = poses[..., 2]
         return xp.stack([speed * xp.cos(yaw), speed * xp.sin(yaw), xp.zeros_like(yaw)], axis=-1)
 
-    turn = Phase(drive.turn_substeps, turn_velocity, box_velocity)
+    turn = Phase(drive.turn_substeps, turn_velocity, box_velocity, TURN_PARTS)
     walk = Phase(drive.walk_substeps, walk_velocity, box_velocity)
     return turn, walk

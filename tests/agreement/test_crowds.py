@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 from support.boxes import BOXES, moving
 from support.mujoco import velocities_of
+from support.planar import as_mujoco
 from support.robots import two_kinds
 from support.small import SMALL
 from support.touching import pairs_of
 
 from iswarm_mj.config.swarm import ArenaConfig, SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.contact_geometry import TOUCHING
 from iswarm_mj.engines.mjx.arena import compile_mjx_arena, contact_capacity
 from iswarm_mj.engines.mjx.engine import MjxEngine
 from iswarm_mj.engines.mujoco.engine import MujocoEngine
@@ -82,8 +84,8 @@ def engines(config, robot_files):
 
     one_of_each = arena_of_one(config, robot_files)
     tested_engines = {
-        "numba": PlanarEngine(config, one_of_each, 1),
-        "warp": read_engine(one_of_each, config, jax.default_backend()),
+        "numba": as_mujoco(PlanarEngine(config, one_of_each, 1)),
+        "warp": as_mujoco(read_engine(one_of_each, config, jax.default_backend())),
     }
     if robot_files:
         capacity = contact_capacity(config, N_ROBOTS, 4.0)
@@ -209,7 +211,7 @@ class TestControlSteps:
             poses = np.where(is_present[:, None], rounded, start).astype(float)
             n_touching += pairs_of(expected.touching).sum()
             gaps = beyond(corners_of(poses[:, :N_ROBOTS]), walls)
-            n_at_walls += (gaps > -0.01).any(axis=1).sum()
+            n_at_walls += (gaps > -TOUCHING).any(axis=1).sum()
 
         self.check_errors(errors, BOUND[name])
         self.check_that_contacts_mattered(poses - start, n_touching, n_at_walls)
@@ -226,8 +228,8 @@ class TestControlSteps:
 
     def check_that_contacts_mattered(self, displacement, n_touching, n_at_walls):
         """Check that robots touched each other and walls, and pushed all but the rough box."""
-        assert n_touching > 200
-        assert n_at_walls > 70
+        assert n_touching > 150
+        assert n_at_walls > 60
 
         distance = np.hypot(displacement[..., 0], displacement[..., 1]).T  # (N + M, B)
         assert distance[1].min() > 1

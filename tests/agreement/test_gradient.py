@@ -40,14 +40,14 @@ ROUGH_BOX = (0, 3, 0.5, 0.4, 0, 1e-5, 0.5)
 """Box that stays when a robot pushes it."""
 TURNS = np.random.default_rng(0).uniform(-0.3, 0.3, (4, 4))
 """Turns of the robots in four control steps [rad]."""
-PARAMETERS = np.array([1.1, 0.3])
-"""Distance that a robot walks in a control step [mm], and time constant of contacts [s]."""
+PARAMETERS = np.array([1.1, 1.5])
+"""Distance that a robot walks in a control step [mm], and a factor of the contacts' stiffness."""
 
 
 def roll_out(arena, poses, parameters):
     """Return poses after four control steps, and the pairs that touched in each."""
-    stride, time_constant = parameters
-    solref = arena.model.geom_solref.at[:, 0].set(time_constant)
+    stride, factor = parameters
+    solref = arena.model.geom_solref.at[:, 0].multiply(factor)
     engine = MjxEngine(
         replace(arena, model=arena.model.replace(geom_solref=solref)),
         SMALL,
@@ -126,7 +126,7 @@ def test_with_contacts_it_agrees_with_differences(double):
         # No contact begins or ends in between.
         np.testing.assert_array_equal(touching_above, touching)
         np.testing.assert_array_equal(touching_below, touching)
-    assert min(np.abs(differences)) > 0.1
+    assert min(np.abs(differences)) > 0.03
     np.testing.assert_allclose(slope, differences, rtol=3e-5)
 
 

@@ -34,10 +34,10 @@ def test_too_little_room_is_a_fault():
 
     It is a fault even if there is room again at the end, as in the last world, whose robots part.
     """
-    near = grid(2.4, -7)
-    free = grid(3.0, -9)
+    near = grid(2.5, -7)
+    free = grid(3.4, -10.2)
     touching = free.copy()
-    touching[np.arange(1, N_ROBOTS, 4), 0] -= 1.1
+    touching[np.arange(1, N_ROBOTS, 4), 0] -= 1.5
     parting = grid(2.8, -8.4)
     poses = np.stack([near, touching, free, parting])
     velocity = np.zeros_like(poses)

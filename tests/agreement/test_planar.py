@@ -7,6 +7,7 @@ import jax
 import numpy as np
 import pytest
 from support.mujoco import velocities_of
+from support.planar import as_mujoco
 from support.small import SMALL
 from support.touching import pairs_of
 
@@ -29,8 +30,8 @@ def engines(n_worlds, n_robots, impl="numba"):
     arena = compile_arena(SMALL, n_robots, np.zeros(0))
     mujoco = MujocoEngine(SMALL, arena, n_worlds, 1, n_robots)
     if impl == "numba":
-        return mujoco, PlanarEngine(SMALL, arena, 1)
-    return mujoco, read_engine(arena, SMALL, jax.default_backend())
+        return mujoco, as_mujoco(PlanarEngine(SMALL, arena, 1))
+    return mujoco, as_mujoco(read_engine(arena, SMALL, jax.default_backend()))
 
 
 def move(engine, bodies, phase):
@@ -100,7 +101,8 @@ ONE_CONTACT = {
     ONE_CONTACT.values(),
     ids=ONE_CONTACT.keys(),
 )
-def test_velocities_of_each_physics_step_are_those_of_mujoco(start, set_points, tolerance):
+@pytest.mark.parametrize("parts", [1, 2])
+def test_velocities_of_each_physics_step_are_those_of_mujoco(start, set_points, tolerance, parts):
     poses = np.array([start])
     set_points = np.array([set_points])
     mujoco, planar = engines(*poses.shape[:2])
@@ -109,7 +111,7 @@ def test_velocities_of_each_physics_step_are_those_of_mujoco(start, set_points, 
     present = np.ones(poses.shape[:2], bool)
     in_c = mujoco.place(poses, present)
     in_planar = planar.place(poses, present)
-    phase = Phase(1, lambda _: set_points)
+    phase = Phase(1, lambda _: set_points, parts=parts)
 
     for _ in range(12):
         in_c = move(mujoco, in_c, phase).bodies
@@ -130,7 +132,7 @@ def test_jams_end_where_mujoco_ends(impl):
         return -poses * np.array([1, 1, 0]) / np.maximum(distance, 0.5)
 
     poses = place_robots(SMALL.arena, 60, np.random.default_rng(3))[None]
-    inward = Phase(10, towards_centre)
+    inward = Phase(10, towards_centre, parts=2)
     for step in range(25):
         in_c, in_planar = move_both(poses, inward, impl)
         if step >= 15:

@@ -13,6 +13,7 @@ import jax
 import numpy as np
 import pytest
 from support.mujoco import velocities_of
+from support.planar import as_mujoco
 from support.touching import pairs_of
 
 from iswarm_mj.config.swarm import SwarmConfig
@@ -96,9 +97,9 @@ def move_in_planar(impl, crowd):
     """Return the motion of a crowd in the planar engine, at MuJoCo's time step."""
     arena = compile_arena(CONFIG, 1, np.zeros(0))
     if impl == "numba":
-        engine = PlanarEngine(CONFIG, arena, 1)
+        engine = as_mujoco(PlanarEngine(CONFIG, arena, 1))
     else:
-        engine = batch_engine.read_engine(arena, CONFIG, jax.default_backend())
+        engine = as_mujoco(batch_engine.read_engine(arena, CONFIG, jax.default_backend()))
     bodies = engine.place(crowd.poses, np.ones(crowd.poses.shape[:2], bool))
     velocity = np.asarray(crowd.velocities, bodies.poses.dtype)
     bodies = bodies._replace(velocity=velocity)

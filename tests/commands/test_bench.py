@@ -42,7 +42,7 @@ def test_counts_and_keys(small, engine, capfd):
     assert set(stages) == {"sense_ms", "policy_ms", "physics_ms"}
     assert min(stages.values()) > 0
 
-    n_substeps = small.drive.turn_substeps + small.drive.walk_substeps
+    n_substeps = 2 * small.drive.turn_substeps + small.drive.walk_substeps
     n_physics_steps = N_WORLDS * N_ROBOTS * n_substeps * times.get("refinement", 1)
     rate = n_physics_steps / (1e-3 * times["ms_per_step"])
     assert times["robot_physics_steps_per_s"] == pytest.approx(rate, rel=0.01)

@@ -3,8 +3,10 @@
 import mujoco
 import numpy as np
 import pytest
+from support.overlaps import corners_of
 
 from iswarm_mj.engines.contact_geometry import (
+    APART,
     X_OF_FIRST,
     Rectangle,
     rectangle_contact,
@@ -12,6 +14,8 @@ from iswarm_mj.engines.contact_geometry import (
     wall_contact,
 )
 
+MARGIN = 0.4
+"""Distance of the surfaces below which MuJoCo has contacts, half of it the margin of each geom."""
 WALL_X = 8.0
 """Place of the wall."""
 SQUARE = Rectangle(x=0.0, y=0.0, cos=1.0, sin=0.0, half_x=1.0, half_y=1.0)
@@ -27,10 +31,11 @@ BODY = """
   <joint type="slide" axis="1 0 0"/>
   <joint type="slide" axis="0 1 0"/>
   <joint type="hinge" axis="0 0 1"/>
-  <geom type="box" size="{half_x} {half_y} 0.5" condim="1"/>
+  <geom type="box" size="{half_x} {half_y} 0.5"/>
 </body>
 """
-WALL = f'<geom type="plane" size="0 0 1" pos="{WALL_X} 0 0" zaxis="-1 0 0" condim="1"/>'
+WALL = f'<geom type="plane" size="0 0 1" pos="{WALL_X} 0 0" zaxis="-1 0 0"/>'
+DEFAULT = f'<default><geom condim="1" margin="{MARGIN / 2}"/></default>'
 
 
 class Scene:
@@ -38,7 +43,8 @@ class Scene:
 
     def __init__(self, *boxes):
         bodies = [BODY.format(half_x=half_x, half_y=half_y) for half_x, half_y in boxes]
-        world = f"<mujoco><worldbody>{WALL}{''.join(bodies)}</worldbody></mujoco>"
+        world = f"<worldbody>{WALL}{''.join(bodies)}</worldbody>"
+        world = f"<mujoco>{DEFAULT}{world}</mujoco>"
         self.model = mujoco.MjModel.from_xml_string(world)
         self.data = mujoco.MjData(self.model)
 
@@ -57,7 +63,7 @@ def rounded(x, y, distance):
 
 
 def at_both_rims(centre, points):
-    """Return points that touch, once for each rim, from the world's origin, sorted.
+    """Return points within the margin, once for each rim, from the world's origin, sorted.
 
     Args:
         centre: x and y from which points are seen.
@@ -65,7 +71,7 @@ def at_both_rims(centre, points):
     """
     rows = []
     for x, y, distance in (points[:3], points[3:]):
-        if distance < 0:
+        if distance < MARGIN:
             rows += [rounded(centre[0] + x, centre[1] + y, distance)] * 2
     return np.array(sorted(rows)).reshape(-1, 3)
 
@@ -77,18 +83,20 @@ def rectangle(centre, yaw, half_edges):
 
 @pytest.mark.parametrize("second_half_edges", [None, (2.5, 0.3)], ids=["alike", "different"])
 @shapes
-def test_rectangles_touch_where_mujoco_says(half_edges, second_half_edges):
-    """Every tenth pair is parallel.
+def test_contacts_of_rectangles_are_those_of_mujoco(half_edges, second_half_edges):
+    """They overlap, or are apart by less than the margin; every tenth pair is parallel.
 
-    MuJoCo pushes boxes apart vertically that are deeper in each other than they are high.
+    MuJoCo has none between corners, and pushes boxes apart vertically that are deeper in each other than they are high.
     """
     second_half_edges = second_half_edges or half_edges
     scene = Scene(half_edges, second_half_edges)
     rng = np.random.default_rng(1)
     first = np.array([0.3, -0.2])
-    n_touching = 0
+    n_overlapping = 0
+    n_apart = 0
+    n_at_corners = 0
     for trial in range(3000):
-        second = rng.uniform(-2.5, 2.5, 2)
+        second = rng.uniform(-2.8, 2.8, 2)
         first_yaw, second_yaw = rng.uniform(-np.pi, np.pi, 2)
         if trial % 10 == 0:
             second_yaw = first_yaw + rng.integers(4) * np.pi / 2
@@ -99,17 +107,26 @@ def test_rectangles_touch_where_mujoco_says(half_edges, second_half_edges):
             continue
 
         expected, normal = scene.contacts([*first, first_yaw], [*second, second_yaw])
-        assert (gap < 0) == (len(expected) > 0)
-        if gap < 0:
-            n_touching += 1
-            normal_x, normal_y, *points = rectangle_contact(first_hull, second_hull)
+        normal_x, normal_y, *points = rectangle_contact(first_hull, second_hull)
+        if points[-1] == APART:
+            n_at_corners += 1
+            assert len(expected) == 0
+            continue
+
+        actual = at_both_rims(first, points)
+        assert len(actual) == len(expected)
+        if len(expected):
             np.testing.assert_allclose((normal_x, normal_y), normal, atol=1e-9)
-            np.testing.assert_allclose(at_both_rims(first, points), expected, atol=1e-7)
-    assert n_touching > 500
+            np.testing.assert_allclose(actual, expected, atol=1e-7)
+            n_overlapping += gap < 0
+            n_apart += gap > 0
+    assert n_overlapping > 500
+    assert n_apart > 100
+    assert n_at_corners > 5
 
 
 @shapes
-def test_rectangles_touch_walls_where_mujoco_says(half_edges):
+def test_contacts_with_walls_are_those_of_mujoco(half_edges):
     """Every tenth rectangle is parallel to the wall."""
     scene = Scene(half_edges, half_edges)
     far_away = [-30, 0, 0]
@@ -123,6 +140,39 @@ def test_rectangles_touch_walls_where_mujoco_says(half_edges):
         _, _, *points = wall_contact(WALL_X - centre[0], -1.0, 0.0, hull)
         expected, _ = scene.contacts([*centre, yaw], far_away)
         np.testing.assert_allclose(at_both_rims(centre, points), expected, atol=1e-7)
+
+
+@shapes
+def test_contacts_between_corners_are_at_the_nearest_points(half_edges):
+    """Those of many points on both outlines; the normal leads from one to the other."""
+    rng = np.random.default_rng(4)
+    n_at_corners = 0
+    for _ in range(3000):
+        poses = rng.uniform([-1.9, -1.9, -4], [1.9, 1.9, 4], (2, 3))
+        first, second = (rectangle(pose[:2], pose[2], half_edges) for pose in poses)
+        contact = rectangle_contact(first, second)
+        gap, _ = separation(first, second)
+        if contact.distance2 != APART or gap < 0:
+            continue
+
+        n_at_corners += 1
+        corners = np.array([corners_of(pose, half_edges) for pose in poses])
+        between = corners[1][None] - corners[0][:, None]
+        distances = np.hypot(between[..., 0], between[..., 1])
+        i, j = np.unravel_index(distances.argmin(), distances.shape)
+        nearest = between[i, j]
+        assert contact.distance1 == pytest.approx(distances[i, j])
+        normal = (contact.normal_x, contact.normal_y)
+        np.testing.assert_allclose(normal, nearest / distances[i, j], atol=1e-9)
+        middle = corners[0, i] + nearest / 2 - poses[0, :2]
+        np.testing.assert_allclose((contact.x1, contact.y1), middle, atol=1e-9)
+
+        # No side is nearer than the corners.
+        edges = np.linspace(corners, np.roll(corners, 1, axis=1), 40)
+        outlines = np.moveaxis(edges, 0, 1).reshape(2, -1, 2)
+        apart = np.linalg.norm(outlines[0][:, None] - outlines[1][None], axis=-1)
+        assert apart.min() > contact.distance1 - 1e-9
+    assert n_at_corners > 20
 
 
 def test_gaps_by_hand():

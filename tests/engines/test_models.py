@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from support.small import SMALL
 
+from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.arena import compile_arena
 from iswarm_mj.engines.robot_file import without_visual
 
@@ -54,6 +55,17 @@ class TestEveryModel:
     def test_compiles_without_warnings(self, name, recwarn):
         load(name)
         assert [str(warning.message) for warning in recwarn] == []
+
+
+@pytest.mark.parametrize("name", ["robot.xml", "robot6.xml", "arena.xml"])
+def test_contacts_in_files_are_those_of_the_default_drive(name):
+    model = load(name)
+    arena = compile_arena(SwarmConfig(), 1, np.zeros(0)).model
+    collides = model.geom_contype > 0
+    for attribute in ("geom_solref", "geom_solimp", "geom_margin"):
+        in_file = getattr(model, attribute)[collides]
+        in_arena = getattr(arena, attribute)[arena.geom_contype > 0]
+        np.testing.assert_allclose(in_file, in_arena[: len(in_file)], rtol=1e-4)
 
 
 class TestRobot:

@@ -33,12 +33,14 @@ def test_a_world_takes_no_further_step_after_a_fault(xp):
     """The first world does not run; the next two fail in a phase, and the last loses a robot."""
     calls = []
 
-    def step_bodies(bodies, targets, n_substeps, runs, touching):
+    def step_bodies(bodies, targets, phase, runs, touching):
         """Move bodies by their targets, and fail in some worlds."""
         fault = xp.where(runs, xp.asarray(FAULTS_OF_PHASES[len(calls)]), 0)
-        calls.append((n_substeps, np.asarray(runs).tolist(), np.asarray(targets[-1]).tolist()))
+        calls.append(
+            (phase.n_substeps, np.asarray(runs).tolist(), np.asarray(targets[-1]).tolist())
+        )
         stepped = bodies._replace(poses=bodies.poses + targets, velocity=targets)
-        touching = xp.where(runs[:, None, None], touching + n_substeps, touching)
+        touching = xp.where(runs[:, None, None], touching + phase.n_substeps, touching)
         return stepped, touching, fault
 
     bodies = FreeBodies(

@@ -18,6 +18,7 @@ from iswarm_mj.simulation.settings import RunSettings
 from iswarm_mj.simulation.worlds import World
 from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.units import mm_from_rd
 
 TYPE1 = PRESETS["type1"]
 N_BALLS = 24
@@ -178,11 +179,12 @@ def test_the_dead_neither_move_nor_send_nor_carry(small):
     n_alone = 0
     before = run.start.poses[0, 0]
     for record in records(run):
-        # Dead robots without a neighbour do not move.
+        # Dead robots without a neighbour, and clear of the walls, do not move.
         after = record.poses[0]
         of_pairs = before[:, None, :2] - before[None, :, :2]
         distance = np.linalg.norm(of_pairs, axis=-1) + 99 * np.eye(N)
-        is_alone = is_dead & (distance.min(axis=1) > reach_of_a_push)
+        is_clear = np.abs(before[:, :2]).max(axis=1) < mm_from_rd(small.arena.size) / 2 - 2.0
+        is_alone = is_dead & is_clear & (distance.min(axis=1) > reach_of_a_push)
         n_alone += is_alone.sum()
         np.testing.assert_allclose(after[is_alone], before[is_alone], atol=1e-6)
         before = after

@@ -101,7 +101,7 @@ def test_robots_in_cells_stay_and_collide_in_each_step(small):
     period = 2.0
     drive = replace(small.drive, locations="cells", control_period=period)
     config = replace(small, drive=drive)
-    poses = np.array([(0.1 * RD, 0, 0), (0.9 * RD, 0.3, np.pi), (0, 4 * RD, 0)])
+    poses = np.array([(0.05 * RD, 0, 0), (0.95 * RD, 0.3, np.pi), (0, 4 * RD, 0)])
     start = start_of(config, 3, 0, 0)._replace(poses=poses)
     world = World(Genome(), 3, 0, start=start)
     run = run_of(config, Genome(), 3, 4, worlds=[world], strategy=StraightOn())

@@ -43,6 +43,15 @@ def both_engines(config, refinement=1, tune=None, **changes):
     return plain, replace(batch, plane=batch.plane._replace(**changes))
 
 
+def as_mujoco(engine):
+    """Return a planar engine without contacts between corners, which MuJoCo does not have."""
+    plane = engine.plane._replace(corners_collide=False)
+    if isinstance(engine, PlanarEngine):
+        engine.plane = plane
+        return engine
+    return replace(engine, plane=plane)
+
+
 def with_robot(engine, robot, optics):
     """Give the engine for CPUs the optics of another robot, and return it.
 

@@ -19,7 +19,8 @@ from iswarm_mj.utils.errors import FaultKind, UserError
 from iswarm_mj.workflows.rollout import Rollout, rollout
 
 N_WORLDS = 3
-KEYS = jax.random.split(jax.random.key(8), N_WORLDS)
+KEYS = jax.random.split(jax.random.key(5528), N_WORLDS)
+"""Keys of worlds whose robots come near no other one and no wall when they go straight ahead."""
 N_FEW = 5
 """Number of robots that do not meet."""
 NEVER = -1

@@ -43,10 +43,10 @@ class ContactCapacity(NamedTuple):
 def contact_capacity(config: SwarmConfig, n_robots: int, factor: float = 1.0) -> ContactCapacity:
     """Return buffers that grow with the number of robots N and their density rho = N rd^2 / area.
 
-    Pairs: 16 + N (0.4 + 1.2 rho). Contact points: 64 + N (0.7 + 2.4 rho), where a pair has up to
-    four. That is about twice the most that type 1 showed in the first 60 steps at densities from
-    0.12 to 0.4. Swarms that jam, such as those whose robots hardly avoid each other, need more. A
-    full buffer is a fault that names world and step.
+    Pairs: 16 + N (1 + 0.5 rho). Contact points: 64 + N (2 + 0.8 rho), where a pair has up to
+    four. That is about 1.5 times the most that type 1 showed in the first 20 to 60 steps at
+    densities from 0.12 to 0.4. Swarms that jam, such as those whose robots hardly avoid each
+    other, need more. A full buffer is a fault that names world and step.
 
     Args:
         config: the arena.
@@ -56,8 +56,8 @@ def contact_capacity(config: SwarmConfig, n_robots: int, factor: float = 1.0) ->
     arena = config.arena
     n_bodies = n_robots + len(arena.boxes)
     density = n_robots / area_of(arena.corners)  # robots per rd^2
-    pairs = 16 + n_robots * (0.4 + 1.2 * density)
-    contacts = 64 + n_robots * (0.7 + 2.4 * density)
+    pairs = 16 + n_robots * (1.0 + 0.5 * density)
+    contacts = 64 + n_robots * (2.0 + 0.8 * density)
 
     # Obstacles and boxes: twice the robots that the circle around one has at this density, and
     # four contact points of each robot in a row along its edges.
@@ -86,7 +86,7 @@ class MjxArena:
         obstacles: (O, 6) obstacles, see `geometry.obstacles.numbers` [mm].
         halves: (M, 2) half edges of the boxes [mm].
         geoms: (N + M + O,) geom ids of robots, boxes and obstacles.
-        near: gap of the spheres around two of these beyond which they cannot touch [mm].
+        near: gap of the spheres around two of these beyond which they have no contact [mm].
         walls: (W, 3) half planes of the walls, see `geometry.walls.half_planes` [mm].
         n_robots: N.
         impl: implementation of MJX, "jax" or "warp".
@@ -184,6 +184,27 @@ def without_absent(model: mjx.Model, is_present: Array) -> mjx.Model:
     return model.replace(body_pos=model.body_pos.at[1:, 2].set(height))
 
 
+def in_parts(model: mjx.Model, parts: Array) -> mjx.Model:
+    """Return the model with its time step in parts, in which drives and contacts are as quick.
+
+    See `MujocoEngine`, which does the same.
+    """
+
+    def solref_in_parts(solref: Array) -> Array:
+        is_time = (solref > 0).all(axis=-1, keepdims=True)
+        as_times = solref / jnp.stack([parts, jnp.ones_like(parts)])
+        as_rates = solref * jnp.stack([parts**2, parts])
+        return jnp.where(is_time, as_times, as_rates)
+
+    return model.replace(
+        opt=model.opt.replace(timestep=model.opt.timestep / parts),
+        dof_damping=model.dof_damping * parts,
+        geom_solref=solref_in_parts(model.geom_solref),
+        dof_solref=solref_in_parts(model.dof_solref),
+        tendon_solref_fri=solref_in_parts(model.tendon_solref_fri),
+    )
+
+
 def _tune(spec: mujoco.MjSpec, impl: str, capacity: ContactCapacity, iterations: int) -> None:
     """Set the options that suit MJX: sparse inertia, solver and its limits.
 
@@ -224,14 +245,16 @@ def _tune(spec: mujoco.MjSpec, impl: str, capacity: ContactCapacity, iterations:
 
 
 def _largest_gap(model: mujoco.MjModel, geoms: np.ndarray) -> float:
-    """Return the largest gap of the spheres around two upright boxes that touch [mm].
+    """Return the largest gap of the spheres around two upright boxes with a contact [mm].
 
-    See `MjxArena.near`. The boxes touch at corners, seen from above, and may differ in height.
+    See `MjxArena.near`. The boxes are nearest at corners, seen from above, and may differ in
+    height.
     """
     sphere_radius = model.geom_rbound[geoms]
     half_diagonal = np.hypot(*model.geom_size[geoms, :2].T)
     height = model.geom_pos[geoms, 2] + model.body_pos[model.geom_bodyid[geoms], 2]
-    horizontal = half_diagonal[:, None] + half_diagonal
+    margin = model.geom_margin[geoms]
+    horizontal = half_diagonal[:, None] + half_diagonal + margin[:, None] + margin
     vertical = height[:, None] - height
     distance = np.hypot(horizontal, vertical)
     return float((distance - sphere_radius[:, None] - sphere_radius).max())

@@ -29,9 +29,6 @@ _BOX = mjx.GeomType.BOX
 _POINTS_PER_PAIR = 4
 """Contact points of a pair: two, each at the lower and the upper rim."""
 
-_NO_CONTACT = 1.0
-"""Distance of a point where geoms do not overlap, which MuJoCo ignores without a margin [mm]."""
-
 _geometry = in_arrays(contact_geometry, jnp)
 """Functions of `contact_geometry` for arrays of JAX."""
 
@@ -60,7 +57,8 @@ def box_box(first: Geom, second: Geom) -> tuple[Array, Array, Array]:
     """Return the contact points of two boxes, the same at the lower and the upper rim.
 
     Returns:
-        Distances (4,), negative where boxes overlap [mm]; points (4, 3) [mm]; normal (3,) from
+        Distances (4,), negative where boxes overlap and `APART` at points that do not exist [mm];
+        points (4, 3) [mm]; normal (3,) from
         first to second.
     """
     offset = second.centre - first.centre
@@ -70,7 +68,8 @@ def box_box(first: Geom, second: Geom) -> tuple[Array, Array, Array]:
     # After the normal come x, y and distance of both points (`ContactPoints`).
     normal_x, normal_y, *points = _geometry.rectangle_contact(first_hull, second_hull)
     is_level = jnp.abs(offset[2]) < first.half_edges[2] + second.half_edges[2]
-    distances, positions = _at_both_rims(points, first, may_touch=is_level)
+    between_corners = points[-1] == contact_geometry.APART
+    distances, positions = _at_both_rims(points, first, may_touch=is_level & ~between_corners)
     return distances, positions, jnp.array([normal_x, normal_y, 0.0])
 
 
@@ -88,6 +87,19 @@ def plane_box(plane: Geom, box: Geom) -> tuple[Array, Array, Array]:
     _, _, *points = _geometry.wall_contact(gap, *normal, _hull(box, 0.0, 0.0))
     distances, positions = _at_both_rims(points, box)
     return distances, positions, jnp.append(normal, 0.0)
+
+
+def nearest_points(first: Float[Array, "*P 6"], second: Float[Array, "*P 6"]) -> Float[Array, "*P"]:
+    """Return the lesser distance of the surfaces at the contact points of each pair of boxes [mm].
+
+    Args:
+        first: boxes, see `geometry.obstacles.numbers` [mm].
+        second: boxes.
+    """
+    hulls = [contact_geometry.Rectangle(*jnp.moveaxis(boxes, -1, 0)) for boxes in (first, second)]
+    points = _geometry.rectangle_contact(*hulls)
+    nearest = jnp.minimum(points.distance1, points.distance2)
+    return jnp.where(points.distance2 == contact_geometry.APART, contact_geometry.APART, nearest)
 
 
 def _hull(box: Geom, x: Any, y: Any) -> contact_geometry.Rectangle:
@@ -113,7 +125,7 @@ def _at_both_rims(
     xy = box.centre[:2] + jnp.array([[x1, y1], [x2, y2]])
     lower_and_upper = jnp.repeat(jnp.array([-1.0, 1.0]), 2)  # the rims of both points in turn
     height = box.centre[2] + lower_and_upper * box.half_edges[2]
-    distance = jnp.where(may_touch & (distance < 0), distance, _NO_CONTACT)
+    distance = jnp.where(may_touch, distance, contact_geometry.APART)
     return jnp.tile(distance, 2), jnp.column_stack([jnp.tile(xy, (2, 1)), height])
 
 

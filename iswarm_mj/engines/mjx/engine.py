@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from iswarm_mj.config.swarm import SwarmConfig
@@ -22,12 +23,13 @@ from iswarm_mj.engines.base import (
     set_points,
     with_boxes,
 )
+from iswarm_mj.engines.contact_geometry import TOUCHING
 from iswarm_mj.engines.mjx.api import mjx, quick_trees
-from iswarm_mj.engines.mjx.arena import MjxArena, without_absent
-from iswarm_mj.engines.mjx.contacts import planar_contacts
+from iswarm_mj.engines.mjx.arena import MjxArena, in_parts, without_absent
+from iswarm_mj.engines.mjx.contacts import nearest_points, planar_contacts
 from iswarm_mj.engines.mjx.derivatives import implicit_contacts
 from iswarm_mj.engines.mjx.sight import Crowd, find_links, find_walls
-from iswarm_mj.geometry.obstacles import overlap, with_poses
+from iswarm_mj.geometry.obstacles import with_poses
 from iswarm_mj.geometry.robot import Robots
 from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
@@ -36,7 +38,7 @@ _SOLVER_LIMITS = 1 << 9 | 1 << 10
 """Bits of Warp's `overflow` for solvers at their limit of iterations, not for missing room."""
 
 _ROUNDING = 1e-3
-"""Distance by which spheres that touch may seem apart [mm]."""
+"""Distance by which spheres at the margin may seem apart [mm]."""
 
 
 class _Progress(NamedTuple):
@@ -135,21 +137,25 @@ class MjxEngine(BoxesMixin, CompiledEngine):
         if self.is_masked:
             model = without_absent(model, bodies.is_present)
         shape = bodies.poses.shape
-        ends = list(itertools.accumulate(phase.n_substeps for phase in phases))
+        n_steps = [phase.n_substeps * phase.parts for phase in phases]
+        ends = list(itertools.accumulate(n_steps))
+        parts_of_steps = np.repeat([phase.parts for phase in phases], n_steps)
 
-        def take_substep(progress: _Progress, index: Array) -> tuple[_Progress, None]:
+        def take_step(progress: _Progress, step: tuple[Array, Array]) -> tuple[_Progress, None]:
             data, velocity, poses_of_contacts, fault = progress
+            index, parts = step
             poses = data.qpos.reshape(shape)
 
             # A phase sets the drives' velocities once, from the poses at which it begins.
-            for phase, end in zip(phases, ends, strict=True):
-                begins = index == end - phase.n_substeps
+            for phase, end, n in zip(phases, ends, n_steps, strict=True):
+                begins = index == end - n
                 velocity = jnp.where(begins, set_points(phase, poses, arena.n_robots), velocity)
 
             is_last = (index == jnp.array(ends) - 1)[:, None, None]
             poses_of_contacts = jnp.where(is_last, poses, poses_of_contacts)
-            force = (arena.servo_gain * velocity).ravel()
-            data = mjx.step(model, data.replace(qfrc_applied=force))
+            force = (arena.servo_gain * parts * velocity).ravel()
+            divided = model if parts_of_steps.max() == 1 else in_parts(model, parts)
+            data = mjx.step(divided, data.replace(qfrc_applied=force))
             fault = fault | _find_overflow(arena, data)
             return _Progress(data, velocity, poses_of_contacts, fault), None
 
@@ -159,7 +165,8 @@ class MjxEngine(BoxesMixin, CompiledEngine):
             poses_of_contacts=jnp.zeros((len(phases), *shape)),
             fault=jnp.int32(0),
         )
-        end, _ = jax.lax.scan(take_substep, start, jnp.arange(ends[-1]))
+        steps = jnp.arange(ends[-1]), jnp.asarray(parts_of_steps)
+        end, _ = jax.lax.scan(take_step, start, steps)
         return end
 
     def _find_partners(
@@ -167,7 +174,11 @@ class MjxEngine(BoxesMixin, CompiledEngine):
         poses: Float[Array, "P NM 3"],
         is_present: Bool[Array, "NM"],
     ) -> Int[Array, "K N"]:
-        """Return the robots of higher index that overlap each robot, see `Motion.touching`.
+        """Return the robots of higher index that touch each robot, see `Motion.touching`.
+
+        Robots touch whose surfaces are nearer than `TOUCHING` at some contact point. Other engines
+        also ask whether they push each other; both implementations of MJX keep their forces in
+        arrays of their own.
 
         Args:
             poses: poses of robots and boxes at the end of each phase [mm, mm, rad].
@@ -177,8 +188,8 @@ class MjxEngine(BoxesMixin, CompiledEngine):
         index = jnp.arange(n_robots, dtype=jnp.int32)
 
         hulls_of_phases = map(self.arena.hulls, poses[:, :n_robots])
-        overlaps = jnp.stack([overlap(hulls[:, None], hulls) for hulls in hulls_of_phases])
-        touching = overlaps.any(axis=0)
+        nearest = jnp.stack([nearest_points(hulls[:, None], hulls) for hulls in hulls_of_phases])
+        touching = (nearest <= TOUCHING).any(axis=0)
         robots_present = is_present[:n_robots]
         is_higher = index[:, None] < index
         touching = touching & robots_present & robots_present[:, None] & is_higher
@@ -199,9 +210,9 @@ def _find_overflow(arena: MjxArena, data: mjx.Data) -> Array:
         bits = data._impl.overflow.ravel()[0] & ~_SOLVER_LIMITS
         return jnp.where(bits != 0, int(FaultKind.TOO_MANY_CONTACTS), 0)
 
-    # MJX keeps the deepest contact points: if all of the buffer touch, others may be missing.
-    distance = data._impl.contact.dist
-    is_full = (distance < 0).all()
+    # MJX keeps the nearest contact points: if all of the buffer count, others may be missing.
+    contact = data._impl.contact
+    is_full = (contact.dist < contact.includemargin).all()
     contact_fault = jnp.where(is_full, int(FaultKind.TOO_MANY_CONTACTS), 0)
 
     # MJX compares the pairs whose spheres are nearest. The last geoms are obstacles, which do not

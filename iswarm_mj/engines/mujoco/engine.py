@@ -19,6 +19,7 @@ from iswarm_mj.engines.base import (
     take_phases,
     with_boxes,
 )
+from iswarm_mj.engines.contact_geometry import TOUCHING
 from iswarm_mj.engines.mujoco.sight import Scene, sense
 from iswarm_mj.engines.mujoco_library import without_timers
 from iswarm_mj.sensors.links import Links
@@ -26,7 +27,7 @@ from iswarm_mj.utils.arrays import Array
 from iswarm_mj.utils.errors import FaultKind
 
 JAM = 4000
-"""Contact points above which conjugate gradients solve for a world's contact forces.
+"""Contact points that push above which conjugate gradients solve for a world's contact forces.
 
 Newton's method, several times faster in ordinary swarms, takes seconds a control step where
 contacts connect more than a thousand joints."""
@@ -55,7 +56,8 @@ class Bodies(NamedTuple):
     velocity: Float[np.ndarray, "B V"]
     """MuJoCo's qvel [mm/s, rad/s]."""
     n_contacts: Int[np.ndarray, "B"]
-    """Contact points in the last physics step, which choose the solver of the next ones."""
+    """Contact points that pushed in the last physics step, which choose the solver of the next
+    ones."""
 
 
 class MujocoEngine(BoxesMixin, Engine):
@@ -100,6 +102,12 @@ class MujocoEngine(BoxesMixin, Engine):
         self._scratch = mujoco.MjData(arena.model)
         self._scene = Scene(config, arena, self._batch)
 
+        has_friction = arena.model.dof_frictionloss.any()
+        frictions = ("dof_solref", "tendon_solref_fri") if has_friction else ()
+        self._solrefs = ("geom_solref", *frictions)
+        """Fields of the model that depend on the time step."""
+        self._parts = 1
+        """Parts into which the model's time step is divided at present."""
         self._is_present = np.ones((n_worlds, self._n_robots), bool)
         self._height: np.ndarray | None = None
         """(B, number of bodies) height of each world's bodies, once some robots are absent [mm]."""
@@ -158,16 +166,19 @@ class MujocoEngine(BoxesMixin, Engine):
         )
 
     def _take_steps(
-        self, bodies: Bodies, targets: Array, n_substeps: int, runs: Array, touching: Array
+        self, bodies: Bodies, targets: Array, phase: Phase, runs: Array, touching: Array
     ) -> tuple[Bodies, Array, Array]:
         """Take the physics steps of a phase; see `StepBodies`."""
         self._qpos[:, self.joints] = bodies.poses[:, self._places]
         self._qvel[:] = bodies.velocity
-        self._force[:, self.joints] = self._arena.servo_gain * targets[:, self._places]
+        gain = self._arena.servo_gain * phase.parts
+        self._force[:, self.joints] = gain * targets[:, self._places]
+        self._divide_time_step(phase.parts)
 
         worlds = np.flatnonzero(runs)
         n_contacts = bodies.n_contacts.copy()
-        failed_worlds = self._step(n_substeps, worlds, n_contacts[worlds] > JAM)
+        n_steps = phase.n_substeps * phase.parts
+        failed_worlds = self._step(n_steps, worlds, n_contacts[worlds] > JAM)
         fault = np.zeros(len(runs), np.int32)
         fault[failed_worlds] = FaultKind.SOLVER_FAILED
 
@@ -184,6 +195,21 @@ class MujocoEngine(BoxesMixin, Engine):
         """Return bodies at MuJoCo's poses and velocities."""
         poses = self._in_places(self._qpos[:, self.joints])
         return Bodies(poses, is_present, self._qvel.copy(), n_contacts)
+
+    def _divide_time_step(self, parts: int) -> None:
+        """Divide the model's time step; drives and contacts stay as quick in steps.
+
+        A drive's damping is its gain. A `solref` of two positive numbers begins with a time
+        constant; one of two negative numbers is stiffness and damping.
+        """
+        if parts == self._parts:
+            return
+        model = self._arena.model
+        self._batch.expand("opt.timestep")[:] = model.opt.timestep / parts
+        self._batch.expand("dof_damping")[:] = model.dof_damping * parts
+        for name in self._solrefs:
+            self._batch.expand(name)[:] = solref_in_parts(getattr(model, name), parts)
+        self._parts = parts
 
     def _step(
         self,
@@ -213,16 +239,22 @@ class MujocoEngine(BoxesMixin, Engine):
         Args:
             world: index of the world.
             partners: partners of each robot, see `Motion.touching`; present ones are added.
-            n_contacts: number of contact points in each world; that of this world is set.
+            n_contacts: contact points that push in each world; that of this world is set.
         """
-        contact = self._batch.get_data(world, self._scratch).contact
-        n_contacts[world] = len(contact.geom)
+        data = self._batch.get_data(world, self._scratch)
+        contact = data.contact
+        is_pushing = data.efc_force[contact.efc_address] > 0
+        n_contacts[world] = is_pushing.sum()
 
+        # Robots touch that push each other at some point, and are near enough at some point.
         first, second = self._scene.robot_of_geom[contact.geom].T
         lower = np.minimum(first, second)
         higher = np.maximum(first, second)
-        robots_touch = (higher < self._n_robots) & (contact.dist <= 0)
-        add_partners(partners, lower[robots_touch], higher[robots_touch])
+        pair = lower * self._n_robots + higher
+        are_robots = higher < self._n_robots
+        is_near = contact.dist <= TOUCHING
+        touching = np.intersect1d(pair[are_robots & is_pushing], pair[are_robots & is_near])
+        add_partners(partners, *np.divmod(touching, self._n_robots))
 
     def _in_places(self, values: Shaped[np.ndarray, "B NM ..."]) -> Shaped[np.ndarray, "B PM ..."]:
         """Return values of robots and boxes in their places, with zeros in empty places."""
@@ -239,6 +271,15 @@ class MujocoEngine(BoxesMixin, Engine):
         padding = [(0, 0)] * array.ndim
         padding[1] = (0, self._capacity - self._n_robots)
         return np.pad(array, padding)
+
+
+def solref_in_parts(
+    solref: Float[np.ndarray, "K 2"],
+    parts: int,
+) -> Float[np.ndarray, "K 2"]:
+    """Return MuJoCo's `solref` of K geoms, joints or tendons for a time step in parts."""
+    is_time = (solref > 0).all(axis=1, keepdims=True)
+    return np.where(is_time, solref / [parts, 1], solref * [parts**2, parts])
 
 
 def add_partners(

@@ -33,7 +33,9 @@ from iswarm_mj.engines.planar.plane import (
     FINEST,
     Kind,
     Plane,
+    kinds_in_parts,
     of_bodies,
+    plane_in_parts,
     read_kinds,
     read_plane,
     solids_of,
@@ -194,13 +196,13 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
         )
 
     def _take_steps(
-        self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
+        self, bodies: FreeBodies, targets: Array, phase: Phase, runs: Array, touching: Array
     ) -> tuple[FreeBodies, Array, Array]:
         """Take the physics steps of a phase; see `StepBodies`."""
         n_worlds, n_bodies = bodies.is_present.shape
         n_robots = self.n_robots(bodies)
         n_threads = self._threads(n_robots)
-        radius = 2 * self.plane.largest_radius + SKIN
+        radius = 2 * self.plane.largest_radius + self.plane.law_of_bodies.margin + SKIN
         grid = n_cells(self.plane.half_extent, radius, n_robots)
         rooms = self._rooms(n_robots)
         shapes = physics.output_shapes(touching.shape, n_bodies, grid, n_threads, rooms)
@@ -215,10 +217,10 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
             # Worlds in which most colours of contacts were solved go first, lest the others wait
             # for one that began late (Graham 1969, SIAM J. Appl. Math. 17, 416).
             jnp.argsort(-bodies.work).astype(jnp.int32),
-            words_of(self.plane),
-            self._table(n_robots),
+            words_of(plane_in_parts(self.plane, phase.parts)),
+            self._table(n_robots, phase.parts),
             self._solids(),
-            n_substeps * self.plane.refinement,
+            phase.n_substeps * phase.parts * self.plane.refinement,
             grid,
             *rooms,
             touching,
@@ -249,9 +251,15 @@ class PlanarBatchEngine(BoxesMixin, CompiledEngine):
         """Return a kernel as a function of JAX arrays, see `jax_kernel`."""
         return jax_kernel(function, self.on_gpu, n_threads, n_outputs, *in_out)
 
-    def _table(self, n_robots: int) -> Int[np.ndarray, "W"]:
-        """Return the kinds of N robots, of the boxes and of what is fixed, in words."""
-        return words_of(*of_bodies(self.kinds, self.robot, n_robots))
+    def _table(self, n_robots: int, parts: int = 1) -> Int[np.ndarray, "W"]:
+        """Return the kinds of N robots, of the boxes and of what is fixed, in words.
+
+        Args:
+            n_robots: N.
+            parts: parts of the time step, see `kinds_in_parts`.
+        """
+        kinds = kinds_in_parts(self.kinds, parts)
+        return words_of(*of_bodies(kinds, self.robot, n_robots))
 
     def _points(self) -> Float[Array, "P 2"]:
         """Return the points and axes of the robots, see `reception.points_of`."""

@@ -29,12 +29,14 @@ class ContactLaw(NamedTuple):
     """Stiffness K of the reference acceleration [1/s^2]."""
     damping: float
     """Damping B of the reference acceleration [1/s]."""
+    margin: float
+    """Distance of the surfaces below which there is a contact [mm]."""
     min_impedance: float
-    """Impedance d where the surfaces just touch."""
+    """Impedance d where a contact begins."""
     max_impedance: float
-    """Impedance d of overlaps of at least `width`."""
+    """Impedance d of surfaces nearer by at least `width`."""
     width: float
-    """Overlap at which the impedance has reached its maximum [mm]."""
+    """Distance below the margin at which the impedance has reached its maximum [mm]."""
     midpoint: float
     """Share of the width at which the impedance's curvature changes sign."""
     power: float
@@ -50,7 +52,7 @@ def impedance(distance: float, law: ContactLaw) -> float:
         return 0.5 * (low + high)
 
     # Two powers that meet at the midpoint: y rises from 0 to 1 as x does.
-    x = min(abs(distance) / law.width, 1.0)
+    x = min(abs(distance - law.margin) / law.width, 1.0)
     if law.power == 1.0:
         y = x
     elif x <= law.midpoint:
@@ -81,16 +83,17 @@ def offset(
     law: ContactLaw,
     timestep: float,
 ) -> float:
-    """Return the velocity -(J v + h aref) with aref = -B J v - K d r [mm/s].
+    """Return the velocity -(J v + h aref) with aref = -B J v - K d r and r = distance - margin.
 
     Args:
         impedance: impedance d.
-        distance: distance r of the surfaces, negative where they overlap [mm].
+        distance: distance of the surfaces, negative where they overlap [mm].
         velocity: rate J v at which the distance grows before the step [mm/s].
         law: the contact's law.
         timestep: time step h [s].
     """
-    reference = -law.damping * velocity - law.stiffness * impedance * distance
+    violation = distance - law.margin
+    reference = -law.damping * velocity - law.stiffness * impedance * violation
     return -(velocity + timestep * reference)
 
 

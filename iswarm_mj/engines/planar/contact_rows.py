@@ -15,6 +15,7 @@ import math
 from typing import NamedTuple
 
 from iswarm_mj.engines.contact_geometry import (
+    APART,
     ContactPoints,
     Rectangle,
     rectangle_contact,
@@ -67,10 +68,10 @@ class Row(NamedTuple):
 
 
 class Rows(NamedTuple):
-    """Rows of a contact, those of points that touch first; zero for others."""
+    """Rows of a contact, those of points within the margin first; zero for others."""
 
     n_rows: int
-    """Number of points that touch."""
+    """Number of points within the margin."""
     normal_x: float
     """x of the normal, from the first to the second body."""
     normal_y: float
@@ -91,8 +92,6 @@ class Rows(NamedTuple):
     """R of the first row."""
     softness2: float
     """R of the second row."""
-    depth: float
-    """Overlap at the deeper point."""
 
 
 class Friction(NamedTuple):
@@ -126,31 +125,45 @@ def gap_to_wall(wall: Wall, x: float, y: float) -> float:
 
 
 @shared
-def meets_wall(place: Place, kind: Kind, wall: Wall) -> bool:
-    """Return whether a body reaches beyond a wall."""
+def wall_gap(place: Place, kind: Kind, wall: Wall, margin: float) -> float:
+    """Return the gap between a body and a wall, negative where the body reaches beyond it.
+
+    If it is no less than the margin, any number that is not either will do.
+    """
     gap = gap_to_wall(wall, place.x, place.y)
-    if gap >= kind.radius:
-        return False
+    if gap >= kind.radius + margin:
+        return margin
     ahead = abs(place.cos * wall.normal_x + place.sin * wall.normal_y)
     left = abs(place.cos * wall.normal_y - place.sin * wall.normal_x)
-    return gap < kind.half_x * ahead + kind.half_y * left
+    return gap - kind.half_x * ahead - kind.half_y * left
 
 
 @shared
-def overlaps(
+def body_gap(
     first: Rectangle,
     first_radius: float,
     second: Rectangle,
     second_radius: float,
-) -> bool:
-    """Return whether two rectangles overlap; the radii are those of their circumcircles."""
+    margin: float,
+) -> float:
+    """Return the gap between two rectangles, see `separation`, negative where they overlap.
+
+    If it is no less than the margin, any number that is not either will do.
+
+    Args:
+        first: first rectangle.
+        first_radius: radius of its circumcircle.
+        second: second rectangle.
+        second_radius: radius of its circumcircle.
+        margin: margin of their contact.
+    """
     dx = second.x - first.x
     dy = second.y - first.y
-    reach = first_radius + second_radius
+    reach = first_radius + second_radius + margin
     if dx * dx + dy * dy >= reach * reach:
-        return False
+        return margin
     gap, _ = separation(first, second)
-    return gap < 0.0
+    return gap
 
 
 @shared
@@ -186,6 +199,12 @@ def touch_body(first: Rectangle, second: Rectangle) -> Touch:
     arm1 = points.x1 * points.normal_y - points.y1 * points.normal_x
     arm2 = points.x2 * points.normal_y - points.y2 * points.normal_x
     return touch_at(points, arm1, arm2, second.x - first.x, second.y - first.y)
+
+
+@shared
+def is_between_corners(touch: Touch) -> bool:
+    """Return whether the nearest features of two bodies are corners; see `rectangle_contact`."""
+    return touch.distance2 == APART
 
 
 @shared
@@ -237,7 +256,6 @@ def rows_of(
         second_velocity,
     )
     n_rows = int(0)
-    depth = float(0.0)
     first = Row(0.0, 0.0, 0.0, 0.0)
     second = Row(0.0, 0.0, 0.0, 0.0)
     n_points = int(2)  # a variable, so that Warp loops: unrolled, it would be most of a GPU program
@@ -250,8 +268,7 @@ def rows_of(
             lever = float(touch.lever2)
             distance = float(touch.distance2)
 
-        if distance < 0.0:
-            depth = max(depth, -distance)
+        if distance < law.margin:
             d = impedance(distance, law)
             velocity = normal_velocity + lever * second_velocity.yaw - arm * first_velocity.yaw
             row = Row(
@@ -277,7 +294,6 @@ def rows_of(
         offset2=second.offset,
         softness1=first.softness,
         softness2=second.softness,
-        depth=depth,
     )
 
 

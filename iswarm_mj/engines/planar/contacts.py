@@ -1,4 +1,4 @@
-"""Contacts of one world: the touching pairs, with what the solver needs of each."""
+"""Contacts of one world: the pairs within the margin, with what the solver needs of each."""
 
 import math
 from typing import Any
@@ -10,14 +10,15 @@ from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.contact_rows import (
     Rows,
     Touch,
+    body_gap,
+    is_between_corners,
     matrix,
-    meets_wall,
-    overlaps,
     rectangle_of,
     rows_of,
     touch_body,
     touch_obstacle,
     touch_wall,
+    wall_gap,
 )
 from iswarm_mj.engines.planar.kinds import obstacle_of, place_of, velocity_of, wall_of
 from iswarm_mj.engines.planar.plane import Plane
@@ -38,16 +39,21 @@ _IMPULSES = (
     "last_impulse1",  # as the latest sweep ended
     "last_impulse2",
 )
-_NUMBERS = (*Rows._fields[1:], *_MATRIX, *_INVERSE_MASSES, *_IMPULSES)
+_DISTANCES = (
+    "gap",
+    "nearest",  # the lesser distance of the surfaces at the contact points
+)
+_NUMBERS = (*Rows._fields[1:], *_MATRIX, *_INVERSE_MASSES, *_IMPULSES, *_DISTANCES)
 
 _TYPES = dict.fromkeys(_BODIES, np.int64) | dict.fromkeys(_NUMBERS, np.float64)
 
 CONTACT = np.dtype(list(_TYPES.items()))
-"""Record of a touching pair.
+"""Record of a pair within the margin.
 
 It has both bodies, of which the first may be the last one of all, which is fixed; the fields of
-`Rows`; the matrix H; the inverse masses of both bodies; the impulses of both rows; and
-`has_friction`, whether the floor's friction acts on one of the bodies."""
+`Rows`; the matrix H; the inverse masses of both bodies; the impulses of both rows; the gap between
+the bodies, negative where they overlap; and `has_friction`, whether the floor's friction acts on
+one of the bodies."""
 
 
 @uncounted
@@ -99,13 +105,19 @@ def find_contacts(
         for body in range(n_bodies):
             kind = kinds[body]
             hull = rectangle_of(place_of(places, body), kind)
-            if is_present[body] and overlaps(obstacle, radius, hull, kind.radius):
+            if not is_present[body]:
+                continue
+            gap = body_gap(obstacle, radius, hull, kind.radius, law.margin)
+            if gap < law.margin:
                 touch = touch_obstacle(obstacle, hull)
+                if is_between_corners(touch) and not plane.corners_collide:
+                    continue
                 contact = contacts[n_contacts]
                 n_contacts += _write(
                     contact,
                     n_bodies,
                     body,
+                    gap,
                     touch,
                     velocities,
                     kinds,
@@ -115,14 +127,18 @@ def find_contacts(
     for body in range(n_bodies):
         place = place_of(places, body)
         for row in range(plane.n_walls):
+            if not is_present[body]:
+                continue
             wall = wall_of(solids, row)
-            if is_present[body] and meets_wall(place, kinds[body], wall):
+            gap = wall_gap(place, kinds[body], wall, law.margin)
+            if gap < law.margin:
                 touch = touch_wall(place, kinds[body], wall)
                 contact = contacts[n_contacts]
                 n_contacts += _write(
                     contact,
                     n_bodies,
                     body,
+                    gap,
                     touch,
                     velocities,
                     kinds,
@@ -142,14 +158,19 @@ def _meet(
     kinds: np.ndarray,
     plane: Plane,
 ) -> int:
-    """Write the contact of two bodies that move; return 1 if they touch, otherwise 0."""
+    """Write the contact of two bodies that move; return 1 if they have one, otherwise 0."""
+    law = plane.law_of_bodies
     first_hull = rectangle_of(place_of(places, first), kinds[first])
     second_hull = rectangle_of(place_of(places, second), kinds[second])
-    if not overlaps(first_hull, kinds[first].radius, second_hull, kinds[second].radius):
+    first_radius = kinds[first].radius
+    second_radius = kinds[second].radius
+    gap = body_gap(first_hull, first_radius, second_hull, second_radius, law.margin)
+    if gap >= law.margin:
         return 0
     touch = touch_body(first_hull, second_hull)
-    law = plane.law_of_bodies
-    return _write(contact, first, second, touch, velocities, kinds, law, plane.timestep)
+    if is_between_corners(touch) and not plane.corners_collide:
+        return 0
+    return _write(contact, first, second, gap, touch, velocities, kinds, law, plane.timestep)
 
 
 @inlined
@@ -157,13 +178,14 @@ def _write(
     contact: Any,
     first: int,
     second: int,
+    gap: float,
     touch: Touch,
     velocities: np.ndarray,
     kinds: np.ndarray,
     law: ContactLaw,
     timestep: float,
 ) -> int:
-    """Write the contact of two bodies; return 1 if any point touches, otherwise 0."""
+    """Write the contact of two bodies; return 1 if any point is within the margin, otherwise 0."""
     kind1 = kinds[first]
     kind2 = kinds[second]
     inverse_weight = kind1.inverse_weight + kind2.inverse_weight
@@ -186,7 +208,8 @@ def _write(
     contact.offset2 = rows.offset2
     contact.softness1 = rows.softness1
     contact.softness2 = rows.softness2
-    contact.depth = rows.depth
+    contact.gap = gap
+    contact.nearest = min(touch.distance1, touch.distance2)
 
     mass1 = kind1.inverse_mass
     mass2 = kind2.inverse_mass

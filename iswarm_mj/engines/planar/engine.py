@@ -23,6 +23,7 @@ from iswarm_mj.engines.base import (
 from iswarm_mj.engines.planar.physics import take_steps
 from iswarm_mj.engines.planar.plane import (
     FINEST,
+    plane_in_parts,
     read_kinds,
     read_plane,
     solids_of,
@@ -41,8 +42,9 @@ class PlanarEngine(BoxesMixin, Engine):
     """`Engine` of B worlds at once, bit-identical at any number of threads.
 
     At the finest tolerance robots end a control step within 0.001 mm of where MuJoCo in C puts
-    them. Those that overlap by more than their height differ: MuJoCo pushes them apart
-    vertically, which their joints do not allow; here they part.
+    them, with two exceptions. Robots whose nearest features are corners have a contact here (see
+    `Plane.corners_collide`). And robots that overlap by more than their height part here, whereas
+    MuJoCo pushes them apart vertically, which their joints do not allow.
     """
 
     def __init__(
@@ -100,6 +102,7 @@ class PlanarEngine(BoxesMixin, Engine):
             self._points,
             solids_with(self._solids, self.boxes(bodies), self.kinds, self.robot),
             table_of(self.kinds, self.robot, n_robots),
+            self.plane,
         )
         if n_senders > 1:
             return reading
@@ -127,7 +130,7 @@ class PlanarEngine(BoxesMixin, Engine):
         )
 
     def _take_steps(
-        self, bodies: FreeBodies, targets: Array, n_substeps: int, runs: Array, touching: Array
+        self, bodies: FreeBodies, targets: Array, phase: Phase, runs: Array, touching: Array
     ) -> tuple[FreeBodies, Array, Array]:
         """Take the physics steps of a phase; see `StepBodies`."""
         new_bodies = bodies._replace(
@@ -139,13 +142,14 @@ class PlanarEngine(BoxesMixin, Engine):
         self._spread(
             take_steps,
             np.flatnonzero(runs),
-            n_substeps * self.plane.refinement,
+            phase.n_substeps * phase.parts * self.plane.refinement,
             new_bodies,
             np.ascontiguousarray(targets, float),
             touching,
             failure,
             self._solids,
-            table_of(self.kinds, self.robot, self.n_robots(bodies)),
+            table_of(self.kinds, self.robot, self.n_robots(bodies), phase.parts),
+            plane_in_parts(self.plane, phase.parts),
         )
         return new_bodies, touching, failure
 
@@ -158,15 +162,15 @@ class PlanarEngine(BoxesMixin, Engine):
         """Call a compiled function with shares of some worlds, spread over the threads.
 
         Args:
-            function: takes the indices of its worlds, these arguments and the plane.
+            function: takes the indices of its worlds and these arguments.
             worlds: indices of all worlds.
             arguments: the function's other arguments.
         """
         if self._pool is None or len(worlds) < 2:
-            function(worlds, *arguments, self.plane)
+            function(worlds, *arguments)
             return
         n_shares = min(len(worlds), self._n_threads * _SHARES_PER_THREAD)
         shares = np.array_split(worlds, n_shares)
-        calls = [self._pool.submit(function, share, *arguments, self.plane) for share in shares]
+        calls = [self._pool.submit(function, share, *arguments) for share in shares]
         for call in calls:
             call.result()

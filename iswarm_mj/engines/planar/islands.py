@@ -1,8 +1,10 @@
 """Islands: contacts that robots or boxes connect; each island is solved by itself."""
 
+from typing import Any
+
 import numpy as np
 
-from iswarm_mj.engines.planar.compiled import compiled, inlined
+from iswarm_mj.engines.planar.compiled import compiled, inlined, uncounted
 
 
 @compiled
@@ -17,40 +19,71 @@ def find_islands(contacts: np.ndarray, n_bodies: int) -> tuple[np.ndarray, np.nd
         Indices of the contacts, island after island (C,); and where each of I islands begins,
         with the end of the last (I + 1,).
     """
-    parent = _unite(contacts, n_bodies)
-
-    # Number the islands in the order in which they come, and count their contacts.
+    parent = np.arange(n_bodies)
+    _unite(contacts, parent)
     island_of_root = np.full(n_bodies, -1, np.int64)
-    begins = np.zeros(len(contacts) + 1, np.int64)
+    n_contacts = np.zeros(len(contacts) + 1, np.int64)
+    n_islands = _number(contacts, parent, island_of_root, n_contacts)
+
+    begins = np.cumsum(n_contacts[: n_islands + 1])
+    next_place = begins.copy()
+    order = np.empty(len(contacts), np.int64)
+    _sort(contacts, parent, island_of_root, next_place, order)
+    return order, begins
+
+
+@uncounted
+def _unite(contacts: np.ndarray, parent: np.ndarray) -> None:
+    """Write the parents (N,) of a forest in which connected bodies have the same root."""
+    for k in range(len(contacts)):
+        contact: Any = contacts[k]
+        if contact.first < len(parent):
+            first_root = _find_root(parent, contact.first)
+            second_root = _find_root(parent, contact.second)
+            parent[max(first_root, second_root)] = min(first_root, second_root)
+
+
+@uncounted
+def _number(
+    contacts: np.ndarray,
+    parent: np.ndarray,
+    island_of_root: np.ndarray,
+    n_contacts: np.ndarray,
+) -> int:
+    """Number the islands in the order in which they come, and count their contacts.
+
+    Args:
+        contacts: (C,) of type CONTACT.
+        parent: (N,) see `_unite`.
+        island_of_root: (N,) -1, output for the roots.
+        n_contacts: (C + 1,) zeros, output: contacts of the island before, from the second on.
+
+    Returns:
+        Number of islands.
+    """
     n_islands = 0
-    for contact in contacts:
-        root = _find_root(parent, contact.second)
+    for k in range(len(contacts)):
+        root = _find_root(parent, contacts[k].second)
         if island_of_root[root] < 0:
             island_of_root[root] = n_islands
             n_islands += 1
-        begins[island_of_root[root] + 1] += 1
-    begins = np.cumsum(begins[: n_islands + 1])
+        n_contacts[island_of_root[root] + 1] += 1
+    return n_islands
 
-    # Put each contact at the next free place of its island.
-    next_place = begins.copy()
-    order = np.empty(len(contacts), np.int64)
+
+@uncounted
+def _sort(
+    contacts: np.ndarray,
+    parent: np.ndarray,
+    island_of_root: np.ndarray,
+    next_place: np.ndarray,
+    order: np.ndarray,
+) -> None:
+    """Put the index of each contact at the next free place of its island in `order` (C,)."""
     for k in range(len(contacts)):
         island = island_of_root[_find_root(parent, contacts[k].second)]
         order[next_place[island]] = k
         next_place[island] += 1
-    return order, begins
-
-
-@compiled
-def _unite(contacts: np.ndarray, n_bodies: int) -> np.ndarray:
-    """Return the parents (N,) of a forest in which connected bodies have the same root."""
-    parent = np.arange(n_bodies)
-    for contact in contacts:
-        if contact.first < n_bodies:
-            first_root = _find_root(parent, contact.first)
-            second_root = _find_root(parent, contact.second)
-            parent[max(first_root, second_root)] = min(first_root, second_root)
-    return parent
 
 
 @inlined

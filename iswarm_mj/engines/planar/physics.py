@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from iswarm_mj.engines.base import FreeBodies
+from iswarm_mj.engines.contact_geometry import TOUCHING
 from iswarm_mj.engines.planar.compiled import cached, compiled, uncounted
 from iswarm_mj.engines.planar.contacts import CONTACT, find_contacts
 from iswarm_mj.engines.planar.near_pairs import near_pairs, set_places
@@ -14,9 +15,10 @@ from iswarm_mj.engines.planar.solver import apply_friction, solve, warm_start
 from iswarm_mj.utils.errors import FaultKind
 
 SKIN = 1.5
-"""Gap between two circumcircles below which robots are a near pair [mm].
+"""Distance beyond the margin of contacts, of two circumcircles, below which robots are a near pair
+[mm].
 
-Near pairs are searched again once others may have come as close as to touch."""
+Near pairs are searched again once others may have come within the margin."""
 
 _FAILED = int(FaultKind.SOLVER_FAILED)
 
@@ -37,10 +39,10 @@ def take_steps(
 
     Args:
         worlds: indices of these worlds.
-        n_substeps: number of physics steps.
+        n_substeps: number of time steps.
         bodies: `FreeBodies` (B, N + M, ...) of N robots and M boxes, changed.
         targets: (B, N + M, 3) set points of the drives [mm/s, mm/s, rad/s].
-        touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are added.
+        touching: (B, K, N) see `Motion.touching`; the pairs that touch in the last step are added.
         failure: (B,) output, bits of `FaultKind`; if the contact solver fails, the world's steps
             end there.
         solids: (W + O, 6) walls and obstacles, see `plane.solids_of`.
@@ -92,7 +94,7 @@ def _take_steps(
     moved = np.inf  # distance that robots may have moved since the near pairs were searched
     for _ in range(n_substeps):
         if 2.0 * moved > SKIN:
-            radius = 2.0 * plane.largest_radius + SKIN
+            radius = 2.0 * plane.largest_radius + plane.law_of_bodies.margin + SKIN
             pairs = near_pairs(places[:n_robots], bodies.is_present, radius, plane.half_extent)
             contacts = np.empty(len(pairs) + (len(solids) + n_boxes) * n_bodies, CONTACT)
             moved = 0.0
@@ -110,8 +112,7 @@ def _take_steps(
             contacts,
         )
         in_contact = contacts[:n_contacts]
-        for contact in in_contact:
-            bodies.overlap[0] = max(bodies.overlap[0], contact.depth)
+        _note_overlap(in_contact, bodies.overlap)
 
         # Velocities without contacts, then the impulses of contacts and friction.
         _drive(velocities, targets, kinds)
@@ -126,10 +127,26 @@ def _take_steps(
         moved += _integrate(bodies, places, velocities, plane.timestep)
 
     _copy(velocities, bodies.velocity)
-    for contact in solved:
-        if contact.first < n_robots:
-            _add_partner(touching, contact.first, contact.second)
+    _note_touching(solved, touching)
     return 0
+
+
+@uncounted
+def _note_overlap(contacts: np.ndarray, overlap: np.ndarray) -> None:
+    """Raise the deepest overlap (1,) to that of contacts."""
+    for k in range(len(contacts)):
+        overlap[0] = max(overlap[0], -contacts[k].gap)
+
+
+@uncounted
+def _note_touching(contacts: np.ndarray, touching: np.ndarray) -> None:
+    """Add the pairs of robots that touch to (K, N)."""
+    n_robots = touching.shape[1]
+    for k in range(len(contacts)):
+        contact: Any = contacts[k]
+        is_pushing = contact.impulse1 + contact.impulse2 > 0.0
+        if contact.first < n_robots and is_pushing and contact.nearest <= TOUCHING:
+            _add_partner(touching, contact.first, contact.second)
 
 
 @uncounted

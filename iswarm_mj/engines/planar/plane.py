@@ -81,6 +81,8 @@ class Plane(NamedTuple):
     """Law of the contacts of robots and boxes with each other."""
     law_of_solids: ContactLaw
     """Law of their contacts with walls and obstacles."""
+    corners_collide: bool = True
+    """Bodies whose nearest features are corners have a contact, which they have not in MuJoCo."""
     tolerance: float = FINEST
     """Largest change of a velocity by a contact in the last sweep of the contact solver [mm/s]."""
     max_sweeps: int = 20_000
@@ -112,6 +114,37 @@ def read_plane(arena: ArenaModel, tolerance: float = FINEST) -> Plane:
     )
 
 
+def plane_in_parts(plane: Plane, parts: int) -> Plane:
+    """Return the plane with a shorter time step, in which contacts are as quick in steps.
+
+    Args:
+        plane: the plane with its own time step.
+        parts: number of short time steps in it.
+    """
+    if parts == 1:
+        return plane
+
+    def in_parts(law: ContactLaw) -> ContactLaw:
+        return law._replace(stiffness=law.stiffness * parts**2, damping=law.damping * parts)
+
+    return plane._replace(
+        timestep=plane.timestep / parts,
+        law_of_bodies=in_parts(plane.law_of_bodies),
+        law_of_solids=in_parts(plane.law_of_solids),
+    )
+
+
+def kinds_in_parts(kinds: tuple[Kind, ...], parts: int) -> tuple[Kind, ...]:
+    """Return kinds for a time step in parts, in which drives still reach their set points."""
+    return tuple(
+        kind._replace(
+            friction_impulse=kind.friction_impulse / parts,
+            friction_angular_impulse=kind.friction_angular_impulse / parts,
+        )
+        for kind in kinds
+    )
+
+
 def read_kinds(arena: ArenaModel) -> tuple[Kind, ...]:
     """Read the kinds of a compiled arena: those of its robots, and one of each box."""
     kind_of_body = arena.kind.tolist()
@@ -128,9 +161,10 @@ def of_bodies(kinds: tuple[Kind, ...], robot: Robots, n_robots: int) -> list[Kin
 
 
 @lru_cache(maxsize=16)  # each step needs it
-def table_of(kinds: tuple[Kind, ...], robot: Robots, n_robots: int) -> np.ndarray:
-    """Return `of_bodies` as records, which must not be changed."""
-    return np.array([tuple(kind) for kind in of_bodies(kinds, robot, n_robots)], KIND)
+def table_of(kinds: tuple[Kind, ...], robot: Robots, n_robots: int, parts: int = 1) -> np.ndarray:
+    """Return `of_bodies` for a time step in parts as records, which must not be changed."""
+    bodies = of_bodies(kinds_in_parts(kinds, parts), robot, n_robots)
+    return np.array([tuple(kind) for kind in bodies], KIND)
 
 
 _DTYPES = {float: np.float64, int: np.int64}
@@ -192,17 +226,24 @@ def solids_with(
 
 
 def _law(model: mujoco.MjModel, first: int, second: int) -> ContactLaw:
-    """Return the law of two geoms, whose solver parameters MuJoCo mixes by `solmix`."""
+    """Return the law of two geoms, whose impedances and time constants MuJoCo mixes by `solmix`."""
     solmix = model.geom_solmix[[first, second]]
     share = solmix[0] / solmix.sum() if solmix.sum() > 0 else 0.5
-    solref = share * model.geom_solref[first] + (1 - share) * model.geom_solref[second]
     solimp = share * model.geom_solimp[first] + (1 - share) * model.geom_solimp[second]
-    time_constant, damping_ratio = solref
-    time_constant = max(time_constant, 2 * model.opt.timestep)  # MuJoCo's flag refsafe
     low, high, midpoint = np.clip(solimp[[0, 1, 3]], *_IMPEDANCE_LIMITS).tolist()
+    solrefs = model.geom_solref[[first, second]]
+    if (solrefs > 0).all():
+        time_constant, damping_ratio = share * solrefs[0] + (1 - share) * solrefs[1]
+        time_constant = max(time_constant, 2 * model.opt.timestep)  # MuJoCo's flag refsafe
+        stiffness = 1 / max(_MIN_VALUE, (high * time_constant * damping_ratio) ** 2)
+        damping = 2 / max(_MIN_VALUE, high * time_constant)
+    else:
+        # Of two solrefs of negative numbers MuJoCo takes the lesser ones.
+        stiffness, damping = -solrefs.min(axis=0) / [high**2, high]
     return ContactLaw(
-        stiffness=float(1 / max(_MIN_VALUE, (high * time_constant * damping_ratio) ** 2)),
-        damping=float(2 / max(_MIN_VALUE, high * time_constant)),
+        stiffness=float(stiffness),
+        damping=float(damping),
+        margin=float(model.geom_margin[[first, second]].sum()),
         min_impedance=low,
         max_impedance=high,
         width=float(max(0.0, solimp[2])),

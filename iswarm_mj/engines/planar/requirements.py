@@ -52,15 +52,16 @@ def _contacts(arena: ArenaModel) -> Iterator[tuple[str, bool]]:
     collide = (types[:, None] & affinities) | (affinities[:, None] & types)
     yield "hulls that collide with each other and with walls", bool(collide[: len(hulls)].all())
 
-    has_margin = model.geom_margin[hulls].any() or model.geom_gap[hulls].any()
     yield "contacts without friction, condim 1", bool((model.geom_condim[hulls] == 1).all())
-    yield "contacts without margin and gap", not has_margin
+    yield "contacts without gap", not model.geom_gap[solids].any()
     yield "contacts without adhesion", not model.geom_adhesion[hulls].any()
 
     # One law for all bodies, and one for bodies and solids.
-    is_positive = bool((model.geom_solref[hulls] > 0).all())
-    yield "a positive solref, time constant and damping ratio", is_positive
-    for name in ("solref", "solimp", "solmix"):
+    # MuJoCo replaces a solref of one positive and one negative number by its default.
+    is_positive = model.geom_solref[solids] > 0
+    has_one_format = bool((is_positive == is_positive[0, 0]).all())
+    yield "a solref of two positive or of two negative numbers, one format for all", has_one_format
+    for name in ("solref", "solimp", "solmix", "margin"):
         values = getattr(model, f"geom_{name}")[hulls[: arena.n_robots]]
         yield f"the same {name} for all hulls", bool((values == values[0]).all())
     yield "the same priority for hulls and walls", len(set(model.geom_priority[solids])) == 1

@@ -26,10 +26,10 @@ class PlanarSettings(EngineSettings):
     threads: Annotated[int, Within(0, 1024), Needs("impl", ("numba",))] = 0
     """Threads of `numba`, 0 for one per core; the results do not depend on it."""
     refinement: Annotated[int, Within(1, 100)] = 1
-    """Parts into which planar divides each physics step; 1 is the time step of MuJoCo in C.
-    Of 283 cleaning robots two overlap by at most 0.8 mm with 1, 0.2 mm with 4 and 0.1 mm with 10,
-    for 1.5 and 3.4 times the time."""
-    accuracy: Annotated[float, Within(2e-5, 1)] = 0.01
+    """Parts into which planar divides each time step; 1 is that of MuJoCo in C. Of 283 cleaning
+    robots 0.03 % are deeper than 0.05 mm in others with 1, and none with 2 and 4, for 1.1 and 1.4
+    times the time."""
+    accuracy: Annotated[float, Within(2e-5, 1)] = 0.3
     """Accuracy of planar's contact solver: 99 of 100 robots in a crowd end a control step within
     this distance of the exact solution [mm]. In jams more robots slip to another side."""
     impl: Literal["numba", "warp"] = "numba"

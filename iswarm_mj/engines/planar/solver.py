@@ -44,14 +44,32 @@ def warm_start(
         friction: see `solve_island`, changed.
         kinds: see `solve_island`.
     """
-    # A linked list of the earlier contacts of each second body, from the last to the first.
     last_of_body = np.full(len(velocities), -1)
     previous = np.empty(len(earlier_contacts), np.int64)
+    _link(earlier_contacts, last_of_body, previous)
+    _take_over(earlier_contacts, last_of_body, previous, contacts, velocities, friction, kinds)
+
+
+@uncounted
+def _link(earlier_contacts: np.ndarray, last_of_body: np.ndarray, previous: np.ndarray) -> None:
+    """Write a linked list of the contacts of each second body, from the last to the first."""
     for k in range(len(earlier_contacts)):
         second = earlier_contacts[k].second
         previous[k] = last_of_body[second]
         last_of_body[second] = k
 
+
+@uncounted
+def _take_over(
+    earlier_contacts: np.ndarray,
+    last_of_body: np.ndarray,
+    previous: np.ndarray,
+    contacts: np.ndarray,
+    velocities: np.ndarray,
+    friction: np.ndarray,
+    kinds: np.ndarray,
+) -> None:
+    """Give contacts the impulses of the earlier ones that `_link` has listed."""
     for k in range(len(contacts)):
         contact: Any = contacts[k]
         m = last_of_body[contact.second]

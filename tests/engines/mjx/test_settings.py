@@ -18,7 +18,7 @@ ARENA = replace(SMALL.arena, size=49.0, outline=((20.0, 10.0),), dust_area_size=
 
 def test_capacity_by_hand():
     """A robot on each two cells."""
-    assert contact_capacity(replace(SMALL, arena=ARENA), 100) == (116, 254)
+    assert contact_capacity(replace(SMALL, arena=ARENA), 100) == (141, 304)
 
 
 def test_capacity_with_an_obstacle_and_a_box_by_hand():
@@ -30,8 +30,8 @@ def test_capacity_with_an_obstacle_and_a_box_by_hand():
     half_edges = 3 + 1.5
 
     capacity = contact_capacity(config, 100, factor=2.0)
-    assert capacity.pairs == np.ceil(2 * (116 + 16 + areas_around.sum()))
-    assert capacity.contacts == 2 * (254 + 16 + 8 * half_edges)
+    assert capacity.pairs == np.ceil(2 * (141 + 16 + areas_around.sum()))
+    assert capacity.contacts == 2 * (304 + 16 + 8 * half_edges)
 
     pairs_of_bodies = 6
     pairs_with_obstacle = 4
@@ -46,7 +46,7 @@ def test_large_robots_and_settings_change_the_engine(tmp_path):
     engine = settings.compiled_engine(ModelSpec(SMALL, 3, 5, path, True), 2, "cpu")
 
     density = 5 / 15**2
-    capacity_by_rule = 64 + 5 * (0.7 + 2.4 * density)
+    capacity_by_rule = 64 + 5 * (2.0 + 0.8 * density)
     squared_diameter = (5**2 + 3**2) / RD**2
     contacts = engine.arena.capacity.contacts
     assert contacts == np.ceil(0.5 * capacity_by_rule * squared_diameter)

@@ -18,7 +18,7 @@ from support.planar import rounded
 from iswarm_mj.config.swarm import OpticsConfig
 from iswarm_mj.engines import contact_geometry
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.engines.contact_geometry import ContactPoints, Overlap, Rectangle, Side
+from iswarm_mj.engines.contact_geometry import ContactPoints, Ends, Rectangle, Side
 from iswarm_mj.engines.planar import contact_law, ray_geometry, reception
 from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.kinds import Wall
@@ -37,7 +37,7 @@ NUMBERS = {float: "float({})", int: "int({})", bool: "{} != 0.0"}
 TUPLES = {
     ContactLaw: "law.ContactLaw",
     ContactPoints: "geometry.ContactPoints",
-    Overlap: "geometry.Overlap",
+    Ends: "geometry.Ends",
     Point: "light.Point",
     Port: "light.Port",
     Ray: "rays.Ray",
@@ -65,8 +65,8 @@ def rectangle(rng):
 
 
 def two_rectangles(rng):
-    """Return the fields of two rectangles that may overlap."""
-    return *rectangle(rng), *rng.uniform(-0.7, 0.7, 2), *heading(rng), *HALF_EDGES[::-1]
+    """Return the fields of two rectangles that overlap or are near each other."""
+    return *rectangle(rng), *rng.uniform(-2.0, 2.0, 2), *heading(rng), *HALF_EDGES[::-1]
 
 
 def two_facing_sides(rng):
@@ -78,10 +78,17 @@ def two_facing_sides(rng):
     return *reference, *incident
 
 
+def ends(rng):
+    """Return the ends of a side of which a part is in front of another one."""
+    start = rng.uniform(-2, 0.5)
+    return start, rng.uniform(-1, 1), start + rng.uniform(1, 2), rng.uniform(-1, 1)
+
+
 def law(rng):
     """Return the fields of a contact law."""
+    margin = rng.uniform(0.0, 0.3)
     power = rng.choice([1.0, 2.0, 3.0])
-    return rng.uniform(10, 40), rng.uniform(5, 20), 0.6, 0.97, 0.3, 0.3, power
+    return rng.uniform(10, 40), rng.uniform(5, 20), margin, 0.6, 0.97, 0.3, 0.3, power
 
 
 def matrix(rng):
@@ -113,7 +120,8 @@ ARGUMENTS = {
     "separation": two_rectangles,
     "choose": lambda rng: (rng.integers(2), *two_rectangles(rng)),
     "side_towards": lambda rng: (*rectangle(rng), *rng.uniform(-2, 2, 2), rng.integers(2)),
-    "clip_side": lambda rng: (*two_facing_sides(rng), *rng.uniform(-2, 2, 2)),
+    "ends_of": lambda rng: (*two_facing_sides(rng), *rng.uniform(-2, 2, 2)),
+    "clip_side": lambda rng: (*ends(rng), 1.4),
     "rectangle_contact": two_rectangles,
     "wall_contact": lambda rng: (rng.uniform(0.3, 1.6), *heading(rng), *rectangle(rng)),
     "impedance": lambda rng: (rng.uniform(-0.4, 0), *law(rng)),

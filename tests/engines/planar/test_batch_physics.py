@@ -156,8 +156,9 @@ def softer(spec):
     """Give robots another softness than walls: no number of one law is that of the other."""
     for geom in spec.geoms:
         if geom.name.endswith("hull"):
-            geom.solref = [0.5, 1.3]
+            geom.solref = [-2.0, -4.0]
             geom.solimp = [0.6, 0.97, 0.3, 0.3, 3.0]
+            geom.margin = 0.1
             geom.solmix = 3.0
 
 

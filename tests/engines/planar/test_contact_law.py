@@ -18,18 +18,21 @@ from iswarm_mj.engines.planar.contact_law import (
 from iswarm_mj.engines.planar.plane import read_kinds, read_plane
 
 SOFTNESS = {
-    "as the robots'": ([0.2, 1.0], [0.99, 0.99, 0.01, 0.5, 2.0]),
+    "as the robots'": ([-5.0, -9.9], [1e-4, 0.99, 0.35, 0.5, 2.0]),
+    "constant": ([0.2, 1.0], [0.99, 0.99, 0.01, 0.5, 2.0]),
     "time constant below two steps": ([0.01, 0.7], [0.95, 0.95, 0.0, 0.5, 2.0]),
     "impedance that grows": ([0.3, 1.3], [0.6, 0.97, 0.3, 0.3, 3.0]),
-    "linearly": ([0.25, 1.0], [0.5, 0.9, 0.2, 0.5, 1.0]),
+    "linearly": ([-30.0, -2.0], [0.5, 0.9, 0.2, 0.5, 1.0]),
 }
 """MuJoCo's `solref` and `solimp` of the robots."""
+SOLREF_OF_WALLS = {True: [0.17, 0.9], False: [-7.0, -8.0]}
+"""MuJoCo's `solref` of walls, by whether it is a time constant and a damping ratio."""
 N_CONTACTS = 8
-"""Contact points of MuJoCo at two pairs of sides that touch: four each."""
+"""Contact points of MuJoCo at two pairs of sides that are near each other: four each."""
 
 
 @pytest.mark.parametrize(("solref", "solimp"), SOFTNESS.values(), ids=SOFTNESS.keys())
-@pytest.mark.parametrize("overlap", [0.003, 0.07, 0.25])
+@pytest.mark.parametrize("overlap", [-0.3, -0.06, 0.003, 0.07, 0.25])
 def test_rows_are_those_of_mujoco(solref, solimp, overlap):
     """Two robots and a wall; walls keep their own softness, with which the robots' is mixed."""
 
@@ -39,6 +42,9 @@ def test_rows_are_those_of_mujoco(solref, solimp, overlap):
                 geom.solref = solref
                 geom.solimp = solimp
                 geom.solmix = 3.0
+                geom.margin = 0.2
+            elif geom.name.startswith("wall"):
+                geom.solref = SOLREF_OF_WALLS[solref[0] > 0]
 
     arena = compile_arena(SwarmConfig(), 2, np.zeros(0), tune=tune)
     model = arena.model

@@ -82,9 +82,10 @@ def third_wall(arena):
 
 REFUSED = {
     "condim 1": set_array("geom_condim", 3, second_hull),
-    "margin": set_array("geom_margin", 0.1, second_hull),
+    "same margin": set_array("geom_margin", 0.1, second_hull),
     "gap": set_array("geom_gap", 0.1, second_hull),
-    "positive solref": set_array("geom_solref", -100.0, second_hull),
+    "two positive or of two negative numbers": set_array("geom_solref", 0.2, second_hull),
+    "same solref": set_array("geom_solref", -100.0, second_hull),
     "same solimp": set_array("geom_solimp", 0.5, second_hull),
     "same solmix": set_array("geom_solmix", 2.0, second_hull),
     "same priority": set_array("geom_priority", 1, third_wall),

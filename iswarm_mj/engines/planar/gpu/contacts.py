@@ -1,4 +1,4 @@
-"""Contacts of one world: near pairs of robots, touching pairs of bodies, and their rows.
+"""Contacts of one world: near pairs of robots, pairs of bodies within the margin, and their rows.
 
 The rules are those of `planar.contact_rows`.
 """
@@ -14,15 +14,16 @@ from iswarm_mj.utils.errors import FaultKind
 
 _TOO_MANY_CONTACTS = wp.constant(int(FaultKind.TOO_MANY_CONTACTS))
 _TOO_MANY_PAIRS = wp.constant(int(FaultKind.TOO_MANY_PAIRS))
-_meets_wall = rows.meets_wall
+_body_gap = rows.body_gap
+_is_between_corners = rows.is_between_corners
 _obstacle_of = shared.obstacle_of
-_overlaps = rows.overlaps
 _rectangle_of = rows.rectangle_of
 _rows_of = rows.rows_of
 _touch_body = rows.touch_body
 _touch_obstacle = rows.touch_obstacle
 _touch_wall = rows.touch_wall
 _Touch = rows.Touch
+_wall_gap = rows.wall_gap
 _wall_of = shared.wall_of
 
 
@@ -59,7 +60,7 @@ def _append_near(w: World, first: int, second: int):
 
 @wp.func
 def find_contacts(w: World, lane: int):
-    """List the pairs of bodies that touch, in any order."""
+    """List the pairs of bodies within the margin, in any order."""
     if lane == 0:
         w.counts[N_CONTACTS] = 0
     barrier()
@@ -79,31 +80,34 @@ def find_contacts(w: World, lane: int):
 
 @wp.func
 def _meet(w: World, first: int, second: int):
-    """List a pair of bodies if they touch."""
+    """List a pair of bodies if they are within the margin."""
+    margin = w.plane[0].law_of_bodies.margin
     kind1 = w.kinds[first]
     kind2 = w.kinds[second]
     hull1 = _rectangle_of(place_of(w.places, first), kind1)
     hull2 = _rectangle_of(place_of(w.places, second), kind2)
-    if _overlaps(hull1, kind1.radius, hull2, kind2.radius):
+    if _body_gap(hull1, kind1.radius, hull2, kind2.radius, margin) < margin:
         _append_contact(w, first, second)
 
 
 @wp.func
 def _meet_solids(w: World, body: int):
-    """List the pairs of a body and the walls and obstacles that it touches."""
+    """List the pairs of a body and the walls and obstacles within the margin."""
+    margin = w.plane[0].law_of_solids.margin
     n_bodies = w.places.shape[0]
     n_walls = w.plane[0].n_walls
     place = place_of(w.places, body)
     kind = w.kinds[body]
     for row in range(n_walls):
-        if _meets_wall(place, kind, _wall_of(w.solids, row)):
+        if _wall_gap(place, kind, _wall_of(w.solids, row), margin) < margin:
             _append_contact(w, n_bodies + row, body)
     for row in range(n_walls, w.solids.shape[0]):
         obstacle = _obstacle_of(w.solids, row)
         half_x = obstacle.half_x
         half_y = obstacle.half_y
         radius = wp.sqrt(half_x * half_x + half_y * half_y)
-        if _overlaps(obstacle, radius, _rectangle_of(place, kind), kind.radius):
+        hull = _rectangle_of(place, kind)
+        if _body_gap(obstacle, radius, hull, kind.radius, margin) < margin:
             _append_contact(w, n_bodies + row, body)
 
 
@@ -144,11 +148,12 @@ def _set_contact(w: World, k: int):
     kind2 = w.kinds[second]
 
     law = wp.where(first < n_bodies, plane.law_of_bodies, plane.law_of_solids)
-    touch = _touch(w, first, second)
+    touch = touch_of(w, first, second)
     inverse_weight = kind1.inverse_weight + kind2.inverse_weight
     velocity1 = velocity_in(w.velocities[row1])
     velocity2 = velocity_in(w.velocities[second])
     rows = _rows_of(touch, velocity1, velocity2, law, inverse_weight, plane.timestep)
+    has_rows = plane.corners_collide or not _is_between_corners(touch)
     record[0] = Record(
         normal_x=rows.normal_x,
         normal_y=rows.normal_y,
@@ -164,14 +169,14 @@ def _set_contact(w: World, k: int):
         impulse2=0.0,
         last_impulse1=0.0,
         last_impulse2=0.0,
-        n_rows=rows.n_rows,
+        n_rows=wp.where(has_rows, rows.n_rows, 0),
         first=first,
         second=second,
     )
 
 
 @wp.func
-def _touch(w: World, first: int, second: int) -> _Touch:
+def touch_of(w: World, first: int, second: int) -> _Touch:
     """Return how the bodies of a contact touch."""
     n_bodies = w.places.shape[0]
     row = first - n_bodies  # in the table of solids

@@ -6,11 +6,12 @@ CPUs numba compiles them, with 64-bit floats; on GPUs Warp does, with 32-bit flo
 
 import atexit
 import functools
+import math
 import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from types import FunctionType, ModuleType, SimpleNamespace
+from types import BuiltinFunctionType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -66,7 +67,7 @@ def in_warp(module: ModuleType) -> Any:
     """
     names = dict(vars(module))  # what the functions find under the names that they use
     for name, value in vars(module).items():
-        if not isinstance(value, type | FunctionType):
+        if not isinstance(value, type | FunctionType | BuiltinFunctionType):
             continue
         is_new = value.__module__ == module.__name__ and value not in _COUNTERPARTS
         if is_new:
@@ -110,6 +111,7 @@ _COUNTERPARTS: dict[Any, Any] = {
     kinds.Table: wp.array2d(dtype=float),
     kinds.Codes: wp.array2d(dtype=int),
     contact_geometry.where: wp.where,
+    math.sqrt: wp.sqrt,
 }
 """Warp's counterpart of each type of arguments, named tuple and function so far."""
 

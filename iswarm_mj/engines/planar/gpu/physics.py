@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 
+from iswarm_mj.engines import contact_geometry
 from iswarm_mj.engines.planar import physics
 from iswarm_mj.engines.planar.gpu.block import barrier
 from iswarm_mj.engines.planar.gpu.colours import MAX_COLOURS, colour_contacts
@@ -14,6 +15,7 @@ from iswarm_mj.engines.planar.gpu.contacts import (
     find_near_pairs,
     n_contacts,
     set_contacts,
+    touch_of,
 )
 from iswarm_mj.engines.planar.gpu.functions import kinds_in, plane_in
 from iswarm_mj.engines.planar.gpu.memory import Memory, lay_out, layout_bytes, shared_memory
@@ -22,6 +24,7 @@ from iswarm_mj.engines.planar.gpu.solver import apply_friction, solve
 from iswarm_mj.engines.planar.gpu.world import FAILURE, World, heading
 
 _SKIN = wp.constant(physics.SKIN)
+_TOUCHING = wp.constant(contact_geometry.TOUCHING)
 _FAR = wp.constant(1.0e9)  # a distance that makes the first step search near pairs [mm]
 _OBSTACLES_AT_ONCE = 4  # most obstacles that all bodies of a world touch on average
 _NEAR_PER_ROBOT = 24  # near pairs and contacts for each robot: more than any crowd has
@@ -66,11 +69,11 @@ def take_steps_in(n_shared: int) -> Callable:
             plane_words: arena, see `functions.words_of`.
             kind_words: (N + M + 1,) kinds of `plane.of_bodies`, see `functions.words_of`.
             solids: (W + M, 6) walls and obstacles, see `plane.solids_of`.
-            n_substeps: number of physics steps.
+            n_substeps: number of time steps.
             n_cells: cells along an edge of the arena.
             room_near: places for pairs of robots near each other.
             room_contacts: places for contacts.
-            touching: (B, K, N) see `Motion.touching`; the pairs in contact in the last step are
+            touching: (B, K, N) see `Motion.touching`; the pairs that touch in the last step are
                 added.
             new_poses: (B, N + M) output.
             new_velocities: (B, N + M) output.
@@ -111,7 +114,8 @@ def take_steps_in(n_shared: int) -> Callable:
         moved = float(_FAR)  # distance that robots may have moved since near pairs were searched
         for step in range(n_substeps):
             if 2.0 * moved > _SKIN:
-                find_near_pairs(w, 2.0 * plane.largest_radius + _SKIN, lane)
+                reach = plane.law_of_bodies.margin + _SKIN
+                find_near_pairs(w, 2.0 * plane.largest_radius + reach, lane)
                 moved = 0.0
 
             # Contacts at the places and velocities before the step.
@@ -124,11 +128,12 @@ def take_steps_in(n_shared: int) -> Callable:
             barrier()
             n_solved += solve(w, lane)
             barrier()
+            if step == n_substeps - 1:
+                _mark_touching(w, touching[world], lane)
+                barrier()
 
             _integrate(w, plane.timestep, lane)
             moved += wp.sqrt(w.farthest[0])
-            if step == n_substeps - 1:
-                _mark_touching(w, touching[world], lane)
             barrier()
 
         for body in range(lane, n_bodies, wp.block_dim()):
@@ -218,11 +223,15 @@ def _integrate(w: World, timestep: float, lane: int):
 
 @wp.func
 def _mark_touching(w: World, touching: wp.array2d(dtype=int), lane: int):
-    """Add the pairs of robots in contact to (K, N), the highest partners first, in any order."""
+    """Add the pairs of robots that touch to (K, N), the highest partners first, in any order.
+
+    Robots are still where the contacts were found.
+    """
     for contact in range(lane, n_contacts(w), wp.block_dim()):
         record = record_of(w, contact)
         first = record[0].first
-        if first < touching.shape[1] and record[0].n_rows > 0:
+        is_pushing = record[0].impulse1 + record[0].impulse2 > 0.0
+        if first < touching.shape[1] and is_pushing and _nearest(w, contact) <= _TOUCHING:
             partner = int(record[0].second)
             k = int(0)
             while partner > 0 and k < touching.shape[0]:
@@ -230,6 +239,14 @@ def _mark_touching(w: World, touching: wp.array2d(dtype=int), lane: int):
                 listed = wp.atomic_max(touching, k, first, partner)
                 partner = wp.where(listed == partner, 0, wp.min(listed, partner))
                 k += 1
+
+
+@wp.func
+def _nearest(w: World, contact: int) -> float:
+    """Return the lesser distance of the surfaces at the points of a contact [mm]."""
+    record = record_of(w, contact)
+    touch = touch_of(w, record[0].first, record[0].second)
+    return wp.min(touch.distance1, touch.distance2)
 
 
 def rooms(

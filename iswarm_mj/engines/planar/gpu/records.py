@@ -10,14 +10,14 @@ from iswarm_mj.engines.planar.contact_rows import Rows
 from iswarm_mj.engines.planar.gpu.functions import rows
 from iswarm_mj.engines.planar.gpu.world import World
 
-_NUMBERS = (*Rows._fields[1:-1], "impulse1", "impulse2", "last_impulse1", "last_impulse2")
+_NUMBERS = (*Rows._fields[1:], "impulse1", "impulse2", "last_impulse1", "last_impulse2")
 _INTEGERS = ("n_rows", "first", "second")
 _TYPES = dict.fromkeys(_NUMBERS, float) | dict.fromkeys(_INTEGERS, int)
 
 Record = wp.struct(type("Record", (), {"__annotations__": _TYPES}))
 """Record of a contact.
 
-It has the fields of `Rows` except the depth; the impulses of both rows now and as the latest
+It has the fields of `Rows`; the impulses of both rows now and as the latest
 sweep ended; and the bodies as in `World.contacts`."""
 
 RECORD_BYTES = 4 * len(_TYPES)
@@ -36,7 +36,7 @@ def record_of(w: World, k: int):
 
 @wp.func
 def rows_in(record: Record) -> _Rows:
-    """Return the rows in a record, without their depth."""
+    """Return the rows in a record."""
     return _Rows(
         n_rows=record.n_rows,
         normal_x=record.normal_x,
@@ -49,5 +49,4 @@ def rows_in(record: Record) -> _Rows:
         offset2=record.offset2,
         softness1=record.softness1,
         softness2=record.softness2,
-        depth=0.0,
     )
