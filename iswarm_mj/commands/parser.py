@@ -21,7 +21,7 @@ import tyro
 from iswarm_mj.commands.command_settings import PART_OF_FIELD, settings
 from iswarm_mj.commands.config_file import ConfigFile
 from iswarm_mj.commands.flags import SETTING_OF_FLAG, flag, in_flags, names
-from iswarm_mj.commands.tyro_rules import TeamFlags, TyroRules
+from iswarm_mj.commands.tyro_rules import ShortHelp, TeamFlags, TyroRules
 from iswarm_mj.config.setting_names import Parts, canonical_name, names_of, setting_names
 from iswarm_mj.config.swarm import INTERPRETATIONS
 from iswarm_mj.engines.registry import SETTINGS as ENGINE_SETTINGS
@@ -197,21 +197,16 @@ class _Reader:
     ) -> Any:
         """Let tyro read the values of all flags, or print the help that is asked for."""
         asks_for_help = bool(set(self._arguments) & (HELP | HELP_ALL))
-        shows_all = not asks_for_help or bool(set(self._arguments) & HELP_ALL)
+        short_help = None
+        if asks_for_help and not set(self._arguments) & HELP_ALL:
+            named_plugins = [
+                field_name
+                for field_name in plugins
+                if any(words[word] for word in _FLAGS_OF_PLUGIN[field_name])
+            ]
+            short_help = ShortHelp(named_plugins, names_strategy=bool(words["strategy"]))
 
-        # Short help has the flags of those plug-ins that are named.
-        shown_plugins = []
-        for field_name in plugins:
-            if shows_all or any(words[word] for word in _FLAGS_OF_PLUGIN[field_name]):
-                shown_plugins.append(field_name)
-
-        rules = TyroRules(
-            self._command_class,
-            plugins,
-            shown=shown_plugins,
-            shows_all=shows_all,
-            has_strategy=bool(words["strategy"]),
-        )
+        rules = TyroRules(self._command_class, plugins, short_help)
         return explained(
             tyro.cli,
             self._command_class,
@@ -327,10 +322,11 @@ def _find_strategy(words: Sequence[str]) -> Any:
     from iswarm_mj.strategy.library import find_strategy, find_teams
     from iswarm_mj.strategy.validation import check_methods
 
-    teams = TeamFlags(find_teams(words))
-    if teams.teams:
-        plugin: Any = teams
-        strategies = list(teams.strategies.values())
+    teams = find_teams(words)
+    if teams:
+        shares = {name: share for name, (share, _) in teams.items()}
+        plugin: Any = TeamFlags(shares, {name: strategy for name, (_, strategy) in teams.items()})
+        strategies = list(plugin.strategies.values())
     else:
         plugin = find_strategy(words[0])
         strategies = [plugin]

@@ -1,4 +1,8 @@
-"""Rules by which tyro makes the flags of a command, with their ranges, units and defaults."""
+"""Rules by which tyro makes the flags of a command, with their ranges, units and defaults.
+
+Tyro asks for the flags of each type that it meets: the class of the command, the groups of its
+settings, and the plug-ins (engine, strategy and task), which arguments choose. `TyroRules` answers.
+"""
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import MISSING, fields, is_dataclass
@@ -38,130 +42,121 @@ class CommonFlags(NamedTuple):
 class TeamFlags(NamedTuple):
     """Teams that arguments name, before the values of their strategies are read."""
 
-    teams: dict[str, tuple[float | int, Any]]
-    """Share or number of robots, and class or object of the strategy, by the name of the team."""
+    shares: dict[str, float | int]
+    """Share or number of robots by the name of the team."""
+    strategies: dict[str, Any]
+    """Class of the strategy, or object that has the defaults, by the name of the team."""
 
-    @property
-    def strategies(self) -> dict[str, Any]:
-        """Class or object of the strategy by the name of the team."""
-        return {name: strategy for name, (_, strategy) in self.teams.items()}
 
-    def struct(self) -> StructConstructorSpec:
-        """Return the flags of the strategies, each below the name of its team."""
-        from iswarm_mj.strategy.teams import Teams
+class ShortHelp(NamedTuple):
+    """Contents of short help, beside the flags that `MAIN` of the command names."""
 
-        def make(**strategies: Any) -> Any:
-            return Teams(
-                {name: (share, strategies[name]) for name, (share, _) in self.teams.items()}
-            )
-
-        flags = [
-            _plugin_flags(name, strategy, tyro.conf.arg())
-            for name, strategy in self.strategies.items()
-        ]
-        return StructConstructorSpec(make, tuple(flags))
+    plugins: Collection[str]
+    """Fields of the plug-ins whose flags it shows: those that arguments name."""
+    names_strategy: bool
+    """Arguments name a strategy, which takes the place of the genome: --genome is left out."""
 
 
 class TyroRules(ConstructorRegistry):
     """Rules for the flags of one command.
 
     Args:
-        command_class: dataclass of its flags; its `MAIN` names those of short help, if it has one.
-        plugins: classes, or objects that have the defaults, by the fields that hold them.
-        shown: fields of those plug-ins that have flags.
-        shows_all: whether there are all flags, or those of short help.
-        has_strategy: whether a strategy is named, which takes the place of the genome.
+        command_class: dataclass of its flags. Its `MAIN` lists those of short help in their order;
+            a command without it shows all of them there.
+        plugins: classes, or objects that have the defaults, by the fields of the command that will
+            hold them.
+        short_help: contents of the help that is to be printed; None where all flags are shown, or
+            are read.
     """
 
     def __init__(
-        self,
-        command_class: type,
-        plugins: dict[str, Any],
-        *,
-        shown: Collection[str],
-        shows_all: bool = True,
-        has_strategy: bool = False,
+        self, command_class: type, plugins: dict[str, Any], short_help: ShortHelp | None = None
     ):
         super().__init__()
         self._command_class = command_class
-        self._names = _names_of_settings(plugins)
-        self._plugins = {name: plugin for name, plugin in plugins.items() if name in shown}
-        self._has_strategy = has_strategy
-        self._main = () if shows_all else getattr(command_class, "MAIN", ())
-        self._with_flags = list(self._plugins.values())
-        for plugin in self._plugins.values():
-            if isinstance(plugin, TeamFlags):
-                self._with_flags += plugin.strategies.values()
+        self._main = getattr(command_class, "MAIN", ())
+        self._short_help = short_help if self._main else None
+        self._plugins = plugins
+        if short_help is not None:
+            self._plugins = {name: plugins[name] for name in short_help.plugins}
+        self._flag_names = _flag_names_by_class(self._plugins, _names_of_settings(plugins))
 
         self.struct_rule(self._struct)
         self.primitive_rule(_path)
         self.primitive_rule(_devices)
 
     def _struct(self, info: StructTypeInfo) -> StructConstructorSpec | None:
-        """Return the flags of a dataclass or a named tuple."""
+        """Return the flags of a type; None leaves it to tyro's own rules."""
         cls: Any = info.type
-        plugin = next((each for each in self._with_flags if cls in (each, type(each))), None)
-        has_fields = isinstance(cls, type) and (is_dataclass(cls) or hasattr(cls, "_fields"))
-        if plugin is None and not has_fields:
+        default: Any = info.default
+        if not isinstance(cls, type):
             return None
         if cls is self._command_class:
-            return self._command_flags(info.default)
-        if isinstance(plugin, TeamFlags):
-            return plugin.struct()
-
-        default = info.default
-        is_whole = plugin is not None and not isinstance(plugin, type) and not is_dataclass(plugin)
-        if is_whole:  # an object without flags, such as a learned policy
-            return StructConstructorSpec(lambda: default, ())
-        if plugin is None:
-            flags = [_flag(cls, *member) for member in _members(cls, default)]
-            return StructConstructorSpec(cls, tuple(flags))
-        name_of = self._names_in(plugin)
-        flags = []
-        for name, annotation, value in _members(cls, default):
-            flags.append(_flag(cls, name, annotation, value, name_of.get(name)))
-        return StructConstructorSpec(_checked_constructor(cls, name_of), tuple(flags))
-
-    def _names_in(self, plugin: Any) -> dict[str, str]:
-        """Return the names of the settings of a plug-in by its fields; those of teams are plain."""
-        for field_name, each in self._plugins.items():
-            if each is plugin:
-                return self._names[PART_OF_FIELD[field_name]]
-        return {}
+            return self._command_flags(default)
+        if cls is TeamFlags:
+            return _team_flags(default)
+        if cls in self._flag_names:
+            return _plugin_flags(cls, default, self._flag_names[cls])
+        if _has_fields(cls):
+            return StructConstructorSpec(cls, _flags_of_fields(cls, default))
+        return None
 
     def _command_flags(self, default: Any) -> StructConstructorSpec:
         """Return the flags of the command, those of its plug-ins included."""
-        hidden = set(PART_OF_FIELD)
-        if self._main and self._has_strategy:
-            hidden.add("genome")
-
         flags = {}
-        for name, annotation, value in _members(self._command_class, default):
-            if name not in hidden and (not self._main or name in self._main):
-                flags[name] = _flag(self._command_class, name, annotation, value)
-        if self._main:
-            flags = {name: flags[name] for name in self._main if name in flags}
-        for name, plugin in self._plugins.items():
-            flags[name] = _plugin_flags(name, plugin, tyro.conf.arg(name=""))
+        for spec in _flags_of_fields(self._command_class, default):
+            if spec.name not in PART_OF_FIELD:
+                flags[spec.name] = spec
 
-        common = [_flag(CommonFlags, *member) for member in _members(CommonFlags, None)]
-        if not self._main:
-            common = common[:1]  # all flags are shown: `help_all` would show no more
+        common_flags = {spec.name: spec for spec in _flags_of_fields(CommonFlags, None)}
+        if self._short_help is None:
+            del common_flags["help_all"]  # it would show no more
+        else:
+            flags = self._flags_of_short_help(flags, self._short_help)
+
+        # The empty name leaves out the prefix: `--range`, not `--task-plugin.range`.
+        without_prefix = tyro.conf.arg(name="")
+        for name, plugin in self._plugins.items():
+            flags[name] = _field_of_plugin(name, plugin, without_prefix)
 
         def make(**values: Any) -> Any:
-            for name in CommonFlags._fields:
-                values.pop(name, None)
+            for name in common_flags:
+                del values[name]
             return self._command_class(**values)
 
-        return StructConstructorSpec(make, (*flags.values(), *common))
+        return StructConstructorSpec(make, (*flags.values(), *common_flags.values()))
+
+    def _flags_of_short_help(
+        self, flags: dict[str, StructFieldSpec], short_help: ShortHelp
+    ) -> dict[str, StructFieldSpec]:
+        """Return the flags that short help shows of a command, in the order of its `MAIN`."""
+        names: list[str] = list(self._main)
+        if short_help.names_strategy and "genome" in names:
+            names.remove("genome")
+        return {name: flags[name] for name in names if name in flags}
 
 
-def _members(cls: Any, default: Any) -> Iterator[tuple[str, Any, Any]]:
-    """Yield name, annotation and default of each field of a dataclass or a named tuple.
+def _has_fields(cls: type) -> bool:
+    """Return whether a class is a dataclass or a named tuple."""
+    return is_dataclass(cls) or hasattr(cls, "_fields")
+
+
+class _Field(NamedTuple):
+    """A field of a dataclass or of a named tuple."""
+
+    name: str
+    annotation: Any
+    default: Any
+    """Default; `MISSING_NONPROP`, tyro's word for it, where a value must be given."""
+
+
+def _fields_of(cls: Any, owner: Any) -> Iterator[_Field]:
+    """Yield the fields of a dataclass or a named tuple; a class that is neither has none.
 
     Args:
-        cls: the class; one that is neither has no fields.
-        default: an object whose values are the defaults, if it is of this class.
+        cls: the class.
+        owner: an object of this class, whose values are the defaults; anything else leaves those
+            that the class declares.
     """
     annotations = get_type_hints(cls, include_extras=True)
     defaults: dict[str, Any] = dict(getattr(cls, "_field_defaults", {}))
@@ -176,68 +171,153 @@ def _members(cls: Any, default: Any) -> Iterator[tuple[str, Any, Any]]:
 
     for name in names:
         value = defaults.get(name, MISSING)
-        if type(default) is cls:
-            value = getattr(default, name)
-        yield name, annotations[name], MISSING_NONPROP if value is MISSING else value
-
-
-def _plugin_flags(name: str, plugin: Any, argument: object) -> StructFieldSpec:
-    """Return the flags of a plug-in: a class, or an object whose values are the defaults."""
-    cls: Any = plugin if isinstance(plugin, type) else type(plugin)
-    default = MISSING_NONPROP if plugin is cls else plugin
-    return StructFieldSpec(name, _annotated(cls, argument), default)
+        if type(owner) is cls:
+            value = getattr(owner, name)
+        yield _Field(name, annotations[name], MISSING_NONPROP if value is MISSING else value)
 
 
 def _names_of_settings(plugins: dict[str, Any]) -> dict[str, dict[str, str]]:
-    """Return the names of the settings of each part of a scenario by its fields."""
+    """Return the names of the settings of each plug-in by its fields.
+
+    A setting has its part in its name where another plug-in has a field of this name.
+
+    Args:
+        plugins: classes, or objects that have the defaults, by the fields that hold them.
+    """
     parts = {PART_OF_FIELD[field_name]: plugin for field_name, plugin in plugins.items()}
     names: dict[str, dict[str, str]] = {part: {} for part in parts}
     for name, setting in setting_names(parts).items():
         names[setting.part][setting.field] = name
-    return names
+    return {field_name: names[PART_OF_FIELD[field_name]] for field_name in plugins}
 
 
-def _flag(
-    cls: Any, name: str, annotation: Any, default: Any, setting: str | None = None
-) -> StructFieldSpec:
-    """Return a flag with its text, range, unit and default.
+def _flag_names_by_class(
+    plugins: dict[str, Any], names: dict[str, dict[str, str]]
+) -> dict[type, Mapping[str, str]]:
+    """Return the names of settings by their fields, for each class that tyro meets in plug-ins.
+
+    Strategies of teams are among these classes. Their settings are called by their fields, and
+    tyro puts the name of the team before them.
+
+    Args:
+        plugins: plug-ins that have flags, by the fields that hold them.
+        names: names of the settings by their fields, by the fields that hold the plug-ins.
+    """
+    flag_names: dict[type, Mapping[str, str]] = {}
+    for field_name, plugin in plugins.items():
+        if isinstance(plugin, TeamFlags):
+            for strategy in plugin.strategies.values():
+                flag_names[_class_of(strategy)] = {}
+        else:
+            flag_names[_class_of(plugin)] = names[field_name]
+    return flag_names
+
+
+def _class_of(plugin: Any) -> type:
+    """Return the class of a plug-in, which is a class or an object."""
+    return plugin if isinstance(plugin, type) else type(plugin)
+
+
+def _field_of_plugin(name: str, plugin: Any, argument: object) -> StructFieldSpec:
+    """Return the field in which tyro puts a plug-in, and below which it has its flags.
+
+    Args:
+        name: name of the field.
+        plugin: a class, or an object whose values are the defaults.
+        argument: name and text of the group of flags, from `tyro.conf.arg`.
+    """
+    default = MISSING_NONPROP if isinstance(plugin, type) else plugin
+    return StructFieldSpec(name, _annotated(_class_of(plugin), argument), default)
+
+
+def _plugin_flags(cls: type, default: Any, flag_names: Mapping[str, str]) -> StructConstructorSpec:
+    """Return the flags of an engine, a task or a strategy, and what makes it of their values.
+
+    Args:
+        cls: class of the plug-in.
+        default: object that has the defaults, if there is one.
+        flag_names: names of its settings by its fields.
+    """
+    # Only fields of dataclasses are settings: other objects, such as learned policies, stay as
+    # they are, while classes are called, named tuples with values for their fields.
+    if type(default) is cls and not is_dataclass(cls):
+        return StructConstructorSpec(lambda: default, ())
+    flags = _flags_of_fields(cls, default, flag_names)
+    return StructConstructorSpec(_checked_constructor(cls, flag_names), flags)
+
+
+def _team_flags(teams: TeamFlags) -> StructConstructorSpec:
+    """Return the flags of the strategies of teams, each below the name of its team."""
+    from iswarm_mj.strategy.teams import Teams  # it imports JAX, which help does without
+
+    def make(**strategies: Any) -> Any:
+        return Teams({name: (share, strategies[name]) for name, share in teams.shares.items()})
+
+    as_named = tyro.conf.arg()  # `--Walk.range` for the team Walk
+    strategies = [
+        _field_of_plugin(name, strategy, as_named) for name, strategy in teams.strategies.items()
+    ]
+    return StructConstructorSpec(make, tuple(strategies))
+
+
+def _flags_of_fields(
+    cls: Any, default: Any, flag_names: Mapping[str, str] | None = None
+) -> tuple[StructFieldSpec, ...]:
+    """Return a flag of each field, with its text, range, unit and default.
 
     Args:
         cls: dataclass or named tuple.
-        name: name of its field.
-        annotation: annotation of the field.
-        default: default of the field.
-        setting: name of the setting, where it is not that of the field.
+        default: object of it that has the defaults, if there is one.
+        flag_names: names of the settings by their fields, where they may differ from these.
     """
-    limits = str(constraint_of(cls, name) or "").split(", since")[0]
-    text = field_docs(cls).get(name, "")
+    names = flag_names or {}
+    return tuple(
+        _flag(cls, field, names.get(field.name, field.name)) for field in _fields_of(cls, default)
+    )
+
+
+def _flag(cls: Any, field: _Field, setting: str) -> StructFieldSpec:
+    """Return the flag of a field.
+
+    Args:
+        cls: dataclass or named tuple that has the field.
+        field: the field.
+        setting: name of the setting.
+    """
+    limits = str(constraint_of(cls, field.name) or "").split(", since")[0]
+    text = field_docs(cls).get(field.name, "")
 
     def hint(shown_default: str) -> str:
+        """Return what stands in brackets after the text; tyro states the default."""
         facts = [limits] if limits else []
         if shown_default not in ("None", "") and cls is not CommonFlags:
             facts.append(f"default {shown_default}")
         return f"({'; '.join(facts)})" if facts else ""
 
+    # Without a name here, tyro takes that of the field.
     flag_name = None
-    if setting is not None and setting != name:
+    if setting != field.name:
         flag_name = flag(setting).removeprefix("--")
     argument = tyro.conf.arg(name=flag_name, help_behavior_hint=hint)
-    return StructFieldSpec(name, _annotated(annotation, argument), default, text)
+    return StructFieldSpec(field.name, _annotated(field.annotation, argument), field.default, text)
 
 
 def _annotated(annotation: Any, argument: object) -> Any:
-    """Return an annotation that tells tyro more of a flag, as a value of any type for checkers."""
+    """Return an annotation that tells tyro more about a flag.
+
+    It is a function of its own for type checkers, which take `Annotated[...]` for no value.
+    """
     return Annotated[annotation, argument]
 
 
-def _checked_constructor(cls: type, name_of: Mapping[str, str]) -> Callable[..., Any]:
-    """Return what makes a strategy, a task or an engine of a user, and checks its values.
+def _checked_constructor(cls: type, flag_names: Mapping[str, str]) -> Callable[..., Any]:
+    """Return a function that makes a strategy, a task or an engine, and checks its values.
 
-    It explains errors of the user's own code by their line.
+    Errors of a user's code name its line, and errors of values the flag.
 
     Args:
         cls: class of the plug-in.
-        name_of: names of its settings by its fields.
+        flag_names: names of its settings by its fields.
     """
     from iswarm_mj.utils.user_code import user_code
 
@@ -248,7 +328,7 @@ def _checked_constructor(cls: type, name_of: Mapping[str, str]) -> Callable[...,
             if is_dataclass(plugin):
                 validate(plugin)
         except ConfigError as error:
-            name = name_of.get(error.field, error.field)
+            name = flag_names.get(error.field, error.field)
             raise ConfigError(name, error.value, error.constraint, error.remedy) from None
         return plugin
 
