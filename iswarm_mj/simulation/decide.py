@@ -224,35 +224,42 @@ def decide_worlds(
 def decide_packed(
     config: StaticConfig,
     robot: Robots,
-    params: Packed,
+    packed_params: Packed,
     swarm: SwarmState,
     inputs: StepInputs,
 ) -> Decision:
     """Return the decisions of B worlds, each to the last bit as if it were alone; see `decide`.
 
-    Parameters are packed, and in the state, as it comes and goes, memories and the task's state.
+    Args:
+        config: settings that control steps are compiled for.
+        robot: geometry of the robots.
+        packed_params: the `WorldParams` of the worlds, packed.
+        swarm: state after the previous step, in which `memory` and `task` are packed. They are
+            packed in the state that is returned, too, which the next step takes as it is.
+        inputs: bodies and light of the worlds, and one time for all.
     """
-    step = inputs.step
-    world_params = params.tree
+    params = packed_params.tree
     swarm = swarm._replace(memory=swarm.memory.tree, task=swarm.task.tree)
 
-    def decide_all(params: WorldParams, swarm: SwarmState, inputs: StepInputs) -> Decision:
-        return decide_worlds(config, robot, params, swarm, inputs._replace(step=step))
-
-    if not _is_batch_invariant(config, world_params):
+    decide_all = partial(decide_worlds, config, robot)
+    if not _rounds_alike_in_any_batch(config, params):
         decide_all = pad_singleton_batch(decide_all)
-    # The step is a scalar for all worlds, so an array with an axis of worlds stands in for it.
-    decision = decide_all(world_params, swarm, inputs._replace(step=inputs.is_running))
+    decision = decide_all(params, swarm, inputs)
 
-    memory = pack(decision.swarm.memory)
-    task = pack(decision.swarm.task)
-    return decision._replace(swarm=decision.swarm._replace(memory=memory, task=task))
+    packed_swarm = decision.swarm._replace(
+        memory=pack(decision.swarm.memory), task=pack(decision.swarm.task)
+    )
+    return decision._replace(swarm=packed_swarm)
 
 
-def _is_batch_invariant(config: StaticConfig, params: WorldParams) -> bool:
-    """Return whether a program for one world is known to round as programs for more worlds do."""
-    rules_are = is_batch_invariant(params.strategy) and is_batch_invariant(params.task)
-    return rules_are and config.gripper.resolution == "quasi-static"
+def _rounds_alike_in_any_batch(config: StaticConfig, params: WorldParams) -> bool:
+    """Return whether the program for one world is known to round as those for more worlds do.
+
+    Strategies and tasks of which that was measured state it (`Strategy.batch_invariant`). For the
+    rest a single world is computed as two.
+    """
+    is_stated = is_batch_invariant(params.strategy) and is_batch_invariant(params.task)
+    return is_stated and config.gripper.resolution == "quasi-static"
 
 
 def pad_singleton_batch(function: Callable[..., Tree]) -> Callable[..., Tree]:
@@ -263,17 +270,23 @@ def pad_singleton_batch(function: Callable[..., Tree]) -> Callable[..., Tree]:
     A single world is therefore computed twice, as a batch of two, and one result is returned.
 
     Args:
-        function: takes and returns trees whose arrays have a first axis of B worlds.
+        function: takes and returns trees whose arrays have a first axis of B worlds. It may take
+            scalars, too, which hold for all worlds.
     """
 
-    def of_worlds(*trees: Any) -> Tree:
-        n_worlds = len(jax.tree.leaves(trees)[0])
+    def double(values: Array) -> Array:
+        is_scalar = values.ndim == 0
+        return values if is_scalar else jnp.concatenate([values, values])
+
+    def padded(*trees: Any) -> Tree:
+        n_worlds = next(len(leaf) for leaf in jax.tree.leaves(trees) if leaf.ndim > 0)
         if n_worlds > 1:
             return function(*trees)
-        doubled = jax.tree.map(lambda a: jnp.concatenate([a, a]), trees)
+
         # The barriers hide from XLA that both worlds are equal and that one result is dropped:
         # otherwise it could simplify the batch to a single world again.
-        results = function(*jax.lax.optimization_barrier(doubled))
-        return jax.tree.map(lambda a: a[:1], jax.lax.optimization_barrier(results))
+        doubled = jax.lax.optimization_barrier(jax.tree.map(double, trees))
+        results = jax.lax.optimization_barrier(function(*doubled))
+        return jax.tree.map(lambda values: values[:1], results)
 
-    return of_worlds
+    return padded

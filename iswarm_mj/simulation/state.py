@@ -38,7 +38,10 @@ class WorldParams(NamedTuple):
 
 
 class SwarmState(NamedTuple):
-    """State of a world but for its rigid bodies."""
+    """State of a world but for its rigid bodies.
+
+    Between control steps on the host, `memory` and `task` are `Packed` (`simulation.packed`).
+    """
 
     memory: Any
     """Memory of the robots, in the strategy's own structure."""
