@@ -214,7 +214,7 @@ class Bench:
             icon="player-play",
         )
         self._text = gui.add_markdown("")
-        moment = Control("moment", "", 0.0, low=0.0, high=100.0, unit="%", step=0.1)
+        moment = Control("moment", "", 0.0, limits=Within(0.0, 100.0, "%"), step=0.1)
         self._moment = inputs.add(moment)
         self._plays = inputs.add(Control("plays", "", True))
         self._handles = {}

@@ -15,14 +15,16 @@ from iswarm_mj.simulation.shared_settings import PER_WORLD_FIELDS
 from iswarm_mj.strategy.library import STRATEGIES, TASKS
 from iswarm_mj.strategy.pytrees import is_static_field
 from iswarm_mj.strategy.rules import Rules
-from iswarm_mj.utils.constraints import Within, check, choices, constraint_of, type_of
+from iswarm_mj.utils import constraints
+from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.errors import ConfigError, UserError
 
-AT_START = {"density_of_robots", "fraction_scouts"}
-"""Parameters of the genome that a world has from its start."""
+_FIXED_AT_START = {"density_of_robots", "fraction_scouts"}
+"""Parameters of the genome that have their effect as a world begins: a change needs a reset."""
 USUAL_MOST_ROBOTS = 200_000
 """Largest number of robots, unless density and arena make more."""
+_ANY_FINITE = Within(-math.inf)
 _HIDDEN = {"obstacles", "bench", "bench_capacity"}
 """Settings without a control: clicks put obstacles, and pages need no other bench."""
 
@@ -35,23 +37,34 @@ class Control(NamedTuple):
     group: str
     """Heading under which the control stands."""
     value: Any
-    """Present value: bool, int, float, or a word; None where a number is left to a rule."""
-    low: float = -math.inf
-    """Least value."""
-    high: float = math.inf
-    """Largest value."""
+    """Present value: bool, int, float, or a word."""
+    limits: Within | None = None
+    """Range and unit of a number; None where any finite one is allowed."""
     choices: tuple[str, ...] = ()
     """Words that can be chosen, for a setting that is a word."""
-    unit: str = ""
-    """Unit of the value."""
     text: str = ""
     """Docstring of the setting."""
     is_live: bool = False
-    """The setting changes at once; others wait for a reset."""
+    """A change has its effect at once; other settings wait for a reset."""
     step: float = 0.0
     """Least difference of values on a slider; 0 for a 200th of the range."""
 
-    def check(self, value: Any) -> Any:
+    @property
+    def low(self) -> float:
+        """Limit below; it may be excluded (`constraints.Above`)."""
+        return self.limits.low if self.limits else -math.inf
+
+    @property
+    def high(self) -> float:
+        """Limit above."""
+        return self.limits.high if self.limits else math.inf
+
+    @property
+    def unit(self) -> str:
+        """Unit of the value; empty for one without a unit."""
+        return self.limits.unit if self.limits else ""
+
+    def convert(self, value: Any) -> Any:
         """Return a value that somebody sent, as a value of this setting.
 
         Args:
@@ -61,23 +74,26 @@ class Control(NamedTuple):
             ConfigError: it is none of the choices, of another type, or out of range.
         """
         if self.choices:
-            is_allowed = isinstance(value, str) and value in self.choices
-            check(self.name, value, " or ".join(self.choices), is_allowed)
+            is_choice = isinstance(value, str) and value in self.choices
+            constraints.check(self.name, value, " or ".join(self.choices), is_choice)
             return value
         if isinstance(self.value, bool):
-            check(self.name, value, "true or false", isinstance(value, bool))
+            constraints.check(self.name, value, "true or false", isinstance(value, bool))
             return value
 
-        # JavaScript has one kind of numbers: 5 may arrive as 5.0, and 5.0 as 5.
+        limits = self.limits or _ANY_FINITE
+        allowed = str(limits) if self.limits else "finite"
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        limits = Within(self.low, self.high, self.unit)
-        allowed = str(limits) if math.isfinite(self.low) else "finite"
-        if isinstance(self.value, int):
-            is_whole = is_number and (isinstance(value, int) or value.is_integer())
-            check(self.name, value, f"a whole number, {allowed}", is_whole and limits.allows(value))
-            return int(value)
-        check(self.name, value, f"a number, {allowed}", is_number and limits.allows(value))
-        return float(value)
+        if not isinstance(self.value, int):
+            is_allowed = is_number and limits.allows(value)
+            constraints.check(self.name, value, f"a number, {allowed}", is_allowed)
+            return float(value)
+
+        # JavaScript has one kind of numbers: 5 may arrive as 5.0.
+        is_whole = is_number and (isinstance(value, int) or value.is_integer())
+        is_allowed = is_whole and limits.allows(value)
+        constraints.check(self.name, value, f"a whole number, {allowed}", is_allowed)
+        return int(value)
 
     @property
     def label(self) -> str:
@@ -89,19 +105,20 @@ class Control(NamedTuple):
         return f"{name} [{self.unit}]" if self.unit else name
 
 
-def is_live(scenario: PageScenario, name: str) -> bool:
-    """Return whether a setting may change while a run goes on.
+def may_change_at_once(scenario: PageScenario, name: str) -> bool:
+    """Return whether a setting may change while the run goes on.
 
-    Those may that compiled programs take as arrays (`PER_WORLD_FIELDS`, `Conditions`, `Rules`).
+    Compiled programs take it as an array then: a field of `Conditions` or of `Rules`, or a field of
+    a user's strategy or task that is not compiled in.
     """
+    has_genome = scenario.genome is not None
     match scenario.path_of(name):
         case ("config", group, field_name):
-            has_rules = scenario.genome and group == "strategy"
-            is_rule = has_rules and field_name in Rules._fields
-            is_array = field_name in Conditions._fields or is_rule
-            return field_name in PER_WORLD_FIELDS[group] and bool(is_array)
-        case ("strategy", field_name) if scenario.genome:
-            return field_name in Rules._fields and field_name not in AT_START
+            is_condition = field_name in Conditions._fields
+            is_rule = has_genome and group == "strategy" and field_name in Rules._fields
+            return field_name in PER_WORLD_FIELDS[group] and (is_condition or is_rule)
+        case ("strategy", field_name) if has_genome:
+            return field_name in Rules._fields and field_name not in _FIXED_AT_START
         case ("strategy" | "task" as part, field_name):
             cls = type(getattr(scenario, part))
             (declaration,) = [f for f in fields(cls) if f.name == field_name]
@@ -126,16 +143,14 @@ def _controls_of_run(scenario: PageScenario, start: PageScenario | None) -> list
         name="seed",
         group="World",
         value=scenario.seed,
-        low=0,
-        high=2**32 - 2,
+        limits=Within(0, 2**32 - 2),
         text=field_docs(RunSettings)["seed"],
     )
     robots = Control(
         name="robots",
         group="World",
         value=scenario.n_robots,
-        low=1,
-        high=max(USUAL_MOST_ROBOTS, scenario.n_robots),
+        limits=Within(1, max(USUAL_MOST_ROBOTS, scenario.n_robots)),
         text="Number of robots.",
     )
     return [
@@ -149,10 +164,13 @@ def _controls_of_run(scenario: PageScenario, start: PageScenario | None) -> list
 
 def _controls_of_parts(scenario: PageScenario) -> list[Control]:
     """Return the controls of settings of the strategy, the task and the configuration."""
+    # A task lists groups of the configuration, such as "optics", and settings.
     unused: set[str] = set(scenario.task.unused)
+    owner = "the strategy"
     if scenario.genome is None:
+        # The group "strategy" has the paper's rules, which only robots with a genome follow.
         unused.add("strategy")
-    owner = "the strategy" if scenario.genome else type(scenario.strategy).__name__
+        owner = type(scenario.strategy).__name__
     parts: list[tuple[tuple[str, ...], Any, str]] = [
         (("strategy",), scenario.strategy, f"Rules of {owner}"),
         (("task",), scenario.task, f"Task {type(scenario.task).__name__}"),
@@ -167,8 +185,8 @@ def _controls_of_parts(scenario: PageScenario) -> list[Control]:
         for control in declared(part):
             name = name_of[*path, control.name]
             if name not in unused:
-                is_rule = is_live(scenario, name)
-                settings.append(control._replace(name=name, group=group, is_live=is_rule))
+                is_live = may_change_at_once(scenario, name)
+                settings.append(control._replace(name=name, group=group, is_live=is_live))
     return settings
 
 
@@ -205,31 +223,30 @@ def declared(settings: Any) -> Iterator[Control]:
     cls = type(settings)
     for f in fields(settings):
         value = getattr(settings, f.name)
-        words = choices(cls, f.name)
+        words = constraints.choices(cls, f.name)
         can_be_shown = words or isinstance(value, bool | int | float)
         if f.name in _HIDDEN or not f.init or not can_be_shown:
             continue
 
         # Users may write a whole number where a field is a float, and move it to other floats.
         is_whole = isinstance(value, int) and not isinstance(value, bool)
-        if is_whole and type_of(cls, f.name) is float:
+        if is_whole and constraints.type_of(cls, f.name) is float:
             value = float(value)
 
-        control = Control(
+        yield Control(
             name=f.name,
-            group="",
+            group="",  # as the caller adds it, who knows where the object belongs
             value=value,
+            limits=constraints.constraint_of(cls, f.name),
             choices=words,
             text=field_docs(cls).get(f.name, ""),
         )
-        limits = constraint_of(cls, f.name)
-        if limits:
-            control = control._replace(low=limits.low, high=limits.high, unit=limits.unit)
-        yield control
 
 
 def parsed(scenario: PageScenario, name: str, text: str) -> Any:
     """Return the value of a setting that a text states, for a change while the run goes on.
+
+    Its range is not checked here: scenarios check it, when they take the value.
 
     Raises:
         UserError: the setting cannot change so, or the text is no value of its type.

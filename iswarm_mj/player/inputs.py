@@ -158,7 +158,7 @@ def _checked(message: Any, control: Control) -> Any:
     if set(message.updates) != {"value"}:
         sent = ", ".join(map(str, message.updates))
         raise UserError(f"a browser can change values of inputs alone (got {shown(sent)})")
-    return control.check(message.updates["value"])
+    return control.convert(message.updates["value"])
 
 
 def _sentence(error: UserError, control: Control) -> str:

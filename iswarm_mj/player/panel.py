@@ -10,7 +10,7 @@ from iswarm_mj.config.swarm import ArenaConfig
 from iswarm_mj.geometry.obstacles import Obstacle, distances, numbers
 from iswarm_mj.output.palette import BLUE
 from iswarm_mj.output.shapes import MILLIMETRES
-from iswarm_mj.player import scene as arrays
+from iswarm_mj.player import scene
 from iswarm_mj.player.bench import Bench
 from iswarm_mj.player.changes import BALL, KILL, REVIVE
 from iswarm_mj.player.controls import Control
@@ -21,6 +21,7 @@ from iswarm_mj.player.session import Session
 from iswarm_mj.player.settings_tabs import SettingsTabs
 from iswarm_mj.player.view import SwarmView
 from iswarm_mj.player.widgets import AXIS, copyable, show, spots
+from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.units import RD
 
@@ -39,6 +40,8 @@ THEME = {"show_logo": False, "show_share_button": False}
 FASTEST = 60
 """Largest number of control steps a second."""
 _PREPARING = "Preparing the first control step, which is compiled once for each number of robots."
+_BENCH_SIZE = 1 / 6
+"""Size of the gripper's bench in edges of the arena, which the scene shows in its place."""
 _OBSTACLE_HALF_EDGE = 1.0
 """Half the edge of an obstacle that a click puts [rd]."""
 
@@ -58,6 +61,17 @@ _PAUSE = _ButtonLook("Pause", "player-pause", "orange")
 
 class Panel:
     """Controls of a session; each is the same in all browsers.
+
+    Three threads meet here:
+
+    - The thread of the session (`Session.work`) alone changes the run and its scenario. Whatever an
+      input does to them is therefore posted (`Session.post`).
+    - viser's event loop calls the actions of inputs, and `clicked`. It posts, or sets at once what
+      only drawing reads: `speed`, `click`, the colours, the page's theme. It takes the session's
+      lock where it reads robots and the view together.
+    - The drawing thread (`Page._tick`) calls `rebuild` after each reset, `update` a few times a
+      second, and `synchronise` after errors. It holds the session's lock, so that no reset comes
+      in between; control steps do.
 
     Attributes:
         view: nodes of the swarm.
@@ -80,7 +94,7 @@ class Panel:
         self._inputs = Inputs(server, refused=session.messages.put, failed=session.fail)
         self.view = SwarmView(server.scene, session.scene)
         self.click = SELECT
-        self._ways_to_colour = (arrays.STATE,)
+        self._ways_to_colour = (scene.STATE,)
         self._plotted: tuple[int, int] | None = None
         self._plots: dict[str, Any] = {}
 
@@ -102,7 +116,7 @@ class Panel:
             hint = "Click on a robot: here it shows what it knows, hears and says."
             self._robot = gui.add_markdown(hint)
         with tabs.add_tab("Gripper"):
-            size = session.scene.arena_size * MILLIMETRES / 6
+            size = session.scene.arena_size * MILLIMETRES * _BENCH_SIZE
             self.bench = Bench(server, self._inputs, size)
         with tabs.add_tab("Share"):
             self._add_share_tab()
@@ -130,7 +144,7 @@ class Panel:
         buttons = _choice("run", tuple(actions))
         inputs.add_buttons(buttons, lambda name: session.post(actions[name]))
 
-        speed = Control("speed", "", 10, low=1, high=FASTEST, unit="steps/s")
+        speed = Control("speed", "", 10, limits=Within(1, FASTEST, "steps/s"))
         self.speed = float(speed.value)
         inputs.add(speed, lambda value: setattr(self, "speed", float(value)))
         self._status = self._gui.add_markdown("")
@@ -152,7 +166,7 @@ class Panel:
         def set_dark(is_dark: bool) -> None:
             gui.configure_theme(dark_mode=is_dark, **THEME)
 
-        self._colour = inputs.add(_choice("colour by", (arrays.STATE,)), colour_by)
+        self._colour = inputs.add(_choice("colour by", (scene.STATE,)), colour_by)
         self._draws = inputs.add_buttons(_choice("draw", ("links", "trails")), toggle)
         inputs.add(_choice("a click can", CLICK_EFFECTS), set_click)
         inputs.add(Control("dark page", "", False), set_dark)
@@ -199,13 +213,13 @@ class Panel:
             show(self._recording, "content", f"Recorded `{path}`; open it with `rerun`.")
 
     def rebuild(self) -> None:
-        """Show the controls, the ways to colour and the plots of the present run."""
+        """Show the controls, the ways to colour and the plots of a run that begins."""
         session = self._session
         view = self.view
         self._settings.rebuild()
         self._settings.synchronise()
         snapshot = session.snapshots[-1]
-        ways = arrays.ways_to_colour(session.scene, snapshot.frames, snapshot.energy)
+        ways = scene.ways_to_colour(session.scene, snapshot.frames, snapshot.energy)
         self._ways_to_colour = tuple(ways)
         self._inputs.offer(self._colour, self._ways_to_colour)
         view.colour_by = self._colour.value
@@ -218,7 +232,7 @@ class Panel:
             self._plots = {}
 
     def synchronise(self) -> None:
-        """Show the values of the present settings."""
+        """Show the values of the present settings, also where an input shows a refused one."""
         self._settings.synchronise()
 
     def clicked(self, x: float, y: float, radius: float) -> None:
@@ -250,9 +264,9 @@ class Panel:
     def _robot_near(self, x: float, y: float, radius: float) -> int | None:
         """Return the robot that is nearest to a place [mm]; None if it is farther than a radius."""
         positions = self._session.snapshots[-1].frames.pose[0, :, :2] * 1e3
-        distances = np.linalg.norm(positions - np.array([x, y]), axis=-1)
-        robot = int(distances.argmin())
-        return robot if distances[robot] <= radius else None
+        distance_to_click = np.linalg.norm(positions - np.array([x, y]), axis=-1)
+        robot = int(distance_to_click.argmin())
+        return robot if distance_to_click[robot] <= radius else None
 
     def _build(self, x: float, y: float) -> None:
         """Let the next reset put an obstacle at a place [rd], or take away those that cover it."""
@@ -263,11 +277,16 @@ class Panel:
     def _kill_or_revive(self, robot: int) -> None:
         """Kill a robot, or revive it if it is dead."""
         session = self._session
-        is_dead = robot < len(session.is_alive) and not session.is_alive[robot]
+        # A reset since the click may have left fewer robots: `change` refuses the number then.
+        exists = robot < len(session.is_alive)
+        is_dead = exists and not session.is_alive[robot]
         session.change(REVIVE if is_dead else KILL, str(robot))
 
     def _remove_robot(self) -> None:
-        """Let the next reset begin with one robot fewer."""
+        """Let the next reset begin with one robot fewer.
+
+        It makes no difference which robot was clicked: a reset places all of them anew.
+        """
         session = self._session
         session.want("robots", max(1, session.wanted.n_robots - 1))
         self.synchronise()
@@ -280,8 +299,9 @@ class Panel:
         show(self._status, "content", self._describe_run())
         self._show_legend()
         self._show_command()
+        # The session completes a recording by itself at a reset, and when areas move.
         if self._shown_recording != (session.is_recording, session.recording):
-            self._show_recording()  # which a reset, or areas that move, have ended
+            self._show_recording()
         self._show_robot()
         step = (session.version, session.step)
         if step != self._plotted:
@@ -303,7 +323,7 @@ class Panel:
         if view.colour_by not in self._ways_to_colour:  # chosen while another task came
             view.colour_by = self._ways_to_colour[0]
             show(self._colour, "value", view.colour_by)
-        legend = arrays.legend(session.scene, view.colour_by, session.is_alive)
+        legend = scene.legend(session.scene, view.colour_by, session.is_alive)
         show(self._legend, "content", spots(legend))
 
     def _show_robot(self) -> None:
@@ -350,9 +370,10 @@ class Panel:
         strategy = Path(session.now.get("strategy")).name
         n_robots = session.run.settings.n_robots
         lines = [f"**step {session.step}** · {n_robots} robots · {task}, {strategy}"]
-        if session.is_busy and math.isinf(session.rate):
+        is_rate_known = math.isfinite(session.rate)
+        if session.is_busy and not is_rate_known:
             lines.append(_PREPARING)
-        elif math.isfinite(session.rate):
+        elif is_rate_known:
             lines[0] += f" · up to {session.rate:.0f} steps/s"
         if session.run.is_over:
             lines.append("Nothing is left to do.")
@@ -373,14 +394,13 @@ class Panel:
 
     def _draw_plots(self) -> None:
         """Plot each metric over the control steps, once there are two."""
-        lines = {name: list(values) for name, values in self._session.lines.items()}
-        n_steps = min(len(values) for values in lines.values())  # another thread adds to them
-        steps = np.array(lines.pop("step")[-n_steps:])
+        lines = self._session.lines
+        steps = np.array(lines.pop("step"))
         for name, values in lines.items():
-            data = (steps, np.array(values[-n_steps:]))
+            data = (steps, np.array(values))
             if name in self._plots:
                 self._plots[name].data = data
-            elif n_steps > 1:
+            elif len(steps) > 1:
                 with self._plot_folder:
                     self._plots[name] = self._add_plot(name, data)
 

@@ -21,7 +21,7 @@ from iswarm_mj.output.schema import ARRAYS, Frames
 from iswarm_mj.output.shapes import TRAIL_FRAMES
 from iswarm_mj.output.trajectory import METRIC
 from iswarm_mj.player.changes import EDITS, Change, edit
-from iswarm_mj.player.controls import Control, controls, is_live, parsed
+from iswarm_mj.player.controls import Control, controls, may_change_at_once, parsed
 from iswarm_mj.player.faults import Faults
 from iswarm_mj.player.inbox import Inbox
 from iswarm_mj.player.scenario import PageScenario
@@ -76,7 +76,6 @@ class Session:
         is_busy: something is computed at present.
         shown: control step that is shown at present; infinite where nobody watches.
         snapshots: latest control steps.
-        lines: numbers after each step by the names of metrics, and `step`.
         version: number of runs so far, one more after each reset.
         messages: one-line errors for whoever plays.
         rate: control steps a second that could be computed; infinite until two were.
@@ -139,7 +138,7 @@ class Session:
             self.run = run
             self.world = world
             self.snapshots: deque[Snapshot] = deque(maxlen=TRAIL_FRAMES + AHEAD + 2)
-            self.lines: dict[str, deque[float]] = {}
+            self._points: deque[dict[str, float]] = deque(maxlen=MOST_PLOTTED)
             self.version += 1
             self._laps: deque[float] = deque(maxlen=9)
             self.faults.forget()
@@ -154,6 +153,12 @@ class Session:
     def step(self) -> int:
         """Control steps taken."""
         return self.snapshots[-1].step
+
+    @property
+    def lines(self) -> dict[str, list[float]]:
+        """Numbers after each of the latest control steps by the names of metrics, and `step`."""
+        points = list(self._points)  # another thread adds to them
+        return {name: [point[name] for point in points] for name in points[0]}
 
     @property
     def is_alive(self) -> np.ndarray:
@@ -299,7 +304,7 @@ class Session:
         Raises:
             UserError: there is none, it is out of range, or it contradicts another one.
         """
-        if not (self.step and is_live(self.now, name)):
+        if not (self.step and may_change_at_once(self.now, name)):
             self.want(name, value)
             return
         text = str(value)
@@ -380,10 +385,11 @@ class Session:
         """Keep what the latest control step looks like."""
         self.snapshots.append(Snapshot(frames, record))
         arrays = frames.arrays()
+        point = {}
         for name in ("step", *self.run.task.measured, "collisions", "mean_speed"):
-            line = self.lines.setdefault(name, deque(maxlen=MOST_PLOTTED))
             array = name if name in ARRAYS else METRIC + name
-            line.append(float(arrays[array][0]))
+            point[name] = float(arrays[array][0])
+        self._points.append(point)
 
     def values(self) -> dict[str, Any]:
         """Return the settings and changes that reproduce the run so far, by the names of flags.

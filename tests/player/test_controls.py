@@ -7,10 +7,11 @@ from support.page import CONFIG
 
 from iswarm_mj.config.swarm import ArenaConfig, OpticsConfig, SwarmConfig
 from iswarm_mj.engines.planar.settings import PlanarSettings
-from iswarm_mj.player.controls import Control, controls, is_live
+from iswarm_mj.player.controls import Control, controls, may_change_at_once
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.strategy.genome import PRESETS, TYPE1
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
+from iswarm_mj.utils.constraints import Above, Within
 from iswarm_mj.utils.errors import ConfigError, UserError
 
 SCENARIO = PageScenario(CONFIG, robots=20, seed=3, engine=PlanarSettings())
@@ -19,14 +20,16 @@ INFINITY = float("inf")
 HUGE = 10**400
 """A whole number that no float can have."""
 
-FLOAT = Control("width", "", 0.5, low=0.0, high=2.0, unit="rd")
-WHOLE = Control("count", "", 3, low=1, high=9)
+FLOAT = Control("width", "", 0.5, limits=Within(0.0, 2.0, "rd"))
+POSITIVE = Control("radius", "", 0.5, limits=Above(0.0, 2.0, "rd"))
+WHOLE = Control("count", "", 3, limits=Within(1, 9))
 UNLIMITED = Control("free", "", 1.0)
 SWITCH = Control("switch", "", True)
 WORD = Control("word", "", "red", choices=("red", "blue"))
 
 REFUSED = [
     (FLOAT, [-0.1, 2.1, NAN, INFINITY, HUGE, "1", None, True, [1.0], {}]),
+    (POSITIVE, [0, 0.0, -1, 2.1]),
     (WHOLE, [0, 10, 4.5, NAN, -HUGE, "4", True, b"4"]),
     (UNLIMITED, [NAN, -INFINITY, HUGE, "1"]),
     (SWITCH, [1, 0, "true", None]),
@@ -45,6 +48,7 @@ def by_name(scenario):
     [
         (FLOAT, 1, 1.0),
         (FLOAT, 0.25, 0.25),
+        (POSITIVE, 2, 2.0),
         (WHOLE, 4.0, 4),
         (UNLIMITED, -1e300, -1e300),
         (SWITCH, False, False),
@@ -52,7 +56,7 @@ def by_name(scenario):
     ],
 )
 def test_a_control_takes_values_of_its_range_as_values_of_its_type(control, sent, expected):
-    value = control.check(sent)
+    value = control.convert(sent)
     assert value == expected
     assert type(value) is type(control.value)
 
@@ -62,7 +66,7 @@ def test_a_control_takes_values_of_its_range_as_values_of_its_type(control, sent
 )
 def test_a_control_refuses_other_values(control, sent):
     with pytest.raises(ConfigError, match=f"{control.name} must be"):
-        control.check(sent)
+        control.convert(sent)
 
 
 def test_controls_have_the_ranges_that_settings_declare():
@@ -85,8 +89,8 @@ def test_settings_that_programs_take_as_arrays_may_change_while_a_run_goes_on():
     assert of_cleaning["p_vector_forget"].is_live
     assert not of_cleaning["robots"].is_live
     assert by_name(PageScenario(strategy=Beeclust(), task=Aggregation()))["longest_wait"].is_live
-    assert not is_live(SCENARIO, "fraction_scouts")
-    assert not is_live(SCENARIO, "arena.size")
+    assert not may_change_at_once(SCENARIO, "fraction_scouts")
+    assert not may_change_at_once(SCENARIO, "arena.size")
 
 
 def test_each_control_takes_its_own_value():
@@ -127,4 +131,4 @@ def test_a_whole_number_in_place_of_a_float_may_become_any_float():
     scenario = PageScenario(SwarmConfig(optics=OpticsConfig(wall_range=2)))
     wall_range = by_name(scenario)["optics.wall_range"]
     assert isinstance(wall_range.value, float)
-    assert wall_range.check(2.5) == 2.5
+    assert wall_range.convert(2.5) == 2.5

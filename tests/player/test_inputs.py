@@ -30,6 +30,7 @@ from iswarm_mj.strategy.genome import PRESETS
 from iswarm_mj.strategy.teams import Teams
 from iswarm_mj.tasks.aggregation import Aggregation, Beeclust
 from iswarm_mj.tasks.foraging import Foraging
+from iswarm_mj.utils.constraints import Within
 
 # Single messages.
 
@@ -89,8 +90,8 @@ def test_an_action_gets_the_value_that_was_checked(still):
     """JavaScript sends 30 for 30.0, and perhaps 7.0 for 7."""
     page, browser = still
     values = []
-    inputs(page).add(Control("width", "", 0.5, low=0.0, high=60.0), values.append)
-    inputs(page).add(Control("count", "", 3, low=1, high=9), values.append)
+    inputs(page).add(Control("width", "", 0.5, limits=Within(0.0, 60.0)), values.append)
+    inputs(page).add(Control("count", "", 3, limits=Within(1, 9)), values.append)
     browser.set("width", 30)
     browser.set("count", 7.0)
     browser.set("count", 7)  # which it has

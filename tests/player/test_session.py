@@ -10,6 +10,7 @@ from support.rrd import read
 from support.sessions import PAGE_SCENARIO, assert_same, begun, names_of, state, steps
 
 from iswarm_mj.engines.planar.settings import PlanarSettings
+from iswarm_mj.output.schema import Frames
 from iswarm_mj.player.faults import describe
 from iswarm_mj.player.scenario import PageScenario
 from iswarm_mj.player.session import Session
@@ -61,6 +62,23 @@ def test_its_rate_is_that_of_the_steps_after_the_first_which_compiles(monkeypatc
     assert math.isinf(session.rate)
     session.advance()
     assert session.rate == 4
+
+
+def test_its_lines_have_whole_steps_while_another_is_added(monkeypatch):
+    """A page that plots in the middle of a step sees no metric ahead of its step."""
+    session = begun(n=2)
+    lengths = set()
+
+    class ArraysReadInBetween(dict):
+        def __getitem__(self, name):
+            lengths.update(len(values) for values in session.lines.values())
+            return super().__getitem__(name)
+
+    arrays = Frames.arrays
+    monkeypatch.setattr(Frames, "arrays", lambda frames: ArraysReadInBetween(arrays(frames)))
+    session.advance()
+    assert lengths == {3}
+    assert session.lines["step"] == [0, 1, 2, 3]
 
 
 def test_a_reset_begins_again_with_the_same_seed():
