@@ -7,13 +7,16 @@ import platform
 import time
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 
 from iswarm_mj.commands.swarm import Swarm, run_of
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.errors import UserError
+
+if TYPE_CHECKING:  # help does without JAX, which runs import
+    from iswarm_mj.simulation.run import Run
 
 
 @dataclass(frozen=True)
@@ -43,14 +46,15 @@ def _whole_chunks(n_steps: int, chunk: int) -> int:
     return math.ceil(n_steps / chunk) * chunk
 
 
-def bench(run: Any, warm_up: int) -> dict[str, Any]:
+def bench(run: "Run", warm_up: int) -> dict[str, Any]:
     """Time control steps after a warm-up, print one JSON line and return its content.
 
     Times are milliseconds per control step of all worlds together: medians over the calls, of the
-    whole step and of each stage.
+    whole step and of each stage, none of which covers the warm-up. `ms_per_step_mean` is the mean,
+    which rare long calls raise.
 
     Args:
-        run: a `Run` at its start, with enough steps for the warm-up and those that are timed.
+        run: the run at its start, with enough steps for the warm-up and those that are timed.
         warm_up: control steps that are not timed; at least the first call.
 
     Raises:
@@ -65,7 +69,8 @@ def bench(run: Any, warm_up: int) -> dict[str, Any]:
     # Help does not need engines, whose import takes time.
     from iswarm_mj.engines.base import TURN_PARTS
 
-    # Time steps of all robots in a control step.
+    # Time steps of all robots in a control step. An engine that divides the drive's time steps
+    # further, as planar can, states it in the identity of the run.
     n_worlds = len(run.worlds)
     n_robots = run.settings.n_robots
     drive = run.config.drive
@@ -98,8 +103,14 @@ def bench(run: Any, warm_up: int) -> dict[str, Any]:
     return content
 
 
-def time_steps(run: Any, warm_up: int) -> tuple[float, list[float]]:
+def time_steps(run: "Run", warm_up: int) -> tuple[float, list[float]]:
     """Take all steps, and return how long they took.
+
+    The times of stages (`Run.stage_times`) are left without those of the warm-up, too.
+
+    Args:
+        run: the run at its start.
+        warm_up: control steps whose times are dropped, a number of whole calls.
 
     Returns:
         Time of the first call [s], and time of a control step in each call after the warm-up [s].
@@ -115,7 +126,7 @@ def time_steps(run: Any, warm_up: int) -> tuple[float, list[float]]:
         if step_before >= warm_up:
             times.append(seconds / (run.step - step_before))
         if run.step == warm_up:
-            run.watch.laps.clear()
+            run.watch.laps.clear()  # the times of stages so far
     if not times:
         raise UserError(
             f"all worlds ended after {run.step} control steps, within the warm-up of {warm_up}; "

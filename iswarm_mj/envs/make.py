@@ -103,7 +103,7 @@ class PreparedEnv:
     senses: tuple[tuple[str, tuple[Quantity, int]], ...]
     """Quantities that robots sense beside balls and dump, see `Core`."""
     n_worlds: int | None
-    """Number of worlds B; None where `reset` and `step` take one world."""
+    """Number of worlds B that `reset` and `step` take; None where they take one, for `jax.vmap`."""
 
     @property
     def n_robots(self) -> int:
@@ -150,7 +150,20 @@ class PreparedEnv:
 
 
 def prepare_env(scenario: Scenario, *, payload: Any = None, n_starts: int = 64) -> PreparedEnv:
-    """Check the settings of an environment, and return what makes it, see `make_env`."""
+    """Return an environment whose settings are checked, and that has no arrays yet.
+
+    Two numbers of worlds meet here. The engine takes `scenario.worlds` of them at once, where it
+    does not leave that to `jax.vmap` (`PreparedEnv.n_worlds`). Their episodes begin in `n_starts`
+    layouts, from which each reset picks one for each world.
+
+    Args:
+        scenario: see `make_env`.
+        payload: see `make_env`.
+        n_starts: see `make_env`.
+
+    Raises:
+        UserError: see `make_env`.
+    """
     if not isinstance(scenario.worlds, int):
         raise UserError(
             "an environment begins in `n_starts` layouts of a seed; "
@@ -161,21 +174,23 @@ def prepare_env(scenario: Scenario, *, payload: Any = None, n_starts: int = 64) 
             "strategy.update_order is sequential, but robots of an environment act at once; "
             "leave it out"
         )
-    is_number = is_whole(n_starts) and 1 <= n_starts <= MAX_STARTS
-    check("n_starts", n_starts, f"a whole number from 1 to {MAX_STARTS}", is_number)
+    is_in_range = is_whole(n_starts) and 1 <= n_starts <= MAX_STARTS
+    check("n_starts", n_starts, f"a whole number from 1 to {MAX_STARTS}", is_in_range)
 
+    # Episodes begin as the worlds of a run with `n_starts` worlds do. All else is of the scenario
+    # as it was given: memory and engine are for its own number of worlds.
     layouts = replace(scenario, worlds=int(n_starts)).list_worlds()
     setup = set_up(scenario, scenario.settings(), layouts)
 
-    fields = as_payload(payload)
-    fields.check_room(len(setup.robot.sides))
+    message_fields = as_payload(payload)
+    message_fields.check_room(n_leds=len(setup.robot.sides))  # with the number of the LED
     engine, n_worlds = _engine_of(setup)
     return PreparedEnv(
         setup=setup,
         engine=engine,
         layouts=layouts,
         steps=scenario.steps,
-        payload=fields,
+        payload=message_fields,
         senses=_senses_of(setup),
         n_worlds=n_worlds,
     )
@@ -191,10 +206,7 @@ def _senses_of(setup: Setup) -> tuple[tuple[str, tuple[Quantity, int]], ...]:
 
 
 def _engine_of(setup: Setup) -> tuple[Engine | CompiledEngine, int | None]:
-    """Return the engine, and the number of worlds that it takes at once.
-
-    None if `jax.vmap` maps one.
-    """
+    """Return the engine, and the number of worlds that it takes at once; None for `jax.vmap`."""
     settings = setup.engine
     n_worlds = setup.settings.n_worlds
     if settings.on_host:

@@ -20,7 +20,11 @@ _MAX_LISTED = 5
 
 
 class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
-    """One world of N robots, called robot_0 and so on; all stay until the episode ends for all."""
+    """One world of N robots, called robot_0 and so on; all stay until the episode ends for all.
+
+    Whoever steps it calls `reset` after the end of an episode: it has no `agents` until then, and
+    `step` raises an error.
+    """
 
     metadata = {**RENDERING, "name": "iswarm_v0", "is_parallelizable": True}  # noqa: RUF012
 
@@ -39,7 +43,7 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         self.action_spaces = {agent: box_of(prepared.actions) for agent in self.possible_agents}
 
     def observation_space(self, agent: str) -> Space:
-        """Return the space of a robot's observations, see `Env.observations`."""
+        """Return the space of a robot's observations, whose rows `Env.observations` describes."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> Space:
@@ -47,7 +51,12 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: dict | None = None) -> tuple[dict, dict]:
-        """Begin an episode, see `SwarmVectorEnv.reset`."""
+        """Begin an episode, see `SwarmVectorEnv.reset`.
+
+        Args:
+            seed: seed of the episode; None draws one.
+            options: ignored: PettingZoo demands the parameter, and an episode has no options.
+        """
         obs, _ = self._vector_env.reset(seed=seed)
         self.agents = list(self.possible_agents)
         return self._by_agent(obs[0]), {agent: {} for agent in self.agents}
@@ -82,8 +91,10 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
 
     def _check_agents(self, actions: Any) -> None:
         """Raise a UserError unless there is an action of each agent and of no others."""
-        names = set(actions) if isinstance(actions, Mapping) else {type(actions).__name__}
-        differing = sorted(str(name) for name in set(self.agents) ^ names)
+        if not isinstance(actions, Mapping):
+            kind = type(actions).__name__
+            raise UserError(f"step needs a dictionary of actions by agent (got a {kind})")
+        differing = sorted(str(name) for name in set(self.agents) ^ set(actions))
         if differing:
             listed = ", ".join(differing[:_MAX_LISTED])
             raise UserError(
@@ -96,7 +107,7 @@ class SwarmParallelEnv(ParallelEnv[str, np.ndarray, np.ndarray]):
         Raises:
             UserError: no episode has begun.
         """
-        state = self._vector_env.current_state("state")
+        state = self._vector_env.current_state(method="state")
         poses = np.array(self._vector_env.env.poses(state), np.float32) / (RD, RD, 1)
         return np.concatenate([np.ravel(state.obs), poses.ravel()], dtype=np.float32)
 

@@ -15,20 +15,27 @@ VECTOR_SUFFIX = "_vector"
 
 
 class RecordedVector(NamedTuple):
-    """Names of a recorded vector of the plane [m], which is in the robots' own frames."""
+    """Names of a recorded vector of the plane [m], which is in the robots' own frames.
+
+    `known` and `hop` are names that parts of the memory may have: a strategy may record neither.
+    """
 
     name: str
     """Name of the array of vectors, for instance dust_vector."""
     stem: str
     """Name without the suffix, for instance dust."""
     known: str
-    """Name that the flag of robots that have the vector has, if there is one."""
+    """Name of the flag of robots that have the vector, where it is recorded."""
     hop: str
-    """Name that the hop counts of the vector have, if there are any."""
+    """Name of the hop counts of the vector, where they are recorded."""
 
 
 def recorded_vectors(memory: Iterable[tuple[str, str, int]]) -> list[RecordedVector]:
     """Return the vectors among parts of the memory.
+
+    A recording does not state which parts are vectors. By the convention of this package, those are
+    that have two numbers a robot with the unit m; a strategy that records two lengths that are no
+    vector records them as two parts.
 
     Args:
         memory: name, unit and size (numbers a robot) of each part.

@@ -207,7 +207,9 @@ class Vector:
         x = values.vector[..., 0]
         y = values.vector[..., 1]
 
-        # Bearing, in steps of the full circle.
+        # Bearing, in steps of the full circle. Of a vector that is not sent, bearing and range may
+        # be anything, also those of NaN: `decode` reads neither beside the code for "no vector".
+        # The modulus, and `low_bits` below, keep them from the bits of their neighbours.
         bearing_steps = jnp.round(jnp.arctan2(y, x) * (self._n_bearings / (2 * jnp.pi)))
         bearing_code = bearing_steps.astype(jnp.int32) % self._n_bearings
 
@@ -216,7 +218,7 @@ class Vector:
         clipped_steps = jnp.clip(range_steps, 0, self._n_ranges)
         range_code = low_bits(clipped_steps.astype(jnp.int32), self.range_bits)
 
-        # Hop count, or the code for "no vector".
+        # Hop count, or the code for "no vector". The range is NaN if any coordinate is.
         has_hop = values.known & (values.hop >= 0) & (values.hop <= self.max_hop)
         is_sent = has_hop & ~jnp.isnan(range_steps)
         hop_code = jnp.where(is_sent, values.hop, self._no_vector)

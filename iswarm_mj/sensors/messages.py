@@ -145,7 +145,10 @@ def _pairs_of(fields: Any) -> tuple[Any, ...]:
         UserError: they are neither a mapping nor pairs.
     """
     pairs = fields.items() if isinstance(fields, Mapping) else fields
-    if isinstance(pairs, Iterable) and not hasattr(pairs, "dtype"):
+    # An array counts as iterable even without axes, such as a computed number of bits, where
+    # `tuple` raises a TypeError; and an empty one would pass for no fields.
+    is_array = hasattr(pairs, "dtype")
+    if isinstance(pairs, Iterable) and not is_array:
         pairs = tuple(pairs)
         if all(isinstance(pair, tuple) and len(pair) == 2 for pair in pairs):
             return pairs

@@ -36,8 +36,12 @@ _STAGES = ("sense", "policy", "physics")
 def shard_worlds(n_worlds: int) -> list[slice]:
     """Return the worlds of each shard, in equal numbers as far as possible.
 
-    Two worlds are two shards at least. Shards do not depend on the number of threads, since
-    programs for other numbers of worlds may round otherwise.
+    A run of several worlds has at least two shards, so that two threads share its work. More shards
+    than needed would only cost time (`MAX_WORLDS`). The number of threads has no influence, since
+    programs for other numbers of worlds may round otherwise: results are the same on any machine.
+
+    Args:
+        n_worlds: number of worlds, at least 1.
     """
     n_shards = max(-(-n_worlds // MAX_WORLDS), min(n_worlds, 2))
     edges = [n_worlds * shard // n_shards for shard in range(n_shards + 1)]
@@ -225,8 +229,8 @@ class HostLoop:
     def stage_times(self) -> dict[str, float]:
         """Return the median seconds that a control step spends in sense, policy and physics.
 
-        The times cover all steps so far; they are those of the clock if all threads have the same
-        work to do.
+        The times cover all steps since the run began, or since `watch.laps` was cleared; they are
+        those of the clock if all threads have the same work to do.
         """
         laps = self._watch.laps
         shards_a_worker = len(self._shards) / self._n_workers

@@ -105,6 +105,10 @@ def account_for_motion(
 ) -> WorldState:
     """Return the state with the bodies, faults and collisions of a control step's motion.
 
+    The motion needs no mask. For a world that does not run, engines return the bodies as they were
+    and no fault (`engines.base.finish_motion`). Its partners are read only if it runs later, which
+    no world does that has stopped; environments clear those of an episode that begins.
+
     Args:
         state: state before the step.
         motion: motion of the robots.
@@ -115,7 +119,8 @@ def account_for_motion(
     xp = array_module(motion.touching)
 
     # Bits are added, step and robot replaced: new bits come only from worlds that took this step,
-    # and worlds stop at their first fault. Types stay those of the state, as `lax.scan` demands.
+    # and worlds stop at their first fault. Faults count steps from 1, as tables do. Types stay
+    # those of the state, as `lax.scan` demands.
     any_refused = drive.is_refused.any(axis=-1) & is_running
     refusal = xp.where(any_refused, int(FaultKind.COMMAND_NOT_FINITE), 0)
     new_bits = motion.fault | refusal.astype(motion.fault.dtype)
@@ -128,14 +133,15 @@ def account_for_motion(
         robot=xp.where(is_faulty, robot, state.fault.robot),
     )
 
-    # Pairs that begin to touch count as collisions, and so do robots that another one blocks.
-    begun = new_contacts(state.touching, motion.touching) + drive.is_blocked.sum(axis=-1)
-    begun = begun.astype(state.collisions.dtype)
-    counts = is_running & (fault.bits == 0)
+    # A collision is a pair that begins to touch or, where robots keep to cells, each step in which
+    # a robot finds the cell before it taken: nobody touches there, so that no contact begins.
+    collisions = new_contacts(state.touching, motion.touching) + drive.is_blocked.sum(axis=-1)
+    collisions = collisions.astype(state.collisions.dtype)
+    is_counted = is_running & (fault.bits == 0)
     return state._replace(
         bodies=motion.bodies,
         touching=motion.touching,
-        collisions=state.collisions + xp.where(counts, begun, 0),
+        collisions=state.collisions + xp.where(is_counted, collisions, 0),
         fault=fault,
     )
 

@@ -91,8 +91,13 @@ def is_number(leaf: Any) -> bool:
 def _register(cls: type) -> tuple[str, ...]:
     """Make a pytree of a class, and return its fields that are compiled in.
 
-    JAX rebuilds its objects without `__init__`, whose checks need numbers.
+    It is cached since JAX raises an error where a class is registered twice.
+
+    Args:
+        cls: a dataclass, or a class whose objects have no attributes (`as_pytree` refuses others):
+            JAX rebuilds objects of their fields alone.
     """
+    # A class that is no dataclass has objects without any state.
     all_fields = fields(cls) if is_dataclass(cls) else ()
     static = tuple(field.name for field in all_fields if is_static_field(cls, field))
     dynamic = tuple(field.name for field in all_fields if field.name not in static)
@@ -102,6 +107,7 @@ def _register(cls: type) -> tuple[str, ...]:
         return children, tuple(getattr(value, name) for name in static)
 
     def unflatten(static_values: tuple[Any, ...], children: Any) -> Any:
+        # Without `__init__`, whose checks need numbers: JAX puts tracers in their place.
         value = object.__new__(cls)
         for name, part in zip(static + dynamic, (*static_values, *children), strict=True):
             object.__setattr__(value, name, part)  # also in frozen dataclasses

@@ -40,15 +40,16 @@ class Aggregation(Task):
     """Gather in the brighter of two spots of light, which is in the east or in the west by chance.
 
     Both spots lie on the x axis. Light falls off linearly from 1, or `dim`, at a spot's centre to 0
-    at its edge.
+    at its edge. A robot is inside a spot where it gets light of it; no robot is inside a spot whose
+    `dim` is 0, which is none.
     """
 
     spot_radius: Annotated[float, Above(0, 75, "rd")] = 9.0
-    """Radius of a spot [rd]."""
+    """Radius of a spot, in robot diameters [rd]."""
     spot_offset: Annotated[float, Within(0, 75, "rd")] = 14.0
     """Distance of the spots' centres from the arena's centre [rd]."""
     dim: Annotated[float, Within(0, 1)] = 0.5
-    """Brightness of the dimmer spot, relative to the brighter one."""
+    """Brightness of the dimmer spot, relative to the brighter one; 0 leaves one spot alone."""
     error_light: Annotated[float, Within(0, 1)] = 0.05
     """Relative standard deviation of the measured light."""
 
@@ -142,7 +143,8 @@ class Aggregation(Task):
     def reward(self, before: Spots, after: Spots, inputs: TaskInputs) -> Float[Array, "N"]:
         """Return 1 for each robot in the brighter spot."""
         light_of_brighter = self.light(inputs.poses, after.east)[:, 0]
-        return (light_of_brighter > 0).astype(jnp.float32)
+        is_inside = (light_of_brighter > 0) & inputs.is_present
+        return is_inside.astype(jnp.float32)
 
     def metrics(self, state: Spots) -> dict[str, Array]:
         """Return the shares of the robots in each spot."""
@@ -167,7 +169,7 @@ class Beeclust(Strategy):
     half_light: Annotated[float, Above(0, 2)] = 0.5
     """Light in which a robot waits half as long."""
     meeting: Annotated[float, Above(0, 20, "rd")] = 1.4
-    """Distance within which a robot meets another [rd]."""
+    """Distance within which a robot meets another, in robot diameters [rd]."""
     leaving: Annotated[float, Within(0, 1000)] = 4.0
     """Control steps after a wait in which a robot does not stop again."""
 
@@ -202,10 +204,13 @@ class Beeclust(Strategy):
             )
         wait = memory["wait"]
         light = observation.sensed["light"]
+        # Robots hear each other although they say nothing: a message without fields has the number
+        # of its LED, by whose light the distance is measured.
         is_near = observation.is_heard & (observation.distance < mm_from_rd(self.meeting))
         meets = is_near.any(axis=1)
 
-        # Stop at a meeting for a time that grows with the light, and leave when it is over.
+        # Stop at a meeting for a time that grows with the light, and leave when it is over. Timers
+        # count towards 0; `begins` and `ends` exclude each other, as the timer is 0 or 1 then.
         wait_here = jnp.floor(self.longest_wait * light**2 / (light**2 + self.half_light**2))
         begins = meets & (wait == 0) & (wait_here >= 1)
         ends = wait == 1
@@ -215,7 +220,8 @@ class Beeclust(Strategy):
 
         # Turn aside by 45 to 90 degrees before walls and others, else walk nearly straight on.
         amount, side = jax.random.uniform(key, (2, len(wait)), minval=-1.0)
-        is_blocked = observation.sees_wall[:, 0] | ends | meets
+        wall_ahead = observation.sees_wall[:, 0]  # side 0 is the front
+        is_blocked = wall_ahead | ends | meets
         turn_aside = jnp.sign(side) * jnp.pi / 2 * (0.5 + 0.5 * jnp.abs(amount))
         turn = jnp.where(is_blocked, turn_aside, 0.1 * amount)
 

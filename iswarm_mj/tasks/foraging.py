@@ -204,6 +204,12 @@ def draw_in_ring(limits: Any, n: int, key: Array) -> Float[Array, "n 2"]:
     return distance[:, None] * jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
 
 
+_FRONT = 0
+"""Side of a robot's front."""
+_NEAR = 1.4
+"""Distance of a robot ahead for which a forager turns aside, in robot diameters [rd]."""
+
+
 @dataclass(frozen=True)
 class Forager(Strategy):
     """Robots search at random, and return home and to their last item by their own odometry.
@@ -290,7 +296,10 @@ class Forager(Strategy):
         random_heading = jnp.deg2rad(self.random_turn) * wander
         heading = jnp.where(knows_way, jnp.arctan2(goal[:, 1], goal[:, 0]), random_heading)
 
-        # Turn aside for a robot ahead and, when wandering, for a wall.
-        robot_ahead = seen.is_heard[:, 0] & (seen.distance[:, 0] < mm_from_rd(1.4)) & ~picks_up
-        wall_ahead = seen.sees_wall[:, 0] & ~knows_way
+        # Turn aside for a robot ahead and, when wandering, for a wall. A robot beside an item takes
+        # it first: it walks no more than the rest of the way, and would lose the item by turning.
+        hears_ahead = seen.is_heard[:, _FRONT]
+        is_near = seen.distance[:, _FRONT] < mm_from_rd(_NEAR)
+        robot_ahead = hears_ahead & is_near & ~picks_up
+        wall_ahead = seen.sees_wall[:, _FRONT] & ~knows_way
         return jnp.where(robot_ahead | wall_ahead, jnp.sign(side) * jnp.pi / 2, heading)

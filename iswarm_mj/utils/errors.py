@@ -1,4 +1,9 @@
-"""Errors whose message is enough: the command line prints it without a traceback."""
+"""Errors whose message is enough: the command line prints it without a traceback.
+
+`UserError` is a mistake of the user, and exits with code 2. `SimulationFault` is none: the settings
+were allowed, but the simulated world went wrong. It exits with code 1, and `except UserError` lets
+it pass.
+"""
 
 from collections.abc import Iterable
 from difflib import SequenceMatcher, get_close_matches
@@ -12,10 +17,14 @@ MAX_LISTED = 10
 
 
 def printable(text: str) -> str:
-    """Return a line of text in which everything that could control a terminal is escaped."""
+    """Return a line of text in which everything that could control a terminal is escaped.
+
+    Surrogates stay, which stand for the bytes of file names that are no text: streams escape them
+    (`commands.main` sets `backslashreplace`), and escaped here such names could not be found.
+    """
 
     def escaped(character: str) -> str:
-        is_surrogate = "\ud800" <= character <= "\udfff"  # of a file name that is no text
+        is_surrogate = "\ud800" <= character <= "\udfff"
         return character if character.isprintable() or is_surrogate else ascii(character)[1:-1]
 
     return "".join(map(escaped, text))
@@ -67,7 +76,12 @@ class ConfigError(UserError):
 
 
 class FaultKind(IntFlag):
-    """Why a world cannot go on; bits, since several reasons may hold at once."""
+    """Why a world cannot go on; bits, since several reasons may hold at once.
+
+    Engines, compiled kernels among them, set the bits, and the state of a world holds them as a
+    number (`simulation.state.Fault`), which environments return as `info["fault"]`: a bit that has
+    a meaning keeps it.
+    """
 
     TOO_MANY_PAIRS = 1
     TOO_MANY_CONTACTS = 2
@@ -77,12 +91,14 @@ class FaultKind(IntFlag):
     SOLVER_FAILED = 32
 
 
+_BODIES = "{robots}"
+"""Place in a fact for the bodies concerned: robots, or boxes."""
 _FACTS = {
     FaultKind.TOO_MANY_PAIRS: "buffer of robot pairs full",
     FaultKind.TOO_MANY_CONTACTS: "contact buffer full",
-    FaultKind.POSE_NOT_FINITE: "the pose of {robots} is not finite",
-    FaultKind.OUTSIDE: "{robots} left the arena",
-    FaultKind.COMMAND_NOT_FINITE: "the command of {robots} is not finite",
+    FaultKind.POSE_NOT_FINITE: f"the pose of {_BODIES} is not finite",
+    FaultKind.OUTSIDE: f"{_BODIES} left the arena",
+    FaultKind.COMMAND_NOT_FINITE: f"the command of {_BODIES} is not finite",
     FaultKind.SOLVER_FAILED: "the contact solver failed",
 }
 _REMEDIES = {
@@ -130,7 +146,9 @@ class SimulationFault(RuntimeError):  # noqa: N818 - a fault of the simulated wo
 
     def __str__(self) -> str:
         facts = [
-            text.format(robots=self._bodies()) for kind, text in _FACTS.items() if kind & self.kind
+            text.replace(_BODIES, self._bodies())
+            for kind, text in _FACTS.items()
+            if kind & self.kind
         ]
         remedies = [text for kinds, text in _REMEDIES.items() if kinds & self.kind]
         parts = [" and ".join(facts), *remedies, self.detail]
@@ -161,11 +179,13 @@ class SimulationFault(RuntimeError):  # noqa: N818 - a fault of the simulated wo
 
 
 def closest(name: str, known: Iterable[str]) -> str | None:
-    """Return what was probably meant by a name: the similar one that the fewest edits make of it.
+    """Return the known name that was probably meant by an unknown one.
+
+    Of the similar names it is the one that differs in the fewest characters.
 
     Args:
-        name: that is not known.
-        known: names.
+        name: the unknown name.
+        known: known names.
 
     Returns:
         None if no known name is similar.

@@ -108,11 +108,11 @@ def advance(poses, is_present, east=1.0, task=TASK):
 @pytest.mark.parametrize(
     ("east", "shares", "rewarded"),
     [
-        (1.0, [0.5, 0.25], [0, 1, 4]),
+        (1.0, [0.5, 0.25], [0, 1]),
         (-1.0, [0.25, 0.5], [2]),
     ],
 )
-def test_shares_are_of_the_robots_that_are_present(east, shares, rewarded):
+def test_shares_and_rewards_are_of_the_robots_that_are_present(east, shares, rewarded):
     """Robots 0, 1 and 4 are in the eastern spot, 2 in the western one; place 4 is empty."""
     poses = np.array([[10, 0, 0], [11, 0, 0], [-10, 0, 0], [0, 0, 0], [10, 1, 0]], float)
     is_present = np.array([True, True, True, True, False])

@@ -45,12 +45,23 @@ _error = types.ExternalFunction("mju_error", types.void(types.int64))
 _strtod = types.ExternalFunction("strtod", types.float64(types.int64, types.int64))
 
 
+# Throughout, `m` is the address of MuJoCo's mjModel, and `d` that of mjData, as in its API.
+
+
 @compiled
 def _attribute(m, text, kind, low, high, default):
     """Return the value of an attribute given as text, nan if the text is invalid.
 
-    The value is a number within limits, or the id of an actuator or of a geom; for a geom the two
-    limits are the types that it may have.
+    No valid value is nan, and compiled callbacks, which C calls, cannot raise exceptions.
+
+    Args:
+        m: address of the model.
+        text: address of the text, which ends with a zero; an empty one stands for the default.
+        kind: kind of the attribute: a number, or the name of an actuator or of a geom, whose id is
+            returned.
+        low: least number, or a type that the geom may have.
+        high: largest number, or another type that the geom may have.
+        default: value of an attribute that is absent; nan where it is required.
     """
     if characters(text)[0] == 0:
         return default
@@ -73,15 +84,16 @@ def _attribute(m, text, kind, low, high, default):
 
 
 @compiled
-def read_attributes(m, instance, names, table, state):
-    """Write a plugin instance's attributes to its state.
+def store_attributes(m, instance, names, table, state):
+    """Read a plugin instance's attributes from the model, and write them to its state.
 
     Args:
-        m: model.
+        m: address of the model.
         instance: id of the plugin instance.
-        names: (n, 256) uint8, names of its attributes.
+        names: (n, 256) uint8, names of its attributes, each with zeros after its end, as C expects.
         table: (n, 4) kind, low, high and default of each attribute.
-        state: of the instance.
+        state: numbers of the instance's state, of which the first n are written; those after an
+            invalid attribute are not.
 
     Returns:
         Index of the first invalid attribute, or -1.
@@ -98,7 +110,15 @@ def read_attributes(m, instance, names, table, state):
 
 @compiled
 def raise_error(m, instance, name, before, after):
-    """Raise a MuJoCo error with a sentence around the text that was given; does not return."""
+    """Raise a MuJoCo error with a sentence around the text that was given; does not return.
+
+    Args:
+        m: address of the model.
+        instance: id of the plugin instance.
+        name: name of the attribute, uint8 with a terminating zero, as are the other texts.
+        before: beginning of the sentence.
+        after: end of the sentence.
+    """
     message = np.zeros(_LONGEST_MESSAGE, np.uint8)
     length = 0
     value = _get_plugin_config(m, instance, name.ctypes.data)

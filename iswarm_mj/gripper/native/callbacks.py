@@ -29,7 +29,7 @@ from iswarm_mj.gripper.native.attributes import (
     electrostatic_states,
     raise_error,
     raise_sentence,
-    read_attributes,
+    store_attributes,
 )
 from iswarm_mj.gripper.native.vectors import (
     cross,
@@ -164,7 +164,7 @@ def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[
 
     @_callback(_init)
     def init(m, _d, instance):
-        invalid = read_attributes(m, instance, texts[0], table, np.empty(n))
+        invalid = store_attributes(m, instance, texts[0], table, np.empty(n))
         if invalid < 0:
             return 0
         raise_error(m, instance, texts[0, invalid], texts[1, invalid], texts[2, invalid])
@@ -172,7 +172,7 @@ def life_cycle(texts: np.ndarray, table: np.ndarray, start: np.ndarray) -> dict[
 
     @_callback(_reset)
     def reset(m, state, _data, instance):
-        read_attributes(m, instance, texts[0], table, state)
+        store_attributes(m, instance, texts[0], table, state)
         for i in range(n, size):
             state[i] = start[i - n]
 
