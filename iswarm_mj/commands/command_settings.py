@@ -82,7 +82,7 @@ def with_defaults(command: Any) -> Any:
     return type(command)(**defaults)
 
 
-def changed(command: Any) -> list[str]:
+def changed_names(command: Any) -> list[str]:
     """Return the names of the settings that differ from their defaults."""
     return [setting.name for setting in _changed_settings(command)]
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import tyro
 
 from iswarm_mj.commands.command_settings import (
-    changed,
+    changed_names,
     refuse_changed,
     with_defaults,
     without_effect,
@@ -60,7 +60,7 @@ class Experiment(ManyRunsOptions):
         from iswarm_mj.paper.studies.registry import EXPERIMENTS, listing
 
         if self.list:
-            unused = [name for name in changed(self) if name not in ("list", "name")]
+            unused = [name for name in changed_names(self) if name not in ("list", "name")]
             refuse_changed(self, unused, "with `list`")
             if self.name:
                 raise UserError(f"--list takes no name; leave out {self.name}")
@@ -76,13 +76,16 @@ class Experiment(ManyRunsOptions):
             raise UserError(f"there is no experiment {shown(self.name)!r}{similar}; {remedy}")
         experiment = EXPERIMENTS[self.name]
         plan = Plan(self.config, load_genome(self.genome), self.seed, self.quick)
-        self._check_varied(experiment, plan)
+        self._refuse_settings_without_effect(experiment, plan)
         default_name = f"{self.name}-quick" if self.quick else self.name
         out = self.out or Path("runs/experiments") / default_name
         run_experiment(experiment, plan, out, self.execution, again=self.again)
 
-    def _check_varied(self, experiment: Any, plan: Any) -> None:
-        """Refuse settings that differ from their defaults and change no run of an experiment.
+    def _refuse_settings_without_effect(self, experiment: Any, plan: Any) -> None:
+        """Refuse settings that differ from their defaults and change no run of the experiment.
+
+        An experiment varies some settings by itself, in place of those that are given. For each
+        setting that is given the runs are therefore compared with those of its default.
 
         Args:
             experiment: experiment of the command.
@@ -93,7 +96,7 @@ class Experiment(ManyRunsOptions):
         """
         jobs = _jobs(experiment, plan)
         defaults = with_defaults(self)
-        for name in changed(self):
+        for name in changed_names(self):
             with suppress(ConfigError):  # other settings may refuse the default of this one
                 plan_without = _with_default(plan, defaults, name)
                 if plan_without is not None and _jobs(experiment, plan_without) == jobs:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from iswarm_mj.commands.command_settings import changed, refuse_changed
+from iswarm_mj.commands.command_settings import changed_names, refuse_changed
 from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.laws.roughness import Surface
 from iswarm_mj.utils.constraints import Needs, Within, check
@@ -82,12 +82,12 @@ class Grasp(GraspSettings):
 
     def _check_curves(self) -> None:
         """Refuse settings that force-distance curves do not follow, and too many curves."""
-        changed_names = changed(self)
-        without_effect = [name for name in changed_names if name not in OF_CURVES]
+        changed = changed_names(self)
+        without_effect = [name for name in changed if name not in OF_CURVES]
         refuse_changed(self, without_effect, "with `force_curve`")
 
         # By default the first of several humidities is that of the curves.
-        is_one = len(self.rh) == 1 or "rh" not in changed_names
+        is_one = len(self.rh) == 1 or "rh" not in changed
         check("rh", self.rh, "one relative humidity with `force_curve`", is_one)
         flat_tips = "left out with `force_curve`, whose forces at a distance are those of flat tips"
         check("tip_curvature", self.tip_curvature, flat_tips, self.tip_curvature is None)

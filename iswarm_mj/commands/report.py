@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from iswarm_mj.commands.command_settings import changed, refuse_changed
+from iswarm_mj.commands.command_settings import changed_names, refuse_changed
 from iswarm_mj.commands.options import ManyRunsOptions
 from iswarm_mj.search.settings import Repeats
 from iswarm_mj.utils.constraints import Needs, Within, validate
@@ -84,7 +84,7 @@ class Reproduce(ManyRunsOptions):
         """Run the command."""
         if self.tables:
             of_tables = ("tables", "results", "pages")
-            of_runs = [name for name in changed(self) if name not in of_tables]
+            of_runs = [name for name in changed_names(self) if name not in of_tables]
             refuse_changed(self, of_runs, "with `tables`, which makes no runs")
         from iswarm_mj.paper.report.reproduce import (
             listing,

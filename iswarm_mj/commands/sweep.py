@@ -13,7 +13,7 @@ import tyro
 
 from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.command_settings import (
-    changed,
+    changed_names,
     ineffective_settings,
     refuse_changed,
     settings,
@@ -112,7 +112,7 @@ class Sweep:
                 raise _in_flags_of(error, command) from None
 
             ineffective = ineffective_settings(command)
-            effective |= set(changed(command)) - ineffective.keys()
+            effective |= set(changed_names(command)) - ineffective.keys()
             for name, reason in ineffective.items():
                 error_of_idle[name] = _in_flags_of(without_effect(name, reason), command)
 

@@ -66,13 +66,14 @@ class Laws:
         def constant(name: str) -> float:
             return calibration.get(name, getattr(detachment, name))
 
+        # Works of adhesion [J/m^2].
         self._work_tool = constant("WORK_TOOL_OBJECT")
         self._work_plate = constant("WORK_OBJECT_SUBSTRATE")
         self._contact_gap = constant("CONTACT_GAP")
         self._probe_radius = constant("PROBE_RADIUS")
 
-    def grasp(self, radius: Quantity, humidity: float, gap: Quantity = 0.0) -> Quantity:
-        """Return the least voltage that picks up a ball.
+    def grasp_voltage_of(self, radius: Quantity, humidity: float, gap: Quantity = 0.0) -> Quantity:
+        """Return the least voltage that picks up a ball [V].
 
         Args:
             radius: radius of the ball [m].
@@ -86,8 +87,10 @@ class Laws:
         effective_gap = np.maximum(gap, self._contact_gap)
         return grasp_voltage(radius, work_tool, work_plate, effective_gap, self._probe_radius)
 
-    def release(self, radius: Quantity, humidity: float, gap: Quantity = RELEASE_GAP) -> Quantity:
-        """Return the least voltage that makes the tool drop a ball.
+    def release_voltage_of(
+        self, radius: Quantity, humidity: float, gap: Quantity = RELEASE_GAP
+    ) -> Quantity:
+        """Return the least voltage that makes the tool drop a ball [V].
 
         Args:
             radius: radius of the ball [m].
@@ -146,7 +149,8 @@ def _draw_voltages(path: Path, rows: Rows, laws: Laws) -> None:
         laws: force laws for the lines.
     """
     experiment = rows[0]["experiment"]
-    law = laws.grasp if experiment == "grasp" else laws.release
+    is_grasp = experiment == "grasp"
+    law = laws.grasp_voltage_of if is_grasp else laws.release_voltage_of
     humidities = sorted({row["relative_humidity"] for row in rows})
     valid = _without_faulty(rows)
 
@@ -347,7 +351,7 @@ def _draw_least_voltages(axes: Axes, rows: Rows, laws: Laws) -> None:
 
     humidities = sorted({row["relative_humidity"] for row in rows})
     for number, humidity in enumerate(humidities):
-        voltages = laws.grasp(radii[:, None], humidity, gaps)
+        voltages = laws.grasp_voltage_of(radii[:, None], humidity, gaps)
         least_voltages = voltages.min(axis=0)
         colour = COLOURS[number % len(COLOURS)]
         label = f"force laws, {humidity:g} % RH"

@@ -64,7 +64,11 @@ class PageScenario(Scenario):
         return Run(replace(self, steps=MOST_STEPS, engine=self.engine.in_chunks(1)))
 
     def paths(self) -> dict[str, tuple[str, ...]]:
-        """Return the path of attributes to each setting that is a field of a part, by its name."""
+        """Return the path of attributes to each setting that is a field of a part, by its name.
+
+        The name `task.range` has the path ("task", "range"); the plain name `range` stands in its
+        place where no other part has a field of this name.
+        """
         return paths_of(self)
 
     def path_of(self, name: str) -> tuple[str, ...]:
@@ -73,9 +77,13 @@ class PageScenario(Scenario):
         The path is empty where there is none, or where several parts have a setting of this name.
         """
         paths = self.paths()
+        if name in paths:
+            return paths[name]
+
+        # Names with the part work for all settings, also for those that are called without it.
         part, _, field_name = name.partition(".")
         full_path = (part, field_name)
-        return paths.get(name, full_path if full_path in paths.values() else ())
+        return full_path if full_path in paths.values() else ()
 
     def canonical_name(self, name: str) -> str:
         """Return the name of a control by any name of its setting.

@@ -82,7 +82,10 @@ class Search(SearchPlan):
 
 
 def _plan_of(plan: SearchPlan) -> dict[str, Any]:
-    """Return the values of a plan by their names, without those that a search adds."""
+    """Return the values of a plan by the names of its fields.
+
+    A `Search` is a plan, too; what it has beside that, its scenario, is left out.
+    """
     return {each.name: getattr(plan, each.name) for each in fields(SearchPlan)}
 
 
@@ -127,17 +130,18 @@ def evolve(
     Args:
         scenario: configuration, engine, seed and control steps of the runs; robots follow from each
             genome.
-        out: directory of the results; a search in it goes on.
+        out: directory of the results; a search that it holds is resumed.
         plan: how genomes are searched for; by default the paper's evolution.
         workers: processes, 0 for one per core; the results do not depend on it.
         backend: workers on this machine, or on a Ray cluster.
-        again: discard the search in `out`, which otherwise goes on.
+        again: discard the search in `out`, which is otherwise resumed.
 
     Raises:
         UserError: the scenario has fields that a search does not use, or the directory holds
             another search.
     """
     check_kind("scenario", scenario, Scenario)
+    # `Search` refuses fields of the scenario that it does not use.
     search = Search(**_plan_of(plan or SearchPlan()), scenario=scenario)
     return run_search(search, Path(out), Execution(scenario.engine, workers, backend), again)
 
@@ -168,7 +172,7 @@ def run_search(
         out: directory of the results.
         execution: how to run the jobs, by default on all cores; a search must be resumed with its
             own engine.
-        again: discard the search in `out`, which otherwise goes on.
+        again: discard the search in `out`, which is otherwise resumed.
 
     Raises:
         UserError: the directory holds another search.

@@ -2,7 +2,9 @@
 
 Source: Valdastri et al. (2006), section 4. All functions are pure, over an axis of N robots. A
 robot knows its own memory, what its photodiodes receive, and what lies under it; it knows neither
-its position nor its heading. S is the number of its sides, 4 in the paper.
+its position nor its heading. S is the number of its sides, 4 in the paper. Settings state lengths
+in robot diameters [rd], and genomes the distances of avoidance in sensory radii [sr]; vectors are
+in mm.
 """
 
 import math
@@ -74,7 +76,9 @@ class Target(NamedTuple):
 
 def draw(n_robots: int, n_sides: int, key: Array) -> Draws:
     """Draw the random numbers of a control step."""
-    n_uniform = 2 + n_sides  # in each half; each half has the ties of one place
+    # The generator returns two arrays of each kind, (numbers, N), as its words come in pairs. Of
+    # uniform numbers each has two decisions of each robot and the ties of one kind of place.
+    n_uniform = 2 + n_sides
     uniform, normal = rng.draw(key, (n_robots,), n_uniform=n_uniform, n_normal=1)
     first, second = uniform
     turn_error, step_error = normal
@@ -136,6 +140,7 @@ def forget_unconfirmed(
         is_there: the robot senses the place.
     """
     leads_on = _can_be_followed(config, _length(memory.vector))
+    # Rules are arrays also where they are switches: `~` of Python's True is -2.
     return memory.where(is_there | leads_on | ~rules.forget_on_arrival)
 
 
@@ -173,7 +178,11 @@ def choose_target(
 def approaches_ball(picks: Bool[Array, "N"], observation: Observation) -> Bool[Array, "N"]:
     """Return which robots approach the ball that they sense.
 
-    Empty ones do that pick up balls and have not just failed to.
+    A robot does so if it picks up balls, carries none, and did not just fail to pick one up.
+
+    Args:
+        picks: the robot picks up balls within reach of its tool.
+        observation: what the robots sense.
     """
     return observation.at_dust & picks & ~observation.is_loaded & ~observation.grasp_failed
 
@@ -216,15 +225,18 @@ def avoidance_push(
         follows: the robot follows a vector.
         sides: directions of the robots' LEDs and photodiodes.
     """
-    # Neighbours.
-    distance = observation.distance / mm_from_rd(config.optics.communication_radius)
+    # Neighbours, whose distances the rules state in sensory radii.
+    sensory_radius = mm_from_rd(config.optics.communication_radius)
+    distance_in_sr = observation.distance / sensory_radius
     priority = observation.payload["priority"]
-    kept = kept_distances(rules, observation.is_loaded, priority)
+    distances_to_keep = kept_distances(rules, observation.is_loaded, priority)
     is_obstacle = observation.is_heard & is_avoided(rules, observation.led, sides)
     weight = jnp.where(priority, rules.priority_factor, 1.0) * is_obstacle
-    push = repulsion(observation.bearing, distance, kept, weight)
+    push = repulsion(observation.bearing, distance_in_sr, distances_to_keep, weight)
 
-    # Walls, which lie in the direction of the LED whose light they reflect.
+    # Walls, which lie in the direction of the LED whose light they reflect. The paper's robots have
+    # the cosines of right angles in single precision, which are not quite 0 (-4e-8), in place of
+    # the exact `SIDES`: recorded runs were made so, and are repeated bit by bit.
     if sides.leds == SIDES:
         angle = jnp.arange(len(sides)) * (math.pi / 2)
         outward = jnp.stack([jnp.cos(angle), jnp.sin(angle)], axis=-1)
@@ -289,14 +301,15 @@ def approach_ball(
     tip_ahead, tip_left = probe_tip.T
 
     # A tip beside the axis is reached by turning until the ball is as far aside as the tip is, a
-    # tip behind the centre by turning the back to the ball.
+    # tip behind the centre by turning the back to the ball. Tips are NumPy arrays, known as the
+    # program is compiled, so that robots without such tips do not pay for it.
     if (tip_left != 0).any() or (tip_ahead < 0).any():
         askew = jnp.arcsin(jnp.clip(tip_left / jnp.maximum(ahead, _TINY), -1.0, 1.0))
         angle = wrapped(angle - jnp.where(tip_ahead >= 0, askew, jnp.pi - askew))
         along_axis = jnp.sqrt(jnp.maximum(ahead**2 - tip_left**2, 0.0))
         ahead = along_axis * jnp.where(tip_ahead >= 0, 1.0, -1.0)
 
-    # Move only once the turn is complete.
+    # Move only once the turn is complete: an angle within the limit is returned as it is.
     turn = _limit_turn(config, angle)
     step = mm_from_rd(config.step_length)
     forward = jnp.where(turn == angle, jnp.clip(ahead - tip_ahead, -step, step), 0.0)

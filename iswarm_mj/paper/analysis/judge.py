@@ -168,8 +168,17 @@ def _listed(estimates: Sequence[Estimate], verdicts: Sequence[str], unit: str) -
 
 
 def _statistics_of(estimates: Sequence[Estimate], statistic_name: str, unit: str) -> list[str]:
-    """Return the statistics of a finding: sizes, p-values, and the rule of the verdict."""
-    sizes = dict.fromkeys(" + ".join(map(str, estimate.sizes)) for estimate in estimates)
+    """Return the clauses that state sizes, p-values, and the rule of the verdict.
+
+    Sizes and limits are listed once each, in the order in which estimates first have them: a list
+    of one holds for all.
+
+    Args:
+        estimates: estimates of one finding.
+        statistic_name: what is estimated, such as "median".
+        unit: unit of the limits.
+    """
+    sizes = _distinct(" + ".join(map(str, estimate.sizes)) for estimate in estimates)
     texts = [f"{statistic_name}, n = {', '.join(sizes)}"]
 
     p_values = [estimate.comparison.p for estimate in estimates if estimate.comparison]
@@ -179,9 +188,14 @@ def _statistics_of(estimates: Sequence[Estimate], statistic_name: str, unit: str
         texts.append(f"by Holm {_numbers(st.holm(p_values))}")
 
     which = "each" if len(estimates) > 1 else "the"
-    limits = dict.fromkeys(estimate.limits_text(unit) for estimate in estimates)
+    limits = _distinct(estimate.limits_text(unit) for estimate in estimates)
     texts.append(f"holds if {which} interval lies {', '.join(limits)}")
     return texts
+
+
+def _distinct(texts: Iterable[str]) -> list[str]:
+    """Return texts without repetitions, in the order in which they come first."""
+    return list(dict.fromkeys(texts))
 
 
 def _numbers(p_values: Sequence[float]) -> str:

@@ -171,10 +171,11 @@ def evolution_table(samples: Mapping[str, Evolutions]) -> str:
 
 
 def readings_tables(rows: Rows) -> str:
-    """Return two tables: what combinations of readings reproduce, and the support of each reading.
+    """Return two tables: how many statements of the paper readings reproduce, and their support.
 
     A factor is a choice that the paper leaves open, and its labels are the readings that were
-    tried. A combination drawn has a label of each factor. See `reading_support` for the method, and
+    tried. The experiment draws combinations at random, each with a label of each factor, and
+    accepts those that reproduce the most statements. See `reading_support` for the method, and
     for the statements by which combinations are selected and those that are held out.
 
     Args:

@@ -95,12 +95,12 @@ class Combination(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """The combinations that were drawn."""
+    """The combinations whose labels were drawn at random, and the best of them."""
 
     drawn: list[Combination]
-    """All of them."""
+    """All combinations that were drawn."""
     accepted: list[Combination]
-    """The best of them, at least one."""
+    """Those that reproduce the most statements, at least one."""
 
 
 class Support(NamedTuple):
@@ -290,7 +290,11 @@ def _combination_of(runs: Rows) -> Combination:
 
 
 def accept_best(combinations: Sequence[Combination]) -> Sample:
-    """Return the combinations that were drawn, and accept the best `ACCEPTED_SHARE` of them."""
+    """Return the combinations that were drawn, and the best `ACCEPTED_SHARE` of them as accepted.
+
+    The best reproduce the most statements that select; of equal ones, those with the smaller
+    `penalty_error`.
+    """
     drawn = [combination for combination in combinations if combination.reading is None]
     ranking = sorted(drawn, key=lambda each: (-each.n_selecting, each.penalty_error))
     n_accepted = max(1, round(ACCEPTED_SHARE * len(drawn)))
