@@ -262,3 +262,27 @@ class TestTeams:
 
         again = session.wanted.set("strategy", session.wanted.get("strategy"))
         assert again.strategy.sizes(N_ROBOTS) == (9, 3)
+
+
+FACTORIES = """
+from iswarm_mj.strategy.base import StrategyFactory
+from iswarm_mj.strategy.genome import TYPE1, TYPE2
+
+
+class Maker(StrategyFactory):
+    def __init__(self, genome=TYPE1):
+        self.genome = genome
+
+    def for_world(self, config, robot, n_robots):
+        return self.genome.for_world(config, robot, n_robots)
+
+
+OF_TYPE2 = Maker(TYPE2)
+"""
+
+
+def test_a_team_keeps_its_object_where_another_one_has_its_class(here):
+    (here / "makers.py").write_text(FACTORIES)
+    command = parse(["run", "--strategy", "makers.py:Maker=0.5", "makers.py:OF_TYPE2=0.5"])
+    genomes = [team.strategy.genome for team in command.strategy_plugin.teams]
+    assert genomes == [PRESETS["type1"], PRESETS["type2"]]

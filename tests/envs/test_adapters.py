@@ -245,6 +245,11 @@ class TestMistakes:
         with pytest.raises(UserError, match=words):
             agents_env.step(actions)
 
+    def test_actions_are_a_dictionary(self, agents_env):
+        agents_env.reset(seed=0)
+        with pytest.raises(UserError, match=r"a dictionary of actions by agent \(got a list\)"):
+            agents_env.step([np.zeros(N_NUMBERS, np.float32)])
+
     def test_steps_without_an_episode(self):
         env = vector_env(num_envs=N_WORLDS, **SETTINGS)
         with pytest.raises(UserError, match="call reset first"):
