@@ -55,7 +55,11 @@ class Experiment(ManyRunsOptions):
     """Directory for the results; runs/experiments/NAME, and NAME-quick with --quick, by default."""
 
     def run(self) -> None:
-        """Run the command."""
+        """Run the experiment that is named, or print the list of all.
+
+        Raises:
+            UserError: there is no such experiment, or settings have no effect in it.
+        """
         from iswarm_mj.paper.studies.experiment import Plan, run_experiment
         from iswarm_mj.paper.studies.registry import EXPERIMENTS, listing
 

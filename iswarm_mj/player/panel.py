@@ -62,13 +62,13 @@ _PAUSE = _ButtonLook("Pause", "player-pause", "orange")
 class Panel:
     """Controls of a session; each is the same in all browsers.
 
-    Three threads meet here:
+    Three kinds of threads meet here:
 
     - The thread of the session (`Session.work`) alone changes the run and its scenario. Whatever an
       input does to them is therefore posted (`Session.post`).
-    - viser's event loop calls the actions of inputs, and `clicked`. It posts, or sets at once what
-      only drawing reads: `speed`, `click`, the colours, the page's theme. It takes the session's
-      lock where it reads robots and the view together.
+    - viser's event loop calls the actions of inputs, and threads of its pool call `clicked`. They
+      post, or set at once what no control step reads: `speed`, `click`, what is drawn, the theme.
+      `clicked` takes the session's lock, since it reads robots and the view together.
     - The drawing thread (`Page._tick`) calls `rebuild` after each reset, `update` a few times a
       second, and `synchronise` after errors. It holds the session's lock, so that no reset comes
       in between; control steps do.

@@ -56,6 +56,7 @@ class Aggregation(Task):
     senses: ClassVar[Mapping[str, Quantity]] = {
         "light": Quantity("brightness at the robot", high=2.0),
     }
+    # As metrics and as areas, "bright" and "dim" are the spots; the setting `dim` is a brightness.
     measured: ClassVar[Mapping[str, Quantity]] = {
         "bright": Quantity("share of the robots in the brighter spot", high=1.0),
         "dim": Quantity("share of the robots in the dimmer spot", high=1.0),
