@@ -42,10 +42,11 @@ def walk_py(here):
     (here / "walk.py").write_text(WALK)
 
 
-def trajectory(*flags, strategies=("walk.py:Walk",)):
+def trajectory(*flags, strategies=("walk.py:Walk",), n_robots=N_ROBOTS):
     """Return the recorded arrays of a short run of `iswarm clean` with strategies."""
     steps = f"--steps={N_STEPS}"
-    assert code_of("clean", "--strategy", *strategies, *FEW, steps, *flags) == 0
+    swarm = (*ARENA, f"--robots={n_robots}")
+    assert code_of("clean", "--strategy", *strategies, *swarm, steps, *flags) == 0
     with np.load("runs/clean/trajectory.npz") as file:
         return dict(file)
 
@@ -66,10 +67,10 @@ def check_turns(frames):
     turns = np.diff(turned, axis=0)
     assert np.deg2rad(20) < np.abs(turns).max() <= np.deg2rad(40.001)
 
-    # Contacts turn robots, too.
+    # Contacts, which begin before robots touch, turn robots, too.
     rotations = np.diff(frames["pose"][..., 2], axis=0)
     is_free = np.abs(rotations - turns) < 1e-3
-    assert is_free.mean() > 0.5
+    assert is_free.mean() > 0.3
 
 
 def check_messages(table, links):
@@ -208,7 +209,9 @@ policy = PolicyStrategy(apply, jnp.float32(0.8))
 
 def test_a_learned_policy_is_a_whole_strategy(here):
     (here / "learned.py").write_text(POLICY)
-    poses = trajectory("--drive.error-step=0", strategies=("learned.py:policy",))["pose"]
+    """Of so few robots contacts brake hardly any."""
+    strategies = ("learned.py:policy",)
+    poses = trajectory("--drive.error-step=0", strategies=strategies, n_robots=5)["pose"]
     distances = np.linalg.norm(poses[1, :, :2] - poses[0, :, :2], axis=-1)
     assert np.median(distances) == pytest.approx(0.8 * 0.5 * ROBOT_DIAMETER, rel=1e-3)
 
