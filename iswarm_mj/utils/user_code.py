@@ -97,7 +97,7 @@ def _explain(
 
 def _meant_attribute(error: BaseException) -> str:
     """Return which attribute of an object may be meant by one that it lacks, as an insertion."""
-    if not isinstance(error, AttributeError) or error.obj is None:
+    if not isinstance(error, AttributeError) or error.obj is None or error.name is None:
         return ""
     similar = get_close_matches(error.name, dir(error.obj), n=1, cutoff=_SIMILAR)
     return f" (perhaps you meant {similar[0]})" if similar else ""
