@@ -231,15 +231,14 @@ def _field_of_plugin(name: str, plugin: Any, argument: object) -> StructFieldSpe
 
 
 def _plugin_flags(cls: type, default: Any, flag_names: Mapping[str, str]) -> StructConstructorSpec:
-    """Return the flags of an engine, a task or a strategy, and what makes it of their values.
+    """Return the flags of an engine, a task or a strategy, and a function of their values for it.
 
     Args:
         cls: class of the plug-in.
         default: object that has the defaults, if there is one.
         flag_names: names of its settings by its fields.
     """
-    # Only fields of dataclasses are settings: other objects, such as learned policies, stay as
-    # they are, while classes are called, named tuples with values for their fields.
+    # Only dataclasses have settings. Another object, such as a learned policy, stays as it is.
     if type(default) is cls and not is_dataclass(cls):
         return StructConstructorSpec(lambda: default, ())
     flags = _flags_of_fields(cls, default, flag_names)

@@ -216,6 +216,7 @@ def decide_worlds(
 ) -> Decision:
     """Return the decisions of B worlds at once, all at the same step; see `decide`."""
     decide_world = partial(decide, config, robot)
+    # The step is one number for all worlds, and `vmap` takes an axis of worlds of each input.
     steps = jnp.broadcast_to(inputs.step, inputs.is_running.shape)
     return jax.vmap(decide_world)(params, swarm, inputs._replace(step=steps))
 
