@@ -30,10 +30,14 @@ from iswarm_mj.utils.units import RD
 CONFIG = SwarmConfig(ArenaConfig(size=24.0, n_dust=12, dust_area_offset=7.0))
 
 
+N_STEPS = 66
+"""Control steps after which some messages are heard and others damaged, and some balls held."""
+
+
 @pytest.fixture(scope="module")
 def session():
     session = Session(PageScenario(CONFIG, robots=20, seed=3, engine=PlanarSettings()))
-    for _ in range(60):
+    for _ in range(N_STEPS):
         session.advance()
     return session
 
