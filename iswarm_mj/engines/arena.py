@@ -496,8 +496,9 @@ def _tune_drive(
 def contact_margin(drive: StaticDrive, circumradius: float) -> float:
     """Return the distance of surfaces below which bodies have a contact [mm].
 
-    It is `_MARGIN` times the longest way of a robot's corner in a time step. Two robots come
-    nearer by up to twice that way, but the nearer, the less.
+    It is `_MARGIN` times the longest way of a robot's corner in a time step. Two robots that meet
+    come nearer by up to twice that way in a step, and brake little near the margin. So they overlap
+    most if they meet head on and a step begins just within it.
 
     Args:
         drive: speeds and time step.

@@ -260,6 +260,7 @@ def rectangle_contact(first: Rectangle, second: Rectangle) -> ContactPoints:
     front = clip_side(ends, side.half_width)
 
     # The corners that are nearest if the incident side is to the left or right of the reference.
+    # (`where` stands for `or`, which JAX does not have for arrays.)
     is_left = min(ends.start, ends.end) >= side.half_width
     is_right = max(ends.start, ends.end) <= -side.half_width
     is_at_corner = where(is_left, is_left, is_right)
@@ -269,10 +270,12 @@ def rectangle_contact(first: Rectangle, second: Rectangle) -> ContactPoints:
     height = where(start_is_nearer, ends.start_height, ends.end_height)
     corner_distance = sqrt(aside * aside + height * height)
 
-    # The normal from the reference to the incident rectangle.
-    length = where(corner_distance > 0.0, corner_distance, 1.0)
-    cos = where(is_at_corner, height / length, 1.0)
-    sin = where(is_at_corner, aside / length, 0.0)
+    # The normal from the reference to the incident rectangle; that of the side if corners coincide.
+    are_apart = corner_distance > 0.0
+    length = where(are_apart, corner_distance, 1.0)
+    is_from_corner = where(is_at_corner, are_apart, is_at_corner)
+    cos = where(is_from_corner, height / length, 1.0)
+    sin = where(is_from_corner, aside / length, 0.0)
     normal_x = cos * ux - sin * uy
     normal_y = cos * uy + sin * ux
 
@@ -313,7 +316,7 @@ def wall_contact(
     ahead = normal_x * rectangle.cos + normal_y * rectangle.sin
     left = normal_y * rectangle.cos - normal_x * rectangle.sin
 
-    # The nearest corner, and the next one along the side that faces the wall most.
+    # The nearest corner, and the second nearest.
     ahead1 = where(ahead > 0.0, -rectangle.half_x, rectangle.half_x)
     left1 = where(left > 0.0, -rectangle.half_y, rectangle.half_y)
     faces_with_x = rectangle.half_x * abs(ahead) >= rectangle.half_y * abs(left)

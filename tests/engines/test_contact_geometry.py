@@ -175,6 +175,15 @@ def test_contacts_between_corners_are_at_the_nearest_points(half_edges):
     assert n_at_corners > 20
 
 
+@pytest.mark.parametrize(("x", "y"), [(2.0, 2.0), (-2.0, 2.0), (2.0, -2.0)])
+def test_corners_that_coincide_have_the_normal_of_a_side(x, y):
+    """Between points that coincide there is no direction, and a contact without one holds nothing."""
+    contact = rectangle_contact(SQUARE, SQUARE._replace(x=x, y=y))
+    assert contact.distance1 == 0.0
+    assert {abs(contact.normal_x), abs(contact.normal_y)} == {0.0, 1.0}
+    assert contact.normal_x * x + contact.normal_y * y == 2.0
+
+
 def test_gaps_by_hand():
     """Two squares side by side, one turned by 45 degrees, and two that overlap."""
     c = np.sqrt(0.5)

@@ -243,7 +243,9 @@ class MujocoEngine(BoxesMixin, Engine):
         """
         data = self._batch.get_data(world, self._scratch)
         contact = data.contact
-        is_pushing = data.efc_force[contact.efc_address] > 0
+        has_force = contact.efc_address >= 0  # MuJoCo has no row for a contact at its very margin
+        is_pushing = np.zeros(len(has_force), bool)
+        is_pushing[has_force] = data.efc_force[contact.efc_address[has_force]] > 0
         n_contacts[world] = is_pushing.sum()
 
         # Robots touch that push each other at some point, and are near enough at some point.
