@@ -10,7 +10,12 @@ or in a wall, over all physics steps, and the deepest overlap.
 
 `warp` is the planar engine's implementation for GPUs, `mjx` is MJX's for JAX. Both take the physics
 steps of runs whose light is that of `planar`. With --jam all robots turn and walk towards the
-middle of the arena, and the processor time of a control step's motion is printed, too.
+middle of the arena, and the processor time of a control step's motion is printed, too, for engines
+on the host.
+
+The steps are taken one by one, so that `planar` begins each without the impulses of the one before,
+as it does in the first step of each phase. --refinement and --accuracy are those of `planar` and
+`warp`.
 """
 
 import argparse
@@ -27,7 +32,7 @@ from scipy.spatial import cKDTree
 from iswarm_mj.config.swarm import SwarmConfig
 from iswarm_mj.engines.base import Motion, Phase, set_points
 from iswarm_mj.engines.mjx.settings import MjxSettings
-from iswarm_mj.engines.mujoco.engine import MujocoEngine
+from iswarm_mj.engines.mujoco.engine import MujocoEngine, add_partners
 from iswarm_mj.engines.mujoco.settings import MujocoSettings
 from iswarm_mj.engines.planar.engine import PlanarEngine
 from iswarm_mj.engines.planar.settings import PlanarSettings
@@ -133,7 +138,7 @@ def watched(engine_class: Any, observe: Observe, mover: Any = None) -> Iterator[
     move_at_once = engine_class.move
 
     def move(engine: Any, bodies: Any, phases: Sequence[Phase], is_running: Any) -> Motion:
-        touching = []
+        touching_of_phases = []
         motion: Any = None
         for phase in phases:
             velocity = set_points(phase, bodies.poses, engine.poses(bodies).shape[1])
@@ -144,16 +149,26 @@ def watched(engine_class: Any, observe: Observe, mover: Any = None) -> Iterator[
                     if mover
                     else move_at_once(engine, bodies, [step], is_running)
                 )
+                assert not motion.fault.any()
                 bodies = motion.bodies
                 observe(engine.poses(bodies)[0])
-            touching.append(motion.touching)
-        return motion._replace(touching=np.maximum.reduce(touching))
+            touching_of_phases.append(motion.touching)
+        return motion._replace(touching=all_partners(touching_of_phases))
 
     engine_class.move = move
     try:
         yield
     finally:
         engine_class.move = move_at_once
+
+
+def all_partners(touching_of_phases: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the partners (1, K, N) of robots that touch at the end of any phase."""
+    partners = np.array(touching_of_phases[0])
+    for touching in touching_of_phases[1:]:
+        rank, robot = np.nonzero(touching[0] > 0)
+        add_partners(partners[0], robot, touching[0][rank, robot])
+    return partners
 
 
 class JaxMover:
@@ -214,7 +229,8 @@ def run_swarm(arguments: argparse.Namespace, seed: int, observe: Observe) -> Non
 def run_jam(arguments: argparse.Namespace, seed: int, observe: Observe) -> float:
     """Let all robots walk to the middle; return the median time of the latter half's motions [s].
 
-    The time is that of whole motions, which are taken again and not looked at.
+    The time is that of whole motions, which are taken again and not looked at. It is NaN for
+    engines in programs of JAX, which do not take whole motions here.
     """
     config = SwarmConfig()
     n_robots = robots_for(config.arena, arguments.density)
@@ -235,7 +251,7 @@ def run_jam(arguments: argparse.Namespace, seed: int, observe: Observe) -> float
             bodies = motion.bodies
         return seconds
 
-    seconds = jam()
+    seconds = [np.nan] if mover else jam()
     with watched(CLASSES[settings.name], observe, mover):
         jam()
     return float(np.median(seconds[len(seconds) // 2 :]))
