@@ -56,7 +56,8 @@ class Side(NamedTuple):
 TOUCHING = 0.1
 """Distance of the surfaces up to which bodies that push each other touch [mm].
 
-Contacts begin before that, see `arena.contact_margin`."""
+By default contacts begin before that, see `arena.contact_margin`. With a refinement of 5 and more
+the margin is less, and so is the distance at which bodies touch."""
 APART = 1e6
 """Distance of the surfaces at contact points that do not exist [mm]."""
 

@@ -11,7 +11,7 @@ step:
 
     p >= 0,   J v' + R p + offset >= 0,   offset = -(J v + h aref),   and one of both is zero.
 
-All functions take and return numbers, so that any compiler of Python functions can compile them.
+All functions take and return numbers, so that numba and Warp can compile them.
 Units: mm, mg, s.
 """
 
@@ -140,7 +140,7 @@ def velocity_change(
     inverse_mass: float,
     swing: float,
 ) -> float:
-    """Return the largest change of the velocity of any point of a body by two impulses [mm/s].
+    """Return an upper bound of the change of any point's velocity by two impulses [mm/s].
 
     Where both contact points nearly coincide, impulses may shift from one to the other within
     rounding. This does not count, since only their sums enter.
