@@ -1,4 +1,4 @@
-"""Where robots end, against steps a hundred times finer in double precision. Units: mm, rad.
+"""Where robots end, against much finer steps in double precision. Units: mm, rad.
 
 The finer the steps, the shorter the margin at which contacts begin, so that the reference is that
 of rigid robots. After one control step an error is that of the step. After ten, robots have slipped
