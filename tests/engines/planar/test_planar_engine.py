@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from iswarm_mj.engines.settings import ModelSpec
 from iswarm_mj.simulation.actuate import drive_phases
 from iswarm_mj.strategy.interface import Command
 from iswarm_mj.tasks.layout import place_robots
-from iswarm_mj.utils.units import RD
+from iswarm_mj.utils.units import RD, mm_from_rd
 
 WALL = 7.5 * RD
 """Distance of the small arena's walls from its centre."""
@@ -222,3 +223,25 @@ class TestAccuracy:
         for engine in (on_host, compiled):
             assert engine.plane.timestep == drive.timestep / 5
             assert engine.plane.tolerance == tolerance
+
+
+def test_robots_that_press_in_few_physics_steps_do_not_sink_into_each_other(small):
+    """All walk to the middle, in two steps after one of turning, until the crowd has packed."""
+    n_robots = 60
+    drive = replace(small.drive, step_length=0.17, walk_substeps=2, max_turn=30, turn_substeps=1)
+    config = replace(small, drive=drive)
+    model = ModelSpec(config, n_robots, n_robots)
+    engine = PlanarSettings(threads=1).host_engine(model)(1, 1)
+    bodies = placed(engine, [place_robots(config.arena, n_robots, np.random.default_rng(2))])
+    forward = np.full((1, n_robots), mm_from_rd(drive.step_length))
+    largest_turn = math.radians(drive.max_turn)
+    for _ in range(50):
+        x, y, yaw = np.moveaxis(bodies.poses, -1, 0)
+        turn = np.remainder(np.arctan2(-y, -x) - yaw + np.pi, 2 * np.pi) - np.pi
+        command = Command(np.clip(turn, -largest_turn, largest_turn), forward)
+        bodies = engine.move(bodies, drive_phases(drive, command), np.ones(1, bool)).bodies
+
+    half_edges = (1.0, 1.0)
+    pairs = combinations(bodies.poses[0], 2)
+    gaps = [gap(first, second, half_edges, half_edges) for first, second in pairs]
+    assert min(gaps) > -0.2
