@@ -220,8 +220,8 @@ def test_through_whole_control_steps():
 
     def mean_square_displacement(pace):
         paced = params._replace(strategy=replace(params.strategy, pace=pace))
-        decide_paced = partial(decide, SMALL, engine.robot, paced)
-        stepper = Stepper(engine, SMALL, decide_paced, records=False)
+        decide_paced = partial(decide, setup.static, engine.robot, paced)
+        stepper = Stepper(engine, setup.static, decide_paced, records=False)
 
         def step(state, k):
             new_state, _ = control_step(stepper, paced, state, k, jnp.int32(n_steps))
