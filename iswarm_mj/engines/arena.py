@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
-from jaxtyping import Int
+from jaxtyping import Float, Int
 
 from iswarm_mj.config.static import StaticDrive
 from iswarm_mj.config.swarm import SwarmConfig
@@ -27,6 +27,7 @@ from iswarm_mj.engines.robot_file import (
 from iswarm_mj.geometry.obstacles import HEAVIEST, Box, mean_distance, numbers
 from iswarm_mj.geometry.robot import RobotFile, Robots
 from iswarm_mj.geometry.walls import in_mm
+from iswarm_mj.utils.arrays import Array, array_module
 from iswarm_mj.utils.units import RD, mg_from_kg, mm_from_m, mm_from_rd
 
 _BYTES_OF_ARENA = 16 * 2**20
@@ -540,6 +541,23 @@ def _tune_contacts(spec: mujoco.MjSpec, timestep: float, margin: float) -> None:
             geom.solref[:2] = [-stiffness, -damping]
             geom.solimp[:] = [mujoco.mjMINIMP, _IMPEDANCE, margin, mujoco.mjMAXIMP, _POWER]
             geom.margin = margin / 2
+
+
+def solref_in_parts(solref: Float[Array, "K 2"], parts: Any) -> Float[Array, "K 2"]:
+    """Return `solref` of K geoms, joints or tendons for a time step in parts.
+
+    Two positive numbers are a time constant and a damping ratio, two negative ones stiffness and
+    damping.
+
+    Args:
+        solref: for the undivided time step.
+        parts: number of parts, which may be computed by a program of JAX.
+    """
+    xp = array_module(solref, parts)
+    is_time = (solref > 0).all(axis=-1, keepdims=True)
+    as_times = solref / xp.stack([parts, xp.ones_like(parts)])
+    as_rates = solref * xp.stack([parts**2, parts])
+    return xp.where(is_time, as_times, as_rates)
 
 
 def _share_materials(child: mujoco.MjSpec, spec: mujoco.MjSpec, prefix: str) -> dict[str, str]:

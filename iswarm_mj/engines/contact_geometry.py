@@ -21,6 +21,13 @@ Y_OF_FIRST = 2
 """Axis of `separation`: across the first rectangle's heading."""
 Y_OF_SECOND = 3
 """Axis of `separation`: across the second rectangle's heading."""
+TOUCHING = 0.1
+"""Distance of the surfaces up to which bodies that push each other touch [mm].
+
+By default contacts begin before that, see `arena.contact_margin`. With a refinement of 5 and more
+the margin is less, and so is the distance at which bodies touch."""
+APART = 1e6
+"""Distance of the surfaces at contact points that do not exist [mm]."""
 
 
 class Rectangle(NamedTuple):
@@ -53,15 +60,6 @@ class Side(NamedTuple):
     """Half its length."""
 
 
-TOUCHING = 0.1
-"""Distance of the surfaces up to which bodies that push each other touch [mm].
-
-By default contacts begin before that, see `arena.contact_margin`. With a refinement of 5 and more
-the margin is less, and so is the distance at which bodies touch."""
-APART = 1e6
-"""Distance of the surfaces at contact points that do not exist [mm]."""
-
-
 class Ends(NamedTuple):
     """Ends of an incident side, or of a part of it, in the frame of a reference side.
 
@@ -77,6 +75,29 @@ class Ends(NamedTuple):
     """Coordinate of the other end."""
     end_height: float
     """Height of the other end."""
+
+
+class Corners(NamedTuple):
+    """A corner of a reference side and the nearer end of an incident side, and their normal.
+
+    They are in the frame of the reference side.
+    """
+
+    are_nearest: bool
+    """They are the nearest points of both rectangles: no part of the incident side is in front of
+    the reference side."""
+    corner: float
+    """Coordinate of the reference side's corner along that side."""
+    aside: float
+    """Coordinate of the incident end along the reference side, less that of the corner."""
+    height: float
+    """Height of the incident end above the reference side."""
+    distance: float
+    """Distance of the corners."""
+    cos: float
+    """Cosine of the angle from the reference side's normal to that of the contact."""
+    sin: float
+    """Sine of that angle, which grows to the left of the reference side's normal."""
 
 
 class ContactPoints(NamedTuple):
@@ -230,6 +251,40 @@ def clip_side(ends: Ends, half_width: float) -> Ends:
 
 
 @register_jitable
+def nearest_corners(ends: Ends, half_width: float) -> Corners:
+    """Return the corners that are nearest where an incident side is beside a reference side.
+
+    Where it is in front of that side, or corners coincide, the normal is that of the side.
+
+    Args:
+        ends: ends of the incident side.
+        half_width: half the length of the reference side.
+    """
+    is_left = min(ends.start, ends.end) >= half_width
+    is_right = max(ends.start, ends.end) <= -half_width
+    are_nearest = where(is_left, is_left, is_right)  # JAX has no `or` for arrays
+    corner = where(is_left, half_width, -half_width)
+
+    start_is_nearer = abs(ends.start) < abs(ends.end)
+    aside = where(start_is_nearer, ends.start, ends.end) - corner
+    height = where(start_is_nearer, ends.start_height, ends.end_height)
+    distance = sqrt(aside * aside + height * height)
+
+    are_apart = distance > 0.0
+    length = where(are_apart, distance, 1.0)
+    has_own_normal = where(are_nearest, are_apart, are_nearest)
+    return Corners(
+        are_nearest=are_nearest,
+        corner=corner,
+        aside=aside,
+        height=height,
+        distance=distance,
+        cos=where(has_own_normal, height / length, 1.0),
+        sin=where(has_own_normal, aside / length, 0.0),
+    )
+
+
+@register_jitable
 def rectangle_contact(first: Rectangle, second: Rectangle) -> ContactPoints:
     """Return the contact of two rectangles that overlap or are near each other.
 
@@ -260,41 +315,27 @@ def rectangle_contact(first: Rectangle, second: Rectangle) -> ContactPoints:
     ends = ends_of(side, facing_side, x, y)
     front = clip_side(ends, side.half_width)
 
-    # The corners that are nearest if the incident side is to the left or right of the reference.
-    # (`where` stands for `or`, which JAX does not have for arrays.)
-    is_left = min(ends.start, ends.end) >= side.half_width
-    is_right = max(ends.start, ends.end) <= -side.half_width
-    is_at_corner = where(is_left, is_left, is_right)
-    corner = where(is_left, side.half_width, -side.half_width)
-    start_is_nearer = abs(ends.start) < abs(ends.end)
-    aside = where(start_is_nearer, ends.start, ends.end) - corner
-    height = where(start_is_nearer, ends.start_height, ends.end_height)
-    corner_distance = sqrt(aside * aside + height * height)
-
-    # The normal from the reference to the incident rectangle; that of the side if corners coincide.
-    are_apart = corner_distance > 0.0
-    length = where(are_apart, corner_distance, 1.0)
-    is_from_corner = where(is_at_corner, are_apart, is_at_corner)
-    cos = where(is_from_corner, height / length, 1.0)
-    sin = where(is_from_corner, aside / length, 0.0)
-    normal_x = cos * ux - sin * uy
-    normal_y = cos * uy + sin * ux
+    # The normal from the reference to the incident rectangle.
+    corners = nearest_corners(ends, side.half_width)
+    normal_x = corners.cos * ux - corners.sin * uy
+    normal_y = corners.cos * uy + corners.sin * ux
 
     # Seen from the first rectangle's centre, halfway between both surfaces.
     centre_x = where(is_of_first, 0.0, dx)
     centre_y = where(is_of_first, 0.0, dy)
-    start = where(is_at_corner, corner + 0.5 * aside, front.start)
-    start_out = side.reach + 0.5 * where(is_at_corner, height, front.start_height)
+    start = where(corners.are_nearest, corners.corner + 0.5 * corners.aside, front.start)
+    start_height = where(corners.are_nearest, corners.height, front.start_height)
+    start_out = side.reach + 0.5 * start_height
     end_out = side.reach + 0.5 * front.end_height
     return ContactPoints(
         normal_x=where(is_of_first, normal_x, -normal_x),
         normal_y=where(is_of_first, normal_y, -normal_y),
         x1=centre_x - start * uy + start_out * ux,
         y1=centre_y + start * ux + start_out * uy,
-        distance1=where(is_at_corner, corner_distance, front.start_height),
+        distance1=where(corners.are_nearest, corners.distance, front.start_height),
         x2=centre_x - front.end * uy + end_out * ux,
         y2=centre_y + front.end * ux + end_out * uy,
-        distance2=where(is_at_corner, APART, front.end_height),
+        distance2=where(corners.are_nearest, APART, front.end_height),
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from iswarm_mj.config.swarm import SwarmConfig
-from iswarm_mj.engines.arena import compile_arena
+from iswarm_mj.engines.arena import compile_arena, solref_in_parts
 from iswarm_mj.engines.mjx.api import mjx, put_model
 from iswarm_mj.geometry.obstacles import numbers, with_poses
 from iswarm_mj.geometry.robot import RobotFile, Robots
@@ -187,21 +187,14 @@ def without_absent(model: mjx.Model, is_present: Array) -> mjx.Model:
 def in_parts(model: mjx.Model, parts: Array) -> mjx.Model:
     """Return the model with its time step in parts, in which drives and contacts are as quick.
 
-    See `MujocoEngine`, which does the same.
+    A drive's damping is its gain.
     """
-
-    def solref_in_parts(solref: Array) -> Array:
-        is_time = (solref > 0).all(axis=-1, keepdims=True)
-        as_times = solref / jnp.stack([parts, jnp.ones_like(parts)])
-        as_rates = solref * jnp.stack([parts**2, parts])
-        return jnp.where(is_time, as_times, as_rates)
-
     return model.replace(
         opt=model.opt.replace(timestep=model.opt.timestep / parts),
         dof_damping=model.dof_damping * parts,
-        geom_solref=solref_in_parts(model.geom_solref),
-        dof_solref=solref_in_parts(model.dof_solref),
-        tendon_solref_fri=solref_in_parts(model.tendon_solref_fri),
+        geom_solref=solref_in_parts(model.geom_solref, parts),
+        dof_solref=solref_in_parts(model.dof_solref, parts),
+        tendon_solref_fri=solref_in_parts(model.tendon_solref_fri, parts),
     )
 
 

@@ -58,8 +58,7 @@ def box_box(first: Geom, second: Geom) -> tuple[Array, Array, Array]:
 
     Returns:
         Distances (4,), negative where boxes overlap and `APART` at points that do not exist [mm];
-        points (4, 3) [mm]; normal (3,) from
-        first to second.
+        points (4, 3) [mm]; normal (3,) from first to second.
     """
     offset = second.centre - first.centre
     first_hull = _hull(first, 0.0, 0.0)

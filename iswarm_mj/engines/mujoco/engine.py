@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 from mujoco.batch import Batch, SimulationError
 
 from iswarm_mj.config.swarm import SwarmConfig
-from iswarm_mj.engines.arena import ArenaModel
+from iswarm_mj.engines.arena import ArenaModel, solref_in_parts
 from iswarm_mj.engines.base import (
     BoxesMixin,
     Engine,
@@ -199,8 +199,7 @@ class MujocoEngine(BoxesMixin, Engine):
     def _divide_time_step(self, parts: int) -> None:
         """Divide the model's time step; drives and contacts stay as quick in steps.
 
-        A drive's damping is its gain. A `solref` of two positive numbers begins with a time
-        constant; one of two negative numbers is stiffness and damping.
+        A drive's damping is its gain.
         """
         if parts == self._parts:
             return
@@ -273,15 +272,6 @@ class MujocoEngine(BoxesMixin, Engine):
         padding = [(0, 0)] * array.ndim
         padding[1] = (0, self._capacity - self._n_robots)
         return np.pad(array, padding)
-
-
-def solref_in_parts(
-    solref: Float[np.ndarray, "K 2"],
-    parts: int,
-) -> Float[np.ndarray, "K 2"]:
-    """Return MuJoCo's `solref` of K geoms, joints or tendons for a time step in parts."""
-    is_time = (solref > 0).all(axis=1, keepdims=True)
-    return np.where(is_time, solref / [parts, 1], solref * [parts**2, parts])
 
 
 def add_partners(

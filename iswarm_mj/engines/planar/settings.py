@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from iswarm_mj.engines.base import CompiledEngine, Engine
 
 _COMPILED = Needs("impl", ("warp",))
-_STEPS = 10
+_DEFAULT_STEPS = 10
 """Physics steps of a control step, by default, over which the solver's accuracy is spread."""
 
 
@@ -77,11 +77,11 @@ class PlanarSettings(EngineSettings):
     def _tolerance(self, model: ModelSpec) -> float:
         """Return the change of a velocity that, over a control step, makes the accuracy [mm/s].
 
-        With fewer than `_STEPS` physics steps, each is as accurate as one of so many: an overlap
+        With fewer than `_DEFAULT_STEPS` physics steps, each is as accurate as one of so many: an overlap
         that a step leaves is taken back over many, and robots that press on each other add to it.
         """
         drive = model.config.drive
-        share = min(1.0, (drive.turn_substeps + drive.walk_substeps) / _STEPS)
+        share = min(1.0, (drive.turn_substeps + drive.walk_substeps) / _DEFAULT_STEPS)
         return share * self.accuracy / drive.control_period
 
     def _compile_arena(self, model: ModelSpec) -> "ArenaModel":

@@ -18,7 +18,7 @@ from support.planar import rounded
 from iswarm_mj.config.swarm import OpticsConfig
 from iswarm_mj.engines import contact_geometry
 from iswarm_mj.engines.arena import read_robot
-from iswarm_mj.engines.contact_geometry import ContactPoints, Ends, Rectangle, Side
+from iswarm_mj.engines.contact_geometry import ContactPoints, Corners, Ends, Rectangle, Side
 from iswarm_mj.engines.planar import contact_law, ray_geometry, reception
 from iswarm_mj.engines.planar.contact_law import ContactLaw
 from iswarm_mj.engines.planar.kinds import Wall
@@ -37,6 +37,7 @@ NUMBERS = {float: "float({})", int: "int({})", bool: "{} != 0.0"}
 TUPLES = {
     ContactLaw: "law.ContactLaw",
     ContactPoints: "geometry.ContactPoints",
+    Corners: "geometry.Corners",
     Ends: "geometry.Ends",
     Point: "light.Point",
     Port: "light.Port",
@@ -84,6 +85,13 @@ def ends(rng):
     return start, rng.uniform(-1, 1), start + rng.uniform(1, 2), rng.uniform(-1, 1)
 
 
+def ends_on_any_side(rng):
+    """Return the ends of a side in front of another one, to the left or to the right of it."""
+    start, start_height, end, end_height = ends(rng)
+    shift = rng.choice([-4.0, 0.0, 4.0])
+    return start + shift, start_height, end + shift, end_height
+
+
 def law(rng):
     """Return the fields of a contact law."""
     margin = rng.uniform(0.0, 0.3)
@@ -122,6 +130,7 @@ ARGUMENTS = {
     "side_towards": lambda rng: (*rectangle(rng), *rng.uniform(-2, 2, 2), rng.integers(2)),
     "ends_of": lambda rng: (*two_facing_sides(rng), *rng.uniform(-2, 2, 2)),
     "clip_side": lambda rng: (*ends(rng), 1.4),
+    "nearest_corners": lambda rng: (*ends_on_any_side(rng), 1.4),
     "rectangle_contact": two_rectangles,
     "wall_contact": lambda rng: (rng.uniform(0.3, 1.6), *heading(rng), *rectangle(rng)),
     "impedance": lambda rng: (rng.uniform(-0.4, 0), *law(rng)),
