@@ -1,11 +1,12 @@
 """Capacitances of the ball: forces are their derivatives; boundary elements agree with both."""
 
-import boundary_elements as bem
 import numpy as np
 import pytest
 from support.capacitance import capacitance
 
 from iswarm_mj.gripper.laws.electrostatics import pick_force, release_force
+from iswarm_mj.gripper.tips import elements
+from iswarm_mj.gripper.tips.forces import WALL_LENGTH
 from iswarm_mj.gripper.units import VACUUM_PERMITTIVITY
 
 PROBE = 0.65
@@ -39,7 +40,7 @@ def force_and_charge(gap_above, gap_below, voltage):
     """
     centre = 1 + gap_below
     bottom = 2 + gap_below + gap_above
-    top = bottom + bem.PROBE_LENGTH
+    top = bottom + WALL_LENGTH
     corner = min(PROBE, 1.0, np.hypot(PROBE, bottom - centre) - 1)
 
     # Elements are small where another surface or an edge is near.
@@ -48,24 +49,22 @@ def force_and_charge(gap_above, gap_below, voltage):
 
     def probe_size(r, z):
         near_edge = np.hypot(r - PROBE, z - bottom) + 0.02 * corner
-        far_edge = np.hypot(r - PROBE, z - bottom - bem.PROBE_LENGTH) + 0.05 * PROBE
+        far_edge = np.hypot(r - PROBE, z - bottom - WALL_LENGTH) + 0.05 * PROBE
         return np.minimum.reduce([np.hypot(r, z - centre) - 1, near_edge, far_edge, z])
 
+    def cut(curve, length, size):
+        return elements.cut(curve, length, lambda s: size(*curve(s)), 1)
+
     # Curves of r and z: the ball, and the face, the side and the end of the probe.
-    ball = bem.cut(bem.sphere_curve(centre), (0.0, np.pi), sphere_size, 1)
+    ball = cut(elements.sphere_curve(centre), (0.0, np.pi), sphere_size)
     probe = [
-        bem.cut(lambda s: (s, np.full_like(s, bottom)), (0.0, PROBE), probe_size, 1),
-        bem.cut(
-            lambda s: (np.full_like(s, PROBE), bottom + s),
-            (0.0, bem.PROBE_LENGTH),
-            probe_size,
-            1,
-        ),
-        bem.cut(lambda s: (PROBE - s, np.full_like(s, top)), (0.0, PROBE), probe_size, 1),
+        cut(lambda s: (s, np.full_like(s, bottom)), (0.0, PROBE), probe_size),
+        cut(lambda s: (np.full_like(s, PROBE), bottom + s), (0.0, WALL_LENGTH), probe_size),
+        cut(lambda s: (PROBE - s, np.full_like(s, top)), (0.0, PROBE), probe_size),
     ]
-    density = bem.charge_densities([ball, *probe], [voltage, 1.0, 1.0, 1.0])[0]
+    density = elements.charge_densities([ball, *probe], [voltage, 1.0, 1.0, 1.0])[0]
     rings = 2 * np.pi * (np.cos(ball.start) - np.cos(ball.end))
-    return bem.upward_force(ball, density), float(density @ rings)
+    return elements.upward_force(ball, density), float(density @ rings)
 
 
 @pytest.mark.parametrize("gaps", [(0.01, 0.25), (0.25, 0.25)])

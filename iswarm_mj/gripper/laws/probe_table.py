@@ -4,7 +4,7 @@ Also the ball's capacitances to probe and plate, whose derivatives are the tabul
 `spline.shape_of`.
 
 Bicubic spline of ln f in log2(D/R) and log2(R_m/R), twice differentiable. The numbers come from
-`tools/make/boundary_elements.py`.
+boundary elements (`gripper.tips.forces`), by `tools/make/boundary_elements.py`.
 """
 
 import math
