@@ -12,7 +12,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from iswarm_mj.commands.command_settings import settings
 from iswarm_mj.commands.flags import SETTING_OF_FLAG, flag, names, switch
+from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.config.setting_names import CONFIG_NAMES, Parts, canonical_name
 from iswarm_mj.engines.registry import IDENTITY
 from iswarm_mj.utils.errors import UserError, closest, shown
@@ -89,7 +91,8 @@ class ConfigFile:
         Raises:
             UserError: a key is no flag, or a value cannot be an argument.
         """
-        if "ball_material" in self.values and self.is_result and command != "grasp":
+        is_of_bench = "ball_material" in self.values and self.is_result
+        if is_of_bench and command not in ("grasp", "tip"):
             raise UserError(
                 f"--config {self.path} is of iswarm grasp, but this is iswarm {command}; "
                 f"`iswarm grasp --config {self.path}` repeats it"
@@ -113,6 +116,8 @@ class ConfigFile:
     def _refuse_unknown(self, command: str, known_flags: Collection[str]) -> None:
         """Refuse a strategy or a task where there is none, and keys of TOML that are no flags."""
         unknown = [name for name in self.values if name not in known_flags]
+        if command == "tip":  # which takes what it needs of a file for the bench
+            unknown = [name for name in unknown if name not in _names_of_grasp()]
         for name in SETTING_OF_FLAG:
             if name in unknown:
                 remedy = f"; `iswarm run --config {self.path}` has it" if command == "clean" else ""
@@ -171,6 +176,11 @@ class ConfigFile:
         raise UserError(f"--config {self.path}: {shown(name)} must be {kinds} (got {shown(value)})")
 
 
+def _names_of_grasp() -> set[str]:
+    """Return the names of the flags of `iswarm grasp`."""
+    return {setting.name for setting in settings(Grasp())}
+
+
 def _values_of_result(path: Path, content: Any, given_flags: Collection[str]) -> dict[str, Any]:
     """Return the values of flags with which the run was made that wrote a result.json."""
 
@@ -183,9 +193,10 @@ def _values_of_result(path: Path, content: Any, given_flags: Collection[str]) ->
             )
         return values
 
-    if part("grasp"):
-        values = by_flags(content["grasp"])
-        return {name: value for name, value in values.items() if value is not None}
+    for bench in ("grasp", "tip"):
+        if part(bench):
+            values = by_flags(content[bench])
+            return {name: value for name, value in values.items() if value is not None}
 
     values = {name: part("settings").get(key) for key, name in _FLAG_OF_SETTING.items()}
     values |= by_flags(part("config"))

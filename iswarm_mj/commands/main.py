@@ -24,6 +24,7 @@ from iswarm_mj.commands.play import Play
 from iswarm_mj.commands.recorded import Inspect, Picture, Replay, Video
 from iswarm_mj.commands.report import Report, Reproduce
 from iswarm_mj.commands.sweep import Sweep
+from iswarm_mj.commands.tip import Tip
 from iswarm_mj.commands.train import Train
 from iswarm_mj.utils.environment import check_environment
 from iswarm_mj.utils.errors import SimulationFault, UserError, closest, printable, shown
@@ -38,6 +39,7 @@ COMMANDS: dict[str, type] = {
     "picture": Picture,
     "bench": Bench,
     "grasp": Grasp,
+    "tip": Tip,
     "evolve": Evolve,
     "train": Train,
     "experiment": Experiment,

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import ellipkm1
 
 RESOLUTION = 0.25
 """Length of an element of the coarsest mesh over the distance to the nearest other surface or
@@ -85,6 +84,8 @@ def ring_potential(r, z, ring_r, ring_z):
 
     d is the distance of the far side of the ring.
     """
+    from scipy.special import ellipkm1  # takes long, and flags need this module
+
     far = (r + ring_r) ** 2 + (z - ring_z) ** 2
     near = (r - ring_r) ** 2 + (z - ring_z) ** 2
     return ring_r * ellipkm1(near / far) / (np.pi * np.sqrt(far))

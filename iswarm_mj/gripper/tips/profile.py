@@ -91,8 +91,9 @@ class Chain:
         foot = np.where(is_arc, angle * arc_radius, along)
         foot = np.clip(foot, 0.0, self.length)
 
-        # The clipped foot may be farther away than the other end of a long arc.
-        candidates = np.stack([foot, np.broadcast_to(self.length, foot.shape), np.zeros_like(foot)])
+        # On an arc the clipped foot may be farther away than the other end.
+        ends = [np.zeros_like(foot), np.broadcast_to(self.length, foot.shape)]
+        candidates = np.stack([foot, *ends] if is_arc.any() else [foot])
         places = self.start + candidates
         last = np.nextafter(self.start + self.length, self.start)
         foot_r, foot_z = self.at(np.minimum(places, last))

@@ -1,0 +1,49 @@
+"""Files of a tip: points of its profile, and its solid by revolution."""
+
+from pathlib import Path
+
+import numpy as np
+
+from iswarm_mj.gripper.tips.profile import Profile
+from iswarm_mj.utils.files import atomic_write
+
+_UM = 1e6
+"""Micrometres per metre."""
+_POINTS_A_PIECE = 40
+_SECTIONS = 128
+"""Number of sectors of the solid."""
+SHAFT = 2.0
+"""Length of the wall of the solid, in radii of the tip."""
+
+
+def points_of(profile: Profile) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (r, z) of the face, with the ends of all its arcs [m]."""
+    face = profile.face
+    places = [0.0]
+    for start, length, curvature in zip(face.start, face.length, face.curvature, strict=True):
+        n = _POINTS_A_PIECE if curvature else 1
+        places += (start + length * np.arange(1, n + 1) / n).tolist()
+    r, z = face.at(np.array(places))
+    r[0] = 0.0
+    return np.maximum.accumulate(r), z
+
+
+def write_points(profile: Profile, path: Path) -> None:
+    """Write a table of points that `shapes.read_profile` reads [um]."""
+    r, z = points_of(profile)
+    lines = ["r [um],z [um]"]
+    lines += [f"{x:.6f},{y:.6f}" for x, y in zip(r * _UM, z * _UM, strict=True)]
+    with atomic_write(path) as part:
+        part.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def write_stl(profile: Profile, path: Path) -> None:
+    """Write the tip with a part of its shaft as a closed surface, in micrometres, the face down."""
+    import trimesh
+
+    r, z = points_of(profile)
+    top = z.max() + SHAFT * profile.radius
+    outline = np.stack([[*r, r[-1], 0.0], [*z, top, top]], axis=1) * _UM
+    solid = trimesh.creation.revolve(outline, sections=_SECTIONS)
+    with atomic_write(path) as part:
+        part.write_bytes(trimesh.exchange.stl.export_stl(solid))
