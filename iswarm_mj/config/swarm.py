@@ -81,6 +81,12 @@ class GripperConfig(StaticGripper):
     spread_object_substrate: Annotated[float, Within(0, 2)] = 0.16
     """Coefficient of variation of `work_object_substrate` from attempt to attempt (log-normal),
     calibrated."""
+    humidity_doubling: Annotated[float, Within(1, 1e6, "%")] = 70.0
+    """Excess of relative humidity over 10 % that doubles adhesion [%]: twice as much at 70 to 90 %
+    RH as at 10 %, after ref. 54."""
+    humidity_fall: Annotated[float, Within(0, 1, "1/%")] = 0.04
+    """Growth of adhesion per percent of relative humidity below 10 % [1/%]; of it only the sign is
+    known."""
     drop_rate: Annotated[float, Within(0, 1)] = 0.0
     """Probability per step that a carried ball falls. Section 4.2: "there is the risk of dropping
     the particle", without a rate; see docs/readings.md."""

@@ -199,7 +199,9 @@ def balls_on_floor(
         radius: radii of the balls [m].
     """
     n_balls = len(radius)
-    factor = float(humidity_factor(gripper.relative_humidity))
+    factor = float(
+        humidity_factor(gripper.relative_humidity, gripper.humidity_doubling, gripper.humidity_fall)
+    )
     statistics = AttemptStatistics(**zeros_of(AttemptStatistics, K=n_balls))
     balls = Balls(**zeros_of(Balls, K=n_balls), statistics=statistics)
     return balls._replace(

@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple
 
 from iswarm_mj.gripper.bench.protocol import Gaps, Protocol
 from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
-from iswarm_mj.gripper.laws import detachment, materials
+from iswarm_mj.gripper.laws import adhesion, detachment, materials
 from iswarm_mj.gripper.laws.roughness import Surface, effective_work
 from iswarm_mj.gripper.units import UM
 from iswarm_mj.utils.constraints import Within, check, spaced, validate
@@ -30,6 +30,11 @@ FITTED: dict[str, Any] = {
     "plate_material": materials.PLATE,
     "work_tool_object": None,
     "work_object_substrate": None,
+    "spread_tool_object": detachment.VARIATION_TOOL_OBJECT,
+    "spread_object_substrate": detachment.VARIATION_OBJECT_SUBSTRATE,
+    "humidity_doubling": adhesion.HUMIDITY_DOUBLING,
+    "humidity_fall": adhesion.HUMIDITY_FALL,
+    "electrical_gap": detachment.CONTACT_GAP,
     "probe_radius": detachment.PROBE_RADIUS,
     "tip_curvature": None,
 }
@@ -87,6 +92,16 @@ class GraspSettings:
     work_object_substrate: Annotated[float | None, Within(1e-6, 10.0, "J/m^2")] = None
     """Median work of adhesion between ball and plate at 10 % RH; by default the fitted 14.7e-3,
     scaled to the materials [J/m^2]."""
+    spread_tool_object: Annotated[float, Within(0, 2)] = detachment.VARIATION_TOOL_OBJECT
+    """Coefficient of variation of the work to the tool from trial to trial, log-normal."""
+    spread_object_substrate: Annotated[float, Within(0, 2)] = detachment.VARIATION_OBJECT_SUBSTRATE
+    """Coefficient of variation of the work to the plate from trial to trial, log-normal."""
+    humidity_doubling: Annotated[float, Within(1, 1e6, "%")] = adhesion.HUMIDITY_DOUBLING
+    """Excess of relative humidity over 10 % that doubles adhesion [%]."""
+    humidity_fall: Annotated[float, Within(0, 1, "1/%")] = adhesion.HUMIDITY_FALL
+    """Growth of adhesion per percent of relative humidity below 10 % [1/%]."""
+    electrical_gap: Annotated[float, Within(1e-8, 10e-6, "m")] = detachment.CONTACT_GAP
+    """Effective electrical gap between a touching tool and the ball [m]."""
     probe_radius: Annotated[float, Within(2e-6, 80e-6, "m")] = detachment.PROBE_RADIUS
     """Radius of the tool, a wire [m]."""
     tip_curvature: Annotated[float | None, Within(5e-6, 1e-3, "m")] = None
@@ -119,6 +134,9 @@ class GraspSettings:
             for gap in gaps:
                 fits = gap <= 4 * min(self.radii)
                 check(name, gap, "at most 4 times the least radius", fits)
+        fits = self.electrical_gap >= max(self.radii) / 512
+        rule = "at least 1/512 of the greatest radius, since laws have no smaller gaps"
+        check("electrical_gap", self.electrical_gap, rule, fits)
         assert self.effective  # raises a ConfigError for unknown materials
         rule = f"such that there are at most {MAX_TRIALS} trials"
         check("repeats", self.repeats, rule, self.n_trials <= MAX_TRIALS)
@@ -248,6 +266,9 @@ class GraspSettings:
         for name in ("work_tool_object", "work_object_substrate", "ball_density"):
             calibration[name.upper()] = getattr(self.effective, name)
         calibration["PROBE_RADIUS"] = self.probe_radius
+        calibration["VARIATION_TOOL_OBJECT"] = self.spread_tool_object
+        calibration["VARIATION_OBJECT_SUBSTRATE"] = self.spread_object_substrate
+        calibration["CONTACT_GAP"] = self.electrical_gap
         content["calibration"] = calibration
         return content
 
@@ -292,7 +313,8 @@ def cases(settings: GraspSettings) -> list[Case]:
     for radius, humidity, repeat in product(
         settings.radii, settings.humidities, range(settings.repeats)
     ):
-        trial = draw(settings.seed, radius, humidity, repeat, settings.rh_spread)
+        spreads = (settings.spread_tool_object, settings.spread_object_substrate)
+        trial = draw(settings.seed, radius, humidity, repeat, settings.rh_spread, spreads)
         all_cases.append(Case(adapted(settings, trial), humidity, repeat))
     return all_cases
 
@@ -307,8 +329,9 @@ def adapted(settings: GraspSettings, trial: Trial) -> Trial:
     effective = settings.effective
     ratio_tool = effective.work_tool_object / detachment.WORK_TOOL_OBJECT
     ratio_plate = effective.work_object_substrate / detachment.WORK_OBJECT_SUBSTRATE
-    work_tool = trial.work_tool_object * ratio_tool
-    work_plate = trial.work_object_substrate * ratio_plate
+    growth = _growth_over_law(settings, trial.relative_humidity)
+    work_tool = trial.work_tool_object * ratio_tool * growth
+    work_plate = trial.work_object_substrate * ratio_plate * growth
     curvature_factor = 1.0
     if settings.tip_curvature:
         curvature_factor = 1 + trial.radius / settings.tip_curvature
@@ -318,8 +341,19 @@ def adapted(settings: GraspSettings, trial: Trial) -> Trial:
         rough_work_tool / curvature_factor,
         float(effective_work(work_plate, trial.radius, settings.plate)),
         trial.relative_humidity,
-        contact_gap=trial.contact_gap * curvature_factor,
+        contact_gap=settings.electrical_gap * curvature_factor,
         probe_radius=settings.probe_radius,
         density=effective.ball_density,
         contacts=effective.contacts,
     )
+
+
+def _growth_over_law(settings: GraspSettings, relative_humidity: float) -> float:
+    """Return the factor of adhesion at a humidity by the settings, over that by the default law.
+
+    The bench multiplies works by the latter.
+    """
+    growth = adhesion.humidity_factor(
+        relative_humidity, settings.humidity_doubling, settings.humidity_fall
+    )
+    return float(growth / adhesion.humidity_factor(relative_humidity))

@@ -10,10 +10,12 @@ import pytest
 from support.cli import code_of
 
 import iswarm_mj
+from iswarm_mj.config.swarm import GripperConfig
 from iswarm_mj.gripper.bench.trial import Contacts
 from iswarm_mj.gripper.laws import detachment, materials
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 from iswarm_mj.gripper.laws.roughness import Surface, effective_work
+from iswarm_mj.tasks.layout import balls_on_floor
 from iswarm_mj.utils.errors import ConfigError
 from iswarm_mj.workflows.grasp_settings import EffectiveProperties, GraspSettings, cases
 
@@ -170,3 +172,33 @@ class TestRun:
         assert output.startswith("trials: 1 trials in 3 rows")
         assert "grasp  10 % RH: " in output
         assert "iswarm grasp --config one/result.json" in output
+
+
+def test_spreads_humidity_and_electrical_gap_are_those_of_the_settings():
+    narrow = GraspSettings(
+        spread_tool_object=0.01,
+        spread_object_substrate=0.3,
+        electrical_gap=0.3e-6,
+        **{**SMALL, "repeats": 200, "rh_spread": 0.0},
+    )
+    trials = [case.trial for case in cases(narrow)]
+    logarithms = np.log([trial.work_tool_object for trial in trials])
+    assert np.std(logarithms) == pytest.approx(0.01, rel=0.15)
+    logarithms = np.log([trial.work_object_substrate for trial in trials])
+    assert np.std(logarithms) == pytest.approx(np.sqrt(np.log1p(0.3**2)), rel=0.15)
+    assert trials[0].contact_gap == 0.3e-6
+    assert "electrical_gap 3e-07" in narrow.beyond_the_fit
+
+    # The bench multiplies works by the default law of humidity.
+    usual, growing = (
+        cases(GraspSettings(rh=(45.0,), rh_spread=0.0, humidity_doubling=doubling))[0].trial
+        for doubling in (70.0, 35.0)
+    )
+    ratio = growing.work_object_substrate / usual.work_object_substrate
+    assert ratio == pytest.approx(2.0 / 1.5)
+
+
+def test_swarms_have_the_humidity_of_their_settings():
+    growing = GripperConfig(relative_humidity=45.0, humidity_doubling=35.0)
+    balls = balls_on_floor(growing, np.zeros((1, 2)), np.full(1, 20e-6))
+    assert balls.work_object_substrate == pytest.approx(2 * growing.work_object_substrate)

@@ -105,6 +105,7 @@ def draw(
     relative_humidity: float,
     repeat: int,
     humidity_spread: float = 0.0,
+    spreads: tuple[float, float] = (VARIATION_TOOL_OBJECT, VARIATION_OBJECT_SUBSTRATE),
 ) -> Trial:
     """Draw a trial's works of adhesion and its humidity, which depend on these arguments alone.
 
@@ -118,6 +119,7 @@ def draw(
         relative_humidity: of the setting [%].
         repeat: number of the trial at this radius and humidity.
         humidity_spread: largest deviation of the humidity from the setting, drawn uniformly [%].
+        spreads: coefficients of variation of the works to tool and plate at 10 % RH.
     """
     identity = [seed, round(radius * 1e12), round(relative_humidity * 1e6), repeat]
     random = np.random.default_rng(identity)
@@ -126,8 +128,9 @@ def draw(
     # Medians and spreads at exactly 10 %.
     factor = humidity_factor(10.0 + humidity_spread * np.linspace(-1, 1, 1001))
     works = np.array([WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE]) / factor.mean()
-    variations = np.array([VARIATION_TOOL_OBJECT, VARIATION_OBJECT_SUBSTRATE])
-    variations = np.sqrt(variations**2 - (factor.std() / factor.mean()) ** 2)
+    variations = np.array(spreads)
+    of_humidity = (factor.std() / factor.mean()) ** 2
+    variations = np.sqrt(np.maximum(variations**2 - of_humidity, 0.0))
     works = np.asarray(scattered_work(works, variations, normal))
     work_tool_object, work_object_substrate = works.tolist()
 

@@ -49,17 +49,29 @@ def van_der_waals_force(hamaker: Quantity, radius: Quantity, gap: Quantity) -> Q
     return 2 * hamaker / (3 * gap) * (radius / gap) * (radius / (gap + 2 * radius)) ** 2
 
 
-def humidity_factor(relative_humidity: Quantity) -> Quantity:
+HUMIDITY_DOUBLING = 70.0
+"""Excess of relative humidity over 10 % at which adhesion is twice that at 10 % [%]."""
+HUMIDITY_FALL = 0.04
+"""Growth of adhesion below 10 % RH [1/%]; a choice, of which only the sign is known."""
+
+
+def humidity_factor(
+    relative_humidity: Quantity,
+    doubling: Quantity = HUMIDITY_DOUBLING,
+    fall: Quantity = HUMIDITY_FALL,
+) -> Quantity:
     """Return the work of adhesion over that at 10 % RH, h.
 
-    It is h = 1 + (RH - 10) / 70 above 10 % and h = 1 + 0.04 (10 - RH) below.
+    It is h = 1 + (RH - 10) / doubling above 10 % and h = 1 + fall (10 - RH) below.
 
     Source: empirical, after section 3.2.1 on its ref. 54: least at 10 % RH, twice that in air at 70
     to 90 %. Valid for 5 to 90 % RH; of the lower branch only the sign is known.
 
     Args:
         relative_humidity: RH, 0 to 100 [%].
+        doubling: excess over 10 % that doubles adhesion [%].
+        fall: growth per percent below 10 % [1/%].
     """
     xp = array_module(relative_humidity)
     excess = relative_humidity - 10.0
-    return 1 + xp.where(excess > 0, excess / 70, -0.04 * excess)
+    return 1 + xp.where(excess > 0, excess / doubling, -fall * excess)
