@@ -28,6 +28,8 @@ from .envs.make import make_env as make_env
 from .geometry.obstacle_picture import boxes_of_picture as boxes_of_picture
 from .geometry.obstacles import poses_of_boxes as poses_of_boxes
 from .geometry.robot import Robots as Robots
+from .gripper.fitting.fit import Fit as Fit
+from .gripper.fitting.fit import fit as fit
 from .gripper.handling import AttemptStatistics as AttemptStatistics
 from .gripper.handling import Balls as Balls
 from .output.loading import SavedRun as SavedRun

@@ -30,6 +30,8 @@ _FLAG_OF_SETTING = {
 """Flags of the settings of a run in result.json."""
 _ENDS_A_RUN = ("steps", "stop_at")
 """Settings by which runs end, which the page does not have."""
+_OF_GRASP = "grasp."
+"""Beginning of the names of settings in the table [grasp]."""
 _REMEDY = "name a TOML file, with lines as `steps = 300` or `[arena]`, or a result.json"
 
 
@@ -44,11 +46,15 @@ class ConfigFile:
     """The file is a result.json, which may have values for which a command has no flags."""
 
     @classmethod
-    def read(cls, path: Path, given_flags: Collection[str]) -> "ConfigFile":
+    def read(cls, path: Path, command: str, given_flags: Collection[str]) -> "ConfigFile":
         """Read a file.
+
+        A table [grasp] in TOML is for `iswarm grasp` alone, which then reads nothing else, and
+        which other commands leave out: fit.toml has one beside settings of swarms.
 
         Args:
             path: path of the file, JSON if its name ends in .json, otherwise TOML.
+            command: name of the command.
             given_flags: names of the flags among the arguments of the command.
 
         Raises:
@@ -58,7 +64,16 @@ class ConfigFile:
         if path.suffix == ".json":
             content = read_json(path, _REMEDY, what="--config ")
             return cls(path, _values_of_result(path, content, given_flags), True)
-        return cls(path, read_toml(path, _REMEDY, what="--config "), False)
+        values = read_toml(path, _REMEDY, what="--config ")
+        of_grasp = {
+            name.removeprefix(_OF_GRASP): value
+            for name, value in values.items()
+            if name.startswith(_OF_GRASP)
+        }
+        if command == "grasp" and of_grasp:
+            return cls(path, of_grasp, False)
+        others = {name: value for name, value in values.items() if not name.startswith(_OF_GRASP)}
+        return cls(path, others, False)
 
     def by_canonical_names(self, parts: Parts) -> "ConfigFile":
         """Return this file with its values by the names that settings have beside these parts.

@@ -16,6 +16,7 @@ from iswarm_mj.commands.clean import Clean, Run
 from iswarm_mj.commands.command_settings import ineffective_settings, settings, without_effect
 from iswarm_mj.commands.evolve import Evolve
 from iswarm_mj.commands.experiment import Experiment
+from iswarm_mj.commands.fit import Fit
 from iswarm_mj.commands.flags import in_flags
 from iswarm_mj.commands.grasp import Grasp
 from iswarm_mj.commands.parser import explained
@@ -39,6 +40,7 @@ COMMANDS: dict[str, type] = {
     "picture": Picture,
     "bench": Bench,
     "grasp": Grasp,
+    "fit": Fit,
     "tip": Tip,
     "evolve": Evolve,
     "train": Train,

@@ -102,7 +102,7 @@ class _Reader:
 
         config_file = None
         if path := words.pop("config"):
-            config_file = ConfigFile.read(Path(path[0]), self._flag_names)
+            config_file = ConfigFile.read(Path(path[0]), self._name, self._flag_names)
             words = {word: values or config_file.words(word) for word, values in words.items()}
 
         command = self._command_with_reading(words)

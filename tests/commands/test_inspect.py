@@ -149,7 +149,7 @@ def test_classes_of_users_are_to_be_named_again(result, tmp_path, classes, comma
     assert command in describe_directory(tmp_path)
     first_flag = command.split(" --")[1]
     with pytest.raises(UserError, match=re.escape(first_flag)):
-        ConfigFile.read(tmp_path / "result.json", [])
+        ConfigFile.read(tmp_path / "result.json", "clean", [])
 
 
 def test_several_runs_are_one_table(result, tmp_path):

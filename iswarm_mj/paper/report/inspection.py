@@ -8,9 +8,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from iswarm_mj.output.loading import read_result
+from iswarm_mj.output.loading import REMEDY, read_result
 from iswarm_mj.output.trajectory import RESULT
-from iswarm_mj.paper.report.listed_files import file_lines, is_of_bench, recording_lines
+from iswarm_mj.paper.report.listed_files import (
+    file_lines,
+    is_of_bench,
+    is_of_fit,
+    recording_lines,
+)
 from iswarm_mj.paper.report.results import SEARCH, TRIALS, explaining_damage
 from iswarm_mj.paper.studies.registry import EXPERIMENTS
 from iswarm_mj.search import sweep
@@ -19,6 +24,7 @@ from iswarm_mj.search.journal import RUNS, count
 from iswarm_mj.search.rows import Row, Rows
 from iswarm_mj.search.search import BEST, CHECKPOINT
 from iswarm_mj.utils.errors import UserError
+from iswarm_mj.utils.files import read_json
 from iswarm_mj.utils.tables import aligned, read_table
 from iswarm_mj.workflows import grasp
 from iswarm_mj.workflows.clean import strategy_of, summary
@@ -77,7 +83,7 @@ def _directories_with_results(directory: Path) -> list[Path]:
 def _holds_a_run(directory: Path) -> bool:
     """Return whether a directory holds a run of a task."""
     result = directory / RESULT
-    return result.is_file() and not is_of_bench(result)
+    return result.is_file() and not is_of_bench(result) and not is_of_fit(result)
 
 
 def _paragraph(directory: Path) -> str:
@@ -137,7 +143,11 @@ def _describe_file(path: Path) -> Iterator[str]:
     """Yield lines on a result or a table; the error if it is damaged."""
     try:
         with explaining_damage(path):
-            if path.name == RESULT:
+            if path.name == RESULT and is_of_fit(path):
+                fitted = read_json(path, REMEDY)["fit"]
+                yield f"fit of {fitted['rows']} rows of {fitted['source']}"
+                yield from fitted["statements"]
+            elif path.name == RESULT:
                 yield from _describe_run(read_result(path), path.parent)
             else:
                 yield from _describe_table(path)

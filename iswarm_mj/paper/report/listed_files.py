@@ -15,6 +15,7 @@ from iswarm_mj.output.trajectory import RESULT, TRAJECTORY
 from iswarm_mj.strategy.library import STRATEGIES, TASKS, PluginKind, naming, offered
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.workflows import grasp
+from iswarm_mj.workflows.fit import SETTINGS_FILE
 
 _MAX_FILES = 20
 """Maximum number of files that are listed."""
@@ -23,6 +24,7 @@ _CLEANING_CLASS = type(CLEANING).__name__
 FILES = {
     "result.json": "measures and settings: iswarm_mj.load({parent!r}).result; "
     "iswarm clean --config {path} repeats it",
+    "fit.toml": "settings: iswarm grasp --config {path}, or iswarm clean --config {path}",
     "trajectory.npz": "what was recorded: iswarm_mj.load({parent!r}).robots, .balls, .links, "
     ".steps",
     "*.rrd": "recording: rerun {path}",
@@ -72,6 +74,8 @@ def _opening_text(path: Path) -> str:
     if path.name == RESULT and is_of_bench(path):
         command = f"iswarm grasp --config {shlex.quote(str(path))}"
         return f"measures and settings: {command} repeats it"
+    if path.name == RESULT and is_of_fit(path):
+        return "estimates, predictions, residuals and the next measurement, in SI"
     if path.name == RESULT:
         return how_to_open(path).replace("iswarm clean", _repeating_command(read_result(path)))
     if path.name == TRAJECTORY and not is_zipfile(path):
@@ -82,6 +86,11 @@ def _opening_text(path: Path) -> str:
 def is_of_bench(result: Path) -> bool:
     """Return whether a result.json is of `iswarm grasp`, whose tables say more."""
     return any((result.parent / name).is_file() for name in (grasp.TABLE, grasp.CURVES))
+
+
+def is_of_fit(result: Path) -> bool:
+    """Return whether a result.json is of `iswarm fit`."""
+    return (result.parent / SETTINGS_FILE).is_file()
 
 
 def _repeating_command(content: Mapping[str, Any]) -> str:

@@ -1,0 +1,1 @@
+"""Fits of the gripper's laws to measured voltages and forces, without MuJoCo."""

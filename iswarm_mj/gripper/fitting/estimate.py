@@ -1,0 +1,241 @@
+"""Maximum of a likelihood, and intervals by profiles of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+from scipy import stats
+from scipy.optimize import Bounds, minimize
+
+from iswarm_mj.gripper.fitting.likelihood import Likelihood
+
+CONFIDENCE = 0.95
+"""Confidence of all intervals."""
+FARTHEST = 8.0
+"""Largest distance of a parameter from the median of its prior, in standard deviations."""
+PRIOR_VALUES = 2
+"""Number of values that say as much of the scatter as its prior does: 1 / (2 sd^2) with sd 0.47."""
+_STEP = 1e-3
+"""Step of numerical derivatives, in standard deviations of the prior."""
+
+_MOST_RESTARTS = 5
+"""Largest number of times that the search for the end of an interval starts again."""
+_TOLERANCE = 1e-3
+"""Precision of that search, in the logarithm of the quantity and in the cut."""
+
+Quantity = Callable[[dict[str, float]], float]
+"""A quantity that follows from the parameters by name, in SI."""
+
+
+class Interval(NamedTuple):
+    """An estimate and its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Maximum:
+    """The parameters that agree best with data and prior, and how sharply."""
+
+    likelihood: Likelihood
+    places: Float[np.ndarray, "P"]
+    """Free parameters in standard deviations of their priors."""
+    objective: float
+    """Minus the logarithm of likelihood times prior."""
+    covariance: Float[np.ndarray, "P P"]
+    """Inverse of the second derivatives of the objective."""
+    cut: float
+    """How far twice the objective may rise within an interval of one quantity."""
+
+    @property
+    def values(self) -> dict[str, float]:
+        """All parameters by name, in SI."""
+        return self.likelihood.model.values(self.places)
+
+    def gradient(self, quantity: Quantity) -> np.ndarray:
+        """Return the derivatives of a quantity by the free parameters."""
+        values = self.likelihood.model.values
+        gradient = []
+        for index in range(len(self.places)):
+            step = np.zeros(len(self.places))
+            step[index] = _STEP
+            above = quantity(values(self.places + step))
+            below = quantity(values(self.places - step))
+            gradient.append((above - below) / (2 * _STEP))
+        return np.array(gradient)
+
+    def share_of_prior(self, quantity: Quantity) -> float:
+        """Return the standard deviation of a quantity over that by the prior alone, 0 to 1."""
+        gradient = self.gradient(quantity)
+        prior = gradient @ gradient
+        return float(np.sqrt(gradient @ self.covariance @ gradient / prior)) if prior else 0.0
+
+    def interval(self, quantity: Quantity) -> Interval:
+        """Return the profile interval of a quantity.
+
+        Its ends are the least and the greatest value where twice the objective is at most `cut`
+        above its minimum (Neale and Miller 1997).
+        """
+        best = quantity(self.values)
+        gradient = self.gradient(quantity)
+        deviation = float(np.sqrt(max(gradient @ self.covariance @ gradient, 0.0)))
+        if deviation == 0:
+            return Interval(best, best, best)
+        direction = self.covariance @ gradient / deviation
+        ends = [self._end(quantity, sign, sign * direction) for sign in (-1.0, 1.0)]
+        return Interval(best, min(ends[0], best), max(ends[1], best))
+
+    def _end(self, quantity: Quantity, sign: float, direction: np.ndarray) -> float:
+        """Return the least or the greatest value of a quantity within the cut.
+
+        Args:
+            quantity: the quantity.
+            sign: -1 for the least value, 1 for the greatest.
+            direction: where the quantity changes most for its cost, by the covariance.
+        """
+        values = self.likelihood.model.values
+        best = quantity(self.values)
+
+        def goal(places: np.ndarray) -> float:
+            # Linear near 0 and logarithmic beyond: quantities grow exponentially with places.
+            return -sign * float(np.arcsinh(10 * quantity(values(places)) / abs(best)))
+
+        constraint = {
+            "type": "ineq",
+            "fun": lambda places: (
+                self.cut - 2 * (self.likelihood.objective(places) - self.objective)
+            ),
+        }
+
+        def search(start: np.ndarray) -> Any:
+            return minimize(
+                goal,
+                np.clip(start, -FARTHEST, FARTHEST),
+                method="SLSQP",
+                bounds=Bounds(-FARTHEST, FARTHEST),
+                constraints=[constraint],
+                options={"maxiter": 300, "ftol": 1e-8},
+            )
+
+        # SLSQP may leave what is allowed from a distant start, and stops early along the ridges of
+        # parameters that the data hardly determine: it starts again where it stopped.
+        best_goal = goal(self.places)
+        for length in (0.9, 0.5, 0.2):
+            found = search(self.places + length * np.sqrt(self.cut) * direction)
+            for _ in range(_MOST_RESTARTS):
+                further = search(found.x)
+                has_improved = further.fun < found.fun - _TOLERANCE
+                if not (has_improved and constraint["fun"](further.x) > -_TOLERANCE):
+                    break
+                found = further
+            if constraint["fun"](found.x) > -_TOLERANCE and found.fun <= best_goal:
+                return quantity(values(found.x))
+        return sign * np.inf
+
+    def profile(self, name: str, places: np.ndarray) -> np.ndarray:
+        """Return twice the rise of the objective with one parameter fixed.
+
+        Args:
+            name: of the parameter, which is free.
+            places: where it is fixed, in standard deviations of its prior.
+        """
+        index = self.likelihood.model.free.index(name)
+        others = np.delete(np.arange(len(self.places)), index)
+        slope = self.covariance[others, index] / self.covariance[index, index]
+
+        rises = []
+        for place in places:
+
+            def objective(of_others: np.ndarray, place: float = float(place)) -> float:
+                return self.likelihood.objective(np.insert(of_others, index, place))
+
+            start = self.places[others] + slope * (place - self.places[index])
+            found = minimize(objective, start, method="BFGS") if len(others) else None
+            least = objective(np.zeros(0)) if found is None else found.fun
+            rises.append(2 * (least - self.objective))
+        return np.maximum(rises, 0.0)
+
+
+def maximise(likelihood: Likelihood) -> Maximum:
+    """Return the maximum of likelihood times prior."""
+    n_free = len(likelihood.model.free)
+    found = min(
+        (
+            minimize(likelihood.objective, np.full(n_free, start), method="BFGS")
+            for start in (0.0, 1.0)
+        ),
+        key=lambda result: result.fun,
+    )
+    places = found.x
+
+    # Newton's steps where BFGS stopped for want of precision, as it does with many rows.
+    for _ in range(3):
+        gradient, hessian = _derivatives(likelihood.objective, places)
+        step = np.linalg.solve(hessian, gradient)
+        if likelihood.objective(places - step) > likelihood.objective(places):
+            break
+        places = places - step
+    _, hessian = _derivatives(likelihood.objective, places)
+    return Maximum(
+        likelihood=likelihood,
+        places=places,
+        objective=likelihood.objective(places),
+        covariance=np.linalg.inv(_positive(hessian)),
+        cut=_cut(likelihood, places),
+    )
+
+
+def degrees_of_freedom(likelihood: Likelihood, places: np.ndarray) -> int:
+    """Return the number of known values beyond those that the free parameters use up, at least 1.
+
+    A parameter counts where the data say more of it than its prior does.
+    """
+    rows = likelihood.load_model.measurements
+    n_values = int(np.sum(rows.is_known) + 2 * np.sum(rows.is_range))
+    information = likelihood.information(places, of_mean=True)
+    n_used = int(np.sum(np.linalg.eigvalsh(information) > 1))
+    return max(1, n_values - n_used)
+
+
+def _cut(likelihood: Likelihood, places: np.ndarray) -> float:
+    """Return how far twice the objective may rise in an interval.
+
+    It is n log(1 + t^2 / n), with the quantile t of Student's distribution of n degrees of freedom:
+    exact for the mean of normal values of unknown scatter, and 3.84 for many values.
+    """
+    n = degrees_of_freedom(likelihood, places)
+    t = stats.t.ppf(0.5 + CONFIDENCE / 2, n + PRIOR_VALUES)
+    return float((n + PRIOR_VALUES) * np.log1p(t**2 / (n + PRIOR_VALUES)))
+
+
+def _positive(matrix: np.ndarray) -> np.ndarray:
+    """Return a symmetric matrix with eigenvalues of at least 1e-3."""
+    eigenvalues, vectors = np.linalg.eigh(matrix)
+    return (vectors * np.maximum(eigenvalues, 1e-3)) @ vectors.T
+
+
+def _derivatives(
+    function: Callable[[np.ndarray], float], at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return first and second derivatives, by central differences."""
+    n = len(at)
+    steps = _STEP * np.eye(n)
+    middle = function(at)
+    above = np.array([function(at + step) for step in steps])
+    below = np.array([function(at - step) for step in steps])
+    gradient = (above - below) / (2 * _STEP)
+    hessian = np.diag((above - 2 * middle + below) / _STEP**2)
+    for i in range(n):
+        for j in range(i):
+            corners = (
+                function(at + steps[i] + steps[j])
+                - function(at + steps[i] - steps[j])
+                - function(at - steps[i] + steps[j])
+                + function(at - steps[i] - steps[j])
+            )
+            hessian[i, j] = hessian[j, i] = corners / (4 * _STEP**2)
+    return gradient, hessian

@@ -1,0 +1,224 @@
+"""A fit in words: tables of estimates and predictions, and what the data do not determine."""
+
+import math
+
+import numpy as np
+
+from iswarm_mj.gripper.fitting.estimate import Interval
+from iswarm_mj.gripper.fitting.fit import SIGNIFICANCE, Fit, Prediction
+from iswarm_mj.gripper.fitting.table import FORCES
+from iswarm_mj.utils.tables import aligned
+
+_UM = 1e-6
+_NN = 1e-9
+_NOUNS = {
+    "grasp": "grasp voltage",
+    "release": "release voltage",
+    "no_contact": "voltage that lifts without contact",
+    "pull_off_tool": "pull-off force from the tool",
+    "pull_off_plate": "pull-off force from the plate",
+    "melting": "voltage that melts a ball",
+}
+"""What is measured, by kind."""
+
+
+def number(value: float) -> str:
+    """Return a number with three digits."""
+    if not math.isfinite(value) or value == 0:
+        return f"{value:g}"
+    digits = max(0, 2 - math.floor(math.log10(abs(value))))
+    return f"{value:.{min(digits, 6)}f}"
+
+
+def interval_text(interval: Interval, scale: float, unit: str) -> str:
+    """Return an estimate with its interval in a unit, as "16.4 mJ/m^2 (13.5 to 19.4)"."""
+    value, low, high = (number(end / scale) for end in interval)
+    return f"{value}{f' {unit}' if unit else ''} ({low} to {high})"
+
+
+def range_text(interval: Interval, scale: float, unit: str) -> str:
+    """Return an interval without its estimate, as "0.20 to 19.3 mJ/m^2"."""
+    return f"{number(interval.low / scale)} to {number(interval.high / scale)} {unit}".strip()
+
+
+def parameter_lines(fitted: Fit) -> list[str]:
+    """Return the lines of the table of estimates."""
+    lines = [("parameter", "estimate", "95 % interval", "unit", "determined", "prior")]
+    for name, estimate in fitted.estimates.items():
+        parameter = fitted.model.parameters[name]
+        interval = estimate.interval
+        lines.append(
+            (
+                f"{parameter.text} {parameter.symbol}",
+                number(interval.value / parameter.scale),
+                range_text(interval, parameter.scale, ""),
+                parameter.unit,
+                "yes" if estimate.is_determined else "no",
+                parameter.prior_text,
+            )
+        )
+    interval = fitted.difference.interval
+    lines.append(
+        (
+            "their difference W_plate - W_tool",
+            number(interval.value / 1e-3),
+            range_text(interval, 1e-3, ""),
+            "mJ/m^2",
+            "yes" if fitted.difference.is_determined else "no",
+            "",
+        )
+    )
+    return aligned(lines)
+
+
+def place_text(prediction: Prediction) -> str:
+    """Return where a prediction holds, as "20 um, 10 % RH, gap 5 um"."""
+    gap = ""
+    if prediction.kind in ("release", "no_contact"):
+        gap = f", gap {prediction.gap / _UM:g} um"
+    return f"{prediction.radius / _UM:g} um, {prediction.humidity:g} % RH{gap}"
+
+
+def prediction_lines(predictions: list[Prediction]) -> list[str]:
+    """Return the lines of the table of predictions."""
+    lines = [("prediction", "median", "95 % interval", "95 % of balls", "unit")]
+    for prediction in predictions:
+        scale, unit = unit_of(prediction.kind)
+        balls = f"{number(prediction.balls_low / scale)} to {number(prediction.balls_high / scale)}"
+        lines.append(
+            (
+                f"{prediction.kind.replace('_', ' ')}, {place_text(prediction)}",
+                number(prediction.median.value / scale),
+                range_text(prediction.median, scale, ""),
+                balls,
+                unit,
+            )
+        )
+    return aligned(lines)
+
+
+def unit_of(kind: str) -> tuple[float, str]:
+    """Return the unit of a kind in SI, and its name."""
+    return (_NN, "nN") if kind in FORCES else (1.0, "V")
+
+
+def sentences(fitted: Fit) -> list[str]:
+    """Return what the table determines, what it does not, and what would help, in plain words."""
+    return [
+        _on_works(fitted),
+        *_on_spreads(fitted),
+        _on_held(fitted),
+        *_on_shape(fitted),
+        _on_proposal(fitted),
+    ]
+
+
+def _on_works(fitted: Fit) -> str:
+    """Return which works of adhesion the table determines."""
+    tool = fitted.estimates.get("work_tool_object")
+    plate = fitted.estimates.get("work_object_substrate")
+    if tool is None or plate is None:
+        return "A work of adhesion was held; the other one depends on that value."
+    if tool.is_determined and plate.is_determined:
+        return "Both works of adhesion are determined."
+    if fitted.difference.is_determined and not tool.is_determined:
+        return (
+            "Only W_plate - W_tool is determined, "
+            f"{interval_text(fitted.difference.interval, 1e-3, 'mJ/m^2')}: grasp voltages depend "
+            "on nothing else of the two works, and do not predict a release."
+        )
+    if tool.is_determined:
+        return "Only W_tool is determined; W_plate is not, so that grasps are not predicted."
+    if plate.is_determined:
+        return "Only W_plate is determined; W_tool is not, so that releases are not predicted."
+    return "No work of adhesion is determined; the intervals are mostly those of the priors."
+
+
+def _on_spreads(fitted: Fit) -> list[str]:
+    """Return which spreads rest on their priors."""
+    vague = [
+        fitted.model.parameters[name].symbol
+        for name, estimate in fitted.estimates.items()
+        if name.startswith("spread") and not estimate.is_determined
+    ]
+    if not vague:
+        return []
+    verb = "is" if len(vague) == 1 else "are"
+    return [
+        f"{' and '.join(vague)} {verb} not determined within a factor of 2; more balls would help."
+    ]
+
+
+def _on_held(fitted: Fit) -> str:
+    """Return which parameters were not estimated, and what follows."""
+    humidity = fitted.measurements.humidity
+    has_effect = {
+        "electrical_gap": bool((fitted.measurements.kind == "grasp").any()),
+        "humidity_doubling": bool((humidity > 10).any()),
+        "humidity_fall": bool((humidity < 10).any()),
+    }
+    texts = []
+    for name, is_used in has_effect.items():
+        if is_used and name not in fitted.model.free:
+            parameter = fitted.model.parameters[name]
+            unit = f" {parameter.unit}".rstrip()
+            texts.append(f"{parameter.symbol} = {number(parameter.usual / parameter.scale)}{unit}")
+    if not texts:
+        return "No parameter was held."
+    consequence = ""
+    if has_effect["electrical_gap"] and "electrical_gap" not in fitted.model.free:
+        consequence = "; works from grasps change as 1 / D_eff"
+    return f"Held, since the table does not determine them: {', '.join(texts)}{consequence}."
+
+
+def _on_shape(fitted: Fit) -> list[str]:
+    """Return whether the data agree with the law's dependence on radius and humidity."""
+    texts = []
+    for test in fitted.shape_tests:
+        p_value = f"p = {test.p_value:.2g}"
+        if test.p_value < SIGNIFICANCE:
+            symbol = "R" if test.variable == "radius" else "h(RH)"
+            texts.append(
+                f"The {test.variable} dependence of your data is not in the law: {p_value}; "
+                f"adhesion would need a further factor {symbol}^{test.exponent:.2g}."
+            )
+        else:
+            texts.append(f"The {test.variable} dependence agrees with the law: {p_value}.")
+    return texts
+
+
+def _on_proposal(fitted: Fit) -> str:
+    """Return which measurement would help most."""
+    proposal = fitted.proposal
+    parameter = fitted.model.parameters[proposal.target]
+    now = range_text(proposal.before, parameter.scale, parameter.unit)
+    then = range_text(proposal.after, parameter.scale, parameter.unit)
+    scale, unit = unit_of(proposal.prediction.kind)
+    expected = number(proposal.prediction.median.value / scale)
+    separates = ""
+    works_are_separate = all(
+        fitted.estimates[name].is_determined
+        for name in ("work_tool_object", "work_object_substrate")
+        if name in fitted.estimates
+    )
+    if proposal.prediction.kind == "release" and not works_are_separate:
+        separates = ", and separate the two works"
+    return (
+        f"One {_NOUNS[proposal.prediction.kind]} ({place_text(proposal.prediction)}) would help "
+        f"most{separates}: if it is {expected} {unit}, {parameter.symbol} is known to {then} "
+        f"instead of {now}."
+    )
+
+
+def residual_lines(fitted: Fit) -> list[str]:
+    """Return mean residuals by radius and by humidity."""
+    rows = fitted.measurements
+    lines = [("residuals", "rows", "mean [standard deviations]")]
+    is_known = ~np.isnan(fitted.residuals)
+    for variable, scale, unit in (("radius", _UM, "um"), ("humidity", 1.0, "% RH")):
+        values = getattr(rows, variable)
+        for value in np.unique(values[is_known])[:10]:
+            chosen = is_known & (values == value)
+            mean = float(np.mean(fitted.residuals[chosen]))
+            lines.append((f"{value / scale:g} {unit}", str(int(chosen.sum())), f"{mean:+.2f}"))
+    return aligned(lines)

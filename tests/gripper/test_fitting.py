@@ -1,0 +1,367 @@
+"""Fits of the gripper's laws to tables of voltages."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import dblquad, quad
+
+from iswarm_mj.gripper.fitting.fit import fit
+from iswarm_mj.gripper.fitting.likelihood import Likelihood
+from iswarm_mj.gripper.fitting.model import LoadModel
+from iswarm_mj.gripper.fitting.parameters import PARAMETERS, Model
+from iswarm_mj.gripper.fitting.table import example_table, read_measurements, single_row
+from iswarm_mj.gripper.fitting.text import sentences
+from iswarm_mj.gripper.laws import detachment
+from iswarm_mj.gripper.laws.adhesion import dmt_pull_off, humidity_factor
+from iswarm_mj.utils.errors import UserError
+
+OUTSIDER = {
+    "radius [um]": [15, 20, 25, 20, 20],
+    "humidity [%RH]": [10, 10, 10, 40, 60],
+    "voltage [V]": [24, 27, 31, 33, 38],
+}
+"""Five grasps of another laboratory."""
+TRUE = {
+    **{name: parameter.usual for name, parameter in PARAMETERS.items()},
+    "work_tool_object": 2e-3,
+    "work_object_substrate": 15e-3,
+    "spread_tool_object": 0.1,
+    "spread_object_substrate": 0.2,
+}
+"""Parameters at which likelihoods are tested."""
+ROWS = {
+    "grasp": single_row("grasp", 20e-6, 40.0),
+    "release": single_row("release", 15e-6, 10.0),
+    "no_contact": single_row("no_contact", 25e-6, 5.0, gap=1e-6),
+    "pull_off_tool": single_row("pull_off_tool", 20e-6, 10.0),
+    "pull_off_plate": single_row("pull_off_plate", 20e-6, 70.0),
+    "melting": single_row("melting", 15e-6, 10.0),
+}
+
+
+def log_likelihood(row, low, high, repeats=1):
+    """Return the log likelihood of one row with other values."""
+    changed = replace(
+        row,
+        low=np.array([low], float),
+        high=np.array([high], float),
+        repeats=np.array([repeats]),
+    )
+    return Likelihood(changed, Model()).log_likelihood(TRUE)
+
+
+def middle_of(row):
+    """Return the value of a row at the mean load, and its unit for integrals."""
+    load_model = LoadModel(row)
+    loads = load_model.loads(TRUE)
+    return load_model.value_of(loads.mean, loads).item()
+
+
+NORMALISATION = math.log(math.sqrt(2 * math.pi))
+"""What the log densities leave out, for each known value."""
+
+
+@pytest.mark.parametrize("kind", ROWS)
+def test_probabilities_of_a_value_and_of_bounds_add_up_to_one(kind):
+    row = ROWS[kind]
+    middle = middle_of(row)
+
+    def density(value):
+        return math.exp(log_likelihood(row, value, value) - NORMALISATION)
+
+    below, _ = quad(density, 0.2 * middle, middle, epsabs=1e-9)
+    assert below == pytest.approx(0.5, abs=1e-4)
+    above = math.exp(log_likelihood(row, 1.1 * middle, math.inf))
+    between = math.exp(log_likelihood(row, middle, 1.1 * middle))
+    up_to = math.exp(log_likelihood(row, 0.0, middle))
+    assert up_to == pytest.approx(below, abs=1e-4)
+    assert up_to + between + above == pytest.approx(1, abs=1e-9)
+    expected, _ = quad(density, middle, 1.1 * middle, epsabs=1e-9)
+    assert between == pytest.approx(expected, abs=1e-6)
+
+
+def test_ranges_of_three_balls_have_a_density():
+    row = ROWS["grasp"]
+    middle = middle_of(row)
+
+    def density(high, low):
+        return math.exp(log_likelihood(row, low, high, repeats=3) - 2 * NORMALISATION)
+
+    total, _ = dblquad(
+        density, 0.05 * middle, 1.8 * middle, lambda low: low, 1.8 * middle, epsabs=1e-4
+    )
+    assert total == pytest.approx(1, abs=1e-3)
+
+
+def test_bounds_far_in_a_tail_are_finite():
+    """As the logarithm of a difference of probabilities that rounds to 0 would not be."""
+    row = ROWS["grasp"]
+    far = [
+        log_likelihood(row, 20 * middle_of(row), 21 * middle_of(row)),
+        log_likelihood(row, 0.0, 1e-6, repeats=1000),
+        log_likelihood(row, 300.0, math.inf),
+    ]
+    assert np.isfinite(far).all()
+    assert max(far) < -10
+
+
+def test_loads_are_those_of_the_laws():
+    works = {
+        "work_tool_object": humidity_factor(10.0) * TRUE["work_tool_object"] * math.hypot(1, 0.1),
+        "work_object_substrate": TRUE["work_object_substrate"] * math.hypot(1, 0.2),
+    }
+    assert middle_of(ROWS["release"]) == pytest.approx(
+        float(detachment.release_voltage(15e-6, works["work_tool_object"]))
+    )
+    h = float(humidity_factor(40.0))
+    of_grasp = detachment.grasp_voltage(20e-6, *(h * work for work in works.values()))
+    assert middle_of(ROWS["grasp"]) == pytest.approx(float(of_grasp))
+    h = float(humidity_factor(70.0))
+    force = dmt_pull_off(20e-6, h * works["work_object_substrate"])
+    assert middle_of(ROWS["pull_off_plate"]) == pytest.approx(force)
+
+
+def test_the_spread_of_loads_is_that_of_balls_on_the_bench():
+    """Means and variances of log-normal works, by a million draws."""
+    random = np.random.default_rng(1)
+    z_tool, z_plate = random.standard_normal((2, 1_000_000))
+    work_tool = detachment.scattered_work(TRUE["work_tool_object"], 0.1, z_tool)
+    work_plate = detachment.scattered_work(TRUE["work_object_substrate"], 0.2, z_plate)
+    deficit = detachment.grasp_deficit(20e-6, 1.0 * work_tool, work_plate)
+    loads = LoadModel(single_row("grasp", 20e-6, 10.0)).loads(TRUE)
+    assert loads.mean.item() == pytest.approx(deficit.mean(), rel=1e-3)
+    assert loads.deviation.item() == pytest.approx(deficit.std(), rel=3e-3)
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return fit(OUTSIDER)
+
+
+class TestGraspsAlone:
+    def test_only_the_difference_of_the_works_is_determined(self, fitted):
+        assert fitted.difference.is_determined
+        assert fitted.difference.interval.value == pytest.approx(16.5e-3, rel=0.03)
+        for name in ("work_tool_object", "work_object_substrate"):
+            assert not fitted.estimates[name].is_determined
+
+    def test_works_to_the_tool_that_fit_equally_lie_in_its_interval(self, fitted):
+        interval = fitted.estimates["work_tool_object"].interval
+        assert interval.low < 0.5e-3 and interval.high > 6e-3
+
+    def test_a_release_is_not_predicted_and_would_help(self, fitted):
+        release = fitted.predict("release").median
+        assert release.low < 24.6 and release.high > 86.9
+        proposal = fitted.proposal
+        assert (proposal.prediction.kind, proposal.target) == ("release", "work_tool_object")
+        assert proposal.after.high / proposal.after.low < 2.5
+        assert proposal.before.high / proposal.before.low > 12
+
+    def test_it_says_so(self, fitted):
+        text = " ".join(sentences(fitted))
+        assert "Only W_plate - W_tool is determined, 16." in text
+        assert "One release voltage (20 um, 10 % RH, gap 5 um) would help most" in text
+        assert "separate the two works" in text
+        assert "The radius dependence of your data is not in the law: p = 0.0" in text
+        assert "The humidity dependence agrees with the law" in text
+
+    def test_all_predictions_have_one_lower_end_of_the_work(self, fitted):
+        """At several humidities the same parameters are the farthest, so that ends scale alike."""
+        lows = [fitted.predict("release", 20e-6, rh).median.low for rh in (10.0, 40.0, 60.0)]
+        works = fitted.estimates["work_tool_object"].interval.low * np.array([1, 10 / 7, 12 / 7])
+        law = [float(detachment.release_voltage(20e-6, work)) for work in works]
+        assert lows == pytest.approx(law, rel=0.05)
+
+
+def test_the_papers_voltages_give_the_calibration():
+    fitted = fit(example_table())
+    constants = {
+        "work_tool_object": (detachment.WORK_TOOL_OBJECT, 0.03),
+        "work_object_substrate": (detachment.WORK_OBJECT_SUBSTRATE, 0.05),
+        "spread_tool_object": (detachment.VARIATION_TOOL_OBJECT, 0.1),
+        "spread_object_substrate": (detachment.VARIATION_OBJECT_SUBSTRATE, 0.1),
+    }
+    for name, (value, tolerance) in constants.items():
+        interval = fitted.estimates[name].interval
+        assert interval.low < value < interval.high
+        assert interval.value == pytest.approx(value, rel=tolerance)
+    assert fitted.values["electrical_gap"] == detachment.CONTACT_GAP
+
+    band = fitted.predict("grasp")
+    assert (band.balls_low, band.balls_high) == pytest.approx((20, 30), abs=0.5)
+    band = fitted.predict("release")
+    assert (band.balls_low, band.balls_high) == pytest.approx((37, 47), abs=0.5)
+
+
+def table_of_forces():
+    """Return grasps and pull-off forces of balls with known works, and a gap of 0.4 um."""
+    random = np.random.default_rng(0)
+    rows = []
+    for radius in (15.0, 20.0, 25.0) * 4:
+        work = 12e-3 * random.normal(1, 0.1)
+        force = 1e9 * 2 * math.pi * radius * 1e-6 * work
+        rows.append({"kind": "pull-off from plate", "radius [um]": radius, "force [nN]": force})
+        work = 2e-3 * random.normal(1, 0.1)
+        force = 1e9 * 2 * math.pi * radius * 1e-6 * work
+        rows.append({"kind": "pull-off from tool", "radius [um]": radius, "force [nN]": force})
+        voltage = detachment.grasp_voltage(
+            radius * 1e-6, 2e-3, 12e-3 * random.normal(1, 0.1), gap=0.4e-6
+        )
+        rows.append({"kind": "grasp", "radius [um]": radius, "voltage [V]": float(voltage)})
+    return [{**row, "humidity [%]": 10} for row in rows]
+
+
+def test_forces_and_voltages_together_determine_the_electrical_gap():
+    fitted = fit(table_of_forces())
+    assert "electrical_gap" in fitted.model.free
+    interval = fitted.estimates["electrical_gap"].interval
+    assert interval.low < 0.4e-6 < interval.high
+    assert fitted.estimates["electrical_gap"].is_determined
+
+    held = fit(table_of_forces(), hold={"electrical_gap": 0.2e-6})
+    assert "electrical_gap" not in held.model.free
+    assert held.maximum.objective > fitted.maximum.objective + 5
+
+
+def test_priors_are_replaceable_and_decide_where_data_do_not():
+    fitted = fit(OUTSIDER, priors={"work_tool_object": (1.41e-3, 1.1)})
+    tool = fitted.estimates["work_tool_object"]
+    assert tool.interval.value == pytest.approx(1.41e-3, rel=0.01)
+    assert not tool.is_determined  # by the table
+    plate = fitted.estimates["work_object_substrate"].interval.value
+    assert plate == pytest.approx(17.9e-3, rel=0.03)
+
+
+def test_uncertain_readings_count_less():
+    sure = {**OUTSIDER, "uncertainty [V]": [0, 0, 0, 0, 0]}
+    unsure = {**OUTSIDER, "uncertainty [V]": [0, 0, 30, 0, 0]}
+    value = fit(sure).difference.interval.value
+    assert fit(unsure).difference.interval.value < 0.98 * value
+
+
+def test_bounds_move_the_estimate():
+    """A ball that is not lifted up to 50 V sticks more than the others."""
+    table = {**OUTSIDER, "voltage [V]": [24, 27, 31, 33, ">50"]}
+    without = {name: column[:4] for name, column in OUTSIDER.items()}
+    assert fit(table).difference.interval.value > 1.1 * fit(without).difference.interval.value
+
+
+@pytest.mark.parametrize(
+    ("header", "row", "low", "high", "repeats"),
+    [
+        ("radius [um],humidity [%],voltage [V]", "15,10,24", 24, 24, 1),
+        ("radius [um],humidity [%],voltage [kV]", "15,10,0.024", 24, 24, 1),
+        ("Radius (µm);RH (%);Voltage (V)", "15;10;24,5", 24.5, 24.5, 1),
+        ("radius [um],rh [fraction],voltage [V],n", "15,0.1,20-30,5", 20, 30, 5),
+        ("radius [nm],rh [%],voltage [V]", "15000,10,>50", 50, math.inf, 1),
+        ("radius [m],rh [%],voltage_low [V],voltage_high [V]", "15e-6,10,20,30", 20, 30, 1),
+        ("radius [mm],rh [%],voltage [V]", "0.015,10,<= 30", 0, 30, 1),
+    ],
+)
+def test_columns_are_read_as_people_write_them(tmp_path, header, row, low, high, repeats):
+    """A last row has a voltage, since a table of bounds is refused."""
+    delimiter = ";" if ";" in header else ","
+    known = row.split(delimiter)
+    known[2:4] = ["0.024" if "kV" in header else "24"] * len(known[2:4])
+    known[3:] = ["24" if "voltage_high" in header else "1"] * len(known[3:])
+    path = tmp_path / "mine.csv"
+    path.write_text(f"# my table\n{header}\n{row}\n\n{delimiter.join(known)}\n")
+    rows = read_measurements(path)
+    assert rows.radius == pytest.approx(15e-6)
+    assert rows.humidity == pytest.approx(10)
+    assert (rows.low[0], rows.high[0], rows.repeats[0]) == (low, high, repeats)
+    assert (rows.low[1], rows.high[1]) == (24, 24)
+
+
+def test_units_can_be_passed():
+    plain = {name.split(" [")[0]: column for name, column in OUTSIDER.items()}
+    units = {"radius": "um", "humidity": "%", "voltage": "V"}
+    assert fit(plain, units=units).difference == fit(OUTSIDER).difference
+
+
+def test_tips_and_materials_act_as_in_the_laws():
+    table = {
+        **OUTSIDER,
+        "tip_curvature [um]": ["", 20, "", "", ""],
+        "ball_material": ["solder", "solder", "gold", "", ""],
+    }
+    rows = read_measurements(table)
+    loads = LoadModel(rows).loads(TRUE)
+    plain = LoadModel(read_measurements(OUTSIDER)).loads(TRUE)
+    assert loads.per_volt2[1] == pytest.approx(plain.per_volt2[1] / 2, rel=0.05)
+    assert rows.plate_ratio[2] == pytest.approx(math.sqrt(1.51 / 0.71))
+    assert rows.ball_density.tolist() == [7400, 7400, 19300, 7400, 7400]
+
+
+HEAD = "kind,radius [um],humidity [%],voltage [V]\n"
+GOOD = "grasp,15,10,24\n"
+BAD = {
+    "unit": ("radius,humidity [%],voltage [V]\n" + GOOD, "the column radius has no unit"),
+    "unknown unit": (
+        "radius [inch],humidity [%],voltage [V]\n",
+        "the unit of radius must be one of m, mm, um",
+    ),
+    "humidity": (HEAD + GOOD + "grasp,15,110,24\n", "line 3: humidity must be between 0 and 100 %"),
+    "radius": (
+        HEAD + GOOD + "grasp,-15,10,24\n",
+        "line 3: radius must be between 2 and 100 um (got -15)",
+    ),
+    "one row": (HEAD + GOOD, "has 1 row, which cannot show how balls scatter; give at least 2"),
+    "no rows": (HEAD, "has no rows, which"),
+    "empty": ("", "has no rows; its first line must name the columns"),
+    "bounds": (HEAD + "grasp,15,10,>50\n" * 3, "has only bounds, such as '>50'"),
+    "text": (HEAD + GOOD + "grasp,15,10,many\n", "line 3: voltage must be a number (got many)"),
+    "nan": (HEAD + GOOD + "grasp,15,10,nan\n", "line 3: voltage must be between 0 and 1000 V"),
+    "kind": (HEAD + GOOD + "grab,15,10,24\n", "line 3: kind must be one of grasp, release"),
+    "cells": (HEAD + GOOD + "grasp,15,10\n", "line 3: there must be 4 cells (got 3)"),
+    "column": (
+        "radius [um],humidty [%],voltage [V]\n",
+        "has a column 'humidty [%]'; perhaps you meant humidity",
+    ),
+    "twice": ("radius [um],r [um],voltage [V]\n", "has two columns for radius"),
+    "no radius": ("humidity [%],voltage [V]\n", "has no column `radius [um]`"),
+    "no voltage": ("radius [um],humidity [%]\n", "has no column `voltage [V]`"),
+    "order": (HEAD + GOOD + "grasp,15,10,30-20\n", "the least voltage must not exceed"),
+    "no gap": (HEAD + GOOD + "no contact,15,10,50\n", "needs its gap to the tool"),
+    "force": (HEAD + GOOD + "pull off,15,10,50\n", "pull_off_tool needs a force, not a voltage"),
+    "missing": (HEAD + GOOD + "grasp,,10,24\n", "line 3: the radius of the ball is missing"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_tables_are_refused_in_one_sentence(tmp_path, name):
+    text, sentence = BAD[name]
+    path = tmp_path / "mine.csv"
+    path.write_text(text)
+    with pytest.raises(UserError) as error:
+        read_measurements(path)
+    assert sentence in str(error.value)
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
+
+
+def test_too_many_rows_are_refused(tmp_path):
+    path = tmp_path / "mine.csv"
+    path.write_text(HEAD + GOOD * 1_000_000)
+    with pytest.raises(UserError, match=r"has more than 100000 rows; give means"):
+        read_measurements(path)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"hold": {"electrcal_gap": 1e-7}}, "perhaps you meant electrical_gap"),
+        ({"hold": {"electrical_gap": 1.0}}, "hold must be between 1e-10 and 1e-05 m"),
+        ({"free": ("work",)}, "`free` names work, but parameters are"),
+        ({"free": ("radius_exponent",)}, "`free` names radius_exponent"),
+        ({"priors": {"electrical_gap": (1e-7, 0.5)}}, "a factor between 1 and 1e4"),
+        ({"free": ("electrical_gap",), "hold": {"electrical_gap": 1e-7}}, "left out, since `free`"),
+        ({"units": {"gap": "um"}}, "`units` names gap, but table has only"),
+    ],
+)
+def test_bad_arguments_are_refused(arguments, sentence):
+    with pytest.raises(UserError) as error:
+        fit(OUTSIDER, **arguments)
+    assert sentence in str(error.value)
