@@ -168,6 +168,7 @@ def result_of(
             entry |= _interval_entry(estimate.interval)
             entry |= {
                 "is_estimated": True,
+                "is_informed": estimate.is_informed,
                 "is_determined": estimate.is_determined,
                 "prior": {"median": parameter.median, "factor": parameter.factor},
             }

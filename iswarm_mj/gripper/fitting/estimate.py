@@ -20,6 +20,10 @@ PRIOR_VALUES = 2
 _STEP = 1e-3
 """Step of numerical derivatives, in standard deviations of the prior."""
 
+_MANY_ROWS = 1000
+"""Number of rows from which on intervals are tried by the covariance first."""
+_QUADRATIC_TOLERANCE = 0.05
+"""Deviation from a quadratic objective up to which they hold, in the cut."""
 _MOST_RESTARTS = 5
 """Largest number of times that the search for the end of an interval starts again."""
 _TOLERANCE = 1e-3
@@ -86,8 +90,33 @@ class Maximum:
         if deviation == 0:
             return Interval(best, best, best)
         direction = self.covariance @ gradient / deviation
-        ends = [self._end(quantity, sign, sign * direction) for sign in (-1.0, 1.0)]
+        ends = []
+        for sign in (-1.0, 1.0):
+            end = self._end_of_many_rows(quantity, sign * direction)
+            ends.append(self._end(quantity, sign, sign * direction) if end is None else end)
         return Interval(best, min(ends[0], best), max(ends[1], best))
+
+    def _end_of_many_rows(self, quantity: Quantity, direction: np.ndarray) -> float | None:
+        """Return the end of an interval by the covariance, where it is as good as a search.
+
+        With many rows the objective is quadratic within an interval, and each of its values takes
+        long.
+
+        Args:
+            quantity: the quantity.
+            direction: where the quantity changes most for its cost.
+
+        Returns:
+            None with few rows, or where the objective is not quadratic.
+        """
+        if len(self.likelihood.load_model.measurements) < _MANY_ROWS:
+            return None
+        for share in (0.5, 1.0):
+            end = self.places + share * np.sqrt(self.cut) * direction
+            rise = 2 * (self.likelihood.objective(end) - self.objective)
+            if abs(rise - share**2 * self.cut) > _QUADRATIC_TOLERANCE * self.cut:
+                return None
+        return quantity(self.likelihood.model.values(end))
 
     def _end(self, quantity: Quantity, sign: float, direction: np.ndarray) -> float:
         """Return the least or the greatest value of a quantity within the cut.
@@ -139,6 +168,8 @@ class Maximum:
     def profile(self, name: str, places: np.ndarray) -> np.ndarray:
         """Return twice the rise of the objective with one parameter fixed.
 
+        The other parameters minimise it; with many rows they follow from the covariance.
+
         Args:
             name: of the parameter, which is free.
             places: where it is fixed, in standard deviations of its prior.
@@ -154,23 +185,30 @@ class Maximum:
                 return self.likelihood.objective(np.insert(of_others, index, place))
 
             start = self.places[others] + slope * (place - self.places[index])
-            found = minimize(objective, start, method="BFGS") if len(others) else None
-            least = objective(np.zeros(0)) if found is None else found.fun
+            is_quadratic = len(self.likelihood.load_model.measurements) >= _MANY_ROWS
+            if is_quadratic or len(others) == 0:
+                least = objective(start)
+            else:
+                least = minimize(objective, start, method="BFGS").fun
             rises.append(2 * (least - self.objective))
         return np.maximum(rises, 0.0)
 
 
-def maximise(likelihood: Likelihood) -> Maximum:
-    """Return the maximum of likelihood times prior."""
+def maximise(likelihood: Likelihood, near: Maximum | None = None) -> Maximum:
+    """Return the maximum of likelihood times prior.
+
+    Args:
+        likelihood: the likelihood.
+        near: maximum of a similar likelihood, where the search starts; by default it starts at two
+            places.
+    """
     n_free = len(likelihood.model.free)
-    found = min(
-        (
-            minimize(likelihood.objective, np.full(n_free, start), method="BFGS")
-            for start in (0.0, 1.0)
-        ),
-        key=lambda result: result.fun,
-    )
-    places = found.x
+    if near is None:
+        starts = [np.zeros(n_free), np.ones(n_free)]
+    else:
+        starts = [_places_near(likelihood, near)]
+    searches = [minimize(likelihood.objective, start, method="BFGS") for start in starts]
+    places = min(searches, key=lambda search: search.fun).x
 
     # Newton's steps where BFGS stopped for want of precision, as it does with many rows.
     for _ in range(3):
@@ -187,6 +225,13 @@ def maximise(likelihood: Likelihood) -> Maximum:
         covariance=np.linalg.inv(_positive(hessian)),
         cut=_cut(likelihood, places),
     )
+
+
+def _places_near(likelihood: Likelihood, near: Maximum) -> np.ndarray:
+    """Return the free parameters at another maximum, at which some of them may be held."""
+    model = likelihood.model
+    values = near.values
+    return np.array([model.parameters[name].place_of(values[name]) for name in model.free])
 
 
 def degrees_of_freedom(likelihood: Likelihood, places: np.ndarray) -> int:

@@ -53,8 +53,10 @@ class Estimate(NamedTuple):
 
     interval: Interval
     """Value and 95 % interval, in SI."""
+    is_informed: bool
+    """The data at least halve the width that the prior alone allows."""
     is_determined: bool
-    """The data, not the prior, bound the interval, within a factor of 2."""
+    """It is informed, and its interval spans less than a factor of 2."""
 
 
 class Prediction(NamedTuple):
@@ -133,15 +135,11 @@ class Fit:
         return self._estimate(difference_of_works)
 
     def _estimate(self, quantity: Quantity) -> Estimate:
-        """Return the estimate of a quantity.
-
-        It is determined if its interval spans less than a factor of 2, and half of what its prior
-        allows.
-        """
+        """Return the estimate of a quantity."""
         interval = self.maximum.interval(quantity)
         is_narrow = 0 < interval.high < DETERMINED_SPAN * interval.low
-        is_by_data = self.maximum.share_of_prior(quantity) < _HALF
-        return Estimate(interval, bool(is_narrow and is_by_data))
+        is_informed = self.maximum.share_of_prior(quantity) < _HALF
+        return Estimate(interval, is_informed, bool(is_narrow and is_informed))
 
     @cached_property
     def residuals(self) -> np.ndarray:
@@ -225,7 +223,8 @@ class Fit:
         prediction = self.predict(kind, radius, humidity, gap)
         expected = np.array([prediction.median.value])
         table = self.measurements.joined(replace(row, low=expected, high=expected))
-        fit_with_row = Fit(table, maximise(Likelihood(table, self.model)))
+        likelihood = Likelihood(table, self.model)
+        fit_with_row = Fit(table, maximise(likelihood, near=self.maximum))
         return Proposal(
             prediction,
             target,
@@ -289,10 +288,11 @@ class Fit:
         growths = ("humidity_doubling", "humidity_fall")
         if variable == "humidity" and set(growths) & set(self.model.free):
             names = tuple(name for name in self.model.free if name not in growths)
-            law = maximise(Likelihood(self.measurements, replace(self.model, free=names)))
+            law_likelihood = Likelihood(self.measurements, replace(self.model, free=names))
+            law = maximise(law_likelihood, near=self.maximum)
 
         likelihood = Likelihood(self.measurements, law.likelihood.model.with_free(name))
-        free = maximise(likelihood)
+        free = maximise(likelihood, near=law)
         n_free = degrees_of_freedom(likelihood, free.places) + PRIOR_VALUES
         rise = max(0.0, 2 * (law.objective - free.objective))
         statistic = n_free * np.expm1(rise / (n_free + 1))
@@ -341,11 +341,29 @@ def fit(
     model = model.with_free(*free)
 
     maximum = maximise(Likelihood(measurements, model))
-    candidates = [name for name in FREE_IF_DETERMINED if name not in held and name not in free]
+    candidates = [
+        name
+        for name in FREE_IF_DETERMINED
+        if name not in held and name not in free and _has_evidence(measurements, name)
+    ]
     determined = _determined(measurements, maximum, candidates)
     if determined:
-        maximum = maximise(Likelihood(measurements, model.with_free(*determined)))
+        likelihood = Likelihood(measurements, model.with_free(*determined))
+        maximum = maximise(likelihood, near=maximum)
     return Fit(measurements, maximum)
+
+
+def _has_evidence(measurements: Measurements, name: str) -> bool:
+    """Return whether a table has rows that tell a parameter from the others.
+
+    Grasps tell the electrical gap from the work to the plate only by the small weight, which many
+    rows would resolve, but no better than the law holds. Pull-off forces and lifts without contact
+    depend on that work and not on the gap.
+    """
+    if name != "electrical_gap":
+        return True
+    of_plate = np.isin(measurements.kind, ("pull_off_plate", "no_contact"))
+    return bool((of_plate & measurements.is_known).any())
 
 
 def _determined(

@@ -5,10 +5,12 @@ import math
 import numpy as np
 
 from iswarm_mj.gripper.fitting.estimate import Interval
-from iswarm_mj.gripper.fitting.fit import SIGNIFICANCE, Fit, Prediction
+from iswarm_mj.gripper.fitting.fit import SIGNIFICANCE, Estimate, Fit, Prediction
 from iswarm_mj.gripper.fitting.table import FORCES
 from iswarm_mj.utils.tables import aligned
 
+_HELPS = 0.9
+"""Ratio of the widths after and before, below which a proposed measurement helps."""
 _UM = 1e-6
 _NN = 1e-9
 _NOUNS = {
@@ -53,7 +55,7 @@ def parameter_lines(fitted: Fit) -> list[str]:
                 number(interval.value / parameter.scale),
                 range_text(interval, parameter.scale, ""),
                 parameter.unit,
-                "yes" if estimate.is_determined else "no",
+                _grade(estimate),
                 parameter.prior_text,
             )
         )
@@ -64,11 +66,18 @@ def parameter_lines(fitted: Fit) -> list[str]:
             number(interval.value / 1e-3),
             range_text(interval, 1e-3, ""),
             "mJ/m^2",
-            "yes" if fitted.difference.is_determined else "no",
+            _grade(fitted.difference),
             "",
         )
     )
     return aligned(lines)
+
+
+def _grade(estimate: Estimate) -> str:
+    """Return whether an estimate is determined, in one word."""
+    if estimate.is_determined:
+        return "yes"
+    return "roughly" if estimate.is_informed else "no"
 
 
 def place_text(prediction: Prediction) -> str:
@@ -121,17 +130,22 @@ def _on_works(fitted: Fit) -> str:
         return "A work of adhesion was held; the other one depends on that value."
     if tool.is_determined and plate.is_determined:
         return "Both works of adhesion are determined."
-    if fitted.difference.is_determined and not tool.is_determined:
+    difference = interval_text(fitted.difference.interval, 1e-3, "mJ/m^2")
+    if fitted.difference.is_determined and not tool.is_informed:
         return (
-            "Only W_plate - W_tool is determined, "
-            f"{interval_text(fitted.difference.interval, 1e-3, 'mJ/m^2')}: grasp voltages depend "
-            "on nothing else of the two works, and do not predict a release."
+            f"Only W_plate - W_tool is determined, {difference}: grasp voltages depend on nothing "
+            "else of the two works, and do not predict a release."
         )
-    if tool.is_determined:
-        return "Only W_tool is determined; W_plate is not, so that grasps are not predicted."
-    if plate.is_determined:
-        return "Only W_plate is determined; W_tool is not, so that releases are not predicted."
-    return "No work of adhesion is determined; the intervals are mostly those of the priors."
+    return f"{_knowledge('W_tool', tool)}; {_knowledge('W_plate', plate)}."
+
+
+def _knowledge(symbol: str, estimate: Estimate) -> str:
+    """Return how well a work of adhesion is known, as a clause."""
+    if estimate.is_determined:
+        return f"{symbol} is determined"
+    if estimate.is_informed:
+        return f"{symbol} is known roughly, {range_text(estimate.interval, 1e-3, 'mJ/m^2')}"
+    return f"{symbol} is not determined, and keeps its prior"
 
 
 def _on_spreads(fitted: Fit) -> list[str]:
@@ -162,13 +176,14 @@ def _on_held(fitted: Fit) -> str:
         if is_used and name not in fitted.model.free:
             parameter = fitted.model.parameters[name]
             unit = f" {parameter.unit}".rstrip()
-            texts.append(f"{parameter.symbol} = {number(parameter.usual / parameter.scale)}{unit}")
+            value = number(parameter.usual / parameter.scale)
+            texts.append(f"{parameter.text} {parameter.symbol} = {value}{unit}")
     if not texts:
         return "No parameter was held."
     consequence = ""
     if has_effect["electrical_gap"] and "electrical_gap" not in fitted.model.free:
         consequence = "; works from grasps change as 1 / D_eff"
-    return f"Held, since the table does not determine them: {', '.join(texts)}{consequence}."
+    return f"Held: {', '.join(texts)}{consequence}."
 
 
 def _on_shape(fitted: Fit) -> list[str]:
@@ -190,6 +205,9 @@ def _on_shape(fitted: Fit) -> list[str]:
 def _on_proposal(fitted: Fit) -> str:
     """Return which measurement would help most."""
     proposal = fitted.proposal
+    is_narrower = _width(proposal.after) < _HELPS * _width(proposal.before)
+    if not is_narrower:
+        return "No further measurement of one ball would narrow an interval by a tenth."
     parameter = fitted.model.parameters[proposal.target]
     now = range_text(proposal.before, parameter.scale, parameter.unit)
     then = range_text(proposal.after, parameter.scale, parameter.unit)
@@ -197,7 +215,7 @@ def _on_proposal(fitted: Fit) -> str:
     expected = number(proposal.prediction.median.value / scale)
     separates = ""
     works_are_separate = all(
-        fitted.estimates[name].is_determined
+        fitted.estimates[name].is_informed
         for name in ("work_tool_object", "work_object_substrate")
         if name in fitted.estimates
     )
@@ -208,6 +226,11 @@ def _on_proposal(fitted: Fit) -> str:
         f"most{separates}: if it is {expected} {unit}, {parameter.symbol} is known to {then} "
         f"instead of {now}."
     )
+
+
+def _width(interval: Interval) -> float:
+    """Return the width of an interval of a positive parameter, in logarithms."""
+    return math.log(interval.high / interval.low)
 
 
 def residual_lines(fitted: Fit) -> list[str]:
