@@ -123,6 +123,17 @@ def test_a_profile_beyond_the_limits_costs_more_than_any_voltage_within():
     assert cost_of(tuple(tall), (USUAL,), 5e-6, limits).cost > 150
 
 
+def test_a_search_for_misplaced_balls_counts_their_voltages_too():
+    drawn = np.random.default_rng(8).uniform(0.35, 0.65, (6, 10))
+    excess = []
+    for numbers in map(tuple, drawn):
+        on_axis = cost_of(numbers, (USUAL,), 5e-6, Limits())
+        beside = cost_of(numbers, (USUAL,), 5e-6, Limits(misplacement=2e-6))
+        excess.append(beside.voltage - on_axis.voltage)
+    assert min(excess) >= 0
+    assert max(excess) > 1
+
+
 def test_a_short_search_finds_a_better_tip_than_the_flat_one_and_repeats():
     found = [
         search((USUAL,), 5e-6, Limits(), generations=3, population=6, seed=4, workers=1)

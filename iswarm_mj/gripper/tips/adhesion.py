@@ -24,8 +24,8 @@ from iswarm_mj.gripper.tips.profile import Chain, Profile, seat_of
 
 _N_RINGS = 800
 """Number of rings on the ball on either side of a contact."""
-_N_SECTORS = 48
-"""Number of places around half a ring."""
+_N_RINGS_BESIDE, _N_SECTORS = 300, 24
+"""Number of rings about the contact of a ball beside the axis, and of places around half a ring."""
 
 
 class Gaps(NamedTuple):
@@ -59,7 +59,7 @@ def gaps_of(profile: Profile, ball_radius: float, offset: float = 0.0) -> Gaps:
 def _gaps_beside(profile: Profile, ball_radius: float, offset: float) -> Gaps:
     """Return the gaps of a ball beside the axis, in rings about the place where it touches."""
     height, contact_angle = _seat_beside(profile, ball_radius, offset)
-    edges = _edges(0.0, 0.0, math.pi)
+    edges = _edges(0.0, 0.0, math.pi, _N_RINGS_BESIDE)
     angle = ((edges[1:] + edges[:-1]) / 2)[:, None]
 
     # Directions from the centre; the ball and its mirror image are the same, so half a turn does.
@@ -79,9 +79,11 @@ def _gaps_beside(profile: Profile, ball_radius: float, offset: float) -> Gaps:
     return Gaps(gap, area)
 
 
-def _edges(contact: float, low: float, high: float) -> Float[np.ndarray, "edges"]:
+def _edges(
+    contact: float, low: float, high: float, n_rings: int = _N_RINGS
+) -> Float[np.ndarray, "edges"]:
     """Return edges of rings, narrow near an angle of contact [rad]."""
-    graded = np.linspace(0, 1, _N_RINGS + 1) ** 3
+    graded = np.linspace(0, 1, n_rings + 1) ** 3
     above = contact + (high - contact) * graded
     below = contact - (contact - low) * graded
     return np.unique(np.concatenate([below, above]))

@@ -20,6 +20,7 @@ from iswarm_mj.gripper.tips.voltages import (
     AIR_STRENGTH,
     Conditions,
     forces_of,
+    misplaced,
     voltages_of,
 )
 from iswarm_mj.utils.constraints import Within, check, validate
@@ -51,6 +52,8 @@ class Limits:
     field: Annotated[float, Within(1e6, 1e10, "V/m")] = AIR_STRENGTH
     """Greatest field at the release; by default that which breaks down air in gaps below 1 um
     [V/m]."""
+    misplacement: Annotated[float, Within(0, 5e-6, "m")] = 0.0
+    """Misplacement of the balls from the tip's axis up to which the voltages count [m]."""
     arcs: Annotated[int, Within(2, 12)] = 5
     """Number of arcs of a profile."""
 
@@ -142,10 +145,15 @@ def cost_of(
 
     highest = 0.0
     for conditions in balls:
-        voltages = voltages_of(forces_of(profile, conditions, gap, halvings=0), conditions)
-        highest = max(highest, voltages.higher)
-        excess += max(0.0, limits.hold / voltages.holds - 1)
-        excess += max(0.0, voltages.release_field / limits.field - 1)
+        on_axis = forces_of(profile, conditions, gap, halvings=0)
+        all_forces = [on_axis]
+        if limits.misplacement > 0:
+            all_forces.append(misplaced(profile, on_axis, conditions, limits.misplacement))
+        for forces in all_forces:
+            voltages = voltages_of(forces, conditions)
+            highest = max(highest, voltages.higher)
+            excess += max(0.0, limits.hold / voltages.holds - 1)
+            excess += max(0.0, voltages.release_field / limits.field - 1)
     cost = min(highest, 10 * _PENALTY) + _PENALTY * excess
     return Candidate(numbers, cost, highest)
 
@@ -184,7 +192,7 @@ def search(
         seed=seed,
         population_size=population,
     )
-    best: Candidate | None = None
+    best = Candidate((), math.inf, math.inf)
     history = []
     for _ in range(generations):
         asked = [tuple(strategy.ask().tolist()) for _ in range(population)]
@@ -193,12 +201,9 @@ def search(
         candidates = [by_numbers[each] for each in asked]
         strategy.tell([(np.array(each.numbers), each.cost) for each in candidates])
 
-        fittest = min(candidates, key=lambda each: each.cost)
-        if best is None or fittest.cost < best.cost:
-            best = fittest
+        best = min([best, *candidates], key=lambda each: each.cost)
         history.append(best.cost)
         note(candidates)
         if strategy.should_stop():
             break
-    assert best is not None
     return best, history

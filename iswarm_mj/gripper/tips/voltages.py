@@ -10,7 +10,7 @@ from typing import NamedTuple
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
 from iswarm_mj.gripper.laws.detachment import ball_weight
 from iswarm_mj.gripper.tips.adhesion import adhesion_radius, pull_ratio
-from iswarm_mj.gripper.tips.forces import Solution, solve
+from iswarm_mj.gripper.tips.forces import Solution, Task, solve
 from iswarm_mj.gripper.tips.profile import Profile
 
 AIR_STRENGTH = 350e6
@@ -91,7 +91,8 @@ def forces_of(
         halvings: of the elements; None: forces are extrapolated, and fields those of one halving.
     """
     solutions = []
-    for task, task_gap in (("pick", conditions.contact_gap), ("release", gap)):
+    tasks: tuple[tuple[Task, float], ...] = (("pick", conditions.contact_gap), ("release", gap))
+    for task, task_gap in tasks:
         finest = solve(
             profile, conditions.radius, task_gap, task, 1 if halvings is None else halvings
         )
@@ -106,9 +107,9 @@ def forces_of(
 
 def voltages_of(forces: TipForces, conditions: Conditions) -> TipVoltages:
     """Return the voltages that overcome adhesion and weight."""
-    tool_adhesion = dmt_pull_off(forces.adhesion_radius, conditions.work_tool)
-    plate_adhesion = dmt_pull_off(conditions.radius, conditions.work_plate)
-    weight = ball_weight(conditions.radius, conditions.density)
+    tool_adhesion = float(dmt_pull_off(forces.adhesion_radius, conditions.work_tool))
+    plate_adhesion = float(dmt_pull_off(conditions.radius, conditions.work_plate))
+    weight = float(ball_weight(conditions.radius, conditions.density))
 
     grasp = _least_voltage(plate_adhesion + weight - tool_adhesion, forces.pick.force)
     release = _least_voltage(tool_adhesion - weight, forces.release.force)
