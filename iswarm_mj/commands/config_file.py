@@ -49,8 +49,8 @@ class ConfigFile:
     def read(cls, path: Path, command: str, given_flags: Collection[str]) -> "ConfigFile":
         """Read a file.
 
-        A table [grasp] in TOML is for `iswarm grasp` alone, which then reads nothing else, and
-        which other commands leave out: fit.toml has one beside settings of swarms.
+        A table [grasp] in TOML is for `iswarm grasp` and `iswarm tip` alone, which then read nothing
+        else, and which other commands leave out: fit.toml has one beside settings of swarms.
 
         Args:
             path: path of the file, JSON if its name ends in .json, otherwise TOML.
@@ -70,7 +70,7 @@ class ConfigFile:
             for name, value in values.items()
             if name.startswith(_OF_GRASP)
         }
-        if command == "grasp" and of_grasp:
+        if command in ("grasp", "tip") and of_grasp:
             return cls(path, of_grasp, False)
         others = {name: value for name, value in values.items() if not name.startswith(_OF_GRASP)}
         return cls(path, others, False)

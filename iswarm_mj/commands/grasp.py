@@ -21,6 +21,7 @@ _BALL_OF_CURVES = (
     "tool_material",
     "plate_material",
     "tip_curvature",
+    "tip",
 )
 _PROTOCOL_OF_CURVES = (
     "start_gap",

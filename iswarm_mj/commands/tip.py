@@ -22,6 +22,7 @@ class Tip(TipSettings):
         "radius",
         "rh",
         "gap",
+        "table",
         "optimise",
         "limits",
         "out",

@@ -30,6 +30,7 @@ from iswarm_mj.gripper.laws import spline
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.electrostatics import asymptotic_force
 from iswarm_mj.gripper.laws.probe_table import tables
+from iswarm_mj.gripper.native.abi import tip_of_numeric
 from iswarm_mj.gripper.native.attributes import ATTRIBUTES, ELECTROSTATIC, NUMBER
 from iswarm_mj.gripper.units import MS, NN, PRESSURE, UG_PER_UM3, UM
 from iswarm_mj.utils.arrays import Array
@@ -76,6 +77,7 @@ class GripperForces:
 
     Attributes:
         numbers: numeric attributes by instance and name, see `native.attributes.ATTRIBUTES`.
+        tables: splines and axes of the probe, flat or of another tip, see `probe_table.tables`.
         pairs: P pairs of geoms, in the order of the plugin instances.
         circuit: instance of the electrostatic plugin.
         ball, probe, plate: geoms.
@@ -85,6 +87,7 @@ class GripperForces:
     """
 
     numbers: dict[tuple[str, str], Array]
+    tables: tuple[Float[Array, "4 R C"], Float[Array, "2 5"]]
     pairs: tuple[Pair, ...] = field(metadata={"static": True})
     circuit: str = field(metadata={"static": True})
     ball: int = field(metadata={"static": True})
@@ -143,6 +146,7 @@ def gripper_forces(model: mujoco.MjModel) -> GripperForces:
     plane = mujoco.mjtGeom.mjGEOM_PLANE
     return GripperForces(
         numbers=numbers,
+        tables=_tables_of(model, int(values[circuit, "tip"])),
         pairs=tuple(pairs),
         circuit=circuit,
         ball=int(values[circuit, "ball"]),
@@ -152,6 +156,17 @@ def gripper_forces(model: mujoco.MjModel) -> GripperForces:
         plane=tuple(bool(kind == plane) for kind in model.geom_type),
         bodies=tuple(model.geom_bodyid.tolist()),
     )
+
+
+def _tables_of(model: mujoco.MjModel, tip: int) -> tuple[Array, Array]:
+    """Return splines and axes in a numeric field of a model, or of the flat probe for -1."""
+    if tip < 0:
+        splines, axes = tables()
+    else:
+        first = int(model.numeric_adr[tip])
+        numbers = model.numeric_data[first : first + int(model.numeric_size[tip])]
+        splines, axes = tip_of_numeric(numbers)
+    return jnp.asarray(splines), jnp.asarray(axes)
 
 
 def first_state(forces: GripperForces) -> State:
@@ -360,7 +375,7 @@ def _electrostatics(
     plate_gap, plate_normal = _gap(forces, model, data, forces.ball, forces.plate)
 
     # Shape factors of both pulls, and the ball's capacitances [fF].
-    splines, axes = tables()
+    splines, axes = forces.tables
     shape_at = partial(
         _spline.shape_of,
         radius=radius,

@@ -21,6 +21,7 @@ from iswarm_mj.gripper.reference import (
     PAPER_NO_CONTACT,
     PAPER_RELEASE,
 )
+from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PURPLE, RED
 from iswarm_mj.output.plot_style import figure
 from iswarm_mj.output.trial_shapes import UM
@@ -59,7 +60,7 @@ class Laws:
 
         Args:
             settings: settings of a run; `calibration` has constants of `detachment` by name, which
-                replace those of the module.
+                replace those of the module, and `tip` is the file of a tip's table.
         """
         calibration = settings.get("calibration", {})
 
@@ -71,6 +72,7 @@ class Laws:
         self._work_plate = constant("WORK_OBJECT_SUBSTRATE")
         self._contact_gap = constant("CONTACT_GAP")
         self._probe_radius = constant("PROBE_RADIUS")
+        self._tip = settings.get("tip")
 
     def grasp_voltage_of(self, radius: Quantity, humidity: float, gap: Quantity = 0.0) -> Quantity:
         """Return the least voltage that picks up a ball [V].
@@ -85,6 +87,14 @@ class Laws:
         work_tool = np.where(is_touching, self._work_tool * factor, 0.0)
         work_plate = self._work_plate * factor
         effective_gap = np.maximum(gap, self._contact_gap)
+        if self._tip is not None:
+            tip = read_table(self._tip)
+
+            def voltage_of(radius: float, work_tool: float, gap: float) -> float:
+                work = work_tool * tip.adhesion_share(radius)
+                return tip.grasp_voltage(radius, work, float(work_plate), gap)
+
+            return np.vectorize(voltage_of)(radius, work_tool, effective_gap)
         return grasp_voltage(radius, work_tool, work_plate, effective_gap, self._probe_radius)
 
     def release_voltage_of(
@@ -98,6 +108,14 @@ class Laws:
             gap: gap between ball and plate [m].
         """
         work_tool = self._work_tool * humidity_factor(humidity)
+        if self._tip is not None:
+            tip = read_table(self._tip)
+            work = float(work_tool)
+
+            def voltage_of(radius: float, gap: float) -> float:
+                return tip.release_voltage(radius, work * tip.adhesion_share(radius), gap)
+
+            return np.vectorize(voltage_of)(radius, gap)
         return release_voltage(radius, work_tool, gap, self._probe_radius)
 
 

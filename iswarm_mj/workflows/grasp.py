@@ -23,6 +23,7 @@ from iswarm_mj.gripper.laws.detachment import (
     release_voltage,
 )
 from iswarm_mj.gripper.laws.melting import melts
+from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.output.results import write_result
 from iswarm_mj.output.trajectory import RESULT
 from iswarm_mj.utils.directory_lock import locked
@@ -158,7 +159,7 @@ def _rows_of_case(
         )
 
     for gap, attempt in outcomes.no_contact.items():
-        law = grasp_voltage(trial.radius, 0.0, work_plate, gap, trial.probe_radius)
+        law = quasi_static_grasp(trial, 0.0, work_plate, gap)
         yield row(
             "no_contact",
             gap,
@@ -166,14 +167,14 @@ def _rows_of_case(
             limit_voltage=protocol.no_contact_limit,
             step_voltage=ramp_step,
             melted=False,
-            quasi_static_voltage=float(law),
+            quasi_static_voltage=law,
         )
 
     grasp = outcomes.grasp
     limit = protocol.highest_rung * protocol.step_voltage
     is_lifted = not np.isnan(grasp.voltage[index])
     highest_voltage = grasp.voltage[index] if is_lifted else limit
-    law = grasp_voltage(trial.radius, work_tool, work_plate, trial.contact_gap, trial.probe_radius)
+    law = quasi_static_grasp(trial, work_tool, work_plate, trial.contact_gap)
     yield row(
         "grasp",
         0.0,
@@ -181,12 +182,12 @@ def _rows_of_case(
         limit_voltage=limit,
         step_voltage=protocol.step_voltage,
         melted=_melts(settings, trial, highest_voltage),
-        quasi_static_voltage=float(law),
+        quasi_static_voltage=law,
     )
 
     for gap, release in outcomes.release.items():
         if release.hung[index]:
-            law = release_voltage(trial.radius, work_tool, gap, trial.probe_radius)
+            law = quasi_static_release(trial, work_tool, gap)
             yield row(
                 "release",
                 gap,
@@ -194,13 +195,41 @@ def _rows_of_case(
                 limit_voltage=protocol.release_limit,
                 step_voltage=ramp_step,
                 melted=False,
-                quasi_static_voltage=float(law),
+                quasi_static_voltage=law,
                 flight_time=_number_or_none(release.flight_time[index]),
                 landing_speed=_number_or_none(release.landing_speed[index]),
                 landed=bool(release.landed[index]),
                 transport=protocol.transport,
                 off_target=_number_or_none(release.off_target[index]),
             )
+
+
+def quasi_static_grasp(trial: Trial, work_tool: float, work_plate: float, gap: float) -> float:
+    """Return the least voltage that lifts the ball of a trial, by the laws [V].
+
+    Args:
+        trial: ball and tip.
+        work_tool: W_TO at the trial's humidity [J/m^2].
+        work_plate: W_OS at the trial's humidity [J/m^2].
+        gap: electrical gap of tool and ball [m].
+    """
+    radius = trial.radius
+    if trial.tip is None:
+        return float(grasp_voltage(radius, work_tool, work_plate, gap, trial.probe_radius))
+    return read_table(trial.tip).grasp_voltage(radius, work_tool, work_plate, gap)
+
+
+def quasi_static_release(trial: Trial, work_tool: float, gap: float) -> float:
+    """Return the least voltage that drops the ball of a trial, by the laws [V].
+
+    Args:
+        trial: ball and tip.
+        work_tool: W_TO at the trial's humidity [J/m^2].
+        gap: of ball and plate [m].
+    """
+    if trial.tip is None:
+        return float(release_voltage(trial.radius, work_tool, gap, trial.probe_radius))
+    return read_table(trial.tip).release_voltage(trial.radius, work_tool, gap)
 
 
 def _melts(settings: GraspSettings, trial: Trial, highest_voltage: float) -> bool:
@@ -387,6 +416,7 @@ def _write_result(
 ) -> None:
     """Write result.json: settings as flags take them, measures, and what exceeds the fit."""
     flags = {name: value for name, value in asdict(settings).items() if name != "out"}
+    flags["tip"] = None if settings.tip is None else str(settings.tip)
     for name in ("contacts", "tool", "plate"):  # named tuples, which `asdict` keeps
         flags[name] = getattr(settings, name)._asdict()
     content = {

@@ -3,12 +3,14 @@
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from itertools import product
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from iswarm_mj.gripper.bench.protocol import Gaps, Protocol
 from iswarm_mj.gripper.bench.trial import Contacts, Trial, draw
 from iswarm_mj.gripper.laws import adhesion, detachment, materials
 from iswarm_mj.gripper.laws.roughness import Surface, effective_work
+from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.gripper.units import UM
 from iswarm_mj.utils.constraints import Within, check, spaced, validate
 from iswarm_mj.utils.errors import ConfigError
@@ -37,6 +39,7 @@ FITTED: dict[str, Any] = {
     "electrical_gap": detachment.CONTACT_GAP,
     "probe_radius": detachment.PROBE_RADIUS,
     "tip_curvature": None,
+    "tip": None,
 }
 """Settings of the paper's experiments, to which works of adhesion and spreads are fitted."""
 FITTED_RADII = (15e-6, 25e-6)
@@ -106,6 +109,8 @@ class GraspSettings:
     """Radius of the tool, a wire [m]."""
     tip_curvature: Annotated[float | None, Within(5e-6, 1e-3, "m")] = None
     """Radius of curvature of a rounded tip; by default it is flat [m]."""
+    tip: Path | None = None
+    """Table of the forces of another tip, the tip.json of `iswarm tip --table`."""
     ball_density: Annotated[float | None, Within(100.0, 25e3, "kg/m^3")] = None
     """Density of the balls; by default that of their material [kg/m^3]."""
     gap: Annotated[tuple[float, ...], _GAP] = (detachment.RELEASE_GAP,)
@@ -134,6 +139,12 @@ class GraspSettings:
             for gap in gaps:
                 fits = gap <= 4 * min(self.radii)
                 check(name, gap, "at most 4 times the least radius", fits)
+        if self.tip is not None:
+            read_table(self.tip)  # raises a UserError for a file that is none
+            for name in ("tip_curvature", "probe_radius"):
+                value = getattr(self, name)
+                is_default = value == getattr(type(self), name)
+                check(name, value, "left out with a `tip`, which has its own", is_default)
         fits = self.electrical_gap >= max(self.radii) / 512
         rule = "at least 1/512 of the greatest radius, since laws have no smaller gaps"
         check("electrical_gap", self.electrical_gap, rule, fits)
@@ -261,6 +272,8 @@ class GraspSettings:
         }
         if self.tip_curvature:
             content["tip_curvature"] = self.tip_curvature
+        if self.tip is not None:
+            content["tip"] = str(self.tip)
 
         calibration = {name: getattr(detachment, name) for name in CALIBRATION}
         for name in ("work_tool_object", "work_object_substrate", "ball_density"):
@@ -324,7 +337,7 @@ def adapted(settings: GraspSettings, trial: Trial) -> Trial:
 
     A rounded tip of curvature R_c touches like a plane whose work is 1 / (1 + R / R_c) as large,
     and attracts like one that is (1 + R / R_c) as far, for gaps far below both radii (Derjaguin
-    1934).
+    1934). A tip of a table has forces and an adhesion of its own, see `tips.table`.
     """
     effective = settings.effective
     ratio_tool = effective.work_tool_object / detachment.WORK_TOOL_OBJECT
@@ -335,16 +348,23 @@ def adapted(settings: GraspSettings, trial: Trial) -> Trial:
     curvature_factor = 1.0
     if settings.tip_curvature:
         curvature_factor = 1 + trial.radius / settings.tip_curvature
+    adhesion_share = 1 / curvature_factor
+    probe_radius = settings.probe_radius
+    if settings.tip is not None:
+        table = read_table(settings.tip)
+        adhesion_share = table.adhesion_share(trial.radius)
+        probe_radius = table.profile.radius
     rough_work_tool = float(effective_work(work_tool, trial.radius, settings.tool))
     return Trial(
         trial.radius,
-        rough_work_tool / curvature_factor,
+        rough_work_tool * adhesion_share,
         float(effective_work(work_plate, trial.radius, settings.plate)),
         trial.relative_humidity,
         contact_gap=settings.electrical_gap * curvature_factor,
-        probe_radius=settings.probe_radius,
+        probe_radius=probe_radius,
         density=effective.ball_density,
         contacts=effective.contacts,
+        tip=None if settings.tip is None else str(settings.tip),
     )
 
 

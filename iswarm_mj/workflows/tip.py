@@ -15,6 +15,7 @@ from iswarm_mj.gripper.tips.profile import Profile
 from iswarm_mj.gripper.tips.search import Candidate, profile_of, search
 from iswarm_mj.gripper.tips.shapes import flat, read_profile
 from iswarm_mj.gripper.tips.solid import write_points, write_stl
+from iswarm_mj.gripper.tips.table import TipTable, make_table, n_entries, write_table
 from iswarm_mj.gripper.tips.voltages import (
     AIR_STRENGTH,
     PASCHEN_MINIMUM,
@@ -33,7 +34,8 @@ from iswarm_mj.workflows.tip_settings import TipSettings
 FIGURE = "tip"
 STL = "tip.stl"
 POINTS = "profile.csv"
-_RESULTS = (RESULT, STL, POINTS, f"{FIGURE}.png", f"{FIGURE}.svg")
+TABLE = "tip.json"
+_RESULTS = (RESULT, STL, POINTS, TABLE, f"{FIGURE}.png", f"{FIGURE}.svg")
 TOLERANCE_GAPS = (3e-6, 4e-6, 5e-6, 6e-6, 7e-6, 8e-6)
 """Gaps of the release in the study of tolerances [m]."""
 TOLERANCE_OFFSETS = (0.0, 0.5e-6, 1e-6, 1.5e-6, 2e-6, 3e-6)
@@ -94,7 +96,7 @@ def design_tip(settings: TipSettings, out: Path | None = None) -> Design:
 
     Args:
         settings: of tip, balls, adhesion and search.
-        out: directory of result.json, figure, tip.stl and profile.csv; None to write and print
+        out: directory of result.json, figure, tip.stl, profile.csv and tip.json; None to write and print
             nothing.
 
     Raises:
@@ -113,6 +115,8 @@ def design_tip(settings: TipSettings, out: Path | None = None) -> Design:
             remove(out / name)
         write_stl(design.profile, out / STL)
         write_points(design.profile, out / POINTS)
+        if settings.table:
+            write_table(_table(settings, design.profile), out / TABLE)
         draw_tip(
             design.profile,
             rows=[row._asdict() for row in design.rows],
@@ -143,6 +147,17 @@ def _compute(settings: TipSettings, profile: Profile | None) -> Design:
         tolerances=_tolerances(settings, profile),
         history=history,
     )
+
+
+def _table(settings: TipSettings, profile: Profile) -> TipTable:
+    """Return the table of a tip's forces, computed with a bar of progress."""
+    with Progress(n_entries(), "force", "table") as bar:
+        return make_table(
+            profile,
+            settings.reach,
+            settings.workers,
+            note=lambda: bar.update(1),
+        )
 
 
 def _search(settings: TipSettings) -> tuple[Candidate, list[float]]:
@@ -229,7 +244,7 @@ def _caption(settings: TipSettings) -> str:
     return (
         f"Tip {settings.kind}; {settings.grasp.humidities[0]:g} % RH, works of adhesion "
         f"{first.work_tool * 1e3:.3g} (tool) and {first.work_plate * 1e3:.3g} mJ/m² (plate),\n"
-        f"electrical gap of a contact {settings.contact_gap * _UM:g} µm, reach of adhesion "
+        f"electrical gap of a contact {settings.electrical_gap * _UM:g} µm, reach of adhesion "
         f"{settings.reach * _UM:g} µm. Tolerances: ball of {first.radius * _UM:g} µm; "
         "misplaced balls by an approximation."
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from iswarm_mj.gripper.laws import detachment, materials
-from iswarm_mj.gripper.laws.adhesion import humidity_factor
+from iswarm_mj.gripper.laws.adhesion import HUMIDITY_DOUBLING, HUMIDITY_FALL, humidity_factor
 from iswarm_mj.gripper.laws.roughness import Surface, effective_work
 from iswarm_mj.gripper.tips import shapes
 from iswarm_mj.gripper.tips.profile import Profile
@@ -75,8 +75,8 @@ class TipSettings:
     """Relative humidities [%]."""
     gap: Annotated[tuple[float, ...], _of_grasp("gap")] = (detachment.RELEASE_GAP,)
     """Gaps to the plate at which a ball is released [m]."""
-    contact_gap: Annotated[float, Within(10e-9, 2e-6, "m")] = detachment.CONTACT_GAP
-    """Effective electrical gap of a tool that touches the ball [m]."""
+    electrical_gap: Annotated[float, _of_grasp("electrical_gap")] = detachment.CONTACT_GAP
+    """Effective electrical gap between a touching tool and the ball [m]."""
     reach: Annotated[float, Within(0.1e-9, 2e-6, "m")] = detachment.CONTACT_GAP
     """Reach of the adhesion: gaps up to it count as contact; a choice, by default that of surfaces
     as rough as the electrical gap, 0.3e-9 for smooth ones [m]."""
@@ -93,12 +93,18 @@ class TipSettings:
     work_object_substrate: Annotated[float | None, _of_grasp("work_object_substrate")] = None
     """Median work of adhesion between ball and plate at 10 % RH; by default the fitted 14.7e-3,
     scaled to the materials [J/m^2]."""
+    humidity_doubling: Annotated[float, _of_grasp("humidity_doubling")] = HUMIDITY_DOUBLING
+    """Excess of relative humidity over 10 % that doubles adhesion [%]."""
+    humidity_fall: Annotated[float, _of_grasp("humidity_fall")] = HUMIDITY_FALL
+    """Growth of adhesion per percent of relative humidity below 10 % [1/%]."""
     ball_density: Annotated[float | None, _of_grasp("ball_density")] = None
     """Density of the balls; by default that of their material [kg/m^3]."""
     tool: Surface = field(default_factory=Surface)
     """Roughness, preload and hysteresis of the tool's contact."""
     plate: Surface = field(default_factory=Surface)
     """Roughness, preload and hysteresis of the plate's contact."""
+    table: bool = False
+    """Write tip.json, too, the table of forces with which `iswarm grasp --tip` runs trials."""
     optimise: bool = False
     """Search for the profile with the least of the higher of both voltages, within `limits`."""
     limits: Limits = field(default_factory=Limits)
@@ -144,6 +150,9 @@ class TipSettings:
             plate_material=self.plate_material,
             work_tool_object=self.work_tool_object,
             work_object_substrate=self.work_object_substrate,
+            electrical_gap=self.electrical_gap,
+            humidity_doubling=self.humidity_doubling,
+            humidity_fall=self.humidity_fall,
             ball_density=self.ball_density,
             tool=self.tool,
             plate=self.plate,
@@ -168,7 +177,7 @@ class TipSettings:
     def conditions(self, radius: float, humidity: float) -> Conditions:
         """Return what a ball of a radius [m] meets at a relative humidity [%]."""
         effective = self.grasp.effective
-        factor = float(humidity_factor(humidity))
+        factor = float(humidity_factor(humidity, self.humidity_doubling, self.humidity_fall))
         work_tool = float(effective_work(effective.work_tool_object, radius, self.tool))
         work_plate = float(effective_work(effective.work_object_substrate, radius, self.plate))
         return Conditions(
@@ -176,6 +185,6 @@ class TipSettings:
             density=effective.ball_density,
             work_tool=work_tool * factor,
             work_plate=work_plate * factor,
-            contact_gap=self.contact_gap,
+            contact_gap=self.electrical_gap,
             reach=self.reach,
         )

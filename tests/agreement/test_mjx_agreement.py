@@ -15,12 +15,17 @@ import pytest
 from mujoco import mjx
 
 import iswarm_mj.gripper.plugin as plugin
+from iswarm_mj.gripper.bench.model import put_tip
+from iswarm_mj.gripper.bench.trial import Trial
 from iswarm_mj.gripper.contact import ON_PLATE, ON_PROBE
 from iswarm_mj.gripper.laws.detachment import grasp_voltage, release_voltage
 from iswarm_mj.gripper.mjx_forces import first_state, gripper_forces, step
 from iswarm_mj.gripper.mjx_model import mjx_compatible, resize
+from iswarm_mj.workflows.grasp import quasi_static_grasp, quasi_static_release
 
 BENCH = Path(__file__).parents[2] / "models" / "bench.xml"
+TIP = str(Path(__file__).parents[2] / "examples/best-tip/tip.json")
+"""File of the table of another tip than the flat one."""
 FULL_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 N_TRIALS = 50
 SHARES = (0.995, 1.005)
@@ -60,8 +65,13 @@ class Trials(NamedTuple):
     """(2 N, T) slide of the probe in each step."""
 
 
-def draw_trials(task):
-    """Return trials of a task on both sides of the thresholds of the laws."""
+def draw_trials(task, table=None):
+    """Return trials of a task on both sides of the thresholds of the laws.
+
+    Args:
+        task: "grasp" or "release".
+        table: file of the table of a tip; None: the flat one.
+    """
     rng = np.random.default_rng(6)
     radius = np.tile(rng.uniform(15, 25, N_TRIALS), 2)
     scatter = np.exp(rng.normal(0, [0.16, 0.12], (N_TRIALS, 2)))
@@ -71,11 +81,11 @@ def draw_trials(task):
     radius_si = radius * 1e-6  # m
 
     if task == "grasp":
-        voltage = share * grasp_voltage(radius_si, work_probe, work_plate)
+        voltage = share * least_voltages(task, table, radius_si, work_probe, work_plate)
         height = np.zeros_like(radius)
         shift = PULL_UP
     else:
-        voltage = share * release_voltage(radius_si, work_probe)
+        voltage = share * least_voltages(task, table, radius_si, work_probe, work_plate)
         height = np.full_like(radius, LIFTED)
         shift = HOLD
 
@@ -83,16 +93,41 @@ def draw_trials(task):
     return Trials(radius, work, voltage, height, tip, tip[:, None] + shift)
 
 
-def gaps_in_c(task):
+def least_voltages(task, table, radius, work_probe, work_plate):
+    """Return the thresholds of the laws [V]; SI units."""
+    if table is None and task == "grasp":
+        return grasp_voltage(radius, work_probe, work_plate)
+    if table is None:
+        return release_voltage(radius, work_probe)
+    voltages = []
+    for ball in map(Trial, radius, work_probe, work_plate):
+        ball = ball._replace(tip=table)
+        works = ball.work_tool_object, ball.work_object_substrate
+        if task == "grasp":
+            voltages.append(quasi_static_grasp(ball, *works, ball.contact_gap))
+        else:
+            voltages.append(quasi_static_release(ball, works[0], LIFTED * 1e-6))
+    return np.array(voltages)
+
+
+def specification(table):
+    """Return the bench with a tip."""
+    spec = mujoco.MjSpec.from_file(str(BENCH))
+    if table is not None:
+        put_tip(spec, table)
+    return spec
+
+
+def gaps_in_c(task, table=None):
     """Return the gaps between balls and plate (2 N,) at the end, in the C engine."""
-    trials = draw_trials(task)
+    trials = draw_trials(task, table)
     models = []
     states = []
     controls = []
     for trial in zip(*trials, strict=True):
         radius, (work_plate, work_probe), voltage, height, tip, path = trial
         is_on_probe = height > 0
-        spec = mujoco.MjSpec.from_file(str(BENCH))
+        spec = specification(table)
         spec.geom("ball").size[0] = radius
         model = spec.compile()
 
@@ -119,9 +154,9 @@ def gaps_in_c(task):
     return result[:, -1, height_index] - trials.radius
 
 
-def gaps_in_mjx(task, impl):
+def gaps_in_mjx(task, impl, table=None):
     """Return the gaps between balls and plate (2 N,) at the end, in MJX."""
-    spec = mujoco.MjSpec.from_file(str(BENCH))
+    spec = specification(table)
     forces = gripper_forces(spec.compile())
     portable = mjx_compatible(spec)
     size = {"naconmax": 8 * N_TRIALS, "njmax": 20} if impl == "warp" else {}
@@ -151,7 +186,7 @@ def gaps_in_mjx(task, impl):
         (end, _), _ = jax.lax.scan(advance, (start, ball), trial.path)
         return end.qpos[2] - trial.radius
 
-    single = jax.tree.map(lambda values: jnp.asarray(values, jnp.float32), draw_trials(task))
+    single = jax.tree.map(lambda values: jnp.asarray(values, jnp.float32), draw_trials(task, table))
     return np.asarray(jax.jit(jax.vmap(gap_of))(single))
 
 
@@ -175,3 +210,16 @@ def test_mjx_decides_as_the_laws(task, impl):
     if impl == "warp":
         pytest.importorskip("warp")
     assert_decided_as_the_laws(task, gaps_in_mjx(task, impl))
+
+
+@pytest.mark.parametrize("task", ["grasp", "release"])
+def test_the_plugin_decides_as_the_laws_with_another_tip(task):
+    """100 trials of each task."""
+    assert_decided_as_the_laws(task, gaps_in_c(task, TIP))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", ["grasp", "release"])
+def test_mjx_decides_as_the_laws_with_another_tip(task):
+    """100 trials of each task."""
+    assert_decided_as_the_laws(task, gaps_in_mjx(task, "jax", TIP))

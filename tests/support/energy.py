@@ -7,8 +7,11 @@ from jaxtyping import Float
 
 from iswarm_mj.gripper.bench.tracing import Trace
 from iswarm_mj.gripper.bench.trial import Trial
+from iswarm_mj.gripper.laws import spline
 from iswarm_mj.gripper.laws.detachment import GRAVITY
-from iswarm_mj.gripper.laws.electrostatics import pick_force
+from iswarm_mj.gripper.laws.electrostatics import asymptotic_force, pick_force
+from iswarm_mj.gripper.tips.table import read_table
+from iswarm_mj.utils.scalar_backends import in_arrays
 from support.capacitance import capacitance
 
 Steps = Float[np.ndarray, "T-1"]
@@ -48,7 +51,7 @@ def energy_balance(trace: Trace, trial: Trial) -> EnergyBalance:
     # Work of the fields on ball and tool, of the drive and of adhesion.
     across = trace.voltage - trace.ball_voltage
     law_gap = np.maximum(trace.gap_tool, trial.contact_gap)
-    pull_of_tool = np.asarray(pick_force(across, law_gap, trial.radius, trial.probe_radius))
+    pull_of_tool = _pull_of_tool(trial, across, law_gap)
     on_ball = float((_middle(trace.electrostatic) * ball_path).sum())
     on_tool = float((-_middle(pull_of_tool) * tool_path).sum())
     drive = float((_middle(trace.drive) * tool_path).sum())
@@ -79,6 +82,17 @@ def energy_balance(trace: Trace, trial: Trial) -> EnergyBalance:
     )
 
 
+def _pull_of_tool(trial: Trial, across: np.ndarray, gap: np.ndarray) -> np.ndarray:
+    """Return the pull of the tool on the ball (T,) [N]."""
+    if trial.tip is None:
+        return np.asarray(pick_force(across, gap, trial.radius, trial.probe_radius))
+    splines, axes = read_table(trial.tip).tables
+    functions = in_arrays(spline, np)
+    place = functions.place_of(gap / trial.radius, trial.probe_radius / trial.radius, axes.tolist())
+    factor = functions.value_at(splines[spline.PICK], place)
+    return factor * np.asarray(asymptotic_force(across, gap, trial.radius))
+
+
 class _Circuit(NamedTuple):
     """Energies of the circuit."""
 
@@ -93,8 +107,8 @@ class _Circuit(NamedTuple):
 def _circuit(trace: Trace, trial: Trial) -> _Circuit:
     """Return the energies of the source, of the fields and of the contacts."""
     sizes = trial.radius, trial.probe_radius, trial.contact_gap
-    to_tool = np.asarray(capacitance("pick", trace.gap_tool, *sizes))
-    to_plate = np.asarray(capacitance("release", trace.gap_plate, *sizes))
+    to_tool = np.asarray(capacitance("pick", trace.gap_tool, *sizes, tip=trial.tip))
+    to_plate = np.asarray(capacitance("release", trace.gap_plate, *sizes, tip=trial.tip))
     across = trace.voltage - trace.ball_voltage
     conducted, heat = _conducted(trace, trial, to_tool + to_plate)
 

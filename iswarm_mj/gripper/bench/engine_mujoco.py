@@ -230,12 +230,19 @@ class MujocoBench:
 
 def _model_of(trial: Trial, timestep: float | None) -> mujoco.MjModel:
     """Return the model of a trial's bench; None: with its own time step [s]."""
-    return _model(timestep, trial.radius, trial.probe_radius, trial.density, trial.contacts.rolling)
+    rolling = trial.contacts.rolling
+    return _model(timestep, trial.radius, trial.probe_radius, trial.density, rolling, tip=trial.tip)
 
 
 @lru_cache(maxsize=4096)
 def _model(
-    timestep: float | None, radius: float, probe_radius: float, density: float, rolling: float
+    timestep: float | None,
+    radius: float,
+    probe_radius: float,
+    density: float,
+    rolling: float,
+    *,
+    tip: str | None,
 ) -> mujoco.MjModel:
-    """Return the bench with these sizes, density and rolling friction. SI units."""
-    return resized(usual_model(timestep, probe_radius, density, rolling), radius)
+    """Return the bench with these sizes, density, rolling friction and tip. SI units."""
+    return resized(usual_model(timestep, probe_radius, density, rolling, tip), radius)

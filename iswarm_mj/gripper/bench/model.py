@@ -14,6 +14,9 @@ from iswarm_mj.gripper import plugin  # noqa: F401, registers what the model nam
 from iswarm_mj.gripper.bench.protocol import minimum_jerk
 from iswarm_mj.gripper.bench.trial import Contacts, Trial
 from iswarm_mj.gripper.laws.detachment import BALL_DENSITY, PROBE_RADIUS
+from iswarm_mj.gripper.native.abi import numeric_of_tip
+from iswarm_mj.gripper.native.attributes import ELECTROSTATIC
+from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.gripper.units import DENSITY, MS, NN, PER_OHM, PRESSURE, UM
 
 
@@ -102,6 +105,7 @@ def usual_model(
     probe_radius: float = PROBE_RADIUS,
     density: float = BALL_DENSITY,
     rolling: float = Contacts().rolling,
+    tip: str | None = None,
 ) -> mujoco.MjModel:
     """Return the bench with a ball of 20 um.
 
@@ -110,9 +114,12 @@ def usual_model(
         probe_radius: radius of the tool [m].
         density: of the ball [kg/m^3].
         rolling: see `Contacts.rolling` [m].
+        tip: see `Trial.tip`.
     """
     spec = bench_spec()
     spec.memory = MEMORY
+    if tip is not None:
+        put_tip(spec, tip)
     if timestep is not None:
         spec.option.timestep = timestep / MS
     trial = Trial(
@@ -124,6 +131,26 @@ def usual_model(
         contacts=Contacts(rolling=rolling),
     )
     return sized(spec, trial)
+
+
+def put_tip(spec: mujoco.MjSpec, tip: str) -> None:
+    """Put the table of a tip into the specification of a bench, and its radius.
+
+    Args:
+        spec: of the bench.
+        tip: file of the table.
+    """
+    table = read_table(tip)
+    numbers = numeric_of_tip(*table.tables)
+    spec.add_numeric(name=_TIP, data=numbers, size=len(numbers))
+    spec.geom("probe").size[0] = table.profile.radius / UM
+    for instance in spec.plugins:
+        if instance.plugin_name == ELECTROSTATIC:
+            instance.config = {**instance.config, "tip": _TIP}
+
+
+_TIP = "tip"
+"""Name of the numeric field with the table of a tip."""
 
 
 @lru_cache(maxsize=64)

@@ -97,6 +97,8 @@ class Trial(NamedTuple):
     """Lateral offset of the tool's axis from the ball's [m]."""
     contacts: Contacts = Contacts()
     """Conduction and impacts."""
+    tip: str | None = None
+    """File of the table of the tip's forces, see `tips.table`; None: a flat tip."""
 
 
 def draw(

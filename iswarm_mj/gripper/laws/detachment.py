@@ -154,7 +154,7 @@ def grasp_voltage(
         probe_radius: radius of the tool [m].
     """
     deficit = grasp_deficit(radius, work_tool_object, work_object_substrate)
-    return _least_voltage(deficit, pick_force(1.0, gap, radius, probe_radius))
+    return least_voltage(deficit, pick_force(1.0, gap, radius, probe_radius))
 
 
 def release_voltage(
@@ -174,10 +174,10 @@ def release_voltage(
         probe_radius: radius of the tool [m].
     """
     deficit = release_deficit(radius, work_tool_object)
-    return _least_voltage(deficit, release_force(1.0, gap, radius, probe_radius))
+    return least_voltage(deficit, release_force(1.0, gap, radius, probe_radius))
 
 
-def _least_voltage(deficit: Quantity, force_per_volt2: Quantity) -> Quantity:
+def least_voltage(deficit: Quantity, force_per_volt2: Quantity) -> Quantity:
     """Return the voltage whose force is the deficit, 0 where there is none [V]."""
     xp = array_module(deficit, force_per_volt2)
     needed = deficit > 0

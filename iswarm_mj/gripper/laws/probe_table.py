@@ -12,6 +12,7 @@ from functools import cache
 from importlib.resources import files
 
 import numpy as np
+from jaxtyping import Float
 
 from iswarm_mj.gripper.laws import spline
 from iswarm_mj.utils.arrays import Quantity, array_module, is_concrete
@@ -25,15 +26,15 @@ PROBE_EXPONENTS = np.arange(-18, 10) / 3
 """log2 of R_m/R in the table, 1/64 to 8."""
 
 
-def _axis(exponents: np.ndarray) -> list[float]:
+def axis_of(exponents: np.ndarray) -> list[float]:
     """Return first exponent, step, number of knots, and least and largest ratio of an axis."""
     first = exponents[0]
     step = exponents[1] - exponents[0]
     return [first, step, len(exponents), 2.0**first, 2.0 ** exponents[-1]]
 
 
-AXES = np.array([_axis(GAP_EXPONENTS), _axis(PROBE_EXPONENTS)])
-"""Axes of the table, see `_axis`."""
+AXES = np.array([axis_of(GAP_EXPONENTS), axis_of(PROBE_EXPONENTS)])
+"""Axes of the table, see `axis_of`."""
 
 FILE = "probe_table.csv"
 """File of the table."""
@@ -107,12 +108,23 @@ def _spline_matrix(n: int) -> np.ndarray:
 
 @cache
 def capacitance_spline(task: str) -> np.ndarray:
-    """Return the spline coefficients of ln(C / (4 pi eps0 R)), like `spline_coefficients`.
+    """Return the spline coefficients of ln(C / (4 pi eps0 R)), see `capacitance_coefficients`.
+
+    Args:
+        task: "pick", to the probe, or "release", to the plate.
+    """
+    return capacitance_coefficients(task, spline_coefficients(task), PROBE_EXPONENTS)
+
+
+def capacitance_coefficients(
+    task: str, coefficients: np.ndarray, exponents: np.ndarray
+) -> Float[np.ndarray, "R C"]:
+    """Return the spline coefficients of ln(C / (4 pi eps0 R)) that belong to those of a force.
 
     The force of `pick_force` or `release_force` on a ball at a fixed voltage is V^2 / 2 times the
     derivative of C, so that work and energy agree.
 
-    Source: integral of `probe_factor` over the gap, up to the table's largest one, 4 R. The
+    Source: integral of the shape factor over the gap, up to the table's largest one, 4 R. The
     capacitance that is left there is a choice: to the plate nearly none, since the probe shields
     the ball, and to the probe that of a factor which falls with the square of the gap. Boundary
     elements find up to 20 % more to the probe, and to the plate the same within 3 %
@@ -120,26 +132,33 @@ def capacitance_spline(task: str) -> np.ndarray:
 
     Args:
         task: "pick", to the probe, or "release", to the plate.
+        coefficients: of the spline of ln f.
+        exponents: log2 of R_m/R in the table, of equal steps.
     """
-    probe_ratios = 2.0**PROBE_EXPONENTS
+    functions = in_arrays(spline, np)
+    axes = [axis_of(GAP_EXPONENTS), axis_of(exponents)]
+    probe_ratios = 2.0**exponents
+
+    def factor(gap_ratio: Quantity) -> np.ndarray:
+        place = functions.place_of(np.asarray(gap_ratio), probe_ratios, axes)
+        return np.asarray(functions.value_at(coefficients, place))
 
     # F = f pi eps0 V^2 R / D = V^2 / 2 |dC / dD|, hence dC / d ln(D) = -2 pi eps0 R f:
     # Gauss-Legendre quadrature of f / 2 between each pair of neighbouring gaps of the table.
     node, weight = np.polynomial.legendre.leggauss(6)
     step = GAP_EXPONENTS[1] - GAP_EXPONENTS[0]
-    exponents = GAP_EXPONENTS[:-1, None] + step * (node + 1) / 2
-    factor = np.asarray(probe_factor(task, 2.0 ** exponents[..., None], probe_ratios))
-    increments = math.log(2) / 2 * step / 2 * np.einsum("gnp,n->gp", factor, weight)
+    gap_exponents = GAP_EXPONENTS[:-1, None] + step * (node + 1) / 2
+    factors = factor(2.0 ** gap_exponents[..., None])
+    increments = math.log(2) / 2 * step / 2 * np.einsum("gnp,n->gp", factors, weight)
 
     # Their sums from each gap to the largest one.
     sums = np.cumsum(increments[::-1], axis=0)[::-1]
-    sums = np.concatenate([sums, np.zeros((1, len(PROBE_EXPONENTS)))])
+    sums = np.concatenate([sums, np.zeros((1, len(probe_ratios)))])
 
     # What is left at the largest gap, f / 4 for a factor that falls with its square.
     largest_gap = 2.0 ** GAP_EXPONENTS[-1]
     divisor = 4 if task == "pick" else 40
-    remainder = np.asarray(probe_factor(task, largest_gap, probe_ratios)) / divisor
-    return coefficients_of(sums + remainder)
+    return coefficients_of(sums + factor(largest_gap) / divisor)
 
 
 def tables() -> tuple[np.ndarray, np.ndarray]:

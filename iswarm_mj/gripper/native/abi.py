@@ -219,6 +219,9 @@ _MODEL_POINTERS = (
     "dof_parentid",
     "geom_size",
     "body_mass",
+    "numeric_adr",
+    "numeric_size",
+    "numeric_data",
 )
 _DATA_POINTERS = (
     "plugin_state",
@@ -259,6 +262,65 @@ def state_address(m, d, instance):
     model = carray(m, 1)[0]
     data = carray(d, 1)[0]
     return data.plugin_state + DOUBLE_BYTES * ints(model.plugin_stateadr)[instance]
+
+
+N_AXIS = 5
+"""Number of values that describe an axis of a table."""
+_HEAD = 2 + 2 * N_AXIS
+N_SPLINES = 4
+_LEAST_ROWS = 5
+"""Least number of coefficients of a spline along an axis."""
+
+
+def numeric_of_tip(splines: np.ndarray, axes: np.ndarray) -> list[float]:
+    """Return the numbers of a numeric field from which the plugins read the table of a tip.
+
+    They are the numbers of rows and columns of a spline, the axes, and the splines.
+
+    Args:
+        splines: (4, rows, columns), see `probe_table.tables`.
+        axes: (2, 5).
+    """
+    return [*map(float, splines.shape[1:]), *axes.ravel().tolist(), *splines.ravel().tolist()]
+
+
+def tip_of_numeric(numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the splines and the axes in the numbers of `numeric_of_tip`."""
+    rows, columns = (int(number) for number in numbers[:2])
+    splines = numbers[_HEAD:].reshape(N_SPLINES, rows, columns)
+    return splines, numbers[2:_HEAD].reshape(2, N_AXIS)
+
+
+@compiled
+def _numeric_address(m, numeric):
+    """Return the address of the numbers of a numeric field."""
+    model = carray(m, 1)[0]
+    return model.numeric_data + DOUBLE_BYTES * ints(model.numeric_adr)[numeric]
+
+
+@compiled
+def is_tip_table(m, numeric):
+    """Return whether a numeric field has as many numbers as the table of a tip."""
+    size = ints(carray(m, 1)[0].numeric_size)[numeric]
+    if size < _HEAD:
+        return False
+    numbers = doubles(_numeric_address(m, numeric))
+    rows = numbers[0]
+    columns = numbers[1]
+    is_large_enough = rows >= _LEAST_ROWS and columns >= _LEAST_ROWS
+    return is_large_enough and size == _HEAD + N_SPLINES * rows * columns
+
+
+@compiled
+def tip_tables(m, numeric):
+    """Return the splines (4, rows, columns) and the axes (2, 5) of a tip in a numeric field."""
+    address = _numeric_address(m, numeric)
+    numbers = doubles(address)
+    rows = int(numbers[0])
+    columns = int(numbers[1])
+    axes = carray(doubles(address + DOUBLE_BYTES * 2), (2, N_AXIS))
+    splines = carray(doubles(address + DOUBLE_BYTES * _HEAD), (N_SPLINES, rows, columns))
+    return splines, axes
 
 
 @compiled

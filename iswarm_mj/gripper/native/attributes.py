@@ -21,14 +21,16 @@ from iswarm_mj.gripper.native.abi import (
     characters,
     compiled,
     ints,
+    is_tip_table,
     pointer_to,
     state_address,
 )
 
-NUMBER, GEOM, ACTUATOR = range(3)
-"""Kinds of attributes."""
+NUMBER, GEOM, ACTUATOR, TIP = range(4)
+"""Kinds of attributes; `TIP` is the table of a tip in a numeric field of the model."""
 _GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
 _ACTUATOR = int(mujoco.mjtObj.mjOBJ_ACTUATOR)
+_NUMERIC = int(mujoco.mjtObj.mjOBJ_NUMERIC)
 _PERCENT_SIGN, _UNDERSCORE = b"%_"
 _LONGEST_MESSAGE = 1024
 """Bytes of an error's message, the terminating zero included."""
@@ -57,8 +59,8 @@ def _attribute(m, text, kind, low, high, default):
     Args:
         m: address of the model.
         text: address of the text, which ends with a zero; an empty one stands for the default.
-        kind: kind of the attribute: a number, or the name of an actuator or of a geom, whose id is
-            returned.
+        kind: kind of the attribute: a number, or the name of an actuator, of a numeric field or of
+            a geom, whose id is returned.
         low: least number, or a type that the geom may have.
         high: largest number, or another type that the geom may have.
         default: value of an attribute that is absent; nan where it is required.
@@ -71,6 +73,10 @@ def _attribute(m, text, kind, low, high, default):
         value = _strtod(text, end.ctypes.data)
         is_number = characters(end[0])[0] == 0
         return value if is_number and low <= value <= high else np.nan
+
+    if kind == TIP:
+        numeric = _name_to_id(m, _NUMERIC, text)
+        return float(numeric) if numeric >= 0 and is_tip_table(m, numeric) else np.nan
 
     if kind == ACTUATOR:
         actuator = _name_to_id(m, _ACTUATOR, text)
@@ -150,7 +156,7 @@ class Attribute(NamedTuple):
     constraint: str
     """Valid values, with their unit."""
     kind: int
-    """`NUMBER`, `GEOM` or `ACTUATOR`."""
+    """`NUMBER`, `GEOM`, `ACTUATOR` or `TIP`."""
     low: float = 0.0
     """Least number, or a type of geom."""
     high: float = np.inf
@@ -253,6 +259,12 @@ ATTRIBUTES = {
             "the field that breaks it, a number of at least 0 [V/um]",
             NUMBER,
             default=1000,
+        ),
+        Attribute(
+            "tip",
+            "the name of a numeric field with the table of a tip, as of `numeric_of_tip`",
+            TIP,
+            default=-1,
         ),
     ),
 }

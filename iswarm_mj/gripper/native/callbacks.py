@@ -19,7 +19,15 @@ from iswarm_mj.gripper import contact
 from iswarm_mj.gripper.laws import electrostatics, spline
 from iswarm_mj.gripper.laws.adhesion import humidity_factor
 from iswarm_mj.gripper.laws.probe_table import tables
-from iswarm_mj.gripper.native.abi import PLANE, RK4, Data, Model, compiled, read_fields
+from iswarm_mj.gripper.native.abi import (
+    PLANE,
+    RK4,
+    Data,
+    Model,
+    compiled,
+    read_fields,
+    tip_tables,
+)
 from iswarm_mj.gripper.native.attributes import (
     ADHESION,
     NO_REBOUND,
@@ -296,6 +304,24 @@ def _pull(shape, voltage, gap, radius):
     return shape * _asymptotic_force(voltage, gap * UM, radius * UM) / NN
 
 
+@compiled
+def _shapes(radius, gaps, least_gap, probe_radius, splines, axes):
+    """Return shape factor and capacitance [fF] to the probe, then to the plate.
+
+    Args:
+        radius: of the ball [um].
+        gaps: to the probe and to the plate [um].
+        least_gap: least gap of the law [um].
+        probe_radius: of the probe [um].
+        splines: of the flat probe or of a tip, see `probe_table.tables`.
+        axes: of the splines.
+    """
+    probe_gap, plate_gap = gaps
+    pick = _shape_of(PICK, radius, probe_gap, least_gap, probe_radius, splines, axes)
+    release = _shape_of(RELEASE, radius, plate_gap, least_gap, probe_radius, splines, axes)
+    return pick, release
+
+
 def electrostatic_callbacks() -> dict[str, Any]:
     """Return the callbacks of the force of a voltage on the ball, and of the ball's potential."""
     splines, axes = tables()
@@ -314,24 +340,14 @@ def electrostatic_callbacks() -> dict[str, Any]:
         plate_gap, from_plate = _gap_to(f, ball, plate)
 
         # Shape factors of the two pulls, and the ball's capacitances.
-        pick_shape, to_probe = _shape_of(
-            PICK,
-            radius,
-            probe_gap,
-            least_gap,
-            probe_radius,
-            splines,
-            axes,
-        )
-        release_shape, to_plate = _shape_of(
-            RELEASE,
-            radius,
-            plate_gap,
-            least_gap,
-            probe_radius,
-            splines,
-            axes,
-        )
+        gaps = probe_gap, plate_gap
+        if state.tip < 0:
+            pick, release = _shapes(radius, gaps, least_gap, probe_radius, splines, axes)
+        else:
+            tip_splines, tip_axes = tip_tables(m, int(state.tip))
+            pick, release = _shapes(radius, gaps, least_gap, probe_radius, tip_splines, tip_axes)
+        pick_shape, to_probe = pick
+        release_shape, to_plate = release
 
         # The tool's voltage falls across the gaps to the probe and to the plate.
         voltage = f.ctrl[int(state.voltage)]
