@@ -66,6 +66,8 @@ def test_the_bench_and_swarms_take_its_settings(mine):
     swarm = parse(["clean", "--config", "out/fit.toml"]).gripper
     for name in ("work_object_substrate", "spread_object_substrate", "humidity_doubling"):
         assert getattr(grasp, name) == getattr(swarm, name) == works[name]
+    page = parse(["play", "--config", "out/fit.toml"]).gripper
+    assert page == swarm
     assert grasp.electrical_gap == 1e-7
 
     # The voltages of trials are those that the fit predicts.

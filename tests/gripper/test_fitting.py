@@ -241,6 +241,20 @@ def test_uncertain_readings_count_less():
     assert fit(unsure).difference.interval.value < 0.98 * value
 
 
+def test_forces_have_an_uncertainty_of_their_own():
+    table = {
+        "kind": ["pull-off from tool", "release", "release"],
+        "radius [um]": [20, 20, 20],
+        "humidity [%]": [10, 10, 10],
+        "force [nN]": [200, "", ""],
+        "voltage [V]": ["", 40, 42],
+        "uncertainty [V]": [0.5, 0.5, ""],
+        "force_uncertainty [nN]": [30, "", ""],
+    }
+    rows = read_measurements(table)
+    assert rows.uncertainty == pytest.approx([30e-9, 0.5, 0])
+
+
 def test_bounds_move_the_estimate():
     """A ball that is not lifted up to 50 V sticks more than the others."""
     table = {**OUTSIDER, "voltage [V]": [24, 27, 31, 33, ">50"]}
@@ -319,6 +333,19 @@ BAD = {
     "column": (
         "radius [um],humidty [%],voltage [V]\n",
         "has a column 'humidty [%]'; perhaps you meant humidity",
+    ),
+    "both": (
+        "radius [um],voltage [V],voltage_low [V]\n",
+        "has a column voltage and a column voltage_low",
+    ),
+    "material": (
+        "radius [um],rh [%],voltage [V],material\n15,10,24,golld\n15,10,24,gold\n",
+        "line 2: ball_material must be solder",
+    ),
+    "volts": ("radius [um],voltage [Volt]\n", "the unit of voltage must be one of mV, V, kV"),
+    "cell": (
+        "radius [um],rh [%],voltage [V]\n" + "9" * 200_000 + ",10,24\n",
+        "is no CSV (field larger than field limit",
     ),
     "twice": ("radius [um],r [um],voltage [V]\n", "has two columns for radius"),
     "no radius": ("humidity [%],voltage [V]\n", "has no column `radius [um]`"),

@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 from iswarm_mj.gripper.laws import materials
 from iswarm_mj.gripper.laws.detachment import PROBE_RADIUS, RELEASE_GAP
 from iswarm_mj.utils.constraints import Within
-from iswarm_mj.utils.errors import UserError, closest, shown
+from iswarm_mj.utils.errors import ConfigError, UserError, closest, shown
 from iswarm_mj.utils.files import read_text
 
 KINDS = ("grasp", "release", "no_contact", "pull_off_tool", "pull_off_plate", "melting")
@@ -41,9 +41,9 @@ _KIND_WORDS = {
 """Further words for kinds."""
 
 _LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "nm": 1e-9}
-_PERCENT = {"%": 1.0, "%rh": 1.0, "% rh": 1.0, "fraction": 100.0}
-_VOLTAGES = {"mv": 1e-3, "v": 1.0, "kv": 1e3}
-_FORCES = {"n": 1.0, "mn": 1e-3, "un": 1e-6, "µn": 1e-6, "μn": 1e-6, "nn": 1e-9}
+_PERCENT = {"%": 1.0, "%RH": 1.0, "% RH": 1.0, "fraction": 100.0}
+_VOLTAGES = {"mV": 1e-3, "V": 1.0, "kV": 1e3}
+_FORCES = {"N": 1.0, "mN": 1e-3, "uN": 1e-6, "µN": 1e-6, "μN": 1e-6, "nN": 1e-9}
 _DENSITIES = {"kg/m^3": 1.0, "kg/m3": 1.0, "g/cm^3": 1e3, "g/cm3": 1e3}
 
 
@@ -51,7 +51,7 @@ class _Column(NamedTuple):
     """A column of numbers that a table may have."""
 
     units: Mapping[str, float]
-    """Units in lower case, and what they are in SI; none for a pure number."""
+    """Units, and what they are in SI; none for a pure number."""
     allowed: Within
     """Values in SI."""
     example: str = ""
@@ -71,7 +71,8 @@ COLUMNS: dict[str, _Column] = {
     "force": _FORCE,
     "force_low": _FORCE,
     "force_high": _FORCE,
-    "uncertainty": _Column({**_VOLTAGES, **_FORCES}, Within(0, 1000), "V"),
+    "uncertainty": _VOLTAGE,
+    "force_uncertainty": _FORCE,
     "repeats": _Column({}, Within(1, 1_000_000)),
     "probe_radius": _Column(_LENGTHS, Within(2e-6, 80e-6, "m"), "um"),
     "tip_curvature": _Column(_LENGTHS, Within(5e-6, 1e-3, "m"), "um"),
@@ -234,7 +235,10 @@ def _rows_of_file(path: Path) -> tuple[str, list[str], Iterator[_Line]]:
     delimiter = max(";\t,", key=lines[0][1].count)
 
     def cells(line: str) -> list[str]:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+        try:
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter))]
+        except csv.Error as error:
+            raise UserError(f"{path} is no CSV ({error}); name a CSV file") from None
 
     def rows() -> Iterator[_Line]:
         for number, line in lines[1:]:
@@ -282,6 +286,13 @@ class _Reader:
             raise UserError(f"{name} has no column `radius [um]`; add the radius of the balls")
         if not {"voltage", "voltage_low", "force", "force_low"} & set(self._columns):
             raise UserError(f"{name} has no column `voltage [V]` or `force [nN]`; add one")
+        for quantity in ("voltage", "force"):
+            bounds = {f"{quantity}_low", f"{quantity}_high"} & set(self._columns)
+            if quantity in self._columns and bounds:
+                raise UserError(
+                    f"{name} has a column {quantity} and a column {min(bounds)}; "
+                    "use the first for all rows, as `20-30`, or the others"
+                )
 
     def _add_column(self, text: str, units: Mapping[str, str]) -> None:
         """Take a column of the header with its unit."""
@@ -298,6 +309,7 @@ class _Reader:
         if column in _WORDS or not COLUMNS[column].units:
             return
 
+        # Units are read in any case, as tables have rh [%rh] or gap [UM].
         allowed = COLUMNS[column].units
         unit = (match and match[2]) or units.get(column)
         example = COLUMNS[column].example
@@ -306,12 +318,13 @@ class _Reader:
                 f"{self._name}: the column {column} has no unit; write it into the header, as "
                 f"`{column} [{example}]`, or pass `units` {column}={example}"
             )
-        if unit.strip().lower() not in allowed:
+        factors = {name.lower(): factor for name, factor in allowed.items()}
+        if unit.strip().lower() not in factors:
             raise UserError(
                 f"{self._name}: the unit of {column} must be one of {', '.join(allowed)} "
                 f"(got {shown(unit)})"
             )
-        self._factors[column] = allowed[unit.strip().lower()]
+        self._factors[column] = factors[unit.strip().lower()]
 
     def read(self, rows: Iterator[_Line]) -> Measurements:
         """Return the measurements."""
@@ -418,6 +431,8 @@ class _Reader:
             raise self._error(line, f"a row of {kind} needs a {quantity}{reason}")
         row.setdefault("low", 0.0)
         row.setdefault("high", math.inf)
+        if kind in FORCES:
+            row["uncertainty"] = row.get("force_uncertainty", 0.0)
         if row["low"] > row["high"]:
             raise self._error(line, f"the least {quantity} must not exceed the greatest")
 
@@ -449,10 +464,13 @@ class _Reader:
     def _materials(self, row: Mapping[str, Any]) -> tuple[float, float, float]:
         """Return relative works of adhesion to tool and plate, and the ball's density."""
         names = (materials.BALL, materials.TOOL, materials.PLATE)
-        ball, tool, plate = (
-            materials.material(column, row.get(column, usual), usual)
-            for column, usual in zip(MATERIALS, names, strict=True)
-        )
+        try:
+            ball, tool, plate = (
+                materials.material(column, row.get(column, usual), usual)
+                for column, usual in zip(MATERIALS, names, strict=True)
+            )
+        except ConfigError as error:
+            raise self._error(row["line"], str(error)) from None
         return (
             materials.work_ratio(ball, tool, materials.BALL, materials.TOOL),
             materials.work_ratio(ball, plate, materials.BALL, materials.PLATE),
@@ -473,7 +491,7 @@ def _canonical(text: str) -> str:
 def _in_unit(column: str, allowed: Within) -> str:
     """Return limits in the usual unit of a column."""
     example = COLUMNS[column].example
-    factor = COLUMNS[column].units.get(example.lower(), 1.0)
+    factor = COLUMNS[column].units.get(example, 1.0)
     return str(Within(allowed.low / factor, allowed.high / factor, example))
 
 
