@@ -100,5 +100,7 @@ from .workflows.grasp import run_grasp as run_grasp
 from .workflows.grasp_settings import GraspSettings as GraspSettings
 from .workflows.rollout import Rollout as Rollout
 from .workflows.rollout import rollout as rollout
+from .workflows.tip import design_tip as design_tip
+from .workflows.tip_settings import TipSettings as TipSettings
 
 __version__: str

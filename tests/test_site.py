@@ -156,6 +156,7 @@ SHORTENING_FLAGS = {
     "run": "--steps 12",
     "bench": "--steps 4 --warm-up 2 --worlds 2",
     "grasp": "--repeats 1 --radius 20e-6",
+    "tip": "--generations 2 --population 4",
     "evolve": "--generations 2 --population 4 --steps 10",
     "train": "--generations 2 --population 4 --steps 10",
     "experiment": "--quick",
@@ -181,7 +182,8 @@ def shortened(words, flags):
 def shortening_flags(words):
     """Return the flags that make a command short."""
     name = words[1]
-    flags = SHORTENING_FLAGS.get(name, "").split() if "--force-curve" not in words else []
+    is_long = "--force-curve" not in words and (name != "tip" or "--optimise" in words)
+    flags = SHORTENING_FLAGS.get(name, "").split() if is_long else []
     if "--worlds" in words and "--worlds" not in flags:
         flags += ["--worlds", "3"]
     if "--replicates" in words:
