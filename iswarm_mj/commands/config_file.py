@@ -208,6 +208,8 @@ def _values_of_result(path: Path, content: Any, given_flags: Collection[str]) ->
             )
         return values
 
+    if part("fit"):
+        raise UserError(f"--config {path} is of iswarm fit; name the fit.toml beside it")
     for bench in ("grasp", "tip"):
         if part(bench):
             values = by_flags(content[bench])

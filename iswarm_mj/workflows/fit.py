@@ -237,6 +237,11 @@ def predict_by_trials(
         voltage, and the median of the voltages [V].
     """
     of_bench = {name: value for name, value in grasp_settings(fitted).items() if "." not in name}
+    # Rounded tips have no attempts without contact, and no setting for them.
+    without_contactless: dict[str, Any] = {"no_contact_gap": ()}
+    if "tip_curvature" in of_bench:
+        without_contactless = {}
+
     entries = []
     for radius, humidity in dict.fromkeys((entry.radius, entry.humidity) for entry in predictions):
         gaps = dict.fromkeys(entry.gap for entry in predictions if entry.kind == "release")
@@ -246,7 +251,7 @@ def predict_by_trials(
             repeats=n_trials,
             rh_spread=0.0,
             gap=tuple(gaps),
-            no_contact_gap=(),
+            **without_contactless,
             **of_bench,
         )
         rows = run_grasp(settings)

@@ -7,6 +7,7 @@ import pytest
 from support.cli import code_of, refused, result
 
 from iswarm_mj.commands.main import parse
+from iswarm_mj.utils.errors import UserError
 from iswarm_mj.utils.tables import read_table
 from iswarm_mj.workflows.grasp import TABLE
 
@@ -66,6 +67,8 @@ def test_the_bench_and_swarms_take_its_settings(mine):
     swarm = parse(["clean", "--config", "out/fit.toml"]).gripper
     for name in ("work_object_substrate", "spread_object_substrate", "humidity_doubling"):
         assert getattr(grasp, name) == getattr(swarm, name) == works[name]
+    with pytest.raises(UserError, match=r"is of iswarm fit; name the fit.toml beside it"):
+        parse(["grasp", "--config", "out/result.json"])
     page = parse(["play", "--config", "out/fit.toml"]).gripper
     assert page == swarm
     assert grasp.electrical_gap == 1e-7
@@ -96,6 +99,16 @@ def test_trials_of_the_bench_confirm_predictions(mine, capfd):
         assert trials["with_voltage"] == trials["trials"] == 4
         low, high = prediction["balls_low"], prediction["balls_high"]
         assert low < trials["median"] < high
+
+
+def test_a_rounded_tip_is_that_of_trials_and_settings(here, capfd):
+    header, *rows = MINE.splitlines()
+    lines = [f"{header},tip_curvature [um]", *(f"{row},30" for row in rows)]
+    (here / "round.csv").write_text("\n".join(lines))
+    few = ["--trials", "2", "--radius", "20e-6", "--rh", "10", "--out", "out"]
+    assert code_of("fit", "round.csv", "--prior", "work_tool_object=1.41e-3:1.01", *few) == 0
+    assert "trials of the bench, grasp, 20 um, 10 % RH: median 2" in capfd.readouterr().out
+    assert parse(["grasp", "--config", "out/fit.toml"]).tip_curvature == 30e-6
 
 
 def test_a_fit_replaces_an_earlier_one_and_is_inspected(mine, capfd):

@@ -10,7 +10,7 @@ from scipy.integrate import dblquad, quad
 from iswarm_mj.gripper.fitting.fit import fit
 from iswarm_mj.gripper.fitting.likelihood import Likelihood
 from iswarm_mj.gripper.fitting.model import LoadModel
-from iswarm_mj.gripper.fitting.parameters import PARAMETERS, Model
+from iswarm_mj.gripper.fitting.parameters import ALWAYS_FREE, PARAMETERS, Model
 from iswarm_mj.gripper.fitting.table import example_table, read_measurements, single_row
 from iswarm_mj.gripper.fitting.text import sentences
 from iswarm_mj.gripper.laws import detachment
@@ -255,6 +255,32 @@ def test_forces_have_an_uncertainty_of_their_own():
     assert rows.uncertainty == pytest.approx([30e-9, 0.5, 0])
 
 
+@pytest.mark.parametrize(
+    ("columns", "sentence"),
+    [
+        ({"kind": ["melting"] * 4}, "No work of adhesion is determined"),
+        ({"kind": ["release"] * 4}, "W_tool is determined; W_plate is not determined"),
+        ({"kind": ["no contact"] * 4, "gap [um]": [1] * 4}, "W_plate is determined"),
+        ({"voltage [V]": [25] * 4}, "Only W_plate - W_tool is determined"),
+        ({"voltage [V]": [2, 250, 25, 900]}, "W_tool is not determined"),
+        ({"voltage [V]": [0, 0, 5, 0]}, "No work of adhesion is determined"),
+        ({"uncertainty [V]": [100] * 4}, "No work of adhesion is determined"),
+    ],
+)
+def test_odd_tables_have_a_fit_and_a_sentence(columns, sentence):
+    table = {
+        "radius [um]": [15, 20, 25, 20],
+        "humidity [%]": [10, 10, 40, 40],
+        "voltage [V]": [24, 27, 31, 30],
+    }
+    fitted = fit({**table, **columns})
+    assert sentence in sentences(fitted)[0]
+    for estimate in fitted.estimates.values():
+        assert 0 < estimate.interval.low <= estimate.interval.value <= estimate.interval.high
+        assert math.isfinite(estimate.interval.high)
+    assert len(sentences(fitted)) > 2
+
+
 def test_bounds_move_the_estimate():
     """A ball that is not lifted up to 50 V sticks more than the others."""
     table = {**OUTSIDER, "voltage [V]": [24, 27, 31, 33, ">50"]}
@@ -385,6 +411,10 @@ def test_too_many_rows_are_refused(tmp_path):
         ({"free": ("radius_exponent",)}, "`free` names radius_exponent"),
         ({"priors": {"electrical_gap": (1e-7, 0.5)}}, "a factor between 1 and 1e4"),
         ({"free": ("electrical_gap",), "hold": {"electrical_gap": 1e-7}}, "left out, since `free`"),
+        (
+            {"hold": {name: 0.01 for name in ALWAYS_FREE}},
+            "fewer parameters, since none is left to estimate",
+        ),
         ({"units": {"gap": "um"}}, "`units` names gap, but table has only"),
     ],
 )

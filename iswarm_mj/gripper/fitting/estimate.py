@@ -127,11 +127,12 @@ class Maximum:
             direction: where the quantity changes most for its cost, by the covariance.
         """
         values = self.likelihood.model.values
-        best = quantity(self.values)
+        gradient = self.gradient(quantity)
+        scale = abs(quantity(self.values)) or float(np.linalg.norm(gradient))
 
         def goal(places: np.ndarray) -> float:
             # Linear near 0 and logarithmic beyond: quantities grow exponentially with places.
-            return -sign * float(np.arcsinh(10 * quantity(values(places)) / abs(best)))
+            return -sign * float(np.arcsinh(10 * quantity(values(places)) / scale))
 
         constraint = {
             "type": "ineq",

@@ -45,7 +45,7 @@ NO_CONTACT_GAP = 1e-6
 _EQUAL_SCORES = 0.05
 """Difference of the summed logarithms of widths up to which measurements are equally good."""
 _HALF = 0.5
-"""Share of the prior's width below which a parameter is estimated by default."""
+"""Share of the prior's width below which an estimate is informed by the data."""
 
 
 class Estimate(NamedTuple):
@@ -197,6 +197,7 @@ class Fit:
         the estimate. The interval that it would leave is that of a fit which has it.
         """
         names = [name for name in self.model.free if not name.startswith("spread")]
+        names = names or list(self.model.free)
         indices = [self.model.free.index(name) for name in names]
         precision = np.linalg.inv(self.maximum.covariance)
 
@@ -339,6 +340,10 @@ def fit(
             raise ConfigError("hold", name, "left out, since `free` names it")
         model = model.with_held(name, value)
     model = model.with_free(*free)
+    if not model.free:
+        raise ConfigError(
+            "hold", ", ".join(held), "fewer parameters, since none is left to estimate"
+        )
 
     maximum = maximise(Likelihood(measurements, model))
     candidates = [
@@ -377,10 +382,8 @@ def _determined(
     while names:
         model = maximum.likelihood.model.with_free(*names)
         likelihood = Likelihood(measurements, model)
-        usual = [model.parameters[name].usual for name in names]
-        places = [
-            model.parameters[name].place_of(value) for name, value in zip(names, usual, strict=True)
-        ]
+        parameters = [model.parameters[name] for name in names]
+        places = [parameter.place_of(parameter.usual) for parameter in parameters]
         information = likelihood.information(np.concatenate([maximum.places, places]))
         covariance = np.linalg.inv(information + np.eye(len(information)))
         shares = np.sqrt(np.diag(covariance))[-len(names) :]

@@ -11,6 +11,8 @@ from iswarm_mj.gripper.laws.detachment import CONTACT_GAP
 from iswarm_mj.utils.constraints import Within
 from iswarm_mj.utils.errors import ConfigError, UserError, closest
 
+_FARTHEST = 30.0
+"""Place in a prior up to which values follow it: searches try any, and exponentials overflow."""
 NORMAL_95 = 1.96
 """Standard deviations of a normal distribution within which 95 % lie on each side of the mean."""
 _POSITIVE = Within(0)
@@ -53,6 +55,7 @@ class Parameter:
 
     def value_at(self, place: float) -> float:
         """Return the value that lies `place` standard deviations of the prior above its median."""
+        place = min(max(place, -_FARTHEST), _FARTHEST)
         if self.is_linear:
             return self.median + self.prior_deviation * place
         return self.median * math.exp(self.prior_deviation * place)

@@ -131,11 +131,16 @@ def _on_works(fitted: Fit) -> str:
     if tool.is_determined and plate.is_determined:
         return "Both works of adhesion are determined."
     difference = interval_text(fitted.difference.interval, 1e-3, "mJ/m^2")
-    if fitted.difference.is_determined and not tool.is_informed:
+    rows = fitted.measurements
+    kinds_with_values = rows.kind[(rows.low > 0) & np.isfinite(rows.high)]
+    has_grasps_alone = set(kinds_with_values.tolist()) - {"melting"} == {"grasp"}
+    if fitted.difference.is_determined and has_grasps_alone:
         return (
             f"Only W_plate - W_tool is determined, {difference}: grasp voltages depend on nothing "
             "else of the two works, and do not predict a release."
         )
+    if not (tool.is_informed or plate.is_informed):
+        return "No work of adhesion is determined; their intervals are mostly those of the priors."
     return f"{_knowledge('W_tool', tool)}; {_knowledge('W_plate', plate)}."
 
 
