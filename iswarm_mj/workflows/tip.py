@@ -276,6 +276,7 @@ def result_of(settings: TipSettings, design: Design, seconds: float) -> dict[str
         "beyond_the_fit": [
             text for text in settings.grasp.beyond_the_fit if not text.startswith("rh ")
         ],
+        "summary": [f"{name}: {text}" for name, text in summary(settings, design)],
         "wall_s": round(seconds, 3),
     }
 

@@ -52,6 +52,22 @@ def test_the_solid_is_closed_and_the_points_are_read_again(here):
         assert again[column] == pytest.approx(first[column], rel=0.02)
 
 
+def test_inspect_repeats_the_summary(capfd):
+    assert code_of("tip", *ONE_BALL) == 0
+    capfd.readouterr()
+    assert code_of("inspect", "out") == 0
+    printed = capfd.readouterr().out
+    assert "grasp 25.0 V, release 41.9 V" in printed
+    assert "iswarm tip --config out/result.json repeats it" in printed
+    assert "iswarm tip --profile out/profile.csv" in printed
+
+
+def test_it_takes_the_table_of_the_bench_in_fit_toml(here):
+    (here / "fit.toml").write_text("[grasp]\nelectrical_gap = 3e-7\n[gripper]\ntool_error = 1e-6\n")
+    assert code_of("tip", "--config=fit.toml", *ONE_BALL) == 0
+    assert result("out")["tip"]["electrical_gap"] == 3e-7
+
+
 def test_it_takes_a_file_for_the_bench_and_results_of_its_own(here, capfd):
     (here / "fit.toml").write_text(
         "work_tool_object = 2e-3\nwork_object_substrate = 12e-3\nrepeats = 3\n[protocol]\npress = 2e-8\n"

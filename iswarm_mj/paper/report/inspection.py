@@ -14,6 +14,7 @@ from iswarm_mj.paper.report.listed_files import (
     file_lines,
     is_of_bench,
     is_of_fit,
+    is_of_tip,
     recording_lines,
 )
 from iswarm_mj.paper.report.results import SEARCH, TRIALS, explaining_damage
@@ -83,7 +84,9 @@ def _directories_with_results(directory: Path) -> list[Path]:
 def _holds_a_run(directory: Path) -> bool:
     """Return whether a directory holds a run of a task."""
     result = directory / RESULT
-    return result.is_file() and not is_of_bench(result) and not is_of_fit(result)
+    return result.is_file() and not any(
+        is_of(result) for is_of in (is_of_bench, is_of_fit, is_of_tip)
+    )
 
 
 def _paragraph(directory: Path) -> str:
@@ -147,6 +150,8 @@ def _describe_file(path: Path) -> Iterator[str]:
                 fitted = read_json(path, REMEDY)["fit"]
                 yield f"fit of {fitted['rows']} rows of {fitted['source']}"
                 yield from fitted["statements"]
+            elif path.name == RESULT and is_of_tip(path):
+                yield from read_json(path, REMEDY)["summary"]
             elif path.name == RESULT:
                 yield from _describe_run(read_result(path), path.parent)
             else:

@@ -16,6 +16,7 @@ from iswarm_mj.strategy.library import STRATEGIES, TASKS, PluginKind, naming, of
 from iswarm_mj.tasks.cleaning import CLEANING
 from iswarm_mj.workflows import grasp
 from iswarm_mj.workflows.fit import SETTINGS_FILE
+from iswarm_mj.workflows.tip import STL
 
 _MAX_FILES = 20
 """Maximum number of files that are listed."""
@@ -25,6 +26,9 @@ FILES = {
     "result.json": "measures and settings: iswarm_mj.load({parent!r}).result; "
     "iswarm clean --config {path} repeats it",
     "fit.toml": "settings: iswarm grasp --config {path}, or iswarm clean --config {path}",
+    "tip.json": "forces of the tip: iswarm grasp --tip {path}",
+    "tip.stl": "solid of the tip, in um",
+    "profile.csv": "points of the tip: iswarm tip --profile {path}",
     "trajectory.npz": "what was recorded: iswarm_mj.load({parent!r}).robots, .balls, .links, "
     ".steps",
     "*.rrd": "recording: rerun {path}",
@@ -76,6 +80,9 @@ def _opening_text(path: Path) -> str:
         return f"measures and settings: {command} repeats it"
     if path.name == RESULT and is_of_fit(path):
         return "estimates, predictions, residuals and the next measurement, in SI"
+    if path.name == RESULT and is_of_tip(path):
+        command = f"iswarm tip --config {shlex.quote(str(path))}"
+        return f"voltages, tolerances and settings: {command} repeats it"
     if path.name == RESULT:
         return how_to_open(path).replace("iswarm clean", _repeating_command(read_result(path)))
     if path.name == TRAJECTORY and not is_zipfile(path):
@@ -91,6 +98,11 @@ def is_of_bench(result: Path) -> bool:
 def is_of_fit(result: Path) -> bool:
     """Return whether a result.json is of `iswarm fit`."""
     return (result.parent / SETTINGS_FILE).is_file()
+
+
+def is_of_tip(result: Path) -> bool:
+    """Return whether a result.json is of `iswarm tip`."""
+    return (result.parent / STL).is_file()
 
 
 def _repeating_command(content: Mapping[str, Any]) -> str:
