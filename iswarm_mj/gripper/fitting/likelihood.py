@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 from jaxtyping import Float
-from scipy.special import gammaln, log_ndtr
+from scipy.special import log_ndtr
 
 from iswarm_mj.gripper.fitting.model import LoadModel, Loads
 from iswarm_mj.gripper.fitting.parameters import Model
@@ -18,6 +18,12 @@ class Likelihood:
     """Minus the logarithm of likelihood and prior of a model's free parameters."""
 
     def __init__(self, measurements: Measurements, model: Model):
+        """Sort the rows by what they say.
+
+        Args:
+            measurements: rows of the table.
+            model: which parameters are free, and their priors.
+        """
         self.model = model
         self.load_model = LoadModel(measurements)
         self._known = np.flatnonzero(measurements.is_known)
@@ -40,41 +46,51 @@ class Likelihood:
         Args:
             values: parameters by name, in SI.
         """
-        rows = self.load_model.measurements
         loads = self.load_model.loads(values)
         total = 0.0
-
-        # Means of balls: their scatter falls with the number, the uncertainty of readings does not.
         if len(self._known):
-            known = self._known
-            deviation = self._deviation(loads, rows.high, rows.repeats)[known]
-            load = self.load_model.load_of(rows.high, loads)[known]
-            slope = self.load_model.slope_of(rows.high, loads)[known]
-            residual = (load - loads.mean[known]) / deviation
-            total += float(np.sum(np.log(slope / deviation) - 0.5 * residual**2))
-
-        # Ranges: least and greatest of n balls, and n - 2 between them.
+            total += self._log_density_of_known(loads)
         if len(self._ranges):
-            ranges = self._ranges
-            n = rows.repeats[ranges]
-            low, high, log_between = (
-                array[ranges] for array in self._standardised_bounds(loads, rows)
-            )
-            deviations = [self._deviation(loads, end, 1)[ranges] for end in (rows.low, rows.high)]
-            slopes = [self.load_model.slope_of(end, loads)[ranges] for end in (rows.low, rows.high)]
-            log_density = sum(
-                np.log(slope / deviation) - 0.5 * end**2
-                for end, deviation, slope in zip((low, high), deviations, slopes, strict=True)
-            )
-            orderings = gammaln(n + 1) - gammaln(n - 1)
-            total += float(np.sum(orderings + log_density + (n - 2) * log_between))
-
-        # Bounds, and the interval of one ball: all balls lie in it.
+            total += self._log_density_of_ranges(loads)
         if len(self._bounds):
-            bounds = self._bounds
-            _, _, log_between = self._standardised_bounds(loads, rows)
-            total += float(np.sum(rows.repeats[bounds] * log_between[bounds]))
+            total += self._log_probability_of_bounds(loads)
         return total
+
+    def _log_density_of_known(self, loads: Loads) -> float:
+        """Return the log density of means of balls, up to a constant.
+
+        The scatter of means falls with the number of balls, the uncertainty of readings does not.
+        """
+        rows = self.load_model.measurements
+        known = self._known
+        deviation = self._deviation(loads, rows.high, rows.repeats)[known]
+        load = self.load_model.load_of(rows.high, loads)[known]
+        slope = self.load_model.slope_of(rows.high, loads)[known]
+        residual = (load - loads.mean[known]) / deviation
+        return float(np.sum(np.log(slope / deviation) - 0.5 * residual**2))
+
+    def _log_density_of_ranges(self, loads: Loads) -> float:
+        """Return the log density of least and greatest of n balls, with n - 2 between them."""
+        rows = self.load_model.measurements
+        ranges = self._ranges
+        n = rows.repeats[ranges]
+        low, high, log_between = self._standardised_bounds(loads)
+
+        log_density = np.zeros(len(ranges))
+        for value, standardised in ((rows.low, low), (rows.high, high)):
+            deviation = self._deviation(loads, value, 1)[ranges]
+            slope = self.load_model.slope_of(value, loads)[ranges]
+            log_density += np.log(slope / deviation) - 0.5 * standardised[ranges] ** 2
+
+        # n (n - 1) pairs of balls may be the least and the greatest.
+        orderings = np.log(n * (n - 1))
+        return float(np.sum(orderings + log_density + (n - 2) * log_between[ranges]))
+
+    def _log_probability_of_bounds(self, loads: Loads) -> float:
+        """Return the log probability that all balls of bounds, and of intervals of one ball, hold."""
+        _, _, log_between = self._standardised_bounds(loads)
+        repeats = self.load_model.measurements.repeats
+        return float(np.sum(repeats[self._bounds] * log_between[self._bounds]))
 
     def _deviation(self, loads: Loads, value: np.ndarray, n: np.ndarray | int) -> np.ndarray:
         """Return the standard deviation of the load that the mean of n balls shows.
@@ -89,10 +105,9 @@ class Likelihood:
         reading = self.load_model.slope_of(finite, loads) * rows.uncertainty
         return np.hypot(loads.deviation / np.sqrt(n), reading)
 
-    def _standardised_bounds(
-        self, loads: Loads, rows: Measurements
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _standardised_bounds(self, loads: Loads) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return least and greatest load in standard deviations, and log P of what lies between."""
+        rows = self.load_model.measurements
         ends = []
         for value in (rows.low, rows.high):
             load = self.load_model.load_of(np.where(np.isfinite(value), value, 0.0), loads)
@@ -101,7 +116,7 @@ class Likelihood:
         low = np.where(rows.low > 0, ends[0], -np.inf)
         high = np.where(np.isfinite(rows.high), ends[1], np.inf)
 
-        # By symmetry in the lower tail, where the logarithm is accurate.
+        # Intervals above the mean are mirrored: logarithms are accurate in the lower tail alone.
         is_upper = low > 0
         left = np.where(is_upper, -high, low)
         right = np.where(is_upper, -low, high)
