@@ -67,6 +67,15 @@ def test_laws_settings_workers_and_help_are_light():
     assert not heavy & modules_after(code)
 
 
+def test_fits_do_without_mujoco_and_jax():
+    loaded = modules_after(
+        "from iswarm_mj import fit\n"
+        "columns = {'radius [um]': [15, 20], 'humidity [%]': [10, 10], 'voltage [V]': [24, 27]}\n"
+        "fit(columns).proposal"
+    )
+    assert not {"jax", "mujoco", "numba", "matplotlib"} & loaded
+
+
 def test_simulation_does_without_the_bench_and_mjx():
     """These take longer to import than all else together, and only some runs need them."""
     simulation = Path(iswarm_mj.__file__).parent / "simulation"
