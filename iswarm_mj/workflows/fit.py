@@ -64,13 +64,14 @@ def run_fit(fitted: Fit, places: Places, n_trials: int, out: Path, source: str) 
     """
     from iswarm_mj.output.plot_fit import draw_data, draw_profiles
 
-    with locked(out):
-        predictions = predict(fitted, places)
-        statements = sentences(fitted)
-        trials = []
-        if n_trials:
-            trials = predict_by_trials(fitted, predictions, n_trials)
+    # Before the directory is made, since places may be refused.
+    predictions = predict(fitted, places)
+    statements = sentences(fitted)
+    trials = []
+    if n_trials:
+        trials = predict_by_trials(fitted, predictions, n_trials)
 
+    with locked(out):
         with atomic_write(out / SETTINGS_FILE) as part:
             part.write_text(settings_text(fitted, source), encoding="utf-8")
         write_result(out, result_of(fitted, predictions, statements, trials, source))

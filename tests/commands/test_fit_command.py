@@ -131,6 +131,8 @@ def test_a_fit_replaces_an_earlier_one_and_is_inspected(mine, capfd):
             ["mine.csv", "--hold", "electrical_gap=1e-7", "electrical_gap=2e-7"],
             "--hold names a parameter twice",
         ),
+        (["mine.csv", "--radius", "5e-6", "--gap", "30e-6"], "and at most 4 times the radius"),
+        (["mine.csv", "--radius", "5e-6", "--trials", "2"], "--radius must be radii from 10e-6"),
         (["mine.csv", "--rh", "110"], "--rh must be between 0 and 100 %"),
     ],
 )
