@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
-from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,6 +21,7 @@ from iswarm_mj.gripper.tips.voltages import (
     TipForces,
     forces_of,
     misplaced,
+    released_from,
     voltages_of,
 )
 from iswarm_mj.output.results import write_result
@@ -181,9 +181,13 @@ def tip_rows(settings: TipSettings, profile: Profile) -> list[TipRow]:
     """Return the rows of a tip, by radius, then gap, then humidity."""
     rows = []
     humidities = settings.grasp.humidities
-    for radius, gap in product(settings.grasp.radii, settings.grasp.gaps.release):
-        forces = forces_of(profile, settings.conditions(radius, humidities[0]), gap)
-        rows += [_row(settings, forces, radius, humidity, gap) for humidity in humidities]
+    for radius in settings.grasp.radii:
+        conditions = settings.conditions(radius, humidities[0])
+        forces = forces_of(profile, conditions, settings.gap[0])
+        for gap in settings.grasp.gaps.release:
+            if gap != settings.gap[0]:
+                forces = released_from(forces, profile, conditions, gap)
+            rows += [_row(settings, forces, radius, humidity, gap) for humidity in humidities]
     return rows
 
 
@@ -220,13 +224,13 @@ def _tolerances(settings: TipSettings, profile: Profile) -> list[TipRow]:
     radius = _middle_radius(settings)
     humidity = settings.grasp.humidities[0]
     conditions = settings.conditions(radius, humidity)
-    rows = []
-    for gap in TOLERANCE_GAPS:
-        forces = forces_of(profile, conditions, gap)
-        rows.append(_row(settings, forces, radius, humidity, gap))
-
     gap = settings.gap[0]
     on_axis = forces_of(profile, conditions, gap)
+    rows = []
+    for other_gap in TOLERANCE_GAPS:
+        forces = released_from(on_axis, profile, conditions, other_gap)
+        rows.append(_row(settings, forces, radius, humidity, other_gap))
+
     for offset in TOLERANCE_OFFSETS[1:]:
         forces = misplaced(profile, on_axis, conditions, offset)
         rows.append(_row(settings, forces, radius, humidity, gap, offset))

@@ -13,7 +13,7 @@ from iswarm_mj.gripper.tips import shapes
 from iswarm_mj.gripper.tips.profile import Profile
 from iswarm_mj.gripper.tips.search import Limits
 from iswarm_mj.gripper.tips.voltages import Conditions
-from iswarm_mj.utils.constraints import Needs, Within, constraint_of, validate
+from iswarm_mj.utils.constraints import Needs, Within, check, constraint_of, validate
 from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 ROUNDED_CURVATURE = 30e-6
@@ -120,6 +120,7 @@ class TipSettings:
 
     def __post_init__(self):
         validate(self)
+        check("gap", self.gap, "one or more gaps", len(self.gap) > 0)
         assert self.grasp  # raises a ConfigError for balls and materials that are not allowed
         if self.has_named_shape:
             assert self.named_profile  # raises one for a shape that does not exist

@@ -48,12 +48,12 @@ def test_a_tip_lowers_the_adhesion_by_its_share():
 
 
 def test_the_command_names_the_tip_and_repeats(here, capfd):
-    run = ["--radius=20e-6", "--rh=10", "--repeats=1", "--threads=1"]
+    run = ["--radius=20e-6", "--rh=10", "--repeats=1", "--threads=1", "--protocol.step-voltage=2"]
     assert code_of("grasp", f"--tip={TIP}", *run, "--out=out") == 0
     assert f"beyond the fit, so that voltages are predictions: tip {TIP}" in capfd.readouterr().out
     assert (here / "out/trial-0000.rrd").exists()
     assert result("out")["grasp"]["tip"] == str(TIP)
-    assert code_of("grasp", "--config=out/result.json", "--out=again") == 0
+    assert code_of("grasp", "--config=out/result.json", "--record", "--out=again") == 0
     assert json.dumps(result("again")["measures"]) == json.dumps(result("out")["measures"])
 
 

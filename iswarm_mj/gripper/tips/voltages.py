@@ -90,19 +90,30 @@ def forces_of(
         gap: between ball and plate at the release [m].
         halvings: of the elements; None: forces are extrapolated, and fields those of one halving.
     """
-    solutions = []
-    tasks: tuple[tuple[Task, float], ...] = (("pick", conditions.contact_gap), ("release", gap))
-    for task, task_gap in tasks:
-        finest = solve(
-            profile, conditions.radius, task_gap, task, 1 if halvings is None else halvings
-        )
-        if halvings is None:
-            coarse = solve(profile, conditions.radius, task_gap, task, 0)
-            finest = finest._replace(force=(4 * finest.force - coarse.force) / 3)
-        solutions.append(finest)
-    pick, release = solutions
-    radius = adhesion_radius(profile, conditions.radius, conditions.reach)
-    return TipForces(radius, pick, release)
+    return TipForces(
+        adhesion_radius=adhesion_radius(profile, conditions.radius, conditions.reach),
+        pick=_solved(profile, conditions.radius, conditions.contact_gap, "pick", halvings),
+        release=_solved(profile, conditions.radius, gap, "release", halvings),
+    )
+
+
+def released_from(
+    forces: TipForces, profile: Profile, conditions: Conditions, gap: float
+) -> TipForces:
+    """Return the forces of the same tip on the same ball with another gap of the release [m]."""
+    release = _solved(profile, conditions.radius, gap, "release", None)
+    return forces._replace(release=release)
+
+
+def _solved(
+    profile: Profile, radius: float, gap: float, task: Task, halvings: int | None
+) -> Solution:
+    """Return force and fields; see `forces_of` for the halvings."""
+    if halvings is not None:
+        return solve(profile, radius, gap, task, halvings)
+    fine = solve(profile, radius, gap, task, 1)
+    coarse = solve(profile, radius, gap, task, 0)
+    return fine._replace(force=(4 * fine.force - coarse.force) / 3)
 
 
 def voltages_of(forces: TipForces, conditions: Conditions) -> TipVoltages:
