@@ -5,7 +5,6 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import product
-from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -26,12 +25,21 @@ from iswarm_mj.gripper.laws.melting import melts
 from iswarm_mj.gripper.tips.table import read_table
 from iswarm_mj.output.results import write_result
 from iswarm_mj.output.trajectory import RESULT
+from iswarm_mj.utils.constraints import check
 from iswarm_mj.utils.directory_lock import locked
 from iswarm_mj.utils.docstrings import field_docs
 from iswarm_mj.utils.files import remove
 from iswarm_mj.utils.progress import Progress
 from iswarm_mj.utils.tables import write_table
 from iswarm_mj.workflows.grasp_settings import Case, GraspSettings, adapted, cases
+from iswarm_mj.workflows.grasp_summary import (
+    effective_text,
+    measures,
+    pull_off_lines,
+    pull_offs,
+    summary,
+    table_lines,
+)
 
 if TYPE_CHECKING:
     # The parts of the bench that compile are imported where they run, since `iswarm inspect` reads
@@ -57,10 +65,6 @@ _RESULTS = (
     *(f"{name}.svg" for name in _FIGURES),
 )
 """Patterns of the names of all files that `run_grasp` writes."""
-_EXPERIMENT_NAMES = {"grasp": "grasp", "release": "release", "no_contact": "no contact"}
-"""Experiments of the table, and their names in the summary."""
-_UM = 1e6
-"""Micrometres per metre."""
 
 
 class TrialRow(NamedTuple):
@@ -255,98 +259,6 @@ def units() -> dict[str, str]:
     return units_of_columns
 
 
-def measures(rows: Sequence[TrialRow]) -> list[dict[str, Any]]:
-    """Return the voltages of each experiment, gap and humidity.
-
-    Each entry has the number of trials, the number of those with a voltage, and mean, least and
-    greatest voltage [V].
-    """
-    groups: dict[tuple[str, float, float], list[float | None]] = {}
-    for row in rows:
-        groups.setdefault((row.experiment, row.gap, row.relative_humidity), []).append(row.voltage)
-
-    entries = []
-    for (experiment, gap, humidity), voltages in groups.items():
-        known = [voltage for voltage in voltages if voltage is not None]
-        statistics = None
-        if known:
-            statistics = {"mean": np.mean(known).item(), "least": min(known), "most": max(known)}
-        entry = {
-            "experiment": experiment,
-            "gap": gap,
-            "relative_humidity": humidity,
-            "trials": len(voltages),
-            "with_voltage": len(known),
-            "voltage": statistics,
-        }
-        entries.append(entry)
-    return entries
-
-
-def summary(settings: GraspSettings, rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
-    """Return names and texts of the lines of a readable summary."""
-    lines = [("trials", f"{settings.n_trials}, seed {settings.seed}"), *outcome_lines(rows)]
-
-    n_lifted = sum(row.experiment == "grasp" and row.voltage is not None for row in rows)
-    n_released = sum(row.experiment == "release" for row in rows)
-    n_fallen = n_lifted * len(settings.gaps.release) - n_released
-    if n_fallen:
-        lines.append(("fell", f"{n_fallen} lifted balls before a release"))
-    if settings.tip_curvature:
-        lines.append(("no contact", "not computed for a rounded tip"))
-    if settings.beyond_the_fit:
-        beyond = ", ".join(settings.beyond_the_fit)
-        text = f"beyond the fit, so that voltages are predictions: {beyond}"
-        lines.append(("warning", text))
-    n_faulty = sum(row.faulty for row in rows)
-    if n_faulty:
-        lines.append(("faulty", f"{n_faulty} rows, whose state was not finite"))
-    return lines
-
-
-def outcome_lines(rows: Sequence[TrialRow]) -> list[tuple[str, str]]:
-    """Return name and text of a line for each experiment, humidity and gap."""
-    lines = []
-    humidities = dict.fromkeys(row.relative_humidity for row in rows)
-    for (experiment, name), humidity in product(_EXPERIMENT_NAMES.items(), humidities):
-        rows_at_humidity = [
-            row
-            for row in rows
-            if row.experiment == experiment and row.relative_humidity == humidity
-        ]
-        for gap in dict.fromkeys(row.gap for row in rows_at_humidity):
-            rows_at_gap = [row for row in rows_at_humidity if row.gap == gap]
-            place = "" if experiment == "grasp" else f" at {gap * _UM:g} um"
-            lines.append((name, f"{humidity:g} % RH{place}: {_outcome_text(rows_at_gap)}"))
-    return lines
-
-
-def _outcome_text(rows: Sequence[TrialRow]) -> str:
-    """Return mean and range of voltages, and how many balls were lifted, landed or melted.
-
-    Args:
-        rows: rows of one experiment, humidity and gap, which have the same highest voltage.
-    """
-    voltages = [row.voltage for row in rows if row.voltage is not None]
-    landings = [row.landed for row in rows if row.landed is not None]
-    n_melted = sum(row.melted for row in rows)
-    n_without_voltage = len(rows) - len(voltages)
-
-    parts = []
-    if voltages:
-        parts.append(f"{np.mean(voltages):.1f} V ({min(voltages):.1f}-{max(voltages):.1f})")
-    if voltages and not landings:  # voltages of a release do not lift
-        parts.append(f"{len(voltages)} of {len(rows)} lifted")
-    if n_without_voltage:  # neither lifted nor released up to the highest voltage
-        limit = rows[0].limit_voltage
-        parts.append(f"{n_without_voltage} of {len(rows)} not up to {limit:g} V")
-    if landings:
-        parts.append(f"{sum(landings)} of {len(landings)} landed and stayed")
-    if n_melted:
-        parts.append(f"{n_melted} melted")
-    return ", ".join(parts)
-
-
 def run_grasp(
     settings: GraspSettings, out: Path | None = None, record: Sequence[int] = ()
 ) -> list[TrialRow]:
@@ -361,7 +273,7 @@ def run_grasp(
         The rows of the table, see `TrialRow` for units.
 
     Raises:
-        UserError: `out` is not writable or in use.
+        UserError: `out` is not writable or in use, or has force-distance curves.
     """
     if record:
         from iswarm_mj.output.rerun_format import check_recordings
@@ -372,6 +284,7 @@ def run_grasp(
         return rows
     from iswarm_mj.output.plot_trials import draw_figures
 
+    _refuse_other_results(out, CURVES, "force-distance curves")
     with locked(out):
         started = time.perf_counter()
         rows, voltages = _compute_rows(settings)
@@ -386,8 +299,24 @@ def run_grasp(
             _record(settings, case, voltages[number], out / f"trial-{number:04d}.rrd")
         _write_result(settings, measures(rows), out)
     lines = [*summary(settings, rows), ("time", f"{seconds:.1f} s"), ("results", str(out))]
-    print("\n".join(f"{name:>12}  {text}" for name, text in lines))
+    texts = [f"{name:>12}  {text}" for name, text in lines]
+    print("\n".join([*table_lines(rows), "", *texts]))
     return rows
+
+
+def _refuse_other_results(out: Path, table: str, kind: str) -> None:
+    """Refuse a directory with results of another kind, whose result.json would be replaced.
+
+    Args:
+        out: directory for results.
+        table: name of the table that the other results have.
+        kind: what they are.
+
+    Raises:
+        ConfigError: `out` has that table.
+    """
+    rule = f"another directory, since this one has {kind}, whose {RESULT} would be replaced"
+    check("out", out, rule, not (out / table).exists())
 
 
 def _remove_results(out: Path) -> None:
@@ -414,14 +343,19 @@ def _compute_rows(settings: GraspSettings) -> tuple[list[TrialRow], Float[np.nda
 def _write_result(
     settings: GraspSettings, measured: Sequence[Mapping[str, Any]], out: Path
 ) -> None:
-    """Write result.json: settings as flags take them, measures, and what exceeds the fit."""
+    """Write result.json: settings as flags take them, their effect, and measures.
+
+    The effect is the properties that follow from the materials, and what exceeds the fit.
+    """
     flags = {name: value for name, value in asdict(settings).items() if name != "out"}
     flags["tip"] = None if settings.tip is None else str(settings.tip)
     for name in ("contacts", "tool", "plate"):  # named tuples, which `asdict` keeps
         flags[name] = getattr(settings, name)._asdict()
+    effective = settings.effective
     content = {
         "version": __version__,
         "grasp": flags,
+        "effective": {**effective._asdict(), "contacts": effective.contacts._asdict()},
         "beyond_the_fit": settings.beyond_the_fit,
         "measures": measured,
     }
@@ -441,34 +375,29 @@ def run_force_curves(
 
     Returns:
         The rows of the table.
+
+    Raises:
+        UserError: `out` is not writable or in use, or has trials.
     """
     from iswarm_mj.gripper.bench.force_curve import UNITS, force_curve
     from iswarm_mj.output.plot_force_curve import draw_force_curve
 
+    _refuse_other_results(out, TABLE, "trials")
     humidity = settings.humidities[0]
     metadata = {**settings.metadata(), "relative_humidity": humidity}
     curves = []
-    pull_offs = []
     with locked(out):
         for radius, voltage in product(settings.radii, voltages):
             median = Trial(radius, WORK_TOOL_OBJECT, WORK_OBJECT_SUBSTRATE, humidity)
             curve = force_curve(adapted(settings, median), settings.protocol, voltage)
             curves.append(curve)
-            retract = [row for row in curve if row["direction"] == "retract"]
-            pull_off = min(retract, key=itemgetter("total"))
-            pull_offs.append(
-                {
-                    "radius": radius,
-                    "voltage": voltage,
-                    "pull_off": pull_off["total"],
-                    "gap": pull_off["gap"],
-                }
-            )
         rows = [row for curve in curves for row in curve]
         write_table(out / CURVES, rows, metadata, csv=True, units=UNITS)
         draw_force_curve(curves, metadata, out)
-        _write_result(settings, pull_offs, out)
+        _write_result(settings, pull_offs(rows), out)
+    print("\n".join(pull_off_lines(pull_offs(rows))))
     print(f"{len(curves)} force-distance curves at {humidity:g} % RH: {out / CURVES}")
+    print(f"   materials  {effective_text(settings.effective)}")
     if settings.beyond_the_fit:
         beyond = ", ".join(settings.beyond_the_fit)
         print(f"     warning  beyond the fit, so that forces are predictions: {beyond}")

@@ -1,8 +1,10 @@
 """The command `iswarm grasp`: the files that it writes and the lines that it prints."""
 
 import csv
+import io
 import json
 import re
+from contextlib import redirect_stdout
 
 import numpy as np
 import pyarrow.parquet
@@ -17,6 +19,8 @@ from iswarm_mj.workflows.grasp import CURVES, TABLE
 FAST = ["--protocol.step-voltage=2", "--threads=1"]
 ONE_TRIAL = [*FAST, "--radius=20e-6", "--repeats=1", "--rh=10", "--record", "--out=out"]
 """Without a recording."""
+PLACE = ("radius", "relative_humidity")
+"""Columns by which the voltages of a run are grouped."""
 COLUMNS = {
     "experiment",
     "radius",
@@ -96,10 +100,28 @@ def test_trials_are_a_table_figures_and_recordings(here, capfd):
     assert max(gaps_um) == pytest.approx(8, abs=0.2)
 
     printed = capfd.readouterr().out
-    assert re.search(r"grasp  10 % RH: \d+\.\d V \(.*\), (\d+) of \1 lifted\n", printed)
-    assert re.search(
-        r"release  10 % RH at [\d.]+ um: .*\), \d+ of \d+ landed and stayed\n", printed
-    )
+    for radius, humidity in (("15", "10"), ("15", "50"), ("25", "10"), ("25", "50")):
+        voltage = r"\d+\.\d \(\d+\.\d-\d+\.\d\)"
+        line = rf"^ *{radius} +{humidity} +{voltage}  2 of 2 +{voltage}  [0-2] of 2$"
+        assert re.search(line, printed, re.MULTILINE)
+    assert "release at 8 um [V]" in printed
+    assert "no contact  at 5 um: 0 of 8 lifted up to 50 V\n" in printed
+    assert "works of adhesion 1.41 (tool) and 14.7 mJ/m^2 (plate) at 10 % RH" in printed
+
+    # result.json has what each line of the table has.
+    measures = json.loads((out / "result.json").read_text())["measures"]
+    for measure in measures:
+        voltages = [
+            row["voltage"]
+            for row in rows
+            if all(row[name] == measure[name] for name in ("experiment", "gap", *PLACE))
+        ]
+        assert measure["trials"] == len(voltages) == 2
+        if measure["voltage"] is not None:
+            assert measure["voltage"]["mean"] == pytest.approx(np.mean(voltages))
+    assert {tuple(measure[name] for name in PLACE) for measure in measures} == {
+        (radius, rh) for radius in radii for rh in humidities
+    }
 
 
 def test_a_ball_that_cannot_be_lifted_replaces_results_of_an_earlier_run(here, capfd):
@@ -116,7 +138,7 @@ def test_a_ball_that_cannot_be_lifted_replaces_results_of_an_earlier_run(here, c
     voltages = {row["experiment"]: row["voltage"] for row in rows}
     assert set(voltages) == {"grasp", "no_contact"}
     assert voltages["grasp"] is None
-    assert "1 of 1 not up to 10 V" in capfd.readouterr().out
+    assert re.search(r"^ *20 +10 +> 10  0 of 1$", capfd.readouterr().out, re.MULTILINE)
 
 
 def test_results_that_cannot_be_written(here, capfd):
@@ -138,10 +160,12 @@ VOLTAGES = (0, 20)
 @pytest.fixture(scope="module")
 def curves(tmp_path_factory):
     """Return the directory of the force-distance curves of a radius at two voltages."""
-    out = tmp_path_factory.mktemp("curves") / "out"
+    here = tmp_path_factory.mktemp("curves")
     flags = ["--force-curve", "--radius", RADIUS, "--voltages", *VOLTAGES]
-    assert code_of("grasp", *flags, "--out", out) == 0
-    return out
+    with redirect_stdout(io.StringIO()) as printed:
+        assert code_of("grasp", *flags, "--out", here / "out") == 0
+    (here / "printed.txt").write_text(printed.getvalue())
+    return here / "out"
 
 
 @pytest.fixture(scope="module")
@@ -210,6 +234,16 @@ class TestForceCurves:
             "gap": at_pull_off["gap"],
         }
 
+    def test_the_pull_off_force_is_printed_and_inspected(self, curves, capfd):
+        measures = json.loads((curves / "result.json").read_text())["measures"]
+        assert code_of("inspect", curves) == 0
+        inspected = capfd.readouterr().out
+        for measure in measures:
+            force = f"{-1e9 * measure['pull_off']:.0f}"
+            line = rf"^ *20 +{measure['voltage']:g} +{force}$"
+            for text in ((curves.parent / "printed.txt").read_text(), inspected):
+                assert re.search(line, text, re.MULTILINE)
+
     def test_the_total_is_the_sum_of_its_parts(self, rows):
         adhesion, electrostatic, contact, total = (
             np.array([row[name] for row in rows])
@@ -219,3 +253,19 @@ class TestForceCurves:
         assert (adhesion <= 0).all()
         assert (electrostatic <= 0).all()
         assert (contact >= 0).all()
+
+
+@pytest.mark.parametrize(
+    "table, kind, flags",
+    [(TABLE, "trials", ["--force-curve"]), (CURVES, "force-distance curves", [])],
+)
+def test_trials_and_curves_do_not_replace_each_others_result(here, capfd, table, kind, flags):
+    out = here / "out"
+    out.mkdir()
+    for name in (table, "result.json"):
+        (out / name).write_text("earlier")
+    assert code_of("grasp", *flags, *ONE_TRIAL[-1:]) == 2
+    sentence = f"iswarm: --out must be another directory, since this one has {kind}, "
+    assert capfd.readouterr().err.startswith(sentence)
+    assert (out / "result.json").read_text() == "earlier"
+    assert names_in(out) == {table, "result.json"}

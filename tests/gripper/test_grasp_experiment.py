@@ -5,6 +5,7 @@
 That the radius does not matter is algebra.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -21,8 +22,9 @@ from iswarm_mj.gripper.laws.detachment import (
     grasp_voltage,
     release_voltage,
 )
-from iswarm_mj.workflows.grasp import measures, summary, trial_rows
+from iswarm_mj.workflows.grasp import trial_rows
 from iswarm_mj.workflows.grasp_settings import GraspSettings, cases
+from iswarm_mj.workflows.grasp_summary import measures, summary, table_lines
 
 RADII = np.linspace(15e-6, 25e-6, 5)
 SETTINGS = GraspSettings(tuple(map(str, RADII)), (10.0, 50.0), 2, no_contact_gap=(0.5e-6, 1e-6))
@@ -145,23 +147,61 @@ def test_rows_state_limits_steps_and_what_the_laws_give(rows):
 
 def test_measures_are_of_the_voltages_that_were_found(rows):
     grasps = [row for row in rows if row.experiment == "grasp" and row.relative_humidity == 50]
-    lifted = grasps[:3]
+    lifted = [row for row in grasps if row.radius == 20e-6]
+    assert len(lifted) == 2
     not_lifted = lifted[0]._replace(voltage=None)
-    (measure,) = measures([*lifted, not_lifted])
+    measure, larger = measures([*lifted, not_lifted, grasps[-1]])
+    assert larger["radius"] == 25e-6
+    assert larger["trials"] == 1
 
     voltages = [row.voltage for row in lifted]
     assert measure == {
         "experiment": "grasp",
         "gap": 0.0,
+        "radius": 20e-6,
         "relative_humidity": 50.0,
-        "trials": 4,
-        "with_voltage": 3,
+        "trials": 3,
+        "with_voltage": 2,
         "voltage": {
             "mean": pytest.approx(np.mean(voltages)),
             "least": min(voltages),
             "most": max(voltages),
         },
     }
+
+
+def test_the_table_shows_bounds_melted_balls_and_what_was_lifted_without_contact(rows):
+    """Of two balls of a place, one is not lifted, and one melts."""
+    place = [row for row in rows if (row.radius, row.relative_humidity) == (20e-6, 10)]
+    (grasp, other), (release, _) = (
+        [row for row in place if row.experiment == name] for name in ("grasp", "release")
+    )
+    lifted = grasp._replace(voltage=25.0, melted=True)
+    across = lifted._replace(experiment="no_contact", gap=0.5e-6, voltage=40.0)
+    not_across = across._replace(gap=1e-6, voltage=None, limit_voltage=50.0)
+    released = release._replace(voltage=42.0, landed=False)
+    not_lifted = other._replace(voltage=None)
+    head, line = table_lines([across, not_across, lifted, released, not_lifted])
+    columns = re.split(r" {2,}", head.strip())
+    assert dict(zip(columns, re.split(r" {2,}", line.strip()), strict=True)) == {
+        "radius [um]": "20",
+        "RH [%]": "10",
+        "grasp [V]": "25.0 (25.0-25.0)",
+        "lifted": "1 of 2",
+        "melted": "1",
+        "release at 5 um [V]": "42.0 (42.0-42.0)",
+        "stayed": "0 of 1",
+        "no contact at 0.5 um [V]": "40.0 (40.0-40.0)",
+    }
+    assert table_lines([not_lifted])[1].split() == ["20", "10", ">", "80", "0", "of", "1"]
+
+
+def test_a_long_table_is_cut_and_says_so(rows):
+    grasp = next(row for row in rows if row.experiment == "grasp")
+    many = [grasp._replace(radius=1e-6 * number) for number in range(10, 73)]
+    lines = table_lines(many)
+    assert len(lines) == 1 + 60 + 1
+    assert lines[-1] == "3 more lines: `measures` in result.json has all"
 
 
 def humidities_of(settings):

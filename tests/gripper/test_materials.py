@@ -1,6 +1,7 @@
 """Materials and tips of the bench: their effects, and how a run reports and repeats them."""
 
 import json
+import re
 from contextlib import redirect_stdout
 from typing import get_args
 
@@ -151,6 +152,16 @@ class TestRun:
         trials = {measure["experiment"]: measure["trials"] for measure in result["measures"]}
         assert trials["grasp"] == 1
 
+    def test_states_the_properties_of_its_materials(self, here):
+        """Steel of the plate has 2.42 J/m^2, silica 0.26."""
+        effective = json.loads((here / "one/result.json").read_text())["effective"]
+        assert effective["work_tool_object"] == pytest.approx(1.41e-3)
+        assert effective["work_object_substrate"] == pytest.approx(14.7e-3 * np.sqrt(0.26 / 2.42))
+        assert effective["ball_density"] == 7400
+        assert effective["contacts"]["yield_pressure"] == 64e6
+        assert effective["contacts"]["oxide"] == 6e-8
+        assert "(tool) and 4.82 mJ/m^2 (plate)" in (here / "run.txt").read_text()
+
     def test_is_repeated_from_its_result(self, here, monkeypatch):
         monkeypatch.chdir(here)
         assert code_of("grasp", "--config=one/result.json", "--out=two") == 0
@@ -170,7 +181,7 @@ class TestRun:
         assert code_of("inspect", "one") == 0
         output = capfd.readouterr().out
         assert output.startswith("trials: 1 trials in 3 rows")
-        assert "grasp  10 % RH: " in output
+        assert re.search(r"^ *12 +10 .* [01] of 1 ", output, re.MULTILINE)
         assert "iswarm grasp --config one/result.json" in output
 
 

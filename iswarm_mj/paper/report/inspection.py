@@ -29,6 +29,12 @@ from iswarm_mj.utils.files import read_json
 from iswarm_mj.utils.tables import aligned, read_table
 from iswarm_mj.workflows import grasp
 from iswarm_mj.workflows.clean import strategy_of, summary
+from iswarm_mj.workflows.grasp_summary import (
+    no_contact_lines,
+    pull_off_lines,
+    pull_offs,
+    table_lines,
+)
 
 _JOURNALS = {RUNS: "an experiment or a sweep", CHECKPOINT: "a search"}
 """Names of journals, and what their runs are of."""
@@ -194,7 +200,8 @@ def _describe_table(path: Path) -> Sequence[str]:
     if path.name == TRIALS:
         return _describe_trials(path.stem, rows, settings)
     if path.name == grasp.CURVES:
-        return [f"{path.stem}: {len(rows)} rows, {_version_and_seed(settings)}"]
+        title = f"{path.stem}: {len(rows)} rows, {_version_and_seed(settings)}"
+        return [title, *pull_off_lines(pull_offs(rows))]
     return _describe_experiment(rows, settings)
 
 
@@ -225,9 +232,10 @@ def _describe_trials(name: str, rows: Rows, settings: Mapping[str, Any]) -> list
     """Return lines on the table of trials with this name."""
     trial_rows = [_trial_row(row) for row in rows]
     n_trials = len({(row.radius, row.relative_humidity, row.repeat) for row in trial_rows})
-    outcomes = [f"{experiment:>12}  {text}" for experiment, text in grasp.outcome_lines(trial_rows)]
     counts = f"{n_trials} trials in {len(rows)} rows"
-    return [f"{name}: {counts}, {_version_and_seed(settings)}", *outcomes]
+    without_contact = [f"{name:>12}  {text}" for name, text in no_contact_lines(trial_rows)]
+    title = f"{name}: {counts}, {_version_and_seed(settings)}"
+    return [title, *table_lines(trial_rows), *without_contact]
 
 
 def _trial_row(row: Row) -> grasp.TrialRow:
