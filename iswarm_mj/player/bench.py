@@ -1,26 +1,23 @@
 """The gripper's bench on the page: a trial in slow motion, and a force curve."""
 
 import time
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
-from iswarm_mj.gripper.bench.force_curve import force_curve
-from iswarm_mj.gripper.bench.protocol import Protocol
-from iswarm_mj.gripper.bench.tracing import Trace, thinned, trace_trial
-from iswarm_mj.gripper.bench.trial import Trial
-from iswarm_mj.gripper.laws import detachment as defaults
-from iswarm_mj.gripper.laws.materials import Name
+from iswarm_mj.gripper.bench.tracing import Trace
 from iswarm_mj.output.palette import BLUE, GREEN, ORANGE, PALE, WALL, YELLOW, rgb
-from iswarm_mj.output.trial_shapes import NN, PROBE_LENGTH, UM, trial_shapes
+from iswarm_mj.output.trial_shapes import PROBE_LENGTH, trial_shapes
+from iswarm_mj.player.bench_settings import BenchSettings
+from iswarm_mj.player.bench_tip import TipPlot, tip_mesh
 from iswarm_mj.player.controls import Control, declared
 from iswarm_mj.player.inputs import Inputs
 from iswarm_mj.player.view import linear
 from iswarm_mj.player.widgets import AXIS, show, spots
-from iswarm_mj.utils.constraints import Within, validate
-from iswarm_mj.workflows.grasp_settings import EffectiveProperties, GraspSettings
+from iswarm_mj.utils.constraints import Within
+from iswarm_mj.utils.errors import UserError
 
 _ROOT = "/bench"
 FORCES = (
@@ -29,105 +26,21 @@ FORCES = (
     ("adhesion to the plate", ORANGE),
 )
 """Forces on the ball that have an arrow, with its colour."""
-SAMPLES = 600
-"""Samples of a trial that are shown; they are dense where the ball moves."""
 SHOWN_S = 15.0
 """Duration in which a trial is shown [s]."""
-_WORK_TOOL_OBJECT = defaults.WORK_TOOL_OBJECT * 1e3
-_WORK_OBJECT_SUBSTRATE = defaults.WORK_OBJECT_SUBSTRATE * 1e3
-"""Works of adhesion at first [mJ/m²]."""
+CALIBRATIONS = {"the paper's balls": BenchSettings()}
+"""Settings of the bench by their names, without a fit."""
+_OF_SETTINGS = {"laws", "curve"}
+"""What is computed again for other settings."""
+_BEFORE_TRIAL = "Click on the button to watch a trial in slow motion."
+_EXPLANATION = (
+    "The ball is orange with the potential of the plate, and green with that of the tool. "
+    "The black dot shows how it turns. The plate is 150 µm wide."
+)
+_NO_CURVE = (np.arange(2.0), np.full(2, np.nan), np.full(2, np.nan))
 _NO_ARROWS = np.zeros((len(FORCES), 2, 3), np.float32)
 _ON_PLATE = 1e-7
 """Largest gap at which a ball lies on the plate after the release [m]."""
-_MATERIALS = ("ball_material", "tool_material", "plate_material")
-
-
-@dataclass(frozen=True)
-class BenchSettings:
-    """A ball and a tool. Lengths are in micrometres, as on the page."""
-
-    voltage: Annotated[float, Within(0, 80, "V")] = 40.0
-    """Voltage of the tool while it lifts, and in the force curve [V]."""
-    relative_humidity: Annotated[float, Within(0, 100, "%")] = 10.0
-    """Relative humidity of the air [%]."""
-    radius: Annotated[float, Within(10, 50, "µm")] = 15.0
-    """Radius of the ball [µm]."""
-    probe_radius: Annotated[float, Within(2, 50, "µm")] = defaults.PROBE_RADIUS * UM
-    """Radius of the tool's flat face [µm]."""
-    ball_material: Name = "solder"
-    """Material of the ball; sets the works of adhesion, its density and its contacts."""
-    tool_material: Name = "aluminium"
-    """Material of the tool."""
-    plate_material: Name = "steel"
-    """Material of the plate."""
-    work_tool_object: Annotated[float, Within(0.05, 100, "mJ/m²")] = _WORK_TOOL_OBJECT
-    """Work of adhesion between tool and ball at 10 % RH [mJ/m²]."""
-    work_object_substrate: Annotated[float, Within(0.1, 100, "mJ/m²")] = _WORK_OBJECT_SUBSTRATE
-    """Work of adhesion between ball and plate at 10 % RH [mJ/m²]."""
-    gap: Annotated[float, Within(1, 20, "µm")] = defaults.RELEASE_GAP * UM
-    """Gap between ball and plate at the release [µm]."""
-
-    def __post_init__(self):
-        validate(self)
-
-    @property
-    def used(self) -> EffectiveProperties:
-        """Numbers of the materials, see `GraspSettings.effective`."""
-        materials = {name: getattr(self, name) for name in _MATERIALS}
-        return GraspSettings(**materials).effective
-
-    def changed(self, name: str, value: Any) -> "BenchSettings":
-        """Return settings with another value; another material changes the works of adhesion, too.
-
-        Raises:
-            UserError: the value is out of range, or the materials have no works of adhesion.
-        """
-        if name not in _MATERIALS:
-            return replace(self, **{name: float(value)})
-        used = replace(self, **{name: value}).used
-        works = {
-            "work_tool_object": 1e3 * used.work_tool_object,
-            "work_object_substrate": 1e3 * used.work_object_substrate,
-        }
-        return replace(self, **{name: value}, **works)
-
-    @property
-    def trial(self) -> Trial:
-        """The ball on the bench, in SI units."""
-        used = self.used
-        return Trial(
-            self.radius / UM,
-            self.work_tool_object * 1e-3,
-            self.work_object_substrate * 1e-3,
-            self.relative_humidity,
-            probe_radius=self.probe_radius / UM,
-            density=used.ball_density,
-            contacts=used.contacts,
-        )
-
-    def trace(self) -> Trace:
-        """Return the trial with this voltage, thinned."""
-        trace = trace_trial(self.trial, Protocol(), self.voltage, self.gap / UM)
-        return thinned(trace, SAMPLES)
-
-    def curve(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return rising heights of the tool's face, and the forces on it in both directions.
-
-        Returns:
-            heights: above the place where the tool first touches the ball [µm].
-            approaching: force on the tool at each height as it approaches, interpolated [nN].
-            retracting: the same as it retracts. Attraction is negative.
-        """
-        rows = sorted(force_curve(self.trial, Protocol(), self.voltage), key=lambda row: row["tip"])
-        heights = np.unique([row["tip"] for row in rows])
-
-        def force(direction: str) -> np.ndarray:
-            on_the_way = [row for row in rows if row["direction"] == direction]
-            tips = np.array([row["tip"] for row in on_the_way])
-            totals = np.array([row["total"] for row in on_the_way])
-            return np.interp(heights, tips, totals)
-
-        return heights * UM, force("approach") * NN, force("retract") * NN
 
 
 def outcome(trace: Trace) -> str:
@@ -143,6 +56,24 @@ def outcome(trace: Trace) -> str:
     return f"The tool lifted the ball, and {end}."
 
 
+def describe_laws(settings: BenchSettings) -> str:
+    """Return least voltages and pull-off forces by the laws, as a table in Markdown."""
+    laws = settings.laws
+    melting = settings.trial.contacts.breaks_at
+    grasp = f"{laws.grasp_voltage:.1f} V" if laws.grasp_voltage > 0 else "none: adhesion does"
+    release = f"{laws.release_voltage:.1f} V" if laws.release_voltage > 0 else "none: weight does"
+    rows = [
+        ("least voltage to lift the ball", grasp),
+        (f"least voltage to release it over {settings.gap:g} µm", release),
+        ("pull-off force from the plate", f"{laws.pull_off_plate:.0f} nN"),
+        ("pull-off force from the tool", f"{laws.pull_off_tool:.0f} nN"),
+    ]
+    if laws.grasp_voltage > melting:
+        rows.append(("voltage that melts the ball first", f"{melting:.0f} V"))
+    lines = [f"| {name} | {value} |" for name, value in rows]
+    return "\n".join(["| by the laws | |", "|---|---|", *lines])
+
+
 class Bench:
     """Nodes and controls of the bench.
 
@@ -152,20 +83,30 @@ class Bench:
         trace: trial that is shown; None before the first.
     """
 
-    def __init__(self, server: Any, inputs: Inputs, size: float):
+    def __init__(
+        self,
+        server: Any,
+        inputs: Inputs,
+        size: float,
+        calibrations: Mapping[str, BenchSettings] = CALIBRATIONS,
+    ):
         """Make the nodes, which are hidden, and the controls, in the present container.
 
         Args:
             server: viser server of the page.
             inputs: inputs of the page.
             size: diameter of a ball of 15 µm in the scene [mm].
+            calibrations: settings that can be chosen, by their names; those of the first one are
+                shown at first.
         """
-        self.settings = BenchSettings()
+        self._calibrations = calibrations
+        self.settings = next(iter(calibrations.values()))
         self.trace: Trace | None = None
         self._scale = size / 30
         self._due = set[str]()
         self._began = 0.0
         self._shown_sample = -1
+        self._drawn_settings = self.settings
         self._add_nodes(server.scene)
         self._add_controls(server.gui, inputs)
         self.show()
@@ -182,14 +123,17 @@ class Bench:
             cast_shadow=False,
         )
         self._mark = drawn.add_icosphere(f"{_ROOT}/mark", 1.0, (40, 40, 40), cast_shadow=False)
-        self._probe = drawn.add_cylinder(
+        vertices, faces = self._tip_mesh(self.settings)
+        self._probe = drawn.add_mesh_simple(
             f"{_ROOT}/probe",
-            1.0,
-            scale * PROBE_LENGTH,
-            rgb(PALE),
+            vertices,
+            faces,
+            color=rgb(PALE),
             opacity=0.7,
+            flat_shading=True,
+            side="double",
+            cast_shadow=False,
         )
-        self._probe.cast_shadow = False
         drawn.add_box(
             f"{_ROOT}/plate",
             rgb(WALL),
@@ -206,28 +150,53 @@ class Bench:
             head_length=3 * scale,
         )
 
+    def _tip_mesh(self, settings: BenchSettings) -> tuple[np.ndarray, np.ndarray]:
+        """Return vertices and faces of the tip in the scene."""
+        vertices, faces = tip_mesh(settings.profile, settings.in_si.radii[0])
+        return self._scale * vertices, faces
+
     def _add_controls(self, gui: Any, inputs: Inputs) -> None:
         """Add the trial, the settings and the force curve to the panel."""
         inputs.add_button(
             "Lift and release the ball",
             lambda _: self._due.add("trial"),
-            icon="player-play",
+            icon="arrow-bar-up",
         )
-        self._text = gui.add_markdown("")
-        moment = Control("moment", "", 0.0, limits=Within(0.0, 100.0, "%"), step=0.1)
-        self._moment = inputs.add(moment)
-        self._plays = inputs.add(Control("plays", "", True))
+        self._text = gui.add_markdown(_BEFORE_TRIAL)
+        film_position = Control(
+            "film position",
+            "",
+            0.0,
+            limits=Within(0.0, 100.0, "%"),
+            text="What the slow-motion film of the trial shows, from its start to its end.",
+            step=0.1,
+        )
+        self._film_position = inputs.add(film_position)
+        is_filmed = Control("play film", "", True, text="Repeat the film; untick it to stop.")
+        self._plays_film = inputs.add(is_filmed)
+        gui.add_html(spots([(name, rgb(colour)) for name, colour in FORCES]))
+        gui.add_markdown(_EXPLANATION)
+
         self._handles = {}
+        if len(self._calibrations) > 1:
+            calibration = Control(
+                "calibration",
+                "",
+                next(iter(self._calibrations)),
+                choices=tuple(self._calibrations),
+                text="Where works of adhesion, humidity and tip come from.",
+            )
+            inputs.add(calibration, self._calibrate)
+        self._laws = gui.add_markdown("")
         for control in declared(self.settings):
             self._handles[control.name] = inputs.add(control, partial(self._move, control.name))
-        gui.add_html(spots([(name, rgb(colour)) for name, colour in FORCES]))
         self._add_curve(gui)
+        self._tip = TipPlot(gui)
 
     def _add_curve(self, gui: Any) -> None:
         """Add the plot of the force curve, without data."""
-        nothing = (np.arange(2.0), np.full(2, np.nan), np.full(2, np.nan))
         self._curve = gui.add_uplot(
-            nothing,
+            _NO_CURVE,
             (
                 {"label": "height"},
                 {"label": "approach", "stroke": GREEN, "width": 2},
@@ -246,7 +215,7 @@ class Bench:
         """Show or hide it."""
         self.root.visible = is_shown
         if is_shown:
-            self._due.add("curve")
+            self._due |= _OF_SETTINGS
 
     def take(self, trace: Trace) -> None:
         """Show a trial, from its start."""
@@ -257,8 +226,8 @@ class Bench:
 
     def hold(self, moment: float) -> None:
         """Stop at a moment of the trial [%], and show it."""
-        self._plays.value = False
-        self._moment.value = moment
+        self._plays_film.value = False
+        self._film_position.value = moment
         self.show()
 
     def _move(self, name: str, value: Any) -> None:
@@ -268,25 +237,59 @@ class Bench:
             UserError: the settings do not fit each other.
         """
         try:
-            self.settings = self.settings.changed(name, value)
-        finally:
-            for setting, handle in self._handles.items():
-                show(handle, "value", getattr(self.settings, setting))
+            settings = self.settings.changed(name, value)
+        except UserError:
+            self._show_values()
+            raise
+        self._take_settings(settings)
+
+    def _calibrate(self, name: str) -> None:
+        """Take the settings of a calibration."""
+        self._take_settings(self._calibrations[name])
+
+    def _take_settings(self, settings: BenchSettings) -> None:
+        """Show other settings; a trial with the earlier ones is shown no longer."""
+        self.settings = settings
+        self._show_values()
         self.trace = None
-        self._due.add("curve")
+        self._text.content = _BEFORE_TRIAL
+        self._due |= _OF_SETTINGS
         self.show()
+
+    def _show_values(self) -> None:
+        """Let the inputs show the present settings."""
+        for setting, handle in self._handles.items():
+            show(handle, "value", getattr(self.settings, setting))
 
     def work(self) -> bool:
         """Compute what is due; return whether anything was. What fails is no longer due."""
+        settings = self.settings
+        if "laws" in self._due:
+            self._due.discard("laws")
+            self._laws.content = describe_laws(settings)
+            self._tip.draw(settings.profile, settings.in_si.radii[0])
+            return True
         if "curve" in self._due:
             self._due.discard("curve")
-            self._curve.data = self.settings.curve()
+            self._draw_curve(settings)
             return True
         if "trial" in self._due:
             self._due.discard("trial")
             self._compute_trial()
             return True
         return False
+
+    def _draw_curve(self, settings: BenchSettings) -> None:
+        """Draw the force curve, and state its pull-off force beside what the laws say."""
+        if not settings.has_curve:
+            self._curve.data = _NO_CURVE
+            return
+        heights, approaching, retracting = settings.curve()
+        self._curve.data = (heights, approaching, retracting)
+        if settings == self.settings:
+            pull_off = -retracting.min()
+            sentence = f"Pull-off force in the curve, at {settings.voltage:g} V: {pull_off:.0f} nN"
+            self._laws.content = f"{describe_laws(settings)}\n\n{sentence}"
 
     def _compute_trial(self) -> None:
         """Compute a trial and show it, unless the settings change meanwhile."""
@@ -308,11 +311,11 @@ class Bench:
         if trace is None:
             self._draw_start(self.settings)
             return
-        if self._plays.value:
+        if self._plays_film.value:
             share_of_film = (time.monotonic() - self._began) / SHOWN_S % 1
-            self._moment.value = round(100 * share_of_film, 1)
+            self._film_position.value = round(100 * share_of_film, 1)
         n_samples = len(trace.time)
-        sample = min(n_samples - 1, int(self._moment.value / 100 * n_samples))
+        sample = min(n_samples - 1, int(self._film_position.value / 100 * n_samples))
         if sample != self._shown_sample:
             self._shown_sample = sample
             self._draw_sample(trace, sample)
@@ -343,7 +346,9 @@ class Bench:
         radius = scale * settings.radius
         self._ball.radius = radius
         self._mark.radius = 0.08 * radius
-        self._probe.radius = scale * settings.probe_radius
+        if settings is not self._drawn_settings:
+            self._drawn_settings = settings
+            self._probe.vertices, self._probe.faces = self._tip_mesh(settings)
         self._ball.position = (0, 0, radius)
         self._mark.position = (0.3 * radius, -0.8 * radius, 1.52 * radius)
         self._probe.position = (0, 0, 2 * radius + scale * (5 + PROBE_LENGTH / 2))

@@ -11,15 +11,22 @@ from support.page import bench, wait
 from iswarm_mj.gripper.bench.force_curve import force_curve
 from iswarm_mj.gripper.bench.protocol import Protocol
 from iswarm_mj.gripper.laws.adhesion import dmt_pull_off
-from iswarm_mj.gripper.laws.detachment import WORK_TOOL_OBJECT, release_voltage
+from iswarm_mj.gripper.laws.detachment import WORK_TOOL_OBJECT, grasp_voltage, release_voltage
 from iswarm_mj.gripper.laws.materials import MATERIALS
+from iswarm_mj.gripper.tips.shapes import cup, flat, ring, rounded
 from iswarm_mj.output.palette import GREEN, ORANGE, rgb
-from iswarm_mj.output.trial_shapes import trial_shapes
-from iswarm_mj.player.bench import BenchSettings, outcome
-from iswarm_mj.utils.errors import UserError
+from iswarm_mj.output.trial_shapes import PROBE_LENGTH, trial_shapes
+from iswarm_mj.player.bench import outcome
+from iswarm_mj.player.bench_settings import BenchSettings
+from iswarm_mj.player.bench_tip import outlines, tip_mesh
+from iswarm_mj.player.panel import GRIPPER
+from iswarm_mj.utils.errors import ConfigError, UserError
+from iswarm_mj.workflows.grasp_settings import GraspSettings
 
 CURVE = "Force on the tool; attraction is negative"
 """Title of the plot of the force curve."""
+PROFILE = "Profile of the tip on the ball"
+"""Title of the plot of the tip."""
 BALL_DIAMETER_UM = 30.0
 """Diameter of the ball that is a sixth of the arena large in the scene [µm]."""
 
@@ -75,6 +82,91 @@ class TestForceCurve:
         assert -retracting.min() == pytest.approx(expected, rel=1e-6)
 
 
+class TestSettings:
+    """Settings of the page, and those of `iswarm grasp` from which they come."""
+
+    def test_they_are_those_of_a_fit(self):
+        """The page has inputs for some settings alone; the trial follows the others, too."""
+        fitted = GraspSettings(
+            radius=("20e-6", "25e-6"),
+            rh=(40.0,),
+            work_tool_object=3e-3,
+            work_object_substrate=21e-3,
+            humidity_doubling=50.0,
+            electrical_gap=0.3e-6,
+        )
+        settings = BenchSettings.of(fitted)
+        assert settings.radius == 20.0
+        assert settings.work_tool_object == 3.0
+        assert settings.trial.contact_gap == 0.3e-6
+
+        # With half the humidity's doubling the growth of adhesion is that of the fit.
+        growth = 1 + 30 / 50
+        tool = dmt_pull_off(20e-6, 3e-3 * growth)
+        plate = dmt_pull_off(20e-6, 21e-3 * growth)
+        assert settings.laws.pull_off_tool == pytest.approx(1e9 * tool)
+        assert settings.laws.pull_off_plate == pytest.approx(1e9 * plate)
+
+    def test_laws_are_those_of_the_gripper(self):
+        laws = BenchSettings().laws
+        assert laws.grasp_voltage == pytest.approx(float(grasp_voltage(15e-6)))
+        assert laws.release_voltage == pytest.approx(float(release_voltage(15e-6)))
+
+    def test_another_material_and_back_leaves_the_works_of_a_fit(self):
+        fitted = BenchSettings(work_tool_object=3.3)
+        gold = fitted.changed("ball_material", "gold")
+        assert gold.work_tool_object > 3.3
+        assert gold.changed("ball_material", "solder") == fitted
+
+    @pytest.mark.parametrize(
+        ("settings", "sentence"),
+        [
+            (GraspSettings(ball_material="0.5"), "ball_material must be one of solder, .* on the"),
+            (GraspSettings(work_tool_object=2.0), "work_tool_object must be between 0.01 and 1000"),
+        ],
+    )
+    def test_what_the_page_cannot_show_is_refused(self, settings, sentence):
+        with pytest.raises(ConfigError, match=sentence):
+            BenchSettings.of(settings)
+
+    def test_values_that_contradict_each_other_are_refused(self):
+        narrow = BenchSettings.of(GraspSettings(electrical_gap=0.05e-6, radius=("15e-6",)))
+        with pytest.raises(ConfigError, match="electrical_gap must be at least"):
+            narrow.changed("radius", 40.0)
+
+
+class TestTip:
+    """The tip that is drawn."""
+
+    @pytest.mark.parametrize(
+        "profile",
+        [
+            flat(13e-6),
+            rounded(13e-6, 25e-6),
+            cup(13e-6, 30e-6, 2e-6),
+            ring(13e-6, 6e-6, 4e-6, 1e-6),
+        ],
+        ids=lambda profile: profile.name,
+    )
+    def test_it_touches_the_ball_and_does_not_cut_it(self, profile):
+        _, tip, ball = outlines(profile, 20e-6)
+        assert np.nanmin(tip - ball) == pytest.approx(0.0, abs=0.02)  # by steps of 0.1 um
+
+        # The solid is the same: where it is lowest, so is the profile.
+        vertices, _ = tip_mesh(profile, 20e-6)
+        assert vertices[:, 2].min() + PROBE_LENGTH / 2 == pytest.approx(np.nanmin(tip), abs=0.02)
+        assert np.hypot(vertices[:, 0], vertices[:, 1]).max() == pytest.approx(13.0, rel=1e-5)
+
+    def test_a_rounded_one_has_no_forces_at_a_distance(self):
+        assert BenchSettings().has_curve
+        assert not BenchSettings(others=GraspSettings(tip_curvature=25e-6)).has_curve
+
+    def test_a_sphere_smaller_than_the_wire_is_half_a_sphere(self):
+        settings = BenchSettings(others=GraspSettings(tip_curvature=8e-6))
+        assert settings.profile.radius == pytest.approx(8e-6)
+        assert settings.profile.height == pytest.approx(8e-6)
+
+
 class TestOutcome:
     """The sentence on a trial."""
 
@@ -98,6 +190,28 @@ def test_the_page_draws_the_curve_of_its_sliders(browser):
     wait(lambda: browser.plot(CURVE) is not before)
     expected = BenchSettings(relative_humidity=50.0).curve()
     np.testing.assert_array_equal(browser.plot(CURVE), expected)
+
+
+def test_the_page_states_least_voltages_and_pull_off_forces(page, browser):
+    browser.set("voltage", 0.0)
+    browser.set("show", GRIPPER)
+    laws = BenchSettings(voltage=0.0).laws
+    wait(lambda: f"lift the ball | {laws.grasp_voltage:.1f} V" in browser.text)
+    assert f"over 5 µm | {laws.release_voltage:.1f} V" in browser.text
+    assert f"from the tool | {laws.pull_off_tool:.0f} nN" in browser.text
+    expected = f"in the curve, at 0 V: {pull_off(voltage=0.0):.0f} nN"
+    wait(lambda: expected in browser.text)
+
+
+def test_the_page_draws_the_tip(browser):
+    browser.set("probe_radius", 30.0)
+    settings = BenchSettings(probe_radius=30.0)
+    wait(lambda: np.nanmax(browser.plot(PROFILE)[0]) > 30.0)
+    expected = outlines(settings.profile, 15e-6)
+    np.testing.assert_array_equal(browser.plot(PROFILE), expected)
+    across = np.abs(browser.node("/bench/probe").vertices[:, 0]).max()
+    along = np.ptp(browser.node("/bench/probe").vertices[:, 2])
+    assert across / along == pytest.approx(30.0 / PROBE_LENGTH)
 
 
 def test_another_material_moves_the_work_of_adhesion(browser):

@@ -1,6 +1,7 @@
 """Files of a tip: points of its profile, and its solid by revolution."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,13 +38,29 @@ def write_points(profile: Profile, path: Path) -> None:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def revolved(profile: Profile, shaft: float, sections: int = _SECTIONS) -> Any:
+    """Return the tip with a part of its shaft as a closed surface of `trimesh`, the face down.
+
+    Args:
+        profile: of the tip.
+        shaft: length of the shaft above the highest point of the face [m].
+        sections: number of sectors.
+
+    Returns:
+        The surface, in micrometres.
+    """
+    import trimesh
+
+    r, z = points_of(profile)
+    top = z.max() + shaft
+    outline = np.stack([[*r, r[-1], 0.0], [*z, top, top]], axis=1) * _UM
+    return trimesh.creation.revolve(outline, sections=sections)
+
+
 def write_stl(profile: Profile, path: Path) -> None:
     """Write the tip with a part of its shaft as a closed surface, in micrometres, the face down."""
     import trimesh
 
-    r, z = points_of(profile)
-    top = z.max() + SHAFT * profile.radius
-    outline = np.stack([[*r, r[-1], 0.0], [*z, top, top]], axis=1) * _UM
-    solid = trimesh.creation.revolve(outline, sections=_SECTIONS)
+    solid = revolved(profile, SHAFT * profile.radius)
     with atomic_write(path) as part:
         part.write_bytes(trimesh.exchange.stl.export_stl(solid))
